@@ -2,7 +2,7 @@
 
 use isoform_algebra::RBig;
 use isoform_control::Control;
-use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate};
+use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate_once};
 use std::fmt::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -23,7 +23,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         },
         budget: Budget::default(),
     };
-    let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
+    let (surface, analysis) = triangulate_once(&map, &options, &Control::default())?;
     println!(
         "{} triangles, {:?}, {:?}",
         surface.triangles.len(),

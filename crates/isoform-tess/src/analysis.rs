@@ -68,6 +68,14 @@ pub struct Analysis {
 }
 
 impl Analysis {
+    /// Adds the seconds from some instant until now to those of a phase.
+    pub(crate) fn took(&mut self, phase: &'static str, since: Instant) {
+        let seconds = since.elapsed().as_secs_f64();
+        match self.seconds.iter_mut().find(|known| known.0 == phase) {
+            Some(known) => known.1 += seconds,
+            None => self.seconds.push((phase, seconds)),
+        }
+    }
     fn stopped(&mut self, phase: Phase) {
         self.findings.push(Finding::Stopped(phase));
     }
@@ -105,34 +113,32 @@ impl Analysis {
 
 /// Analyses a map. Everything but `seconds` is the same each time, unless `control` or
 /// [`Budget::seconds`] intervenes.
+///
+/// ```
+/// use isoform_tess::{Budget, Control, Map, analyse};
+///
+/// // A sphere without its pole: the parameters s and t are the slopes of lines through the pole.
+/// let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
+/// let found = analyse(&map, &Budget::default(), &Control::default());
+/// assert!(found.findings.is_empty());
+/// let implicit = found.implicit.expect("an equation");
+/// assert_eq!(implicit.degrees.implicit_degree, 2);
+/// // Two complex base points prove that 2² − 2 = 1 · 2, and none is real.
+/// assert_eq!(implicit.degrees.base_multiplicity, 2);
+/// assert_eq!(found.base_points.map(|points| points.len()), Some(0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
     let mut found = Analysis::default();
     let enough = control.for_seconds(budget.seconds);
-    let mut clock = Instant::now();
-    let mut lap = |found: &mut Analysis, phase: &'static str| {
-        found.seconds.push((phase, clock.elapsed().as_secs_f64()));
-        clock = Instant::now();
-    };
 
+    let clock = Instant::now();
     // Complex ones too: their multiplicities prove the degrees.
-    let classes = Classes::new(map, false, control);
-    match &classes {
-        Ok(classes) => {
-            found.base_points = Some(classes.real());
-            match seam_lines(classes, control) {
-                Ok((lines, others)) => {
-                    found.seam_lines = lines;
-                    if others {
-                        found.findings.push(Finding::ComplexSeamUntraced);
-                    }
-                }
-                Err(Stopped) => found.stopped(Phase::ComplexSeams),
-            }
-        }
-        Err(Stopped) => found.stopped(Phase::BasePoints),
-    }
-    lap(&mut found, "base points");
+    let classes = Classes::new(map, false, control).ok();
+    found.find_base_points(classes.as_ref(), control);
+    found.took("base points", clock);
 
+    let clock = Instant::now();
     match map.forms()[3].factor(control) {
         Ok(factors) => found.pole = Some(factors),
         Err(error) => {
@@ -140,52 +146,26 @@ pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
             found.stopped(Phase::Pole);
         }
     }
-    lap(&mut found, "pole");
+    found.took("pole", clock);
 
+    let clock = Instant::now();
     match curve_topology(&map.forms()[3], control) {
         Ok(topology) => found.pole_topology = Some(topology),
         Err(error) => found.findings.push(Finding::PoleTopology(error)),
     }
-    lap(&mut found, "pole topology");
+    found.took("pole topology", clock);
 
-    let sum = classes.as_ref().ok().map(|c| c.sum_of_powers(1));
-    degrees(
-        map,
-        classes.ok().map(|c| c.multiplicity()),
-        control,
-        &mut found,
-    );
+    let clock = Instant::now();
+    found.find_degrees(map, classes.as_ref().map(Classes::multiplicity), control);
+    let sum = classes.as_ref().map(|c| c.sum_of_powers(1));
     found.double_section = sum.and_then(|sum| double_section(map, found.degrees?, sum));
-    lap(&mut found, "degrees");
+    found.took("degrees", clock);
 
-    match found.degrees {
-        _ if budget.implicit_degree == 0 => {}
-        Some(degrees) if degrees.implicit_degree <= budget.implicit_degree => {
-            match implicit(map.affine(), budget.implicit_degree, &enough) {
-                Ok(equation) => found.implicit = equation,
-                Err(error) => found.findings.push(Finding::NoEquation(error)),
-            }
-        }
-        Some(degrees) => {
-            found.findings.push(Finding::DegreeAboveLimit {
-                degree: degrees.implicit_degree,
-                limit: budget.implicit_degree,
-            });
-        }
-        None => found.findings.push(Finding::SurfaceDegreeUnknown),
-    }
-    if let (Some(counted), Some(equation)) = (found.degrees, &found.implicit)
-        && counted != equation.degrees
-    {
-        found.findings.push(Finding::DegreeContradicted);
-    }
-    lap(&mut found, "implicit equation");
+    let clock = Instant::now();
+    found.find_implicit(map, budget, &enough);
+    found.took("implicit equation", clock);
 
-    match singular(map, found.implicit.as_ref(), &enough) {
-        Ok(curves) => found.singular = Some(curves),
-        Err(Stopped) => found.stopped(Phase::SingularCurves),
-    }
-    lap(&mut found, "singular curves");
+    found.find_singular(map, &enough, Phase::SingularCurves);
     found
 }
 
@@ -196,15 +176,81 @@ pub(crate) fn analyse_clear(map: &Map, control: &Control<'_>) -> Analysis {
         is_local: true,
         ..Analysis::default()
     };
-    let clock = Instant::now();
-    match singular(map, None, control) {
-        Ok(curves) => found.singular = Some(curves),
-        Err(Stopped) => found.stopped(Phase::ContractedCurves),
+    found.find_singular(map, control, Phase::ContractedCurves);
+    found
+}
+
+/// The phases.
+impl Analysis {
+    /// The real base points, and the lines that complex ones are blown up to.
+    fn find_base_points(&mut self, classes: Option<&Classes>, control: &Control<'_>) {
+        let Some(classes) = classes else {
+            self.stopped(Phase::BasePoints);
+            return;
+        };
+        self.base_points = Some(classes.real());
+        match seam_lines(classes, control) {
+            Ok((lines, are_others)) => {
+                self.seam_lines = lines;
+                if are_others {
+                    self.findings.push(Finding::ComplexSeamUntraced);
+                }
+            }
+            Err(Stopped) => self.stopped(Phase::ComplexSeams),
+        }
     }
-    found
-        .seconds
-        .push(("singular curves", clock.elapsed().as_secs_f64()));
-    found
+    /// Counts the degrees and proves their product by the squared multiplicities of base points.
+    fn find_degrees(&mut self, map: &Map, base_multiplicity: Option<usize>, control: &Control<'_>) {
+        match map_degrees(map.affine(), control) {
+            Ok(degrees) => self.degrees = Some(degrees),
+            Err(MapError::Stopped) => self.stopped(Phase::MapDegree),
+            Err(error) => self.findings.push(Finding::DegreeUnknown(error)),
+        }
+        let Some(counted) = self.degrees.map(|d| d.base_multiplicity) else {
+            return;
+        };
+        match base_multiplicity {
+            Some(found) if found != counted => {
+                self.findings
+                    .push(Finding::DegreeRefuted { counted, found });
+            }
+            None => self.findings.push(Finding::DegreeCounted),
+            Some(_) => {}
+        }
+    }
+    /// The implicit equation, if its degree is not too high.
+    fn find_implicit(&mut self, map: &Map, budget: &Budget, control: &Control<'_>) {
+        let limit = budget.implicit_degree;
+        if limit == 0 {
+            return;
+        }
+        let Some(degrees) = self.degrees else {
+            self.findings.push(Finding::SurfaceDegreeUnknown);
+            return;
+        };
+        let degree = degrees.implicit_degree;
+        if degree > limit {
+            let above = Finding::DegreeAboveLimit { degree, limit };
+            self.findings.push(above);
+            return;
+        }
+        match implicit(map.affine(), limit, control) {
+            Ok(equation) => self.implicit = equation,
+            Err(error) => self.findings.push(Finding::NoEquation(error)),
+        }
+        if self.implicit.as_ref().is_some_and(|e| e.degrees != degrees) {
+            self.findings.push(Finding::DegreeContradicted);
+        }
+    }
+    /// The singular curves; `phase` is what a lack of time leaves open.
+    fn find_singular(&mut self, map: &Map, control: &Control<'_>, phase: Phase) {
+        let clock = Instant::now();
+        match singular(map, self.implicit.as_ref(), control) {
+            Ok(curves) => self.singular = Some(curves),
+            Err(Stopped) => self.stopped(phase),
+        }
+        self.took("singular curves", clock);
+    }
 }
 
 /// What a general plane of space has on the double curve of a proper map.
@@ -217,31 +263,4 @@ fn double_section(map: &Map, degrees: MapDegrees, sum: usize) -> Option<usize> {
     let d = degrees.implicit_degree;
     let count = (d * d + 3 * map.degree()).checked_sub(4 * d + sum);
     count.filter(|_| degrees.map_degree == 1)
-}
-
-/// Counts the degrees and proves their product by the base points.
-fn degrees(
-    map: &Map,
-    base_multiplicity: Option<usize>,
-    control: &Control<'_>,
-    found: &mut Analysis,
-) {
-    match map_degrees(map.affine(), control) {
-        Ok(degrees) => found.degrees = Some(degrees),
-        Err(MapError::Stopped) => found.stopped(Phase::MapDegree),
-        Err(error) => found.findings.push(Finding::DegreeUnknown(error)),
-    }
-    if let Some(degrees) = found.degrees {
-        let counted = degrees.base_multiplicity;
-        match base_multiplicity {
-            Some(sum) if sum != counted => {
-                found.findings.push(Finding::DegreeRefuted {
-                    counted,
-                    found: sum,
-                });
-            }
-            None => found.findings.push(Finding::DegreeCounted),
-            Some(_) => {}
-        }
-    }
 }

@@ -14,7 +14,7 @@ use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
 use crate::univariate::{self, Coefficients};
 use crate::zeros::{Chart, Zero, common_zeros};
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::{Poly, RBig, RealRoot, decide};
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -167,7 +167,7 @@ impl Classes {
     pub(crate) fn multiplicity(&self) -> usize {
         self.sum_of_powers(2)
     }
-    /// The same powers of all of these multiplicities added up.
+    /// A power of each of these multiplicities, added up.
     pub(crate) fn sum_of_powers(&self, power: u32) -> usize {
         let classes = self.0.iter();
         classes.map(|(_, class)| class.sum_of_powers(power)).sum()
@@ -176,6 +176,16 @@ impl Classes {
 
 /// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1
 /// on w = 0, or s = 1 on t = w = 0.
+///
+/// ```
+/// use isoform_tess::{Control, Map, base_points};
+///
+/// // Any numerators over s² and t²: all four vanish in s = t = 0 only, to the first order.
+/// let map = Map::parse(["s", "t", "s^2 + t^3", "s^2 + t^2"], Default::default())?;
+/// let found = base_points(&map, &Control::default())?;
+/// assert_eq!((found.len(), found[0].to_f64(), found[0].multiplicity()), (1, [0.0, 0.0, 1.0], 1));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`Stopped`].
@@ -246,42 +256,48 @@ fn class_at(map: &Map, zero: &Zero, real: bool, control: &Control<'_>) -> Result
 pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
     let ([u, v], one) = zero.chart.variables();
     let k = &zero.field;
-    let mut result: Vec<Vec<Element>> = Vec::new();
+    let mut columns: Vec<Vec<Element>> = Vec::new();
     for row in form.dehomogenise(one).coefficients_in(u).iter().rev() {
         let mut inner: Vec<Element> = Vec::new();
         for c in row.coefficients_in(v).iter().rev() {
+            let c = c.as_constant().expect("two variables");
             inner = times_linear(k, &inner, &zero.at[1]);
             inner.truncate(room + 1);
-            add_to(
-                &mut inner,
-                0,
-                &Element::rational(&c.as_constant().expect("two variables")),
-            );
+            add_to(&mut inner, 0, &Element::rational(&c));
         }
-        // result·(u + a) + inner
-        let mut next: Vec<Vec<Element>> = vec![Vec::new(); result.len() + 1];
-        for (i, column) in result.iter().enumerate() {
-            for (j, c) in column.iter().enumerate() {
-                add_to(&mut next[i + 1], j, c);
-                add_to(&mut next[i], j, &k.mul(c, &zero.at[0]));
-            }
-        }
-        for (j, c) in inner.iter().enumerate() {
-            add_to(&mut next[0], j, c);
-        }
-        next.truncate(room + 1);
-        for (i, column) in next.iter_mut().enumerate() {
+        columns = horner_step(k, &columns, &zero.at[0], &inner);
+        columns.truncate(room + 1);
+        for (i, column) in columns.iter_mut().enumerate() {
             column.truncate(room + 1 - i);
         }
-        result = next;
     }
-    let cells = result.into_iter().enumerate().flat_map(|(i, column)| {
-        column
-            .into_iter()
-            .enumerate()
-            .map(move |(j, c)| ([i, j], c))
-    });
-    cells.filter(|(_, c)| !c.is_zero()).collect()
+    let mut terms = Local::new();
+    for (i, column) in columns.into_iter().enumerate() {
+        let column = column.into_iter().enumerate();
+        let column = column.filter(|(_, c)| !c.is_zero());
+        terms.extend(column.map(|(j, c)| ([i, j], c)));
+    }
+    terms
+}
+
+/// p·(u + a) + q, for p by columns of powers of u, and q in v alone.
+fn horner_step(
+    k: &NumberField,
+    p: &[Vec<Element>],
+    a: &Element,
+    q: &[Element],
+) -> Vec<Vec<Element>> {
+    let mut next: Vec<Vec<Element>> = vec![Vec::new(); p.len() + 1];
+    for (i, column) in p.iter().enumerate() {
+        for (j, c) in column.iter().enumerate() {
+            add_to(&mut next[i + 1], j, c);
+            add_to(&mut next[i], j, &k.mul(c, a));
+        }
+    }
+    for (j, c) in q.iter().enumerate() {
+        add_to(&mut next[0], j, c);
+    }
+    next
 }
 
 /// p·(x + a).
@@ -301,10 +317,13 @@ fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
     p[at] = p[at].add(c);
 }
 
-/// The squares of the multiplicities of this point and of those infinitely near to it add up to
-/// `room` at most, all conjugates counted to `room` times the degree of the field. A term of degree
-/// d is one of degree d − q at least in the next blow-up, so terms of a degree above the sum of
-/// multiplicities never reach a leading form and are left out.
+/// The blow-up of a base point in whose local coordinates the four forms are given, and of those
+/// that are infinitely near to it.
+///
+/// The squares of the multiplicities of all of these add up to `room` at most, all conjugates
+/// counted to `room` times the degree of the field. A term of degree d is one of degree d − q at
+/// least in the next blow-up, so terms of a degree above the sum of multiplicities never reach a
+/// leading form and are left out.
 fn blow_up(
     k: &Arc<NumberField>,
     mut local: [Local; 4],
@@ -316,37 +335,18 @@ fn blow_up(
     for f in &mut local {
         f.retain(|[i, j], _| i + j <= room);
     }
-    let q = local
-        .iter()
-        .filter_map(order)
-        .min()
-        .expect("forms that are not all zero");
+    let orders = local.iter().filter_map(order);
+    let q = orders.min().expect("forms that are not all zero");
     assert!(q > 0, "a base point");
     let room = room
         .checked_sub(q * q)
         .expect("multiplicities within the degree of the map");
-    // Coefficients of a^q, a^(q−1)b, …: of the powers of b/a, lowest first.
-    let leading = local.each_ref().map(|f| {
-        (0..=q)
-            .map(|j| f.get(&[q - j, j]).cloned().unwrap_or_default())
-            .collect::<Coefficients>()
-    });
-    // The power of a that divides all of them is seen at the upper end, where trimming loses it.
-    let vertical = (0..=q)
-        .take_while(|&i| leading.iter().all(|f| f[q - i].is_zero()))
-        .count();
-    let mut common: Coefficients = Vec::new();
-    for f in &leading {
-        let mut f = f.clone();
-        univariate::trim(&mut f);
-        common = univariate::gcd(k, &common, &f, control)?;
-    }
-    let curve = leading.each_ref().map(|f| {
-        let (mut quotient, rest) = univariate::divide(k, f, &common);
-        assert!(rest.is_empty(), "a common divisor divides");
-        quotient.resize(q + 2 - common.len() - vertical, Element::zero());
-        quotient
-    });
+    let Leading {
+        forms: leading,
+        mut common,
+        vertical,
+        curve,
+    } = Leading::new(k, &local, q, control)?;
     let mut near = Vec::new();
     let distinct = univariate::squarefree_part(k, &common, control)?;
     for extension in univariate::roots(k, &distinct, real, control)? {
@@ -358,13 +358,8 @@ fn blow_up(
             direction: Some(&extension.root),
         };
         let moved = local.each_ref().map(|f| there.moved(f, q));
-        let class = blow_up(
-            target,
-            moved,
-            room * k.degree() / target.degree(),
-            real,
-            control,
-        )?;
+        let room = room * k.degree() / target.degree();
+        let class = blow_up(target, moved, room, real, control)?;
         near.push(NearClass {
             theta: extension.theta,
             direction: [Element::rational(&RBig::ONE), extension.root],
@@ -390,6 +385,54 @@ fn blow_up(
         near,
         forms: Default::default(),
     })
+}
+
+/// The terms of least degree of four forms, by the coefficients of a^q, a^(q−1)b, …: of the powers
+/// of b/a, lowest first.
+struct Leading {
+    forms: [Coefficients; 4],
+    /// Their greatest common divisor, but for powers of a.
+    common: Coefficients,
+    /// The power of a that divides all of them.
+    vertical: usize,
+    /// The quotients by both.
+    curve: [Coefficients; 4],
+}
+
+impl Leading {
+    fn new(
+        k: &Arc<NumberField>,
+        local: &[Local; 4],
+        q: usize,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let coefficient = |f: &Local, j: usize| f.get(&[q - j, j]).cloned().unwrap_or_default();
+        let forms = local
+            .each_ref()
+            .map(|f| (0..=q).map(|j| coefficient(f, j)).collect::<Coefficients>());
+        // It is seen at the upper end, where trimming loses it.
+        let vertical = (0..=q)
+            .take_while(|&i| forms.iter().all(|f| f[q - i].is_zero()))
+            .count();
+        let mut common: Coefficients = Vec::new();
+        for f in &forms {
+            let mut f = f.clone();
+            univariate::trim(&mut f);
+            common = univariate::gcd(k, &common, &f, control)?;
+        }
+        let curve = forms.each_ref().map(|f| {
+            let (mut quotient, rest) = univariate::divide(k, f, &common);
+            assert!(rest.is_empty(), "a common divisor divides");
+            quotient.resize(q + 2 - common.len() - vertical, Element::zero());
+            quotient
+        });
+        Ok(Self {
+            forms,
+            common,
+            vertical,
+            curve,
+        })
+    }
 }
 
 /// The blow-up that leads to a base point that is infinitely near to another one.
@@ -445,13 +488,9 @@ fn along_direction(
                 add_to(&mut shifted, 0, c);
             }
         }
-        result.extend(
-            shifted
-                .into_iter()
-                .enumerate()
-                .filter(|(_, c)| !c.is_zero())
-                .map(|(j, c)| ([i, j], c)),
-        );
+        let terms = shifted.into_iter().enumerate();
+        let terms = terms.filter(|(_, c)| !c.is_zero());
+        result.extend(terms.map(|(j, c)| ([i, j], c)));
     }
     result
 }
@@ -472,7 +511,7 @@ impl Class {
     pub(crate) fn curve(&self) -> &[Coefficients; 4] {
         &self.curve
     }
-    /// Those infinitely near to it.
+    /// The base points infinitely near to it.
     pub(crate) fn near(&self) -> impl Iterator<Item = &Self> {
         self.near.iter().map(|near| &near.class)
     }
@@ -494,13 +533,11 @@ impl Class {
         Ok(())
     }
 
+    /// The powers of the multiplicities of all points of the class, and of those infinitely near
+    /// to them, added up.
     fn sum_of_powers(&self, power: u32) -> usize {
-        self.field.degree() * self.multiplicity.pow(power)
-            + self
-                .near
-                .iter()
-                .map(|n| n.class.sum_of_powers(power))
-                .sum::<usize>()
+        let near = self.near.iter().map(|n| n.class.sum_of_powers(power));
+        self.field.degree() * self.multiplicity.pow(power) + near.sum::<usize>()
     }
 
     /// The blow-up of the real point of that index.
@@ -542,25 +579,25 @@ impl Class {
 impl NearClass {
     /// The root of the field below at which a root of the field above lies.
     fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
+        /// The bits by which θ gets closer from one attempt to the next.
+        const WORD: usize = 32;
         if Arc::ptr_eq(below, &self.class.field) {
             return above;
         }
         let theta = Algebraic::new(&self.class.field, above, self.theta.clone());
-        for bits in (32..).step_by(32) {
-            let (lo, hi) = theta.interval(bits);
-            // θ is one of the roots: the only one that is not apart from the interval.
-            let apart = |r: &isoform_algebra::RealRoot| {
-                r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt()
-            };
-            let mut candidates = below
-                .real_roots()
-                .iter()
-                .enumerate()
-                .filter(|(_, r)| !apart(r));
-            if let (Some((root, _)), None) = (candidates.next(), candidates.next()) {
-                return root;
-            }
-        }
-        unreachable!("the interval shrinks until one root is left")
+        decide(
+            WORD,
+            |bits| bits + WORD,
+            |bits| {
+                let (lo, hi) = theta.interval(bits);
+                // θ is one of the roots: the only one that is not apart from the interval.
+                let is_apart =
+                    |r: &RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
+                let roots = below.real_roots().iter().enumerate();
+                let mut candidates = roots.filter(|(_, r)| !is_apart(r));
+                let (root, _) = candidates.next()?;
+                candidates.next().is_none().then_some(root)
+            },
+        )
     }
 }

@@ -1,6 +1,7 @@
 //! Complex numbers, points of the complex projective plane, and forms at them, in doubles.
 
 use isoform_algebra::{Poly, RBig};
+use isoform_num::Random;
 use std::ops::{Add, Mul, Neg, Sub};
 
 /// A complex number.
@@ -270,19 +271,16 @@ pub(crate) fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
     [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
 }
 
-/// Fixed numbers without pattern.
-pub(crate) struct Stream(pub(crate) u64);
+/// Fixed complex numbers without pattern.
+pub(crate) struct Stream(Random);
 
 impl Stream {
-    pub(crate) fn next(&mut self) -> f64 {
-        self.0 = self
-            .0
-            .wrapping_mul(6_364_136_223_846_793_005)
-            .wrapping_add(1_442_695_040_888_963_407);
-        (self.0 >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    pub(crate) fn new(seed: u64) -> Self {
+        Self(Random::congruential(seed))
     }
+    /// Numbers with real and imaginary parts from −1 to 1.
     pub(crate) fn complex<const N: usize>(&mut self) -> [C; N] {
-        [(); N].map(|()| C::new(self.next(), self.next()))
+        [(); N].map(|()| C::new(self.0.symmetric(), self.0.symmetric()))
     }
     /// Of absolute value 1.
     pub(crate) fn phase(&mut self) -> C {

@@ -89,19 +89,11 @@ fn on_plane(curve: &[Coefficients; 4], plane: [i64; 4]) -> Coefficients {
 fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element {
     let d = p.len() - 1;
     let row = |f: &Coefficients, shift: usize| -> Vec<Element> {
-        (0..2 * d)
-            .map(|k| {
-                k.checked_sub(shift)
-                    .and_then(|k| f.get(k))
-                    .cloned()
-                    .unwrap_or_default()
-            })
-            .collect()
+        let place = |k: usize| f.get(k.checked_sub(shift)?).cloned();
+        (0..2 * d).map(|k| place(k).unwrap_or_default()).collect()
     };
-    let mut rows: Vec<Vec<Element>> = (0..d)
-        .map(|s| row(p, s))
-        .chain((0..d).map(|s| row(q, s)))
-        .collect();
+    let both = [p, q].into_iter();
+    let mut rows: Vec<Vec<Element>> = both.flat_map(|f| (0..d).map(move |s| row(f, s))).collect();
     let mut determinant = Element::rational(&RBig::ONE);
     for k in 0..2 * d {
         let Some(pivot) = (k..2 * d).find(|&i| !rows[i][k].is_zero()) else {
@@ -126,77 +118,83 @@ fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element
 
 /// The line, if the curve is one with rational Plücker coordinates, covered once or several times.
 fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
-    let minor = |[k, l]: [usize; 2], i: usize, j: usize| {
-        field
-            .mul(&curve[i][k], &curve[j][l])
-            .sub(&field.mul(&curve[i][l], &curve[j][k]))
-    };
     // Two coefficients that span a line, on which all others have to lie.
     let count = curve[0].len();
-    let (pair, pivot) = (0..count)
-        .flat_map(|k| (k + 1..count).map(move |l| [k, l]))
-        .find_map(|pair| {
-            (0..4)
-                .flat_map(|i| (i + 1..4).map(move |j| minor(pair, i, j)))
-                .find(|m| !m.is_zero())
-                .map(|m| (pair, m))
-        })?;
-    let is_on_line = |other: usize| {
-        [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]
-            .iter()
-            .all(|&[a, b, c]| {
-                let term =
-                    |i: usize, j: usize, k: usize| field.mul(&curve[i][other], &minor(pair, j, k));
-                term(a, b, c)
-                    .add(&term(b, c, a))
-                    .add(&term(c, a, b))
-                    .is_zero()
-            })
-    };
-    if !(0..count).all(is_on_line) {
+    let pairs = (0..count).flat_map(|k| (k + 1..count).map(move |l| [k, l]));
+    let mut spans = pairs.map(|pair| Span { field, curve, pair });
+    let (span, pivot) = spans.find_map(|span| {
+        let mut places = (0..4).flat_map(|i| (i + 1..4).map(move |j| [i, j]));
+        let pivot = places.find_map(|[i, j]| Some(span.minor(i, j)).filter(|m| !m.is_zero()))?;
+        Some((span, pivot))
+    })?;
+    if !(0..count).all(|other| span.holds(other)) {
         return None;
     }
-    let minor = |i: usize, j: usize| minor(pair, i, j);
     // Row i of the matrix of Plücker coordinates is where the line meets the plane xᵢ = 0.
-    let mut points = Vec::new();
+    let mut points: Vec<[RBig; 4]> = Vec::new();
     for i in 0..4 {
         let mut point: [RBig; 4] = Default::default();
         for (j, c) in point.iter_mut().enumerate() {
-            *c = field.div(&minor(i, j), &pivot).as_rational()?;
+            *c = field.div(&span.minor(i, j), &pivot).as_rational()?;
         }
         points.push(point);
     }
-    let is_zero = |p: &[RBig; 4]| p.iter().all(|c| *c == RBig::ZERO);
-    let first = points.iter().position(|p| !is_zero(p))?;
-    let independent = |p: &[RBig; 4]| {
-        let q = &points[first];
-        (0..4).any(|i| (i + 1..4).any(|j| &p[i] * &q[j] != &p[j] * &q[i]))
-    };
-    let second = points.iter().position(independent)?;
+    let first = points.iter().find(|p| p.iter().any(|c| *c != RBig::ZERO))?;
+    let second = points.iter().find(|p| !are_one(p, first))?;
     Some(SeamLine {
-        points: [points[first].clone(), points[second].clone()],
+        points: [first.clone(), second.clone()],
     })
+}
+
+/// Whether two vectors are multiples of each other, or zero.
+fn are_one(p: &[RBig; 4], q: &[RBig; 4]) -> bool {
+    let is_minor_zero = |i: usize, j: usize| &p[i] * &q[j] == &p[j] * &q[i];
+    (0..4).all(|i| (i + 1..4).all(|j| is_minor_zero(i, j)))
+}
+
+/// The span of two coefficients of a curve, as points of space.
+struct Span<'a> {
+    field: &'a NumberField,
+    curve: &'a [Coefficients; 4],
+    pair: [usize; 2],
+}
+
+impl Span<'_> {
+    /// A Plücker coordinate.
+    fn minor(&self, i: usize, j: usize) -> Element {
+        let (curve, [k, l]) = (self.curve, self.pair);
+        let product = self.field.mul(&curve[i][k], &curve[j][l]);
+        product.sub(&self.field.mul(&curve[i][l], &curve[j][k]))
+    }
+    /// Whether another coefficient is a point of it.
+    fn holds(&self, other: usize) -> bool {
+        let term = |i: usize, j: usize, k: usize| {
+            let minor = self.minor(j, k);
+            self.field.mul(&self.curve[i][other], &minor)
+        };
+        [[1, 2, 3], [0, 2, 3], [0, 1, 3], [0, 1, 2]]
+            .iter()
+            .all(|&[a, b, c]| {
+                let sum = term(a, b, c).add(&term(b, c, a)).add(&term(c, a, b));
+                sum.is_zero()
+            })
+    }
 }
 
 impl SeamLine {
     /// Whether a curve of real parameters is sent to more than a point of it.
     pub(crate) fn is_met(&self, map: &Map, singular: &Singular) -> bool {
         let planes = self.planes();
-        let on_line = |curve: &Poly| {
-            planes.iter().all(|plane| {
-                let form = map
-                    .forms()
-                    .iter()
-                    .zip(plane)
-                    .fold(Poly::zero(), |sum, (f, c)| sum + f.scale(c));
-                form.is_multiple_of(curve)
-            })
-        };
-        singular
-            .curves
-            .iter()
-            .filter(|c| !matches!(c.kind, CurveKind::Contracted(_)))
-            .any(|c| matches!(c.real, RealPart::Curve) && on_line(&c.curve))
+        let pulled_back = planes.map(|plane| {
+            let terms = map.forms().iter().zip(&plane);
+            terms.fold(Poly::zero(), |sum, (f, c)| sum + f.scale(c))
+        });
+        let is_on_line = |curve: &Poly| pulled_back.iter().all(|form| form.is_multiple_of(curve));
+        let mut curves = singular.curves.iter();
+        curves.any(|c| {
+            let is_curve = !matches!(c.kind, CurveKind::Contracted(_));
+            is_curve && matches!(c.real, RealPart::Curve) && is_on_line(&c.curve)
+        })
     }
 
     /// Four planes through it, of which two are independent: the minors of its points with unit

@@ -8,98 +8,58 @@
 //! fixed the seam turns back: a pinch point.
 
 use crate::base::BinaryForm;
-use crate::field::{Algebraic, Element};
+use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{Coefficients, divide, gcd, trim};
 use isoform_algebra::RBig;
 use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 
-/// What exchanges the two directions with one image: α, β, γ.
+/// The involution that exchanges the two directions with one image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Involution {
+    /// α, β, γ.
     form: [f64; 3],
     /// Whether it leaves two real directions fixed, or none.
     folds: bool,
 }
 
+/// The condition on (α : β : γ) that a pair of directions makes.
+type Condition = [Element; 3];
+
 impl Involution {
-    /// That of a seam curve, if it runs through its points exactly twice.
+    /// The involution of a seam curve, if the curve runs through its points exactly twice.
+    ///
+    /// # Errors
+    /// [`Stopped`].
     pub(crate) fn of(
         curve: &[BinaryForm; 4],
         control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
         let q = curve[0].degree();
-        let first = &curve[0].coefficients[0];
-        let (field, root) = (first.field(), first.root());
         if q < 2 || !q.is_multiple_of(2) {
             return Ok(None);
         }
-        let mut pairs: Vec<[Element; 3]> = Vec::new();
+        let first = &curve[0].coefficients[0];
+        let (field, root) = (first.field(), first.root());
+        let mut pairs: Vec<Condition> = Vec::new();
         for m in (0..=q * q).map(RBig::from) {
-            let at = curve
-                .each_ref()
-                .map(|f| f.eval(&RBig::ONE, &m).element().clone());
-            let mut common: Coefficients = Vec::new();
-            // The power of a that divides all minors is lost where these are trimmed.
-            let mut vertical = q;
-            for i in 0..4 {
-                for j in 0..i {
-                    let product = |f: &BinaryForm, e: &Element| {
-                        f.coefficients
-                            .iter()
-                            .map(|c| field.mul(c.element(), e))
-                            .collect::<Vec<_>>()
-                    };
-                    let (x, y) = (product(&curve[i], &at[j]), product(&curve[j], &at[i]));
-                    let mut minor: Coefficients = x.iter().zip(&y).map(|(x, y)| x.sub(y)).collect();
-                    trim(&mut minor);
-                    if !minor.is_empty() {
-                        vertical = vertical.min(q + 1 - minor.len());
-                        common = gcd(field, &common, &minor, control)?;
-                    }
-                }
-            }
-            match common.len() - 1 + vertical {
+            let fibre = Fibre::over(curve, &m, control)?;
+            match fibre.degree() {
                 1 => return Ok(None),
-                2 => {
-                    let linear = [
-                        Element::rational(&-m.clone()),
-                        Element::rational(&RBig::ONE),
-                    ]
-                    .to_vec();
-                    // (a : b) of the partner.
-                    let (a, b) = match vertical {
-                        1 => (Element::zero(), Element::rational(&RBig::ONE)),
-                        _ => (
-                            Element::rational(&RBig::ONE),
-                            divide(field, &common, &linear).0[0].negated(),
-                        ),
-                    };
-                    pairs.push([b.scaled(&m), a.scaled(&m).add(&b), a]);
-                }
+                2 => pairs.push(fibre.condition(field, &m)),
                 _ => {}
             }
         }
-        let Some(first) = pairs.first() else {
+        let Some(form) = pairs
+            .split_first()
+            .and_then(|(first, rest)| rest.iter().find_map(|other| meet(field, first, other)))
+        else {
             return Ok(None);
         };
-        let form = pairs[1..].iter().find_map(|second| {
-            let minor = |i: usize, j: usize| {
-                field
-                    .mul(&first[i], &second[j])
-                    .sub(&field.mul(&first[j], &second[i]))
-            };
-            let form = [minor(1, 2), minor(2, 0), minor(0, 1)];
-            form.iter().any(|e| !e.is_zero()).then_some(form)
-        });
-        let Some(form) = form else { return Ok(None) };
         let number = |e: Element| Algebraic::new(field, root, e);
-        let discriminant = number(
-            field
-                .mul(&form[1], &form[1])
-                .sub(&field.mul(&form[0], &form[2])),
-        );
-        let folds = discriminant.sign() == Ordering::Greater;
+        let [alpha, beta, gamma] = &form;
+        let discriminant = field.mul(beta, beta).sub(&field.mul(alpha, gamma));
+        let folds = number(discriminant).sign() == Ordering::Greater;
         Ok(Some(Self {
             form: form.map(|e| number(e).to_f64()),
             folds,
@@ -123,6 +83,66 @@ impl Involution {
         let s = if y < 0.0 { -y + r } else { -y - r };
         vec![[x, s], [s, z]]
     }
+}
+
+/// The directions with the image of a direction (1 : m).
+struct Fibre {
+    /// A polynomial in y = b/a that vanishes in them, in (1 : m) among them.
+    common: Coefficients,
+    /// How often the direction (0 : 1) is one of them.
+    vertical: usize,
+}
+
+impl Fibre {
+    /// The fibre over the image of (1 : m): the common zeros of the minors of c(x) and c(1 : m).
+    fn over(curve: &[BinaryForm; 4], m: &RBig, control: &Control<'_>) -> Result<Self, Stopped> {
+        let field = curve[0].coefficients[0].field();
+        let value = |f: &BinaryForm| f.eval(&RBig::ONE, m).element().clone();
+        let at = curve.each_ref().map(value);
+        // The power of a that divides all minors is lost where these are trimmed.
+        let q = curve[0].degree();
+        let (mut common, mut vertical) = (Coefficients::new(), q);
+        for (i, j) in (0..4).flat_map(|i| (0..i).map(move |j| (i, j))) {
+            let terms = curve[i].coefficients.iter().zip(&curve[j].coefficients);
+            let mut minor: Coefficients = terms
+                .map(|(x, y)| {
+                    let product = field.mul(x.element(), &at[j]);
+                    product.sub(&field.mul(y.element(), &at[i]))
+                })
+                .collect();
+            trim(&mut minor);
+            if !minor.is_empty() {
+                vertical = vertical.min(q + 1 - minor.len());
+                common = gcd(field, &common, &minor, control)?;
+            }
+        }
+        Ok(Self { common, vertical })
+    }
+    /// How many directions there are, with multiplicities.
+    fn degree(&self) -> usize {
+        self.common.len() - 1 + self.vertical
+    }
+    /// The condition that (1 : m) and the other direction of a fibre of two make.
+    fn condition(&self, field: &NumberField, m: &RBig) -> Condition {
+        let one = || Element::rational(&RBig::ONE);
+        let (a, b) = if self.vertical == 1 {
+            (Element::zero(), one())
+        } else {
+            let known = vec![Element::rational(&-m.clone()), one()];
+            (one(), divide(field, &self.common, &known).0[0].negated())
+        };
+        [b.scaled(m), a.scaled(m).add(&b), a]
+    }
+}
+
+/// What satisfies two linear conditions, unless they are one: their cross product.
+fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[Element; 3]> {
+    let minor = |i: usize, j: usize| {
+        let product = field.mul(&first[i], &second[j]);
+        product.sub(&field.mul(&first[j], &second[i]))
+    };
+    let form = [minor(1, 2), minor(2, 0), minor(0, 1)];
+    form.iter().any(|e| !e.is_zero()).then_some(form)
 }
 
 #[cfg(test)]

@@ -12,26 +12,17 @@
 //! or r or r∘σ has a pole. σ takes it to itself: the surface goes on there, or it is a fold, a
 //! curve all of whose points stay where they are.
 
+mod series;
+mod transformations;
+
 use crate::base::BasePoint;
 use crate::field::{Algebraic, exact, vanishes};
 use crate::map::Map;
-use crate::zeros::common_zeros;
-use isoform_algebra::modular::{Crt, Echelon, Fp, primes, residues};
-use isoform_algebra::{Exponents, FactorError, Poly, RBig};
+use isoform_algebra::{FactorError, Poly, RBig};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// Largest degree of the forms of a deck transformation that is looked for. Those of maps that
-/// people write have degree 1 or 2; the next degree costs twice the time of all before.
-const MOST: usize = 4;
-/// Lines through a point along which a transformation is continued, and terms of each power series:
-/// three forms of degree n have 3(n + 1) coefficients on a line, of which each term settles two;
-/// n + 1 lines settle all. More of them refute forms that only happen to agree.
-const LINES: usize = MOST + 3;
-const TERMS: usize = 2 * MOST + 4;
-/// Primes of 62 bits at most: a transformation has coefficients of some ten digits.
-const PRIMES: usize = 12;
+use transformations::transformations;
 
 /// Linear forms of whose products quadratic ones are made: 78 of them, and 6000 quotients, take a
 /// fraction of a second.
@@ -93,6 +84,9 @@ impl Border {
 impl Deck {
     /// Nothing, if there is no transformation but the identity among those that are looked for, or
     /// no fundamental domain of which no real base point is blown up to a part of the border.
+    ///
+    /// # Errors
+    /// [`Stopped`].
     pub(crate) fn new(
         map: &Map,
         base_points: &[BasePoint],
@@ -111,30 +105,25 @@ impl Deck {
             seams: Border::default(),
             folds: Border::default(),
         };
-        let around: Vec<Vec<[Point; 2]>> = (0..base_points.len())
-            .filter(|k| !deck.folded.contains(k))
-            .map(|k| across(&base_points[k].point))
-            .collect();
+        let others = (0..base_points.len()).filter(|k| !deck.folded.contains(k));
+        let around: Vec<[Point; 2]> = others.flat_map(|k| across(&base_points[k].point)).collect();
         let lines = linear_forms(base_points);
-        // Quadratic forms where linear ones do not serve, as where all base points are on a fold.
-        let squares: Vec<Poly> = (0..lines.len().min(SQUARED))
-            .flat_map(|i| (0..=i).map(move |j| [i, j]))
-            .map(|[i, j]| &lines[i] * &lines[j])
-            .collect();
-        for (forms, most) in [(lines, usize::MAX), (squares, ENOUGH)] {
-            let found = deck.least(&forms, &around, most, control)?;
-            if found.is_some() {
-                return Ok(found);
-            }
+        let found = deck.least(&lines, &around, usize::MAX, control)?;
+        if found.is_some() {
+            return Ok(found);
         }
-        Ok(None)
+        // Quadratic forms where linear ones do not serve, as where all base points are on a fold.
+        let squared = &lines[..lines.len().min(SQUARED)];
+        let products = |i: usize| squared[..=i].iter().map(move |l| &squared[i] * l);
+        let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
+        deck.least(&squares, &around, ENOUGH, control)
     }
     /// With the quotient of two forms that has the border of least degree, of the first so many
-    /// that no base point is blown up to a part of.
+    /// that have no pair of points around base points on both hands of it.
     fn least(
         &self,
         forms: &[Poly],
-        around: &[Vec<[Point; 2]>],
+        around: &[[Point; 2]],
         most: usize,
         control: &Control<'_>,
     ) -> Result<Option<Self>, Stopped> {
@@ -147,12 +136,11 @@ impl Deck {
                 continue;
             }
             deck.ratio = [forms[l].clone(), forms[m].clone()];
-            let is_split = |[p, q]: &[Point; 2]| deck.holds(p) != deck.holds(q);
-            if around.iter().flatten().any(is_split) {
+            if around.iter().any(|[p, q]| deck.holds(p) != deck.holds(q)) {
                 continue;
             }
-            let [l, m] = &deck.ratio;
-            let Some([seams, folds]) = border(&deck.transformations, [l, m], control)? else {
+            let ratio = deck.ratio.each_ref();
+            let Some([seams, folds]) = border(&deck.transformations, ratio, control)? else {
                 continue;
             };
             count += 1;
@@ -300,27 +288,30 @@ fn border(
         if parts[0].is_zero() {
             return Ok(None);
         }
-        let mut orders: Vec<(Poly, usize)> = Vec::new();
-        for form in parts {
-            for (f, n) in form.factor(control).map_err(FactorError::only_stopped)? {
-                match orders.iter_mut().find(|o| o.0 == f) {
-                    Some(known) => known.1 += n,
-                    None => orders.push((f, n)),
-                }
-            }
-        }
-        for (f, _) in orders.into_iter().filter(|o| o.1 % 2 == 1) {
+        for f in odd_factors(parts, control)? {
             let is_fold = is_fixed(t, &f);
-            let known = curves
-                .entry((f.total_degree(), f.terms().to_vec()))
-                .or_insert((f, false));
-            known.1 |= is_fold;
+            let name = (f.total_degree(), f.terms().to_vec());
+            curves.entry(name).or_insert((f, false)).1 |= is_fold;
         }
     }
     let (folds, seams): (Vec<_>, Vec<_>) = curves.into_values().partition(|c| c.1);
-    Ok(Some(
-        [seams, folds].map(|list| Border::new(list.into_iter().map(|c| c.0))),
-    ))
+    let border = |list: Vec<(Poly, bool)>| Border::new(list.into_iter().map(|c| c.0));
+    Ok(Some([seams, folds].map(border)))
+}
+
+/// The irreducible factors of a product that are there an odd number of times.
+fn odd_factors(product: [Poly; 3], control: &Control<'_>) -> Result<Vec<Poly>, Stopped> {
+    let mut orders: Vec<(Poly, usize)> = Vec::new();
+    for form in product {
+        for (f, n) in form.factor(control).map_err(FactorError::only_stopped)? {
+            match orders.iter_mut().find(|o| o.0 == f) {
+                Some(known) => known.1 += n,
+                None => orders.push((f, n)),
+            }
+        }
+    }
+    let odd = orders.into_iter().filter(|o| o.1 % 2 == 1);
+    Ok(odd.map(|o| o.0).collect())
 }
 
 /// Whether a transformation leaves all points of a curve where they are.
@@ -343,295 +334,6 @@ pub(crate) fn value(form: &Poly, p: [f64; 3]) -> (f64, f64) {
     let terms = form.to_f64();
     let add = |(sum, size): (f64, f64), x: f64| (sum + x, size + x.abs());
     terms.iter().map(|(e, c)| c * term(e)).fold((0.0, 0.0), add)
-}
-
-/// The deck transformations with rational coefficients, but the identity.
-fn transformations(map: &Map, control: &Control<'_>) -> Result<Vec<Transformation>, Stopped> {
-    /// Rational points, in no special place of maps that people write.
-    const POINTS: [[i64; 2]; 6] = [[2, 3], [-3, 5], [5, -7], [7, 4], [-11, 6], [13, -9]];
-    let mut found = Vec::new();
-    for at in POINTS {
-        let at = [at[0].into(), at[1].into(), RBig::ONE];
-        if let Some(others) = rational_fibre(map, &at, control)? {
-            for other in others {
-                found.extend(transformation(map, &at, &other, control)?);
-            }
-            break;
-        }
-    }
-    Ok(found)
-}
-
-/// The other rational points with the image of a rational point; nothing if it is a base point or
-/// on a contracted curve.
-fn rational_fibre(
-    map: &Map,
-    at: &Point,
-    control: &Control<'_>,
-) -> Result<Option<Vec<Point>>, Stopped> {
-    let forms = map.forms();
-    let image = forms.each_ref().map(|f| f.eval(at));
-    let Some(pivot) = image.iter().position(|x| !x.is_zero()) else {
-        return Ok(None);
-    };
-    let planes: Vec<Poly> = (0..4)
-        .filter(|&i| i != pivot)
-        .map(|i| forms[i].scale(&image[pivot]) - forms[pivot].scale(&image[i]))
-        .filter(|f| !f.is_zero())
-        .collect();
-    if !planes
-        .iter()
-        .fold(Poly::zero(), |g, p| g.gcd(p))
-        .is_constant()
-    {
-        return Ok(None);
-    }
-    let mut points = Vec::new();
-    for zero in common_zeros(&planes, true, control)? {
-        let rational = zero.homogeneous().each_ref().map(|e| e.as_rational());
-        let [Some(s), Some(t), Some(w)] = rational else {
-            continue;
-        };
-        let p = [s, t, w];
-        let is_at = (0..3).all(|i| (0..i).all(|j| &p[i] * &at[j] == &p[j] * &at[i]));
-        if !is_at && !forms[pivot].eval(&p).is_zero() {
-            points.push(p);
-        }
-    }
-    Ok(Some(points))
-}
-
-/// The deck transformation of one point to another one of its fibre, if there is one.
-fn transformation(
-    map: &Map,
-    from: &Point,
-    to: &Point,
-    control: &Control<'_>,
-) -> Result<Option<Transformation>, Stopped> {
-    let mut degree = 1;
-    // The coefficient that is 1, and all of them.
-    let mut known: Option<(usize, Crt)> = None;
-    for field in primes().take(PRIMES) {
-        control.check()?;
-        let Some(lines) = continued(&field, map, from, to) else {
-            continue;
-        };
-        let solution = (degree..=MOST).find_map(|n| Some((n, agreeing(&field, &lines, n)?)));
-        let Some((n, (one, values))) = solution else {
-            return Ok(None);
-        };
-        if n > degree {
-            // The primes before were special.
-            (degree, known) = (n, None);
-        }
-        let crt = match &mut known {
-            Some((place, crt)) if *place == one => crt,
-            Some(_) => continue,
-            None => &mut known.insert((one, Crt::new(values.len()))).1,
-        };
-        crt.push(&field, &values);
-        if let Some((numerators, denominator)) = crt.rational() {
-            let list = monomials(degree);
-            let coefficients: Vec<RBig> = numerators
-                .into_iter()
-                .map(|n| RBig::from_parts(n, denominator.clone()))
-                .collect();
-            let form = |k: usize| {
-                let part = &coefficients[k * list.len()..][..list.len()];
-                Poly::from_terms(
-                    list.iter()
-                        .map(|e| [e[0], e[1], e[2], 0])
-                        .zip(part.iter().cloned()),
-                )
-            };
-            let candidate = [0, 1, 2].map(form);
-            if is_deck(map, &candidate) {
-                return Ok(Some(candidate));
-            }
-        }
-    }
-    Ok(None)
-}
-
-/// Whether φ∘σ = φ.
-fn is_deck(map: &Map, t: &Transformation) -> bool {
-    let [forms @ .., w] = map.forms();
-    let moved = w.compose(t);
-    !moved.is_zero() && forms.iter().all(|f| f.compose(t) * w == &moved * f)
-}
-
-/// The exponents of the monomials of a degree.
-fn monomials(degree: usize) -> Vec<[u16; 3]> {
-    let n = degree as u16;
-    let row = |i: u16| (0..=n - i).map(move |j| [i, j, n - i - j]);
-    (0..=n).flat_map(row).collect()
-}
-
-/// A power series modulo a prime, [`TERMS`] terms.
-type Series = [u64; TERMS];
-
-fn product(f: &Fp, a: &Series, b: &Series) -> Series {
-    let mut c = [0; TERMS];
-    for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
-        for (y, sum) in b.iter().zip(&mut c[i..]) {
-            *sum = f.add(*sum, f.mul(x, *y));
-        }
-    }
-    c
-}
-
-/// The powers of three series up to a degree.
-fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
-    at.each_ref().map(|x| {
-        let mut one = [0; TERMS];
-        one[0] = f.one();
-        let mut list = vec![one];
-        for k in 0..degree {
-            list.push(product(f, &list[k], x));
-        }
-        list
-    })
-}
-
-/// The monomial with exponents, of powers of three series.
-fn monomial(f: &Fp, powers: &[Vec<Series>; 3], e: [u16; 3]) -> Series {
-    let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
-    product(f, &product(f, x, y), z)
-}
-
-/// Forms modulo a prime.
-struct Forms {
-    degree: usize,
-    terms: [Vec<(Exponents, u64)>; 4],
-}
-
-impl Forms {
-    fn new(f: &Fp, map: &Map) -> Self {
-        Self {
-            degree: map.degree(),
-            terms: map.forms().each_ref().map(|form| residues(f, form)),
-        }
-    }
-    fn at(&self, f: &Fp, point: &[Series; 3]) -> [Series; 4] {
-        let powers = powers(f, point, self.degree);
-        self.terms.each_ref().map(|terms| {
-            let mut sum = [0; TERMS];
-            for (e, c) in terms {
-                let term = monomial(f, &powers, [e[0], e[1], e[2]]);
-                (0..TERMS).for_each(|k| sum[k] = f.add(sum[k], f.mul(*c, term[k])));
-            }
-            sum
-        })
-    }
-}
-
-/// Points on lines through a point, and the points of their fibres that continue another one:
-/// nothing where the prime, or the point, is special.
-fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<[[Series; 3]; 2]>> {
-    let forms = Forms::new(f, map);
-    let residues = |p: &Point| {
-        let [a, b, c] = p.each_ref().map(|x| f.of_rbig(x));
-        Some([a?, b?, c?])
-    };
-    let (from, to) = (residues(from)?, residues(to)?);
-    let constant = |x: u64| {
-        let mut series = [0; TERMS];
-        series[0] = x;
-        series
-    };
-    let along = |k: usize| {
-        let mut p = from.map(constant);
-        (p[0][1], p[1][1]) = (f.one(), f.of_u64(k as u64));
-        let source = forms.at(f, &p);
-        Some([p, lifted(f, &forms, &source, to.map(constant))?])
-    };
-    (0..LINES).map(along).collect()
-}
-
-/// The series of which the forms are proportional to given ones, from its first term.
-fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Option<[Series; 3]> {
-    let pivot = (0..4).find(|&i| source[i][0] != 0)?;
-    let fixed = (0..3).find(|&v| q[v][0] != 0)?;
-    let free: Vec<usize> = (0..3).filter(|&v| v != fixed).collect();
-    let rows: Vec<usize> = (0..4).filter(|&i| i != pivot).collect();
-    let residual = |q: &[Series; 3], order: usize| {
-        let values = forms.at(f, q);
-        rows.iter()
-            .map(|&i| {
-                let [a, b] = [
-                    product(f, &values[i], &source[pivot]),
-                    product(f, &values[pivot], &source[i]),
-                ];
-                f.sub(a[order], b[order])
-            })
-            .collect::<Vec<u64>>()
-    };
-    // The derivatives by the two free coordinates, read off the first order.
-    let mut slopes: Vec<Vec<u64>> = Vec::new();
-    let at_rest = residual(&q, 1);
-    for &v in &free {
-        let mut moved = q;
-        moved[v][1] = f.one();
-        let by = residual(&moved, 1);
-        slopes.push(
-            by.iter()
-                .zip(&at_rest)
-                .map(|(a, b)| f.sub(*a, *b))
-                .collect(),
-        );
-    }
-    let determinant = |i: usize, j: usize| {
-        f.sub(
-            f.mul(slopes[0][i], slopes[1][j]),
-            f.mul(slopes[0][j], slopes[1][i]),
-        )
-    };
-    let (i, j) = [(0, 1), (0, 2), (1, 2)]
-        .into_iter()
-        .find(|&(i, j)| determinant(i, j) != 0)?;
-    let inverse = f.inv(determinant(i, j));
-    for order in 1..TERMS {
-        let r = residual(&q, order);
-        let [by_0, by_1] = [
-            f.sub(f.mul(r[i], slopes[1][j]), f.mul(r[j], slopes[1][i])),
-            f.sub(f.mul(slopes[0][i], r[j]), f.mul(slopes[0][j], r[i])),
-        ];
-        q[free[0]][order] = f.neg(f.mul(by_0, inverse));
-        q[free[1]][order] = f.neg(f.mul(by_1, inverse));
-    }
-    Some(q)
-}
-
-/// The coefficients of the three forms of a degree that take all points of lines to those continued,
-/// if there are any, and the place of one that is 1.
-fn agreeing(f: &Fp, lines: &[[[Series; 3]; 2]], degree: usize) -> Option<(usize, Vec<u64>)> {
-    let list = monomials(degree);
-    let n = list.len();
-    let mut rows: Vec<Vec<u64>> = Vec::new();
-    for [p, q] in lines {
-        let powers = powers(f, p, degree);
-        let values: Vec<Series> = list.iter().map(|&e| monomial(f, &powers, e)).collect();
-        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-            let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
-            let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
-            for k in 0..TERMS {
-                let mut row = vec![0; 3 * n];
-                for c in 0..n {
-                    row[i * n + c] = on_i[c][k];
-                    row[j * n + c] = f.neg(on_j[c][k]);
-                }
-                rows.push(row);
-            }
-        }
-    }
-    let mut echelon = Echelon::new(3 * n);
-    for row in rows {
-        echelon.insert(f, row);
-        if echelon.rank() == 3 * n {
-            return None;
-        }
-    }
-    echelon.kernel(f)
 }
 
 #[cfg(test)]

@@ -75,6 +75,19 @@ impl Domain {
     /// A polygon by its corners (s, t), in either direction around it. The first corner may be
     /// repeated at the end.
     ///
+    /// ```
+    /// use isoform_algebra::RBig;
+    /// use isoform_tess::{Domain, DomainError};
+    ///
+    /// let corners = |list: &[[i64; 2]]| list.iter().map(|p| p.map(RBig::from)).collect();
+    /// let arrow = Domain::polygon(corners(&[[0, 0], [2, 1], [0, 2], [1, 1]]))?;
+    /// assert_eq!(arrow.bounds(), [[0.into(), 2.into()], [0.into(), 2.into()]]);
+    /// // A bow tie is not simple: its first and third sides cross.
+    /// let bow_tie = Domain::polygon(corners(&[[0, 0], [1, 1], [1, 0], [0, 1]]));
+    /// assert_eq!(bow_tie, Err(DomainError::Crossing { first: 1, second: 3 }));
+    /// # Ok::<(), DomainError>(())
+    /// ```
+    ///
     /// # Errors
     /// [`DomainError`].
     pub fn polygon(mut corners: Vec<Parameters>) -> Result<Self, DomainError> {
@@ -88,33 +101,21 @@ impl Domain {
         if n > MAX_CORNERS {
             return Err(DomainError::TooMany { found: n });
         }
-        if (0..n).all(|k| {
-            area(&corners[0], &corners[1], &corners[k]).is_zero()
-                && area(&corners[0], &corners[2], &corners[k]).is_zero()
-        }) {
+        let is_flat = |a: usize, k: usize| area(&corners[0], &corners[a], &corners[k]).is_zero();
+        if (0..n).all(|k| is_flat(1, k) && is_flat(2, k)) {
             return Err(DomainError::NoArea);
         }
-        let side = |k: usize| [&corners[k], &corners[(k + 1) % n]];
-        for first in 0..n {
-            for second in first + 1..n {
-                let ([a, b], [c, d]) = (side(first), side(second));
-                let is_wrong = match () {
-                    () if a == b || c == d => true,
-                    // Neighbours: the corner between them is all they may have in common.
-                    () if second == first + 1 => area(a, b, d).is_zero() && !is_between(b, a, d),
-                    () if first == 0 && second == n - 1 => {
-                        area(c, d, b).is_zero() && !is_between(d, c, b)
-                    }
-                    () => meet([a, b], [c, d]),
-                };
-                if is_wrong {
-                    return Err(DomainError::Crossing {
-                        first: first + 1,
-                        second: second + 1,
-                    });
-                }
+        let polygon = Self { corners };
+        let pairs = (0..n).flat_map(|first| (first + 1..n).map(move |second| (first, second)));
+        for (first, second) in pairs {
+            if polygon.do_sides_meet(first, second) {
+                return Err(DomainError::Crossing {
+                    first: first + 1,
+                    second: second + 1,
+                });
             }
         }
+        let mut corners = polygon.corners;
         let turn: RBig = (1..n - 1)
             .map(|k| area(&corners[0], &corners[k], &corners[k + 1]))
             .fold(RBig::ZERO, |a, b| a + b);
@@ -122,6 +123,21 @@ impl Domain {
             corners.reverse();
         }
         Ok(Self { corners })
+    }
+    /// Whether two sides have a point in common that is no corner between them, or one of them has
+    /// no length.
+    fn do_sides_meet(&self, first: usize, second: usize) -> bool {
+        let ([a, b], [c, d]) = (self.side(first), self.side(second));
+        if a == b || c == d {
+            true
+        } else if second == first + 1 {
+            // Neighbours: the corner between them is all they may have in common.
+            area(a, b, d).is_zero() && !is_between(b, a, d)
+        } else if first == 0 && second + 1 == self.corners.len() {
+            area(c, d, b).is_zero() && !is_between(d, c, b)
+        } else {
+            meet([a, b], [c, d])
+        }
     }
     /// s₀ ≤ s ≤ s₁, t₀ ≤ t ≤ t₁; the ends may be given in either order.
     ///
@@ -166,10 +182,8 @@ impl Domain {
                 (Poly::var(0), -dt.clone()),
                 (Poly::var(2), dt * s0 - ds * t0),
             ];
-            terms
-                .into_iter()
-                .fold(Poly::zero(), |sum, (p, c)| sum + p.scale(&c))
-                .primitive()
+            let scaled = terms.into_iter().map(|(p, c)| p.scale(&c));
+            scaled.fold(Poly::zero(), |sum, p| sum + p).primitive()
         };
         (0..self.corners.len()).map(line).collect()
     }
@@ -206,6 +220,7 @@ pub(crate) fn parameters(quadrant: usize, [u, v]: [&RBig; 2]) -> Option<Paramete
 }
 
 /// Bernstein coefficients of a polynomial in s and t over a rectangle: rows by s.
+#[derive(Clone)]
 struct Net {
     columns: usize,
     coefficients: Vec<RBig>,
@@ -259,10 +274,7 @@ impl Net {
     /// Of the two halves by s, or by t.
     fn halves(&self, by_t: bool) -> [Self; 2] {
         [false, true].map(|second| {
-            let mut half = Self {
-                columns: self.columns,
-                coefficients: self.coefficients.clone(),
-            };
+            let mut half = self.clone();
             half.each(by_t, |line| halve(line, second));
             half
         })
@@ -319,38 +331,42 @@ pub(crate) fn image_bounds(
     let mut bounds: Option<[[RBig; 2]; 3]> = None;
     let mut stack = vec![(nets, 2 * HALVINGS)];
     while let Some((nets, depth)) = stack.pop() {
-        let first = signum(&nets[3].coefficients[0]);
-        if first == 0 && depth == 0 {
-            return None;
-        }
-        if first != 0 && nets[3].coefficients.iter().all(|w| signum(w) == first) {
-            for (k, w) in nets[3].coefficients.iter().enumerate() {
-                let p = [0, 1, 2].map(|i| &nets[i].coefficients[k] / w);
-                bounds = Some(match bounds {
-                    None => p.map(|x| [x.clone(), x]),
-                    Some([a, b, c]) => {
-                        let wider = |[lo, hi]: [RBig; 2], x: RBig| [lo.min(x.clone()), hi.max(x)];
-                        let [x, y, z] = p;
-                        [wider(a, x), wider(b, y), wider(c, z)]
-                    }
-                });
+        if has_one_sign(&nets[3].coefficients) {
+            for k in 0..nets[3].coefficients.len() {
+                let [x, y, z, w] = nets.each_ref().map(|n| &n.coefficients[k]);
+                include(&mut bounds, [x / w, y / w, z / w]);
             }
         } else if depth == 0 {
             return None;
         } else {
             let halves = nets.each_ref().map(|n| n.halves(depth % 2 == 0));
             for k in 0..2 {
-                stack.push((
-                    halves.each_ref().map(|h| Net {
-                        columns: h[k].columns,
-                        coefficients: h[k].coefficients.clone(),
-                    }),
-                    depth - 1,
-                ));
+                stack.push((halves.each_ref().map(|h| h[k].clone()), depth - 1));
             }
         }
     }
     bounds
+}
+
+/// Whether numbers have the same sign, and none is 0.
+fn has_one_sign(numbers: &[RBig]) -> bool {
+    let first = signum(&numbers[0]);
+    first != 0 && numbers.iter().all(|x| signum(x) == first)
+}
+
+/// Widens bounds so that they hold a point.
+fn include(bounds: &mut Option<[[RBig; 2]; 3]>, point: [RBig; 3]) {
+    let Some(bounds) = bounds else {
+        *bounds = Some(point.map(|x| [x.clone(), x]));
+        return;
+    };
+    for ([lo, hi], x) in bounds.iter_mut().zip(point) {
+        if x < *lo {
+            *lo = x;
+        } else if x > *hi {
+            *hi = x;
+        }
+    }
 }
 
 #[cfg(test)]

@@ -6,7 +6,7 @@
 
 use crate::dense;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
-use isoform_algebra::{IBig, Poly, RBig, RealRoot, UBig, UPoly, real_roots};
+use isoform_algebra::{IBig, Poly, RBig, RealRoot, UBig, UPoly, decide, real_roots};
 use std::cmp::Ordering;
 use std::fmt;
 use std::sync::Arc;
@@ -418,46 +418,49 @@ impl Algebraic {
             return (r.clone(), r);
         }
         let value = UPoly::new(self.element.numerator.clone());
-        let absolute = UPoly::new(
-            value
-                .derivative()
-                .coefficients()
-                .iter()
-                .map(|c| IBig::from(c.unsigned_abs()))
-                .collect(),
-        );
+        let slope = value.derivative();
+        let sizes = slope.coefficients().iter();
+        let sizes = sizes.map(|c| IBig::from(c.unsigned_abs()));
+        let absolute = UPoly::new(sizes.collect());
         let denominator = RBig::from(IBig::from(self.element.denominator.clone()));
         let allowed = RBig::from_parts(IBig::ONE, UBig::ONE << bits);
         let mut root = self.field.roots[self.root].clone();
-        for precision in (bits + 8..).step_by(bits.max(32)) {
-            root.refine(precision);
-            let (lo, hi) = root.interval();
-            // |g(x) − g(m)| ≤ (hi − lo)/2·Σ i|gᵢ| R^(i−1) around the middle m, R the larger
-            // absolute end.
-            let middle = (&lo + &hi) / RBig::from(2);
-            let far = lo.clone().max(-&lo).max(hi.clone()).max(-&hi);
-            let reach = absolute.eval(&far) * (hi - lo) / (RBig::from(2) * &denominator);
-            if &reach + &reach <= allowed {
-                let centre = value.eval(&middle) / &denominator;
-                return (&centre - &reach, centre + reach);
-            }
-        }
-        unreachable!("the root's interval shrinks")
+        decide(
+            bits + 8,
+            |precision| precision + bits.max(32),
+            |precision| {
+                root.refine(precision);
+                let (lo, hi) = root.interval();
+                // |g(x) − g(m)| ≤ (hi − lo)/2·Σ i|gᵢ| R^(i−1) around the middle m, R the larger
+                // absolute end.
+                let middle = (&lo + &hi) / RBig::from(2);
+                let far = lo.clone().max(-&lo).max(hi.clone()).max(-&hi);
+                let reach = absolute.eval(&far) * (hi - lo) / (RBig::from(2) * &denominator);
+                let is_near = &reach + &reach <= allowed;
+                is_near.then(|| {
+                    let centre = value.eval(&middle) / &denominator;
+                    (&centre - &reach, centre + reach)
+                })
+            },
+        )
     }
     /// The nearest `f64`, ties to even.
     pub fn to_f64(&self) -> f64 {
+        /// The bits by which the interval gets smaller from one attempt to the next.
+        const WORD: usize = 64;
         if let Some(r) = self.as_rational() {
             return r.to_f64().value();
         }
-        for bits in (64..).step_by(64) {
-            // An irrational number is no tie.
-            let (lo, hi) = self.interval(bits);
-            let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
-            if lo == hi {
-                return lo;
-            }
-        }
-        unreachable!("the interval shrinks until both ends round to the same number")
+        decide(
+            WORD,
+            |bits| bits + WORD,
+            |bits| {
+                // An irrational number is no tie.
+                let (lo, hi) = self.interval(bits);
+                let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
+                (lo == hi).then_some(lo)
+            },
+        )
     }
 }
 

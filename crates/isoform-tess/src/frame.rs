@@ -14,6 +14,7 @@ use crate::map::Map;
 use crate::singular::RealPart;
 use crate::zeros::Chart;
 use isoform_algebra::{Poly, RBig};
+use isoform_geom::Gram;
 
 /// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is no
 /// least norm, more steps go farther without end.
@@ -28,6 +29,10 @@ const STEP: f64 = 0.25;
 /// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4, maps
 /// as people write them by less than 1.5, and their parameters stay what they are.
 const WORTH: f64 = 4.0;
+
+/// The least squared sine of the angle between the slopes by s and t at which both are known, from
+/// doubles with half of their digits.
+const REGULAR: f64 = 1e-9;
 
 /// An affine change of the parameters: (s : t : w) = M·(s′ : t′ : w′), M upper triangular.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,19 +127,22 @@ fn centre(map: &Map) -> Matrix {
             right[i] -= product(&slopes[i], &next) / size;
         }
     }
-    let [[a, b], [_, c]] = normal;
-    let det = a * c - b * b;
-    let [x, y] = match det > 1e-9 * a * c {
-        true => [
-            (c * right[0] - b * right[1]) / det,
-            (a * right[1] - b * right[0]) / det,
-        ],
-        // One of them at most is known.
-        false if a >= c && a > 0.0 => [right[0] / a, 0.0],
-        false if c > 0.0 => [0.0, right[1] / c],
-        false => [0.0, 0.0],
-    };
+    let [x, y] = least_squares(normal, right);
     [[1.0, 0.0, x], [0.0, 1.0, y], [0.0, 0.0, 1.0]]
+}
+
+/// The solution of normal equations; where they are singular, that of one of them.
+fn least_squares([[uu, uv], [_, vv]]: [[f64; 2]; 2], right: [f64; 2]) -> [f64; 2] {
+    let gram = Gram { uu, uv, vv };
+    if gram.is_regular(REGULAR) {
+        gram.solve(right)
+    } else if uu >= vv && uu > 0.0 {
+        [right[0] / uu, 0.0]
+    } else if vv > 0.0 {
+        [0.0, right[1] / vv]
+    } else {
+        [0.0, 0.0]
+    }
 }
 
 /// Rounded to as few binary digits as serve, with the last entry 1: entries of a row to a sixteenth

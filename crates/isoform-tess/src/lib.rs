@@ -27,6 +27,7 @@ mod dense;
 mod domain;
 mod double;
 mod double_curve;
+mod embedded;
 mod equation;
 mod fan;
 mod field;
@@ -43,6 +44,7 @@ mod residues;
 mod singular;
 mod surface;
 mod tangents;
+mod triangulate;
 mod univariate;
 mod zeros;
 
@@ -52,6 +54,7 @@ pub use claim::{Basis, Claim, Grade};
 pub use complex_seams::SeamLine;
 pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};
+pub use embedded::{PatchesError, triangulate, triangulate_patches};
 pub use field::{Algebraic, Element, NumberField};
 pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
@@ -62,8 +65,6 @@ pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
 };
-pub use surface::{
-    Crossing, DoubleArc, Kind, MeshOptions, Mode, Point3, Prepared, Surface, TriangulateOptions,
-    join_patches, triangulate,
-};
+pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateOptions};
+pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};
 pub use zeros::Chart;

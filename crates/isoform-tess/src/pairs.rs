@@ -13,14 +13,24 @@
 //! functions applied to decomposing solution sets of polynomial systems*, 2002). They are followed
 //! into planes that cut the box into slices, and into its faces; from the real ones among them the
 //! arcs are traced.
+//!
+//! - *pair*: two parameters with one image, by (m, e, λ); *real* if both are, or conjugate.
+//! - *section*: the pairs whose images lie in a plane.
+//! - *place*: a real pair on an arc, with the arc's direction.
+//! - *form* of a pair: one of the ways to write it, with signs or phases of its vectors.
+//! - *pinch*: a pair of one parameter, λ = 0.
+//!
+//! All of this is in half widths of the box.
 
 mod arcs;
 mod real;
 mod section;
+mod trace;
 
-pub(crate) use arcs::{Arcs, Fineness, arcs};
+pub(crate) use arcs::{Arcs, arcs};
 pub(crate) use real::Place;
 pub(crate) use section::Expected;
+pub(crate) use trace::Fineness;
 
 use crate::complex::{
     C, Form, Monomials, Plane, Stream, V, along, distance, dot, eval_all, in_half_widths, inner,
@@ -40,10 +50,29 @@ pub(crate) struct Pair {
 /// The equations' unknowns: m, e, λ.
 type Step = [C; 7];
 
-/// λ below which the two parts are computed from the coefficients in h, not from two values.
+/// |λ| below which the two parts are computed from the coefficients in h, not from two values:
+/// divided by h, the difference of two values loses one digit there.
 const SMALL: f64 = 0.02;
 /// Radius of the circle of h from whose values the coefficients come: of the size of m and e.
 const RADIUS: f64 = 0.5;
+/// Predictions farther away than this are none.
+const FARTHEST: f64 = 0.3;
+/// Newton's method ends with steps below this: the next one would be lost in rounding.
+const DONE: f64 = 1e-8;
+/// The least sine of the angle between the parameters of a pair that is not twice one parameter.
+const TWO_PARAMETERS: f64 = 1e-6;
+/// The least norm of the forms at a pair that is no base point.
+const NO_BASE_POINT: f64 = 1e-8;
+/// Newton steps from a random start: most starts that lead to a pair do so in a dozen.
+const SEED_STEPS: usize = 25;
+/// The longest of these steps: longer ones would leave the part of space in which vectors have the
+/// norm 1.
+const SEED_STEP: f64 = 0.5;
+/// The last of these steps: pairs are followed from there with [`DONE`].
+const SEED_DONE: f64 = 1e-9;
+
+/// Seven linear equations for a step: rows of coefficients, and the right-hand side.
+type Rows = [[C; 8]; 7];
 
 /// The principal square root.
 fn sqrt(c: C) -> C {
@@ -55,6 +84,46 @@ fn sqrt(c: C) -> C {
 
 fn turn(angle: f64) -> C {
     C::new(angle.cos(), angle.sin())
+}
+
+/// The forms and their gradients at m + h e for numbers h on a circle around 0.
+struct Circle {
+    values: Vec<([C; 4], [V; 4])>,
+    /// The angle between a number and the next.
+    angle: f64,
+}
+
+impl Circle {
+    fn new(pairs: &Pairs, pair: &Pair) -> Self {
+        let n = pairs.degree + 1;
+        let angle = std::f64::consts::TAU / n as f64;
+        let value = |j: usize| {
+            let h = turn(angle * j as f64).times(RADIUS);
+            pairs.at(&[0, 1, 2].map(|i| pair.m[i] + pair.e[i] * h))
+        };
+        Self {
+            values: (0..n).map(value).collect(),
+            angle,
+        }
+    }
+    /// The coefficients of a power of h, of the forms and of their gradients: the mean of the values,
+    /// each times a power of its place.
+    fn coefficient(&self, k: usize) -> ([C; 4], [V; 4]) {
+        let n = self.values.len();
+        let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
+        let mut c = [C::ZERO; 4];
+        let mut d = [[C::ZERO; 3]; 4];
+        for (j, (f, df)) in self.values.iter().enumerate() {
+            let weight = turn(-self.angle * ((j * k) % n) as f64).times(scale);
+            for i in 0..4 {
+                c[i] = c[i] + f[i] * weight;
+                for x in 0..3 {
+                    d[i][x] = d[i][x] + df[i][x] * weight;
+                }
+            }
+        }
+        (c, d)
+    }
 }
 
 /// E or O, with its derivatives.
@@ -133,8 +202,8 @@ impl Pair {
     }
 }
 
-/// The solution of a system by elimination with pivots.
-fn solve(mut a: [[C; 8]; 7]) -> Option<Step> {
+/// The solution of a system by elimination with pivots; none if the system is singular.
+fn solve(mut a: Rows) -> Option<Step> {
     for k in 0..7 {
         let pivot = (k..7)
             .max_by(|&i, &j| a[i][k].norm2().total_cmp(&a[j][k].norm2()))
@@ -166,7 +235,7 @@ fn solve(mut a: [[C; 8]; 7]) -> Option<Step> {
 
 /// A map, for pairs of its parameters.
 pub(crate) struct Pairs {
-    /// In units in which the box has the half-width 1.
+    /// In units in which the box has the half width 1.
     forms: [Form; 4],
     degree: usize,
 }
@@ -204,38 +273,19 @@ impl Pairs {
         Parts::new(pair, [even, odd], [even_by_m, odd_by_m], odd_by_l)
     }
 
+    /// From the coefficients of φ(m + h e) in h: even ones belong to E, odd ones to O.
     fn parts_by_coefficients(&self, pair: &Pair) -> Parts {
-        let n = self.degree + 1;
-        let all = [0, 1, 2, 3];
-        // A coefficient is the mean of the values on a circle, each by a power of its place.
-        let angle = std::f64::consts::TAU / n as f64;
-        let values: Vec<([C; 4], [V; 4])> = (0..n)
-            .map(|j| {
-                let h = turn(angle * j as f64).times(RADIUS);
-                self.at(&[0, 1, 2].map(|i| pair.m[i] + pair.e[i] * h))
-            })
-            .collect();
+        let circle = Circle::new(self, pair);
         // Of even powers and of odd ones.
         let mut sums = [[C::ZERO; 4]; 2];
         let mut by_m = [[[C::ZERO; 3]; 4]; 2];
         let mut odd_by_l = [C::ZERO; 4];
         let mut power = C::ONE;
         let mut before = C::ZERO;
-        for k in 0..n {
-            let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
-            let mut c = [C::ZERO; 4];
-            let mut d = [[C::ZERO; 3]; 4];
-            for (j, (f, df)) in values.iter().enumerate() {
-                let weight = turn(-angle * ((j * k) % n) as f64).times(scale);
-                for i in all {
-                    c[i] = c[i] + f[i] * weight;
-                    for x in 0..3 {
-                        d[i][x] = d[i][x] + df[i][x] * weight;
-                    }
-                }
-            }
+        for k in 0..=self.degree {
+            let (c, d) = circle.coefficient(k);
             let (sum, by_m) = (&mut sums[k % 2], &mut by_m[k % 2]);
-            for i in all {
+            for i in 0..4 {
                 sum[i] = sum[i] + c[i] * power;
                 for x in 0..3 {
                     by_m[i][x] = by_m[i][x] + d[i][x] * power;
@@ -244,7 +294,7 @@ impl Pairs {
             if k % 2 == 1 {
                 // The derivative of λ^((k − 1)/2).
                 let weight = before.times(((k - 1) / 2) as f64);
-                for i in all {
+                for i in 0..4 {
                     odd_by_l[i] = odd_by_l[i] + c[i] * weight;
                 }
                 before = power;
@@ -255,7 +305,7 @@ impl Pairs {
     }
 
     /// The rows of the equations that a part is 0, with what keeps the norms of m and e.
-    fn rows(&self, pair: &Pair, zero: &Part) -> [[C; 8]; 7] {
+    fn rows(&self, pair: &Pair, zero: &Part) -> Rows {
         let mut rows = [[C::ZERO; 8]; 7];
         for (i, row) in rows.iter_mut().enumerate().take(4) {
             row[..3].copy_from_slice(&zero.by_m[i]);
@@ -326,11 +376,11 @@ impl Pairs {
                 rows[4][7] = -dot(&speed, &parts.even.value);
                 solve(rows)
             })?;
-            if norm(&d) >= 0.3 {
+            if norm(&d) >= FARTHEST {
                 return None;
             }
             let [plane, _] = plane(span.to);
-            let found = newton(&pair.moved(&d, 1.0), 1e-8, |pair| {
+            let found = newton(&pair.moved(&d, 1.0), DONE, |pair| {
                 let d = self.step(&plane, pair)?;
                 Some((pair.moved(&d, 1.0).scaled(), norm(&d)))
             });
@@ -342,7 +392,8 @@ impl Pairs {
     fn is_pair(&self, pair: &Pair) -> bool {
         let [p, q] = pair.parameters();
         let image = norm(&self.parts(pair).even.value);
-        distance(&normalised(&p), &normalised(&q)) > 1e-6 * (norm(&p) + norm(&q)) && image > 1e-8
+        let apart = distance(&normalised(&p), &normalised(&q));
+        apart > TWO_PARAMETERS * (norm(&p) + norm(&q)) && image > NO_BASE_POINT
     }
 
     /// A pair in a plane from a random start.
@@ -354,11 +405,11 @@ impl Pairs {
             l,
         }
         .scaled();
-        for _ in 0..25 {
+        for _ in 0..SEED_STEPS {
             let d = self.step(plane, &pair)?;
             let size = norm(&d);
-            pair = pair.moved(&d, (0.5 / size).min(1.0)).scaled();
-            if size < 1e-9 {
+            pair = pair.moved(&d, (SEED_STEP / size).min(1.0)).scaled();
+            if size < SEED_DONE {
                 let pair = self.settled(&pair);
                 return self.is_pair(&pair).then_some(pair);
             }
@@ -526,7 +577,7 @@ mod tests {
     /// Geometry of Three Dimensions*, on the surfaces of which the plane is an image).
     #[test]
     fn sections_of_general_maps() {
-        let mut stream = Stream(3);
+        let mut stream = Stream::new(3);
         for n in [2, 3, 4] {
             let pairs = Pairs::new(&dense(n), 2.0);
             let plane: Plane = stream.complex();
@@ -552,7 +603,7 @@ mod tests {
     #[test]
     fn parts_and_derivatives() {
         let pairs = Pairs::new(&dense(4), 1.0);
-        let mut stream = Stream(9);
+        let mut stream = Stream::new(9);
         for size in [1.0, 0.03, 0.015, 1e-6, 0.0] {
             let pair = Pair {
                 m: normalised(&stream.complex()),

@@ -9,7 +9,7 @@
 use crate::field::{Element, NumberField};
 use crate::univariate::{Coefficients, divide};
 use isoform_algebra::modular::{Crt, Fp, primes};
-use isoform_algebra::{RBig, UBig};
+use isoform_algebra::{IBig, RBig, UBig};
 use isoform_control::{Control, Stopped};
 
 /// An element modulo a prime: coefficients of powers of θ, lowest first, trimmed.
@@ -154,59 +154,94 @@ impl Ring {
 }
 
 /// The monic greatest common divisor of two polynomials of which one may be zero, not both.
+///
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn gcd(
     k: &NumberField,
     p: &Coefficients,
     q: &Coefficients,
     control: &Control<'_>,
 ) -> Result<Coefficients, Stopped> {
-    let d = k.degree();
-    let mut degree = usize::MAX;
-    let mut lift = Crt::new(0);
-    let mut used = 0usize;
-    let mut next_try = 1;
+    let mut lift = Lift::new(k.degree());
     for field in primes() {
         control.check()?;
-        let Some(ring) = Ring::new(k, field) else {
+        let Some((ring, divisor)) = residue_gcd(k, field, p, q) else {
             continue;
         };
-        let (Some(a), Some(b)) = (ring.polynomial(p), ring.polynomial(q)) else {
-            continue;
-        };
-        let Some(g) = ring.gcd(a, b) else { continue };
-        if g.len() == 1 {
+        if divisor.len() == 1 {
             return Ok(vec![Element::rational(&RBig::ONE)]);
         }
-        if g.len() > degree {
-            continue;
-        }
-        if g.len() < degree {
-            degree = g.len();
-            lift = Crt::new((degree - 1) * d);
-            (used, next_try) = (0, 1);
-        }
-        let coefficients = g[..degree - 1]
-            .iter()
-            .flat_map(|c| (0..d).map(|i| c.get(i).copied().unwrap_or(0)));
-        lift.push(&ring.field, &coefficients.collect::<Vec<_>>());
-        used += 1;
-        // Reconstruction is tried after 1, 2, 3, 4, 6, 9, … primes.
-        if used < next_try {
-            continue;
-        }
-        next_try = used + used.div_ceil(2);
-        let Some((numerators, denominator)) = lift.rational() else {
+        let Some(candidate) = lift.push(&ring, &divisor) else {
             continue;
         };
-        let mut candidate: Coefficients = numerators
-            .chunks(d)
-            .map(|c| Element::normalised(c.to_vec(), denominator.clone()))
-            .collect();
-        candidate.push(Element::normalised(vec![1.into()], UBig::ONE));
         let divides = |f: &Coefficients| f.is_empty() || divide(k, f, &candidate).1.is_empty();
         if divides(p) && divides(q) {
             return Ok(candidate);
         }
     }
     unreachable!("there are enough primes below 2^62")
+}
+
+/// The greatest common divisor modulo a prime; nothing if the prime does not serve.
+fn residue_gcd(
+    k: &NumberField,
+    field: Fp,
+    p: &Coefficients,
+    q: &Coefficients,
+) -> Option<(Ring, Vec<Residue>)> {
+    let ring = Ring::new(k, field)?;
+    let divisor = ring.gcd(ring.polynomial(p)?, ring.polynomial(q)?)?;
+    Some((ring, divisor))
+}
+
+/// Residues of one divisor modulo several primes.
+struct Lift {
+    /// The degree of the field.
+    degree: usize,
+    /// How many coefficients the divisor has: the fewest of all primes so far.
+    count: usize,
+    remainders: Crt,
+    /// How many primes there are.
+    used: usize,
+    /// With how many the divisor is tried next: 1, 2, 3, 4, 6, 9, …
+    next_try: usize,
+}
+
+impl Lift {
+    fn new(degree: usize) -> Self {
+        Self {
+            degree,
+            count: usize::MAX,
+            remainders: Crt::new(0),
+            used: 0,
+            next_try: 1,
+        }
+    }
+    /// A divisor modulo one more prime; the divisor itself, where that is tried and comes out.
+    fn push(&mut self, ring: &Ring, divisor: &[Residue]) -> Option<Coefficients> {
+        let d = self.degree;
+        if divisor.len() > self.count {
+            return None;
+        }
+        if divisor.len() < self.count {
+            self.count = divisor.len();
+            self.remainders = Crt::new((self.count - 1) * d);
+            (self.used, self.next_try) = (0, 1);
+        }
+        let padded = |c: &Residue| (0..d).map(|i| c.get(i).copied().unwrap_or(0)).collect();
+        let lower = divisor[..self.count - 1].iter();
+        let residues: Vec<u64> = lower.flat_map(|c| -> Vec<u64> { padded(c) }).collect();
+        self.remainders.push(&ring.field, &residues);
+        self.used += 1;
+        if self.used < self.next_try {
+            return None;
+        }
+        self.next_try = self.used + self.used.div_ceil(2);
+        let (numerators, denominator) = self.remainders.rational()?;
+        let element = |c: &[IBig]| Element::normalised(c.to_vec(), denominator.clone());
+        let mut candidate: Coefficients = numerators.chunks(d).map(element).collect();
+        candidate.push(Element::normalised(vec![1.into()], UBig::ONE));
+        Some(candidate)
+    }
 }

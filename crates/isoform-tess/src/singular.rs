@@ -16,7 +16,7 @@ use crate::field::{Algebraic, Element, NumberField, monic};
 use crate::map::Map;
 use crate::zeros::common_zeros;
 use isoform_algebra::{
-    FactorError, IBig, Implicit, Poly, RBig, ResultantError, UBig, discriminant, real_roots,
+    FactorError, IBig, Implicit, Poly, RBig, ResultantError, UBig, UPoly, discriminant, real_roots,
 };
 use isoform_control::{Control, Stopped};
 use std::sync::Arc;
@@ -128,23 +128,13 @@ pub fn singular(
     let double = implicit
         .map(|i| double_locus(map, &i.equation, &minors, &common, control))
         .transpose()?;
-    let mut factors: Vec<(Poly, Option<usize>, usize)> = Vec::new();
-    for (curve, n) in common.factor(control).map_err(FactorError::only_stopped)? {
-        factors.push((curve, double.as_ref().map(|_| 0), n));
-    }
-    if let Some(double) = &double {
-        for (curve, n) in double.factor(control).map_err(FactorError::only_stopped)? {
-            match factors.iter_mut().find(|(known, ..)| *known == curve) {
-                Some(known) => known.1 = Some(n),
-                None => factors.push((curve, Some(n), 0)),
-            }
-        }
-    }
-    factors.sort_by(|(a, ..), (b, ..)| {
-        (a.total_degree(), a.terms()).cmp(&(b.total_degree(), b.terms()))
-    });
     let mut curves = Vec::new();
-    for (curve, in_double, in_minors) in factors {
+    for factor in factors(&common, double.as_ref(), control)? {
+        let Factor {
+            curve,
+            in_double,
+            in_minors,
+        } = factor;
         let kind = if in_minors > 0 {
             kind_of_critical(map, &curve, control)?
         } else {
@@ -164,6 +154,47 @@ pub fn singular(
         minors: common,
         curves,
     })
+}
+
+/// An irreducible factor of D or J.
+struct Factor {
+    curve: Poly,
+    /// How often it divides D, if that is known.
+    in_double: Option<usize>,
+    /// How often it divides J.
+    in_minors: usize,
+}
+
+/// The factors of J and D, by degree and then by terms.
+fn factors(
+    minors: &Poly,
+    double: Option<&Poly>,
+    control: &Control<'_>,
+) -> Result<Vec<Factor>, Stopped> {
+    let of = |p: &Poly| p.factor(control).map_err(FactorError::only_stopped);
+    let mut factors: Vec<Factor> = Vec::new();
+    for (curve, in_minors) in of(minors)? {
+        factors.push(Factor {
+            curve,
+            in_double: double.map(|_| 0),
+            in_minors,
+        });
+    }
+    for (curve, n) in double.map(of).transpose()?.unwrap_or_default() {
+        match factors.iter_mut().find(|known| known.curve == curve) {
+            Some(known) => known.in_double = Some(n),
+            None => factors.push(Factor {
+                curve,
+                in_double: Some(n),
+                in_minors: 0,
+            }),
+        }
+    }
+    factors.sort_by(|a, b| {
+        let key = |f: &'_ Factor| f.curve.total_degree();
+        (key(a), a.curve.terms()).cmp(&(key(b), b.curve.terms()))
+    });
+    Ok(factors)
 }
 
 /// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
@@ -350,16 +381,9 @@ pub fn real_part(curve: &Poly, control: &Control<'_>) -> Result<RealPart, Stoppe
 
 /// Whether an irreducible polynomial in s and t takes both signs.
 fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
-    let var = usize::from(f.degree(1) > 0);
-    let changes = |at: &RBig| {
-        let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
-        !u.is_zero()
-            && u.squarefree()
-                .iter()
-                .any(|(p, n)| n % 2 == 1 && !real_roots(p).is_empty())
-    };
-    for (n, d) in [
-        (0i32, 1u8),
+    /// Where most curves are met, as fractions.
+    const SIMPLE: [(i32, u8); 9] = [
+        (0, 1),
         (1, 1),
         (-1, 1),
         (3, 1),
@@ -368,34 +392,42 @@ fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
         (-1, 3),
         (10, 1),
         (-10, 1),
-    ] {
-        control.check()?;
-        if changes(&RBig::from_parts(IBig::from(n), UBig::from(d))) {
-            return Ok(true);
+    ];
+    let var = usize::from(f.degree(1) > 0);
+    let changes_in = |places: &mut dyn Iterator<Item = RBig>| {
+        for at in places {
+            control.check()?;
+            if changes_sign_over(f, var, &at) {
+                return Ok(true);
+            }
         }
+        Ok(false)
+    };
+    let simple = SIMPLE.map(|(n, d)| RBig::from_parts(IBig::from(n), UBig::from(d)));
+    if changes_in(&mut simple.into_iter())? {
+        return Ok(true);
     }
     if f.degree(1 - var) == 0 {
         return Ok(false);
     }
     // Between critical values the number of real zeros is the same.
     let lead = f.coefficients_in(var).swap_remove(f.degree(var));
-    let critical = (discriminant(f, var, control).map_err(ResultantError::only_stopped)? * lead)
-        .to_upoly(1 - var)
-        .expect("one variable is left");
-    let walls = real_roots(&critical);
-    let mut between: Vec<RBig> = walls
-        .windows(2)
-        .map(|w| w[0].rational_below(&w[1]))
-        .collect();
+    let discriminant = discriminant(f, var, control).map_err(ResultantError::only_stopped)?;
+    let critical = (discriminant * lead).to_upoly(1 - var);
+    let walls = real_roots(&critical.expect("one variable is left"));
+    let between = walls.windows(2).map(|w| w[0].rational_below(&w[1]));
+    let mut between: Vec<RBig> = between.collect();
     if let (Some(first), Some(last)) = (walls.first(), walls.last()) {
         between.push(first.interval().0 - RBig::ONE);
         between.push(last.interval().1 + RBig::ONE);
     }
-    for at in &between {
-        control.check()?;
-        if changes(at) {
-            return Ok(true);
-        }
-    }
-    Ok(false)
+    changes_in(&mut between.into_iter())
+}
+
+/// Whether a polynomial in s and t changes its sign along a line on which one of them, the other
+/// than `var`, has a value.
+fn changes_sign_over(f: &Poly, var: usize, at: &RBig) -> bool {
+    let u = f.set(1 - var, at).to_upoly(var).expect("one variable");
+    let is_odd_root = |(p, n): &(UPoly, usize)| n % 2 == 1 && !real_roots(p).is_empty();
+    !u.is_zero() && u.squarefree().iter().any(is_odd_root)
 }

@@ -4,7 +4,7 @@ use crate::base::{BasePoint, BinaryForm, BlowUp, Local, Near, expand, order};
 use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{self, Coefficients};
 use crate::zeros::Zero;
-use isoform_algebra::{Poly, RBig, real_roots};
+use isoform_algebra::{DOUBLED, Poly, RBig, RealRoot, real_roots, refine_until};
 use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::sync::Arc;
@@ -82,27 +82,32 @@ pub(crate) fn real_zeros(
     if p.len() > 1 {
         let p = univariate::squarefree_part(k, &p, control)?;
         let count = count_real_roots(k, root, &p, control)?;
-        let mut bits = BITS;
         // Simple roots stay real, and apart, if the coefficients change by little enough.
-        let roots = loop {
-            control.check()?;
-            let number = |(j, c): (usize, &Element)| {
-                let (lo, hi) = Algebraic::new(k, root, c.clone()).interval(bits);
-                ([j as u16, 0, 0, 0], (lo + hi) / RBig::from(2))
-            };
-            let near = Poly::from_terms(p.iter().enumerate().map(number));
-            let roots = near.to_upoly(0).map(|p| real_roots(&p.squarefree_part()));
-            if let Some(roots) = roots.filter(|r| r.len() == count) {
-                break roots;
-            }
-            bits *= 2;
-        };
+        let roots = refine_until(BITS, DOUBLED, control, |bits| {
+            let roots = roots_nearly(k, root, &p, bits);
+            Ok::<_, Stopped>(roots.filter(|r| r.len() == count))
+        })?;
         found.extend(roots.iter().map(|r| [1.0, r.to_f64()]));
     }
     if is_vertical {
         found.push([0.0, 1.0]);
     }
     Ok(found)
+}
+
+/// The real roots of a polynomial with its coefficients rounded to some bits; none if it is zero.
+fn roots_nearly(
+    k: &Arc<NumberField>,
+    root: usize,
+    p: &Coefficients,
+    bits: usize,
+) -> Option<Vec<RealRoot>> {
+    let number = |(j, c): (usize, &Element)| {
+        let (lo, hi) = Algebraic::new(k, root, c.clone()).interval(bits);
+        ([j as u16, 0, 0, 0], (lo + hi) / RBig::from(2))
+    };
+    let near = Poly::from_terms(p.iter().enumerate().map(number));
+    near.to_upoly(0).map(|p| real_roots(&p.squarefree_part()))
 }
 
 /// How many real roots a squarefree polynomial has, by the theorem of Sturm.

@@ -124,37 +124,54 @@ pub(crate) struct Extension {
 
 /// The fields of the roots of a squarefree polynomial, one for each class of roots that are
 /// conjugate over Q; if asked for, only those with a real root and a real image of the generator.
+///
+/// # Errors
+/// [`Stopped`].
 pub(crate) fn roots(
     k: &Arc<NumberField>,
     p: &Coefficients,
     real: bool,
     control: &Control<'_>,
 ) -> Result<Vec<Extension>, Stopped> {
-    if p.len() < 2 {
-        return Ok(Vec::new());
-    }
-    if p.len() == 2 {
-        let root = k.div(&p[0], &p[1]).negated();
-        return Ok(vec![Extension {
+    match p.len() {
+        0 | 1 => Ok(Vec::new()),
+        2 => Ok(vec![Extension {
             field: Arc::clone(k),
             theta: k.generator(),
-            root,
-        }]);
+            root: k.div(&p[0], &p[1]).negated(),
+        }]),
+        _ if k.degree() == 1 => rational_roots(k, p, real, control),
+        _ => extensions(k, p, real, control),
     }
-    if k.degree() == 1 {
-        let factors = to_upoly(p)
-            .factor(control)
-            .map_err(FactorError::only_stopped)?;
-        let fields = factors.into_iter().map(|(h, _)| NumberField::new(&h));
-        let wanted = fields.filter(|(field, _)| !real || !field.real_roots().is_empty());
-        return Ok(wanted
-            .map(|(field, root)| Extension {
-                theta: k.generator(),
-                field,
-                root,
-            })
-            .collect());
-    }
+}
+
+/// The fields of the roots of a polynomial over Q.
+fn rational_roots(
+    k: &Arc<NumberField>,
+    p: &Coefficients,
+    real: bool,
+    control: &Control<'_>,
+) -> Result<Vec<Extension>, Stopped> {
+    let factors = to_upoly(p).factor(control);
+    let factors = factors.map_err(FactorError::only_stopped)?;
+    let fields = factors.into_iter().map(|(h, _)| NumberField::new(&h));
+    let wanted = fields.filter(|(field, _)| !real || !field.real_roots().is_empty());
+    let extension = |(field, root)| Extension {
+        theta: k.generator(),
+        field,
+        root,
+    };
+    Ok(wanted.map(extension).collect())
+}
+
+/// The fields of the roots of a polynomial over a field of degree 2 or more: by factors of its norm,
+/// after a shift.
+fn extensions(
+    k: &Arc<NumberField>,
+    p: &Coefficients,
+    real: bool,
+    control: &Control<'_>,
+) -> Result<Vec<Extension>, Stopped> {
     // p as a polynomial in θ (variable 0) and y (variable 1), up to a rational factor.
     let both = p.iter().enumerate().fold(Poly::zero(), |sum, (j, c)| {
         sum + to_poly(c) * Poly::var(1).pow(j as u32)
@@ -164,36 +181,42 @@ pub(crate) fn roots(
         control.check()?;
         // λ = y + shift·θ in place of y.
         let by = Poly::var(1) - Poly::var(0).scale(&RBig::from(shift));
-        let norm = resultant(&modulus, &both.substitute(1, &by), 0, control)
-            .map_err(ResultantError::only_stopped)?
-            .to_upoly(1)
-            .expect("θ was eliminated");
+        let shifted = both.substitute(1, &by);
+        let norm = resultant(&modulus, &shifted, 0, control);
+        let norm = norm.map_err(ResultantError::only_stopped)?.to_upoly(1);
+        let norm = norm.expect("θ was eliminated");
         if norm.squarefree_part().degree() < norm.degree() {
             continue;
         }
-        let mut extensions = Vec::new();
+        let mut found = Vec::new();
         for (h, _) in norm.factor(control).map_err(FactorError::only_stopped)? {
             let (field, lambda) = NumberField::new(&h);
-            if real && field.real_roots().is_empty() {
-                continue;
+            if !real || !field.real_roots().is_empty() {
+                let theta = common_root(&field, &lambda, k.modulus(), &shifted, control)?;
+                let root = lambda.sub(&theta.scaled(&RBig::from(shift)));
+                found.push(Extension { field, theta, root });
             }
-            // θ is the only common root of its modulus and p(θ, λ − shift·θ).
-            let restricted = both.substitute(1, &by);
-            let mut column: Coefficients = restricted
-                .coefficients_in(0)
-                .iter()
-                .map(|c| field.eval(c, 1, &lambda))
-                .collect();
-            trim(&mut column);
-            let common = gcd(&field, &from_upoly(k.modulus()), &column, control)?;
-            assert_eq!(common.len(), 2, "a separating shift");
-            let theta = common[0].negated();
-            let root = lambda.sub(&theta.scaled(&RBig::from(shift)));
-            extensions.push(Extension { field, theta, root });
         }
-        return Ok(extensions);
+        return Ok(found);
     }
     unreachable!("all but finitely many shifts separate")
+}
+
+/// θ in the field of λ: the only common root of its modulus and of the shifted polynomial there.
+fn common_root(
+    field: &NumberField,
+    lambda: &Element,
+    modulus: &UPoly,
+    shifted: &Poly,
+    control: &Control<'_>,
+) -> Result<Element, Stopped> {
+    let coefficients = shifted.coefficients_in(0);
+    let values = coefficients.iter().map(|c| field.eval(c, 1, lambda));
+    let mut column: Coefficients = values.collect();
+    trim(&mut column);
+    let common = gcd(field, &from_upoly(modulus), &column, control)?;
+    assert_eq!(common.len(), 2, "a separating shift");
+    Ok(common[0].negated())
 }
 
 /// 0, 1, −1, 2, −2, …

@@ -10,6 +10,7 @@ use crate::field::{Algebraic, Element, NumberField};
 use crate::univariate::{self, Coefficients};
 use isoform_algebra::{FactorError, Poly, RBig, ResultantError, UPoly, resultant};
 use isoform_control::{Control, Stopped};
+use isoform_num::Random;
 use std::cmp::Ordering;
 use std::sync::Arc;
 
@@ -70,16 +71,13 @@ impl Zero {
 /// Coefficients of the combinations of which resultants are taken; any that have no common factor
 /// will do.
 fn combination(forms: &[Poly], index: u64) -> Poly {
-    let mut state = index;
+    let mut random = Random::congruential(index);
     forms.iter().enumerate().fold(Poly::zero(), |sum, (i, f)| {
         // The first ones are single forms, which are sparse if the map is.
         let c = if index < forms.len() as u64 {
             i64::from(i as u64 == index)
         } else {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1_442_695_040_888_963_407);
-            (state >> 60) as i64 - 8
+            (random.bits() >> 60) as i64 - 8
         };
         sum + f.scale(&RBig::from(c))
     })
@@ -104,16 +102,10 @@ pub(crate) fn common_zeros(
         return Ok(Vec::new());
     }
     let mut zeros = affine_zeros(&forms, degree, real, control)?;
-    let on_line: Vec<UPoly> = forms
-        .iter()
-        .map(|f| {
-            f.set(2, &RBig::ZERO)
-                .dehomogenise(1)
-                .to_upoly(0)
-                .expect("one variable left")
-        })
-        .collect();
-    let common = on_line.iter().fold(UPoly::default(), |g, p| g.gcd(p));
+    let on_line = |f: &Poly| f.set(2, &RBig::ZERO).dehomogenise(1).to_upoly(0);
+    let common = forms.iter().fold(UPoly::default(), |g, f| {
+        g.gcd(&on_line(f).expect("one variable left"))
+    });
     assert!(!common.is_zero(), "forms without common factor");
     for (h, _) in common.factor(control).map_err(FactorError::only_stopped)? {
         let (field, s) = NumberField::new(&h);
@@ -135,6 +127,7 @@ pub(crate) fn common_zeros(
     Ok(zeros)
 }
 
+/// The common zeros with w = 1.
 fn affine_zeros(
     forms: &[Poly],
     degree: usize,
@@ -236,7 +229,7 @@ fn zeros_with_first(
     }
 }
 
-/// The zeros over the roots θ of a polynomial.
+/// The zeros over the roots θ of a polynomial; nothing if there is more than one over one of them.
 fn decide(
     forms: &[Poly],
     thetas: &UPoly,
@@ -245,35 +238,13 @@ fn decide(
     control: &Control<'_>,
 ) -> Result<Option<Vec<Zero>>, Stopped> {
     let mut zeros = Vec::new();
-    for (h, _) in thetas
-        .squarefree_part()
-        .factor(control)
-        .map_err(FactorError::only_stopped)?
-    {
+    let factors = thetas.squarefree_part().factor(control);
+    for (h, _) in factors.map_err(FactorError::only_stopped)? {
         let (field, theta) = NumberField::new(&h);
         if real && field.real_roots().is_empty() {
             continue;
         }
-        let mut common: Option<Coefficients> = None;
-        for form in forms {
-            control.check()?;
-            let mut column: Coefficients = form
-                .coefficients_in(1)
-                .iter()
-                .map(|c| field.eval(c, 0, &theta))
-                .collect();
-            univariate::trim(&mut column);
-            common = Some(match common {
-                None => column,
-                Some(g) => univariate::gcd(&field, &g, &column, control)?,
-            });
-            if common.as_ref().is_some_and(|g| g.len() == 1) {
-                break;
-            }
-        }
-        let common = common.expect("there are forms");
-        assert!(!common.is_empty(), "forms without common factor");
-        let distinct = univariate::squarefree_part(&field, &common, control)?;
+        let distinct = roots_over(forms, &field, &theta, control)?;
         match distinct.len() {
             1 => {}
             2 => {
@@ -290,6 +261,35 @@ fn decide(
     }
     zeros.sort_by(order);
     Ok(Some(zeros))
+}
+
+/// A squarefree polynomial in t with the common roots of forms over θ.
+fn roots_over(
+    forms: &[Poly],
+    field: &Arc<NumberField>,
+    theta: &Element,
+    control: &Control<'_>,
+) -> Result<Coefficients, Stopped> {
+    let mut common: Option<Coefficients> = None;
+    for form in forms {
+        control.check()?;
+        let coefficients = form.coefficients_in(1);
+        let values = coefficients.iter().map(|c| field.eval(c, 0, theta));
+        let mut column: Coefficients = values.collect();
+        univariate::trim(&mut column);
+        let next = match common {
+            None => column,
+            Some(g) => univariate::gcd(field, &g, &column, control)?,
+        };
+        let is_one = next.len() == 1;
+        common = Some(next);
+        if is_one {
+            break;
+        }
+    }
+    let common = common.expect("there are forms");
+    assert!(!common.is_empty(), "forms without common factor");
+    univariate::squarefree_part(field, &common, control)
 }
 
 /// By degree of the field, then by its modulus: the same each time.

@@ -5,7 +5,7 @@ use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_tess::{
     Basis, Budget, Claim, Domain, Finding, Grade, JoinedCurve, Map, MeshOptions, Mode, Phase,
-    Surface, TriangulateOptions, Unopened, triangulate,
+    Surface, TriangulateOptions, Unopened, triangulate_once,
 };
 
 const SPHERE: [&str; 4] = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
@@ -45,7 +45,7 @@ fn options(mode: Mode) -> TriangulateOptions {
 
 fn surface(texts: [&str; 4], options: &TriangulateOptions) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = triangulate(&map, options, &Control::default()).expect("not stopped");
+    let (surface, _) = triangulate_once(&map, options, &Control::default()).expect("not stopped");
     assert!(surface.is_certified(), "{texts:?}: {:?}", surface.findings);
     surface
 }
@@ -162,7 +162,7 @@ fn what_was_stopped_does_not_hold() {
     let mut options = options(Mode::Glued);
     options.budget.seconds = 0.0;
     let map = Map::parse(UMBRELLA, Default::default()).expect("a map");
-    let (s, _) = triangulate(&map, &options, &Control::default()).expect("not stopped");
+    let (s, _) = triangulate_once(&map, &options, &Control::default()).expect("not stopped");
     assert!(!s.holds(Claim::DoubleCurves), "{:?}", s.findings);
     assert!(!s.claims().contains(&Claim::CriticalCurves.into()));
     assert!(s.holds(Claim::BasePoints) && s.claims().contains(&Claim::BasePoints.into()));

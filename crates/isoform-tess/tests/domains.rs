@@ -4,7 +4,8 @@
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
 use isoform_tess::{
-    Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate,
+    Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions,
+    triangulate_once,
 };
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -47,7 +48,7 @@ fn over(
         mesh,
         budget: Budget::default(),
     };
-    triangulate(&map, &options, &Control::default())
+    triangulate_once(&map, &options, &Control::default())
         .expect("not stopped")
         .0
 }

@@ -3,7 +3,7 @@
 use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_geom::{cross, norm, sub};
-use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate};
+use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate_once};
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
@@ -25,7 +25,7 @@ fn drawn(texts: [&str; 4], half_width: i64) -> Surface {
         },
         budget: Budget::default(),
     };
-    triangulate(&map, &options, &Control::default())
+    triangulate_once(&map, &options, &Control::default())
         .expect("not stopped")
         .0
 }

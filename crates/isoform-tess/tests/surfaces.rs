@@ -7,7 +7,7 @@ use isoform_control::Control;
 use isoform_geom::{norm, sub};
 use isoform_tess::{
     Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Phase, Prepared, Surface,
-    TriangulateOptions, triangulate,
+    TriangulateOptions, triangulate_once,
 };
 use isoform_testdata::ExpectedFailures;
 use std::collections::{BTreeMap, BTreeSet};
@@ -32,7 +32,7 @@ fn surface_to(map: &Map, half_width: i64, mode: Mode, mesh: MeshOptions) -> Surf
         mesh,
         budget: Budget::default(),
     };
-    triangulate(map, &options, &Control::default())
+    triangulate_once(map, &options, &Control::default())
         .expect("not stopped")
         .0
 }
@@ -328,7 +328,7 @@ fn limit_of_triangles() {
         mesh,
         budget: Budget::default(),
     };
-    let (part, _) = triangulate(&map, &options, &Control::default()).expect("not stopped");
+    let (part, _) = triangulate_once(&map, &options, &Control::default()).expect("not stopped");
     for s in [whole, part] {
         assert!(
             (19_500..=20_000).contains(&s.triangles.len()),

@@ -37,7 +37,6 @@ mod implicit_surface;
 mod mesh_model;
 mod meshing;
 mod patches;
-mod rational;
 pub mod report;
 mod template;
 mod topology;
@@ -68,6 +67,8 @@ pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
 pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
-pub use rational::{PatchesError, rational_patches, rational_surface};
+pub use isoform_tess::{
+    PatchesError, triangulate as triangulate_map, triangulate_patches,
+};
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

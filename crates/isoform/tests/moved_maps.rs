@@ -2,7 +2,7 @@
 //! surface that closed forms say.
 
 use isoform::Control;
-use isoform::rational_surface;
+use isoform::triangulate_map;
 use isoform_algebra::RBig;
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
 use std::collections::BTreeSet;
@@ -29,7 +29,7 @@ fn certified(forms: [&str; 4], half_width: i32) -> Surface {
         },
         budget: Budget::default(),
     };
-    let (surface, _) = rational_surface(&map, &options, &Control::default()).expect("not stopped");
+    let (surface, _) = triangulate_map(&map, &options, &Control::default()).expect("not stopped");
     assert!(surface.is_certified(), "{:?}", surface.findings);
     surface
 }

@@ -4,7 +4,7 @@
 //! `ISOFORM_RANDOM_FIRST` says where to begin).
 
 use isoform::Control;
-use isoform::rational_surface;
+use isoform::triangulate_map;
 use isoform_algebra::RBig;
 use isoform_check::{Options, certify};
 use isoform_geom::{Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
@@ -115,7 +115,7 @@ fn random_maps() {
 fn walls_closer_than_rounding() {
     let texts = ["-s^0+t^2-3*s", "t-2*s*t", "3*t", "-t+3*s*t"];
     let map = Map::parse(texts, Default::default()).expect("a map");
-    let (surface, _) = rational_surface(
+    let (surface, _) = triangulate_map(
         &map,
         &options(Mode::Glued, Budget::default()),
         &Control::default(),
@@ -130,7 +130,7 @@ fn certified(texts: [&str; 4]) -> Surface {
     let map = Map::parse(texts, Default::default()).expect("a map");
     let mut options = options(Mode::Glued, Budget::default());
     (options.mesh.tolerance, options.mesh.longest) = (FINE, 0.25 * HALF_WIDTH);
-    let (surface, _) = rational_surface(&map, &options, &Control::default()).expect("a surface");
+    let (surface, _) = triangulate_map(&map, &options, &Control::default()).expect("a surface");
     assert!(surface.is_certified(), "{texts:?}: {:?}", surface.findings);
     let found = faults(surface.clone(), Mode::Glued);
     assert!(found.is_empty(), "{texts:?}: {found:?}");
@@ -347,7 +347,7 @@ fn try_maps(seeds: Range<u64>, cost: Cost) -> Tried {
             let clock = Instant::now();
             let control = Control::default().until(clock + cost.allowed);
             let options = options(mode, cost.budget);
-            let work = AssertUnwindSafe(|| rational_surface(&map, &options, &control));
+            let work = AssertUnwindSafe(|| triangulate_map(&map, &options, &control));
             let made = std::panic::catch_unwind(work);
             let seconds = clock.elapsed().as_secs_f64();
             if seconds > (2.0 * cost.allowed.as_secs_f64()).max(8.0) {

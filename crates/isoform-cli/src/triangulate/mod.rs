@@ -379,10 +379,10 @@ fn triangles(
     control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
     match subject {
-        Subject::Map(map) => isoform::rational_surface(&map, options, control)
+        Subject::Map(map) => isoform::triangulate_map(&map, options, control)
             .map(|(surface, analysis)| (surface, vec![(*map, analysis)]))
             .map_err(|_| PatchesError::Stopped),
-        Subject::Patches(list) => isoform::rational_patches(&list, options, control),
+        Subject::Patches(list) => isoform::triangulate_patches(&list, options, control),
     }
 }
 

@@ -1,10 +1,34 @@
 //! Pairs with real images: of real parameters, or of conjugate ones.
 
-use super::{Pair, Pairs, Parts, solve, turn};
+use super::{Pair, Pairs, Parts, Rows, solve, turn};
 use crate::complex::{
     self, C, V, conj, distance, largest, length, normalised, real_line, real_point,
 };
 use isoform_geom::norm;
+
+/// The sine of the angle between conjugate parameters below which they are one: half of the digits
+/// are lost where both come together. Larger, and complex pairs are taken for real ones; smaller, and
+/// an arc is missed, which another section has, too.
+pub(super) const REAL: f64 = 1e-6;
+/// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
+/// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
+const NEARLY_REAL: f64 = -0.1;
+/// How many times the least |λ| conjugate parameters may have before they get the phase of that: at
+/// a pinch point λ must come to 0. With 1 they would change to and fro.
+const MORE_REAL: f64 = 2.0;
+/// Most Newton steps to a place.
+const STEPS: usize = 8;
+/// Newton's method ends with a step below this: the next one would be lost in rounding.
+const DONE: f64 = 1e-8;
+/// A Newton step may be at most this share of the one before.
+const SHRINKING: f64 = 0.5;
+/// The longest Newton step: longer ones lead to another arc.
+const FARTHEST: f64 = 0.3;
+/// How far along a tangent the direction in space is looked at: half of the digits.
+const AHEAD: f64 = 1e-5;
+/// The quotient of the forms' sizes at the two parameters of a pair that comes to a base point: the
+/// quotient is the distance from it, and its inverse the loss of digits.
+const AT_BASE_POINT: f64 = 1e-9;
 
 /// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
 ///
@@ -24,7 +48,7 @@ pub(crate) struct Place {
     pub(super) pair: RealPair,
     /// In the direction of the arc, of norm 1.
     pub(super) tangent: [f64; 7],
-    /// (X : Y : Z : W) in half-widths, of norm 1.
+    /// (X : Y : Z : W) in half widths of the box, of norm 1.
     pub(super) image: [f64; 4],
 }
 
@@ -92,12 +116,9 @@ impl RealPair {
     /// Whether the forms all but vanish at one of the parameters, beside their values at the other
     /// one, for a map of a degree.
     pub(super) fn is_at_base_point(&self, degree: usize) -> bool {
-        /// The quotient of the values: next to a base point it is the distance from it, and its
-        /// inverse the loss of digits.
-        const SMALL: f64 = 1e-9;
         self.real().is_some_and(|[p, q]| {
             let [p, q] = [norm(p), norm(q)];
-            (p.min(q) / p.max(q)).powi(degree as i32) < SMALL
+            (p.min(q) / p.max(q)).powi(degree as i32) < AT_BASE_POINT
         })
     }
     /// The real parameters.
@@ -125,10 +146,18 @@ pub(super) enum Condition {
     Side(usize, usize),
 }
 
+/// The real solution of equations whose imaginary parts are rounding.
+fn solve_real(mut rows: Rows) -> Option<[f64; 7]> {
+    for c in rows.iter_mut().flatten() {
+        c.im = 0.0;
+    }
+    Some(solve(rows)?.map(|c| c.re))
+}
+
 impl Pairs {
     /// The real form of the equations at a pair, with the row of a plane or an empty one as the fourth,
     /// and the image.
-    fn real_rows(&self, x: &RealPair, plane: Option<&[f64; 4]>) -> ([[C; 8]; 7], [f64; 4]) {
+    fn real_rows(&self, x: &RealPair, plane: Option<&[f64; 4]>) -> (Rows, [f64; 4]) {
         let pair = x.complex();
         let Parts { even, odd } = self.parts(&pair);
         let (zero, image) = match x.is_opposed {
@@ -145,57 +174,60 @@ impl Pairs {
     /// The place near to a pair that meets a condition, and the length of the first step.
     pub(super) fn correct(&self, start: &RealPair, condition: &Condition) -> Option<(Place, f64)> {
         let (mut x, mut first, mut last) = (*start, 0.0, f64::INFINITY);
-        for i in 0..8 {
-            let plane = match condition {
-                Condition::Plane(plane) => Some(plane),
-                _ => None,
-            };
-            let (mut rows, _) = self.real_rows(&x, plane);
-            match condition {
-                Condition::Across(d) => {
-                    (0..7).for_each(|k| rows[4][k] = C::new(d[k], 0.0));
-                }
-                Condition::Pinch => {
-                    rows[4][6] = C::ONE;
-                    rows[4][7] = C::new(-x.l, 0.0);
-                }
-                &Condition::Side(which, k) => {
-                    let h = if which == 0 { x.l.sqrt() } else { -x.l.sqrt() };
-                    rows[4][k] = C::ONE;
-                    rows[4][3 + k] = C::new(h, 0.0);
-                    rows[4][6] = C::new(0.5 * x.e[k] / h, 0.0);
-                    rows[4][7] = C::new(-(x.m[k] + h * x.e[k]), 0.0);
-                }
-                Condition::Plane(_) => {}
-            }
-            rows.iter_mut().flatten().for_each(|c| c.im = 0.0);
-            let d = solve(rows)?.map(|c| c.re);
+        for i in 0..STEPS {
+            let d = solve_real(self.rows_with(&x, condition))?;
             let size = dot7(&d, &d).sqrt();
             if i == 0 {
                 first = size;
             }
-            if size > 0.5 * last || size > 0.3 {
+            if size > SHRINKING * last || size > FARTHEST {
                 return None;
             }
             x = x.moved(&d, 1.0).scaled();
-            if matches!(condition, Condition::Pinch) && size < 1e-8 {
-                x.l = 0.0;
-            }
-            if size < 1e-8 {
+            if size < DONE {
+                if matches!(condition, Condition::Pinch) {
+                    x.l = 0.0;
+                }
                 let tangent = self.tangent(&x)?;
                 let (_, image) = self.real_rows(&x, None);
-                return Some((
-                    Place {
-                        pair: x,
-                        tangent,
-                        image,
-                    },
-                    first,
-                ));
+                let place = Place {
+                    pair: x,
+                    tangent,
+                    image,
+                };
+                return Some((place, first));
             }
             last = size;
         }
         None
+    }
+    /// The equations for a step of Newton's method towards a condition.
+    fn rows_with(&self, x: &RealPair, condition: &Condition) -> Rows {
+        if let Condition::Plane(plane) = condition {
+            return self.real_rows(x, Some(plane)).0;
+        }
+        let (mut rows, _) = self.real_rows(x, None);
+        let real = |x: f64| C::new(x, 0.0);
+        match condition {
+            Condition::Across(d) => {
+                for k in 0..7 {
+                    rows[4][k] = real(d[k]);
+                }
+            }
+            Condition::Pinch => {
+                rows[4][6] = C::ONE;
+                rows[4][7] = real(-x.l);
+            }
+            &Condition::Side(which, k) => {
+                let h = if which == 0 { x.l.sqrt() } else { -x.l.sqrt() };
+                rows[4][k] = C::ONE;
+                rows[4][3 + k] = real(h);
+                rows[4][6] = real(0.5 * x.e[k] / h);
+                rows[4][7] = real(-(x.m[k] + h * x.e[k]));
+            }
+            Condition::Plane(_) => {}
+        }
+        rows
     }
 
     /// The direction of the solutions, of either sign.
@@ -204,13 +236,13 @@ impl Pairs {
         let mut best: Option<[f64; 7]> = None;
         for axis in 0..7 {
             let mut rows = rows;
-            rows.iter_mut().for_each(|row| row[7] = C::ZERO);
-            rows.iter_mut().flatten().for_each(|c| c.im = 0.0);
+            for row in &mut rows {
+                row[7] = C::ZERO;
+            }
             rows[4] = [C::ZERO; 8];
             rows[4][axis] = C::ONE;
             rows[4][7] = C::ONE;
-            let Some(d) = solve(rows) else { continue };
-            let d = d.map(|c| c.re);
+            let Some(d) = solve_real(rows) else { continue };
             let size = dot7(&d, &d).sqrt();
             if best.is_none_or(|b| size < dot7(&b, &b).sqrt()) {
                 best = Some(d);
@@ -221,7 +253,7 @@ impl Pairs {
         Some(best.map(|x| x / size))
     }
 
-    /// The same pair with the signs, or phases, that belong to it.
+    /// A place with the signs of its pair, or the phases, that belong to it.
     pub(super) fn righted(&self, place: &Place) -> Option<Place> {
         let is_right = match place.pair.real() {
             Some([p, q]) => isoform_geom::dot(p, q) >= 0.0,
@@ -237,7 +269,7 @@ impl Pairs {
             self.flipped(place)
         }
     }
-    /// The same pair with the other sign of the second parameter, or, of conjugate ones, with the
+    /// A place with the other sign of the second parameter, or, of conjugate ones, with the
     /// phase that makes the first one as real as may be.
     pub(super) fn flipped(&self, place: &Place) -> Option<Place> {
         let x = match place.pair.real() {
@@ -250,28 +282,25 @@ impl Pairs {
         if !x.l.is_finite() {
             return Some(*place);
         }
-        let mut tangent = self.tangent(&x)?;
-        // The direction in space is as it was.
-        let (_, a) = self.real_rows(&place.pair.moved(&place.tangent, 1e-5), None);
-        let (_, b) = self.real_rows(&x.moved(&tangent, 1e-5), None);
-        let (_, here) = self.real_rows(&x, None);
-        let way = |to: [f64; 4]| {
-            let sign = if (0..4).map(|i| to[i] * here[i]).sum::<f64>() < 0.0 {
-                -1.0
-            } else {
-                1.0
-            };
-            [0, 1, 2, 3].map(|i| sign * to[i] - here[i])
-        };
-        let (a, b) = (way(a), way(b));
-        if (0..4).map(|i| a[i] * b[i]).sum::<f64>() < 0.0 {
-            tangent = tangent.map(|x| -x);
-        }
-        Some(Place {
+        let tangent = self.tangent(&x)?;
+        let (_, image) = self.real_rows(&x, None);
+        let flipped = Place {
             pair: x,
             tangent,
-            image: here,
-        })
+            image,
+        };
+        // The direction in space is as it was.
+        let a = self.way(place, &image);
+        let b = self.way(&flipped, &image);
+        let is_turned = (0..4).map(|i| a[i] * b[i]).sum::<f64>() < 0.0;
+        Some(if is_turned { flipped.turned() } else { flipped })
+    }
+    /// From an image to the image ahead of a place.
+    fn way(&self, place: &Place, from: &[f64; 4]) -> [f64; 4] {
+        let (_, to) = self.real_rows(&place.pair.moved(&place.tangent, AHEAD), None);
+        let is_opposite = (0..4).map(|i| to[i] * from[i]).sum::<f64>() < 0.0;
+        let sign = if is_opposite { -1.0 } else { 1.0 };
+        [0, 1, 2, 3].map(|i| sign * to[i] - from[i])
     }
     /// The ways to write a pair in which arcs may have it: with both signs of m and of e, and of the
     /// second parameter, or all phases of conjugate ones.
@@ -355,16 +384,7 @@ impl Pairs {
     }
 }
 
-/// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
-/// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
-const NEARLY_REAL: f64 = -0.1;
-/// How many times the least |λ| conjugate parameters may have before they get the phase of that: at
-/// a pinch point λ must come to 0. With 1 they would change to and fro.
-const MORE_REAL: f64 = 2.0;
-
-/// The sine of the angle between conjugate parameters below which they are one.
-pub(super) const REAL: f64 = 1e-6;
-
+/// A vector divided by its length.
 fn unit(v: [f64; 4]) -> [f64; 4] {
     let size = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     v.map(|x| x / size)
@@ -374,7 +394,7 @@ impl Place {
     pub(super) fn is_inside(&self) -> bool {
         (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
     }
-    /// In half-widths.
+    /// The point of space, in half widths of the box.
     pub(crate) fn point(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.image[i] / self.image[3])
     }
@@ -395,7 +415,7 @@ impl Place {
     pub(crate) fn is_pinch(&self) -> bool {
         self.pair.l == 0.0
     }
-    /// (X : Y : Z : W) in half-widths.
+    /// (X : Y : Z : W) in half widths of the box.
     pub(crate) fn image(&self) -> [f64; 4] {
         self.image
     }

@@ -1,18 +1,48 @@
-//! All pairs in a plane of space.
+//! Sections: all pairs in a plane of space.
+//!
+//! Random starts and monodromy find the pairs in a general plane, the trace test and their number
+//! say that they are all; other planes are reached from there by paths.
 
 use super::{Pair, Pairs, between};
 use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, normalised};
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
-/// How often all pairs of the section are carried around at most, and how often in vain before the
-/// section is looked at.
+/// How often all pairs of the section are led around at most: each time more than half of what is
+/// missing is found.
 const LOOPS: usize = 30;
+/// How many loops may find nothing before the trace test is asked.
 const IN_VAIN: usize = 2;
-/// Random starts, and how often as many as long as there are too few pairs: those of components of
-/// a low degree are rarely found, and monodromy does not lead to them.
+/// Random starts of a batch: pairs of components of low degree are rarely found, and monodromy does
+/// not lead from one component to another.
 const SEEDS: usize = 400;
+/// Batches of random starts, as long as there are too few pairs.
 const BATCHES: usize = 12;
+/// The seed of the random starts and loops: any other would do.
+const SEED: u64 = 5;
+/// The distance of the planes of the trace test, in half widths of the box.
+const FAR: f64 = 0.3;
+/// The largest bend of the sum of images in the trace test, in shares of the sizes of its terms: the
+/// errors of all paths together. Larger, and an incomplete section is taken for complete, which the
+/// number of pairs shows; smaller, and complete ones are refused.
+const BENT: f64 = 1e-7;
+/// How often a section is tried, with other planes in between.
+const TRIES: usize = 3;
+/// Paths that stop after this time have come to their end: a singular point, which planes that are
+/// not general may meet.
+const NEARLY_THERE: f64 = 0.9;
+/// Images outside of this many boxes are far away.
+const FAR_AWAY: f64 = 2.0;
+/// W per norm of the forms that is taken for 0: rounding.
+const INFINITE: f64 = 1e-9;
+/// The largest distance of a parameter from a curve that it is on, as a sine: paths end with eight
+/// digits.
+const ON_CURVE: f64 = 1e-6;
+/// The least distance of two pairs or parameters, as a sum of sines: paths end with eight digits.
+const APART: f64 = 1e-6;
+/// The width of cells by which near pairs are found: more than an invariant changes within
+/// [`APART`].
+const CELL: f64 = 1e-5;
 
 impl Pairs {
     /// The pairs in a general plane: all of them, if the trace test says so.
@@ -22,42 +52,18 @@ impl Pairs {
         expected: &Expected,
         control: &Control<'_>,
     ) -> Result<Section, Stopped> {
-        let mut stream = Stream(5);
-        let mut section = Section::new();
-        for _ in 0..BATCHES {
-            control.check()?;
-            for _ in 0..SEEDS {
-                if let Some(p) = self.seed(plane, &mut stream) {
-                    section.add(p);
-                }
-            }
-            if section.parameters(self, expected.is_finite) >= expected.parameters
-                || section.pairs.is_empty()
-            {
-                break;
-            }
-        }
-        let is_full = |s: &Section| s.parameters(self, expected.is_finite) == expected.parameters;
+        let mut stream = Stream::new(SEED);
+        let mut section = self.seeds(plane, expected, &mut stream, control)?;
         let mut in_vain = 0;
         for _ in 0..LOOPS {
-            let is_enough = in_vain >= IN_VAIN || is_full(&section);
+            let is_enough = in_vain >= IN_VAIN
+                || section.parameters(self, expected.is_finite) == expected.parameters;
             if is_enough && self.passes_trace_test(plane, &section.pairs, &mut stream) {
                 section.is_complete = true;
                 break;
             }
-            let [a, b]: [Plane; 2] = [stream.complex(), stream.complex()];
-            let phases = [stream.phase(), stream.phase(), stream.phase()];
             let known = section.pairs.len();
-            for k in 0..known {
-                control.check()?;
-                let end = self
-                    .follow(&between(*plane, a, phases[0]), &section.pairs[k])
-                    .and_then(|p| self.follow(&between(a, b, phases[1]), &p))
-                    .and_then(|p| self.follow(&between(b, *plane, phases[2]), &p));
-                if let Ok(p) = end {
-                    section.add(p);
-                }
-            }
+            self.lead_around(plane, &mut section, &mut stream, control)?;
             in_vain = if section.pairs.len() > known {
                 0
             } else {
@@ -65,6 +71,55 @@ impl Pairs {
             };
         }
         Ok(section)
+    }
+    /// Pairs in a plane from random starts: one of each component, as a rule.
+    fn seeds(
+        &self,
+        plane: &Plane,
+        expected: &Expected,
+        stream: &mut Stream,
+        control: &Control<'_>,
+    ) -> Result<Section, Stopped> {
+        let mut section = Section::new();
+        for _ in 0..BATCHES {
+            control.check()?;
+            for _ in 0..SEEDS {
+                if let Some(p) = self.seed(plane, stream) {
+                    section.add(p);
+                }
+            }
+            let count = section.parameters(self, expected.is_finite);
+            if count >= expected.parameters || section.pairs.is_empty() {
+                break;
+            }
+        }
+        Ok(section)
+    }
+    /// Leads all pairs by two other planes back to their own, and adds those that they come to
+    /// (monodromy).
+    fn lead_around(
+        &self,
+        plane: &Plane,
+        section: &mut Section,
+        stream: &mut Stream,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let [a, b]: [Plane; 2] = [stream.complex(), stream.complex()];
+        let phases = [stream.phase(), stream.phase(), stream.phase()];
+        let away = between(*plane, a, phases[0]);
+        let on = between(a, b, phases[1]);
+        let back = between(b, *plane, phases[2]);
+        for k in 0..section.pairs.len() {
+            control.check()?;
+            let end = self
+                .follow(&away, &section.pairs[k])
+                .and_then(|p| self.follow(&on, &p))
+                .and_then(|p| self.follow(&back, &p));
+            if let Ok(p) = end {
+                section.add(p);
+            }
+        }
+        Ok(())
     }
 
     /// Whether the sum of the images moves on a line as the plane moves parallel to itself.
@@ -95,7 +150,7 @@ impl Pairs {
         let (Some(a), Some(b), Some(c)) = (sum(-FAR), sum(0.0), sum(FAR)) else {
             return false;
         };
-        (a.0 + c.0 - b.0.times(2.0)).norm() <= 1e-7 * (a.1 + b.1 + c.1)
+        (a.0 + c.0 - b.0.times(2.0)).norm() <= BENT * (a.1 + b.1 + c.1)
     }
 
     /// Whether the image of a pair is not at infinity.
@@ -104,10 +159,10 @@ impl Pairs {
         image[3].norm() > INFINITE * norm(&image)
     }
 
-    /// Whether the image of a pair is outside of twice the box.
+    /// Whether the image of a pair is far outside of the box.
     fn is_far(&self, pair: &Pair) -> bool {
         let image = self.parts(pair).even.value;
-        (0..3).any(|i| image[i].norm() > 2.0 * image[3].norm())
+        (0..3).any(|i| image[i].norm() > FAR_AWAY * image[3].norm())
     }
 
     /// The section by a plane from another one; less than that if paths are lost.
@@ -125,8 +180,7 @@ impl Pairs {
             for p in pairs {
                 match self.follow(&path, p) {
                     Ok(p) => found.add(p),
-                    // To a singular point, which planes that are not general may meet.
-                    Err((time, p)) if time > 0.9 && self.is_far(&p) => found.outside += 1,
+                    Err((time, p)) if time > NEARLY_THERE && self.is_far(&p) => found.outside += 1,
                     Err(_) => {}
                 }
             }
@@ -141,14 +195,6 @@ impl Pairs {
         best
     }
 }
-
-/// How far planes of the trace test are apart, in half-widths.
-const FAR: f64 = 0.3;
-/// How often a section is tried.
-const TRIES: usize = 3;
-
-/// W per norm of the forms that is taken for 0.
-const INFINITE: f64 = 1e-9;
 
 /// What is known of a section beforehand.
 #[derive(Default)]
@@ -169,14 +215,12 @@ impl Expected {
             || !self.curves.is_empty() && self.is_on_curves(section, pairs)
     }
     fn is_on_curves(&self, section: &Section, pairs: &Pairs) -> bool {
-        /// How far from a curve, as a sine, a parameter on it may be for rounding.
-        const OFF: f64 = 1e-6;
         let mut has_any = vec![false; self.curves.len()];
         for pair in section.pairs.iter().filter(|p| pairs.is_finite(p)) {
             for p in pair.parameters().map(|p| normalised(&p)) {
                 let on = self.curves.iter().position(|(form, degree)| {
                     let (value, slope) = form.eval(&Monomials::new(&p, *degree));
-                    value.norm() <= OFF * norm(&slope)
+                    value.norm() <= ON_CURVE * norm(&slope)
                 });
                 match on {
                     Some(k) => has_any[k] = true,
@@ -197,17 +241,12 @@ pub(super) struct Section {
     pub(super) is_complete: bool,
 }
 
-/// How far apart, as sines of angles, what is not one is.
-const APART: f64 = 1e-6;
-/// The width of cells by which what is near is found.
-const CELL: f64 = 1e-5;
-
 /// A number of a parameter that its neighbours have, too, whatever their phase.
 fn invariant(p: &V) -> f64 {
     p[0].norm2() / p.iter().map(|c| c.norm2()).sum::<f64>()
 }
 
-/// Each of what is near to each other once.
+/// Values of which no two are near to each other.
 struct Distinct<T> {
     cells: BTreeMap<i64, Vec<T>>,
     count: usize,
@@ -220,7 +259,8 @@ impl<T> Distinct<T> {
             count: 0,
         }
     }
-    /// Whether nothing is near to it: then it is taken.
+    /// Adds a value unless another one is near to it, by the numbers that they share and a test;
+    /// whether it was added.
     fn add(&mut self, invariant: f64, value: T, is_near: impl Fn(&T, &T) -> bool) -> bool {
         let cell = (invariant / CELL).floor() as i64;
         let mut around = (cell - 1..=cell + 1).filter_map(|c| self.cells.get(&c));

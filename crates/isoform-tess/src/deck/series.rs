@@ -1,0 +1,180 @@
+//! Deck transformations as power series along lines, modulo primes.
+
+use super::Point;
+use crate::map::Map;
+use isoform_algebra::Exponents;
+use isoform_algebra::modular::{Echelon, Fp, residues};
+
+/// Largest degree of the forms of a deck transformation that is looked for. Those of maps that
+/// people write have degree 1 or 2; the next degree costs twice the time of all before.
+pub(super) const MOST: usize = 4;
+/// Lines through a point along which a transformation is continued. Three forms of degree n have
+/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only happen
+/// to agree.
+const LINES: usize = MOST + 3;
+/// Terms of each power series: each settles two coefficients on a line; more refute, too.
+const TERMS: usize = 2 * MOST + 4;
+
+/// The exponents of the monomials of a degree.
+pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
+    let n = degree as u16;
+    let row = |i: u16| (0..=n - i).map(move |j| [i, j, n - i - j]);
+    (0..=n).flat_map(row).collect()
+}
+
+/// A power series modulo a prime, [`TERMS`] terms.
+pub(super) type Series = [u64; TERMS];
+
+fn product(f: &Fp, a: &Series, b: &Series) -> Series {
+    let mut c = [0; TERMS];
+    for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
+        for (y, sum) in b.iter().zip(&mut c[i..]) {
+            *sum = f.add(*sum, f.mul(x, *y));
+        }
+    }
+    c
+}
+
+/// The powers of three series up to a degree.
+fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
+    at.each_ref().map(|x| {
+        let mut one = [0; TERMS];
+        one[0] = f.one();
+        let mut list = vec![one];
+        for k in 0..degree {
+            list.push(product(f, &list[k], x));
+        }
+        list
+    })
+}
+
+/// The monomial with exponents, of powers of three series.
+fn monomial(f: &Fp, powers: &[Vec<Series>; 3], e: [u16; 3]) -> Series {
+    let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
+    product(f, &product(f, x, y), z)
+}
+
+/// Forms modulo a prime.
+struct Forms {
+    degree: usize,
+    terms: [Vec<(Exponents, u64)>; 4],
+}
+
+impl Forms {
+    fn new(f: &Fp, map: &Map) -> Self {
+        Self {
+            degree: map.degree(),
+            terms: map.forms().each_ref().map(|form| residues(f, form)),
+        }
+    }
+    fn at(&self, f: &Fp, point: &[Series; 3]) -> [Series; 4] {
+        let powers = powers(f, point, self.degree);
+        self.terms.each_ref().map(|terms| {
+            let mut sum = [0; TERMS];
+            for (e, c) in terms {
+                let term = monomial(f, &powers, [e[0], e[1], e[2]]);
+                (0..TERMS).for_each(|k| sum[k] = f.add(sum[k], f.mul(*c, term[k])));
+            }
+            sum
+        })
+    }
+}
+
+/// The points on a line, and the points of their fibres.
+pub(super) type Continued = [[Series; 3]; 2];
+
+/// Points on lines through a point, and the points of their fibres that continue another one:
+/// nothing where the prime, or the point, is special.
+pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<Continued>> {
+    let forms = Forms::new(f, map);
+    let residues = |p: &Point| {
+        let [a, b, c] = p.each_ref().map(|x| f.of_rbig(x));
+        Some([a?, b?, c?])
+    };
+    let (from, to) = (residues(from)?, residues(to)?);
+    let constant = |x: u64| {
+        let mut series = [0; TERMS];
+        series[0] = x;
+        series
+    };
+    let along = |k: usize| {
+        let mut p = from.map(constant);
+        (p[0][1], p[1][1]) = (f.one(), f.of_u64(k as u64));
+        let source = forms.at(f, &p);
+        Some([p, lifted(f, &forms, &source, to.map(constant))?])
+    };
+    (0..LINES).map(along).collect()
+}
+
+/// The series of which the forms are proportional to given ones, from its first term: by Newton's
+/// method, one term after the other.
+fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Option<[Series; 3]> {
+    let pivot = (0..4).find(|&i| source[i][0] != 0)?;
+    let fixed = (0..3).find(|&v| q[v][0] != 0)?;
+    let free = [[1, 2], [0, 2], [0, 1]][fixed];
+    // What is left of the proportions at an order.
+    let residual = |q: &[Series; 3], order: usize| {
+        let values = forms.at(f, q);
+        let rows = (0..4).filter(|&i| i != pivot);
+        let rows = rows.map(|i| {
+            let a = product(f, &values[i], &source[pivot]);
+            let b = product(f, &values[pivot], &source[i]);
+            f.sub(a[order], b[order])
+        });
+        rows.collect::<Vec<u64>>()
+    };
+    // The derivatives by the two free coordinates, read off the first order.
+    let at_rest = residual(&q, 1);
+    let slopes = free.map(|v| {
+        let mut moved = q;
+        moved[v][1] = f.one();
+        let by = residual(&moved, 1);
+        let slopes = by.iter().zip(&at_rest).map(|(a, b)| f.sub(*a, *b));
+        slopes.collect::<Vec<u64>>()
+    });
+    let minor =
+        |a: &[u64], b: &[u64], [i, j]: [usize; 2]| f.sub(f.mul(a[i], b[j]), f.mul(a[j], b[i]));
+    let mut pairs = [[0, 1], [0, 2], [1, 2]].into_iter();
+    let rows = pairs.find(|&rows| minor(&slopes[0], &slopes[1], rows) != 0)?;
+    let inverse = f.inv(minor(&slopes[0], &slopes[1], rows));
+    for order in 1..TERMS {
+        let r = residual(&q, order);
+        let by_0 = minor(&r, &slopes[1], rows);
+        let by_1 = minor(&slopes[0], &r, rows);
+        q[free[0]][order] = f.neg(f.mul(by_0, inverse));
+        q[free[1]][order] = f.neg(f.mul(by_1, inverse));
+    }
+    Some(q)
+}
+
+/// The place of a coefficient that is 1, and all coefficients, of the three forms of a degree that
+/// take the points of all lines to the points continued from them; none if there are no such forms.
+pub(super) fn agreeing(f: &Fp, lines: &[Continued], degree: usize) -> Option<(usize, Vec<u64>)> {
+    let list = monomials(degree);
+    let n = list.len();
+    let mut rows: Vec<Vec<u64>> = Vec::new();
+    for [p, q] in lines {
+        let powers = powers(f, p, degree);
+        let values: Vec<Series> = list.iter().map(|&e| monomial(f, &powers, e)).collect();
+        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+            let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
+            let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
+            for k in 0..TERMS {
+                let mut row = vec![0; 3 * n];
+                for c in 0..n {
+                    row[i * n + c] = on_i[c][k];
+                    row[j * n + c] = f.neg(on_j[c][k]);
+                }
+                rows.push(row);
+            }
+        }
+    }
+    let mut echelon = Echelon::new(3 * n);
+    for row in rows {
+        echelon.insert(f, row);
+        if echelon.rank() == 3 * n {
+            return None;
+        }
+    }
+    echelon.kernel(f)
+}

@@ -1,0 +1,460 @@
+//! The search for solitary curves: in slices of the box, in its faces, and at pinch points.
+
+use super::curves_of;
+use super::pinch::{pinches, reduced_minors};
+use super::section::general_plane;
+use super::solution::State;
+use super::source::{Image, Source, is_same_point, real_image};
+use super::trace::{End, Traced, trace};
+use crate::base::{BasePoint, BinaryForm, Seam, base_points};
+use crate::complex::{
+    C, Plane, V, along, distance, inner, length, norm, normalised, real_line, real_plane, rounded,
+};
+use crate::finding::Finding;
+use crate::map::Map;
+use crate::singular::Singular;
+use isoform_algebra::Poly;
+use isoform_control::{Control, Stopped};
+
+/// The fewest and the most slices of the box in each of three directions.
+const SLICES: [usize; 2] = [7, 17];
+/// How many points are followed from one plane to the next: there are about as many slices as that
+/// allows.
+const POINTS: usize = 500;
+/// Slices are shifted by this share of half their number's inverse, so that no plane goes through
+/// the centre of the box, in which surfaces are symmetric.
+const SHIFT: f64 = 0.013;
+/// The quaternion of the rotation to the slices' directions, without pattern.
+const DIRECTIONS: [f64; 4] = [5.0, 1.0, -2.0, 3.0];
+/// A point of space is real if the imaginary part of its coordinates is at most this: parameters
+/// have nine digits, and two are lost in their images.
+const REAL_IMAGE: f64 = 1e-7;
+/// A parameter is real if its distance from its conjugate, as twice the length of a vector, is below
+/// this: half of the digits are lost where both come together.
+const REAL_PARAMETER: f64 = 1e-6;
+/// A solution that is farther from its section's point is another one.
+const SAME_SOLUTION: f64 = 1e-6;
+/// How far out of the box, in half widths, points of a section may be.
+const OUTSIDE: f64 = 1e-9;
+/// Degree of the forms up to which pinch points are computed as ends of short arcs: 24 conjugates,
+/// a fraction of a second.
+const PINCH_DEGREE: usize = 6;
+/// A gradient below this is zero: the curve is singular at the pinch point.
+const NO_GRADIENT: f64 = 1e-12;
+/// A curve goes through a pinch point if its form is below this there, in shares of the gradient.
+const ON_CURVE: f64 = 1e-6;
+/// How far from a pinch point an arc is looked for: far enough for the equations to be regular, near
+/// enough for other pinch points not to interfere.
+const FROM_PINCH: [f64; 3] = [1e-3, 1e-4, 1e-5];
+/// How far from its prediction the arc may be there, in these distances.
+const OFF_AT_PINCH: f64 = 0.2;
+/// Bisections between two nodes, where a real parameter joins: to the rounding of parameters.
+const BISECTIONS: usize = 30;
+
+/// A solution in one of the planes.
+struct Hit {
+    source: usize,
+    state: State,
+    /// Whether a real parameter leads to the same point.
+    is_covered: bool,
+    /// The non-real parameters of the same point, with their sources.
+    others: Vec<(usize, V)>,
+}
+
+/// A parameter of a point.
+pub(super) struct Partner {
+    pub(super) source: usize,
+    pub(super) p: V,
+    pub(super) is_real: bool,
+}
+
+/// The points of the box in a plane that are real.
+#[derive(Default)]
+struct RealPoints {
+    /// Points with a real parameter.
+    covered: Vec<Image>,
+    /// The other ones, with sources and parameters.
+    candidates: Vec<(usize, V, Image)>,
+}
+
+/// The sources of a map, and what is found of solitary curves.
+pub(super) struct Search {
+    sources: Vec<Source>,
+    tolerance: f64,
+    pub(super) arcs: Vec<Vec<[f64; 3]>>,
+    pub(super) problems: Vec<Finding>,
+}
+
+/// Whether a parameter is real.
+fn is_real(p: &V) -> bool {
+    length(&real_line(p)) < REAL_PARAMETER
+}
+
+/// An orthogonal matrix without pattern, so that lines of symmetric surfaces are not parallel to
+/// the planes.
+fn directions() -> [[f64; 3]; 3] {
+    let [w, x, y, z] = DIRECTIONS;
+    let n = w * w + x * x + y * y + z * z;
+    [
+        [
+            w * w + x * x - y * y - z * z,
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            w * w - x * x + y * y - z * z,
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            w * w - x * x - y * y + z * z,
+        ],
+    ]
+    .map(|row| row.map(|v| v / n))
+}
+
+/// Planes that cut the box into slices, one list for each direction, and each face of the box alone.
+fn pencils(slices: usize) -> Vec<Vec<Plane>> {
+    let diagonal = 3f64.sqrt();
+    let offset = |i: usize| diagonal * ((2 * i + 1) as f64 / slices as f64 - 1.0 + SHIFT);
+    let parallel = |normal| (0..slices).map(|i| real_plane(normal, offset(i))).collect();
+    let mut pencils: Vec<Vec<Plane>> = directions().into_iter().map(parallel).collect();
+    for i in 0..3 {
+        let mut normal = [0.0; 3];
+        normal[i] = 1.0;
+        pencils.extend([-1.0, 1.0].map(|side| vec![real_plane(normal, side)]));
+    }
+    pencils
+}
+
+impl Search {
+    /// With a tolerance in half widths of the box.
+    pub(super) fn new(tolerance: f64) -> Self {
+        Self {
+            sources: Vec::new(),
+            tolerance,
+            arcs: Vec::new(),
+            problems: Vec::new(),
+        }
+    }
+    /// The curves, and their sections by a general plane.
+    pub(super) fn prepare(
+        &mut self,
+        map: &Map,
+        singular: &Singular,
+        half_width: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let forms = rounded(map.forms().each_ref());
+        let curves = curves_of(map, singular);
+        self.sources.extend(
+            curves.map(|curve| {
+                Source::of_curve(&curve.curve, forms.clone(), map.degree(), half_width)
+            }),
+        );
+        for BasePoint { seam, .. } in base_points(map, control)? {
+            self.add_seams(&seam, half_width);
+        }
+        let general = general_plane();
+        for source in &mut self.sources {
+            if !source.find_section(&general, control)? {
+                self.problems.push(Finding::SectionLost);
+            }
+        }
+        Ok(())
+    }
+    fn add_seams(&mut self, seam: &Seam, half_width: f64) {
+        if seam.curve[0].degree() > 0 {
+            let forms = seam.curve.each_ref().map(BinaryForm::to_f64);
+            self.sources.extend(Source::of_seam(forms, half_width));
+        }
+        for near in &seam.near {
+            self.add_seams(&near.seam, half_width);
+        }
+    }
+
+    /// Finds all arcs.
+    pub(super) fn run(
+        &mut self,
+        map: &Map,
+        singular: &Singular,
+        half_width: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        self.prepare(map, singular, half_width, control)?;
+        let hits = self.hits(control)?;
+        let mut traced: Vec<Traced> = Vec::new();
+        for hit in &hits {
+            control.check()?;
+            // Several pairs may lead to the same curve.
+            let mut others = hit.others.iter();
+            if !others.any(|(source, p)| is_known(&traced, *source, p)) {
+                traced.push(self.both_ways(hit.source, &hit.state));
+            }
+        }
+        let minors = reduced_minors(map, control)?;
+        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) <= PINCH_DEGREE {
+            for pinch in pinches(map, &minors, control)? {
+                let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
+                for source in 0..self.sources.len() {
+                    control.check()?;
+                    traced.extend(self.arc_at_pinch(source, &p, &traced));
+                }
+            }
+        }
+        for arc in &traced {
+            self.keep_uncovered(arc, &hits, control)?;
+        }
+        Ok(())
+    }
+
+    /// Non-real parameters of real points in the box, in all planes.
+    fn hits(&self, control: &Control<'_>) -> Result<Vec<Hit>, Stopped> {
+        let points: usize = self.sources.iter().map(|source| source.section.len()).sum();
+        let slices = (POINTS / points.max(1)).clamp(SLICES[0], SLICES[1]);
+        let mut hits = Vec::new();
+        for pencil in pencils(slices) {
+            let mut before: Vec<Option<Vec<V>>> = self.sources.iter().map(|_| None).collect();
+            for (i, plane) in pencil.iter().enumerate() {
+                control.check()?;
+                let mut found = RealPoints::default();
+                for (k, source) in self.sources.iter().enumerate() {
+                    let from = before[k].as_deref().map(|points| (&pencil[i - 1], points));
+                    let points = source.section_by(plane, from);
+                    found.add(k, source, &points);
+                    // A chain goes on only from complete sections.
+                    before[k] = source.is_complete(&points).then_some(points);
+                }
+                let candidates = found.candidates.iter();
+                hits.extend(candidates.filter_map(|(k, p, _)| self.hit(*k, p, &found)));
+            }
+        }
+        Ok(hits)
+    }
+    /// The solution at a candidate.
+    fn hit(&self, source: usize, p: &V, found: &RealPoints) -> Option<Hit> {
+        let state = self.sources[source].settle(p)?;
+        if distance(&state.p, p) > SAME_SOLUTION {
+            return None;
+        }
+        let is_here = |image: &Image| is_same_point(image, &state.image);
+        let others = found.candidates.iter().filter(|other| is_here(&other.2));
+        Some(Hit {
+            source,
+            state,
+            is_covered: found.covered.iter().any(is_here),
+            others: others.map(|other| (other.0, other.1)).collect(),
+        })
+    }
+
+    /// Traces a curve, and reports it if it is lost.
+    fn trace(&mut self, source: usize, start: &State) -> (Vec<State>, End) {
+        let (nodes, end) = trace(&self.sources[source], start, self.tolerance);
+        if end == End::Lost {
+            let at = nodes[nodes.len() - 1].point();
+            self.problems.push(Finding::SolitaryLost { at });
+        }
+        (nodes, end)
+    }
+    fn both_ways(&mut self, source: usize, start: &State) -> Traced {
+        let (ahead, end) = self.trace(source, start);
+        if end == End::Closed {
+            return Traced {
+                source,
+                nodes: ahead,
+            };
+        }
+        let (mut nodes, _) = self.trace(source, &start.reversed());
+        nodes.reverse();
+        nodes.extend(&ahead[1..]);
+        Traced { source, nodes }
+    }
+
+    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
+    /// known.
+    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
+        let first = at_pinch(&self.sources[source], p)?;
+        let (mut start, far) = FROM_PINCH.into_iter().find_map(|far| {
+            let predicted = normalised(&along(p, &first.tangent, far));
+            let state = self.sources[source].settle(&predicted)?;
+            let is_near = distance(&state.p, &predicted) < OFF_AT_PINCH * far;
+            (is_near && state.is_inside()).then_some((state, far))
+        })?;
+        let mut of_source = traced.iter().filter(|t| t.source == source);
+        if of_source.any(|t| t.ends_at(p, far) || t.place(&start.p).is_some()) {
+            return None;
+        }
+        let mut partners = self.fibre(&start.image).into_iter();
+        if partners.any(|other| is_known(traced, other.source, &other.p)) {
+            return None;
+        }
+        if inner(&first.tangent, &start.tangent).re < 0.0 {
+            start = start.reversed();
+        }
+        let (nodes, _) = self.trace(source, &start);
+        Some(Traced {
+            source,
+            nodes: [first].into_iter().chain(nodes).collect(),
+        })
+    }
+
+    /// All parameters of a point on double curves.
+    pub(super) fn fibre(&self, image: &Image) -> Vec<Partner> {
+        let normal = directions()[0];
+        let offset = (0..3).map(|i| normal[i] * image[i]).sum::<f64>() / image[3];
+        let plane = real_plane(normal, offset);
+        let mut found = Vec::new();
+        for (k, source) in self.sources.iter().enumerate() {
+            for p in source.section_by(&plane, None) {
+                let is_here = real_image(&source.eval(&p).g).is_some_and(|(other, imaginary)| {
+                    imaginary < REAL_IMAGE && is_same_point(&other, image)
+                });
+                if is_here {
+                    found.push(Partner {
+                        source: k,
+                        p,
+                        is_real: is_real(&p),
+                    });
+                }
+            }
+        }
+        found
+    }
+    /// Whether a real parameter leads to the point, too.
+    fn is_covered(&self, image: &Image) -> bool {
+        self.fibre(image).iter().any(|found| found.is_real)
+    }
+
+    /// Adds the parts of a curve that no real parameters reach.
+    fn keep_uncovered(
+        &mut self,
+        arc: &Traced,
+        hits: &[Hit],
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let known = self.known_on(arc, hits);
+        let mut part: Vec<[f64; 3]> = Vec::new();
+        let mut from = 0;
+        for pair in known.windows(2).filter(|pair| pair[0].1 != pair[1].1) {
+            let between = (pair[0].0, pair[1].0 + 1);
+            let change = self.change(arc, between, pair[0].1, control)?;
+            if pair[0].1 {
+                part = vec![change.last.point()];
+            } else {
+                part.extend(arc.nodes[from..=change.before].iter().map(State::point));
+                part.push(change.first.point());
+                self.arcs.push(std::mem::take(&mut part));
+            }
+            from = change.before + 1;
+        }
+        if !known[known.len() - 1].1 {
+            part.extend(arc.nodes[from..].iter().map(State::point));
+            self.arcs.push(part);
+        }
+        Ok(())
+    }
+    /// Nodes of a curve, ascending, of which it is known whether they are covered: one at least.
+    fn known_on(&self, arc: &Traced, hits: &[Hit]) -> Vec<(usize, bool)> {
+        let of_source = hits.iter().filter(|hit| hit.source == arc.source);
+        let mut known: Vec<(usize, bool)> = of_source
+            .filter_map(|hit| Some((arc.place(&hit.state.p)?, hit.is_covered)))
+            .collect();
+        if known.is_empty() {
+            let middle = arc.nodes.len() / 2;
+            known.push((middle, self.is_covered(&arc.nodes[middle].image)));
+        }
+        known.sort_unstable();
+        known
+    }
+    /// Where a curve begins or ceases to be covered: real parameters come and go in pairs, at points
+    /// that are found by bisection, between nodes and between two of them.
+    fn change(
+        &self,
+        arc: &Traced,
+        (mut lo, mut hi): (usize, usize),
+        was_covered: bool,
+        control: &Control<'_>,
+    ) -> Result<Change, Stopped> {
+        let is_before = |state: &State| self.is_covered(&state.image) == was_covered;
+        while hi - lo > 1 {
+            control.check()?;
+            let middle = usize::midpoint(lo, hi);
+            if is_before(&arc.nodes[middle]) {
+                lo = middle;
+            } else {
+                hi = middle;
+            }
+        }
+        let (mut first, mut last) = (arc.nodes[lo], arc.nodes[hi]);
+        for _ in 0..BISECTIONS {
+            control.check()?;
+            let Some(middle) = self.sources[arc.source].settle_between(&first, &last) else {
+                break;
+            };
+            if is_before(&middle) {
+                first = middle;
+            } else {
+                last = middle;
+            }
+        }
+        Ok(Change {
+            before: lo,
+            first,
+            last,
+        })
+    }
+}
+
+/// Where a curve begins or ceases to be covered.
+struct Change {
+    /// The node before it.
+    before: usize,
+    /// A solution on this side of it, and one beyond.
+    first: State,
+    last: State,
+}
+
+/// Whether a parameter of a source is on a curve that was traced.
+fn is_known(traced: &[Traced], source: usize, p: &V) -> bool {
+    let mut of_source = traced.iter().filter(|t| t.source == source);
+    of_source.any(|t| t.place(p).is_some())
+}
+
+/// A pinch point as a solution, if a source's curve is smooth there: along f = 0 the map is even at
+/// p, so that imaginary steps lead to real points.
+fn at_pinch(source: &Source, p: &V) -> Option<State> {
+    let v = source.eval(p);
+    let gradient = norm(&v.df);
+    if gradient < NO_GRADIENT || v.f.norm() > ON_CURVE * gradient {
+        return None;
+    }
+    let along_curve = [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i] * v.df[j] - p[j] * v.df[i]);
+    let (image, _) = real_image(&v.g)?;
+    Some(State {
+        p: *p,
+        tangent: normalised(&along_curve).map(|c| c * C::new(0.0, 1.0)),
+        image,
+    })
+}
+
+impl RealPoints {
+    /// Adds points of a section that are real and in the box.
+    fn add(&mut self, number: usize, source: &Source, section: &[V]) {
+        for p in section {
+            let Some((image, imaginary)) = real_image(&source.eval(p).g) else {
+                continue;
+            };
+            let is_outside = (0..3).any(|i| image[i].abs() > (1.0 + OUTSIDE) * image[3].abs());
+            if imaginary > REAL_IMAGE || is_outside {
+                continue;
+            }
+            if is_real(p) {
+                self.covered.push(image);
+            } else {
+                self.candidates.push((number, *p, image));
+            }
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! What is in which direction of a node: rays, points infinitely near, and other exceptional lines.
+
+use super::direction::Direction;
+use super::node::{Line, lifts, steps_of};
+use crate::base::{BasePoint, BinaryForm};
+use crate::cover::Involution;
+use crate::field::{Algebraic, exact};
+use crate::finding::Unopened;
+use crate::region::Region;
+use crate::tangents::{real_zeros, tangent_form};
+use isoform_algebra::RBig;
+use isoform_control::{Control, Stopped};
+use std::cmp::Ordering;
+use std::f64::consts::PI;
+
+/// Directions that every node has, in half turns: the first, and the step to the next. They keep
+/// the two sides of a seam apart, which takes three; none is an axis or a diagonal, on which
+/// something else may well be.
+const GENERAL: [f64; 2] = [0.13, 0.25];
+/// How many general directions there are.
+const GENERAL_COUNT: u32 = 4;
+
+/// What is in a direction of a node.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Target {
+    /// A ray: the direction's number.
+    Ray(usize),
+    /// A base point infinitely near: its node.
+    Near(usize),
+    /// Another exceptional line.
+    Corner,
+}
+
+/// A direction of a node, and what is there.
+#[derive(Clone)]
+pub(super) struct Mark {
+    pub(super) direction: Direction,
+    pub(super) target: Target,
+    /// Whether the seam is in the box between this and the next.
+    pub(super) is_inside: bool,
+}
+
+impl Mark {
+    /// Whether a base point is infinitely near in this direction.
+    pub(super) fn is_near(&self) -> bool {
+        matches!(self.target, Target::Near(_))
+    }
+}
+
+/// What decides which directions of a base point matter.
+pub(super) struct Around<'a> {
+    pub(super) base: &'a BasePoint,
+    pub(super) region: &'a Region,
+    pub(super) control: &'a Control<'a>,
+}
+
+/// What is in the directions of one node.
+pub(super) struct Marked {
+    /// Ascending by angle in [0, π).
+    pub(super) marks: Vec<Mark>,
+    /// Why the node cannot be opened.
+    pub(super) problem: Option<Unopened>,
+}
+
+/// All directions that matter at a node, of which rays are numbered from `first_ray`: those of the
+/// curves that bound the region or are drawn in it, and of the sides of the unit triangles.
+///
+/// # Errors
+/// [`Stopped`].
+pub(super) fn marks(
+    node: usize,
+    line: &Line<'_>,
+    cover: Option<Involution>,
+    around: &Around<'_>,
+    first_ray: usize,
+) -> Result<Marked, Stopped> {
+    let mut collected = Collected {
+        node,
+        found: Vec::new(),
+    };
+    // Exact directions first: others become one with them.
+    collected.add_lines(line);
+    collected.add_sides(line, around.base);
+    let in_face = collected.add_faces(line, around)?;
+    collected.add_curves(line, around)?;
+    collected.add_general();
+    collected.separate();
+    if let Some(cover) = cover {
+        collected.add_partners(cover);
+    }
+    let marks = collected.finish(line, around.region, first_ray);
+    let problem = problem(&marks, line, in_face);
+    Ok(Marked { marks, problem })
+}
+
+/// Why a node cannot be opened; `in_face` says whether its seam lies in the plane of a face.
+fn problem(marks: &[Mark], line: &Line<'_>, in_face: bool) -> Option<Unopened> {
+    let n = marks.len();
+    let meets_in_face = (0..n).any(|k| {
+        let is_inside = marks[k].is_inside || marks[(k + n - 1) % n].is_inside;
+        !matches!(marks[k].target, Target::Ray(_)) && is_inside && marks[k].direction.faces != 0
+    });
+    let mut numbers = line.seam.curve.iter().flat_map(BinaryForm::to_f64);
+    if meets_in_face {
+        Some(Unopened::SeamsMeetInFace)
+    } else if in_face && marks.iter().any(|m| m.is_inside) {
+        Some(Unopened::SeamInFace)
+    } else if numbers.any(|c| !c.is_finite()) {
+        Some(Unopened::BeyondDoubles)
+    } else {
+        None
+    }
+}
+
+/// The directions of one node, each once, while they are collected.
+struct Collected {
+    node: usize,
+    /// Each with what is there, if it is no ray.
+    found: Vec<(Direction, Option<Target>)>,
+}
+
+impl Collected {
+    /// A direction, which may be known already: then it keeps what is there.
+    fn add(&mut self, at: [f64; 2], target: Option<Target>) -> &mut Direction {
+        let new = Direction::new(self.node, at);
+        let known = self.found.iter().position(|d| d.0.is_same(&new));
+        let place = known.unwrap_or(self.found.len());
+        if known.is_none() {
+            self.found.push((new, target));
+        }
+        &mut self.found[place].0
+    }
+    /// Points infinitely near, and other exceptional lines.
+    fn add_lines(&mut self, line: &Line<'_>) {
+        for (near, &child) in line.seam.near.iter().zip(&line.children) {
+            let at = if near.direction[0].is_zero() {
+                [0.0, 1.0]
+            } else {
+                [1.0, near.direction[1].to_f64()]
+            };
+            self.add(at, Some(Target::Near(child)));
+        }
+        for (at, crosses) in [([0.0, 1.0], line.crosses[0]), ([1.0, 0.0], line.crosses[1])] {
+            if crosses {
+                self.add(at, Some(Target::Corner));
+            }
+        }
+    }
+    /// The sides of the unit triangles.
+    fn add_sides(&mut self, line: &Line<'_>, base: &BasePoint) {
+        let ([u, v], _) = base.chart.variables();
+        let lifts = lifts(&steps_of(&line.chain));
+        for (k, at, lifts) in [(u, [0.0, 1.0], lifts[0]), (v, [1.0, 0.0], lifts[1])] {
+            if base.point[k].is_zero() && lifts {
+                self.add(at, None);
+            }
+        }
+    }
+    /// Where the seam goes through the faces of the box; and whether it lies in the plane of one.
+    fn add_faces(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<bool, Stopped> {
+        let region = around.region;
+        let curve = &line.seam.curve;
+        let mut in_face = false;
+        for face in 0..6 {
+            let b = if face % 2 == 0 {
+                region.half_width.clone()
+            } else {
+                -region.half_width.clone()
+            };
+            let sum = curve[face / 2].plus(&curve[3], &b);
+            if sum.is_zero() {
+                in_face = true;
+                continue;
+            }
+            let factors: Vec<usize> = (0..region.factors.len())
+                .filter(|&f| region.faces[f].contains(&face))
+                .collect();
+            for at in real_zeros(&sum, around.control)? {
+                let d = self.add(at, None);
+                d.faces |= 1 << face;
+                d.touch(&factors);
+            }
+        }
+        Ok(in_face)
+    }
+    /// The tangents of other curves and of folds.
+    fn add_curves(&mut self, line: &Line<'_>, around: &Around<'_>) -> Result<(), Stopped> {
+        let (region, control) = (around.region, around.control);
+        let drawn = region.extra.iter().flatten().copied();
+        for f in drawn.chain(region.folds()) {
+            if !region.faces[f].is_empty() {
+                continue;
+            }
+            let form = tangent_form(around.base, &line.chain, &region.factors[f], control)?;
+            for at in real_zeros(&form, control)? {
+                self.add(at, None).touch(&[f]);
+            }
+        }
+        Ok(())
+    }
+    fn add_general(&mut self) {
+        for k in 0..GENERAL_COUNT {
+            let angle = PI * (GENERAL[0] + GENERAL[1] * f64::from(k));
+            self.add([angle.cos(), angle.sin()], None);
+        }
+    }
+    fn sort(&mut self) {
+        self.found
+            .sort_by(|a, b| a.0.angle().total_cmp(&b.0.angle()));
+    }
+    /// Between a direction, of those ascending by angle, and the next.
+    fn middle(&self, k: usize) -> [f64; 2] {
+        let n = self.found.len();
+        let sign = if k + 1 == n { -1.0 } else { 1.0 };
+        let [first, second] = [k, (k + 1) % n].map(|k| self.found[k].0.at);
+        [0, 1].map(|i| first[i] + sign * second[i])
+    }
+    /// Puts a ray between two neighbours neither of which is one.
+    fn separate(&mut self) {
+        self.sort();
+        let n = self.found.len();
+        let is_ray = |k: usize| self.found[k % n].1.is_none();
+        let without = (0..n).rev().filter(|&k| !is_ray(k) && !is_ray(k + 1));
+        let middles: Vec<[f64; 2]> = without.map(|k| self.middle(k)).collect();
+        for at in middles {
+            self.found.push((Direction::new(self.node, at), None));
+        }
+    }
+    /// Closes the directions under the involution of a seam that runs twice through its points.
+    fn add_partners(&mut self, cover: Involution) {
+        // Before the partners of others, so that near ones are known to be these.
+        for at in cover.fixed() {
+            self.add(at, None);
+        }
+        // Twice: for those that were there already.
+        for _ in 0..2 {
+            for (d, _) in self.found.clone() {
+                self.add(cover.partner(d.at), None).faces |= d.faces;
+            }
+        }
+    }
+    /// Sorted, with numbers for the rays.
+    fn finish(mut self, line: &Line<'_>, region: &Region, first_ray: usize) -> Vec<Mark> {
+        self.sort();
+        let middles: Vec<[f64; 2]> = (0..self.found.len()).map(|k| self.middle(k)).collect();
+        let mut next_ray = first_ray;
+        let mut marks = Vec::new();
+        for ((direction, target), middle) in self.found.into_iter().zip(middles) {
+            let target = target.unwrap_or_else(|| {
+                next_ray += 1;
+                Target::Ray(next_ray - 1)
+            });
+            marks.push(Mark {
+                direction,
+                target,
+                is_inside: is_in_box(&line.seam.curve, &region.half_width, middle),
+            });
+        }
+        marks
+    }
+}
+
+/// Whether a seam is in the box in a direction, exact for the direction rounded.
+fn is_in_box(curve: &[BinaryForm; 4], half_width: &RBig, at: [f64; 2]) -> bool {
+    let [a, b] = at.map(exact);
+    let [x, y, z, w] = curve.each_ref().map(|f| f.eval(&a, &b));
+    let sign_plus = |x: &Algebraic, b: &RBig| {
+        let sum = x.element().add(&w.element().scaled(b));
+        Algebraic::new(x.field(), x.root(), sum).sign()
+    };
+    let is_between = |x: &Algebraic| {
+        let low = sign_plus(x, half_width);
+        let high = sign_plus(x, &-half_width.clone());
+        low != high || low == Ordering::Equal
+    };
+    !w.is_zero() && [x, y, z].iter().all(is_between)
+}

@@ -1,0 +1,178 @@
+//! Vertices of several surfaces that are one get the same number.
+
+use super::{SAME, Seams};
+use crate::claim::Claim;
+use crate::finding::Finding;
+use crate::patch::Patch;
+use crate::surface::Surface;
+use isoform_algebra::RBig;
+use isoform_geom::UnionFind;
+use std::collections::BTreeMap;
+
+/// A vertex of the surface of a patch.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PatchVertex {
+    pub(super) patch: usize,
+    pub(super) vertex: u32,
+}
+
+/// Vertices at the corners of a patch by the point of space that they are.
+fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3], u32)> {
+    let mut found = Vec::new();
+    for side in 0..4 {
+        let [x, y, z, w] = patch.side(side)[0];
+        if w.is_zero() {
+            continue;
+        }
+        let exact = [x, y, z].map(|x| x / w);
+        let at = exact.each_ref().map(|x| x.to_f64().value());
+        let bits = 1u64 << side | 1 << ((side + 3) % 4);
+        let is_near =
+            |v: u32| (0..3).all(|k| (s.points[v as usize][k] - at[k]).abs() <= SAME * half_width);
+        for (t, borders) in s.triangles.iter().zip(&s.borders) {
+            for k in (0..3).filter(|&k| borders[k] & bits != 0 && is_near(t[k])) {
+                found.push((exact.clone(), t[k]));
+            }
+        }
+    }
+    found
+}
+
+/// The vertices of all surfaces, numbered one surface after the other; those that are one are in one
+/// set.
+struct Vertices {
+    /// The number of the first vertex of each surface, and how many there are.
+    offsets: Vec<u32>,
+    sets: UnionFind,
+}
+
+impl Vertices {
+    fn new(surfaces: &[Surface]) -> Self {
+        let mut offsets = vec![0u32];
+        for s in surfaces {
+            offsets.push(offsets[offsets.len() - 1] + s.points.len() as u32);
+        }
+        let sets = UnionFind::new(offsets[surfaces.len()] as usize);
+        Self { offsets, sets }
+    }
+    fn number(&self, of: PatchVertex) -> u32 {
+        self.offsets[of.patch] + of.vertex
+    }
+    fn root(&mut self, of: PatchVertex) -> u32 {
+        self.sets.root(self.number(of))
+    }
+    fn unite(&mut self, [a, b]: [PatchVertex; 2]) {
+        self.sets.unite(self.number(a), self.number(b));
+    }
+}
+
+/// The surface of all patches while it is put together.
+struct Welding {
+    joined: Surface,
+    vertices: Vertices,
+    /// The numbers of the joined surface's vertices by the sets' roots.
+    numbers: BTreeMap<u32, u32>,
+    /// Of each triangle the sides of its patch that its corners are on, as bits, but those that
+    /// other patches share.
+    unshared: Vec<[u64; 3]>,
+}
+
+impl Welding {
+    /// The number of a vertex, which is added if it is new.
+    fn vertex(&mut self, s: &Surface, of: PatchVertex) -> u32 {
+        let root = self.vertices.root(of);
+        let joined = &mut self.joined;
+        *self.numbers.entry(root).or_insert_with(|| {
+            let v = of.vertex as usize;
+            joined.points.push(s.points[v]);
+            joined.kinds.push(s.kinds[v]);
+            joined.faces.push(s.faces[v]);
+            joined.double.push(s.double[v]);
+            joined.points.len() as u32 - 1
+        })
+    }
+    /// Adds the triangles of a patch, but for those of which corners have become one.
+    fn add(&mut self, patch: usize, s: &Surface, shared: u64) {
+        for (i, t) in s.triangles.iter().enumerate() {
+            let v = t.map(|vertex| self.vertex(s, PatchVertex { patch, vertex }));
+            if v[0] == v[1] || v[1] == v[2] || v[2] == v[0] {
+                continue;
+            }
+            self.joined.triangles.push(v);
+            self.joined.charts.push(s.charts[i]);
+            self.joined.corners.push(s.corners[i]);
+            self.joined.borders.push(s.borders[i]);
+            self.joined.patches.push(patch as u32);
+            self.unshared.push(s.borders[i].map(|b| b & !shared));
+        }
+    }
+}
+
+/// One surface of the surfaces of patches: vertices of pairs are one, and vertices at corners of
+/// patches that are the same point.
+pub(super) fn weld(
+    patches: &[Patch],
+    surfaces: Vec<Surface>,
+    seams: &Seams,
+    half_width: f64,
+) -> Surface {
+    let mut vertices = Vertices::new(&surfaces);
+    for pair in &seams.pairs {
+        vertices.unite(*pair);
+    }
+    let mut corners: BTreeMap<[RBig; 3], PatchVertex> = BTreeMap::new();
+    for (patch, s) in surfaces.iter().enumerate() {
+        for (point, vertex) in corner_vertices(&patches[patch], s, half_width) {
+            let here = PatchVertex { patch, vertex };
+            let first = *corners.entry(point).or_insert(here);
+            vertices.unite([first, here]);
+        }
+    }
+    let mut welding = Welding {
+        joined: Surface {
+            is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
+            is_outside: surfaces.iter().all(|s| s.is_outside),
+            sheets: surfaces.iter().map(|s| s.sheets).max().unwrap_or(0),
+            ..Surface::default()
+        },
+        vertices,
+        numbers: BTreeMap::new(),
+        unshared: Vec::new(),
+    };
+    for (k, s) in surfaces.into_iter().enumerate() {
+        welding.add(k, &s, seams.shared[k]);
+        let joined = &mut welding.joined;
+        joined.double_curve.extend(s.double_curve);
+        joined.solitary_arcs.extend(s.solitary_arcs);
+        joined.grades.extend(s.grades);
+        let named = |f: Finding| f.of_patch(&patches[k].name);
+        joined.findings.extend(s.findings.into_iter().map(named));
+    }
+    let Welding {
+        mut joined,
+        unshared,
+        ..
+    } = welding;
+    if patches.len() > 1 {
+        joined.grades.push(Claim::Sides.into());
+    }
+    check(&mut joined, &unshared, seams.most);
+    joined
+}
+
+/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one curve
+/// at most.
+fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
+    let uses = s.edges(unshared);
+    let open = s.open_edges(&uses);
+    let crowded = uses
+        .iter()
+        .filter(|(e, (n, _))| *n > most.max(2) && !s.is_double(e))
+        .count();
+    if open > 0 {
+        s.findings.push(Finding::SidesApart(open));
+    }
+    if crowded > 0 {
+        s.findings.push(Finding::SidesCrowded(crowded));
+    }
+}

@@ -1,0 +1,306 @@
+//! Arcs of the double curve, followed step by step along their tangents.
+
+use super::Pairs;
+use super::real::{Condition, Place, RealPair, dot7};
+use crate::complex::C;
+use isoform_geom::{distance_to_segment, norm};
+
+/// The first step, in the coordinates m, e and λ of a pair.
+const FIRST_STEP: f64 = 0.02;
+/// The longest step.
+const LONGEST_STEP: f64 = 0.1;
+/// An arc that needs a shorter step has come to its end: to a singular place, or it is lost.
+const SHORTEST_STEP: f64 = 1e-10;
+/// The most places of an arc.
+const MOST_PLACES: usize = 100_000;
+/// The least cosine of the tangents at both ends of a step: 18 degrees.
+const LEAST_COSINE: f64 = 0.95;
+/// The largest distance of a prediction from its place, in steps: more, and the place may be on
+/// another arc.
+const MOST_OFF: f64 = 0.1;
+/// A prediction as good as this, in steps, lets them grow.
+const LITTLE_OFF: f64 = 0.02;
+/// How much steps grow.
+const GROWTH: f64 = 1.5;
+/// Steps shorter than this need not be fine in space: next to a base point images reach far.
+const FREE_STEP: f64 = 1e-7;
+/// How near to a face of the box what is found there is on it: where an arc begins it need not go
+/// on.
+const ON_FACE: f64 = 1e-10;
+/// How far on an arc is looked at that touches a face: farther than rounding, and nearer than steps.
+const LOOK: f64 = 1e-7;
+/// How far beyond two places, in shares of their distance, what is between them may be found.
+const BEYOND: f64 = 0.1;
+/// λ, and the second singular value per first, that are taken for zero at a singular end: both
+/// vanish like distances from it, and tracing stops about 1e-9 before it.
+const ZERO: f64 = 1e-5;
+/// Coordinates of a singular end below this are 0: such places are often on the axes of the
+/// parameters.
+pub(super) const NEAR: f64 = 1e-7;
+/// How much longer the way over a pair between two places may be than the straight one: tangents
+/// turn by 18 degrees, an arc of which is 1.004 times its chord.
+const DETOUR: f64 = 1.03;
+/// See [`DETOUR`]: rounding on very short steps.
+const DETOUR_PRECISION: f64 = 1e-9;
+/// Two places that are farther apart are no step, but written in different forms.
+const OTHER_FORM: f64 = 0.3;
+/// How far from the arc a pair on it may be for rounding: steps end with eight digits.
+const OFF_ARC: f64 = 1e-6;
+
+/// Why an arc ends.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum End {
+    /// On a face of the box.
+    Face,
+    /// Where it began.
+    Closed,
+    /// At a parameter where the rank of the differential drops to 1.
+    Singular,
+    /// At a base point.
+    Base,
+    /// It could not be followed.
+    Lost,
+}
+
+/// What the chords of an arc may be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Fineness {
+    /// How far they may leave it, in half widths of the box.
+    pub(crate) tolerance: f64,
+    /// How long they may be, in half widths of the box.
+    pub(crate) longest: f64,
+}
+
+/// A step along an arc.
+struct Advance {
+    /// The places after it: the pinch point that is passed, and the end of the step.
+    way: Vec<Place>,
+    end: Option<End>,
+    /// How far off the prediction was.
+    error: f64,
+}
+
+impl Place {
+    /// With the tangent in the sense of a direction.
+    fn toward(self, direction: &[f64; 7]) -> Self {
+        if dot7(&self.tangent, direction) < 0.0 {
+            self.turned()
+        } else {
+            self
+        }
+    }
+}
+
+impl Pairs {
+    /// The place of an arc beside its chord between two others, at a part of that.
+    pub(crate) fn part(&self, a: &Place, b: &Place, t: f64) -> Option<Place> {
+        let b = self.like(a, b)?;
+        let d = a.pair.to(&b.pair);
+        let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Across(d))?;
+        Some(place.toward(&d))
+    }
+    /// Where coordinate k of one of the real parameters vanishes between two places.
+    pub(crate) fn on_side(&self, a: &Place, b: &Place, which: usize, k: usize) -> Option<Place> {
+        let b = self.like(a, b)?;
+        let value = |p: &Place| p.real().map(|r| r[which][k]);
+        let (x, y) = (value(a)?, value(&b)?);
+        let d = a.pair.to(&b.pair);
+        let start = a.pair.moved(&d, x / (x - y));
+        let (place, _) = self.correct(&start, &Condition::Side(which, k))?;
+        let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
+        (t > -BEYOND && t < 1.0 + BEYOND).then_some(place)
+    }
+    /// A place with signs like those of the place before it on an arc.
+    fn like(&self, a: &Place, b: &Place) -> Option<Place> {
+        let near = |b: &Place| {
+            let d = a.pair.to(&b.pair);
+            dot7(&d, &d)
+        };
+        let other = self.flipped(b)?;
+        Some(if near(&other) < near(b) { other } else { *b })
+    }
+    /// The place halfway between two that have the same signs.
+    fn halfway(&self, a: &Place, b: &Place) -> Option<Place> {
+        let d = a.pair.to(&b.pair);
+        let found = self.correct(&a.pair.moved(&d, 0.5), &Condition::Across(d));
+        found.map(|p| p.0)
+    }
+
+    /// Follows an arc in the direction of its tangent: the places from there on.
+    pub(super) fn trace(&self, start: &Place, fine: Fineness) -> (Vec<Place>, End) {
+        let forms = self.forms(start);
+        let mut nodes = vec![*start];
+        let mut step = FIRST_STEP;
+        while nodes.len() < MOST_PLACES {
+            let here = nodes[nodes.len() - 1];
+            let Some(Advance { way, end, error }) = self.advance(&here, step, fine) else {
+                step /= 2.0;
+                if step < SHORTEST_STEP {
+                    let end = self.singular_end(&here);
+                    nodes.extend(end);
+                    return (nodes, end.map_or(End::Lost, |_| End::Singular));
+                }
+                continue;
+            };
+            for next in way {
+                let last = nodes[nodes.len() - 1];
+                if nodes.len() > 2 && self.is_between(&forms, &last, &next) {
+                    nodes.push(*start);
+                    return (nodes, End::Closed);
+                }
+                nodes.push(next);
+            }
+            if let Some(end) = end {
+                return (nodes, end);
+            }
+            let last = nodes.len() - 1;
+            if nodes[last].pair.is_at_base_point(self.degree) {
+                return (nodes, End::Base);
+            }
+            let Some(righted) = self.righted(&nodes[last]) else {
+                return (nodes, End::Lost);
+            };
+            nodes[last] = righted;
+            if error < LITTLE_OFF * step {
+                step = (GROWTH * step).min(LONGEST_STEP);
+            }
+        }
+        (nodes, End::Lost)
+    }
+
+    /// One step along an arc; none if it is too long.
+    fn advance(&self, here: &Place, step: f64, fine: Fineness) -> Option<Advance> {
+        let predicted = here.pair.moved(&here.tangent, step);
+        let (next, error) = self.correct(&predicted, &Condition::Across(here.tangent))?;
+        let mut next = next.toward(&here.tangent);
+        if dot7(&here.tangent, &next.tangent) < LEAST_COSINE || error > MOST_OFF * step {
+            return None;
+        }
+        let mut end = None;
+        let mut way = Vec::new();
+        if !next.is_inside() {
+            (next, end) = (self.face_between(here, &next)?, Some(End::Face));
+            if here.pair.distance(&next.pair) < ON_FACE {
+                // The step may be so long that it leads in and out again.
+                return (!self.goes_in(here)).then_some(Advance { way, end, error });
+            }
+        }
+        if here.pair.l * next.pair.l < 0.0 {
+            way.push(self.pinch_between(here, &next)?);
+        }
+        way.push(next);
+        let mut from = here;
+        for to in &way {
+            let is_fine = self.is_fine(from, to, fine)?;
+            if !is_fine && step > FREE_STEP {
+                return None;
+            }
+            from = to;
+        }
+        Some(Advance { way, end, error })
+    }
+    /// Whether the chord between two places is short, and near to the arc.
+    fn is_fine(&self, from: &Place, to: &Place, fine: Fineness) -> Option<bool> {
+        let middle = self.halfway(from, to)?;
+        let ends = [from.point(), to.point()];
+        let long = norm([0, 1, 2].map(|i| ends[1][i] - ends[0][i]));
+        let off = distance_to_segment(middle.point(), ends);
+        let is_too_coarse = off > fine.tolerance || long > fine.longest;
+        Some(!is_too_coarse)
+    }
+
+    /// Whether an arc leads into the box from a place on a face.
+    fn goes_in(&self, here: &Place) -> bool {
+        let ahead = here.pair.moved(&here.tangent, LOOK);
+        let found = self.correct(&ahead, &Condition::Across(here.tangent));
+        found.is_some_and(|(place, _)| place.is_inside())
+    }
+
+    /// Where an arc first leaves the box between two places.
+    fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
+        let d = a.pair.to(&b.pair);
+        let mut best: Option<(f64, Place)> = None;
+        for (i, side) in (0..3).flat_map(|i| [(i, -1.0), (i, 1.0)]) {
+            // The images have the sign of W that is positive.
+            let value = |p: &Place| p.image[i] / p.image[3] - side;
+            let (x, y) = (value(a), value(b));
+            if x * side > 0.0 || y * side <= 0.0 {
+                continue;
+            }
+            let mut plane = [0.0; 4];
+            plane[i] = 1.0;
+            plane[3] = -side;
+            let t = x / (x - y);
+            let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Plane(plane))?;
+            let mut place = place.toward(&a.tangent);
+            place.image[i] = side * place.image[3];
+            if place.is_inside() && best.is_none_or(|b| t < b.0) {
+                best = Some((t, place));
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// The pinch point between two places.
+    fn pinch_between(&self, a: &Place, b: &Place) -> Option<Place> {
+        let t = a.pair.l / (a.pair.l - b.pair.l);
+        let d = a.pair.to(&b.pair);
+        let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Pinch)?;
+        Some(place.toward(&a.tangent))
+    }
+
+    /// The end of an arc near to a place, if its parameters are one there and the differential has
+    /// the rank 1.
+    fn singular_end(&self, here: &Place) -> Option<Place> {
+        let m = here.pair.m.map(|x| C::new(x, 0.0));
+        let (_, df) = self.at(&m);
+        // The sum of the squares of the 2 × 2 minors by that of the products.
+        let (mut minors, mut size) = (0.0, 0.0);
+        for i in 0..4 {
+            for j in i + 1..4 {
+                for [a, b] in [[0, 1], [1, 2], [2, 0]] {
+                    let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
+                    minors += minor * minor;
+                }
+            }
+            size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
+        }
+        let snapped = here.pair.m.map(|x| if x.abs() < NEAR { 0.0 } else { x });
+        let is_singular = here.pair.l.abs() < ZERO && minors.sqrt() < ZERO * size;
+        is_singular.then_some(Place {
+            pair: RealPair {
+                m: snapped,
+                l: 0.0,
+                ..here.pair
+            },
+            ..*here
+        })
+    }
+
+    /// Whether a pair, given by its forms, lies on an arc between two places next to each other,
+    /// whose tangents differ by little.
+    ///
+    /// Not by its parameters: these differ by the root of λ, which turns where λ comes to 0.
+    pub(super) fn is_between(&self, forms: &[RealPair], a: &Place, b: &Place) -> bool {
+        let (mut from, mut to) = (a.pair, b.pair);
+        if from.distance(&to) > OTHER_FORM {
+            to = from.nearest(&self.forms(b));
+        }
+        if from.distance(&to) > OTHER_FORM {
+            (from, to) = (b.pair.nearest(&self.forms(a)), b.pair);
+        }
+        let (d, length) = (from.to(&to), from.distance(&to));
+        let is_near = |x: &RealPair| {
+            let detour = from.distance(x) + x.distance(&to);
+            detour <= DETOUR * length + DETOUR_PRECISION
+        };
+        // Others may be as near to a long step: the place beside the pair decides.
+        let is_on = |x: &RealPair| {
+            let t = dot7(&from.to(x), &d) / (length * length);
+            let here = self.correct(&from.moved(&d, t), &Condition::Across(d));
+            // Scaling has moved it along the arc.
+            length < OFF_ARC || here.is_none_or(|(here, _)| here.is_in_line(x, OFF_ARC))
+        };
+        forms.iter().any(|x| is_near(x) && is_on(x))
+    }
+}

@@ -1,0 +1,297 @@
+//! The whole way from a map to the triangles of its surface in a box: analysis, deck
+//! transformations, double curve, region, triangles.
+
+use crate::analysis::{Analysis, analyse, analyse_clear};
+use crate::claim::{Basis, Claim, Grade};
+use crate::deck::Deck;
+use crate::double_curve::DoubleCurve;
+use crate::equation::Equation;
+use crate::finding::{Finding, Phase};
+use crate::joined::join;
+use crate::map::Map;
+pub use crate::mesh::matching::Crossing;
+use crate::mesh::matching::matching;
+use crate::mesh::{Changes, Curves, mesh};
+use crate::patch::Patch;
+use crate::region::{Region, Triangle, is_clear};
+use crate::surface::{Mode, Point3, Surface, TriangulateOptions};
+use isoform_algebra::ArrangementError;
+use isoform_control::{Control, Stopped};
+use isoform_geom::Aabb;
+use std::time::Instant;
+
+/// How far triangles may be from the surface by its implicit equation, in tolerances: half a
+/// tolerance more than their middles, as an equation's first order is no distance. With less, more
+/// surfaces whose sheets touch are made again; with more, triangles stay that other programs take for
+/// wrong.
+const FAR: f64 = 1.5;
+
+/// What stands against a surface, and what is claimed of it.
+#[derive(Default)]
+struct Verdict {
+    findings: Vec<Finding>,
+    grades: Vec<Grade>,
+}
+
+/// A map analysed, and the parameters that it sends into a box: all but the triangles.
+pub struct Prepared<'a> {
+    map: &'a Map,
+    options: &'a TriangulateOptions,
+    /// What is known of the map; `seconds` of the triangles, too.
+    pub analysis: Analysis,
+    curves: Curves,
+    region: Region,
+    solitary: Vec<Vec<Point3>>,
+    sheets: usize,
+    verdict: Verdict,
+    changes: Changes,
+}
+
+impl<'a> Prepared<'a> {
+    /// Analyses a map and finds the parameters of its surface in a box.
+    ///
+    /// # Errors
+    /// [`Stopped`], if not even the region of parameters was found in time.
+    pub fn new(
+        map: &'a Map,
+        options: &'a TriangulateOptions,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let enough = control.for_seconds(options.budget.seconds);
+        let mut analysis = if needs_no_plane(map, options) {
+            analyse_clear(map, control)
+        } else {
+            analyse(map, &options.budget, control)
+        };
+        let mut verdict = Verdict {
+            findings: analysis.findings.clone(),
+            grades: analysis.grades(),
+        };
+        let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
+        let deck = verdict.deck(map, options, &analysis, &enough);
+        let clock = Instant::now();
+        let double = DoubleCurve::new(map, &analysis, options, &enough);
+        if double.needs_no_equation {
+            let is_of_double = |f: &Finding| f.claim() == Claim::DoubleCurves;
+            verdict.findings.retain(|f| !is_of_double(f));
+        }
+        verdict.findings.extend(double.findings);
+        verdict.grades.extend(double.grades);
+        analysis.took("double curve", clock);
+        let clock = Instant::now();
+        let is_glued = options.mode == Mode::Glued;
+        let mut curves = Curves::new(
+            &analysis,
+            is_glued,
+            deck.clone(),
+            double.pinches,
+            double.fibres,
+            double.traced,
+        );
+        let within = |curves: &Curves, control: &Control<'_>| {
+            region(map, options, curves, deck.as_ref(), control)
+        };
+        let region = match within(&curves, if is_glued { &enough } else { control }) {
+            Ok(region) => region,
+            // Better sheets that cross than nothing.
+            Err(_) if is_glued => {
+                verdict.findings.push(Finding::SheetsNotJoined);
+                curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
+                within(&curves, control).map_err(|_| Stopped)?
+            }
+            Err(_) => return Err(Stopped),
+        };
+        analysis.took("region", clock);
+        verdict.grades.push(Claim::Region.into());
+        if region.is_clear {
+            verdict.grades.push(Claim::Weights.into());
+        }
+        Ok(Self {
+            map,
+            options,
+            analysis,
+            curves,
+            region,
+            solitary: double.solitary,
+            sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
+            verdict,
+            changes: Changes::default(),
+        })
+    }
+    fn half_width(&self) -> f64 {
+        self.options.half_width.to_f64().value()
+    }
+    /// What the surface is made with.
+    pub(crate) fn options(&self) -> &TriangulateOptions {
+        self.options
+    }
+
+    /// Whether the double curve was traced, and its parameters are not decomposed by its equation,
+    /// which is known.
+    pub fn may_decompose(&self) -> bool {
+        let singular = self.analysis.singular.as_ref();
+        self.curves.is_traced() && singular.is_some_and(|s| s.double.is_some())
+    }
+
+    /// Decomposes the parameters by the equation of the double curve, where arcs stood for it.
+    ///
+    /// # Errors
+    /// [`Stopped`]: then nothing is changed.
+    pub fn decompose(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
+        let traced = self.curves.decompose(&self.analysis);
+        let clock = Instant::now();
+        let found = region(self.map, self.options, &self.curves, None, control);
+        self.analysis.took("region again", clock);
+        match found {
+            Ok(region) => {
+                self.region = region;
+                Ok(())
+            }
+            Err(_) => {
+                self.curves.trace(traced);
+                Err(Stopped)
+            }
+        }
+    }
+
+    /// The triangles; `findings` repeats what the analysis could not prove.
+    pub fn surface(&mut self, control: &Control<'_>) -> Surface {
+        let clock = Instant::now();
+        let mut surface = mesh(
+            self.map,
+            &self.region,
+            &self.analysis,
+            &self.curves,
+            &self.options.mesh,
+            &self.changes,
+            control,
+        );
+        self.analysis.took("triangles", clock);
+        surface.solitary_arcs.clone_from(&self.solitary);
+        let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
+        surface.sheets = self.sheets;
+        surface.is_outside = !self.region.triangles.iter().any(is_inside);
+        surface
+            .findings
+            .extend(self.verdict.findings.iter().cloned());
+        surface.grades.extend(&self.verdict.grades);
+        surface
+    }
+
+    /// Boxes of triangles that are too far from the surface, as its implicit equation says to first
+    /// order, if that is known. They are near enough to the sheet that they stand for; but where
+    /// sheets touch, what looks at the equation alone finds them farther away.
+    pub fn far(&self, surface: &Surface) -> Vec<[Point3; 2]> {
+        let Some(implicit) = &self.analysis.implicit else {
+            return Vec::new();
+        };
+        let equation = Equation::new(implicit);
+        let far = FAR * self.options.mesh.tolerance;
+        let is_far = |[p, q, r]: &[Point3; 3]| {
+            let center: Point3 = std::array::from_fn(|k| (p[k] + q[k] + r[k]) / 3.0);
+            equation.distance(center).is_some_and(|d| d > far)
+        };
+        let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
+        let found = surface.triangles.iter().map(corners).filter(is_far);
+        found.map(|t| Aabb::of(&t)).map(|b| [b.lo, b.hi]).collect()
+    }
+
+    /// Divides the tolerance by four in and around boxes, given by their least and greatest
+    /// coordinates: for the next [`Prepared::surface`].
+    pub fn refine(&mut self, boxes: &[[Point3; 2]]) {
+        let half_width = self.half_width();
+        self.changes.fineness.refine(boxes, half_width);
+        self.changes.matched.clear();
+    }
+
+    /// Gives the sheets of triangles that cross each other's vertices, in the next
+    /// [`Prepared::surface`], up to a change of tolerance. Pairs of triangles of `surface`.
+    pub fn match_sheets(&mut self, surface: &Surface, pairs: &[Crossing]) {
+        let places = matching(self.map, self.half_width(), surface, pairs);
+        self.changes.matched.extend(places);
+    }
+}
+
+/// Whether a surface over a domain needs no analysis of the whole plane.
+fn needs_no_plane(map: &Map, options: &TriangulateOptions) -> bool {
+    let is_clear = |d| is_clear(map, &options.half_width, d);
+    options.mode == Mode::Normalised
+        && !options.budget.everywhere
+        && options.domain.as_ref().is_some_and(is_clear)
+}
+
+/// The parameters of a surface in a box, decomposed by curves.
+fn region(
+    map: &Map,
+    options: &TriangulateOptions,
+    curves: &Curves,
+    deck: Option<&Deck>,
+    control: &Control<'_>,
+) -> Result<Region, ArrangementError> {
+    let (domain, forms) = (options.domain.as_ref(), curves.forms());
+    Region::within(map, &options.half_width, domain, deck, &forms, control)
+}
+
+impl Verdict {
+    /// The deck transformations of an improper map over the whole plane, with what is claimed of
+    /// them.
+    fn deck(
+        &mut self,
+        map: &Map,
+        options: &TriangulateOptions,
+        analysis: &Analysis,
+        control: &Control<'_>,
+    ) -> Option<Deck> {
+        let is_improper = analysis.degrees.is_some_and(|d| d.map_degree > 1);
+        if !is_improper || options.domain.is_some() {
+            return None;
+        }
+        let base_points = analysis.base_points.as_deref().unwrap_or_default();
+        let found = Deck::new(map, base_points, control);
+        let deck = found.unwrap_or_else(|Stopped| {
+            let stopped = Finding::Stopped(Phase::DeckTransformations);
+            self.findings.push(stopped);
+            None
+        })?;
+        self.grades.extend(deck_grades(&deck, base_points.len()));
+        Some(deck)
+    }
+}
+
+/// What is claimed of the deck transformations of a map with so many real base points.
+fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
+    let domain = Grade {
+        claim: Claim::FundamentalDomain,
+        // What is blown up to a fold is known exactly; at other base points directions are tried.
+        basis: match base_points == deck.folded.len() {
+            true => Basis::Exact,
+            false => Claim::FundamentalDomain.basis(),
+        },
+    };
+    [Claim::DeckTransformations.into(), domain]
+}
+
+/// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not looked
+/// at, as [`triangulate`](crate::triangulate) does.
+///
+/// # Errors
+/// [`Stopped`], if not even the region of parameters was found in time.
+pub fn triangulate_once(
+    map: &Map,
+    options: &TriangulateOptions,
+    control: &Control<'_>,
+) -> Result<(Surface, Analysis), Stopped> {
+    let mut prepared = Prepared::new(map, options, control)?;
+    let surface = prepared.surface(control);
+    Ok((surface, prepared.analysis))
+}
+
+/// One surface of the surfaces of patches, each over [0, 1]² and in the same box: joined along
+/// sides with the same control points.
+///
+/// # Panics
+/// If there are not as many surfaces as patches.
+pub fn join_patches(patches: &[Patch], surfaces: Vec<Surface>, half_width: f64) -> Surface {
+    assert_eq!(patches.len(), surfaces.len(), "a surface for every patch");
+    join(patches, surfaces, half_width)
+}
