@@ -77,7 +77,7 @@ impl Builder<'_> {
     /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if
     /// there is none.
     pub(super) fn drawn_unit(&self, q: usize, sides: &Sides) -> Option<Unit> {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         if !t.inside.iter().flatten().any(|inside| *inside) {
             return None;
         }
@@ -231,7 +231,7 @@ impl Builder<'_> {
                 }
             }
             if places.is_empty()
-                || drawing.cdt.num_inner_faces() > SPREAD.min(self.options.triangles / 4)
+                || drawing.cdt.num_inner_faces() > SPREAD.min(self.atlas.options.triangles / 4)
             {
                 break;
             }
@@ -247,14 +247,14 @@ impl Builder<'_> {
             for (i, &(x, inside)) in sides[key].iter().enumerate() {
                 let next = if inside {
                     (
-                        self.faces_along(q, side),
-                        self.side_bit(q, side, x, sides[key][i + 1].0),
+                        self.atlas.faces_along(q, side),
+                        self.atlas.side_bit(q, side, x, sides[key][i + 1].0),
                     )
                 } else {
                     (0, 0)
                 };
                 let Some(v) = drawing.vertex(Node {
-                    name: self.name_on(q, side, x),
+                    name: name_on(q, side, x),
                     ..Node::inner(on_side(side, x), 0)
                 }) else {
                     continue;
@@ -274,7 +274,7 @@ impl Builder<'_> {
     /// Points of walls in the region, with the faces that they are on; those on sides are there
     /// already.
     fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         let passed: Vec<(usize, usize)> = self
             .sites_in(q)
             .flat_map(|(_, s)| &s.arcs)
@@ -286,14 +286,14 @@ impl Builder<'_> {
                 if !t.holds_point(k, p) || passed.contains(&(k, p)) {
                     continue;
                 }
-                let at = self.place(q, k, p);
-                let name = self.wall_name(q, k, p);
-                let faces = self.faces_at(q, k, p);
+                let at = self.atlas.place(q, k, p);
+                let name = self.atlas.wall_name(q, k, p);
+                let faces = self.atlas.faces_at(q, k, p);
                 let apex = faces == 0b11_1111;
                 if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
                     continue;
                 }
-                let borders = self.region.sides_of_point(q, k, p);
+                let borders = self.atlas.region.sides_of_point(q, k, p);
                 let node = Node {
                     at,
                     name,
@@ -304,7 +304,8 @@ impl Builder<'_> {
                 };
                 // The line of a side goes on inside.
                 let is_line = |f: &usize| {
-                    self.region
+                    self.atlas
+                        .region
                         .lines
                         .get(*f)
                         .is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f))
@@ -340,19 +341,19 @@ impl Builder<'_> {
                 };
                 let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing<'_>| {
                     let name = match () {
-                        () if at[0] == 0.0 => self.name_on(q, 0, at[1]),
-                        () if at[1] == 0.0 => self.name_on(q, 1, at[0]),
+                        () if at[0] == 0.0 => name_on(q, 0, at[1]),
+                        () if at[1] == 0.0 => name_on(q, 1, at[0]),
                         () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => {
-                            self.name_on(q, 2, at[0])
+                            name_on(q, 2, at[0])
                         }
                         () => Name::Inner,
                     };
                     let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
-                    let faces = arc.map_or(0, |x| self.bits(x.curve));
+                    let faces = arc.map_or(0, |x| self.atlas.bits(x.curve));
                     let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
                     let is_fold = match name {
-                        Name::Side(side, ..) => self.region.is_fold_side(side),
-                        _ => arc.is_some_and(|x| self.region.is_fold(x.curve)),
+                        Name::Side(side, ..) => self.atlas.region.is_fold_side(side),
+                        _ => arc.is_some_and(|x| self.atlas.region.is_fold(x.curve)),
                     };
                     let v = drawing.vertex(Node {
                         name,
@@ -393,12 +394,15 @@ impl Builder<'_> {
 
     /// The arcs of a slab.
     fn draw_arcs(&self, q: usize, k: usize, drawing: &mut Drawing<'_>) {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         let mut over = Columns::new(&t.arrangement, k);
         let mut lines = Vec::new();
         for i in self.drawn(q, k) {
             let arc = t.arrangement.slabs[k].arcs[i];
-            let (faces, borders) = (self.bits(arc.curve), self.region.side_of_arc(q, k, i));
+            let (faces, borders) = (
+                self.atlas.bits(arc.curve),
+                self.atlas.region.side_of_arc(q, k, i),
+            );
             let stretch = self.stretch(q, k, i);
             let line = match self.gluing.line(Track::Arc(q, k, i)) {
                 Some(line) => line.clone(),
@@ -439,7 +443,7 @@ impl Builder<'_> {
 
     /// Stretches of a wall that are drawn.
     fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing<'_>) {
-        for p in 0..self.region.triangles[q].arrangement.walls[wall]
+        for p in 0..self.atlas.region.triangles[q].arrangement.walls[wall]
             .points
             .len()
             - 1
@@ -447,7 +451,10 @@ impl Builder<'_> {
             let Some(curve) = self.drawn_on(q, wall, p) else {
                 continue;
             };
-            let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
+            let (faces, borders) = (
+                self.atlas.bits(curve),
+                self.atlas.region.side_of_wall(q, wall, p),
+            );
             let (stretch, mut line) = self.upright(q, wall, p);
             if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
                 line.clone_from(known);
@@ -477,7 +484,7 @@ impl Builder<'_> {
 
     /// The curve that is drawn on a wall between a point and the next, if one is.
     pub(super) fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         let w = &t.arrangement.walls[wall];
         if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
             return None;
@@ -493,7 +500,7 @@ impl Builder<'_> {
     /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
     /// its vertices.
     pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
-        let mut ends = [point, point + 1].map(|p| self.place(q, wall, p));
+        let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
         let mut rays = [None; 2];
         for (k, end) in ends.iter_mut().enumerate() {
             if let Some(site) = self.sites.get(&(q, wall, point + k)) {
@@ -518,21 +525,28 @@ impl Builder<'_> {
             based,
             rays,
         };
-        if let Some(line) = self.border_line(q, self.region.side_of_wall(q, wall, point), a, b) {
+        if let Some(line) = self.atlas.border_line(
+            q,
+            self.atlas.region.side_of_wall(q, wall, point),
+            [a, b],
+            self.halvings,
+        ) {
             return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
         }
         let mut line = vec![a];
         let mut stack = vec![(a[1], b[1], 0)];
         while let Some((x, y, depth)) = stack.pop() {
-            let at = |v: f64| self.charts[q].at([a[0], v]);
+            let at = |v: f64| self.atlas.charts[q].at([a[0], v]);
             let m = 0.5 * (x + y);
             let turns = || {
-                is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]))
+                is_contracted
+                    && depth < TURNS
+                    && self.atlas.charts[q].turns([x, m, y].map(|v| [a[0], v]))
             };
             if depth < self.halvings
                 && line.len() < VERTICES
-                && !self.control.is_stopped()
-                && (!self.is_fine(&at, x, y) || turns())
+                && !self.atlas.control.is_stopped()
+                && (!self.atlas.is_fine(&at, x, y) || turns())
             {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
@@ -550,7 +564,7 @@ impl Builder<'_> {
     /// The arcs of a slab that are drawn: those that have the region on one side, or on both and
     /// are contracted, double or cuspidal.
     pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         let inside = &t.inside[slab];
         let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
         (1..inside.len())

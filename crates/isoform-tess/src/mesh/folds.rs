@@ -18,6 +18,7 @@ impl Builder<'_> {
         const FEW: usize = 7;
         const MANY: usize = 700;
         let Some(deck) = self
+            .atlas
             .region
             .deck
             .as_ref()
@@ -28,7 +29,7 @@ impl Builder<'_> {
         let borders: Vec<(usize, usize)> = (0..self.fans.len())
             .flat_map(|f| {
                 self.fans[f]
-                    .border_nodes(self.region)
+                    .border_nodes(self.atlas.region)
                     .into_iter()
                     .map(move |n| (f, n))
             })
@@ -38,7 +39,7 @@ impl Builder<'_> {
             let all = points(b, MANY);
             let far = |p: &Point3| {
                 all.iter()
-                    .all(|q| distance(*p, *q) > APART * self.half_width)
+                    .all(|q| distance(*p, *q) > APART * self.atlas.half_width)
             };
             a == b || points(a, FEW).iter().any(far)
         };
@@ -55,8 +56,9 @@ impl Builder<'_> {
         let f = &self.fans[fan];
         let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
         directions.any(|d| {
-            f.sides_along(d).any(|side| self.region.is_fold_side(side))
-                || d.factors.iter().any(|f| self.region.is_fold(*f))
+            f.sides_along(d)
+                .any(|side| self.atlas.region.is_fold_side(side))
+                || d.factors.iter().any(|f| self.atlas.region.is_fold(*f))
         })
     }
 }

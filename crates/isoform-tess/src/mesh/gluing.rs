@@ -6,26 +6,17 @@
 //! points) comes first, so that its partners are vertices, too; then the rest.
 
 use super::closing::UPON;
+use super::geometry::distance;
+use super::names::{Key, Name, Ray, key, name_of, name_on};
+use super::places::{distance2, in_plane, on_side, place_in, place_on, sides_of};
 use super::stretch::{Columns, Stretch};
-use super::{
-    Builder, Name, Node, Ray, Sides, add_place, distance, in_plane, on_side, place_on, sides_of,
-};
+use super::{Builder, Node, Sides, add_place};
 use crate::deck::value;
 use crate::double::Fibres;
 use crate::finding::{Finding, JoinedCurve, Phase};
 use crate::surface::{DoubleArc, Point3};
 use isoform_geom::{cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
-
-/// A name of a vertex, with the unit triangle and the place in it for those that have none.
-pub(super) type Key = (Name, usize, [u64; 2]);
-
-pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
-    match name {
-        Name::Inner => (name, q, at.map(f64::to_bits)),
-        name => (name, 0, [0; 2]),
-    }
-}
 
 /// A vertex on a piece of the double curve.
 #[derive(Clone, Debug)]
@@ -180,7 +171,7 @@ impl Builder<'_> {
                         gluing.parameters.push(parameter);
                     }
                     j += 1;
-                    if self.control.is_stopped() {
+                    if self.atlas.control.is_stopped() {
                         gluing.is_stopped = true;
                         gluing.findings.push(Finding::Stopped(Phase::Partners));
                         return gluing;
@@ -197,7 +188,7 @@ impl Builder<'_> {
     fn is_crowded(&self, piece: &Piece, j: usize) -> bool {
         let near = |k: usize| {
             piece.knots.get(k).is_some_and(|other| {
-                distance(other.image, piece.knots[j].image) < CROWDED * UPON * self.half_width
+                distance(other.image, piece.knots[j].image) < CROWDED * UPON * self.atlas.half_width
             })
         };
         near(j.wrapping_sub(1)) || near(j + 1)
@@ -206,16 +197,17 @@ impl Builder<'_> {
     /// Isolated real points of singular curves, and images of contracted ones: those with one image
     /// become one vertex.
     fn join_isolated(&self, gluing: &mut Gluing, isolated: &[[f64; 3]], sides: &mut Sides) {
-        let close = 1e-9 * self.half_width;
+        let close = 1e-9 * self.atlas.half_width;
         let mut points: Vec<(usize, [f64; 2], Point3, Name)> = Vec::new();
         for &p in isolated {
             for q in 0..4 {
                 let Some(at) = place_on(q, p) else {
                     continue;
                 };
-                let name = self.name_of(q, p, at);
-                let image = self.charts[q].at(at);
+                let name = name_of(q, p, at);
+                let image = self.atlas.charts[q].at(at);
                 if self
+                    .atlas
                     .region
                     .domain
                     .as_ref()
@@ -224,7 +216,7 @@ impl Builder<'_> {
                     continue;
                 }
                 // Base points have no image, and none of their own.
-                if image.iter().all(|x| x.abs() <= self.half_width) {
+                if image.iter().all(|x| x.abs() <= self.atlas.half_width) {
                     points.push((q, at, image, name));
                 }
             }
@@ -281,7 +273,7 @@ impl Builder<'_> {
             at,
             parameter: in_plane(q, at),
             key: key(name, q, at),
-            image: self.image(q, at, faces),
+            image: self.atlas.image(q, at, faces),
             fixed,
             class: None,
         }
@@ -309,7 +301,7 @@ impl Builder<'_> {
     fn pieces(&self, sides: &Sides) -> Vec<Piece> {
         let mut pieces = Vec::new();
         for q in 0..4 {
-            let a = &self.region.triangles[q].arrangement;
+            let a = &self.atlas.region.triangles[q].arrangement;
             for slab in 0..a.slabs.len() {
                 let mut over = Columns::new(a, slab);
                 for i in self.drawn(q, slab) {
@@ -350,8 +342,9 @@ impl Builder<'_> {
         }
         // Deck transformations take such a seam to itself, and the fundamental domain has one of
         // the two points.
-        let is_used =
-            |f: &usize| self.region.deck.is_none() && self.sites.values().any(|s| s.fan == *f);
+        let is_used = |f: &usize| {
+            self.atlas.region.deck.is_none() && self.sites.values().any(|s| s.fan == *f)
+        };
         for fan in (0..self.fans.len()).filter(is_used) {
             self.seam_pieces(fan, &mut pieces);
         }
@@ -424,8 +417,8 @@ impl Builder<'_> {
                 false => self.knot(
                     q,
                     line[end],
-                    self.wall_name(q, wall, point),
-                    self.faces_at(q, wall, point),
+                    self.atlas.wall_name(q, wall, point),
+                    self.atlas.faces_at(q, wall, point),
                     true,
                 ),
             };
@@ -488,7 +481,7 @@ impl Builder<'_> {
                     match ray {
                         Some((fan, ray, _)) => knots.extend(self.seam_knot(at, fan, ray)),
                         None => {
-                            let name = self.name_on(q, side, x);
+                            let name = name_on(q, side, x);
                             let fixed =
                                 k == 0 || k + 1 == run.len() || self.is_hard(side, &both, x);
                             let faces = self.faces_on(side, &both, x);
@@ -537,7 +530,7 @@ impl Builder<'_> {
     fn wall_points_on(&self, side: usize, both: &[usize]) -> Vec<(f64, u8)> {
         let mut found = Vec::new();
         for &q in both {
-            let t = &self.region.triangles[q];
+            let t = &self.atlas.region.triangles[q];
             let walls = &t.arrangement.walls;
             let points: Vec<(usize, usize)> = match side {
                 0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
@@ -550,8 +543,8 @@ impl Builder<'_> {
                 .into_iter()
                 .filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p))
             {
-                let at = self.place(q, k, p);
-                let faces = self.faces_at(q, k, p);
+                let at = self.atlas.place(q, k, p);
+                let faces = self.atlas.faces_at(q, k, p);
                 found.push((
                     if side == 0 { at[1] } else { at[0] },
                     if faces == 0b11_1111 { 0 } else { faces },
@@ -565,7 +558,7 @@ impl Builder<'_> {
     fn add_pinches(&self, pieces: &mut [Piece], pinches: &[[f64; 3]]) {
         for &p in pinches {
             for piece in pieces.iter_mut().filter(|p| !p.is_seam()) {
-                let Some(at) = super::place_in(piece.q, p) else {
+                let Some(at) = place_in(piece.q, p) else {
                     continue;
                 };
                 let x = piece.along(at);
@@ -578,8 +571,8 @@ impl Builder<'_> {
                 let t = (x - piece.along(a)) / (piece.along(b) - piece.along(a));
                 let on = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
                 // On the piece but for its sagitta.
-                let image = self.charts[piece.q].at(at);
-                if distance(self.charts[piece.q].at(on), image) > self.options.tolerance
+                let image = self.atlas.charts[piece.q].at(at);
+                if distance(self.atlas.charts[piece.q].at(on), image) > self.atlas.options.tolerance
                     || distance2(on, at) > 0.1
                 {
                     continue;
@@ -598,7 +591,7 @@ impl Builder<'_> {
     }
     fn piece_name(&self, piece: &Piece, at: [f64; 2]) -> Name {
         match piece.track {
-            Track::Side(side, ..) => self.name_on(piece.q, side, piece.along(at)),
+            Track::Side(side, ..) => name_on(piece.q, side, piece.along(at)),
             _ => Name::Inner,
         }
     }
@@ -609,7 +602,7 @@ impl Builder<'_> {
         let own = pieces[k].knots[j].key;
         let parameter = pieces[k].knots[j].parameter;
         pieces[k].knots[j].class = Some(class);
-        let close = 1e-9 * self.half_width;
+        let close = 1e-9 * self.atlas.half_width;
         for piece in pieces.iter_mut() {
             // Vertices that are there already, other ends of pieces that meet in the same parameter
             // among them.
@@ -651,6 +644,7 @@ impl Builder<'_> {
         self.glued
             || is_one
             || self
+                .atlas
                 .region
                 .deck
                 .as_ref()
@@ -666,7 +660,7 @@ impl Builder<'_> {
             let on_side =
                 (0..3).any(|k| self.on_side[k] == Some(image) && q[k].abs() <= ZERO * size);
             let is_zero = |f: usize| {
-                let (x, size) = value(&self.region.factors[f], q);
+                let (x, size) = value(&self.atlas.region.factors[f], q);
                 x.abs() <= ZERO * size
             };
             let mut factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
@@ -674,6 +668,7 @@ impl Builder<'_> {
         };
         is_on(p)
             || self
+                .atlas
                 .region
                 .deck
                 .as_ref()
@@ -695,7 +690,7 @@ impl Builder<'_> {
             .map(|(x, d)| (x - t.clamp(0.0, 1.0) * d).powi(2))
             .sum::<f64>()
             .sqrt();
-        if off > 2.0 * self.options.tolerance {
+        if off > 2.0 * self.atlas.options.tolerance {
             return None;
         }
         if self.is_fold(piece) {
@@ -704,7 +699,7 @@ impl Builder<'_> {
         let (from, to) = (piece.along(a.at), piece.along(b.at));
         let s = t.clamp(0.02, 0.98);
         let mut at = [0, 1].map(|k| a.at[k] + s * (b.at[k] - a.at[k]));
-        let chart = &self.charts[piece.q];
+        let chart = &self.atlas.charts[piece.q];
         let mut last = f64::INFINITY;
         for _ in 0..60 {
             let p = chart.at(at);
@@ -724,8 +719,8 @@ impl Builder<'_> {
             if delta.iter().any(|d| !d.is_finite()) {
                 return None;
             }
-            if residual < 1e-13 * self.half_width
-                || (residual < 1e-10 * self.half_width && residual >= 0.5 * last)
+            if residual < 1e-13 * self.atlas.half_width
+                || (residual < 1e-10 * self.atlas.half_width && residual >= 0.5 * last)
             {
                 let x = piece.along(at);
                 return (x > from - 1e-10 && x < to + 1e-10 && self.is_on(piece, at))
@@ -758,11 +753,11 @@ impl Builder<'_> {
                 [0, 1].map(|k| ends[0][k] + t * (ends[1][k] - ends[0][k])),
             )
         };
-        let value = |t: f64| self.charts[piece.q].at(at(t));
+        let value = |t: f64| self.atlas.charts[piece.q].at(at(t));
         let mut t = place.clamp(0.02, 0.98);
         for _ in 0..60 {
             let rest = sub(image, value(t));
-            if norm(rest) < 1e-12 * self.half_width {
+            if norm(rest) < 1e-12 * self.atlas.half_width {
                 return (t > 0.0 && t < 1.0).then(|| self.onto(piece, at(t)));
             }
             let slope = sub(value(t + STEP), value(t - STEP)).map(|x| x / (2.0 * STEP));
@@ -777,7 +772,7 @@ impl Builder<'_> {
     fn is_on(&self, piece: &Piece, at: [f64; 2]) -> bool {
         match piece.track {
             Track::Arc(q, slab, i) => {
-                match Columns::new(&self.region.triangles[q].arrangement, slab).at(at[0], i) {
+                match Columns::new(&self.atlas.region.triangles[q].arrangement, slab).at(at[0], i) {
                     Some(v) => (v - at[1]).abs() < 1e-8,
                     // On a wall but for rounding, where other arcs may end, too.
                     None => [0, piece.knots.len() - 1]
@@ -865,14 +860,21 @@ impl Builder<'_> {
                 continue;
             }
             // Partners may be outside of the domain on some of its length only.
-            if let (Some(_), Some(fibres), false) = (&self.region.domain, fibres, piece.is_seam()) {
+            if let (Some(_), Some(fibres), false) =
+                (&self.atlas.region.domain, fibres, piece.is_seam())
+            {
                 lonely.retain(|w| {
                     let at =
                         self.on_curve_of(piece, [0, 1].map(|i| 0.5 * (w[0].at[i] + w[1].at[i])));
-                    let is_outside =
-                        |p: [f64; 3]| self.region.domain.as_ref().is_some_and(|d| d.is_outside(p));
+                    let is_outside = |p: [f64; 3]| {
+                        self.atlas
+                            .region
+                            .domain
+                            .as_ref()
+                            .is_some_and(|d| d.is_outside(p))
+                    };
                     !fibres.is_alone(
-                        self.charts[piece.q].at(at),
+                        self.atlas.charts[piece.q].at(at),
                         in_plane(piece.q, at),
                         &is_outside,
                     )
@@ -884,11 +886,12 @@ impl Builder<'_> {
                     if piece.is_seam() {
                         w[0].image
                     } else {
-                        self.charts[piece.q].at(at)
+                        self.atlas.charts[piece.q].at(at)
                     }
                 };
                 let knot = w.iter().find(|k| !k.fixed).map_or_else(middle, |k| k.image);
-                if !fibres.is_some_and(|f| f.is_met_by_conjugates(knot, self.region.deck.as_ref()))
+                if !fibres
+                    .is_some_and(|f| f.is_met_by_conjugates(knot, self.atlas.region.deck.as_ref()))
                 {
                     single += lonely.len();
                 }
@@ -987,7 +990,8 @@ impl Builder<'_> {
     /// Whether a piece is on the border of a fundamental domain, and goes on.
     fn is_border(&self, piece: &Piece) -> bool {
         let is_side = |side: usize| {
-            self.region
+            self.atlas
+                .region
                 .deck
                 .as_ref()
                 .is_some_and(|d| d.seams.sides[side])
@@ -996,8 +1000,8 @@ impl Builder<'_> {
     }
     /// Whether the surface ends in a piece: others may end there, or not.
     fn is_fold(&self, piece: &Piece) -> bool {
-        let is_side = |side: usize| self.region.is_fold_side(side);
-        self.is_of(piece, &|f| self.region.is_fold(f), &is_side)
+        let is_side = |side: usize| self.atlas.region.is_fold_side(side);
+        self.is_of(piece, &|f| self.atlas.region.is_fold(f), &is_side)
     }
     /// Whether a piece lies on some factors or sides of unit triangles.
     fn is_of(
@@ -1006,7 +1010,7 @@ impl Builder<'_> {
         is_factor: &dyn Fn(usize) -> bool,
         is_side: &dyn Fn(usize) -> bool,
     ) -> bool {
-        let arrangement = |q: usize| &self.region.triangles[q].arrangement;
+        let arrangement = |q: usize| &self.atlas.region.triangles[q].arrangement;
         match piece.track {
             Track::Arc(q, slab, i) => is_factor(arrangement(q).slabs[slab].arcs[i].curve),
             Track::Wall(q, wall, _) => {
@@ -1020,9 +1024,11 @@ impl Builder<'_> {
     /// The point of a piece over, or beside, one of its chords.
     fn on_curve_of(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
         match piece.track {
-            Track::Arc(q, slab, i) => Columns::new(&self.region.triangles[q].arrangement, slab)
-                .at(at[0], i)
-                .map_or(at, |v| [at[0], v]),
+            Track::Arc(q, slab, i) => {
+                Columns::new(&self.atlas.region.triangles[q].arrangement, slab)
+                    .at(at[0], i)
+                    .map_or(at, |v| [at[0], v])
+            }
             _ => at,
         }
     }
@@ -1044,8 +1050,4 @@ impl Builder<'_> {
         }
         run.clear();
     }
-}
-
-pub(super) fn distance2(a: [f64; 2], b: [f64; 2]) -> f64 {
-    (a[0] - b[0]).hypot(a[1] - b[1])
 }

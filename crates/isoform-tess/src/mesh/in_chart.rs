@@ -15,7 +15,7 @@ impl Measure for InChart<'_, '_> {
         match self.builder.merged(self.q, node) {
             Name::Image(k) => self.builder.images[k],
             Name::Double(k) => self.builder.gluing.image(k),
-            _ => self.builder.image(self.q, node.at, node.faces),
+            _ => self.builder.atlas.image(self.q, node.at, node.faces),
         }
     }
     fn shared(&self, node: &Node) -> Option<Shared> {
@@ -26,28 +26,28 @@ impl Measure for InChart<'_, '_> {
         }
     }
     fn at(&self, at: [f64; 2]) -> Point3 {
-        self.builder.charts[self.q].at(at)
+        self.builder.atlas.charts[self.q].at(at)
     }
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].beside_chord(chord, self.builder.images[image])
+        self.builder.atlas.charts[self.q].beside_chord(chord, self.builder.images[image])
     }
     fn turns(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].turns(at)
+        self.builder.atlas.charts[self.q].turns(at)
     }
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].step(at, to)
+        self.builder.atlas.charts[self.q].step(at, to)
     }
     fn tangents(&self, at: [f64; 2]) -> [Point3; 2] {
-        let [_, by_u, by_v] = self.builder.charts[self.q].tangents(at);
+        let [_, by_u, by_v] = self.builder.atlas.charts[self.q].tangents(at);
         [by_u, by_v]
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].keeps_sign(at, 0)
+        self.builder.atlas.charts[self.q].keeps_sign(at, 0)
     }
     fn tolerance(&self, near: Point3) -> f64 {
-        self.builder.tolerance_at(near)
+        self.builder.atlas.tolerance_at(near)
     }
     fn longest(&self) -> f64 {
-        self.builder.options.longest
+        self.builder.atlas.options.longest
     }
 }

@@ -53,7 +53,7 @@ impl Builder<'_> {
                 self.on_side[side] = Some(image);
             }
         }
-        let mut extra = self.region.extra.iter();
+        let mut extra = self.atlas.region.extra.iter();
         for (_, images) in &curves.contracted {
             let images: Vec<usize> = images.iter().map(|&p| self.image_of(p)).collect();
             for &f in extra.next().into_iter().flatten() {
@@ -74,8 +74,8 @@ impl Builder<'_> {
         self.double.extend(&self.seams);
         // Sheets may end in one curve.
         if curves.glued {
-            self.double.extend(self.region.folds());
-            (0..3).for_each(|k| self.double_sides[k] |= self.region.is_fold_side(k));
+            self.double.extend(self.atlas.region.folds());
+            (0..3).for_each(|k| self.double_sides[k] |= self.atlas.region.is_fold_side(k));
         }
     }
     /// The number of an image.
@@ -83,7 +83,7 @@ impl Builder<'_> {
         let known = self
             .images
             .iter()
-            .position(|&q| distance(p, q) <= 1e-12 * self.half_width);
+            .position(|&q| distance(p, q) <= 1e-12 * self.atlas.half_width);
         known.unwrap_or_else(|| {
             self.images.push(p);
             self.images.len() - 1
@@ -94,7 +94,7 @@ impl Builder<'_> {
     pub(super) fn open_base_points(&mut self, points: &[BasePoint], w: &Poly) {
         let opened: Result<Vec<Fan>, Stopped> = points
             .iter()
-            .map(|p| Fan::new(p, self.region, w, self.control))
+            .map(|p| Fan::new(p, self.atlas.region, w, self.atlas.control))
             .collect();
         match opened {
             Ok(fans) => self.fans = fans,
@@ -115,15 +115,15 @@ impl Builder<'_> {
         }
         self.folded = self.folded_seams();
         let mut problems = Vec::new();
-        for (q, t) in self.region.triangles.iter().enumerate() {
+        for (q, t) in self.atlas.region.triangles.iter().enumerate() {
             for (k, wall) in t.arrangement.walls.iter().enumerate() {
                 for p in 0..wall.points.len() {
-                    if !t.holds_point(k, p) || self.faces_at(q, k, p) != 0b11_1111 {
+                    if !t.holds_point(k, p) || self.atlas.faces_at(q, k, p) != 0b11_1111 {
                         continue;
                     }
-                    let at = self.place(q, k, p);
-                    let is_on_side = || self.region.sides_of_point(q, k, p) != 0;
-                    if self.region.domain.is_some() && is_on_side() {
+                    let at = self.atlas.place(q, k, p);
+                    let is_on_side = || self.atlas.region.sides_of_point(q, k, p) != 0;
+                    if self.atlas.region.domain.is_some() && is_on_side() {
                         problems.push(Finding::BasePointOnSide);
                         continue;
                     }
@@ -161,7 +161,7 @@ impl Builder<'_> {
             let mut done = false;
             let mut halved = vec![0; self.fans.len()];
             for _ in 0..ROUNDS {
-                if self.control.is_stopped() {
+                if self.atlas.control.is_stopped() {
                     break;
                 }
                 let mut too_large = self.fit_rectangles();
@@ -199,7 +199,7 @@ impl Builder<'_> {
         let mut count: BTreeMap<(usize, Ray), usize> = BTreeMap::new();
         let keys: Vec<(usize, usize, usize)> = self.sites.keys().copied().collect();
         for (q, k, p) in keys {
-            let a = &self.region.triangles[q].arrangement;
+            let a = &self.atlas.region.triangles[q].arrangement;
             let site = &self.sites[&(q, k, p)];
             let fan = &self.fans[site.fan];
             // Rays in the triangle, counterclockwise there.
@@ -432,7 +432,7 @@ impl Builder<'_> {
     /// Follows an arc from a base point to the side of its rectangle, over walls on which nothing
     /// happens to it. False if it does not get there.
     fn follow(&self, q: usize, at: [f64; 2], h: f64, arc: &mut SiteArc) -> bool {
-        let a = &self.region.triangles[q].arrangement;
+        let a = &self.atlas.region.triangles[q].arrangement;
         let to = if arc.right { at[0] + h } else { at[0] - h };
         arc.chain.truncate(1);
         loop {
@@ -485,7 +485,7 @@ impl Builder<'_> {
 
     /// Whether the rectangle around a base point holds nothing but the arcs that end in it.
     fn is_alone(&self, q: usize, k: usize, p: usize, site: &Site) -> bool {
-        let t = &self.region.triangles[q];
+        let t = &self.atlas.region.triangles[q];
         let a = &t.arrangement;
         let h = self.widths[site.fan];
         let near = |v: f64| (v - site.at[1]).abs() < 1.2 * site.height;
@@ -689,7 +689,7 @@ impl Builder<'_> {
     ) -> Vec<Point3> {
         let key = (d.key(), backward);
         let arc = site.arcs.iter().find(|x| x.ray == key && x.end == at);
-        let face = arc.and_then(|x| self.region.faces[x.curve].first().copied());
+        let face = arc.and_then(|x| self.atlas.region.faces[x.curve].first().copied());
         let x = fan.lifted(q, at, d.node);
         let reach = (0..2).map(|i| x[i] * d.signed(backward)[i]).sum::<f64>();
         let drawn = site.arcs.iter().filter(|x| x.ray == key).count();
@@ -701,7 +701,9 @@ impl Builder<'_> {
             return Vec::new();
         }
         let on = |t: f64| fan.image_on_ray(d, backward, t * reach, face);
-        let first = self.image(q, at, arc.map_or(0, |x| self.bits(x.curve)));
+        let first = self
+            .atlas
+            .image(q, at, arc.map_or(0, |x| self.atlas.bits(x.curve)));
         let mut found = Vec::new();
         let mut stack = vec![(1.0, first, 0.0, fan.seam(d), 0)];
         while let Some((a, p, b, r, depth)) = stack.pop() {
@@ -711,7 +713,8 @@ impl Builder<'_> {
                 .map(|&x| distance_to_segment(x, [p, r]))
                 .fold(0.0, f64::max);
             if depth < 12
-                && (off > 0.3 * self.tolerance_at(p) || distance(p, r) > self.options.longest)
+                && (off > 0.3 * self.atlas.tolerance_at(p)
+                    || distance(p, r) > self.atlas.options.longest)
             {
                 let m = 0.5 * (a + b);
                 stack.extend([
@@ -804,7 +807,7 @@ impl Builder<'_> {
                     };
                     let Some(at) = at else { continue };
                     if at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0 {
-                        ring.push((s, at, self.charts[q].at(at)));
+                        ring.push((s, at, self.atlas.charts[q].at(at)));
                     }
                 }
                 // A ring as near to the last one as its vertices are to each other, in space, makes
@@ -898,7 +901,7 @@ impl Builder<'_> {
                 if !sector.inside || done.contains(&name) {
                     continue;
                 }
-                if self.control.is_stopped() {
+                if self.atlas.control.is_stopped() {
                     return false;
                 }
                 match self.look(fan, sector, sites) {
@@ -951,7 +954,7 @@ impl Builder<'_> {
             if turn * cross(from_base(a), from_base(b)) <= 0.0 {
                 return Look::TooLarge;
             }
-            let image = |x: [f64; 2]| self.charts[q].at(x);
+            let image = |x: [f64; 2]| self.atlas.charts[q].at(x);
             let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
             let mut points = vec![a, b];
             for ((end, at), (k, backward)) in ends.iter().zip([a, b]).zip(sector.rays) {
@@ -989,7 +992,7 @@ impl Builder<'_> {
                 let seam = fan.seam(&fan.between(sector, 0).0);
                 let bulge = distance_to_segment(seam, [p, r]);
                 let width = distance_to_segment(on, [p, r]).min(distance(on, seam));
-                if longest > SHORT * self.options.longest && bulge > ROOM * width {
+                if longest > SHORT * self.atlas.options.longest && bulge > ROOM * width {
                     fine = false;
                 }
             }
@@ -998,17 +1001,17 @@ impl Builder<'_> {
             }
             points
                 .extend((1..8).map(|i| [0, 1].map(|k| a[k] + f64::from(i) / 8.0 * (b[k] - a[k]))));
-            let is_signed = self.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
+            let is_signed = self.atlas.charts[q].keeps_sign([site.at, a, b], fan.multiplicity)
                 // The parameters inside are in a cell of the region, in which W has no zero; what
                 // is left are edges of the rectangle that leave it.
                 || fan.is_tree()
-                    && self.charts[q].keeps_sign([a, b, a], 0)
+                    && self.atlas.charts[q].keeps_sign([a, b, a], 0)
                     && fan.keeps_sign(q, sector, &points, &keeps_sign_on);
             // In trees, where the map is far from even, the point may slide along the chord, but
             // not so far that triangles beside it were uneven.
             let off = distance(on, middle(chord[0], chord[1]));
-            let is_even =
-                off <= UNEVEN * distance(chord[0], chord[1]) || off <= 0.5 * self.tolerance_at(on);
+            let is_even = off <= UNEVEN * distance(chord[0], chord[1])
+                || off <= 0.5 * self.atlas.tolerance_at(on);
             let is_near = if fan.is_tree() {
                 is_even && self.is_near_chord(on, chord)
             } else {
@@ -1029,7 +1032,7 @@ impl Builder<'_> {
             // Between arcs with one tangent.
             for (k, backward) in sector.rays {
                 for w in self.ring(q, site, &fan.directions[k], backward).windows(2) {
-                    if !self.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
+                    if !self.atlas.charts[q].keeps_sign([site.at, w[0], w[1]], fan.multiplicity)
                         || cross(from_base(w[0]), from_base(w[1])) <= 0.0
                     {
                         return Look::TooLarge;
@@ -1041,7 +1044,7 @@ impl Builder<'_> {
         match fine {
             true => Look::Fine,
             // What is not fine is not the seam then: an arc is too far from its tangent.
-            false if longest < least * self.tolerance_at(ends[0]) => Look::TooLarge,
+            false if longest < least * self.atlas.tolerance_at(ends[0]) => Look::TooLarge,
             false if !fan.is_tree() => Look::Split(fan.between(sector, 0).0),
             false => {
                 // Rays of two nodes, and arcs, have their order next to the base point, but not
@@ -1091,13 +1094,13 @@ impl Builder<'_> {
     /// divided any more, and the piece short. It may be anywhere along it: where arcs touch faces
     /// of the box, a curve leaves its end like a square root.
     fn is_near_chord(&self, on: Point3, [p, q]: [Point3; 2]) -> bool {
-        distance_to_segment(on, [p, q]) <= 0.5 * self.tolerance_at(on)
-            && distance(p, q) <= self.options.longest
+        distance_to_segment(on, [p, q]) <= 0.5 * self.atlas.tolerance_at(on)
+            && distance(p, q) <= self.atlas.options.longest
     }
     /// Whether the middle of a straight piece is near to the surface, and the piece short.
     fn is_near(&self, on: Point3, chord: Point3, ends: [Point3; 2]) -> bool {
-        distance(on, chord) <= 0.5 * self.tolerance_at(chord)
-            && distance(ends[0], ends[1]) <= self.options.longest
+        distance(on, chord) <= 0.5 * self.atlas.tolerance_at(chord)
+            && distance(ends[0], ends[1]) <= self.atlas.options.longest
     }
 
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a
@@ -1116,7 +1119,7 @@ impl Builder<'_> {
         if f.is_contracted(d) {
             images.extend(0..self.images.len());
         }
-        let near = |k: &usize| distance(self.images[*k], p) <= 1e-6 * self.half_width;
+        let near = |k: &usize| distance(self.images[*k], p) <= 1e-6 * self.atlas.half_width;
         match images.into_iter().find(near) {
             Some(k) => (Name::Image(k), self.images[k], 0),
             None => (Name::Seam(fan, d.key()), p, d.faces),

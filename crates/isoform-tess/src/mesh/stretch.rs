@@ -67,10 +67,10 @@ impl Builder<'_> {
     /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base
     /// points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
-        let a = &self.region.triangles[q].arrangement;
+        let a = &self.atlas.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
         let [left, right] = [(slab, arc.left), (slab + 1, arc.right)]
-            .map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
+            .map(|(k, p)| [a.walls[k].u.to_f64(), self.atlas.place(q, k, p)[1]]);
         let mut s = Stretch {
             before: vec![left],
             from: left,
@@ -125,25 +125,25 @@ impl Builder<'_> {
                 .iter()
                 .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
         };
-        if let Some(line) = self.border_line(
+        if let Some(line) = self.atlas.border_line(
             q,
-            self.region.side_of_arc(q, over.slab, i),
-            stretch.from,
-            stretch.to,
+            self.atlas.region.side_of_arc(q, over.slab, i),
+            [stretch.from, stretch.to],
+            self.halvings,
         ) {
             *in_order &= line.len() <= VERTICES
                 && is_drawn_in(&line)
                 && line.windows(2).all(|w| w[0][0] < w[1][0]);
             return line;
         }
-        let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
+        let at = |[u, v]: [f64; 2]| self.atlas.charts[q].at([u, v]);
         let is_contracted = self
             .on_curve
             .contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let is_full = line.len() > VERTICES || self.control.is_stopped();
+            let is_full = line.len() > VERTICES || self.atlas.control.is_stopped();
             *in_order &= !is_full;
             let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
@@ -153,13 +153,13 @@ impl Builder<'_> {
             let mid = [u, v];
             let (p, m, r) = (at(left), at(mid), at(right));
             let chord = [u, 0.5 * (left[1] + right[1])];
-            let tolerance = self.tolerance_at(m);
-            let fine = distance(p, r) <= self.options.longest
+            let tolerance = self.atlas.tolerance_at(m);
+            let fine = distance(p, r) <= self.atlas.options.longest
                 && distance(m, middle(p, r)) <= 0.3 * tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
                 && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
-                && !(is_contracted && depth < TURNS && self.charts[q].turns([left, mid, right]))
-                && self.charts[q].keeps_sign([left, right, left], 0);
+                && !(is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]))
+                && self.atlas.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
                 line.push(right);

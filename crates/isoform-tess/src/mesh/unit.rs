@@ -84,9 +84,9 @@ impl Builder<'_> {
     /// Refines unit triangles side by side, to a limit for all of them.
     pub(super) fn refine(&self, units: &mut [Unit]) {
         let most = if self.halvings < HALVINGS {
-            self.options.triangles.min(OPEN_TRIANGLES)
+            self.atlas.options.triangles.min(OPEN_TRIANGLES)
         } else {
-            self.options.triangles
+            self.atlas.options.triangles
         };
         units.par_iter_mut().for_each(|u| {
             u.plane.begin(
@@ -95,7 +95,7 @@ impl Builder<'_> {
                     builder: self,
                     q: u.quadrant,
                 },
-                self.control,
+                self.atlas.control,
             )
         });
         // Those that need more share what the others leave.
@@ -116,7 +116,7 @@ impl Builder<'_> {
                             builder: self,
                             q: u.quadrant,
                         },
-                        self.control,
+                        self.atlas.control,
                     );
                     u.findings.extend(complaints(ended));
                 });
@@ -125,13 +125,13 @@ impl Builder<'_> {
 
     /// Puts further vertices into unit triangles.
     pub(super) fn put(&self, places: &[Place], units: &mut [Unit]) {
-        let most = self.options.triangles;
+        let most = self.atlas.options.triangles;
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
             let measure = InChart { builder: self, q };
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
-                let ended = u.plane.insert(&here, most, &measure, self.control);
+                let ended = u.plane.insert(&here, most, &measure, self.atlas.control);
                 u.findings.extend(complaints(ended));
             }
         });
@@ -280,8 +280,8 @@ impl Builder<'_> {
         }
         // What lies between two rays need not lie in the straight triangle: then the strip has no
         // parameters but those of the base point.
-        let is_straight =
-            !f.is_tree() || self.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
+        let is_straight = !f.is_tree()
+            || self.atlas.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
         let folds = |ray: Ray| {
             f.directions
                 .iter()
