@@ -1,14 +1,20 @@
 //! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation
 //! of the parameters.
 
+use super::geometry::distance;
+use super::glued::Glued;
+use super::gluing::Track;
 use super::in_chart::InChart;
+use super::names::{Name, Node, Ray, name_on};
+use super::places::{on_side, sides_of};
 use super::plane::{Measure, Plane, is_turned};
-use super::stretch::{Columns, Stretch, height};
+use super::stretch::{Columns, height};
 use super::unit::Unit;
 use super::*;
 use crate::region::{FOLD, Triangle};
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+use std::collections::{BTreeMap, BTreeSet};
 
 type Cdt = ConstrainedDelaunayTriangulation<Node>;
 
@@ -73,10 +79,10 @@ impl Drawing<'_> {
     }
 }
 
-impl Builder<'_> {
+impl Glued<'_> {
     /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if
     /// there is none.
-    pub(super) fn drawn_unit(&self, q: usize, sides: &Sides) -> Option<Unit> {
+    pub(super) fn drawn_unit(&self, q: usize) -> Option<Unit> {
         let t = &self.atlas.region.triangles[q];
         if !t.inside.iter().flatten().any(|inside| *inside) {
             return None;
@@ -92,7 +98,7 @@ impl Builder<'_> {
             lines: Vec::new(),
             in_order: true,
         };
-        self.draw_sides(q, sides, &mut drawing);
+        self.draw_sides(q, &mut drawing);
         self.draw_points(q, &mut drawing);
         self.draw_rectangles(q, &mut drawing);
         for slab in 0..t.arrangement.slabs.len() {
@@ -126,7 +132,7 @@ impl Builder<'_> {
             .vertices()
             .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
             .collect();
-        let rings = self.rings_around(q);
+        let rings = self.openings.rings_around(q);
         for (at, _) in &rings {
             let place = at.map(f64::to_bits);
             if drawing.is_inside(*at) && !handles.contains_key(&place) {
@@ -152,7 +158,7 @@ impl Builder<'_> {
                 }
             }
         }
-        let measure = InChart { builder: self, q };
+        let measure = InChart { glued: self, q };
         self.spread(&mut drawing, &measure);
         let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
@@ -239,7 +245,8 @@ impl Builder<'_> {
         }
     }
 
-    fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing<'_>) {
+    fn draw_sides(&self, q: usize, drawing: &mut Drawing<'_>) {
+        let sides = &self.sides;
         let mut on_sides = BTreeMap::new();
         for (side, key) in sides_of(q).iter().enumerate() {
             let mut before = None;
@@ -276,6 +283,7 @@ impl Builder<'_> {
     fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
         let t = &self.atlas.region.triangles[q];
         let passed: Vec<(usize, usize)> = self
+            .openings
             .sites_in(q)
             .flat_map(|(_, s)| &s.arcs)
             .flat_map(|x| x.passed(&t.arrangement))
@@ -298,7 +306,11 @@ impl Builder<'_> {
                     at,
                     name,
                     faces,
-                    image: if apex { None } else { self.image_at(q, k, p) },
+                    image: if apex {
+                        None
+                    } else {
+                        self.curves.image_at(q, k, p)
+                    },
                     apex,
                     borders,
                 };
@@ -308,7 +320,7 @@ impl Builder<'_> {
                         .region
                         .lines
                         .get(*f)
-                        .is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f))
+                        .is_none_or(|l| *l != 0 && !self.curves.is_drawn_inside(*f))
                 };
                 if borders == 0
                     && faces == 0
@@ -329,14 +341,14 @@ impl Builder<'_> {
 
     /// Base points with the rectangles around them.
     fn draw_rectangles(&self, q: usize, drawing: &mut Drawing<'_>) {
-        for (&(_, k, p), site) in self.sites_in(q) {
+        for (&(_, k, p), site) in self.openings.sites_in(q) {
             let Some(&apex) = drawing.at_wall.get(&(k, p)) else {
                 continue;
             };
             drawing.apexes.insert(apex.index(), site.fan);
-            let fan = &self.fans[site.fan];
+            let fan = &self.openings.fans[site.fan];
             for sector in fan.sectors.iter().filter(|s| s.inside) {
-                let Some(ends) = self.sector_ends(q, site, fan, sector) else {
+                let Some(ends) = self.openings.sector_ends(q, site, fan, sector) else {
                     continue;
                 };
                 let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing<'_>| {
@@ -350,7 +362,7 @@ impl Builder<'_> {
                     };
                     let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
                     let faces = arc.map_or(0, |x| self.atlas.bits(x.curve));
-                    let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
+                    let image = arc.and_then(|x| self.curves.nearest_image(q, x.curve, at));
                     let is_fold = match name {
                         Name::Side(side, ..) => self.atlas.region.is_fold_side(side),
                         _ => arc.is_some_and(|x| self.atlas.region.is_fold(x.curve)),
@@ -372,6 +384,7 @@ impl Builder<'_> {
                 for (k, backward) in sector.rays {
                     let d = &fan.directions[k];
                     let same: Vec<_> = self
+                        .openings
                         .ring(q, site, d, backward)
                         .into_iter()
                         .map(|at| insert(at, (d.key(), backward), drawing))
@@ -397,20 +410,22 @@ impl Builder<'_> {
         let t = &self.atlas.region.triangles[q];
         let mut over = Columns::new(&t.arrangement, k);
         let mut lines = Vec::new();
-        for i in self.drawn(q, k) {
+        for i in self.curves.drawn(q, k) {
             let arc = t.arrangement.slabs[k].arcs[i];
             let (faces, borders) = (
                 self.atlas.bits(arc.curve),
                 self.atlas.region.side_of_arc(q, k, i),
             );
-            let stretch = self.stretch(q, k, i);
+            let stretch = self.openings.stretch(q, k, i);
             let line = match self.gluing.line(Track::Arc(q, k, i)) {
                 Some(line) => line.clone(),
-                None => self.polyline(q, &stretch, i, &mut over, &mut drawing.in_order),
+                None => self
+                    .openings
+                    .polyline(q, &stretch, i, &mut over, &mut drawing.in_order),
             };
             if stretch.is_open() {
                 let node = |at: [f64; 2]| Node {
-                    image: self.nearest_image(q, arc.curve, at),
+                    image: self.curves.nearest_image(q, arc.curve, at),
                     borders,
                     ..Node::inner(at, faces)
                 };
@@ -448,14 +463,14 @@ impl Builder<'_> {
             .len()
             - 1
         {
-            let Some(curve) = self.drawn_on(q, wall, p) else {
+            let Some(curve) = self.curves.drawn_on(q, wall, p) else {
                 continue;
             };
             let (faces, borders) = (
                 self.atlas.bits(curve),
                 self.atlas.region.side_of_wall(q, wall, p),
             );
-            let (stretch, mut line) = self.upright(q, wall, p);
+            let (stretch, mut line) = self.openings.upright(q, wall, p);
             if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
                 line.clone_from(known);
             }
@@ -469,7 +484,7 @@ impl Builder<'_> {
                         drawing.at_wall.get(&(wall, p + 1)).copied()
                     }
                     _ => drawing.vertex(Node {
-                        image: self.nearest_image(q, curve, at),
+                        image: self.curves.nearest_image(q, curve, at),
                         borders,
                         ..Node::inner(at, faces)
                     }),
@@ -480,96 +495,6 @@ impl Builder<'_> {
                 }
             }
         }
-    }
-
-    /// The curve that is drawn on a wall between a point and the next, if one is.
-    pub(super) fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
-        let t = &self.atlas.region.triangles[q];
-        let w = &t.arrangement.walls[wall];
-        if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
-            return None;
-        }
-        let is_curve = |f: &&usize| self.is_drawn_inside(**f);
-        match t.sides_held(wall, point) {
-            [false, false] => None,
-            [true, true] => w.vertical.iter().find(is_curve).copied(),
-            _ => w.vertical.first().copied(),
-        }
-    }
-
-    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
-    /// its vertices.
-    pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
-        let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
-        let mut rays = [None; 2];
-        for (k, end) in ends.iter_mut().enumerate() {
-            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
-                let arc = site
-                    .arcs
-                    .iter()
-                    .find(|x| x.chain.is_empty() && x.right == (k == 0));
-                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
-                *end = arc.map_or(*end, |x| x.end);
-            }
-        }
-        let [a, b] = ends;
-        let is_contracted = self
-            .drawn_on(q, wall, point)
-            .is_some_and(|f| self.on_curve.contains_key(&f));
-        let based = rays.map(|r| r.is_some());
-        let stretch = Stretch {
-            before: vec![],
-            from: a,
-            to: b,
-            after: vec![],
-            based,
-            rays,
-        };
-        if let Some(line) = self.atlas.border_line(
-            q,
-            self.atlas.region.side_of_wall(q, wall, point),
-            [a, b],
-            self.halvings,
-        ) {
-            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
-        }
-        let mut line = vec![a];
-        let mut stack = vec![(a[1], b[1], 0)];
-        while let Some((x, y, depth)) = stack.pop() {
-            let at = |v: f64| self.atlas.charts[q].at([a[0], v]);
-            let m = 0.5 * (x + y);
-            let turns = || {
-                is_contracted
-                    && depth < TURNS
-                    && self.atlas.charts[q].turns([x, m, y].map(|v| [a[0], v]))
-            };
-            if depth < self.halvings
-                && line.len() < VERTICES
-                && !self.atlas.control.is_stopped()
-                && (!self.atlas.is_fine(&at, x, y) || turns())
-            {
-                stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
-            } else {
-                line.push([a[0], y]);
-            }
-        }
-        (stretch, line)
-    }
-
-    pub(super) fn is_drawn_inside(&self, factor: usize) -> bool {
-        self.on_curve.contains_key(&factor)
-            || self.double.contains(&factor)
-            || self.creased.contains(&factor)
-    }
-    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and
-    /// are contracted, double or cuspidal.
-    pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
-        let t = &self.atlas.region.triangles[q];
-        let inside = &t.inside[slab];
-        let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
-        (1..inside.len())
-            .filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i))
-            .collect()
     }
 }
 

@@ -1,10 +1,12 @@
 //! Where base points are on folds of an improper map: seams and rays in which the surface ends.
 
-use super::{Builder, Ray, distance};
+use super::geometry::distance;
+use super::names::Ray;
+use super::opening::Openings;
 use crate::surface::Point3;
 use std::collections::BTreeSet;
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// The seams, by fan and node, along which a transformation of even order folds the surface.
     ///
     /// A seam on the border of the fundamental domain is sent to one on the border: to another one,

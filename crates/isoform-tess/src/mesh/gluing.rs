@@ -7,15 +7,15 @@
 
 use super::closing::UPON;
 use super::geometry::distance;
-use super::names::{Key, Name, Ray, key, name_of, name_on};
+use super::names::{Key, Name, Node, Ray, key, name_of, name_on};
+use super::opening::Openings;
 use super::places::{distance2, in_plane, on_side, place_in, place_on, sides_of};
+use super::sides::{Sides, add_place};
 use super::stretch::{Columns, Stretch};
-use super::{Builder, Node, Sides, add_place};
-use crate::deck::value;
 use crate::double::Fibres;
 use crate::finding::{Finding, JoinedCurve, Phase};
 use crate::surface::{DoubleArc, Point3};
-use isoform_geom::{cross, dot, norm, sub};
+use isoform_geom::{dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// A vertex on a piece of the double curve.
@@ -142,7 +142,7 @@ impl Gluing {
     }
 }
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// Finds the vertices of the double curve and their partners. Sides of the unit triangles that
     /// are double get their places.
     pub(super) fn glue(
@@ -223,6 +223,7 @@ impl Builder<'_> {
         }
         for &(q, at, image, name) in &points {
             let contracted = self
+                .curves
                 .images
                 .iter()
                 .position(|&p| distance(p, image) < close)
@@ -255,10 +256,10 @@ impl Builder<'_> {
         }
         // Contracted curves with one image are one vertex already; a double curve may go through
         // it.
-        for (k, &p) in self.images.iter().enumerate() {
+        for (k, &p) in self.curves.images.iter().enumerate() {
             let is_met = |c: usize| {
                 distance(gluing.images[c], p) < close
-                    && (self.glued || self.leads_to(k, gluing.parameters[c]))
+                    && (self.curves.glued || self.curves.leads_to(k, gluing.parameters[c]))
             };
             for name in gluing.classes.values_mut() {
                 if matches!(name, Name::Double(c) if is_met(*c)) {
@@ -294,20 +295,16 @@ impl Builder<'_> {
         })
     }
 
-    /// Whether the vertices of a curve have partners: those of a contracted one are one.
-    fn is_glued(&self, factor: usize) -> bool {
-        self.double.contains(&factor) && !self.on_curve.contains_key(&factor)
-    }
     fn pieces(&self, sides: &Sides) -> Vec<Piece> {
         let mut pieces = Vec::new();
         for q in 0..4 {
             let a = &self.atlas.region.triangles[q].arrangement;
             for slab in 0..a.slabs.len() {
                 let mut over = Columns::new(a, slab);
-                for i in self.drawn(q, slab) {
+                for i in self.curves.drawn(q, slab) {
                     let arc = a.slabs[slab].arcs[i];
                     let stretch = self.stretch(q, slab, i);
-                    if !self.is_glued(arc.curve) || !stretch.is_open() {
+                    if !self.curves.has_partners(arc.curve) || !stretch.is_open() {
                         continue;
                     }
                     let line = self.polyline(q, &stretch, i, &mut over, &mut true);
@@ -322,7 +319,11 @@ impl Builder<'_> {
             }
             for wall in 1..a.walls.len() - 1 {
                 for p in 0..a.walls[wall].points.len() - 1 {
-                    if self.drawn_on(q, wall, p).is_some_and(|f| self.is_glued(f)) {
+                    if self
+                        .curves
+                        .drawn_on(q, wall, p)
+                        .is_some_and(|f| self.curves.has_partners(f))
+                    {
                         let (stretch, line) = self.upright(q, wall, p);
                         pieces.push(self.piece(
                             Track::Wall(q, wall, p),
@@ -336,7 +337,8 @@ impl Builder<'_> {
             }
         }
         // Curves that are contracted have one vertex.
-        let is_double = |side: usize| self.double_sides[side] && self.on_side[side].is_none();
+        let is_double =
+            |side: usize| self.curves.double_sides[side] && self.curves.on_side[side].is_none();
         for (&(side, sign), places) in sides.iter().filter(|s| is_double(s.0.0)) {
             self.side_pieces(side, sign, places, &mut pieces);
         }
@@ -613,7 +615,7 @@ impl Builder<'_> {
             {
                 if knot.class.is_none_or(|c| c == class)
                     && distance(knot.image, image) < close
-                    && self.may_share(parameter, knot.parameter)
+                    && self.curves.may_share(parameter, knot.parameter)
                 {
                     knot.class = Some(class);
                 }
@@ -628,7 +630,7 @@ impl Builder<'_> {
                 let skip = a.class == Some(class) || b.class == Some(class);
                 if !skip
                     && let Some(at) = self.partner(piece, i, image)
-                    && self.may_share(parameter, in_plane(piece.q, at))
+                    && self.curves.may_share(parameter, in_plane(piece.q, at))
                 {
                     self.insert(piece, i, at, image, class);
                 }
@@ -637,43 +639,6 @@ impl Builder<'_> {
         }
     }
 
-    /// Whether parameters with one image have one vertex: where sheets that cross are not joined,
-    /// only those that deck transformations exchange.
-    fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
-        let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
-        self.glued
-            || is_one
-            || self
-                .atlas
-                .region
-                .deck
-                .as_ref()
-                .is_some_and(|d| d.may_exchange(p, q))
-    }
-    /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all of
-    /// it.
-    fn leads_to(&self, image: usize, p: [f64; 3]) -> bool {
-        /// Values of a form, per size of its terms, that are taken for zero.
-        const ZERO: f64 = 1e-7;
-        let is_on = |q: [f64; 3]| {
-            let size = norm(q);
-            let on_side =
-                (0..3).any(|k| self.on_side[k] == Some(image) && q[k].abs() <= ZERO * size);
-            let is_zero = |f: usize| {
-                let (x, size) = value(&self.atlas.region.factors[f], q);
-                x.abs() <= ZERO * size
-            };
-            let mut factors = self.on_curve.iter().filter(|c| c.1.contains(&image));
-            on_side || factors.any(|c| is_zero(*c.0))
-        };
-        is_on(p)
-            || self
-                .atlas
-                .region
-                .deck
-                .as_ref()
-                .is_some_and(|d| d.others(p).any(|q| q.is_none_or(is_on)))
-    }
     /// The parameter near to a segment of a piece with a given image, if there is one.
     fn partner(&self, piece: &Piece, i: usize, image: Point3) -> Option<[f64; 2]> {
         let (a, b) = (&piece.knots[i - 1], &piece.knots[i]);
@@ -898,7 +863,7 @@ impl Builder<'_> {
             }
         }
         if single > 0 {
-            let curve = match self.glued {
+            let curve = match self.curves.glued {
                 true => JoinedCurve::Double,
                 false => JoinedCurve::FundamentalDomain,
             };
@@ -996,7 +961,7 @@ impl Builder<'_> {
                 .as_ref()
                 .is_some_and(|d| d.seams.sides[side])
         };
-        self.is_of(piece, &|f| self.seams.contains(&f), &is_side)
+        self.is_of(piece, &|f| self.curves.seams.contains(&f), &is_side)
     }
     /// Whether the surface ends in a piece: others may end there, or not.
     fn is_fold(&self, piece: &Piece) -> bool {

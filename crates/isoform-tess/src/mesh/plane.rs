@@ -5,7 +5,8 @@
 //! differently, as it does around base points without bound: triangles have to be long in the
 //! parameters to be round in space.
 
-use super::{Name, Node, distance, longest, middle};
+use super::geometry::{distance, longest, middle};
+use super::names::{Name, Node};
 use crate::surface::Point3;
 use isoform_control::Control;
 use isoform_geom::{cross, dot, norm, sub};

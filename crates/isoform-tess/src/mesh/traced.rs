@@ -9,9 +9,10 @@ use super::closing::UPON;
 use super::geometry::{distance, middle};
 use super::gluing::{CROWDED, Gluing, Track};
 use super::names::{Node, key, name_of};
+use super::opening::Openings;
 use super::places::{distance2, place_beside, place_on, side_of, sides_of};
+use super::sides::{Sides, add_place};
 use super::stretch::Columns;
-use super::{Builder, Sides, add_place};
 use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
@@ -141,7 +142,7 @@ fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     (within(t) && within(s)).then_some([t, s])
 }
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
     /// it crosses get their places.
     pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
@@ -497,6 +498,7 @@ impl Builder<'_> {
         };
         let of_face = |i: &usize| self.atlas.bits(a.slabs[slab].arcs[*i].curve) & faces != 0;
         let (off, i) = self
+            .curves
             .drawn(q, slab)
             .into_iter()
             .filter(of_face)

@@ -1,10 +1,17 @@
 //! A unit triangle's part of the surface: refined, and joined with those of the others.
 
+use super::glued::Glued;
+use super::gluing::Gluing;
 use super::in_chart::InChart;
+use super::names::{Name, Ray, key};
 use super::plane::{Ended, Measure, Plane};
 use super::strips::{PathVertex, around, between};
 use super::*;
+use crate::fan::Direction;
 use crate::region::FOLD;
+use crate::surface::Kind;
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+use std::collections::BTreeMap;
 
 /// The part of the region in a unit triangle.
 pub(super) struct Unit {
@@ -34,14 +41,14 @@ struct Strip {
 
 /// The surface as far as it is made, and its vertices by name; those that no other unit triangle
 /// has by the quadrant and their place in it, too.
-pub(super) struct Joined<'a> {
-    pub(super) surface: Surface,
+struct Joined<'a> {
+    surface: Surface,
     gluing: &'a Gluing,
     vertices: BTreeMap<(Name, usize, usize), u32>,
 }
 
 impl<'a> Joined<'a> {
-    pub(super) fn new(surface: Surface, gluing: &'a Gluing) -> Self {
+    fn new(surface: Surface, gluing: &'a Gluing) -> Self {
         Self {
             surface,
             gluing,
@@ -80,10 +87,36 @@ fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     all.into_iter().filter(|c| c.0 > 0).map(|c| c.1)
 }
 
-impl Builder<'_> {
+/// The unit triangles, refined.
+pub(super) struct Refined {
+    units: Vec<Unit>,
+}
+
+impl Refined {
+    /// Refines unit triangles and puts further vertices into them.
+    pub(super) fn new(glued: &Glued<'_>, mut units: Vec<Unit>, further: &[Place]) -> Self {
+        glued.refine(&mut units);
+        glued.put(further, &mut units);
+        Self { units }
+    }
+    /// The surface that the unit triangles make up together.
+    pub(super) fn joined(self, glued: &Glued<'_>) -> Surface {
+        let surface = Surface {
+            findings: glued.openings.findings.clone(),
+            ..Surface::default()
+        };
+        let mut joined = Joined::new(surface, &glued.gluing);
+        for unit in self.units {
+            glued.add(unit, &mut joined);
+        }
+        joined.surface
+    }
+}
+
+impl Glued<'_> {
     /// Refines unit triangles side by side, to a limit for all of them.
-    pub(super) fn refine(&self, units: &mut [Unit]) {
-        let most = if self.halvings < HALVINGS {
+    fn refine(&self, units: &mut [Unit]) {
+        let most = if self.openings.halvings < HALVINGS {
             self.atlas.options.triangles.min(OPEN_TRIANGLES)
         } else {
             self.atlas.options.triangles
@@ -92,7 +125,7 @@ impl Builder<'_> {
             u.plane.begin(
                 most / 4,
                 &InChart {
-                    builder: self,
+                    glued: self,
                     q: u.quadrant,
                 },
                 self.atlas.control,
@@ -113,7 +146,7 @@ impl Builder<'_> {
                     let ended = u.plane.refine(
                         most,
                         &InChart {
-                            builder: self,
+                            glued: self,
                             q: u.quadrant,
                         },
                         self.atlas.control,
@@ -124,11 +157,11 @@ impl Builder<'_> {
     }
 
     /// Puts further vertices into unit triangles.
-    pub(super) fn put(&self, places: &[Place], units: &mut [Unit]) {
+    fn put(&self, places: &[Place], units: &mut [Unit]) {
         let most = self.atlas.options.triangles;
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
-            let measure = InChart { builder: self, q };
+            let measure = InChart { glued: self, q };
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
                 let ended = u.plane.insert(&here, most, &measure, self.atlas.control);
@@ -138,9 +171,9 @@ impl Builder<'_> {
     }
 
     /// Adds the vertices and triangles of a unit triangle to the surface.
-    pub(super) fn add(&self, unit: Unit, joined: &mut Joined) {
+    fn add(&self, unit: Unit, joined: &mut Joined) {
         let (q, plane) = (unit.quadrant, &unit.plane);
-        let measure = InChart { builder: self, q };
+        let measure = InChart { glued: self, q };
         joined
             .surface
             .findings
@@ -219,10 +252,10 @@ impl Builder<'_> {
         }: &Strip,
         joined: &mut Joined,
     ) -> Vec<Made> {
-        let f = &self.fans[fan];
+        let f = &self.openings.fans[fan];
         // From the rectangle to the seam, with what lies between on a double curve.
         let seam_end = |joined: &mut Joined, d: &Direction, at: [f64; 2]| {
-            let (name, point, faces) = self.seam_vertex(fan, d);
+            let (name, point, faces) = self.openings.seam_vertex(fan, d);
             let name = self.gluing.name(&key(name, 0, at)).unwrap_or(name);
             let kind = match (name, faces) {
                 (Name::Image(_), _) => Kind::Contracted,
@@ -231,7 +264,7 @@ impl Builder<'_> {
                 _ => Kind::Seam,
             };
             let point = match name {
-                Name::Image(k) => self.images[k],
+                Name::Image(k) => self.curves.images[k],
                 Name::Double(k) => self.gluing.image(k),
                 _ => point,
             };
@@ -253,11 +286,16 @@ impl Builder<'_> {
                 .iter()
                 .find(|d| d.key() == ray.0)
                 .expect("a direction of the fan");
-            let site = self.sites_in(q).map(|s| s.1).find(|s| s.fan == fan);
+            let site = self
+                .openings
+                .sites_in(q)
+                .map(|s| s.1)
+                .find(|s| s.fan == fan);
             let faces = joined.surface.faces[vertex as usize];
             if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
-                let on_ray =
-                    site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, f, d, ray.1, at));
+                let on_ray = site.map_or_else(Vec::new, |s| {
+                    self.openings.points_on_ray(q, s, f, d, ray.1, at)
+                });
                 let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
                 for (k, x) in on_ray.into_iter().enumerate() {
                     path.push((joined.shared(Name::Ray(fan, ray, k), x, faces, kind), apex));
@@ -292,10 +330,10 @@ impl Builder<'_> {
         let mut folded: Vec<u32> = Vec::new();
         for (k, path) in [&first, &second].into_iter().enumerate() {
             let ray = rays[k];
-            if self.is_fold_ray(fan, ray) {
+            if self.openings.is_fold_ray(fan, ray) {
                 folded.extend(path.iter().map(|v| v.0));
             }
-            if self.folded.contains(&(fan, ray.0.0)) {
+            if self.openings.folded.contains(&(fan, ray.0.0)) {
                 // From its end of the seam to the other one, or to the next seam.
                 folded.extend(seams.get(k));
                 folded.extend(first.last().map(|v| v.0));
