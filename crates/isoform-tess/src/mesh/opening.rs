@@ -77,13 +77,16 @@ impl Fans {
     }
 }
 
+/// A point of a wall: quadrant, wall, number on the wall.
+pub(super) type WallPoint = (usize, usize, usize);
+
 /// The base points in the region, opened.
 pub(super) struct Openings<'a> {
     pub(super) atlas: &'a Atlas<'a>,
     pub(super) curves: &'a SpecialCurves<'a>,
     pub(super) fans: Vec<Fan>,
-    /// Where they are: by quadrant, wall and point.
-    pub(super) sites: BTreeMap<(usize, usize, usize), Site>,
+    /// Where they are.
+    pub(super) sites: BTreeMap<WallPoint, Site>,
     /// Half the widths of the rectangles around them, by fans.
     pub(super) widths: Vec<f64>,
     /// Seams, by fan and node, that the surface ends in.
@@ -113,7 +116,7 @@ impl<'a> Openings<'a> {
         open.folded = open.folded_seams();
         let mut problems = open.find_sites();
         if !open.sites.is_empty() {
-            open.match_arcs(&mut problems);
+            problems.extend(open.match_arcs());
             if !open.fit() {
                 problems.push(Finding::BasePointRough);
             }
@@ -201,10 +204,7 @@ impl Openings<'_> {
     }
 
     /// Base points in a unit triangle, by quadrant, wall and point.
-    pub(super) fn sites_in(
-        &self,
-        q: usize,
-    ) -> impl Iterator<Item = (&(usize, usize, usize), &Site)> {
+    pub(super) fn sites_in(&self, q: usize) -> impl Iterator<Item = (&WallPoint, &Site)> {
         self.sites.range((q, 0, 0)..(q + 1, 0, 0))
     }
     /// The vertex of a seam: its name, position and faces, and whether it is the image of a

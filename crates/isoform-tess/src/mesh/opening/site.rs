@@ -39,6 +39,16 @@ pub(in crate::mesh) struct SiteArc {
 }
 
 impl SiteArc {
+    pub(super) fn new(ray: Ray, right: bool, curve: usize, chain: Vec<(usize, usize)>) -> Self {
+        Self {
+            ray,
+            right,
+            curve,
+            chain,
+            end: [0.0; 2],
+            middle: [0.0; 2],
+        }
+    }
     /// How far its end is above or below the base point.
     pub(in crate::mesh) fn rise(&self, base: [f64; 2]) -> f64 {
         (self.end[1] - base[1]).abs()
