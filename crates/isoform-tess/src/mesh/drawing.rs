@@ -6,6 +6,7 @@ use super::glued::Glued;
 use super::gluing::Track;
 use super::in_chart::InChart;
 use super::names::{Name, Node, Ray, name_on};
+use super::opening::RingVertex;
 use super::places::{on_side, sides_of};
 use super::plane::{Measure, Plane, is_turned};
 use super::stretch::{Columns, height};
@@ -133,7 +134,7 @@ impl Glued<'_> {
             .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
             .collect();
         let rings = self.openings.rings_around(q);
-        for (at, _) in &rings {
+        for RingVertex { at, .. } in &rings {
             let place = at.map(f64::to_bits);
             if drawing.is_inside(*at) && !handles.contains_key(&place) {
                 handles.extend(drawing.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
@@ -147,7 +148,7 @@ impl Glued<'_> {
             .flat_map(|[a, b]| [(a, b), (b, a)])
             .collect();
         // Edges that are there at the beginning only.
-        for (at, legs) in &rings {
+        for RingVertex { at, legs } in &rings {
             for leg in legs {
                 let [a, b] = [at, leg].map(|x| handles.get(&x.map(f64::to_bits)).copied());
                 if let Some((a, b)) = a
@@ -385,7 +386,8 @@ impl Glued<'_> {
                     let d = &fan.directions[k];
                     let same: Vec<_> = self
                         .openings
-                        .ring(q, site, d, backward)
+                        .ray(q, site, d, backward)
+                        .vertices()
                         .into_iter()
                         .map(|at| insert(at, (d.key(), backward), drawing))
                         .collect();

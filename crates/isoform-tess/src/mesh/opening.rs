@@ -23,6 +23,7 @@ use crate::finding::{Finding, Phase};
 use crate::surface::Point3;
 use isoform_algebra::Poly;
 use isoform_control::Stopped;
+pub(super) use rings::RingVertex;
 pub(super) use site::Site;
 use std::collections::{BTreeMap, BTreeSet};
 

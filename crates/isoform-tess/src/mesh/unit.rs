@@ -294,7 +294,7 @@ impl Glued<'_> {
             let faces = joined.surface.faces[vertex as usize];
             if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
                 let on_ray = site.map_or_else(Vec::new, |s| {
-                    self.openings.points_on_ray(q, s, f, d, ray.1, at)
+                    self.openings.ray(q, s, d, ray.1).points_to_seam(at)
                 });
                 let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
                 for (k, x) in on_ray.into_iter().enumerate() {

@@ -136,7 +136,7 @@ impl<'a> Wedge<'a> {
                     Some(arc) => arc.middle,
                     None => {
                         let d = &self.fan.directions[k];
-                        self.open.halfway(self.q, self.site, d, backward, at)
+                        self.open.ray(self.q, self.site, d, backward).halfway(at)
                     }
                 };
                 let piece = [seam[end], self.image(at)];
@@ -184,7 +184,7 @@ impl<'a> Wedge<'a> {
             let d = &self.fan.directions[k];
             if let Some(arc) = self.arc(end) {
                 points.push(arc.middle);
-            } else if let Some(reach) = self.open.reach(self.q, self.site, d, backward) {
+            } else if let Some(reach) = self.open.ray(self.q, self.site, d, backward).reach() {
                 let shares = [0.25, 0.5, 0.75].into_iter();
                 points
                     .extend(shares.filter_map(|t| self.fan.on_ray(self.q, d, backward, t * reach)));
@@ -198,7 +198,7 @@ impl<'a> Wedge<'a> {
         let chord = self.chord();
         let apart = [0, 1].map(|piece| {
             let (d, backward) = self.fan.between(self.sector, piece);
-            let found = self.open.straight(self.q, self.site, &d, backward);
+            let found = self.open.ray(self.q, self.site, &d, backward).end();
             found
                 .map(|x| self.image(x))
                 .map_or(0.0, |p| distance(p, chord[0]).min(distance(p, chord[1])))
@@ -211,7 +211,7 @@ impl<'a> Wedge<'a> {
         let chart = &self.open.atlas.charts[self.q];
         self.sector.rays.iter().all(|&(k, backward)| {
             let d = &self.fan.directions[k];
-            let ring = self.open.ring(self.q, self.site, d, backward);
+            let ring = self.open.ray(self.q, self.site, d, backward).vertices();
             ring.windows(2).all(|w| {
                 chart.keeps_sign([self.site.at, w[0], w[1]], self.fan.multiplicity)
                     && cross(self.from_base(w[0]), self.from_base(w[1])) > 0.0
@@ -221,7 +221,7 @@ impl<'a> Wedge<'a> {
     /// Whether a ray leaves the rectangle between the ends.
     fn is_between(&self, d: &Direction, backward: bool) -> bool {
         let [a, b] = self.ends;
-        let at = self.open.straight(self.q, self.site, d, backward);
+        let at = self.open.ray(self.q, self.site, d, backward).end();
         at.is_some_and(|x| self.are_in_turn(a, x) && self.are_in_turn(x, b))
     }
     /// The ray towards the middle of the edge of the rectangle, from a piece of the seam.
