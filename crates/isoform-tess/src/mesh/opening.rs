@@ -78,6 +78,9 @@ impl Fans {
     }
 }
 
+/// The bits of all faces of the box: only base points are on all.
+pub(super) const FULL: u8 = 0b11_1111;
+
 /// A point of a wall: quadrant, wall, number on the wall.
 pub(super) type WallPoint = (usize, usize, usize);
 
@@ -142,7 +145,7 @@ impl Openings<'_> {
         for (q, t) in region.triangles.iter().enumerate() {
             for (k, wall) in t.arrangement.walls.iter().enumerate() {
                 for p in 0..wall.points.len() {
-                    if t.holds_point(k, p) && self.atlas.faces_at(q, k, p) == 0b11_1111 {
+                    if t.holds_point(k, p) && self.atlas.faces_at(q, k, p) == FULL {
                         match self.site_at(q, k, p) {
                             Ok(site) => drop(self.sites.insert((q, k, p), site)),
                             Err(problem) => problems.push(problem),
