@@ -12,6 +12,7 @@ mod closing;
 mod contraction;
 mod curves;
 mod drawing;
+mod filling;
 pub(crate) mod fineness;
 mod folds;
 mod geometry;
@@ -38,6 +39,7 @@ use crate::surface::{MeshOptions, Point3, Surface};
 use atlas::Atlas;
 use closing::finish;
 pub(crate) use curves::Curves;
+use drawing::drawn_unit;
 use fineness::Fineness;
 use glued::Glued;
 use isoform_control::Control;
@@ -90,7 +92,7 @@ pub(crate) fn mesh(
     let mut glued = Glued::new(&openings, curves);
     let drawn: Vec<Unit> = (0..4)
         .into_par_iter()
-        .filter_map(|q| glued.drawn_unit(q))
+        .filter_map(|q| drawn_unit(&glued, q))
         .collect();
     let refined = Refined::new(&glued, drawn, &changes.matched);
     let mut surface = refined.joined(&glued);
