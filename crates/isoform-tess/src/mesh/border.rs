@@ -5,7 +5,10 @@
 //! are numbers of few binary digits along the side, and whether they are enough is asked of the
 //! curve in space alone.
 
-use super::{Builder, VERTICES, distance};
+use super::VERTICES;
+use super::atlas::Atlas;
+use super::geometry::{distance, middle};
+use super::places::on_side;
 use crate::surface::Point3;
 use isoform_algebra::QUADRANTS;
 
@@ -24,7 +27,7 @@ fn simple_between(a: f64, b: f64) -> f64 {
     0.5 * (a + b)
 }
 
-impl Builder<'_> {
+impl Atlas<'_> {
     /// The ends (s, t) of the side that a bit stands for.
     fn border(&self, bit: u64) -> Option<[[f64; 2]; 2]> {
         let domain = self.region.domain.as_ref().filter(|_| bit != 0)?;
@@ -58,8 +61,8 @@ impl Builder<'_> {
         &self,
         q: usize,
         bit: u64,
-        from: [f64; 2],
-        to: [f64; 2],
+        [from, to]: [[f64; 2]; 2],
+        halvings: usize,
     ) -> Option<Vec<[f64; 2]>> {
         let ends = self.border(bit)?;
         let mut line = vec![from];
@@ -75,7 +78,7 @@ impl Builder<'_> {
                 simple_between(y, x)
             };
             let mid = Self::on_border(q, ends, m);
-            let is_full = depth >= self.halvings
+            let is_full = depth >= halvings
                 || line.len() > VERTICES
                 || self.control.is_stopped()
                 || m == x
@@ -101,7 +104,7 @@ impl Builder<'_> {
             let on: Point3 = std::array::from_fn(|i| p[i] + t * (r[i] - p[i]));
             distance(chart.at(Self::on_border(q, ends, x + t * (y - x))), on)
         });
-        let tolerance = self.tolerance_at(super::middle(p, r));
+        let tolerance = self.tolerance_at(middle(p, r));
         // Values that are not numbers are never fine.
         distance(p, r) <= self.options.longest
             && off.iter().all(|&d| d <= 0.3 * tolerance)
@@ -109,8 +112,7 @@ impl Builder<'_> {
     }
     /// The bit of the side that a piece of a side of a unit triangle lies on, given by two places.
     pub(super) fn side_bit(&self, q: usize, side: usize, a: f64, b: f64) -> u64 {
-        self.region
-            .side_of_place(q, super::on_side(side, 0.5 * (a + b)))
+        self.region.side_of_place(q, on_side(side, 0.5 * (a + b)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A last look at the triangles, by their indices and positions alone.
 
 use super::contraction::contract_flat;
-use super::distance;
+use super::geometry::distance;
 use crate::finding::Finding;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};

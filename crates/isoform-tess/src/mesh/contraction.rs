@@ -8,7 +8,7 @@
 //! the edge (T. K. Dey and others, *Topology preserving edge contraction*, 1999).
 
 use super::closing::{UPON, corners, is_flat, keep, leave_out, normal};
-use super::distance;
+use super::geometry::distance;
 use crate::surface::{Kind, Point3, Surface};
 use isoform_geom::dot;
 use std::collections::BTreeSet;

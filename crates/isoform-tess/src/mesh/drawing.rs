@@ -1,14 +1,22 @@
 //! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation
 //! of the parameters.
 
+mod lines;
+mod rectangles;
+mod spreading;
+
+use super::glued::Glued;
 use super::in_chart::InChart;
-use super::plane::{Measure, Plane, is_turned};
-use super::stretch::{Columns, Stretch, height};
+use super::names::{Name, Node, Ray};
+use super::opening::RingVertex;
+use super::plane::Plane;
+use super::stretch::height;
 use super::unit::Unit;
-use super::*;
-use crate::region::{FOLD, Triangle};
+use crate::finding::Finding;
+use crate::region::Triangle;
 use spade::handles::FixedVertexHandle;
 use spade::{ConstrainedDelaunayTriangulation, HasPosition, Point2, Triangulation};
+use std::collections::{BTreeMap, BTreeSet};
 
 type Cdt = ConstrainedDelaunayTriangulation<Node>;
 
@@ -19,17 +27,10 @@ impl HasPosition for Node {
     }
 }
 
-/// Rounds in which vertices are put into triangles that do not look like the surface, the number of
-/// triangles that is enough, and the length of edges in the parameters below which they are left to
-/// be split in space.
-const SPREADS: usize = 12;
-const SPREAD: usize = 20_000;
-const SPREAD_LENGTH: f64 = 0.03;
-/// How far a vertex is put from others at least, in tolerances.
-const APART: f64 = 0.2;
-
-/// What is drawn so far.
+/// The part of the region in a unit triangle, as far as it is drawn.
 struct Drawing<'a> {
+    glued: &'a Glued<'a>,
+    q: usize,
     triangle: &'a Triangle,
     /// Where its walls are.
     walls: Vec<f64>,
@@ -47,7 +48,53 @@ struct Drawing<'a> {
     in_order: bool,
 }
 
-impl Drawing<'_> {
+/// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if there
+/// is none.
+pub(super) fn drawn_unit(glued: &Glued<'_>, q: usize) -> Option<Unit> {
+    let t = &glued.atlas.region.triangles[q];
+    if !t.inside.iter().flatten().any(|inside| *inside) {
+        return None;
+    }
+    let mut drawing = Drawing::new(glued, q);
+    drawing.draw_sides();
+    drawing.draw_points();
+    drawing.draw_rectangles();
+    for slab in 0..t.arrangement.slabs.len() {
+        drawing.draw_arcs(slab);
+    }
+    for wall in 0..t.arrangement.walls.len() {
+        drawing.draw_upright(wall);
+    }
+    drawing.draw_chords();
+    let is_drawn = drawing.constrain() && drawing.in_order;
+    for at in glued.gluing.points(q) {
+        drawing.vertex(Node::inner(at, 0));
+    }
+    let fixed = drawing.add_rings();
+    let measure = InChart { glued, q };
+    drawing.spread(&measure);
+    let findings = (!is_drawn).then_some(Finding::ArcsNotDrawn);
+    Some(drawing.unit(&fixed, &measure, findings.into_iter().collect()))
+}
+
+impl<'a> Drawing<'a> {
+    fn new(glued: &'a Glued<'a>, q: usize) -> Self {
+        let triangle = &glued.atlas.region.triangles[q];
+        let walls = &triangle.arrangement.walls;
+        Self {
+            glued,
+            q,
+            triangle,
+            walls: walls.iter().map(|w| w.u.to_f64()).collect(),
+            cdt: Cdt::new(),
+            constraints: Vec::new(),
+            at_wall: BTreeMap::new(),
+            apexes: BTreeMap::new(),
+            rays: BTreeMap::new(),
+            lines: Vec::new(),
+            in_order: true,
+        }
+    }
     /// A vertex, unless it has no position.
     fn vertex(&mut self, node: Node) -> Option<FixedVertexHandle> {
         self.cdt.insert(node).ok()
@@ -71,95 +118,75 @@ impl Drawing<'_> {
             .map(|l| l.0);
         self.triangle.inside[k][below.unwrap_or(0)]
     }
-}
 
-impl Builder<'_> {
-    /// The part of the region in a unit triangle, drawn and triangulated, to be refined. None if
-    /// there is none.
-    pub(super) fn drawn_unit(&self, q: usize, sides: &Sides) -> Option<Unit> {
-        let t = &self.region.triangles[q];
-        if !t.inside.iter().flatten().any(|inside| *inside) {
-            return None;
+    /// The chords of a double curve that was traced.
+    fn draw_chords(&mut self) {
+        let (glued, q) = (self.glued, self.q);
+        for (_, ends) in glued.gluing.chords.iter().filter(|c| c.0 == q) {
+            let [a, b] = ends.map(|node| self.known_or_new(node));
+            self.edge(a, b);
         }
-        let mut drawing = Drawing {
-            triangle: t,
-            walls: t.arrangement.walls.iter().map(|w| w.u.to_f64()).collect(),
-            cdt: Cdt::new(),
-            constraints: Vec::new(),
-            at_wall: BTreeMap::new(),
-            apexes: BTreeMap::new(),
-            rays: BTreeMap::new(),
-            lines: Vec::new(),
-            in_order: true,
-        };
-        self.draw_sides(q, sides, &mut drawing);
-        self.draw_points(q, &mut drawing);
-        self.draw_rectangles(q, &mut drawing);
-        for slab in 0..t.arrangement.slabs.len() {
-            self.draw_arcs(q, slab, &mut drawing);
-        }
-        for wall in 0..t.arrangement.walls.len() {
-            self.draw_upright(q, wall, &mut drawing);
-        }
-        let chords = self.gluing.chords.iter().filter(|c| c.0 == q);
-        for ends in chords.map(|c| c.1) {
-            let [a, b] = ends.map(|node| drawing.known_or_new(node));
-            drawing.edge(a, b);
-        }
+    }
+    /// Makes constraints of the edges that stay. False if some cross others.
+    fn constrain(&mut self) -> bool {
         let mut crossing = false;
-        for [a, b] in std::mem::take(&mut drawing.constraints) {
-            if a != b && drawing.cdt.can_add_constraint(a, b) {
-                drawing.cdt.add_constraint(a, b);
+        for [a, b] in std::mem::take(&mut self.constraints) {
+            if a != b && self.cdt.can_add_constraint(a, b) {
+                self.cdt.add_constraint(a, b);
             } else {
                 crossing |= a != b;
             }
         }
-        let mut findings = Vec::new();
-        if crossing || !drawing.in_order {
-            findings.push(Finding::ArcsNotDrawn);
-        }
-        for at in self.gluing.points(q) {
-            drawing.vertex(Node::inner(at, 0));
-        }
-        let mut handles: BTreeMap<[u64; 2], _> = drawing
+        !crossing
+    }
+    /// Adds rings of vertices around base points. Their edges are there at the beginning only; what
+    /// stays, from either end to the other, is returned.
+    fn add_rings(&mut self) -> BTreeSet<(u32, u32)> {
+        let mut handles: BTreeMap<[u64; 2], FixedVertexHandle> = self
             .cdt
             .vertices()
             .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
             .collect();
-        let rings = self.rings_around(q);
-        for (at, _) in &rings {
+        let rings = self.glued.openings.rings_around(self.q);
+        for RingVertex { at, .. } in &rings {
             let place = at.map(f64::to_bits);
-            if drawing.is_inside(*at) && !handles.contains_key(&place) {
-                handles.extend(drawing.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
+            if self.is_inside(*at) && !handles.contains_key(&place) {
+                handles.extend(self.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
             }
         }
-        let cdt = &mut drawing.cdt;
-        let fixed: BTreeSet<(u32, u32)> = cdt
+        let fixed = self
+            .cdt
             .undirected_edges()
             .filter(|e| e.is_constraint_edge())
             .map(|e| e.vertices().map(|v| v.index() as u32))
             .flat_map(|[a, b]| [(a, b), (b, a)])
             .collect();
-        // Edges that are there at the beginning only.
-        for (at, legs) in &rings {
-            for leg in legs {
-                let [a, b] = [at, leg].map(|x| handles.get(&x.map(f64::to_bits)).copied());
-                if let Some((a, b)) = a
-                    .zip(b)
-                    .filter(|(a, b)| a != b && cdt.can_add_constraint(*a, *b))
+        let handle = |at: [f64; 2]| handles.get(&at.map(f64::to_bits)).copied();
+        for RingVertex { at, legs } in &rings {
+            for &leg in legs {
+                if let (Some(a), Some(b)) = (handle(*at), handle(leg))
+                    && a != b
+                    && self.cdt.can_add_constraint(a, b)
                 {
-                    cdt.add_constraint(a, b);
+                    self.cdt.add_constraint(a, b);
                 }
             }
         }
-        let measure = InChart { builder: self, q };
-        self.spread(&mut drawing, &measure);
-        let nodes: Vec<Node> = drawing.cdt.vertices().map(|v| *v.data()).collect();
+        fixed
+    }
+
+    /// The triangles in the region, those at base points apart.
+    fn unit(
+        self,
+        fixed: &BTreeSet<(u32, u32)>,
+        measure: &InChart<'_, '_>,
+        findings: Vec<Finding>,
+    ) -> Unit {
+        let nodes: Vec<Node> = self.cdt.vertices().map(|v| *v.data()).collect();
         let (mut plain, mut at_apex) = (Vec::new(), Vec::new());
-        for face in drawing.cdt.inner_faces() {
+        for face in self.cdt.inner_faces() {
             let v = face.vertices();
-            if is_sliver(v.map(|v| *v.data())) || !drawing.is_inside(center(v.map(|v| v.data().at)))
-            {
+            if is_sliver(v.map(|v| *v.data())) || !self.is_inside(center(v.map(|v| v.data().at))) {
                 continue;
             }
             let t = v.map(|v| v.index() as u32);
@@ -169,412 +196,16 @@ impl Builder<'_> {
             }
         }
         let rim: Vec<[u32; 2]> = at_apex.iter().map(|&[_, a, b]| [a, b]).collect();
-        let plane = Plane::new(
-            nodes,
-            plain,
-            &|a, b| fixed.contains(&(a, b)),
-            &rim,
-            &measure,
-        );
-        Some(Unit {
-            quadrant: q,
-            plane,
+        let is_fixed = |a, b| fixed.contains(&(a, b));
+        Unit {
+            quadrant: self.q,
+            plane: Plane::new(nodes, plain, &is_fixed, &rim, measure),
             at_apex,
-            apexes: drawing.apexes,
-            rays: drawing.rays,
+            apexes: self.apexes,
+            rays: self.rays,
             findings,
-        })
-    }
-
-    /// Puts vertices into large triangles that do not face the way the surface does, or have
-    /// another area: flips and splits by what triangles are in space are of use only where they
-    /// look like the surface.
-    fn spread(&self, drawing: &mut Drawing<'_>, measure: &InChart<'_, '_>) {
-        let mut images = Vec::new();
-        let mut known = BTreeSet::new();
-        for _ in 0..SPREADS {
-            let new = drawing.cdt.vertices().skip(images.len());
-            images.extend(new.map(|v| (measure.image(v.data()), measure.shared(v.data()))));
-            let mut places = Vec::new();
-            for face in drawing.cdt.inner_faces() {
-                let v = face.vertices();
-                let mut sorted = v.map(|v| v.index());
-                sorted.sort_unstable();
-                if !known.insert(sorted)
-                    || v.iter().any(|v| v.data().apex)
-                    || is_sliver(v.map(|v| *v.data()))
-                {
-                    continue;
-                }
-                let at = v.map(|v| v.data().at);
-                let [p, q, r] = v.map(|v| images[v.index()]);
-                let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)]
-                    .iter()
-                    .any(|(a, b)| a.is_some() && a == b);
-                let is_long = (0..3).any(|i| {
-                    (at[i][0] - at[(i + 1) % 3][0]).hypot(at[i][1] - at[(i + 1) % 3][1])
-                        > SPREAD_LENGTH
-                });
-                // Next to contracted curves what is large in the parameters may be nothing in
-                // space.
-                let there = measure.at(center(at));
-                let is_apart = [p.0, q.0, r.0]
-                    .iter()
-                    .all(|&x| distance(x, there) > APART * measure.tolerance(there));
-                if is_long
-                    && !is_pinched
-                    && is_apart
-                    && is_turned(at, [p.0, q.0, r.0], measure)
-                    && drawing.is_inside(center(at))
-                {
-                    places.push(center(at));
-                }
-            }
-            if places.is_empty()
-                || drawing.cdt.num_inner_faces() > SPREAD.min(self.options.triangles / 4)
-            {
-                break;
-            }
-            drawing.cdt = with_more(&drawing.cdt, &places);
         }
     }
-
-    fn draw_sides(&self, q: usize, sides: &Sides, drawing: &mut Drawing<'_>) {
-        let mut on_sides = BTreeMap::new();
-        for (side, key) in sides_of(q).iter().enumerate() {
-            let mut before = None;
-            let mut last = (0, 0);
-            for (i, &(x, inside)) in sides[key].iter().enumerate() {
-                let next = if inside {
-                    (
-                        self.faces_along(q, side),
-                        self.side_bit(q, side, x, sides[key][i + 1].0),
-                    )
-                } else {
-                    (0, 0)
-                };
-                let Some(v) = drawing.vertex(Node {
-                    name: self.name_on(q, side, x),
-                    ..Node::inner(on_side(side, x), 0)
-                }) else {
-                    continue;
-                };
-                // Corners belong to two sides.
-                let all = on_sides.entry(v.index()).or_insert((0u8, 0u64));
-                *all = (all.0 | last.0 | next.0, all.1 | last.1 | next.1);
-                let node = drawing.cdt.vertex_data_mut(v);
-                (node.faces, node.borders) = *all;
-                last = next;
-                drawing.edge(before, Some(v));
-                before = inside.then_some(v);
-            }
-        }
-    }
-
-    /// Points of walls in the region, with the faces that they are on; those on sides are there
-    /// already.
-    fn draw_points(&self, q: usize, drawing: &mut Drawing<'_>) {
-        let t = &self.region.triangles[q];
-        let passed: Vec<(usize, usize)> = self
-            .sites_in(q)
-            .flat_map(|(_, s)| &s.arcs)
-            .flat_map(|x| x.passed(&t.arrangement))
-            .collect();
-        for (k, wall) in t.arrangement.walls.iter().enumerate() {
-            let top = wall.points.len() - 1;
-            for p in 0..=top {
-                if !t.holds_point(k, p) || passed.contains(&(k, p)) {
-                    continue;
-                }
-                let at = self.place(q, k, p);
-                let name = self.wall_name(q, k, p);
-                let faces = self.faces_at(q, k, p);
-                let apex = faces == 0b11_1111;
-                if (k == 0 || p == 0 || p == top) && !t.is_real(k, p) && !apex {
-                    continue;
-                }
-                let borders = self.region.sides_of_point(q, k, p);
-                let node = Node {
-                    at,
-                    name,
-                    faces,
-                    image: if apex { None } else { self.image_at(q, k, p) },
-                    apex,
-                    borders,
-                };
-                // The line of a side goes on inside.
-                let is_line = |f: &usize| {
-                    self.region
-                        .lines
-                        .get(*f)
-                        .is_none_or(|l| *l != 0 && !self.is_drawn_inside(*f))
-                };
-                if borders == 0
-                    && faces == 0
-                    && wall.points[p]
-                        .curves
-                        .iter()
-                        .chain(&wall.vertical)
-                        .all(is_line)
-                {
-                    continue;
-                }
-                if let Some(v) = drawing.vertex(node) {
-                    drawing.at_wall.insert((k, p), v);
-                }
-            }
-        }
-    }
-
-    /// Base points with the rectangles around them.
-    fn draw_rectangles(&self, q: usize, drawing: &mut Drawing<'_>) {
-        for (&(_, k, p), site) in self.sites_in(q) {
-            let Some(&apex) = drawing.at_wall.get(&(k, p)) else {
-                continue;
-            };
-            drawing.apexes.insert(apex.index(), site.fan);
-            let fan = &self.fans[site.fan];
-            for sector in fan.sectors.iter().filter(|s| s.inside) {
-                let Some(ends) = self.sector_ends(q, site, fan, sector) else {
-                    continue;
-                };
-                let insert = |at: [f64; 2], ray: Ray, drawing: &mut Drawing<'_>| {
-                    let name = match () {
-                        () if at[0] == 0.0 => self.name_on(q, 0, at[1]),
-                        () if at[1] == 0.0 => self.name_on(q, 1, at[0]),
-                        () if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 => {
-                            self.name_on(q, 2, at[0])
-                        }
-                        () => Name::Inner,
-                    };
-                    let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
-                    let faces = arc.map_or(0, |x| self.bits(x.curve));
-                    let image = arc.and_then(|x| self.nearest_image(q, x.curve, at));
-                    let is_fold = match name {
-                        Name::Side(side, ..) => self.region.is_fold_side(side),
-                        _ => arc.is_some_and(|x| self.region.is_fold(x.curve)),
-                    };
-                    let v = drawing.vertex(Node {
-                        name,
-                        image,
-                        borders: if is_fold { FOLD } else { 0 },
-                        ..Node::inner(at, faces)
-                    })?;
-                    drawing.rays.insert((v.index(), site.fan), ray);
-                    Some(v)
-                };
-                let around = |a, b, drawing: &mut Drawing<'_>| {
-                    if let (Some(a), Some(b)) = (a, b) {
-                        drawing.constraints.extend([[apex, a], [apex, b], [a, b]]);
-                    }
-                };
-                for (k, backward) in sector.rays {
-                    let d = &fan.directions[k];
-                    let same: Vec<_> = self
-                        .ring(q, site, d, backward)
-                        .into_iter()
-                        .map(|at| insert(at, (d.key(), backward), drawing))
-                        .collect();
-                    for w in same.windows(2) {
-                        around(w[0], w[1], drawing);
-                    }
-                }
-                let [a, b] = [0, 1].map(|i| {
-                    insert(
-                        ends[i],
-                        (fan.directions[sector.rays[i].0].key(), sector.rays[i].1),
-                        drawing,
-                    )
-                });
-                around(a, b, drawing);
-            }
-        }
-    }
-
-    /// The arcs of a slab.
-    fn draw_arcs(&self, q: usize, k: usize, drawing: &mut Drawing<'_>) {
-        let t = &self.region.triangles[q];
-        let mut over = Columns::new(&t.arrangement, k);
-        let mut lines = Vec::new();
-        for i in self.drawn(q, k) {
-            let arc = t.arrangement.slabs[k].arcs[i];
-            let (faces, borders) = (self.bits(arc.curve), self.region.side_of_arc(q, k, i));
-            let stretch = self.stretch(q, k, i);
-            let line = match self.gluing.line(Track::Arc(q, k, i)) {
-                Some(line) => line.clone(),
-                None => self.polyline(q, &stretch, i, &mut over, &mut drawing.in_order),
-            };
-            if stretch.is_open() {
-                let node = |at: [f64; 2]| Node {
-                    image: self.nearest_image(q, arc.curve, at),
-                    borders,
-                    ..Node::inner(at, faces)
-                };
-                // From a vertex of a rectangle, or a point of a wall, to the next.
-                let ends = [
-                    (line[0], (k, arc.left)),
-                    (line[line.len() - 1], (k + 1, arc.right)),
-                ];
-                let [mut before, last] = [0, 1].map(|e| {
-                    let (at, known) = ends[e];
-                    if stretch.based[e] {
-                        drawing.vertex(node(at))
-                    } else {
-                        drawing.at_wall.get(&known).copied()
-                    }
-                });
-                for &at in &line[1..line.len() - 1] {
-                    let Some(v) = drawing.vertex(node(at)) else {
-                        continue;
-                    };
-                    drawing.edge(before, Some(v));
-                    before = Some(v);
-                }
-                drawing.edge(before, last);
-            }
-            lines.push((i, stretch.whole(line)));
-        }
-        drawing.lines.push(lines);
-    }
-
-    /// Stretches of a wall that are drawn.
-    fn draw_upright(&self, q: usize, wall: usize, drawing: &mut Drawing<'_>) {
-        for p in 0..self.region.triangles[q].arrangement.walls[wall]
-            .points
-            .len()
-            - 1
-        {
-            let Some(curve) = self.drawn_on(q, wall, p) else {
-                continue;
-            };
-            let (faces, borders) = (self.bits(curve), self.region.side_of_wall(q, wall, p));
-            let (stretch, mut line) = self.upright(q, wall, p);
-            if let Some(known) = self.gluing.line(Track::Wall(q, wall, p)) {
-                line.clone_from(known);
-            }
-            let last = line.len() - 1;
-            let mut before = None;
-            for (i, &at) in line.iter().enumerate() {
-                // From points of the wall, or from the rectangles around base points.
-                let known = match i {
-                    0 if !stretch.based[0] => drawing.at_wall.get(&(wall, p)).copied(),
-                    i if i == last && !stretch.based[1] => {
-                        drawing.at_wall.get(&(wall, p + 1)).copied()
-                    }
-                    _ => drawing.vertex(Node {
-                        image: self.nearest_image(q, curve, at),
-                        borders,
-                        ..Node::inner(at, faces)
-                    }),
-                };
-                if known.is_some() {
-                    drawing.edge(before, known);
-                    before = known;
-                }
-            }
-        }
-    }
-
-    /// The curve that is drawn on a wall between a point and the next, if one is.
-    pub(super) fn drawn_on(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
-        let t = &self.region.triangles[q];
-        let w = &t.arrangement.walls[wall];
-        if wall == 0 || wall + 1 == t.arrangement.walls.len() || point + 1 >= w.points.len() {
-            return None;
-        }
-        let is_curve = |f: &&usize| self.is_drawn_inside(**f);
-        match t.sides_held(wall, point) {
-            [false, false] => None,
-            [true, true] => w.vertical.iter().find(is_curve).copied(),
-            _ => w.vertical.first().copied(),
-        }
-    }
-
-    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
-    /// its vertices.
-    pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
-        let mut ends = [point, point + 1].map(|p| self.place(q, wall, p));
-        let mut rays = [None; 2];
-        for (k, end) in ends.iter_mut().enumerate() {
-            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
-                let arc = site
-                    .arcs
-                    .iter()
-                    .find(|x| x.chain.is_empty() && x.right == (k == 0));
-                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
-                *end = arc.map_or(*end, |x| x.end);
-            }
-        }
-        let [a, b] = ends;
-        let is_contracted = self
-            .drawn_on(q, wall, point)
-            .is_some_and(|f| self.on_curve.contains_key(&f));
-        let based = rays.map(|r| r.is_some());
-        let stretch = Stretch {
-            before: vec![],
-            from: a,
-            to: b,
-            after: vec![],
-            based,
-            rays,
-        };
-        if let Some(line) = self.border_line(q, self.region.side_of_wall(q, wall, point), a, b) {
-            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
-        }
-        let mut line = vec![a];
-        let mut stack = vec![(a[1], b[1], 0)];
-        while let Some((x, y, depth)) = stack.pop() {
-            let at = |v: f64| self.charts[q].at([a[0], v]);
-            let m = 0.5 * (x + y);
-            let turns = || {
-                is_contracted && depth < TURNS && self.charts[q].turns([x, m, y].map(|v| [a[0], v]))
-            };
-            if depth < self.halvings
-                && line.len() < VERTICES
-                && !self.control.is_stopped()
-                && (!self.is_fine(&at, x, y) || turns())
-            {
-                stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
-            } else {
-                line.push([a[0], y]);
-            }
-        }
-        (stretch, line)
-    }
-
-    pub(super) fn is_drawn_inside(&self, factor: usize) -> bool {
-        self.on_curve.contains_key(&factor)
-            || self.double.contains(&factor)
-            || self.creased.contains(&factor)
-    }
-    /// The arcs of a slab that are drawn: those that have the region on one side, or on both and
-    /// are contracted, double or cuspidal.
-    pub(super) fn drawn(&self, q: usize, slab: usize) -> Vec<usize> {
-        let t = &self.region.triangles[q];
-        let inside = &t.inside[slab];
-        let is_curve = |i: usize| self.is_drawn_inside(t.arrangement.slabs[slab].arcs[i].curve);
-        (1..inside.len())
-            .filter(|&i| inside[i - 1] != inside[i] || inside[i] && is_curve(i))
-            .collect()
-    }
-}
-
-/// A triangulation with more vertices. They come before its constraints: in a constrained
-/// triangulation spade may walk in a circle as it looks for their triangles, and panic.
-fn with_more(cdt: &Cdt, places: &[[f64; 2]]) -> Cdt {
-    let mut next = Cdt::new();
-    let known = cdt.vertices().map(|v| *v.data());
-    for node in known.chain(places.iter().map(|&at| Node::inner(at, 0))) {
-        // Known ones keep their numbers; others without a position are left out.
-        let _ = next.insert(node);
-    }
-    for edge in cdt.undirected_edges().filter(|e| e.is_constraint_edge()) {
-        let [a, b] = edge.vertices().map(|v| v.fix());
-        if next.can_add_constraint(a, b) {
-            next.add_constraint(a, b);
-        }
-    }
-    next
 }
 
 /// Whether a triangle, counterclockwise, lies beyond the side u + v = 1, whose points are on that

@@ -1,10 +1,12 @@
 //! Where base points are on folds of an improper map: seams and rays in which the surface ends.
 
-use super::{Builder, Ray, distance};
+use super::geometry::distance;
+use super::names::Ray;
+use super::opening::Openings;
 use crate::surface::Point3;
 use std::collections::BTreeSet;
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// The seams, by fan and node, along which a transformation of even order folds the surface.
     ///
     /// A seam on the border of the fundamental domain is sent to one on the border: to another one,
@@ -18,6 +20,7 @@ impl Builder<'_> {
         const FEW: usize = 7;
         const MANY: usize = 700;
         let Some(deck) = self
+            .atlas
             .region
             .deck
             .as_ref()
@@ -28,7 +31,7 @@ impl Builder<'_> {
         let borders: Vec<(usize, usize)> = (0..self.fans.len())
             .flat_map(|f| {
                 self.fans[f]
-                    .border_nodes(self.region)
+                    .border_nodes(self.atlas.region)
                     .into_iter()
                     .map(move |n| (f, n))
             })
@@ -38,7 +41,7 @@ impl Builder<'_> {
             let all = points(b, MANY);
             let far = |p: &Point3| {
                 all.iter()
-                    .all(|q| distance(*p, *q) > APART * self.half_width)
+                    .all(|q| distance(*p, *q) > APART * self.atlas.half_width)
             };
             a == b || points(a, FEW).iter().any(far)
         };
@@ -55,8 +58,9 @@ impl Builder<'_> {
         let f = &self.fans[fan];
         let mut directions = f.directions.iter().filter(|d| d.key() == ray.0);
         directions.any(|d| {
-            f.sides_along(d).any(|side| self.region.is_fold_side(side))
-                || d.factors.iter().any(|f| self.region.is_fold(*f))
+            f.sides_along(d)
+                .any(|side| self.atlas.region.is_fold_side(side))
+                || d.factors.iter().any(|f| self.atlas.region.is_fold(*f))
         })
     }
 }

@@ -1,53 +1,54 @@
 //! What refinement is told about the map on a unit triangle.
 
+use super::glued::Glued;
+use super::names::{Name, Node};
 use super::plane::{Measure, Shared};
-use super::{Builder, Name, Node};
 use crate::surface::Point3;
 
 /// What the triangles of one unit triangle have to be like.
 pub(super) struct InChart<'a, 'b> {
-    pub(super) builder: &'a Builder<'b>,
+    pub(super) glued: &'a Glued<'b>,
     pub(super) q: usize,
 }
 
 impl Measure for InChart<'_, '_> {
     fn image(&self, node: &Node) -> Point3 {
-        match self.builder.merged(self.q, node) {
-            Name::Image(k) => self.builder.images[k],
-            Name::Double(k) => self.builder.gluing.image(k),
-            _ => self.builder.image(self.q, node.at, node.faces),
+        match self.glued.merged(self.q, node) {
+            Name::Image(k) => self.glued.curves.images[k],
+            Name::Double(k) => self.glued.gluing.image(k),
+            _ => self.glued.atlas.image(self.q, node.at, node.faces),
         }
     }
     fn shared(&self, node: &Node) -> Option<Shared> {
-        match self.builder.merged(self.q, node) {
+        match self.glued.merged(self.q, node) {
             Name::Image(k) => Some(Shared::Contracted(k)),
             Name::Double(k) => Some(Shared::Double(k)),
             _ => None,
         }
     }
     fn at(&self, at: [f64; 2]) -> Point3 {
-        self.builder.charts[self.q].at(at)
+        self.glued.atlas.charts[self.q].at(at)
     }
     fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].beside_chord(chord, self.builder.images[image])
+        self.glued.atlas.charts[self.q].beside_chord(chord, self.glued.curves.images[image])
     }
     fn turns(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].turns(at)
+        self.glued.atlas.charts[self.q].turns(at)
     }
     fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
-        self.builder.charts[self.q].step(at, to)
+        self.glued.atlas.charts[self.q].step(at, to)
     }
     fn tangents(&self, at: [f64; 2]) -> [Point3; 2] {
-        let [_, by_u, by_v] = self.builder.charts[self.q].tangents(at);
+        let [_, by_u, by_v] = self.glued.atlas.charts[self.q].tangents(at);
         [by_u, by_v]
     }
     fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
-        self.builder.charts[self.q].keeps_sign(at, 0)
+        self.glued.atlas.charts[self.q].keeps_sign(at, 0)
     }
     fn tolerance(&self, near: Point3) -> f64 {
-        self.builder.tolerance_at(near)
+        self.glued.atlas.tolerance_at(near)
     }
     fn longest(&self) -> f64 {
-        self.builder.options.longest
+        self.glued.atlas.options.longest
     }
 }

@@ -5,7 +5,8 @@
 
 use super::chart::Chart;
 use super::closing::UPON;
-use super::{distance, in_plane, longest, place_in};
+use super::geometry::{distance, longest};
+use super::places::{in_plane, place_in};
 use crate::map::Map;
 use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, dot, sub};

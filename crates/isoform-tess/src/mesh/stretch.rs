@@ -1,6 +1,9 @@
 //! Pieces of arcs between two walls.
 
-use super::{Builder, Ray, TURNS, VERTICES, distance, middle};
+use super::geometry::{distance, middle};
+use super::names::Ray;
+use super::opening::Openings;
+use super::{TURNS, VERTICES};
 use crate::field::exact;
 use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
@@ -63,14 +66,14 @@ pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
     p + (q - p) * ((u - a) / (b - a)).clamp(0.0, 1.0)
 }
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base
     /// points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
-        let a = &self.region.triangles[q].arrangement;
+        let a = &self.atlas.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
         let [left, right] = [(slab, arc.left), (slab + 1, arc.right)]
-            .map(|(k, p)| [a.walls[k].u.to_f64(), self.place(q, k, p)[1]]);
+            .map(|(k, p)| [a.walls[k].u.to_f64(), self.atlas.place(q, k, p)[1]]);
         let mut s = Stretch {
             before: vec![left],
             from: left,
@@ -125,25 +128,26 @@ impl Builder<'_> {
                 .iter()
                 .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
         };
-        if let Some(line) = self.border_line(
+        if let Some(line) = self.atlas.border_line(
             q,
-            self.region.side_of_arc(q, over.slab, i),
-            stretch.from,
-            stretch.to,
+            self.atlas.region.side_of_arc(q, over.slab, i),
+            [stretch.from, stretch.to],
+            self.halvings,
         ) {
             *in_order &= line.len() <= VERTICES
                 && is_drawn_in(&line)
                 && line.windows(2).all(|w| w[0][0] < w[1][0]);
             return line;
         }
-        let at = |[u, v]: [f64; 2]| self.charts[q].at([u, v]);
+        let at = |[u, v]: [f64; 2]| self.atlas.charts[q].at([u, v]);
         let is_contracted = self
+            .curves
             .on_curve
             .contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
         let mut stack = vec![(stretch.from, stretch.to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
-            let is_full = line.len() > VERTICES || self.control.is_stopped();
+            let is_full = line.len() > VERTICES || self.atlas.control.is_stopped();
             *in_order &= !is_full;
             let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
@@ -153,13 +157,13 @@ impl Builder<'_> {
             let mid = [u, v];
             let (p, m, r) = (at(left), at(mid), at(right));
             let chord = [u, 0.5 * (left[1] + right[1])];
-            let tolerance = self.tolerance_at(m);
-            let fine = distance(p, r) <= self.options.longest
+            let tolerance = self.atlas.tolerance_at(m);
+            let fine = distance(p, r) <= self.atlas.options.longest
                 && distance(m, middle(p, r)) <= 0.3 * tolerance
                 // The triangles beside it meet the chord in the parameters, not the arc.
                 && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
-                && !(is_contracted && depth < TURNS && self.charts[q].turns([left, mid, right]))
-                && self.charts[q].keeps_sign([left, right, left], 0);
+                && !(is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]))
+                && self.atlas.charts[q].keeps_sign([left, right, left], 0);
             // One halving at least: a chord may meet the middle by chance.
             if fine && depth > 1 {
                 line.push(right);
@@ -170,5 +174,65 @@ impl Builder<'_> {
         }
         *in_order &= is_drawn_in(&line);
         line
+    }
+
+    /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
+    /// its vertices.
+    pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
+        let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
+        let mut rays = [None; 2];
+        for (k, end) in ends.iter_mut().enumerate() {
+            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
+                let arc = site
+                    .arcs
+                    .iter()
+                    .find(|x| x.chain.is_empty() && x.right == (k == 0));
+                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
+                *end = arc.map_or(*end, |x| x.end);
+            }
+        }
+        let [a, b] = ends;
+        let is_contracted = self
+            .curves
+            .drawn_on(q, wall, point)
+            .is_some_and(|f| self.curves.on_curve.contains_key(&f));
+        let based = rays.map(|r| r.is_some());
+        let stretch = Stretch {
+            before: vec![],
+            from: a,
+            to: b,
+            after: vec![],
+            based,
+            rays,
+        };
+        if let Some(line) = self.atlas.border_line(
+            q,
+            self.atlas.region.side_of_wall(q, wall, point),
+            [a, b],
+            self.halvings,
+        ) {
+            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
+        }
+        let mut line = vec![a];
+        let mut stack = vec![(a[1], b[1], 0)];
+        while let Some((x, y, depth)) = stack.pop() {
+            let at = |v: f64| self.atlas.charts[q].at([a[0], v]);
+            let m = 0.5 * (x + y);
+            let turns = || {
+                is_contracted
+                    && depth < TURNS
+                    && self.atlas.charts[q].turns([x, m, y].map(|v| [a[0], v]))
+            };
+            if depth < self.halvings
+                && line.len() < VERTICES
+                && !self.atlas.control.is_stopped()
+                && (!self.atlas.is_fine(&at, x, y) || turns())
+            {
+                stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
+            } else {
+                line.push([a[0], y]);
+            }
+        }
+        (stretch, line)
     }
 }

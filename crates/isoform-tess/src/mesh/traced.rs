@@ -6,11 +6,13 @@
 //! parameters each have three parameters in common.
 
 use super::closing::UPON;
-use super::gluing::{CROWDED, Gluing, Track, distance2, key};
+use super::geometry::{distance, middle};
+use super::gluing::{CROWDED, Gluing, Track};
+use super::names::{Node, key, name_of};
+use super::opening::Openings;
+use super::places::{distance2, place_beside, place_on, side_of, sides_of};
+use super::sides::{Sides, add_place};
 use super::stretch::Columns;
-use super::{
-    Builder, Node, Sides, add_place, distance, middle, place_beside, place_on, side_of, sides_of,
-};
 use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
@@ -140,7 +142,7 @@ fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     (within(t) && within(s)).then_some([t, s])
 }
 
-impl Builder<'_> {
+impl Openings<'_> {
     /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
     /// it crosses get their places.
     pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
@@ -152,7 +154,7 @@ impl Builder<'_> {
                 Some(run) => runs.push(run),
                 None => failed += 1,
             }
-            if self.control.is_stopped() {
+            if self.atlas.control.is_stopped() {
                 gluing.is_stopped = true;
                 gluing.findings.push(Finding::Stopped(Phase::Partners));
                 return gluing;
@@ -179,7 +181,7 @@ impl Builder<'_> {
         for w in part.windows(2) {
             let mut stack = vec![(Spot::new(w[0])?, Spot::new(w[1])?, 0)];
             while let Some((a, b, depth)) = stack.pop() {
-                if run.len() > PLACES || depth > HALVINGS || self.control.is_stopped() {
+                if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
                     return None;
                 }
                 let sides: Vec<(usize, usize)> = (0..2)
@@ -218,9 +220,10 @@ impl Builder<'_> {
 
     /// Leaves out spots whose images lie upon each other: at singular points the map may be flat.
     fn thin(&self, run: &mut Vec<Spot>) {
-        let image = |s: &Spot| s.place.point().map(|x| x * self.half_width);
-        let is_near =
-            |a: &Spot, b: &Spot| distance(image(a), image(b)) < CROWDED * UPON * self.half_width;
+        let image = |s: &Spot| s.place.point().map(|x| x * self.atlas.half_width);
+        let is_near = |a: &Spot, b: &Spot| {
+            distance(image(a), image(b)) < CROWDED * UPON * self.atlas.half_width
+        };
         let mut k = 1;
         while k + 1 < run.len() {
             let is_upon = is_near(&run[k - 1], &run[k]) || is_near(&run[k], &run[k + 1]);
@@ -234,23 +237,23 @@ impl Builder<'_> {
 
     /// Whether straight pieces, in the parameters too, may stand for what lies between two places.
     fn is_chord_fine(&self, pairs: &Pairs, a: &Spot, b: &Spot) -> bool {
-        let scale = |p: &Place| p.point().map(|x| x * self.half_width);
+        let scale = |p: &Place| p.point().map(|x| x * self.atlas.half_width);
         let Some(m) = pairs.part(&a.place, &b.place, 0.5) else {
             // Next to a singular end nothing more can be told.
             let ends = [a, b].map(|s| scale(&s.place));
-            return distance(ends[0], ends[1]) < SHORT * self.tolerance_at(ends[0]);
+            return distance(ends[0], ends[1]) < SHORT * self.atlas.tolerance_at(ends[0]);
         };
         let (p, m, r) = (scale(&a.place), scale(&m), scale(&b.place));
         let straight = middle(p, r);
-        let tolerance = 0.3 * self.tolerance_at(m);
+        let tolerance = 0.3 * self.atlas.tolerance_at(m);
         let is_near = |which: usize| {
             common(a.parameters[which], b.parameters[which]).is_some_and(|(q, [x, y])| {
                 let chord = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
-                distance(self.charts[q].at(chord), straight) <= tolerance
-                    && self.charts[q].keeps_sign([x, y, x], 0)
+                distance(self.atlas.charts[q].at(chord), straight) <= tolerance
+                    && self.atlas.charts[q].keeps_sign([x, y, x], 0)
             })
         };
-        distance(p, r) <= self.options.longest
+        distance(p, r) <= self.atlas.options.longest
             && distance(m, straight) <= tolerance
             && is_near(0)
             && is_near(1)
@@ -397,7 +400,7 @@ impl Builder<'_> {
         }
         let mut number: BTreeMap<usize, usize> = BTreeMap::new();
         for (k, spot) in spots.iter_mut().enumerate() {
-            let image = spot.place.point().map(|x| x * self.half_width);
+            let image = spot.place.point().map(|x| x * self.atlas.half_width);
             spot.class = *number
                 .entry(root(&up, k))
                 .or_insert_with(|| gluing.add_class(image, spot.parameters[0]));
@@ -413,7 +416,7 @@ impl Builder<'_> {
                 let p = spot.parameters[which];
                 for q in 0..4 {
                     let Some(at) = place_on(q, p) else { continue };
-                    gluing.name_class(key(self.name_of(q, p, at), q, at), spot.class);
+                    gluing.name_class(key(name_of(q, p, at), q, at), spot.class);
                     if let Some((side, x)) = side_of(p, at) {
                         add_place(sides, sides_of(q)[side], x);
                     }
@@ -423,7 +426,7 @@ impl Builder<'_> {
                 match common(w[0].parameters[which], w[1].parameters[which]) {
                     Some((q, ends)) => {
                         let node = |k: usize| {
-                            let name = self.name_of(q, w[k].parameters[which], ends[k]);
+                            let name = name_of(q, w[k].parameters[which], ends[k]);
                             Node {
                                 name,
                                 ..Node::inner(ends[k], w[k].faces)
@@ -461,7 +464,7 @@ impl Builder<'_> {
         }
         for ((q, slab, i), places) in on_arcs {
             let stretch = self.stretch(q, slab, i);
-            let a = &self.region.triangles[q].arrangement;
+            let a = &self.atlas.region.triangles[q].arrangement;
             let mut over = Columns::new(a, slab);
             let mut line = self.polyline(q, &stretch, i, &mut over, &mut true);
             for at in places {
@@ -485,7 +488,7 @@ impl Builder<'_> {
 
     /// The drawn arc on some faces of the box that goes through a place.
     fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<(usize, usize, usize)> {
-        let a = &self.region.triangles[q].arrangement;
+        let a = &self.atlas.region.triangles[q].arrangement;
         let walls = &a.walls[1..a.walls.len() - 1];
         let slab = walls.partition_point(|w| w.u.to_f64() < at[0]);
         let mut over = Columns::new(a, slab);
@@ -493,8 +496,9 @@ impl Builder<'_> {
             over.at(at[0], i)
                 .map_or(f64::INFINITY, |v| (v - at[1]).abs())
         };
-        let of_face = |i: &usize| self.bits(a.slabs[slab].arcs[*i].curve) & faces != 0;
+        let of_face = |i: &usize| self.atlas.bits(a.slabs[slab].arcs[*i].curve) & faces != 0;
         let (off, i) = self
+            .curves
             .drawn(q, slab)
             .into_iter()
             .filter(of_face)

@@ -1,10 +1,17 @@
-//! A unit triangle's part of the surface: refined, and joined with those of the others.
+//! Unit triangles' parts of the surface: refined side by side, and joined to one surface.
 
+use super::filling::{Strip, fill};
+use super::glued::Glued;
+use super::gluing::Gluing;
 use super::in_chart::InChart;
+use super::matching::Place;
+use super::names::{Name, Node, Ray};
 use super::plane::{Ended, Measure, Plane};
-use super::strips::{PathVertex, around, between};
-use super::*;
-use crate::region::FOLD;
+use super::{HALVINGS, OPEN_TRIANGLES};
+use crate::finding::Finding;
+use crate::surface::{Kind, Point3, Surface};
+use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
+use std::collections::BTreeMap;
 
 /// The part of the region in a unit triangle.
 pub(super) struct Unit {
@@ -19,54 +26,142 @@ pub(super) struct Unit {
     pub(super) findings: Vec<Finding>,
 }
 
-/// A triangle: its vertices, their parameters, the sides of the domain that they are on.
-type Made = ([u32; 3], [[f64; 2]; 3], [u64; 3]);
-
-/// What lies between two rays of a base point, from the rectangle to the seam.
-struct Strip {
-    fan: usize,
-    apex: [f64; 2],
-    rays: [Ray; 2],
-    /// On the rectangle, and the vertices that other triangles have put on the edge between them.
-    ends: [PathVertex; 2],
-    way: Vec<PathVertex>,
+/// A triangle of the surface.
+pub(super) struct Made {
+    pub(super) vertices: [u32; 3],
+    /// Their parameters.
+    pub(super) corners: [[f64; 2]; 3],
+    /// The sides of the domain that they are on, as bits.
+    pub(super) borders: [u64; 3],
 }
 
 /// The surface as far as it is made, and its vertices by name; those that no other unit triangle
 /// has by the quadrant and their place in it, too.
 pub(super) struct Joined<'a> {
     pub(super) surface: Surface,
-    gluing: &'a Gluing,
+    pub(super) glued: &'a Glued<'a>,
     vertices: BTreeMap<(Name, usize, usize), u32>,
 }
 
 impl<'a> Joined<'a> {
-    pub(super) fn new(surface: Surface, gluing: &'a Gluing) -> Self {
+    fn new(glued: &'a Glued<'a>) -> Self {
         Self {
-            surface,
-            gluing,
+            surface: Surface {
+                findings: glued.openings.findings.clone(),
+                ..Surface::default()
+            },
+            glued,
             vertices: BTreeMap::new(),
         }
+    }
+    fn gluing(&self) -> &'a Gluing {
+        &self.glued.gluing
     }
     fn vertex(
         &mut self,
         key: (Name, usize, usize),
         make: impl FnOnce() -> (Point3, u8, Kind),
     ) -> u32 {
-        let surface = &mut self.surface;
+        let (surface, gluing) = (&mut self.surface, &self.glued.gluing);
         *self.vertices.entry(key).or_insert_with(|| {
             let (point, faces, kind) = make();
             surface.points.push(point);
             surface.faces.push(faces);
-            let is_double = matches!(key.0, Name::Double(k) if self.gluing.is_double(k));
+            let is_double = matches!(key.0, Name::Double(k) if gluing.is_double(k));
             surface.double.push(is_double);
             surface.kinds.push(kind);
             surface.points.len() as u32 - 1
         })
     }
     /// The vertex of a name that all unit triangles share.
-    fn shared(&mut self, name: Name, point: Point3, faces: u8, kind: Kind) -> u32 {
+    pub(super) fn shared(&mut self, name: Name, point: Point3, faces: u8, kind: Kind) -> u32 {
         self.vertex((name, 0, 0), || (point, faces, kind))
+    }
+    /// The vertex of a node of a unit triangle.
+    fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {
+        let key = match self.glued.merged(measure.q, node) {
+            Name::Inner => (Name::Inner, measure.q, k as usize),
+            name => (name, 0, 0),
+        };
+        let gluing = self.gluing();
+        self.vertex(key, || {
+            let kind = match key.0 {
+                Name::Image(_) => Kind::Contracted,
+                _ if node.faces > 0 => Kind::Box,
+                Name::Double(k) if gluing.is_double(k) => Kind::Double,
+                _ if node.borders > 0 => Kind::Border,
+                _ => Kind::Ordinary,
+            };
+            (measure.image(node), node.faces, kind)
+        })
+    }
+
+    /// Adds the vertices and triangles of a unit triangle.
+    fn add(&mut self, unit: &Unit) {
+        let (q, plane) = (unit.quadrant, &unit.plane);
+        let measure = InChart {
+            glued: self.glued,
+            q,
+        };
+        self.surface.findings.extend(unit.findings.iter().cloned());
+        let mut made: Vec<Made> = Vec::new();
+        for t in &plane.triangles {
+            let nodes = t.map(|v| &plane.nodes[v as usize]);
+            made.push(Made {
+                vertices: [0, 1, 2].map(|i| self.node_vertex(&measure, t[i], nodes[i])),
+                corners: nodes.map(|n| n.at),
+                borders: nodes.map(|n| n.borders),
+            });
+        }
+        let opened: Vec<Result<Strip, Finding>> = unit
+            .at_apex
+            .iter()
+            .filter_map(|&t| self.strip(unit, &measure, t))
+            .collect();
+        for strip in opened {
+            match strip {
+                Ok(strip) => made.extend(fill(q, &strip, self)),
+                Err(finding) => self.surface.findings.push(finding),
+            }
+        }
+        for triangle in made {
+            self.surface.borders.push(triangle.borders);
+            self.surface.triangles.push(triangle.vertices);
+            self.surface.charts.push(q as u8);
+            self.surface.corners.push(triangle.corners);
+        }
+    }
+
+    /// The strip in the place of a triangle at a base point, with the vertices on the rectangle.
+    /// None if the base point was not opened; a finding where a corner is on no ray.
+    fn strip(
+        &mut self,
+        unit: &Unit,
+        measure: &InChart<'_, '_>,
+        [p, a, b]: [u32; 3],
+    ) -> Option<Result<Strip, Finding>> {
+        let &fan = unit.apexes.get(&(p as usize))?;
+        let nodes = &unit.plane.nodes;
+        let mut vertex = |v: u32| {
+            let node = &nodes[v as usize];
+            (self.node_vertex(measure, v, node), node.at)
+        };
+        let way = unit
+            .plane
+            .way([a, b])
+            .into_iter()
+            .map(&mut vertex)
+            .collect();
+        let ends = [a, b].map(&mut vertex);
+        let ray = |v: u32| unit.rays.get(&(v as usize, fan)).copied();
+        let strip = ray(a).zip(ray(b)).map(|(a, b)| Strip {
+            fan,
+            apex: nodes[p as usize].at,
+            rays: [a, b],
+            ends,
+            way,
+        });
+        Some(strip.ok_or(Finding::StripsLeftOut))
     }
 }
 
@@ -80,22 +175,44 @@ fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     all.into_iter().filter(|c| c.0 > 0).map(|c| c.1)
 }
 
-impl Builder<'_> {
+/// The unit triangles, refined.
+pub(super) struct Refined {
+    units: Vec<Unit>,
+}
+
+impl Refined {
+    /// Refines unit triangles and puts further vertices into them.
+    pub(super) fn new(glued: &Glued<'_>, mut units: Vec<Unit>, further: &[Place]) -> Self {
+        glued.refine(&mut units);
+        glued.put(further, &mut units);
+        Self { units }
+    }
+    /// The surface that the unit triangles make up together.
+    pub(super) fn joined(&self, glued: &Glued<'_>) -> Surface {
+        let mut joined = Joined::new(glued);
+        for unit in &self.units {
+            joined.add(unit);
+        }
+        joined.surface
+    }
+}
+
+impl Glued<'_> {
     /// Refines unit triangles side by side, to a limit for all of them.
-    pub(super) fn refine(&self, units: &mut [Unit]) {
-        let most = if self.halvings < HALVINGS {
-            self.options.triangles.min(OPEN_TRIANGLES)
+    fn refine(&self, units: &mut [Unit]) {
+        let most = if self.openings.halvings < HALVINGS {
+            self.atlas.options.triangles.min(OPEN_TRIANGLES)
         } else {
-            self.options.triangles
+            self.atlas.options.triangles
         };
         units.par_iter_mut().for_each(|u| {
             u.plane.begin(
                 most / 4,
                 &InChart {
-                    builder: self,
+                    glued: self,
                     q: u.quadrant,
                 },
-                self.control,
+                self.atlas.control,
             )
         });
         // Those that need more share what the others leave.
@@ -113,10 +230,10 @@ impl Builder<'_> {
                     let ended = u.plane.refine(
                         most,
                         &InChart {
-                            builder: self,
+                            glued: self,
                             q: u.quadrant,
                         },
-                        self.control,
+                        self.atlas.control,
                     );
                     u.findings.extend(complaints(ended));
                 });
@@ -124,230 +241,16 @@ impl Builder<'_> {
     }
 
     /// Puts further vertices into unit triangles.
-    pub(super) fn put(&self, places: &[Place], units: &mut [Unit]) {
-        let most = self.options.triangles;
+    fn put(&self, places: &[Place], units: &mut [Unit]) {
+        let most = self.atlas.options.triangles;
         units.par_iter_mut().for_each(|u| {
             let q = u.quadrant;
-            let measure = InChart { builder: self, q };
+            let measure = InChart { glued: self, q };
             let here: Vec<Place> = places.iter().filter(|p| p.quadrant == q).copied().collect();
             if !here.is_empty() {
-                let ended = u.plane.insert(&here, most, &measure, self.control);
+                let ended = u.plane.insert(&here, most, &measure, self.atlas.control);
                 u.findings.extend(complaints(ended));
             }
         });
-    }
-
-    /// Adds the vertices and triangles of a unit triangle to the surface.
-    pub(super) fn add(&self, unit: Unit, joined: &mut Joined) {
-        let (q, plane) = (unit.quadrant, &unit.plane);
-        let measure = InChart { builder: self, q };
-        joined
-            .surface
-            .findings
-            .extend(unit.findings.iter().cloned());
-        let vertex = |k: u32, joined: &mut Joined| {
-            let node = &plane.nodes[k as usize];
-            let key = match self.merged(q, node) {
-                Name::Inner => (Name::Inner, q, k as usize),
-                name => (name, 0, 0),
-            };
-            joined.vertex(key, || {
-                let kind = match key.0 {
-                    Name::Image(_) => Kind::Contracted,
-                    _ if node.faces > 0 => Kind::Box,
-                    Name::Double(k) if self.gluing.is_double(k) => Kind::Double,
-                    _ if node.borders > 0 => Kind::Border,
-                    _ => Kind::Ordinary,
-                };
-                (measure.image(node), node.faces, kind)
-            })
-        };
-        let mut made: Vec<Made> = Vec::new();
-        for t in &plane.triangles {
-            let nodes = t.map(|v| &plane.nodes[v as usize]);
-            made.push((
-                t.map(|v| vertex(v, joined)),
-                nodes.map(|n| n.at),
-                nodes.map(|n| n.borders),
-            ));
-        }
-        let mut opened = Vec::new();
-        for &[p, a, b] in &unit.at_apex {
-            let Some(&fan) = unit.apexes.get(&(p as usize)) else {
-                continue;
-            };
-            let ray = |v: u32| unit.rays.get(&(v as usize, fan)).copied();
-            let way: Vec<PathVertex> = plane
-                .way([a, b])
-                .into_iter()
-                .map(|v| (vertex(v, joined), plane.nodes[v as usize].at))
-                .collect();
-            let ends = [a, b].map(|v| (vertex(v, joined), plane.nodes[v as usize].at));
-            let apex = plane.nodes[p as usize].at;
-            opened.push(ray(a).zip(ray(b)).map(|(a, b)| Strip {
-                fan,
-                apex,
-                rays: [a, b],
-                ends,
-                way,
-            }));
-        }
-        for strip in opened {
-            match strip {
-                Some(strip) => made.extend(self.fill(q, &strip, joined)),
-                None => joined.surface.findings.push(Finding::StripsLeftOut),
-            }
-        }
-        for (triangle, corners, borders) in made {
-            joined.surface.borders.push(borders);
-            joined.surface.triangles.push(triangle);
-            joined.surface.charts.push(q as u8);
-            joined.surface.corners.push(corners);
-        }
-    }
-
-    /// The triangles of a strip.
-    fn fill(
-        &self,
-        q: usize,
-        &Strip {
-            fan,
-            apex,
-            rays,
-            ends,
-            ref way,
-        }: &Strip,
-        joined: &mut Joined,
-    ) -> Vec<Made> {
-        let f = &self.fans[fan];
-        // From the rectangle to the seam, with what lies between on a double curve.
-        let seam_end = |joined: &mut Joined, d: &Direction, at: [f64; 2]| {
-            let (name, point, faces) = self.seam_vertex(fan, d);
-            let name = self.gluing.name(&key(name, 0, at)).unwrap_or(name);
-            let kind = match (name, faces) {
-                (Name::Image(_), _) => Kind::Contracted,
-                (_, 1..) => Kind::Box,
-                (Name::Double(k), _) if self.gluing.is_double(k) => Kind::Double,
-                _ => Kind::Seam,
-            };
-            let point = match name {
-                Name::Image(k) => self.images[k],
-                Name::Double(k) => self.gluing.image(k),
-                _ => point,
-            };
-            (joined.shared(name, point, faces, kind), apex)
-        };
-        let [mut first, second] = [0, 1].map(|i| {
-            let (ray, (vertex, at)) = (rays[i], ends[i]);
-            let mut path = vec![ends[i]];
-            for &(class, at) in self.gluing.spoke(fan, ray, at) {
-                let kind = match self.gluing.is_double(class) {
-                    true => Kind::Double,
-                    false => Kind::Ordinary,
-                };
-                let image = self.gluing.image(class);
-                path.push((joined.shared(Name::Double(class), image, 0, kind), at));
-            }
-            let d = f
-                .directions
-                .iter()
-                .find(|d| d.key() == ray.0)
-                .expect("a direction of the fan");
-            let site = self.sites_in(q).map(|s| s.1).find(|s| s.fan == fan);
-            let faces = joined.surface.faces[vertex as usize];
-            if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
-                let on_ray =
-                    site.map_or_else(Vec::new, |s| self.points_on_ray(q, s, f, d, ray.1, at));
-                let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
-                for (k, x) in on_ray.into_iter().enumerate() {
-                    path.push((joined.shared(Name::Ray(fan, ray, k), x, faces, kind), apex));
-                }
-            }
-            path.push(seam_end(joined, d, at));
-            path
-        });
-        let seams: Vec<u32> = [&first, &second]
-            .iter()
-            .filter_map(|path| path.last())
-            .map(|v| v.0)
-            .collect();
-        // From one seam to another one.
-        if let Some(corner) = f
-            .sector_between(rays[0], rays[1])
-            .and_then(|s| s.corner.as_ref())
-        {
-            first.push(seam_end(joined, corner, apex));
-        }
-        // What lies between two rays need not lie in the straight triangle: then the strip has no
-        // parameters but those of the base point.
-        let is_straight =
-            !f.is_tree() || self.charts[q].keeps_sign([apex, ends[0].1, ends[1].1], f.multiplicity);
-        let folds = |ray: Ray| {
-            f.directions
-                .iter()
-                .any(|d| d.key() == ray.0 && f.is_fold(d))
-        };
-        let first_is_double = joined.surface.double[first[0].0 as usize] || folds(rays[0]);
-        // The surface ends in seams and rays along which it is folded.
-        let mut folded: Vec<u32> = Vec::new();
-        for (k, path) in [&first, &second].into_iter().enumerate() {
-            let ray = rays[k];
-            if self.is_fold_ray(fan, ray) {
-                folded.extend(path.iter().map(|v| v.0));
-            }
-            if self.folded.contains(&(fan, ray.0.0)) {
-                // From its end of the seam to the other one, or to the next seam.
-                folded.extend(seams.get(k));
-                folded.extend(first.last().map(|v| v.0));
-            }
-        }
-        let border = |v: PathVertex| match folded.contains(&v.0) {
-            true => FOLD,
-            false => 0,
-        };
-        let mut made: Vec<Made> = Vec::new();
-        let mut push = |t: [PathVertex; 3]| {
-            made.push((
-                t.map(|t| t.0),
-                t.map(|t| if is_straight { t.1 } else { apex }),
-                t.map(border),
-            ))
-        };
-        let (mut i, mut j) = (0, 0);
-        if !way.is_empty() {
-            // Those on the way that bounds the triangles outside have no other edges to vertices
-            // that are shared.
-            for t in around(
-                &joined.surface.points,
-                first[1],
-                &[&first[..1], way.as_slice(), &second[..1]].concat(),
-                second[1],
-            ) {
-                push(t);
-            }
-            (i, j) = (1, 1);
-        }
-        if f.is_tree() {
-            between(&joined.surface.points, &first[i..], &second[j..])
-                .into_iter()
-                .for_each(push);
-            return made;
-        }
-        while i + 1 < first.len() || j + 1 < second.len() {
-            // Edges from the seam's end of a double curve to the rectangle: the other diagonals
-            // would be there twice where the curve is folded.
-            let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
-            push([
-                first[i],
-                second[j],
-                if on_second {
-                    second[j + 1]
-                } else {
-                    first[i + 1]
-                },
-            ]);
-            if on_second { j += 1 } else { i += 1 }
-        }
-        made
     }
 }

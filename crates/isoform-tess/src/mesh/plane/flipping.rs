@@ -1,6 +1,14 @@
 //! Flips: the other diagonal of two triangles, where it is better.
 
-use super::*;
+use super::shape::{NOTHING, Shape, least_sine};
+use super::{Measure, Plane, Quad, SPLIT};
+use crate::surface::Point3;
+
+/// How much rounder triangles have to get for a flip, so that no two flips undo each other.
+const ROUNDER: f64 = 1.1;
+/// How much the quality of triangles that face a wrong way, which is not positive, has to grow:
+/// by more than rounding.
+const BEYOND_ROUNDING: f64 = 1e-3;
 
 impl Plane {
     /// Flips edges where that makes the triangles rounder in space, first those opposite to given
@@ -55,7 +63,7 @@ impl Plane {
                 .map(|t| least_sine(t.map(linear)))
                 .fold(f64::INFINITY, f64::min)
         };
-        worst(made) > 1.1 * worst(old.map(|t| self.triangles[t as usize]))
+        worst(made) > ROUNDER * worst(old.map(|t| self.triangles[t as usize]))
     }
 
     /// The triangles at the other diagonal, if there is room for them. None, too, where the ends of
@@ -63,11 +71,7 @@ impl Plane {
     pub(super) fn other_diagonal(&self, quad: &Quad) -> Option<[[u32; 3]; 2]> {
         let [c, a, d, b] = quad.corners;
         let made = [[c, a, d], [c, d, b]];
-        // Room for further vertices is needed: three parameters on a line but for rounding are no
-        // triangle.
-        let fits = made
-            .iter()
-            .all(|&t| self.is_counterclockwise(t) && self.is_thick(t, THIN))
+        let fits = made.iter().all(|&t| self.has_room(t))
             && !self.have_one_image([c, d])
             && !self.have_one_image([a, b])
             && !self.is_ambiguous([c, d]);
@@ -77,8 +81,8 @@ impl Plane {
     pub(super) fn is_coarser(
         &self,
         quad: &Quad,
-        were: [Look; 2],
-        will_be: [Look; 2],
+        were: [Shape; 2],
+        will_be: [Shape; 2],
         measure: &dyn Measure,
     ) -> bool {
         let [c, a, d, b] = quad.corners;
@@ -104,45 +108,52 @@ impl Plane {
         let Some(made) = self.other_diagonal(&quad) else {
             return false;
         };
-        let ([c, a, d, b], n) = (quad.corners, quad.n);
-        let were = [t, n].map(|t| self.look(t, measure));
-        let before = were[0].worth.min(were[1].worth);
-        // Ones that stand for nothing have the areas that chords and what bulges beyond them have
-        // between them: what counts is what they are to first order.
-        let is_flat = before <= NOTHING
-            && ![[c, a], [a, d], [d, b], [b, c]]
-                .iter()
-                .any(|&e| self.have_one_image(e));
-        let is_better = |after: f64| {
-            after > NOTHING
-                && if before > 0.0 {
-                    after > 1.1 * before
-                } else {
-                    after > before + 1e-3
-                }
-        };
-        // Where the triangles face is dearer than their angles.
-        if if is_flat {
-            !self.is_rounder([t, n], made, measure)
-        } else {
-            !made.iter().all(|&t| is_better(self.least_sine(t)))
-        } {
+        let old = [t, quad.n];
+        if !self.is_better(old, &quad, made, measure) {
             return false;
         }
-        let will_be = made.map(|t| self.look_at(t, measure));
-        if !is_flat && !will_be.iter().all(|look| is_better(look.worth)) {
-            return false;
-        }
-        if self.is_coarser(&quad, were, will_be, measure) {
-            return false;
-        }
-        let known = [t, n].map(|t| self.sound[t as usize]);
-        let sound = made
-            .map(|t| known == [true; 2] || measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
+        let known = old.map(|t| self.sound[t as usize]);
+        let sound = made.map(|t| known == [true; 2] || measure.is_sound(self.places(t)));
         if known != sound && sound != [true; 2] {
             return false;
         }
         self.turn(t, &quad, made, sound);
         true
+    }
+    /// Whether the triangles at the other diagonal are rounder, and the diagonal no coarser.
+    fn is_better(
+        &self,
+        old: [u32; 2],
+        quad: &Quad,
+        made: [[u32; 3]; 2],
+        measure: &dyn Measure,
+    ) -> bool {
+        let [c, a, d, b] = quad.corners;
+        let were = old.map(|t| self.shape(t, measure));
+        let before = were[0].quality.min(were[1].quality);
+        // A triangle that covers no surface only has the area between chord and curve, so these are
+        // compared by their linearized shape.
+        let is_flat = before <= NOTHING
+            && ![[c, a], [a, d], [d, b], [b, c]]
+                .iter()
+                .any(|&e| self.have_one_image(e));
+        if is_flat {
+            return self.is_rounder(old, made, measure) && {
+                let will_be = made.map(|t| self.shape_of(t, measure));
+                !self.is_coarser(quad, were, will_be, measure)
+            };
+        }
+        let least = match before > 0.0 {
+            true => ROUNDER * before,
+            false => before + BEYOND_ROUNDING,
+        };
+        let is_better = |after: f64| after > NOTHING && after > least;
+        // Where the triangles face is dearer than their angles.
+        if !made.iter().all(|&t| is_better(self.least_sine(t))) {
+            return false;
+        }
+        let will_be = made.map(|t| self.shape_of(t, measure));
+        will_be.iter().all(|shape| is_better(shape.quality))
+            && !self.is_coarser(quad, were, will_be, measure)
     }
 }

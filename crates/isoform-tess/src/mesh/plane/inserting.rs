@@ -1,8 +1,14 @@
 //! Further vertices at given places, so that sheets beside each other have them in common.
 
-use super::*;
+use super::shape::Shape;
+use super::{Ended, Measure, NONE, Plane, SPLIT};
+use crate::mesh::geometry::{distance, longest};
 use crate::mesh::matching::Place;
+use crate::mesh::names::Node;
+use crate::surface::Point3;
 use isoform_control::Control;
+use isoform_geom::{cross, dot, norm, sub};
+use robust::{Coord, orient2d};
 
 /// How near to a corner of a triangle no further vertex is put, per longest edge.
 const BESIDE: f64 = 0.005;
@@ -75,15 +81,15 @@ impl Plane {
         if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
             return false;
         }
-        let sound = made.map(|t| measure.is_sound(t.map(|v| self.nodes[v as usize].at)));
-        let were = [t, quad.n].map(|t| self.look(t, measure));
-        let will_be = made.map(|t| self.look_at(t, measure));
-        let worst = were[0].worth.min(were[1].worth).min(0.0);
-        if sound != [true; 2] || will_be.iter().any(|look| look.worth < worst) {
+        let sound = made.map(|t| measure.is_sound(self.places(t)));
+        let were = [t, quad.n].map(|t| self.shape(t, measure));
+        let will_be = made.map(|t| self.shape_of(t, measure));
+        let worst = were[0].quality.min(were[1].quality).min(0.0);
+        if sound != [true; 2] || will_be.iter().any(|shape| shape.quality < worst) {
             return false;
         }
         // Not away from the surface, though what is made is looked at again.
-        let is_off = |look: &Look| self.off(look, measure) > SPLIT;
+        let is_off = |shape: &Shape| self.off(shape, measure) > SPLIT;
         if self.is_coarser(&quad, were, will_be, measure) || will_be.iter().any(is_off) {
             return false;
         }

@@ -1,0 +1,141 @@
+//! The curves of the parameters that a region is decomposed by beside those of the box.
+
+use super::traced::Traced;
+use crate::analysis::Analysis;
+use crate::deck::Deck;
+use crate::double::Fibres;
+use crate::field::{Algebraic, vanishes};
+use crate::singular::{CurveKind, RealPart};
+use crate::surface::Point3;
+use isoform_algebra::Poly;
+
+/// The curves that a region is decomposed by beside those of the box, without the sides of the unit
+/// triangles, which are there already.
+#[derive(Default)]
+pub(crate) struct Curves {
+    pub(super) contracted: Vec<(Poly, Vec<Point3>)>,
+    pub(super) double: Vec<Poly>,
+    /// Cuspidal edges.
+    pub(super) creased: Vec<Poly>,
+    pub(super) double_sides: [bool; 3],
+    /// Whether sheets that cross are joined.
+    pub(super) glued: bool,
+    /// The fundamental domain of deck transformations: its border is joined with itself.
+    pub(super) deck: Option<Deck>,
+    pub(super) pinches: Vec<[f64; 3]>,
+    /// Isolated real points of singular curves.
+    pub(super) isolated: Vec<[f64; 3]>,
+    /// What tells a real parameter alone from one that meets conjugate ones.
+    pub(super) fibres: Option<Fibres>,
+    /// The double curve, if it was traced and is not to be decomposed.
+    pub(super) traced: Option<Traced>,
+}
+
+impl Curves {
+    /// Contracted ones; where sheets are joined, double ones and cuspidal edges, too.
+    pub(crate) fn new(
+        analysis: &Analysis,
+        glued: bool,
+        deck: Option<Deck>,
+        pinches: Vec<[f64; 3]>,
+        fibres: Option<Fibres>,
+        traced: Option<Traced>,
+    ) -> Self {
+        let is_fold = |c: &Poly| deck.as_ref().is_some_and(|d| d.folds.curves.contains(c));
+        let mut found = Self {
+            glued,
+            pinches,
+            fibres,
+            ..Self::default()
+        };
+        let all = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
+        for c in all {
+            let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
+            if let RealPart::Points(points) = &c.real
+                && glued
+            {
+                // Those of contracted curves have their images anyway.
+                let is_contracted = |p: &[Algebraic; 3]| {
+                    all.iter().any(|c| {
+                        matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p)
+                    })
+                };
+                found.isolated.extend(
+                    points
+                        .iter()
+                        .filter(|p| !is_contracted(p))
+                        .map(|p| p.each_ref().map(Algebraic::to_f64)),
+                );
+            }
+            match (&c.kind, side) {
+                (CurveKind::Contracted(to), None) if !to.at_infinity() => {
+                    let images = to
+                        .points()
+                        .iter()
+                        .map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64()))
+                        .collect::<Vec<_>>();
+                    if !images.is_empty() {
+                        found.contracted.push((c.curve.clone(), images));
+                    }
+                }
+                (CurveKind::Double, _) if glued && traced.is_none() && c.is_double_arc() => {
+                    found.add_double(&c.curve);
+                }
+                (CurveKind::Ramified, None)
+                    if glued && matches!(c.real, RealPart::Curve) && !is_fold(&c.curve) =>
+                {
+                    found.creased.push(c.curve.clone())
+                }
+                _ => {}
+            }
+        }
+        for border in deck.iter().map(|d| &d.seams) {
+            (0..3).for_each(|k| found.double_sides[k] |= border.sides[k]);
+        }
+        found.deck = deck;
+        found.traced = traced;
+        found
+    }
+    /// The curves along which the border of a fundamental domain is joined with itself.
+    pub(super) fn seams(&self) -> &[Poly] {
+        self.deck.as_ref().map_or(&[], |d| &d.seams.curves)
+    }
+    /// Whether there are vertices with several parameters.
+    pub(super) fn is_joined(&self) -> bool {
+        self.glued || self.deck.is_some()
+    }
+    /// Whether arcs stand for the double curve.
+    pub(crate) fn is_traced(&self) -> bool {
+        self.traced.is_some()
+    }
+    /// Has arcs in the place of double curves of parameters.
+    pub(crate) fn trace(&mut self, traced: Option<Traced>) {
+        self.traced = traced;
+        self.double.clear();
+        self.double_sides = [false; 3];
+    }
+    /// Has double curves of parameters in the place of arcs, which are left to the caller.
+    pub(crate) fn decompose(&mut self, analysis: &Analysis) -> Option<Traced> {
+        let curves = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
+        for c in curves.iter().filter(|c| c.is_double_arc()) {
+            self.add_double(&c.curve);
+        }
+        self.traced.take()
+    }
+    fn add_double(&mut self, curve: &Poly) {
+        match (0..3).find(|&k| curve.is_associate(&Poly::var(k))) {
+            Some(k) => self.double_sides[k] = true,
+            None => self.double.push(curve.clone()),
+        }
+    }
+    /// Forms in (s, t, w).
+    pub(crate) fn forms(&self) -> Vec<Poly> {
+        let contracted = self.contracted.iter().map(|c| &c.0);
+        contracted
+            .chain(&self.double)
+            .chain(&self.creased)
+            .chain(self.seams())
+            .cloned()
+            .collect()
+    }
+}

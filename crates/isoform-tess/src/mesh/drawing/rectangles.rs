@@ -1,0 +1,88 @@
+//! Base points with the rectangles around them, drawn.
+
+use super::Drawing;
+use crate::fan::Fan;
+use crate::mesh::names::{Name, Node, Ray, name_on};
+use crate::mesh::opening::Site;
+use crate::region::FOLD;
+use spade::handles::FixedVertexHandle;
+
+impl Drawing<'_> {
+    /// Triangles from base points to the edges of their rectangles.
+    pub(super) fn draw_rectangles(&mut self) {
+        let openings = self.glued.openings;
+        for (&(_, k, p), site) in openings.sites_in(self.q) {
+            let Some(&apex) = self.at_wall.get(&(k, p)) else {
+                continue;
+            };
+            self.apexes.insert(apex.index(), site.fan);
+            self.draw_rectangle(apex, site, &openings.fans[site.fan]);
+        }
+    }
+
+    fn draw_rectangle(&mut self, apex: FixedVertexHandle, site: &Site, fan: &Fan) {
+        let (openings, q) = (self.glued.openings, self.q);
+        for sector in fan.sectors.iter().filter(|s| s.inside) {
+            let Some(ends) = openings.sector_ends(q, site, fan, sector) else {
+                continue;
+            };
+            for (k, backward) in sector.rays {
+                let d = &fan.directions[k];
+                let vertices = openings.ray(q, site, d, backward).vertices();
+                let mut same = Vec::with_capacity(vertices.len());
+                for at in vertices {
+                    same.push(self.corner(site, at, (d.key(), backward)));
+                }
+                for w in same.windows(2) {
+                    self.draw_triangle(apex, w[0], w[1]);
+                }
+            }
+            let [a, b] = [0, 1].map(|i| {
+                let (k, backward) = sector.rays[i];
+                self.corner(site, ends[i], (fan.directions[k].key(), backward))
+            });
+            self.draw_triangle(apex, a, b);
+        }
+    }
+
+    /// The edges of a triangle at a base point, if its corners are there.
+    fn draw_triangle(
+        &mut self,
+        apex: FixedVertexHandle,
+        a: Option<FixedVertexHandle>,
+        b: Option<FixedVertexHandle>,
+    ) {
+        if let (Some(a), Some(b)) = (a, b) {
+            self.constraints.extend([[apex, a], [apex, b], [a, b]]);
+        }
+    }
+
+    /// The vertex of a rectangle where a ray leaves it.
+    fn corner(&mut self, site: &Site, at: [f64; 2], ray: Ray) -> Option<FixedVertexHandle> {
+        let (atlas, q) = (self.glued.atlas, self.q);
+        let name = if at[0] == 0.0 {
+            name_on(q, 0, at[1])
+        } else if at[1] == 0.0 {
+            name_on(q, 1, at[0])
+        } else if at[1] == 1.0 - at[0] && site.at[0] + site.at[1] == 1.0 {
+            name_on(q, 2, at[0])
+        } else {
+            Name::Inner
+        };
+        let arc = site.arcs.iter().find(|x| x.ray == ray && x.end == at);
+        let faces = arc.map_or(0, |x| atlas.bits(x.curve));
+        let image = arc.and_then(|x| self.glued.curves.nearest_image(q, x.curve, at));
+        let is_fold = match name {
+            Name::Side(side, ..) => atlas.region.is_fold_side(side),
+            _ => arc.is_some_and(|x| atlas.region.is_fold(x.curve)),
+        };
+        let v = self.vertex(Node {
+            name,
+            image,
+            borders: if is_fold { FOLD } else { 0 },
+            ..Node::inner(at, faces)
+        })?;
+        self.rays.insert((v.index(), site.fan), ray);
+        Some(v)
+    }
+}

@@ -1,0 +1,216 @@
+//! Strips between the rectangles around base points and the seams: each stands for the triangle at
+//! the base point between two rays.
+//!
+//! ```text
+//!       rectangle   way
+//!    a ----------o-------- b      a, b: where the two rays leave the rectangle
+//!    |                     |
+//!    o  vertices on rays   |      o: vertices that triangles beyond, double curves or bent rays
+//!    |                     o         have put there
+//!    p ---------- c ------ r      p, r: their points of the seam
+//!          seam                   c: a corner, where the strip goes from one seam to another
+//! ```
+
+use super::names::{Name, Ray, key};
+use super::strips::{PathVertex, around, between};
+use super::unit::{Joined, Made};
+use crate::fan::{Direction, Fan};
+use crate::region::FOLD;
+use crate::surface::Kind;
+
+/// What lies between two rays of a base point, from the rectangle to the seam.
+pub(super) struct Strip {
+    pub(super) fan: usize,
+    pub(super) apex: [f64; 2],
+    pub(super) rays: [Ray; 2],
+    /// On the rectangle, and the vertices that other triangles have put on the edge between them.
+    pub(super) ends: [PathVertex; 2],
+    pub(super) way: Vec<PathVertex>,
+}
+
+/// The two long sides of a strip, from the rectangle to the seam.
+struct Paths {
+    first: Vec<PathVertex>,
+    second: Vec<PathVertex>,
+    /// Their points of the seam, without a corner in between.
+    seams: [u32; 2],
+}
+
+/// The triangles of a strip.
+pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made> {
+    let paths = paths(q, strip, joined);
+    let (glued, apex) = (joined.glued, strip.apex);
+    let fan = &glued.openings.fans[strip.fan];
+    let triangles = triangles(strip, fan, &paths, joined);
+    // What lies between two rays need not lie in the straight triangle: then the strip has no
+    // parameters but those of the base point.
+    let [a, b] = strip.ends.map(|end| end.1);
+    let is_straight =
+        !fan.is_tree() || glued.atlas.charts[q].keeps_sign([apex, a, b], fan.multiplicity);
+    let folded = folded(strip, &paths, joined);
+    let border = |v: PathVertex| if folded.contains(&v.0) { FOLD } else { 0 };
+    let made = |t: [PathVertex; 3]| Made {
+        vertices: t.map(|v| v.0),
+        corners: t.map(|v| if is_straight { v.1 } else { apex }),
+        borders: t.map(border),
+    };
+    triangles.into_iter().map(made).collect()
+}
+
+fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
+    let [mut first, second] = [0, 1].map(|i| path(q, strip, i, joined));
+    let seams = [&first, &second].map(|path| path[path.len() - 1].0);
+    // From one seam to another one.
+    let fan = &joined.glued.openings.fans[strip.fan];
+    let sector = fan.sector_between(strip.rays[0], strip.rays[1]);
+    if let Some(corner) = sector.and_then(|s| s.corner.as_ref()) {
+        first.push(seam_end(strip, corner, strip.apex, joined));
+    }
+    Paths {
+        first,
+        second,
+        seams,
+    }
+}
+
+/// A ray from the rectangle to the seam, with what lies between on a double curve.
+fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathVertex> {
+    let glued = joined.glued;
+    let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
+    let mut path = vec![strip.ends[i]];
+    for &(class, at) in glued.gluing.spoke(strip.fan, ray, at) {
+        let kind = match glued.gluing.is_double(class) {
+            true => Kind::Double,
+            false => Kind::Ordinary,
+        };
+        let image = glued.gluing.image(class);
+        path.push((joined.shared(Name::Double(class), image, 0, kind), at));
+    }
+    let mut directions = glued.openings.fans[strip.fan].directions.iter();
+    let d = directions
+        .find(|d| d.key() == ray.0)
+        .expect("a direction of the fan");
+    if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
+        let mut sites = glued.openings.sites_in(q).map(|s| s.1);
+        let on_ray = sites
+            .find(|s| s.fan == strip.fan)
+            .map_or_else(Vec::new, |site| {
+                let ray = glued.openings.ray(q, site, d, ray.1);
+                ray.points_to_seam(at)
+            });
+        let faces = joined.surface.faces[vertex as usize];
+        let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+        for (k, x) in on_ray.into_iter().enumerate() {
+            let name = Name::Ray(strip.fan, ray, k);
+            path.push((joined.shared(name, x, faces, kind), strip.apex));
+        }
+    }
+    path.push(seam_end(strip, d, at, joined));
+    path
+}
+
+/// The vertex of the seam in a direction.
+fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>) -> PathVertex {
+    let glued = joined.glued;
+    let (name, point, faces) = glued.openings.seam_vertex(strip.fan, d);
+    let name = glued.gluing.name(&key(name, 0, at)).unwrap_or(name);
+    let kind = match (name, faces) {
+        (Name::Image(_), _) => Kind::Contracted,
+        (_, 1..) => Kind::Box,
+        (Name::Double(k), _) if glued.gluing.is_double(k) => Kind::Double,
+        _ => Kind::Seam,
+    };
+    let point = match name {
+        Name::Image(k) => glued.curves.images[k],
+        Name::Double(k) => glued.gluing.image(k),
+        _ => point,
+    };
+    (joined.shared(name, point, faces, kind), strip.apex)
+}
+
+/// The vertices of a strip in which the surface ends: on seams and rays along which it is folded.
+fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
+    let openings = joined.glued.openings;
+    let mut folded: Vec<u32> = Vec::new();
+    for (k, path) in [&paths.first, &paths.second].into_iter().enumerate() {
+        let ray = strip.rays[k];
+        if openings.is_fold_ray(strip.fan, ray) {
+            folded.extend(path.iter().map(|v| v.0));
+        }
+        if openings.folded.contains(&(strip.fan, ray.0.0)) {
+            // From its end of the seam to the other one, or to the next seam.
+            folded.push(paths.seams[k]);
+            folded.extend(paths.first.last().map(|v| v.0));
+        }
+    }
+    folded
+}
+
+fn triangles(
+    strip: &Strip,
+    fan: &Fan,
+    Paths { first, second, .. }: &Paths,
+    joined: &Joined<'_>,
+) -> Vec<[PathVertex; 3]> {
+    let points = &joined.surface.points;
+    let mut made = Vec::new();
+    let mut start = 0;
+    if !strip.way.is_empty() {
+        // Vertices of the rectangle that bound the triangles outside must not gain edges to shared
+        // vertices.
+        let way = [&first[..1], strip.way.as_slice(), &second[..1]].concat();
+        made = around(points, first[1], &way, second[1]);
+        start = 1;
+    }
+    let (first_left, second_left) = (&first[start..], &second[start..]);
+    if fan.is_tree() {
+        made.extend(between(points, first_left, second_left));
+    } else {
+        let mut folds = fan.directions.iter().filter(|d| d.key() == strip.rays[0].0);
+        let first_is_double =
+            joined.surface.double[first[0].0 as usize] || folds.any(|d| fan.is_fold(d));
+        made.extend(side_by_side(first_left, second_left, first_is_double));
+    }
+    made
+}
+
+/// Triangles between two paths, a step on one and a step on the other as far as that goes. Edges
+/// lead from the seam's end of a double curve to the rectangle: the other diagonals would be there
+/// twice where the curve is folded.
+fn side_by_side(
+    first: &[PathVertex],
+    second: &[PathVertex],
+    first_is_double: bool,
+) -> Vec<[PathVertex; 3]> {
+    let mut made = Vec::new();
+    let (mut i, mut j) = (0, 0);
+    while i + 1 < first.len() || j + 1 < second.len() {
+        let on_second = i + 1 == first.len() || (j + 1 < second.len() && !first_is_double);
+        let next = match on_second {
+            true => second[j + 1],
+            false => first[i + 1],
+        };
+        made.push([first[i], second[j], next]);
+        if on_second { j += 1 } else { i += 1 }
+    }
+    made
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two paths of m and n vertices have m + n − 2 triangles between them, which use each edge of
+    /// the paths once; the diagonals begin on the path that is double.
+    #[test]
+    fn paths_are_joined_side_by_side() {
+        let path = |from: u32, n: u32| (from..from + n).map(|v| (v, [0.0; 2])).collect::<Vec<_>>();
+        let (first, second) = (path(0, 3), path(10, 2));
+        let vertices = |double| -> Vec<[u32; 3]> {
+            let made = side_by_side(&first, &second, double);
+            made.iter().map(|t| t.map(|v| v.0)).collect()
+        };
+        assert_eq!(vertices(false), [[0, 10, 11], [0, 11, 1], [1, 11, 2]]);
+        assert_eq!(vertices(true), [[0, 10, 1], [1, 10, 2], [2, 10, 11]]);
+    }
+}

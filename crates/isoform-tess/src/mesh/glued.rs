@@ -1,0 +1,93 @@
+//! What is drawn from: the openings of base points, and the vertices that sheets share.
+
+use super::Curves;
+use super::atlas::Atlas;
+use super::gluing::Gluing;
+use super::names::{Name, Node, key};
+use super::opening::Openings;
+use super::sides::Sides;
+use super::special::SpecialCurves;
+use crate::claim::{Claim, Grade};
+
+/// The openings, with the vertices that have several parameters, and the places on the sides of the
+/// unit triangles.
+pub(super) struct Glued<'a> {
+    pub(super) atlas: &'a Atlas<'a>,
+    pub(super) curves: &'a SpecialCurves<'a>,
+    pub(super) openings: &'a Openings<'a>,
+    pub(super) sides: Sides,
+    pub(super) gluing: Gluing,
+}
+
+impl<'a> Glued<'a> {
+    /// Finds the places on sides and, as far as sheets or borders are joined, the partners of
+    /// vertices.
+    pub(super) fn new(openings: &'a Openings<'a>, curves: &Curves) -> Self {
+        let mut sides = openings.sides();
+        let gluing = match &curves.traced {
+            Some(traced) => openings.glue_traced(traced, &mut sides),
+            None if curves.is_joined() => openings.glue(
+                &mut sides,
+                &curves.pinches,
+                &curves.isolated,
+                curves.fibres.as_ref(),
+            ),
+            None => Gluing::default(),
+        };
+        Self {
+            atlas: openings.atlas,
+            curves: openings.curves,
+            openings,
+            sides,
+            gluing,
+        }
+    }
+}
+impl Glued<'_> {
+    /// What is claimed of the mesh. Of what had not to be decided nothing is claimed.
+    pub(super) fn grades(&self, curves: &Curves) -> Vec<Grade> {
+        let is_opened = !self.openings.sites.is_empty();
+        let is_tree = self
+            .openings
+            .sites
+            .values()
+            .any(|s| self.openings.fans[s.fan].is_tree());
+        let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
+        let asked = [
+            (Claim::Images, self.curves.images.len() > 1),
+            (Claim::Tangents, is_opened),
+            (Claim::Trees, is_tree),
+            (Claim::SignAtBasePoints, is_opened),
+            (Claim::Folds, is_opened && curves.deck.is_some()),
+            (Claim::Partners, is_joined || !curves.isolated.is_empty()),
+            (Claim::Sheets, curves.deck.is_some() && !curves.glued),
+        ];
+        let asked = asked.into_iter().filter(|c| c.1).map(|c| c.0);
+        let always = [
+            Claim::Drawing,
+            Claim::SignOfW,
+            Claim::Distances,
+            Claim::Shapes,
+            Claim::Edges,
+        ];
+        asked.chain(always).map(Grade::from).collect()
+    }
+
+    /// The name of a vertex, that of the image if it is on a contracted curve.
+    pub(super) fn merged(&self, q: usize, node: &Node) -> Name {
+        const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
+        let first = |sides: &[usize]| sides.iter().find_map(|&s| self.curves.on_side[s]);
+        let image = node.image.or_else(|| match node.name {
+            Name::Side(side, ..) => first(&[side]),
+            Name::Corner(c) => first(&SIDES[c]),
+            _ => None,
+        });
+        match image {
+            Some(k) => Name::Image(k),
+            None => self
+                .gluing
+                .name(&key(node.name, q, node.at))
+                .unwrap_or(node.name),
+        }
+    }
+}

@@ -1,0 +1,425 @@
+//! The pieces of the double curve, with the vertices on them.
+
+use super::Track;
+use crate::fan::Direction;
+use crate::mesh::geometry::distance;
+use crate::mesh::names::{Key, Name, Ray, key, name_on};
+use crate::mesh::opening::{FULL, Openings};
+use crate::mesh::places::{distance2, in_plane, on_side, place_in};
+use crate::mesh::sides::{SideId, Sides, quadrants_at};
+use crate::mesh::stretch::{Columns, Stretch};
+use crate::surface::Point3;
+
+/// How far from the chord below it, in the parameters, a pinch point may be to lie on a piece.
+const ASIDE: f64 = 0.1;
+/// How near to a vertex, in the parameters, a pinch point is that vertex.
+const ONE: f64 = 1e-9;
+/// How near to a place of a side, in the parameters, a base point is there.
+const AT_PLACE: f64 = 1e-12;
+
+/// A vertex on a piece of the double curve.
+#[derive(Clone, Debug)]
+pub(super) struct Knot {
+    pub(super) at: [f64; 2],
+    /// Its parameter (s : t : w), a base point for what is on a seam.
+    pub(super) parameter: [f64; 3],
+    pub(super) key: Key,
+    pub(super) image: Point3,
+    /// Stays where it is.
+    pub(super) fixed: bool,
+    pub(super) class: Option<usize>,
+}
+
+/// A piece of the double curve, in one unit triangle.
+pub(super) struct Piece {
+    pub(super) track: Track,
+    pub(super) q: usize,
+    pub(super) knots: Vec<Knot>,
+    /// The rays of base points in which it begins and ends.
+    pub(super) rays: [Option<(usize, Ray)>; 2],
+}
+
+impl Piece {
+    pub(super) fn is_seam(&self) -> bool {
+        matches!(self.track, Track::Seam(..))
+    }
+    /// The coordinate along it.
+    pub(super) fn along(&self, at: [f64; 2]) -> f64 {
+        match self.track {
+            Track::Wall(..) | Track::Side(0, ..) => at[1],
+            _ => at[0],
+        }
+    }
+    /// The name of a vertex on it.
+    pub(super) fn name(&self, at: [f64; 2]) -> Name {
+        match self.track {
+            Track::Side(side, ..) => name_on(self.q, side, self.along(at)),
+            _ => Name::Inner,
+        }
+    }
+    /// A place exactly on the side or wall that it lies on.
+    pub(super) fn onto(&self, at: [f64; 2]) -> [f64; 2] {
+        match self.track {
+            Track::Side(side, ..) => on_side(side, self.along(at)),
+            Track::Wall(..) => [self.knots[0].at[0], at[1]],
+            Track::Arc(..) | Track::Seam(..) => at,
+        }
+    }
+}
+
+/// All pieces of the double curve and of the border of a fundamental domain.
+pub(super) struct Pieces<'a> {
+    pub(super) open: &'a Openings<'a>,
+    pub(super) pieces: Vec<Piece>,
+}
+
+impl<'a> Pieces<'a> {
+    pub(super) fn new(open: &'a Openings<'a>, sides: &Sides) -> Self {
+        let mut pieces = Vec::new();
+        for q in 0..4 {
+            let a = &open.atlas.region.triangles[q].arrangement;
+            for slab in 0..a.slabs.len() {
+                open.arc_pieces(q, slab, &mut pieces);
+            }
+            for wall in 1..a.walls.len() - 1 {
+                open.wall_pieces(q, wall, &mut pieces);
+            }
+        }
+        // Curves that are contracted have one vertex.
+        let curves = open.curves;
+        let is_double = |side: usize| curves.double_sides[side] && curves.on_side[side].is_none();
+        for (&id, places) in sides.iter().filter(|s| is_double(s.0.0)) {
+            open.side_pieces(id, places, &mut pieces);
+        }
+        // Deck transformations take such a seam to itself, and the fundamental domain has one of
+        // the two points.
+        let is_used = |f: &usize| {
+            open.atlas.region.deck.is_none() && open.sites.values().any(|s| s.fan == *f)
+        };
+        for fan in (0..open.fans.len()).filter(is_used) {
+            open.seam_pieces(fan, &mut pieces);
+        }
+        Self { open, pieces }
+    }
+
+    /// Makes vertices of the pinch points.
+    pub(super) fn add_pinches(&mut self, pinches: &[[f64; 3]]) {
+        for &p in pinches {
+            for piece in self.pieces.iter_mut().filter(|p| !p.is_seam()) {
+                if let Some(at) = place_in(piece.q, p) {
+                    self.open.add_pinch(piece, at);
+                }
+            }
+        }
+    }
+}
+
+impl Openings<'_> {
+    pub(super) fn knot(&self, q: usize, at: [f64; 2], name: Name, faces: u8, fixed: bool) -> Knot {
+        Knot {
+            at,
+            parameter: in_plane(q, at),
+            key: key(name, q, at),
+            image: self.atlas.image(q, at, faces),
+            fixed,
+            class: None,
+        }
+    }
+    /// A vertex of a seam.
+    fn seam_knot(&self, at: [f64; 2], fan: usize, d: &Direction) -> Knot {
+        let (name, image, _) = self.seam_vertex(fan, d);
+        Knot {
+            at,
+            parameter: self.fans[fan].point,
+            key: key(name, 0, at),
+            image,
+            fixed: true,
+            class: None,
+        }
+    }
+    /// The vertex of a seam in which a ray ends.
+    fn ray_knot(&self, at: [f64; 2], fan: usize, ray: Ray) -> Option<Knot> {
+        let mut directions = self.fans[fan].directions.iter();
+        let d = directions.find(|d| d.key() == ray.0)?;
+        Some(self.seam_knot(at, fan, d))
+    }
+
+    /// The arcs over a slab that have partners.
+    fn arc_pieces(&self, q: usize, slab: usize, pieces: &mut Vec<Piece>) {
+        let a = &self.atlas.region.triangles[q].arrangement;
+        let mut over = Columns::new(a, slab);
+        for i in self.curves.drawn(q, slab) {
+            let arc = a.slabs[slab].arcs[i];
+            let stretch = self.stretch(q, slab, i);
+            if self.curves.has_partners(arc.curve) && stretch.is_open() {
+                let line = self.polyline(q, &stretch, i, &mut over, &mut true);
+                let ends = [(slab, arc.left), (slab + 1, arc.right)];
+                pieces.push(self.piece(Track::Arc(q, slab, i), q, &line, &stretch, ends));
+            }
+        }
+    }
+    /// The stretches of a wall that have partners.
+    fn wall_pieces(&self, q: usize, wall: usize, pieces: &mut Vec<Piece>) {
+        let points = &self.atlas.region.triangles[q].arrangement.walls[wall].points;
+        for p in 0..points.len() - 1 {
+            let curve = self.curves.drawn_on(q, wall, p);
+            if curve.is_some_and(|f| self.curves.has_partners(f)) {
+                let (stretch, line) = self.upright(q, wall, p);
+                let ends = [(wall, p), (wall, p + 1)];
+                pieces.push(self.piece(Track::Wall(q, wall, p), q, &line, &stretch, ends));
+            }
+        }
+    }
+    /// A polyline between two points of walls, or the rectangles in front of these.
+    fn piece(
+        &self,
+        track: Track,
+        q: usize,
+        line: &[[f64; 2]],
+        stretch: &Stretch,
+        ends: [(usize, usize); 2],
+    ) -> Piece {
+        let last = line.len() - 1;
+        let on_wall = |at: [f64; 2], (wall, point): (usize, usize)| {
+            let name = self.atlas.wall_name(q, wall, point);
+            let faces = self.atlas.faces_at(q, wall, point);
+            self.knot(q, at, name, faces, true)
+        };
+        let knot = |(k, &at): (usize, &[f64; 2])| {
+            let end = match k {
+                0 => 0,
+                _ if k == last => 1,
+                _ => return self.knot(q, at, Name::Inner, 0, false),
+            };
+            match stretch.based[end] {
+                true => self.knot(q, at, Name::Inner, 0, true),
+                false => on_wall(at, ends[end]),
+            }
+        };
+        let seam = |k: usize| {
+            let (fan, ray, at) = stretch.rays[k]?;
+            self.ray_knot(at, fan, ray)
+        };
+        let inner = line.iter().enumerate().map(knot);
+        let knots = seam(0).into_iter().chain(inner).chain(seam(1)).collect();
+        Piece {
+            track,
+            q,
+            knots,
+            rays: stretch.rays.map(|r| r.map(|(fan, ray, _)| (fan, ray))),
+        }
+    }
+
+    /// The stretches in the box of seams that run twice through their points.
+    fn seam_pieces(&self, fan: usize, pieces: &mut Vec<Piece>) {
+        let f = &self.fans[fan];
+        let mut number = 0;
+        for seam in f.doubled() {
+            let n = seam.len();
+            let inside = |k: usize| seam[k % n].1;
+            // All the way around it ends where it began: in a fold, if there is one.
+            let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
+            let first = (0..n)
+                .find(|&k| inside(k) && !inside(k + n - 1))
+                .or_else(fold)
+                .unwrap_or(0);
+            let knot = |k: usize| {
+                let d = seam[k % n].0;
+                self.seam_knot(d.at, fan, d)
+            };
+            let mut knots: Vec<Knot> = Vec::new();
+            for k in first..first + n {
+                if inside(k) {
+                    if knots.is_empty() {
+                        knots.push(knot(k));
+                    }
+                    knots.push(knot(k + 1));
+                }
+                if !knots.is_empty() && (!inside(k) || k + 1 == first + n) {
+                    pieces.push(Piece {
+                        track: Track::Seam(fan, number),
+                        q: 0,
+                        knots: std::mem::take(&mut knots),
+                        rays: [None; 2],
+                    });
+                    number += 1;
+                }
+            }
+        }
+    }
+
+    /// The stretches of a side in the region.
+    fn side_pieces(&self, id: SideId, places: &[(f64, bool)], pieces: &mut Vec<Piece>) {
+        let stop = SideStops::new(self, id);
+        let runs = runs_inside(places, &|x| stop.is_base(x));
+        for (number, run) in runs.into_iter().enumerate() {
+            // From the base point along the side: to larger places at the beginning, to smaller
+            // ones at the end.
+            let last = run.len() - 1;
+            let rays = [(run[0], run[1]), (run[last], run[last - 1])]
+                .map(|(base, to)| stop.ray(self, base, to));
+            let knot = |(k, &x): (usize, &f64)| {
+                let ray = match k {
+                    0 => rays[0],
+                    _ if k == last => rays[1],
+                    _ => None,
+                };
+                match ray {
+                    Some((fan, ray)) => self.ray_knot(on_side(id.0, x), fan, ray),
+                    None => Some(stop.knot(self, x, k == 0 || k == last)),
+                }
+            };
+            pieces.push(Piece {
+                track: Track::Side(id.0, id.1, number),
+                q: stop.quadrants[0],
+                knots: run.iter().enumerate().filter_map(knot).collect(),
+                rays,
+            });
+        }
+    }
+
+    /// Places of a side that curves go through, with the faces of the box that these belong to.
+    fn wall_points_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, u8)> {
+        let mut found = Vec::new();
+        for &q in quadrants {
+            let t = &self.atlas.region.triangles[q];
+            let walls = &t.arrangement.walls;
+            let points: Vec<(usize, usize)> = match side {
+                0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
+                1 => (0..walls.len()).map(|k| (k, 0)).collect(),
+                _ => (0..walls.len())
+                    .map(|k| (k, walls[k].points.len() - 1))
+                    .collect(),
+            };
+            for (k, p) in points
+                .into_iter()
+                .filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p))
+            {
+                let at = self.atlas.place(q, k, p);
+                let faces = self.atlas.faces_at(q, k, p);
+                let place = if side == 0 { at[1] } else { at[0] };
+                found.push((place, if faces == FULL { 0 } else { faces }));
+            }
+        }
+        found
+    }
+
+    /// Makes a vertex of a pinch point, if it is on a piece.
+    fn add_pinch(&self, piece: &mut Piece, at: [f64; 2]) {
+        let x = piece.along(at);
+        let is_over = |&j: &usize| {
+            piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at)
+        };
+        let Some(j) = (1..piece.knots.len()).find(is_over) else {
+            return;
+        };
+        let (a, b) = (piece.knots[j - 1].at, piece.knots[j].at);
+        let t = (x - piece.along(a)) / (piece.along(b) - piece.along(a));
+        let on = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
+        // On the piece but for its sagitta.
+        let chart = &self.atlas.charts[piece.q];
+        if distance(chart.at(on), chart.at(at)) > self.atlas.options.tolerance
+            || distance2(on, at) > ASIDE
+        {
+            return;
+        }
+        let near = |k: &usize| distance2(piece.knots[*k].at, at) < ONE;
+        match [j - 1, j].into_iter().find(near) {
+            Some(k) => piece.knots[k].fixed = true,
+            None => {
+                let knot = self.knot(piece.q, at, piece.name(at), 0, true);
+                piece.knots.insert(j, knot);
+            }
+        }
+    }
+}
+
+/// What vertices on a side keep to: rectangles of base points, and curves that go through it.
+struct SideStops {
+    id: SideId,
+    quadrants: Vec<usize>,
+    /// Base points, with the ends of their rectangles.
+    rectangles: Vec<(f64, [f64; 2])>,
+    curves: Vec<(f64, u8)>,
+}
+
+impl SideStops {
+    fn new(open: &Openings<'_>, id: SideId) -> Self {
+        let quadrants = quadrants_at(id);
+        Self {
+            id,
+            rectangles: open.places_on(id.0, &quadrants),
+            curves: open.wall_points_on(id.0, &quadrants),
+            quadrants,
+        }
+    }
+    fn is_base(&self, x: f64) -> bool {
+        self.rectangles.iter().any(|b| b.0 == x)
+    }
+    /// The ray along the side from a base point towards a place.
+    fn ray(&self, open: &Openings<'_>, base: f64, to: f64) -> Option<(usize, Ray)> {
+        let at = on_side(self.id.0, base);
+        let mut sites = open.sites.iter().filter(|_| self.is_base(base));
+        let is_there = |q: usize, place: [f64; 2]| {
+            self.quadrants.contains(&q) && distance2(place, at) < AT_PLACE
+        };
+        let (_, site) = sites.find(|(key, site)| is_there(key.0, site.at))?;
+        let to = on_side(self.id.0, to);
+        let ray = open.fans[site.fan].ray_along(self.quadrants[0], self.id.0, to)?;
+        Some((site.fan, ray))
+    }
+    /// The vertex at a place: fixed at ends, points of walls that a curve goes through, and
+    /// vertices of rectangles.
+    fn knot(&self, open: &Openings<'_>, x: f64, is_end: bool) -> Knot {
+        let (q, side) = (self.quadrants[0], self.id.0);
+        let here = self.curves.iter().filter(|p| p.0 == x);
+        let faces = here.clone().fold(0, |bits, p| bits | p.1);
+        let is_corner = self.rectangles.iter().any(|b| b.1.contains(&x));
+        let fixed = is_end || is_corner || here.count() > 0;
+        open.knot(q, on_side(side, x), name_on(q, side, x), faces, fixed)
+    }
+}
+
+/// The runs of places whose stretches in between are in the region, from base point to base point.
+fn runs_inside(places: &[(f64, bool)], is_base: &dyn Fn(f64) -> bool) -> Vec<Vec<f64>> {
+    let mut runs = Vec::new();
+    let mut run: Vec<f64> = Vec::new();
+    for &(x, inside) in places {
+        if !run.is_empty() || inside {
+            run.push(x);
+        }
+        if run.len() > 1 && (!inside || is_base(x)) {
+            runs.push(std::mem::take(&mut run));
+            if inside {
+                run.push(x);
+            }
+        }
+        if !inside {
+            run.clear();
+        }
+    }
+    runs
+}
+
+#[cfg(test)]
+mod tests {
+    use super::runs_inside;
+
+    #[test]
+    fn runs_end_where_the_region_does_and_in_base_points() {
+        let places = [
+            (0.0, true),
+            (0.1, true),
+            (0.2, false),
+            (0.3, false),
+            (0.4, true),
+            (0.5, true),
+            (0.6, true),
+            (1.0, false),
+        ];
+        let all = [vec![0.0, 0.1, 0.2], vec![0.4, 0.5, 0.6, 1.0]];
+        assert_eq!(runs_inside(&places, &|_| false), all);
+        let cut = [vec![0.0, 0.1, 0.2], vec![0.4, 0.5], vec![0.5, 0.6, 1.0]];
+        assert_eq!(runs_inside(&places, &|x| x == 0.5), cut);
+    }
+}

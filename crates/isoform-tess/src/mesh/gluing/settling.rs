@@ -1,0 +1,286 @@
+//! The vertices of the double curve in their places, and the arcs of it in space.
+
+use super::pieces::{Knot, Piece, Pieces};
+use super::{Gluing, Track};
+use crate::double::Fibres;
+use crate::finding::{Finding, JoinedCurve};
+use crate::mesh::opening::Openings;
+use crate::mesh::places::in_plane;
+use crate::mesh::sides::Sides;
+use crate::mesh::stretch::Columns;
+use crate::surface::DoubleArc;
+use std::collections::{BTreeMap, BTreeSet};
+
+/// An edge of the double curve: the classes of its ends, the lesser one first.
+type Edge = [usize; 2];
+
+fn edge(a: usize, b: usize) -> Edge {
+    [a.min(b), a.max(b)]
+}
+
+/// How many sheets meet in the edges of the double curve.
+struct Sheets {
+    of: BTreeMap<Edge, usize>,
+    /// The edges that belong to an arc.
+    done: BTreeSet<Edge>,
+}
+
+impl Sheets {
+    fn new(pieces: &[Piece]) -> Self {
+        let mut of: BTreeMap<Edge, usize> = BTreeMap::new();
+        for w in pieces.iter().flat_map(|p| p.knots.windows(2)) {
+            if let [Some(a), Some(b)] = [w[0].class, w[1].class] {
+                *of.entry(edge(a, b)).or_default() += 1;
+            }
+        }
+        let done = BTreeSet::new();
+        Self { of, done }
+    }
+    fn at(&self, edge: &Edge) -> usize {
+        self.of.get(edge).copied().unwrap_or(0)
+    }
+    /// Whether fewer than two meet in an edge, or its ends have no class.
+    fn is_single(&self, ends: &[Knot]) -> bool {
+        match [ends[0].class, ends[1].class] {
+            [Some(a), Some(b)] => self.at(&edge(a, b)) < 2,
+            _ => true,
+        }
+    }
+    /// The arcs along a piece, given by the classes of its vertices, that no other piece had before:
+    /// runs of classes with as many sheets all along.
+    fn arcs(&mut self, classes: &[usize]) -> Vec<(Vec<usize>, usize)> {
+        let mut found = Vec::new();
+        let mut run: Vec<usize> = Vec::new();
+        let mut sheets = 0;
+        for w in classes.windows(2) {
+            let edge = edge(w[0], w[1]);
+            let n = self.at(&edge);
+            if !self.done.insert(edge) || (n != sheets && !run.is_empty()) {
+                found.push((std::mem::take(&mut run), sheets));
+            }
+            if run.last() != Some(&w[0]) {
+                run = vec![w[0]];
+            }
+            if self.of.remove(&edge).is_some() {
+                sheets = n;
+                run.push(w[1]);
+            } else {
+                run.clear();
+            }
+        }
+        found.push((run, sheets));
+        found.retain(|(run, sheets)| run.len() > 1 && *sheets > 1);
+        found
+    }
+}
+
+fn middle(ends: &[Knot]) -> [f64; 2] {
+    [0, 1].map(|i| 0.5 * (ends[0].at[i] + ends[1].at[i]))
+}
+
+impl Pieces<'_> {
+    /// Names the vertices, and hands them over as places on sides, lines and spokes; the arcs in
+    /// space as far as sheets meet there.
+    pub(super) fn settle(self, gluing: &mut Gluing, sides: &mut Sides, fibres: Option<&Fibres>) {
+        let Self { open, pieces } = self;
+        let mut sheets = Sheets::new(&pieces);
+        let alone = |piece: &Piece| open.edges_without_partner(piece, &sheets, fibres);
+        let edges: usize = pieces.iter().map(alone).sum();
+        if edges > 0 {
+            let curve = match open.curves.glued {
+                true => JoinedCurve::Double,
+                false => JoinedCurve::FundamentalDomain,
+            };
+            let missing = Finding::PartnersMissing { edges, curve };
+            gluing.findings.push(missing);
+        }
+        for mut piece in pieces {
+            if !open.is_border(&piece) {
+                let classes: Vec<usize> = piece.knots.iter().filter_map(|k| k.class).collect();
+                gluing.meeting.extend(&classes);
+                for (run, sheets) in sheets.arcs(&classes) {
+                    let points = run.iter().map(|&c| gluing.images[c]).collect();
+                    gluing.arcs.push(DoubleArc { points, sheets });
+                }
+            }
+            for knot in &piece.knots {
+                if let Some(class) = knot.class {
+                    gluing.name_class(knot.key, class);
+                }
+            }
+            open.take_spokes(&mut piece, gluing);
+            hand_over(&piece, gluing, sides);
+        }
+    }
+}
+
+/// Puts the vertices of a piece into their side or line.
+fn hand_over(piece: &Piece, gluing: &mut Gluing, sides: &mut Sides) {
+    match piece.track {
+        Track::Side(side, sign, _) => {
+            let places = sides.get_mut(&(side, sign)).expect("the side");
+            let (Some(first), Some(last)) = (piece.knots.first(), piece.knots.last()) else {
+                return;
+            };
+            let (from, to) = (piece.along(first.at), piece.along(last.at));
+            places.retain(|p| p.0 <= from || p.0 >= to);
+            let at = places.partition_point(|p| p.0 <= from);
+            let inner = piece.knots[1..piece.knots.len() - 1].iter();
+            places.splice(at..at, inner.map(|k| (piece.along(k.at), true)));
+        }
+        Track::Seam(..) => {}
+        track => gluing.set_line(track, piece.knots.iter().map(|k| k.at).collect()),
+    }
+}
+
+impl Openings<'_> {
+    /// How many edges of a piece have one sheet, if they should have more. Each piece needs two
+    /// sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
+    /// complex.
+    fn edges_without_partner(
+        &self,
+        piece: &Piece,
+        sheets: &Sheets,
+        fibres: Option<&Fibres>,
+    ) -> usize {
+        if self.is_fold(piece) {
+            return 0;
+        }
+        let edges = piece.knots.windows(2);
+        let mut single: Vec<&[Knot]> = edges.filter(|w| sheets.is_single(w)).collect();
+        // Partners may be outside of the domain on some of its length only.
+        if let (Some(_), Some(fibres), false) = (&self.atlas.region.domain, fibres, piece.is_seam())
+        {
+            single.retain(|ends| !self.is_alone_in_domain(piece, ends, fibres));
+        }
+        let Some(ends) = single.get(single.len() / 2) else {
+            return 0;
+        };
+        let image = match ends.iter().find(|k| !k.fixed) {
+            Some(knot) => knot.image,
+            None if piece.is_seam() => ends[0].image,
+            None => self.atlas.charts[piece.q].at(middle(ends)),
+        };
+        let deck = self.atlas.region.deck.as_ref();
+        match fibres.is_some_and(|f| f.is_met_by_conjugates(image, deck)) {
+            true => 0,
+            false => single.len(),
+        }
+    }
+    /// Whether all partners of an edge are outside of the domain.
+    fn is_alone_in_domain(&self, piece: &Piece, ends: &[Knot], fibres: &Fibres) -> bool {
+        let at = self.on_curve_of(piece, middle(ends));
+        let domain = self.atlas.region.domain.as_ref();
+        let is_outside = |p: [f64; 3]| domain.is_some_and(|d| d.is_outside(p));
+        let image = self.atlas.charts[piece.q].at(at);
+        fibres.is_alone(image, in_plane(piece.q, at), &is_outside)
+    }
+
+    /// Takes the vertices between base points and their rectangles out of a piece.
+    fn take_spokes(&self, piece: &mut Piece, gluing: &mut Gluing) {
+        for (end, ray) in piece.rays.into_iter().enumerate() {
+            let Some((fan, ray)) = ray else { continue };
+            if end == 1 {
+                piece.knots.reverse();
+            }
+            let first = (1..piece.knots.len())
+                .find(|&j| piece.knots[j].fixed && self.is_ring(piece, &piece.knots[j]))
+                .unwrap_or(1);
+            let ring = piece
+                .knots
+                .get(first)
+                .map_or([0; 2], |k| k.at.map(f64::to_bits));
+            let inner: Vec<Knot> = piece.knots.drain(..first).collect();
+            let outward = inner[1..].iter().rev();
+            let list = outward.filter_map(|k| Some((k.class?, k.at))).collect();
+            gluing.spokes.insert((fan, ray, ring), list);
+            if end == 1 {
+                piece.knots.reverse();
+            }
+        }
+    }
+    /// Whether a vertex of a piece is on a rectangle around a base point.
+    fn is_ring(&self, piece: &Piece, knot: &Knot) -> bool {
+        let x = knot.at;
+        self.sites
+            .iter()
+            .filter(|s| s.0.0 == piece.q || matches!(piece.track, Track::Side(..)))
+            .any(|(_, s)| {
+                let (h, v) = (self.widths[s.fan], s.height);
+                let on_arc = s.arcs.iter().any(|a| a.end == x);
+                on_arc || (x[0] - s.at[0]).abs() == h || (x[1] - s.at[1]).abs() == v
+            })
+    }
+
+    /// Whether a piece is on the border of a fundamental domain, and goes on.
+    fn is_border(&self, piece: &Piece) -> bool {
+        let deck = self.atlas.region.deck.as_ref();
+        let is_side = |side: usize| deck.is_some_and(|d| d.seams.sides[side]);
+        self.is_of(piece, &|f| self.curves.seams.contains(&f), &is_side)
+    }
+    /// Whether the surface ends in a piece: others may end there, or not.
+    pub(super) fn is_fold(&self, piece: &Piece) -> bool {
+        let region = self.atlas.region;
+        let is_side = |side: usize| region.is_fold_side(side);
+        self.is_of(piece, &|f| region.is_fold(f), &is_side)
+    }
+    /// Whether a piece lies on some factors or sides of unit triangles.
+    fn is_of(
+        &self,
+        piece: &Piece,
+        is_factor: &dyn Fn(usize) -> bool,
+        is_side: &dyn Fn(usize) -> bool,
+    ) -> bool {
+        let arrangement = |q: usize| &self.atlas.region.triangles[q].arrangement;
+        match piece.track {
+            Track::Arc(q, slab, i) => is_factor(arrangement(q).slabs[slab].arcs[i].curve),
+            Track::Wall(q, wall, _) => {
+                let lines = &arrangement(q).walls[wall].vertical;
+                lines.iter().any(|&f| is_factor(f))
+            }
+            Track::Side(side, ..) => is_side(side),
+            Track::Seam(..) => false,
+        }
+    }
+    /// The point of a piece over, or beside, one of its chords.
+    pub(super) fn on_curve_of(&self, piece: &Piece, at: [f64; 2]) -> [f64; 2] {
+        match piece.track {
+            Track::Arc(q, slab, i) => {
+                let a = &self.atlas.region.triangles[q].arrangement;
+                let height = Columns::new(a, slab).at(at[0], i);
+                height.map_or(at, |v| [at[0], v])
+            }
+            _ => at,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sheets(edges: &[([usize; 2], usize)]) -> Sheets {
+        Sheets {
+            of: edges.iter().copied().collect(),
+            done: BTreeSet::new(),
+        }
+    }
+
+    /// Two sheets along 0 1 2, four between 2 and 3, one at 4: arcs end where the number changes.
+    #[test]
+    fn arcs_have_as_many_sheets_all_along() {
+        let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([2, 3], 4), ([3, 4], 1)]);
+        let all = [(vec![0, 1, 2], 2), (vec![2, 3], 4)];
+        assert_eq!(s.arcs(&[0, 1, 2, 3, 4]), all);
+        // The other sheets go the same way, or back.
+        assert!(s.arcs(&[4, 3, 2, 1, 0]).is_empty() && s.arcs(&[0, 1, 2]).is_empty());
+    }
+
+    /// A sheet that leaves an arc and comes back to it has what lies between for itself.
+    #[test]
+    fn arcs_are_told_apart_where_sheets_part() {
+        let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([1, 5], 2), ([2, 5], 2)]);
+        assert_eq!(s.arcs(&[0, 1, 2]), [(vec![0, 1, 2], 2)]);
+        assert_eq!(s.arcs(&[0, 1, 5, 2]), [(vec![1, 5, 2], 2)]);
+    }
+}

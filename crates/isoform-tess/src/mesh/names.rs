@@ -1,0 +1,78 @@
+//! What vertices are called: a vertex on a side, a seam, a contracted or a double curve is met from
+//! several unit triangles, or several parameters of one, and has one name in all of them.
+
+use super::places::{side_of, sides_of};
+use crate::fan::Key as DirectionKey;
+
+/// A direction of a fan, by its key, and whether it is backward.
+pub(super) type Ray = (DirectionKey, bool);
+
+/// A name that both triangles at a side agree on: the sides s = 0, t = 0, w = 0 by the sign of t,
+/// s, s t, the place along them as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Name {
+    Inner,
+    Side(usize, i64, u64),
+    Corner(usize),
+    /// The image of a contracted curve.
+    Image(usize),
+    /// On the seam of a base point, in a direction.
+    Seam(usize, DirectionKey),
+    /// On a ray of a base point, in a direction, backward or not: so many vertices after the
+    /// rectangle.
+    Ray(usize, Ray, usize),
+    /// Where sheets meet.
+    Double(usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Node {
+    pub(super) at: [f64; 2],
+    pub(super) name: Name,
+    /// Faces of the box that it is on.
+    pub(super) faces: u8,
+    /// The contracted curve that it is on, by its image.
+    pub(super) image: Option<usize>,
+    /// A base point: the map has no value there.
+    pub(super) apex: bool,
+    /// The sides of the domain that it is on, as bits.
+    pub(super) borders: u64,
+}
+
+impl Node {
+    pub(super) fn inner(at: [f64; 2], faces: u8) -> Self {
+        Self {
+            at,
+            name: Name::Inner,
+            faces,
+            image: None,
+            apex: false,
+            borders: 0,
+        }
+    }
+}
+
+/// A name of a vertex, with the unit triangle and the place in it for those that have none.
+pub(super) type Key = (Name, usize, [u64; 2]);
+
+pub(super) fn key(name: Name, q: usize, at: [f64; 2]) -> Key {
+    match name {
+        Name::Inner => (name, q, at.map(f64::to_bits)),
+        name => (name, 0, [0; 2]),
+    }
+}
+
+/// The name of a place on a side.
+pub(super) fn name_on(q: usize, side: usize, x: f64) -> Name {
+    match (side, x) {
+        (0 | 1, 0.0) => Name::Corner(0),
+        (1 | 2, 1.0) => Name::Corner(1),
+        (0, 1.0) | (2, 0.0) => Name::Corner(2),
+        _ => Name::Side(side, sides_of(q)[side].1, x.to_bits()),
+    }
+}
+
+/// The name of a vertex with a parameter (s : t : w).
+pub(super) fn name_of(q: usize, p: [f64; 3], at: [f64; 2]) -> Name {
+    side_of(p, at).map_or(Name::Inner, |(side, x)| name_on(q, side, x))
+}

@@ -1,0 +1,256 @@
+//! The triangulation by itself, on a surface in closed form: the paraboloid z = u² + v².
+
+use super::*;
+use crate::mesh::geometry::distance;
+use crate::mesh::matching::Place;
+use isoform_control::Control;
+use isoform_geom::{cross, dot, sub};
+use std::collections::BTreeSet;
+
+struct Paraboloid {
+    tolerance: f64,
+    longest: f64,
+    /// No triangle is proved to be sound that has a place inside.
+    pole: Option<[f64; 2]>,
+}
+
+impl Paraboloid {
+    fn new(tolerance: f64, longest: f64) -> Self {
+        Self {
+            tolerance,
+            longest,
+            pole: None,
+        }
+    }
+}
+
+fn value([u, v]: [f64; 2]) -> Point3 {
+    [u, v, u * u + v * v]
+}
+
+impl Measure for Paraboloid {
+    fn image(&self, node: &Node) -> Point3 {
+        value(node.at)
+    }
+    fn shared(&self, _: &Node) -> Option<Shared> {
+        None
+    }
+    fn at(&self, at: [f64; 2]) -> Point3 {
+        value(at)
+    }
+    fn beside_chord(&self, _: [[f64; 2]; 2], _: usize) -> Option<[f64; 2]> {
+        None
+    }
+    fn turns(&self, _: [[f64; 2]; 3]) -> bool {
+        false
+    }
+    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        let [x, y] = self.tangents(at);
+        let off = sub(to, value(at));
+        let (e, f, g) = (dot(x, x), dot(x, y), dot(y, y));
+        let (p, q) = (dot(x, off), dot(y, off));
+        let det = e * g - f * f;
+        Some([(g * p - f * q) / det, (e * q - f * p) / det])
+    }
+    fn tangents(&self, [u, v]: [f64; 2]) -> [Point3; 2] {
+        [[1.0, 0.0, 2.0 * u], [0.0, 1.0, 2.0 * v]]
+    }
+    fn is_sound(&self, [a, b, c]: [[f64; 2]; 3]) -> bool {
+        let is_left = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
+            (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0]) >= 0.0
+        };
+        let holds = |p| is_left(a, b, p) && is_left(b, c, p) && is_left(c, a, p);
+        !self.pole.is_some_and(holds)
+    }
+    fn tolerance(&self, _: Point3) -> f64 {
+        self.tolerance
+    }
+    fn longest(&self) -> f64 {
+        self.longest
+    }
+}
+
+/// The square [0, 1]² in squares of n × n, each divided in two.
+fn square(n: u32, measure: &Paraboloid) -> Plane {
+    let step = 1.0 / f64::from(n);
+    let at = |k: u32| [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) * step);
+    let nodes = (0..(n + 1) * (n + 1)).map(|k| Node::inner(at(k), 0));
+    let cell = |k: u32| {
+        let a = k % n + (n + 1) * (k / n);
+        [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+    };
+    let triangles = (0..n * n).flat_map(cell).collect();
+    Plane::new(nodes.collect(), triangles, &|_, _| false, &[], measure)
+}
+
+/// Twice the area of all triangles in the parameters.
+fn area(plane: &Plane) -> f64 {
+    let twice = |t: u32| {
+        let [a, b, c] = plane.corners(t);
+        (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    };
+    (0..plane.triangles.len() as u32).map(twice).sum()
+}
+/// V − E + F.
+fn euler(plane: &Plane) -> i64 {
+    let ends = |t: u32| [0, 1, 2].map(|i| plane.ends(t, i));
+    let all = (0..plane.triangles.len() as u32).flat_map(ends);
+    let edges: BTreeSet<[u32; 2]> = all.map(|[a, b]| [a.min(b), a.max(b)]).collect();
+    let vertices: BTreeSet<u32> = plane.triangles.iter().flatten().copied().collect();
+    vertices.len() as i64 - edges.len() as i64 + plane.triangles.len() as i64
+}
+/// A disc that covers the square once.
+fn is_square(plane: &Plane) {
+    assert_eq!(plane.fault(), None);
+    assert_eq!(euler(plane), 1);
+    assert!((area(plane) - 2.0).abs() < 1e-12, "{}", area(plane));
+}
+
+/// An edge with the parameters (u, v) to (u + p, v + q) is (p² + q²) / 4 above the surface in the
+/// middle: the sagitta, along z, does not depend on where the edge is.
+#[test]
+fn edges_that_are_free_come_near_the_surface() {
+    for tolerance in [1e-2, 1e-3] {
+        let measure = Paraboloid::new(tolerance, 10.0);
+        let mut plane = square(2, &measure);
+        plane.begin(100_000, &measure, &Control::default());
+        let ended = plane.refine(100_000, &measure, &Control::default());
+        assert_eq!(ended, Ended::default());
+        is_square(&plane);
+        for t in 0..plane.triangles.len() as u32 {
+            for i in (0..3).filter(|&i| !plane.fixed[t as usize][i]) {
+                let [a, b] = plane.ends(t, i).map(|v| plane.nodes[v as usize].at);
+                let along_z = ((b[0] - a[0]).powi(2) + (b[1] - a[1]).powi(2)) / 4.0;
+                // The distance is along the normal, at most √(1 + 4 · 2) shorter.
+                assert!(along_z < 3.0 * tolerance, "{along_z}");
+            }
+        }
+        // No more of them than a uniform net needs, within a factor.
+        let needed = 2.0 / (4.0 * tolerance);
+        assert!((plane.triangles.len() as f64) < 4.0 * needed + 64.0);
+    }
+}
+
+/// Edges of the border are fixed; those inside become no longer than allowed.
+#[test]
+fn edges_are_no_longer_than_allowed() {
+    let measure = Paraboloid::new(1.0, 0.2);
+    let mut plane = square(4, &measure);
+    plane.begin(100_000, &measure, &Control::default());
+    plane.refine(100_000, &measure, &Control::default());
+    is_square(&plane);
+    for t in 0..plane.triangles.len() as u32 {
+        for i in (0..3).filter(|&i| !plane.fixed[t as usize][i]) {
+            let [p, q] = plane.ends(t, i).map(|v| plane.images[v as usize]);
+            assert!(distance(p, q) <= 0.2, "{}", distance(p, q));
+        }
+    }
+}
+
+/// Triangles with a pole are split in vain: that is said, and the limit is kept.
+#[test]
+fn a_pole_is_never_missed() {
+    let mut measure = Paraboloid::new(1.0, 10.0);
+    measure.pole = Some([0.37, 0.41]);
+    let mut plane = square(2, &measure);
+    plane.begin(200, &measure, &Control::default());
+    let ended = plane.refine(200, &measure, &Control::default());
+    assert!(ended.unsound > 0 && plane.triangles.len() <= 200);
+    is_square(&plane);
+}
+
+/// Every operation by itself leaves a triangulation of the same square.
+#[test]
+fn operations_keep_the_square() {
+    let measure = Paraboloid::new(0.1, 10.0);
+    let mut plane = square(4, &measure);
+    is_square(&plane);
+    let free = |plane: &Plane, t: u32| (0..3).find(|&i| !plane.fixed[t as usize][i]);
+    for t in [3, 11, 20] {
+        let i = free(&plane, t).expect("an inner edge");
+        assert!(plane.split_edge(t, i, &measure));
+        is_square(&plane);
+        assert!(plane.split_triangle(t, &measure));
+        is_square(&plane);
+    }
+    let before = plane.triangles.len();
+    plane.legalise_all(&measure);
+    is_square(&plane);
+    assert_eq!(plane.triangles.len(), before);
+    plane.smooth(&measure);
+    is_square(&plane);
+    let gone = plane.coarsen(&measure);
+    is_square(&plane);
+    assert_eq!(plane.triangles.len(), before - 2 * gone);
+}
+
+/// Splits on the rim, and the way between the ends of the edge that was split.
+#[test]
+fn the_rim_may_be_split() {
+    let measure = Paraboloid::new(0.1, 10.0);
+    let mut plane = square(1, &measure);
+    let nodes = plane.nodes.clone();
+    let triangles = plane.triangles.clone();
+    plane = Plane::new(nodes, triangles, &|_, _| false, &[[0, 1]], &measure);
+    let t = (0..2)
+        .find_map(|t| (0..3).find(|&i| plane.is_rim(t, i)).map(|i| (t, i)))
+        .expect("a triangle at the rim");
+    assert!(plane.split_rim(t.0, t.1, &measure));
+    is_square(&plane);
+    assert_eq!(plane.way([0, 1]), [4]);
+    let again = (0..3)
+        .flat_map(|t| (0..3).map(move |i| (t, i)))
+        .find(|&(t, i)| plane.ends(t, i) == [0, 4])
+        .expect("half of it");
+    assert!(plane.split_rim(again.0, again.1, &measure));
+    is_square(&plane);
+    assert_eq!([plane.way([0, 1]), plane.way([1, 0])], [[5, 4], [4, 5]]);
+    assert_eq!(plane.nodes[5].at, [0.25, 0.0]);
+}
+
+/// Places become vertices, unless one is beside them; around them triangles are those of Delaunay
+/// in space.
+#[test]
+fn places_become_vertices() {
+    let measure = Paraboloid::new(0.5, 10.0);
+    let mut plane = square(2, &measure);
+    let place = |at: [f64; 2]| Place {
+        quadrant: 0,
+        at,
+        faces: 0,
+    };
+    let places = [[0.3, 0.2], [0.7, 0.6], [0.5 + 1e-6, 0.5 - 2e-6], [2.0, 2.0]].map(place);
+    let ended = plane.insert(&places, 1000, &measure, &Control::default());
+    assert_eq!(ended, Ended::default());
+    is_square(&plane);
+    let is_there = |p: &Place| plane.nodes.iter().any(|n| n.at == p.at);
+    assert_eq!(places.each_ref().map(is_there), [true, true, false, false]);
+    let t = plane
+        .triangles
+        .iter()
+        .find(|t| {
+            t.iter()
+                .any(|&v| plane.nodes[v as usize].at == places[0].at)
+        })
+        .expect("a triangle there");
+    let [p, q, r] = t.map(|v| plane.images[v as usize]);
+    let normal = cross(sub(q, p), sub(r, p));
+    assert!(normal[2] > 0.0);
+}
+
+/// A triangulation that is spoilt is seen to be.
+#[test]
+fn faults_are_found() {
+    let measure = Paraboloid::new(0.1, 10.0);
+    let spoilt = |spoil: &dyn Fn(&mut Plane)| {
+        let mut plane = square(2, &measure);
+        spoil(&mut plane);
+        plane.fault().is_some()
+    };
+    assert!(!spoilt(&|_| {}));
+    assert!(spoilt(&|p| p.adjacent[0].swap(0, 1)));
+    assert!(spoilt(&|p| p.triangles[3].swap(0, 1)));
+    assert!(spoilt(&|p| p.fixed[0] = p.fixed[0].map(|f| !f)));
+    assert!(spoilt(&|p| p.nodes[4].at = [3.0, 3.0]));
+    assert!(spoilt(&|p| drop(p.sound.pop())));
+}
