@@ -5,8 +5,8 @@
 //! all have no bits would give points without end, and a panic in it is caught and reported as
 //! damage.
 
+use crate::format::Sniff;
 use crate::input::{Input, Result};
-use crate::registry::Sniff;
 use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 

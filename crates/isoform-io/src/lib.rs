@@ -34,16 +34,22 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod atomic;
+mod binary;
+mod choose;
 mod collect;
 mod color;
+mod columns;
 mod e57;
 mod error;
+mod format;
 mod input;
 mod inspect;
 mod las;
 mod mesh;
 mod obj;
 mod off;
+mod options;
 mod pcd;
 mod ply;
 mod read;
@@ -55,15 +61,18 @@ mod stl;
 mod text;
 mod write;
 
+pub use atomic::write_atomic;
 pub use color::deviation_colors;
 pub use error::{At, BAD_MESH, ErrorKind, Place, ReadError, WriteError};
+pub use format::Format;
 pub use input::Source;
 pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
 pub use mesh::{
     MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh,
     write_mesh, write_mesh_path,
 };
-pub use read::{MeshPoints, ReadOptions, ReadReport, read};
-pub use registry::{Format, format_named, formats};
+pub use options::{MeshPoints, ReadOptions, ReadReport, WriteOptions, WriteReport};
+pub use read::read;
+pub use registry::{format_named, formats};
 pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
-pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};
+pub use write::{write, write_path};

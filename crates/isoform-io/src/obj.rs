@@ -2,8 +2,8 @@
 //! free-form surfaces are passed over.
 
 use crate::collect::{Collector, ColorScale, Parts};
+use crate::format::Sniff;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
-use crate::registry::Sniff;
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;

@@ -2,8 +2,8 @@
 //! 0.5 to 0.7.
 
 use crate::collect::{Collector, ColorScale};
+use crate::format::Sniff;
 use crate::input::{Input, Result, Words, shorten};
-use crate::registry::Sniff;
 use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;

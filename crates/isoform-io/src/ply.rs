@@ -4,9 +4,10 @@
 //! position, a normal, a colour or a column; of the faces `vertex_indices` becomes triangles
 //! (fans); of `tristrips` too; everything else is passed over.
 
+use crate::binary::Type;
 use crate::collect::{Collector, ColorScale, Parts};
+use crate::format::Sniff;
 use crate::input::{Input, Result, Words, shorten, stated_unit};
-use crate::registry::Sniff;
 use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
@@ -30,72 +31,6 @@ enum Encoding {
     Ascii,
     Little,
     Big,
-}
-
-/// A type of number in binary files.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Type {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Type {
-    /// By the names that PLY and others use, in lower case.
-    pub(crate) fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" | "bool" | "boolean" | "byte" | "ubyte" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "long" | "int64" => Self::I64,
-            "ulong" | "uint64" => Self::U64,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-    /// In bytes.
-    pub(crate) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-    /// The number in the first bytes, which must suffice.
-    #[inline]
-    pub(crate) fn decode(self, bytes: &[u8], big: bool) -> f64 {
-        fn take<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
-            let mut b: [u8; N] = std::array::from_fn(|i| bytes[i]);
-            if big {
-                b.reverse();
-            }
-            b
-        }
-        match self {
-            Self::I8 => f64::from(bytes[0] as i8),
-            Self::U8 => f64::from(bytes[0]),
-            Self::I16 => f64::from(i16::from_le_bytes(take(bytes, big))),
-            Self::U16 => f64::from(u16::from_le_bytes(take(bytes, big))),
-            Self::I32 => f64::from(i32::from_le_bytes(take(bytes, big))),
-            Self::U32 => f64::from(u32::from_le_bytes(take(bytes, big))),
-            Self::I64 => i64::from_le_bytes(take(bytes, big)) as f64,
-            Self::U64 => u64::from_le_bytes(take(bytes, big)) as f64,
-            Self::F32 => f64::from(f32::from_le_bytes(take(bytes, big))),
-            Self::F64 => f64::from_le_bytes(take(bytes, big)),
-        }
-    }
 }
 
 #[derive(Debug)]
@@ -606,7 +541,7 @@ pub(crate) fn write(
     options: &WriteOptions,
 ) -> io::Result<()> {
     let ascii = options.ascii;
-    let names = crate::write::column_names(cloud);
+    let names = crate::columns::column_names(cloud);
     writeln!(
         out,
         "ply\nformat {} 1.0",
@@ -650,7 +585,7 @@ pub(crate) fn write(
         let extra = cloud.columns.iter().map(|c| c.values[i]);
         let color = cloud.colors.get(i).into_iter().flatten();
         if ascii {
-            crate::write::row(out, b' ', numbers, color.copied(), extra, &mut row)?;
+            crate::columns::row(out, b' ', numbers, color.copied(), extra, &mut row)?;
             continue;
         }
         row.clear();

@@ -4,9 +4,9 @@
 //! The property of an element is the tag of its part; regions follow behind the parts. Their names
 //! are comments. Triangles are numbered before the tetrahedra.
 
-use super::MeshWriteOptions;
 use super::group::{tet, triangle};
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 

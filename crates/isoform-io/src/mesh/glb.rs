@@ -6,11 +6,11 @@
 //! node scales, if the unit is known. A mesh with parameters gets a chequered texture along them;
 //! its other numbers per node are attributes such as `_DISTANCE`.
 
-use super::MeshWriteOptions;
 use super::chequer;
 use super::color::part_color;
 use super::group::Groups;
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::surface::SurfaceNodes;
 use isoform_geom::{Aabb, Column, Mesh};
 use serde_json::{Value, json};

@@ -10,11 +10,11 @@ mod read;
 
 pub(super) use read::read;
 
-use super::MeshWriteOptions;
 use super::boundary::faces_of_triangles;
 use super::group::{Groups, Names, edge, tet, triangle};
 use super::number::Out;
-use crate::registry::Sniff;
+use super::options::MeshWriteOptions;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 

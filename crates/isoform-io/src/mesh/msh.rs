@@ -15,7 +15,7 @@ pub(super) use write4::write;
 
 use super::group::Names;
 use super::number::Out;
-use crate::registry::Sniff;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io;
 

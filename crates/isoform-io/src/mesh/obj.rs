@@ -1,8 +1,8 @@
 //! OBJ: vertices in full, faces in a group per part, parameters as texture coordinates.
 
-use super::MeshWriteOptions;
 use super::group::{Groups, Names};
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};

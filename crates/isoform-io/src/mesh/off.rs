@@ -1,7 +1,7 @@
 //! OFF: corners and triangles as text, in full.
 
-use super::MeshWriteOptions;
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};

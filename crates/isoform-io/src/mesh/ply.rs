@@ -1,8 +1,8 @@
 //! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names
 //! in comments `part 1 name`, all numbers per node.
 
-use super::MeshWriteOptions;
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};

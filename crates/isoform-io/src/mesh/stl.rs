@@ -1,8 +1,8 @@
 //! STL: binary in 32 bits with the unit in its header, or ASCII in full with a solid per part.
 
-use super::MeshWriteOptions;
 use super::group::Groups;
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use isoform_geom::{Mesh, Point3, cross, norm, sub};
 use std::io::{self, Write};
 

@@ -1,9 +1,9 @@
 //! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material
 //! of its own colour and name per part.
 
-use super::MeshWriteOptions;
 use super::color::part_color;
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::surface::SurfaceNodes;
 use super::xml::escape;
 use super::zip::Zip;

@@ -11,11 +11,11 @@ mod read;
 
 pub(super) use read::read;
 
-use super::MeshWriteOptions;
 use super::group::{edge, tet, triangle};
 use super::number::Out;
+use super::options::MeshWriteOptions;
 use super::xml;
-use crate::registry::Sniff;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 

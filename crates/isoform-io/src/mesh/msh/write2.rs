@@ -1,9 +1,9 @@
 //! The writer of version 2.2.
 
 use super::{Physical, TET10, element_type};
-use crate::mesh::MeshWriteOptions;
 use crate::mesh::group::{edge, tet, triangle};
 use crate::mesh::number::Out;
+use crate::mesh::options::MeshWriteOptions;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 

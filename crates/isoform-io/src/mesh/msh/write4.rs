@@ -1,10 +1,10 @@
 //! The writer of version 4.1.
 
 use super::{Physical, TET10, element_type};
-use crate::mesh::MeshWriteOptions;
 use crate::mesh::boundary::parts_of_regions;
 use crate::mesh::group::{Groups, edge, tet, triangle};
 use crate::mesh::number::Out;
+use crate::mesh::options::MeshWriteOptions;
 use isoform_geom::{Aabb, Mesh};
 use std::io::{self, Write};
 

@@ -2,10 +2,10 @@
 
 use super::GROUPS;
 use super::array::{Array, Base64, Coding, from_bytes, from_text};
+use crate::binary::Type;
 use crate::input::{Input, Result, shorten};
 use crate::mesh::build::Builder;
 use crate::mesh::xml::{Item, Items, attribute, unescape};
-use crate::ply::Type;
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
