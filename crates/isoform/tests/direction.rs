@@ -22,7 +22,12 @@ const MAY_USE: [(&str, &[&str]); 13] = [
     ("isoform-mesh", &["isoform-num", "isoform-geom"]),
     (
         "isoform-io",
-        &["isoform-geom", "isoform-field", "isoform-num"],
+        &[
+            "isoform-geom",
+            "isoform-algebra",
+            "isoform-field",
+            "isoform-num",
+        ],
     ),
     ("isoform-cli", &["isoform"]),
     ("isoform-testdata", &[]),
