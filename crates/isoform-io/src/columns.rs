@@ -30,70 +30,73 @@ impl Names {
 pub(crate) fn column_names(cloud: &PointCloud) -> Names {
     let mut columns: Vec<String> = Vec::new();
     for column in &cloud.columns {
-        let plain = |c: char| {
-            if c.is_alphanumeric() || "-+.:()[]%^*".contains(c) {
-                c
-            } else {
-                '_'
-            }
-        };
-        let mut name: String = column.name.chars().map(plain).collect();
-        if name.is_empty() || crate::input::parse_number(&name).is_some() {
-            name.insert(0, '_');
-        }
+        let mut name = plain(&column.name);
         while role_named(&name).is_some() || columns.contains(&name) {
             name.push('_');
         }
         columns.push(name);
     }
+    let three = |are_there: bool, names: [&'static str; 3]| {
+        if are_there {
+            names.to_vec()
+        } else {
+            Vec::new()
+        }
+    };
     Names {
         positions: ["x", "y", "z"],
-        normals: if cloud.normals.is_empty() {
-            vec![]
-        } else {
-            vec!["nx", "ny", "nz"]
-        },
-        colors: if cloud.colors.is_empty() {
-            vec![]
-        } else {
-            vec!["red", "green", "blue"]
-        },
+        normals: three(!cloud.normals.is_empty(), ["nx", "ny", "nz"]),
+        colors: three(!cloud.colors.is_empty(), ["red", "green", "blue"]),
         columns,
     }
 }
 
-/// One line of text: shortest numbers that read back as the same f64.
+/// A name of one word that is no number.
+fn plain(name: &str) -> String {
+    let fits = |c: char| c.is_alphanumeric() || "-+.:()[]%^*".contains(c);
+    let mut plain: String = name
+        .chars()
+        .map(|c| if fits(c) { c } else { '_' })
+        .collect();
+    if plain.is_empty() || crate::input::parse_number(&plain).is_some() {
+        plain.insert(0, '_');
+    }
+    plain
+}
+
+/// The values of point `i` as one line of text: shortest numbers that read back as the same f64.
 pub(crate) fn row(
     out: &mut dyn Write,
     separator: u8,
-    numbers: impl Iterator<Item = f64>,
-    color: impl Iterator<Item = u8>,
-    extra: impl Iterator<Item = f64>,
+    cloud: &PointCloud,
+    i: usize,
     line: &mut Vec<u8>,
 ) -> io::Result<()> {
     line.clear();
-    let number = |line: &mut Vec<u8>, v: f64| {
-        if !line.is_empty() {
-            line.push(separator);
-        }
-        // Plain digits where they are short, an exponent otherwise; both are the shortest that read
-        // back the same.
-        let plain = v == 0.0 || !v.is_finite() || (1e-5..1e16).contains(&v.abs());
-        if plain {
-            write!(line, "{v}")
-        } else {
-            write!(line, "{v:e}")
-        }
-    };
-    for v in numbers {
-        number(line, v)?;
+    let normal = cloud.normals.get(i).into_iter().flatten();
+    for v in cloud.absolute(i).into_iter().chain(normal.copied()) {
+        put(line, separator, v)?;
     }
-    for v in color {
-        number(line, f64::from(v))?;
+    for &v in cloud.colors.get(i).into_iter().flatten() {
+        put(line, separator, f64::from(v))?;
     }
-    for v in extra {
-        number(line, v)?;
+    for column in &cloud.columns {
+        put(line, separator, column.values[i])?;
     }
     line.push(b'\n');
     out.write_all(line)
+}
+
+/// A number: plain digits where they are short, an exponent otherwise; both are the shortest that
+/// read back the same.
+fn put(line: &mut Vec<u8>, separator: u8, v: f64) -> io::Result<()> {
+    if !line.is_empty() {
+        line.push(separator);
+    }
+    let is_plain = v == 0.0 || !v.is_finite() || (1e-5..1e16).contains(&v.abs());
+    if is_plain {
+        write!(line, "{v}")
+    } else {
+        write!(line, "{v:e}")
+    }
 }

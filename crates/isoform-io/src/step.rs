@@ -8,6 +8,7 @@
 //!
 //! The same patches give the same bytes: the time stamp is a fixed one unless another is given.
 
+mod knots;
 mod part21;
 mod placement;
 mod spline;

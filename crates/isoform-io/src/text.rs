@@ -565,19 +565,7 @@ fn lines(cloud: &PointCloud, out: &mut dyn Write, separator: char) -> io::Result
     writeln!(out, "{}", names.all().join(&separator.to_string()))?;
     let mut line = Vec::new();
     for i in 0..cloud.points.len() {
-        let numbers = cloud
-            .absolute(i)
-            .into_iter()
-            .chain(cloud.normals.get(i).into_iter().flatten().copied());
-        let color = cloud.colors.get(i).into_iter().flatten().copied();
-        crate::columns::row(
-            out,
-            separator as u8,
-            numbers,
-            color,
-            cloud.columns.iter().map(|c| c.values[i]),
-            &mut line,
-        )?;
+        crate::columns::row(out, separator as u8, cloud, i, &mut line)?;
     }
     Ok(())
 }
