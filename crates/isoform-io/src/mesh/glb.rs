@@ -9,8 +9,8 @@
 use super::chequer;
 use super::color::part_color;
 use super::group::Groups;
-use super::number::Out;
 use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::surface::SurfaceNodes;
 use isoform_geom::{Aabb, Column, Mesh};
 use serde_json::{Value, json};

@@ -12,8 +12,8 @@ mod read;
 pub(super) use read::read;
 
 use super::group::{edge, tet, triangle};
-use super::number::Out;
 use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::xml;
 use crate::format::Sniff;
 use isoform_geom::Mesh;
