@@ -5,8 +5,8 @@
 //! all have no bits would give points without end, and a panic in it is caught and reported as
 //! damage.
 
+use crate::format::Sniff;
 use crate::input::{Input, Result};
-use crate::registry::Sniff;
 use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
@@ -156,17 +156,27 @@ mod with_crate {
     ) -> std::result::Result<(), Error> {
         let mut reader = E57Reader::new(stream)?;
         let scans = reader.pointclouds();
-        report.declared = Some(
-            scans
-                .iter()
-                .fold(0_u64, |sum, s| sum.saturating_add(s.records)),
-        );
-        let fields: Vec<Vec<Field>> = scans
-            .iter()
-            .map(|s| s.prototype.iter().map(|r| field(&r.name)).collect())
-            .collect();
-        // What any scan has becomes a value of all points.
-        let any = |f: fn(&Field) -> bool| fields.iter().flatten().any(f);
+        let declared = scans.iter().map(|s| s.records);
+        report.declared = Some(declared.fold(0_u64, u64::saturating_add));
+        let all: Vec<Scan> = scans.iter().zip(0..).map(Scan::of).collect();
+        let layout = layout(&all, report);
+        let mut rows = Rows::new(layout, collector);
+        for scan in all.iter().filter(|s| s.cloud.records > 0) {
+            if scan.fields.len() > MAX_FIELDS || !scan.has_bits() {
+                return Err(invalid(
+                    "the points have no fields that hold data, or too many",
+                ));
+            }
+            for raw in reader.pointcloud_raw(scan.cloud)? {
+                rows.offer(&scan.values(&raw?)?, collector);
+            }
+        }
+        Ok(())
+    }
+
+    /// What is in the points: the values of any scan become values of all points.
+    fn layout(scans: &[Scan<'_>], report: &mut ReadReport) -> Layout {
+        let any = |f: fn(&Field) -> bool| scans.iter().flat_map(|s| &s.fields).any(f);
         let mut names = vec!["x", "y", "z"];
         if any(|f| matches!(f, Field::Normal(_))) {
             names.extend(["nx", "ny", "nz"]);
@@ -186,60 +196,109 @@ mod with_crate {
         }
         let mut layout = Layout::named(names);
         layout.scale = Some(ColorScale::Byte);
-        layout.announce(collector);
-        let mut row = vec![0.0; layout.roles.len()];
-        for (number, (scan, fields)) in scans.iter().zip(&fields).enumerate() {
-            if scan.records == 0 {
-                continue;
-            }
-            if fields.len() > MAX_FIELDS || !scan.prototype.iter().any(|r| has_bits(&r.data_type)) {
-                return Err(invalid(
-                    "the points have no fields that hold data, or too many",
-                ));
-            }
-            let pose = Pose::of(scan);
-            let ranges = color_ranges(scan);
-            for raw in reader.pointcloud_raw(scan)? {
-                let raw = raw?;
-                let value = |i: usize| raw[i].to_f64(&scan.prototype[i].data_type);
-                let (mut p, mut s, mut n, mut c) =
-                    ([f64::NAN; 3], [f64::NAN; 3], [0.0; 3], [0.0; 3]);
-                let (mut intensity, mut is_invalid) = (f64::NAN, false);
-                for (i, f) in fields.iter().enumerate() {
-                    match *f {
-                        Field::Cartesian(k) => p[k] = value(i)?,
-                        Field::Spherical(k) => s[k] = value(i)?,
-                        Field::Invalid => is_invalid |= value(i)? != 0.0,
-                        Field::Normal(k) => n[k] = value(i)?,
-                        Field::Color(k) => {
-                            c[k] = (value(i)? - ranges[k].0) / (ranges[k].1 - ranges[k].0) * 255.0
-                        }
-                        Field::Intensity => intensity = value(i)?,
-                        Field::Other => {}
-                    }
-                }
-                if !p.iter().all(|v| v.is_finite()) {
-                    p = from_spherical(s);
-                }
-                if is_invalid {
-                    p = [f64::NAN; 3];
-                }
-                let (p, n) = (pose.point(p), pose.rotate(n));
-                let mut column = [intensity, number as f64].into_iter().skip(usize::from(
-                    !layout.columns.iter().any(|c| c == "intensity"),
-                ));
-                for (v, role) in row.iter_mut().zip(&layout.roles) {
-                    *v = match *role {
-                        Role::Position(k) => p[k],
-                        Role::Normal(k) => n[k],
-                        Role::Color(k) => c[k],
-                        _ => column.next().unwrap_or(f64::NAN),
-                    };
-                }
-                layout.offer(collector, &row);
+        layout
+    }
+
+    /// A scan of the file with what its points need.
+    struct Scan<'s> {
+        cloud: &'s e57::PointCloud,
+        /// Number of the scan, from 0.
+        number: u32,
+        fields: Vec<Field>,
+        pose: Pose,
+        /// Darkest and brightest value of each colour.
+        colors: [(f64, f64); 3],
+    }
+
+    /// What a point may have, in the frame of the file.
+    struct Values {
+        point: Point3,
+        normal: Point3,
+        color: [f64; 3],
+        intensity: f64,
+        scan: f64,
+    }
+
+    impl<'s> Scan<'s> {
+        fn of((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
+            Self {
+                cloud,
+                number,
+                fields: cloud.prototype.iter().map(|r| field(&r.name)).collect(),
+                pose: Pose::of(cloud),
+                colors: color_ranges(cloud),
             }
         }
-        Ok(())
+        /// Whether any field takes room in the file.
+        fn has_bits(&self) -> bool {
+            self.cloud.prototype.iter().any(|r| has_bits(&r.data_type))
+        }
+        /// The values of a point out of its record.
+        fn values(&self, raw: &[RecordValue]) -> std::result::Result<Values, Error> {
+            let (mut cartesian, mut spherical) = ([f64::NAN; 3], [f64::NAN; 3]);
+            let (mut normal, mut color) = ([0.0; 3], [0.0; 3]);
+            let (mut intensity, mut is_invalid) = (f64::NAN, false);
+            for (i, f) in self.fields.iter().enumerate() {
+                let value = || raw[i].to_f64(&self.cloud.prototype[i].data_type);
+                match *f {
+                    Field::Cartesian(k) => cartesian[k] = value()?,
+                    Field::Spherical(k) => spherical[k] = value()?,
+                    Field::Invalid => is_invalid |= value()? != 0.0,
+                    Field::Normal(k) => normal[k] = value()?,
+                    Field::Color(k) => {
+                        let (dark, bright) = self.colors[k];
+                        color[k] = (value()? - dark) / (bright - dark) * 255.0;
+                    }
+                    Field::Intensity => intensity = value()?,
+                    Field::Other => {}
+                }
+            }
+            let point = if is_invalid {
+                [f64::NAN; 3]
+            } else if cartesian.iter().all(|v| v.is_finite()) {
+                cartesian
+            } else {
+                from_spherical(spherical)
+            };
+            Ok(Values {
+                point: self.pose.point(point),
+                normal: self.pose.rotate(normal),
+                color,
+                intensity,
+                scan: f64::from(self.number),
+            })
+        }
+    }
+
+    /// Offers points as rows of a layout.
+    struct Rows {
+        layout: Layout,
+        has_intensity: bool,
+        row: Vec<f64>,
+    }
+
+    impl Rows {
+        fn new(mut layout: Layout, collector: &mut Collector) -> Self {
+            layout.announce(collector);
+            Self {
+                has_intensity: layout.columns.iter().any(|c| c == "intensity"),
+                row: vec![0.0; layout.roles.len()],
+                layout,
+            }
+        }
+        fn offer(&mut self, values: &Values, collector: &mut Collector) {
+            let columns = [values.intensity, values.scan];
+            let mut columns = columns.into_iter().skip(usize::from(!self.has_intensity));
+            for (v, role) in self.row.iter_mut().zip(&self.layout.roles) {
+                *v = match *role {
+                    Role::Position(k) => values.point[k],
+                    Role::Normal(k) => values.normal[k],
+                    Role::Color(k) => values.color[k],
+                    _ => columns.next().unwrap_or(f64::NAN),
+                };
+            }
+            self.layout.offer(collector, &self.row);
+        }
     }
 
     /// Whether a field takes room in the file: a whole number whose limits are equal takes none.
@@ -260,41 +319,43 @@ mod with_crate {
 
     /// Darkest and brightest value of each colour: the stated limits, else the limits of the type.
     fn color_ranges(scan: &e57::PointCloud) -> [(f64, f64); 3] {
-        let number = |v: &RecordValue| match v {
-            RecordValue::Single(v) => f64::from(*v),
-            RecordValue::Double(v) => *v,
-            RecordValue::ScaledInteger(v) | RecordValue::Integer(v) => *v as f64,
-        };
-        let stated = scan.color_limits.as_ref().map(|l| {
-            [
-                (&l.red_min, &l.red_max),
-                (&l.green_min, &l.green_max),
-                (&l.blue_min, &l.blue_max),
-            ]
-            .map(|(low, high)| low.as_ref().map(number).zip(high.as_ref().map(number)))
-        });
         std::array::from_fn(|k| {
-            let record = scan
-                .prototype
-                .iter()
-                .find(|r| field(&r.name) == Field::Color(k));
-            let by_type = match record.map(|r| &r.data_type) {
-                Some(RecordDataType::Integer { min, max }) => Some((*min as f64, *max as f64)),
-                Some(RecordDataType::Single {
-                    min: Some(min),
-                    max: Some(max),
-                }) => Some((f64::from(*min), f64::from(*max))),
-                Some(RecordDataType::Double {
-                    min: Some(min),
-                    max: Some(max),
-                }) => Some((*min, *max)),
-                _ => None,
-            };
-            let range = stated.as_ref().and_then(|s| s[k]).or(by_type);
-            range
+            stated_range(scan, k)
+                .or_else(|| range_of_type(scan, k))
                 .filter(|(low, high)| low < high)
                 .unwrap_or((0.0, 255.0))
         })
+    }
+
+    /// The limits that a scan states for colour k.
+    fn stated_range(scan: &e57::PointCloud, k: usize) -> Option<(f64, f64)> {
+        let limits = scan.color_limits.as_ref()?;
+        let (low, high) = [
+            (&limits.red_min, &limits.red_max),
+            (&limits.green_min, &limits.green_max),
+            (&limits.blue_min, &limits.blue_max),
+        ][k];
+        low.as_ref().map(number).zip(high.as_ref().map(number))
+    }
+
+    fn number(v: &RecordValue) -> f64 {
+        match v {
+            RecordValue::Single(v) => f64::from(*v),
+            RecordValue::Double(v) => *v,
+            RecordValue::ScaledInteger(v) | RecordValue::Integer(v) => *v as f64,
+        }
+    }
+
+    /// The limits of the type of colour k.
+    fn range_of_type(scan: &e57::PointCloud, k: usize) -> Option<(f64, f64)> {
+        let is_color = |name| field(name) == Field::Color(k);
+        let record = scan.prototype.iter().find(|r| is_color(&r.name))?;
+        match &record.data_type {
+            RecordDataType::Integer { min, max } => Some((*min as f64, *max as f64)),
+            RecordDataType::Single { min, max } => min.map(f64::from).zip(max.map(f64::from)),
+            RecordDataType::Double { min, max } => min.zip(*max),
+            RecordDataType::ScaledInteger { .. } => None,
+        }
     }
 
     /// p ↦ R p + t with R of a unit quaternion.

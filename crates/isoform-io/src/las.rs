@@ -8,8 +8,8 @@
 mod compressed;
 
 use crate::collect::{Collector, ColorScale};
+use crate::format::Sniff;
 use crate::input::{Input, Result};
-use crate::registry::Sniff;
 use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;

@@ -13,6 +13,9 @@
 //!
 //! [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
 //!
+//! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
+//! [`write_map`] that of rational maps, both JSON with exact numbers.
+//!
 //! No size that a file announces is believed before the bytes are there, and NaN ends here: points
 //! with one are dropped and counted.
 //!
@@ -34,16 +37,24 @@
 //! ```
 #![forbid(unsafe_code)]
 
+mod atomic;
+mod binary;
+mod choose;
 mod collect;
 mod color;
+mod columns;
 mod e57;
 mod error;
+mod format;
 mod input;
 mod inspect;
 mod las;
+mod maps;
 mod mesh;
 mod obj;
 mod off;
+mod options;
+mod patches;
 mod pcd;
 mod ply;
 mod read;
@@ -55,15 +66,23 @@ mod stl;
 mod text;
 mod write;
 
+pub use atomic::write_atomic;
 pub use color::deviation_colors;
 pub use error::{At, BAD_MESH, ErrorKind, Place, ReadError, WriteError};
+pub use format::Format;
 pub use input::Source;
 pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
+pub use maps::{MAP_KEYS, MAP_VARIABLES, MapFile, MapFileError, read_map, write_map};
 pub use mesh::{
     MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh,
     write_mesh, write_mesh_path,
 };
-pub use read::{MeshPoints, ReadOptions, ReadReport, read};
-pub use registry::{Format, format_named, formats};
+pub use options::{MeshPoints, ReadOptions, ReadReport, WriteOptions, WriteReport};
+pub use patches::{
+    ControlPoints, FilePatch, PatchFileError, PatchRecord, is_patch_file, read_patches,
+    write_patches,
+};
+pub use read::read;
+pub use registry::{format_named, formats};
 pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
-pub use write::{WriteOptions, WriteReport, write, write_atomic, write_path};
+pub use write::{write, write_path};

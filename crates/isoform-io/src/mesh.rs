@@ -13,14 +13,17 @@ mod boundary;
 mod build;
 mod check;
 mod chequer;
+mod choose;
 mod color;
+mod format;
 mod glb;
 mod group;
 mod inp;
 mod msh;
-mod number;
 mod obj;
 mod off;
+mod options;
+mod out;
 mod ply;
 mod registry;
 mod stl;
@@ -30,38 +33,17 @@ mod vtu;
 mod xml;
 mod zip;
 
-use registry::Columns;
-pub use registry::{MeshFormat, mesh_format_named, mesh_formats};
+pub use format::MeshFormat;
+pub use options::{MeshReadOptions, MeshWriteOptions};
+pub use registry::{mesh_format_named, mesh_formats};
 
+use crate::format::extension;
 use crate::input::Input;
-use crate::registry::extension;
 use crate::{ReadError, ReadReport, Source, WriteError, WriteReport, write_atomic};
+use format::{Columns, WriteFn};
 use isoform_geom::Mesh;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::Path;
-
-/// How to write a mesh.
-#[derive(Clone, Debug, Default)]
-pub struct MeshWriteOptions {
-    /// Text or binary where the format has both; else, and by default, what is usual: text for
-    /// .msh, binary for .vtu, .stl and .ply.
-    pub ascii: Option<bool>,
-    /// Unit of length of the coordinates, `mm`, `m`, `in`, …, to state where the format can.
-    pub units: Option<String>,
-}
-
-/// How to read a mesh.
-#[derive(Clone, Debug)]
-pub struct MeshReadOptions {
-    /// Tetrahedra without a triangle get their boundary: faces that belong to one tetrahedron.
-    pub boundary: bool,
-}
-
-impl Default for MeshReadOptions {
-    fn default() -> Self {
-        Self { boundary: true }
-    }
-}
 
 /// Writes a mesh to any sink.
 ///
@@ -112,13 +94,11 @@ pub fn write_mesh_path(
     Ok(report(mesh, format, &options))
 }
 
-type WriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
-
 fn writer(
     name: &str,
     options: &MeshWriteOptions,
 ) -> Result<(&'static MeshFormat, WriteFn, MeshWriteOptions), WriteError> {
-    let (bare, ascii) = registry::encoding(name);
+    let (bare, ascii) = format::encoding(name);
     let format = mesh_format_named(bare);
     let options = MeshWriteOptions {
         ascii: ascii.or(options.ascii),
@@ -203,7 +183,7 @@ pub fn read_mesh(
 ) -> Result<(Mesh, ReadReport), ReadError> {
     let mut input = Input::open(source)?;
     let mut warnings = Vec::new();
-    let (format, read) = registry::choose(&mut input, format, &mut warnings)?;
+    let (format, read) = choose::choose(&mut input, format, &mut warnings)?;
     let mut report = ReadReport::new(format.name, input.name.clone());
     report.warnings = warnings;
     let mut mesh = read(&mut input, &mut report)?;

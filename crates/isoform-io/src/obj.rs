@@ -2,8 +2,8 @@
 //! free-form surfaces are passed over.
 
 use crate::collect::{Collector, ColorScale, Parts};
+use crate::format::Sniff;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
-use crate::registry::Sniff;
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
@@ -56,6 +56,43 @@ impl Normals {
     }
 }
 
+/// How the normals belong to the vertices.
+#[derive(Clone, Copy, PartialEq)]
+enum NormalBy {
+    /// The i-th normal to the i-th vertex.
+    Order,
+    /// As the corners of the faces say.
+    Face,
+}
+
+impl Normals {
+    /// How each vertex has one normal, if that is so.
+    fn per_point(&self, report: &mut ReadReport) -> Option<NormalBy> {
+        if self.differ {
+            report.warn(
+                "the normals differ between the faces of a vertex (creases); they were left out",
+            );
+        }
+        let mut named = self.of_vertex.iter().enumerate();
+        if !self.given.is_empty()
+            && self.given.len() == self.of_vertex.len()
+            && named.all(|(i, &n)| n == u32::MAX || n as usize == i)
+        {
+            return Some(NormalBy::Order);
+        }
+        let by_face = !self.differ && self.of_vertex.iter().any(|&n| n != u32::MAX);
+        by_face.then_some(NormalBy::Face)
+    }
+    /// The normal of a vertex, if it has one.
+    fn of(&self, vertex: usize, by: NormalBy) -> Option<&Point3> {
+        let normal = match by {
+            NormalBy::Order => vertex,
+            NormalBy::Face => self.of_vertex[vertex] as usize,
+        };
+        self.given.get(normal)
+    }
+}
+
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -70,123 +107,174 @@ pub(crate) fn read_parts(
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<(PointCloud, Parts)> {
-    let mut vertices: Vec<(Point3, Option<[f32; 3]>)> = Vec::new();
-    let mut normals = Normals {
-        given: Vec::new(),
-        of_vertex: Vec::new(),
-        differ: false,
-    };
-    let mut collector = Collector::new(options);
-    collector.mesh(options);
-    let (mut text, mut bytes, mut more, mut corners) =
-        (String::new(), Vec::new(), String::new(), Vec::new());
-    let mut any_color = false;
-    let mut parts: HashMap<String, u32> = HashMap::new();
-    while input.read_line(&mut text, &mut bytes)? {
-        while text.ends_with('\\') && text.len() < MAX_CORNERS * 16 {
-            text.pop();
-            if !input.read_line(&mut more, &mut bytes)? {
+    let mut lines = Lines::default();
+    let mut reader = Reader::new(options);
+    while lines.next(input, report)? {
+        reader.line(&lines.text, input, report)?;
+    }
+    reader.offer_points(report);
+    reader.collector.finish_with_parts(input, options, report)
+}
+
+/// Lines with their continuations and without comments.
+#[derive(Default)]
+struct Lines {
+    text: String,
+    more: String,
+    bytes: Vec<u8>,
+}
+
+impl Lines {
+    /// Reads the next line; false at the end. A unit in its comment goes into the report.
+    fn next(&mut self, input: &mut Input<'_>, report: &mut ReadReport) -> Result<bool> {
+        if !input.read_line(&mut self.text, &mut self.bytes)? {
+            return Ok(false);
+        }
+        while self.text.ends_with('\\') && self.text.len() < MAX_CORNERS * 16 {
+            self.text.pop();
+            if !input.read_line(&mut self.more, &mut self.bytes)? {
                 break;
             }
-            text.push(' ');
-            text.push_str(&more);
+            self.text.push(' ');
+            self.text.push_str(&self.more);
         }
-        if let Some(at) = text.find('#') {
-            report.units = report.units.take().or_else(|| stated_unit(&text[at..]));
-            text.truncate(at);
+        if let Some(at) = self.text.find('#') {
+            let unit = report.units.take();
+            report.units = unit.or_else(|| stated_unit(&self.text[at..]));
+            self.text.truncate(at);
         }
+        Ok(true)
+    }
+}
+
+/// A vertex with its colour.
+struct Vertex {
+    point: Point3,
+    color: Option<[f32; 3]>,
+}
+
+/// Takes line after line. The points are offered at the end, when it is known what they have.
+struct Reader {
+    collector: Collector,
+    vertices: Vec<Vertex>,
+    normals: Normals,
+    /// Numbers of the parts by name.
+    parts: HashMap<String, u32>,
+    /// Corners of the face at hand.
+    corners: Vec<u64>,
+}
+
+impl Reader {
+    fn new(options: &ReadOptions) -> Self {
+        let mut collector = Collector::new(options);
+        collector.mesh(options);
+        Self {
+            collector,
+            vertices: Vec::new(),
+            normals: Normals {
+                given: Vec::new(),
+                of_vertex: Vec::new(),
+                differ: false,
+            },
+            parts: HashMap::new(),
+            corners: Vec::new(),
+        }
+    }
+
+    fn line(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
         match words.next() {
-            Some("v") => {
-                let (v, n) = numbers(input, &text, words)?;
-                if n < 3 {
-                    let why = format!("a vertex needs three numbers, this one has {n}");
-                    return Err(input.error(
-                        ErrorKind::Number,
-                        input.at_line(0),
-                        WHAT,
-                        why,
-                        "correct the line",
-                    ));
-                }
-                // x y z, x y z w, x y z r g b, or x y z r g b a.
-                let color = (n >= 6).then(|| [v[3] as f32, v[4] as f32, v[5] as f32]);
-                any_color |= color.is_some();
-                vertices.push(([v[0], v[1], v[2]], color));
-                normals.of_vertex.push(u32::MAX);
-            }
+            Some("v") => self.vertex(text, words, input)?,
             Some("vn") => {
-                let (v, n) = numbers(input, &text, words)?;
-                normals
-                    .given
-                    .push(if n >= 3 { [v[0], v[1], v[2]] } else { [0.0; 3] });
+                let (v, n) = numbers(input, text, words)?;
+                let normal = if n >= 3 { [v[0], v[1], v[2]] } else { [0.0; 3] };
+                self.normals.given.push(normal);
             }
-            Some("f" | "fo") => {
-                corners.clear();
-                for word in words {
-                    let mut parts = word.split('/');
-                    let v = index(input, parts.next().unwrap_or(""), vertices.len())?;
-                    if corners.len() < MAX_CORNERS {
-                        corners.push(v);
-                    }
-                    if let Some(n) = parts.nth(1)
-                        && !n.is_empty()
-                    {
-                        let n = index(input, n, normals.given.len())?;
-                        normals.corner(v, n);
-                    }
-                }
-                collector.polygon(&corners, input.at_line(0));
-            }
-            Some("g" | "o") => {
-                let name = words.collect::<Vec<_>>().join(" ");
-                let part = *parts
-                    .entry(name)
-                    .or_insert_with_key(|name| collector.add_part(name));
-                collector.set_part(part);
-            }
+            Some("f" | "fo") => self.face(words, input)?,
+            Some("g" | "o") => self.group(words.collect::<Vec<_>>().join(" ")),
             Some("curv" | "curv2" | "surf" | "cstype") => {
-                report.warn("free-form curves and surfaces were passed over")
+                report.warn("free-form curves and surfaces were passed over");
             }
             // Materials, texture coordinates, lines and points: nothing of a cloud.
             _ => {}
         }
+        Ok(())
     }
-    let by_order = !normals.given.is_empty()
-        && normals.given.len() == vertices.len()
-        && normals
-            .of_vertex
-            .iter()
-            .enumerate()
-            .all(|(i, &n)| n == u32::MAX || n as usize == i);
-    let by_face = !normals.differ && normals.of_vertex.iter().any(|&n| n != u32::MAX);
-    if normals.differ {
-        report
-            .warn("the normals differ between the faces of a vertex (creases); they were left out");
+
+    /// x y z, x y z w, x y z r g b, or x y z r g b a.
+    fn vertex<'t>(
+        &mut self,
+        line: &'t str,
+        words: impl Iterator<Item = &'t str>,
+        input: &Input<'_>,
+    ) -> Result<()> {
+        let (v, n) = numbers(input, line, words)?;
+        if n < 3 {
+            let why = format!("a vertex needs three numbers, this one has {n}");
+            let at = input.at_line(0);
+            return Err(input.error(ErrorKind::Number, at, WHAT, why, "correct the line"));
+        }
+        self.vertices.push(Vertex {
+            point: [v[0], v[1], v[2]],
+            color: (n >= 6).then(|| [v[3] as f32, v[4] as f32, v[5] as f32]),
+        });
+        self.normals.of_vertex.push(u32::MAX);
+        Ok(())
     }
-    if by_order || by_face {
-        collector.with_normals();
+
+    /// Corners v, v/vt, v//vn or v/vt/vn.
+    fn face<'t>(&mut self, words: impl Iterator<Item = &'t str>, input: &Input<'_>) -> Result<()> {
+        self.corners.clear();
+        for word in words {
+            let mut parts = word.split('/');
+            let v = index(input, parts.next().unwrap_or(""), self.vertices.len())?;
+            if self.corners.len() < MAX_CORNERS {
+                self.corners.push(v);
+            }
+            if let Some(n) = parts.nth(1)
+                && !n.is_empty()
+            {
+                let n = index(input, n, self.normals.given.len())?;
+                self.normals.corner(v, n);
+            }
+        }
+        self.collector.polygon(&self.corners, input.at_line(0));
+        Ok(())
     }
-    if any_color {
-        collector.with_colors(ColorScale::Guess);
+
+    /// The triangles to come belong to the group of this name.
+    fn group(&mut self, name: String) {
+        let collector = &mut self.collector;
+        let part = *self
+            .parts
+            .entry(name)
+            .or_insert_with_key(|name| collector.add_part(name));
+        self.collector.set_part(part);
     }
-    for (i, (p, color)) in vertices.iter().enumerate() {
-        let Some(slot) = collector.offer(*p) else {
-            continue;
-        };
-        if by_order || by_face {
-            let n = if by_order {
-                Some(&normals.given[i])
-            } else {
-                normals.given.get(normals.of_vertex[i] as usize)
+
+    /// Gives all vertices to the collector, with what is known of each.
+    fn offer_points(&mut self, report: &mut ReadReport) {
+        let per_point = self.normals.per_point(report);
+        if per_point.is_some() {
+            self.collector.with_normals();
+        }
+        if self.vertices.iter().any(|v| v.color.is_some()) {
+            self.collector.with_colors(ColorScale::Guess);
+        }
+        for (i, vertex) in self.vertices.iter().enumerate() {
+            let Some(slot) = self.collector.offer(vertex.point) else {
+                continue;
             };
-            collector.set_normal(slot, n.copied().unwrap_or_default());
-        }
-        if let Some(c) = color {
-            collector.set_color(slot, c.map(f64::from));
+            if let Some(by) = per_point {
+                let n = self.normals.of(i, by);
+                self.collector
+                    .set_normal(slot, n.copied().unwrap_or_default());
+            }
+            if let Some(c) = vertex.color {
+                self.collector.set_color(slot, c.map(f64::from));
+            }
         }
     }
-    collector.finish_with_parts(input, options, report)
 }
 
 /// Up to seven numbers of a line, and how many there are.

@@ -1,8 +1,8 @@
 //! OFF (Geomview): ASCII, with the prefixes ST, C and N (texture, colour, normal) and comments.
 
 use crate::collect::{Collector, ColorScale};
+use crate::format::Sniff;
 use crate::input::{Input, Result, Words, parse_number, shorten};
-use crate::registry::Sniff;
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 

@@ -1,16 +1,18 @@
 //! PCD (Point Cloud Library): ASCII, binary (streamed) and binary_compressed (LZF, held), versions
 //! 0.5 to 0.7.
 
+mod header;
+mod lzf;
+
 use crate::collect::{Collector, ColorScale};
+use crate::format::Sniff;
 use crate::input::{Input, Result, Words, shorten};
-use crate::registry::Sniff;
 use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
+use header::{Data, Field, Header};
 use isoform_geom::PointCloud;
 
 const WHAT: &str = "cannot read the PCD file";
-/// Values of a row; descriptors such as VFH have 308.
-const MAX_VALUES: u64 = 4096;
 /// Fields with more values than this are descriptors, not columns.
 const MAX_COUNT: u64 = 8;
 
@@ -25,224 +27,12 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if is_pcd { Sniff::Yes } else { Sniff::No }
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Data {
-    Ascii,
-    Binary,
-    Compressed,
-}
-
-#[derive(Clone, Debug)]
-struct Field {
-    name: String,
-    /// Bytes per value: 1, 2, 4 or 8.
-    size: usize,
-    /// `F`, `I` or `U`.
-    kind: u8,
-    /// Values per point.
-    count: usize,
-}
-
-impl Field {
-    #[inline]
-    fn decode(&self, b: &[u8]) -> f64 {
-        fn take<const N: usize>(b: &[u8]) -> [u8; N] {
-            std::array::from_fn(|i| b[i])
-        }
-        match (self.kind, self.size) {
-            (b'F', 4) => f64::from(f32::from_le_bytes(take(b))),
-            (b'F', _) => f64::from_le_bytes(take(b)),
-            (b'I', 1) => f64::from(b[0] as i8),
-            (b'I', 2) => f64::from(i16::from_le_bytes(take(b))),
-            (b'I', 4) => f64::from(i32::from_le_bytes(take(b))),
-            (b'I', _) => i64::from_le_bytes(take(b)) as f64,
-            (_, 1) => f64::from(b[0]),
-            (_, 2) => f64::from(u16::from_le_bytes(take(b))),
-            (_, 4) => f64::from(u32::from_le_bytes(take(b))),
-            (_, _) => u64::from_le_bytes(take(b)) as f64,
-        }
-    }
-    /// Colour packed as 0xAARRGGBB in an integer or in the bits of a float.
-    fn is_packed_color(&self) -> bool {
-        matches!(self.name.as_str(), "rgb" | "rgba") && self.size == 4 && self.count == 1
-    }
-}
-
-struct Header {
-    fields: Vec<Field>,
-    points: u64,
-    data: Data,
-}
-
-impl Header {
-    fn stride(&self) -> usize {
-        self.fields.iter().map(|f| f.size * f.count).sum()
-    }
-}
-
-fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
-    let bad = |input: &Input<'_>, why: String| {
-        input.error(
-            ErrorKind::Header,
-            input.at_line(0),
-            WHAT,
-            why,
-            "save the file again",
-        )
-    };
-    let (mut text, mut bytes) = (String::new(), Vec::new());
-    let (mut names, mut sizes, mut kinds, mut counts) =
-        (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let (mut points, mut grid) = (None, [None, None]);
-    let data = loop {
-        if input.line > 100 || !input.read_line(&mut text, &mut bytes)? {
-            return Err(bad(
-                input,
-                "there is no line DATA within the first hundred".into(),
-            ));
-        }
-        let line = text.split('#').next().unwrap_or("");
-        let mut words = line.split_ascii_whitespace();
-        let Some(key) = words.next() else { continue };
-        let words: Vec<&str> = words.take(MAX_VALUES as usize + 1).collect();
-        let number = |input: &Input<'_>, word: Option<&&str>| match word
-            .and_then(|w| w.parse::<u64>().ok())
-        {
-            Some(n) => Ok(n),
-            None => Err(bad(input, format!("\"{}\" needs a number", shorten(key)))),
-        };
-        match key {
-            "FIELDS" | "COLUMNS" => names = words.iter().map(|w| w.to_ascii_lowercase()).collect(),
-            "SIZE" => {
-                sizes = words
-                    .iter()
-                    .map(|w| number(input, Some(w)))
-                    .collect::<Result<_>>()?
-            }
-            "TYPE" => {
-                kinds = words
-                    .iter()
-                    .map(|w| w.as_bytes()[0].to_ascii_uppercase())
-                    .collect()
-            }
-            "COUNT" => {
-                counts = words
-                    .iter()
-                    .map(|w| number(input, Some(w)))
-                    .collect::<Result<_>>()?
-            }
-            "WIDTH" => grid[0] = Some(number(input, words.first())?),
-            "HEIGHT" => grid[1] = Some(number(input, words.first())?),
-            "POINTS" => points = Some(number(input, words.first())?),
-            "VIEWPOINT" => {
-                if words != ["0", "0", "0", "1", "0", "0", "0"] {
-                    report.warn("the VIEWPOINT is not applied to the points");
-                }
-            }
-            "VERSION" => {}
-            "DATA" => match words.first().map(|w| w.to_ascii_lowercase()).as_deref() {
-                Some("ascii") => break Data::Ascii,
-                Some("binary") => break Data::Binary,
-                Some("binary_compressed") => break Data::Compressed,
-                _ => {
-                    return Err(bad(
-                        input,
-                        "DATA is none of ascii, binary, binary_compressed".into(),
-                    ));
-                }
-            },
-            _ => report.warn(format!(
-                "line {}: unknown header word \"{}\" was passed over",
-                input.line,
-                shorten(key)
-            )),
-        }
-    };
-    if names.is_empty() {
-        return Err(bad(input, "the line FIELDS is missing".into()));
-    }
-    counts.resize(
-        if counts.is_empty() {
-            names.len()
-        } else {
-            counts.len()
-        },
-        1,
-    );
-    if data == Data::Ascii {
-        // Text needs neither.
-        sizes.resize(
-            if sizes.is_empty() {
-                names.len()
-            } else {
-                sizes.len()
-            },
-            4,
-        );
-        kinds.resize(
-            if kinds.is_empty() {
-                names.len()
-            } else {
-                kinds.len()
-            },
-            b'F',
-        );
-    }
-    if [sizes.len(), kinds.len(), counts.len()] != [names.len(); 3] {
-        let why = format!(
-            "{} FIELDS, {} SIZE, {} TYPE, {} COUNT",
-            names.len(),
-            sizes.len(),
-            kinds.len(),
-            counts.len()
-        );
-        return Err(bad(input, why));
-    }
-    let mut fields = Vec::new();
-    let mut values = 0_u64;
-    for (i, name) in names.into_iter().enumerate() {
-        let good = matches!(
-            (kinds[i], sizes[i]),
-            (b'I' | b'U', 1 | 2 | 4 | 8) | (b'F', 4 | 8)
-        );
-        values = values.saturating_add(counts[i]);
-        if !good || values > MAX_VALUES {
-            let why = format!(
-                "field \"{}\" of type {}, size {}, count {}",
-                shorten(&name),
-                char::from(kinds[i]),
-                sizes[i],
-                counts[i]
-            );
-            return Err(bad(input, why));
-        }
-        fields.push(Field {
-            name,
-            size: sizes[i] as usize,
-            kind: kinds[i],
-            count: counts[i] as usize,
-        });
-    }
-    let by_grid = match grid {
-        [Some(w), h] => w.checked_mul(h.unwrap_or(1)),
-        _ => None,
-    };
-    match points.or(by_grid) {
-        Some(points) => Ok(Header {
-            fields,
-            points,
-            data,
-        }),
-        None => Err(bad(input, "neither POINTS nor WIDTH and HEIGHT".into())),
-    }
-}
-
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<PointCloud> {
-    let header = header(input, report)?;
+    let header = Header::read(input, report)?;
     report.declared = Some(header.points);
     let mut reader = Reader::new(&header, report);
     if let Some(name) = reader.layout.missing_coordinate() {
@@ -280,35 +70,54 @@ enum Part {
     Nothing,
 }
 
+/// What the values of a field are; a second packed colour is a column.
+fn part(field: &Field, has_color: bool, report: &mut ReadReport) -> Part {
+    if field.is_packed_color() && !has_color {
+        return Part::Packed;
+    }
+    if field.name == "_" || field.count == 0 {
+        return Part::Nothing;
+    }
+    if field.count as u64 > MAX_COUNT {
+        report.warn(format!(
+            "field \"{}\" with {} values per point was passed over",
+            shorten(&field.name),
+            field.count
+        ));
+        return Part::Nothing;
+    }
+    Part::Values
+}
+
+/// The colour of a number in text: an integer as such, or the float whose bits it is (then it is
+/// tiny, or not a whole number).
+fn color_bits(field: &Field, v: f64) -> u32 {
+    let is_integer = v >= 1.0 && v.fract() == 0.0 && v <= f64::from(u32::MAX);
+    if field.is_float() && !is_integer {
+        (v as f32).to_bits()
+    } else {
+        v as i64 as u32
+    }
+}
+
 impl Reader {
     fn new(header: &Header, report: &mut ReadReport) -> Self {
         let mut names: Vec<String> = Vec::new();
-        let mut parts = Vec::new();
-        let mut packed = false;
+        let mut parts: Vec<Part> = Vec::new();
         for field in &header.fields {
-            parts.push(if field.is_packed_color() && !packed {
-                packed = true;
-                names.extend(["red", "green", "blue"].map(String::from));
-                Part::Packed
-            } else if field.name == "_" || field.count == 0 {
-                Part::Nothing
-            } else if field.count as u64 > MAX_COUNT {
-                report.warn(format!(
-                    "field \"{}\" with {} values per point was passed over",
-                    shorten(&field.name),
-                    field.count
-                ));
-                Part::Nothing
-            } else {
-                match field.count {
-                    1 => names.push(field.name.clone()),
-                    n => names.extend((0..n).map(|k| format!("{}_{k}", field.name))),
+            let part = part(field, parts.contains(&Part::Packed), report);
+            match part {
+                Part::Packed => names.extend(["red", "green", "blue"].map(String::from)),
+                Part::Values if field.count == 1 => names.push(field.name.clone()),
+                Part::Values => {
+                    names.extend((0..field.count).map(|k| format!("{}_{k}", field.name)));
                 }
-                Part::Values
-            });
+                Part::Nothing => {}
+            }
+            parts.push(part);
         }
         let mut layout = Layout::named(names.iter().map(String::as_str));
-        if packed && layout.roles.contains(&Role::Color(0)) {
+        if parts.contains(&Part::Packed) && layout.roles.contains(&Role::Color(0)) {
             layout.scale = Some(ColorScale::Byte);
         }
         Self {
@@ -338,15 +147,7 @@ impl Reader {
                     let v = words.number(input, missing)?;
                     match self.parts[f] {
                         Part::Values => self.row.push(v),
-                        // Integers as such, or the float whose bits they are (then it is tiny, or
-                        // not a whole number).
-                        Part::Packed
-                            if field.kind == b'F'
-                                && !(v >= 1.0 && v.fract() == 0.0 && v <= f64::from(u32::MAX)) =>
-                        {
-                            self.packed((v as f32).to_bits());
-                        }
-                        Part::Packed => self.packed(v as i64 as u32),
+                        Part::Packed => self.packed(color_bits(field, v)),
                         Part::Nothing => {}
                     }
                 }
@@ -372,7 +173,7 @@ impl Reader {
             for (f, field) in header.fields.iter().enumerate() {
                 for _ in 0..field.count {
                     self.value(field, self.parts[f], &bytes[at..]);
-                    at += field.size;
+                    at += field.size();
                 }
             }
             self.layout.offer(collector, &self.row);
@@ -382,7 +183,7 @@ impl Reader {
 
     fn value(&mut self, field: &Field, part: Part, bytes: &[u8]) {
         match part {
-            Part::Values => self.row.push(field.decode(bytes)),
+            Part::Values => self.row.push(field.kind.decode(bytes, false)),
             Part::Packed => {
                 self.packed(u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
             }
@@ -397,61 +198,20 @@ impl Reader {
         header: &Header,
         collector: &mut Collector,
     ) -> Result<()> {
-        let start = input.at_byte();
-        let corrupt = |input: &Input<'_>, why: String| {
-            Err(input.error(
-                ErrorKind::Corrupt,
-                start,
-                "cannot unpack the PCD data",
-                why,
-                "get the file again, or save it uncompressed",
-            ))
-        };
         if header.points == 0 {
             return Ok(());
         }
-        let mut sizes = [0; 8];
-        input.exact(&mut sizes, || {
-            "the sizes of the compressed data are missing".into()
-        })?;
-        let [packed, unpacked] = [0, 4]
-            .map(|k| u32::from_le_bytes([sizes[k], sizes[k + 1], sizes[k + 2], sizes[k + 3]]));
-        let n = header.points;
-        if n.checked_mul(header.stride() as u64) != Some(u64::from(unpacked)) {
-            return corrupt(
-                input,
-                format!(
-                    "{n} points of {} bytes are not {unpacked} bytes",
-                    header.stride()
-                ),
-            );
-        }
-        if u64::from(packed) > input.left() {
-            return Err(input.truncated(format!(
-                "{packed} bytes of compressed data are announced, {} are there",
-                input.left()
-            )));
-        }
-        let mut bytes = vec![0; packed as usize];
-        input.exact(&mut bytes, || "compressed data is missing".into())?;
-        let Some(data) = lzf_unpack(&bytes, unpacked as usize) else {
-            return corrupt(
-                input,
-                format!("the compressed data is damaged: it does not give {unpacked} bytes"),
-            );
-        };
-        let n = n as usize;
+        let data = unpack(input, header)?;
+        // `unpack` has compared the number of points with the bytes that are there.
+        let n = header.points as usize;
         for i in 0..n {
             self.row.clear();
             let mut start = 0;
             for (f, field) in header.fields.iter().enumerate() {
-                let block = field.size * field.count;
+                let (size, block) = (field.size(), field.size() * field.count);
                 for k in 0..field.count {
-                    self.value(
-                        field,
-                        self.parts[f],
-                        &data[start + i * block + k * field.size..],
-                    );
+                    let at = start + i * block + k * size;
+                    self.value(field, self.parts[f], &data[at..]);
                 }
                 start += n * block;
             }
@@ -461,44 +221,39 @@ impl Reader {
     }
 }
 
-/// Unpacks LZF (Marc Lehmann's LibLZF): a control byte below 32 starts a run of that many bytes and
-/// one; else its three high bits are the length less two of a copy (7: one more byte of length)
-/// from up to 8192 bytes back. `None` unless exactly `size` bytes come out.
-fn lzf_unpack(packed: &[u8], size: usize) -> Option<Vec<u8>> {
-    // A copy of three bytes gives 264 at most, so that a small input cannot ask for much memory.
-    if size / 264 > packed.len() {
-        return None;
+/// The compressed data of a file: two sizes and what they announce; all points' bytes come out.
+fn unpack(input: &mut Input<'_>, header: &Header) -> Result<Vec<u8>> {
+    let start = input.at_byte();
+    let corrupt = |input: &Input<'_>, why: String| {
+        Err(input.error(
+            ErrorKind::Corrupt,
+            start,
+            "cannot unpack the PCD data",
+            why,
+            "get the file again, or save it uncompressed",
+        ))
+    };
+    let mut sizes = [0; 8];
+    input.exact(&mut sizes, || {
+        "the sizes of the compressed data are missing".into()
+    })?;
+    let [packed, unpacked] =
+        [0, 4].map(|k| u32::from_le_bytes(std::array::from_fn(|i| sizes[k + i])));
+    let (n, stride) = (header.points, header.stride());
+    if n.checked_mul(stride as u64) != Some(u64::from(unpacked)) {
+        let why = format!("{n} points of {stride} bytes are not {unpacked} bytes");
+        return corrupt(input, why);
     }
-    let mut out = Vec::with_capacity(size);
-    let mut rest = packed;
-    while let Some((&control, after)) = rest.split_first() {
-        let control = usize::from(control);
-        rest = after;
-        if control < 32 {
-            let (run, after) = rest.split_at_checked(control + 1)?;
-            out.extend_from_slice(run);
-            rest = after;
-        } else {
-            let mut byte = || {
-                let (&b, after) = rest.split_first()?;
-                rest = after;
-                Some(usize::from(b))
-            };
-            let mut length = control >> 5;
-            if length == 7 {
-                length += byte()?;
-            }
-            let back = ((control & 31) << 8) + byte()? + 1;
-            let from = out.len().checked_sub(back)?;
-            for k in 0..length + 2 {
-                out.push(out[from + k]);
-            }
-        }
-        if out.len() > size {
-            return None;
-        }
+    if u64::from(packed) > input.left() {
+        return Err(input.truncated(format!(
+            "{packed} bytes of compressed data are announced, {} are there",
+            input.left()
+        )));
     }
-    (out.len() == size).then_some(out)
+    let mut bytes = vec![0; packed as usize];
+    input.exact(&mut bytes, || "compressed data is missing".into())?;
+    let damaged = || format!("the compressed data is damaged: it does not give {unpacked} bytes");
+    lzf::unpack(&bytes, unpacked as usize).map_or_else(|| corrupt(input, damaged()), Ok)
 }
 
 #[cfg(test)]
@@ -515,24 +270,6 @@ mod tests {
             None,
             &ReadOptions::default(),
         )
-    }
-
-    #[test]
-    fn lzf() {
-        assert_eq!(
-            lzf_unpack(&[2, b'a', b'b', b'c', 0x20, 2], 6).as_deref(),
-            Some(&b"abcabc"[..])
-        );
-        assert_eq!(
-            lzf_unpack(&[0, b'x', 0xe0, 3, 0], 13).as_deref(),
-            Some(&b"xxxxxxxxxxxxx"[..]),
-            "a copy may overlap itself"
-        );
-        assert_eq!(lzf_unpack(&[0, b'x', 0x20, 5], 4), None, "before the start");
-        assert_eq!(lzf_unpack(&[5, b'x'], 6), None);
-        assert_eq!(lzf_unpack(&[0, b'x', 0xe0], 12), None);
-        assert_eq!(lzf_unpack(&[], usize::MAX), None);
-        assert_eq!(lzf_unpack(&[], 0).as_deref(), Some(&b""[..]));
     }
 
     #[test]

@@ -4,17 +4,23 @@
 //! position, a normal, a colour or a column; of the faces `vertex_indices` becomes triangles
 //! (fans); of `tristrips` too; everything else is passed over.
 
-use crate::collect::{Collector, ColorScale, Parts};
-use crate::input::{Input, Result, Words, shorten, stated_unit};
-use crate::registry::Sniff;
-use crate::roles::{Layout, Role};
-use crate::{At, ErrorKind, ReadOptions, ReadReport, WriteOptions};
-use isoform_geom::PointCloud;
-use std::collections::BTreeMap;
-use std::io::{self, Write};
+mod header;
+mod rows;
+mod write;
 
-/// More header lines than any true file has.
-const MAX_HEADER_LINES: usize = 10_000;
+pub(crate) use write::write;
+
+use crate::binary::Type;
+use crate::collect::{Collector, ColorScale, Parts};
+use crate::format::Sniff;
+use crate::input::{Input, Result, shorten};
+use crate::roles::{Layout, Role};
+use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
+use header::{Element, Encoding, Header, PartNames, Property};
+use isoform_geom::PointCloud;
+use rows::Rows;
+use std::collections::BTreeMap;
+
 const WHAT: &str = "cannot read the PLY header";
 
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
@@ -22,107 +28,6 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
         Sniff::Yes
     } else {
         Sniff::No
-    }
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Encoding {
-    Ascii,
-    Little,
-    Big,
-}
-
-/// A type of number in binary files.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Type {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    I64,
-    U64,
-    F32,
-    F64,
-}
-
-impl Type {
-    /// By the names that PLY and others use, in lower case.
-    pub(crate) fn named(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Self::I8,
-            "uchar" | "uint8" | "bool" | "boolean" | "byte" | "ubyte" => Self::U8,
-            "short" | "int16" => Self::I16,
-            "ushort" | "uint16" => Self::U16,
-            "int" | "int32" => Self::I32,
-            "uint" | "uint32" => Self::U32,
-            "long" | "int64" => Self::I64,
-            "ulong" | "uint64" => Self::U64,
-            "float" | "float32" => Self::F32,
-            "double" | "float64" => Self::F64,
-            _ => return None,
-        })
-    }
-    /// In bytes.
-    pub(crate) fn size(self) -> usize {
-        match self {
-            Self::I8 | Self::U8 => 1,
-            Self::I16 | Self::U16 => 2,
-            Self::I32 | Self::U32 | Self::F32 => 4,
-            Self::I64 | Self::U64 | Self::F64 => 8,
-        }
-    }
-    /// The number in the first bytes, which must suffice.
-    #[inline]
-    pub(crate) fn decode(self, bytes: &[u8], big: bool) -> f64 {
-        fn take<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
-            let mut b: [u8; N] = std::array::from_fn(|i| bytes[i]);
-            if big {
-                b.reverse();
-            }
-            b
-        }
-        match self {
-            Self::I8 => f64::from(bytes[0] as i8),
-            Self::U8 => f64::from(bytes[0]),
-            Self::I16 => f64::from(i16::from_le_bytes(take(bytes, big))),
-            Self::U16 => f64::from(u16::from_le_bytes(take(bytes, big))),
-            Self::I32 => f64::from(i32::from_le_bytes(take(bytes, big))),
-            Self::U32 => f64::from(u32::from_le_bytes(take(bytes, big))),
-            Self::I64 => i64::from_le_bytes(take(bytes, big)) as f64,
-            Self::U64 => u64::from_le_bytes(take(bytes, big)) as f64,
-            Self::F32 => f64::from(f32::from_le_bytes(take(bytes, big))),
-            Self::F64 => f64::from_le_bytes(take(bytes, big)),
-        }
-    }
-}
-
-#[derive(Debug)]
-struct Property {
-    name: String,
-    kind: Type,
-    /// Type of the length, for lists.
-    list: Option<Type>,
-}
-
-#[derive(Debug)]
-struct Element {
-    name: String,
-    count: u64,
-    properties: Vec<Property>,
-}
-
-impl Element {
-    /// Bytes of a row, if it has no lists.
-    fn stride(&self) -> Option<usize> {
-        self.properties.iter().try_fold(0_usize, |sum, p| {
-            if p.list.is_some() {
-                None
-            } else {
-                Some(sum + p.kind.size())
-            }
-        })
     }
 }
 
@@ -140,39 +45,23 @@ pub(crate) fn read_parts(
     options: &ReadOptions,
     report: &mut ReadReport,
 ) -> Result<(PointCloud, Parts)> {
-    let (encoding, elements, part_names) = header(input, report)?;
-    let vertex = ["vertex", "vertices", "point", "points"]
-        .iter()
-        .find_map(|n| elements.iter().position(|e| e.name == *n));
+    let header = Header::read(input, report)?;
+    let vertex = header.vertices();
     let mut collector = Collector::new(options);
     match vertex {
         None => report.warn("the header declares no element \"vertex\""),
-        Some(v) => report.declared = Some(elements[v].count),
+        Some(v) => report.declared = Some(header.elements[v].count),
     }
-    let is_face =
-        |e: &Element| matches!(e.name.as_str(), "face" | "faces" | "tristrips") && e.count > 0;
-    if elements.iter().any(is_face) {
+    if header.elements.iter().any(Element::is_face) {
         collector.mesh(options);
     }
-    let mut rows = Rows {
-        encoding,
-        words: Words::new(),
-        row: Vec::new(),
-        values: Vec::new(),
-        list: Vec::new(),
-    };
-    for (i, element) in elements.iter().enumerate() {
+    let mut rows = Rows::new(header.encoding);
+    for (i, element) in header.elements.iter().enumerate() {
         if Some(i) == vertex {
             read_vertices(input, &mut rows, element, &mut collector, report)?;
-        } else if is_face(element) {
-            read_faces(
-                input,
-                &mut rows,
-                element,
-                &part_names,
-                &mut collector,
-                report,
-            )?;
+        } else if element.is_face() {
+            let parts = FaceParts::of(element, &header.part_names, &mut collector);
+            read_faces(input, &mut rows, element, parts, &mut collector, report)?;
         } else if element.count > 0 && !element.properties.is_empty() {
             report.warn(format!(
                 "element \"{}\" ({} rows) was passed over",
@@ -182,280 +71,12 @@ pub(crate) fn read_parts(
             rows.skip(input, element)?;
         }
     }
-    let rest = if encoding == Encoding::Ascii {
-        u64::from(rows.words.next(input)?.is_some())
-    } else {
-        input.left()
-    };
-    if rest > 0 {
+    if rows.has_more(input)? {
         report.warn(
             "there is more data after the last element that the header declares; it was not read",
         );
     }
     collector.finish_with_parts(input, options, report)
-}
-
-/// Names of parts by their tags, out of comments `part 1 name` as our own writer makes them.
-type PartNames = BTreeMap<i64, String>;
-
-fn header(
-    input: &mut Input<'_>,
-    report: &mut ReadReport,
-) -> Result<(Encoding, Vec<Element>, PartNames)> {
-    let bad = |input: &Input<'_>, why: String| {
-        input.error(
-            ErrorKind::Header,
-            input.at_line(0),
-            WHAT,
-            why,
-            "save the file again, as binary PLY if there is a choice",
-        )
-    };
-    let (mut text, mut bytes) = (String::new(), Vec::new());
-    if !input.read_line(&mut text, &mut bytes)? || text.trim_end() != "ply" {
-        return Err(bad(
-            input,
-            format!(
-                "a PLY file starts with the line \"ply\", this one with \"{}\"",
-                shorten(&text)
-            ),
-        ));
-    }
-    let mut encoding = None;
-    let mut elements: Vec<Element> = Vec::new();
-    let mut part_names = PartNames::new();
-    loop {
-        if !input.read_line(&mut text, &mut bytes)? {
-            return Err(input.error(
-                ErrorKind::Truncated,
-                input.at_byte(),
-                WHAT,
-                "there is no line \"end_header\"",
-                "get the file again",
-            ));
-        }
-        if input.line as usize > MAX_HEADER_LINES {
-            return Err(bad(
-                input,
-                format!("the header has more than {MAX_HEADER_LINES} lines"),
-            ));
-        }
-        let words: Vec<&str> = text.split_ascii_whitespace().collect();
-        match words[..] {
-            ["format", kind, ..] => {
-                encoding = Some(match kind {
-                    "ascii" => Encoding::Ascii,
-                    "binary_little_endian" => Encoding::Little,
-                    "binary_big_endian" => Encoding::Big,
-                    _ => {
-                        return Err(bad(
-                            input,
-                            format!("unknown encoding \"{}\"", shorten(kind)),
-                        ));
-                    }
-                });
-            }
-            ["element", name, count, ..] => match count.parse() {
-                Ok(count) => elements.push(Element {
-                    name: name.to_ascii_lowercase(),
-                    count,
-                    properties: Vec::new(),
-                }),
-                Err(_) => {
-                    return Err(bad(
-                        input,
-                        format!("\"{}\" is not a number of elements", shorten(count)),
-                    ));
-                }
-            },
-            ["property", "list", length, kind, name, ..] => {
-                let types = (Type::named(length), Type::named(kind));
-                let (Some(length), Some(kind)) = types else {
-                    return Err(bad(
-                        input,
-                        format!("unknown type in the list property \"{}\"", shorten(name)),
-                    ));
-                };
-                let Some(element) = elements.last_mut() else {
-                    return Err(bad(input, "a property before any element".into()));
-                };
-                element.properties.push(Property {
-                    name: name.into(),
-                    kind,
-                    list: Some(length),
-                });
-            }
-            ["property", kind, name, ..] => {
-                let Some(known) = Type::named(kind) else {
-                    return Err(bad(
-                        input,
-                        format!(
-                            "unknown type \"{}\" of the property \"{}\"",
-                            shorten(kind),
-                            shorten(name)
-                        ),
-                    ));
-                };
-                let Some(element) = elements.last_mut() else {
-                    return Err(bad(input, "a property before any element".into()));
-                };
-                element.properties.push(Property {
-                    name: name.into(),
-                    kind: known,
-                    list: None,
-                });
-            }
-            ["comment", "part", tag, _, ..] if tag.parse::<i64>().is_ok() => {
-                let name = text.splitn(4, ' ').nth(3).unwrap_or("");
-                part_names.insert(tag.parse().unwrap_or(0), name.to_owned());
-            }
-            ["comment" | "obj_info", ..] => {
-                report.units = report.units.take().or_else(|| stated_unit(&text));
-            }
-            ["end_header", ..] => break,
-            [] => {}
-            ["element" | "property" | "format", ..] => {
-                return Err(bad(
-                    input,
-                    format!("incomplete line \"{}\"", shorten(&text)),
-                ));
-            }
-            // Seen in the wild: "remark" for "comment". What is no declaration cannot change the
-            // layout.
-            [word, ..] => report.warn(format!(
-                "line {}: unknown header word \"{}\" was passed over",
-                input.line,
-                shorten(word)
-            )),
-        }
-    }
-    let encoding = encoding.ok_or_else(|| bad(input, "the line \"format\" is missing".into()))?;
-    Ok((encoding, elements, part_names))
-}
-
-/// Reads rows of one element after another.
-struct Rows {
-    encoding: Encoding,
-    words: Words,
-    row: Vec<u8>,
-    /// Scalars of the row by property; NaN for lists.
-    values: Vec<f64>,
-    /// Items of the list that was asked for.
-    list: Vec<f64>,
-}
-
-impl Rows {
-    /// Reads row `i`: scalars into `values`, the items of property `wanted` into `list`.
-    fn next(
-        &mut self,
-        input: &mut Input<'_>,
-        element: &Element,
-        i: u64,
-        wanted: Option<usize>,
-    ) -> Result<()> {
-        let missing = || {
-            format!(
-                "row {i} of {} \"{}\" elements is incomplete",
-                element.count,
-                shorten(&element.name)
-            )
-        };
-        self.values.clear();
-        self.list.clear();
-        let big = self.encoding == Encoding::Big;
-        if self.encoding != Encoding::Ascii
-            && let Some(stride) = element.stride()
-        {
-            self.row.resize(stride, 0);
-            input.exact(&mut self.row, missing)?;
-            let mut at = 0;
-            for p in &element.properties {
-                self.values.push(p.kind.decode(&self.row[at..], big));
-                at += p.kind.size();
-            }
-            return Ok(());
-        }
-        for (k, p) in element.properties.iter().enumerate() {
-            let Some(length) = p.list else {
-                let v = self.number(input, p.kind, big, missing)?;
-                self.values.push(v);
-                continue;
-            };
-            self.values.push(f64::NAN);
-            let place = input.at_byte();
-            let n = self.number(input, length, big, missing)?;
-            if !(n >= 0.0 && n <= u64::MAX as f64 && n.fract() == 0.0) {
-                let why = format!("{n} is not the length of a list");
-                return Err(input.error(
-                    ErrorKind::Corrupt,
-                    place,
-                    "cannot read the PLY data",
-                    why,
-                    "get the file again",
-                ));
-            }
-            for _ in 0..n as u64 {
-                let v = self.number(input, p.kind, big, missing)?;
-                if wanted == Some(k) {
-                    self.list.push(v);
-                }
-            }
-        }
-        Ok(())
-    }
-    fn number(
-        &mut self,
-        input: &mut Input<'_>,
-        kind: Type,
-        big: bool,
-        missing: impl Fn() -> String,
-    ) -> Result<f64> {
-        if self.encoding == Encoding::Ascii {
-            let Some(word) = self.words.next(input)? else {
-                return Err(input.truncated(missing()));
-            };
-            // `bool` properties come as words from some writers.
-            if let Some(v) = crate::input::parse_number(word).or_else(|| {
-                word.to_ascii_lowercase()
-                    .parse::<bool>()
-                    .ok()
-                    .map(f64::from)
-            }) {
-                return Ok(v);
-            }
-            let why = format!("\"{}\" is not a number", shorten(word));
-            let at = input.at_line(self.words.column);
-            return Err(input.error(
-                ErrorKind::Number,
-                at,
-                "cannot read the PLY data",
-                why,
-                "correct the line, or save the file again",
-            ));
-        }
-        let mut bytes = [0; 8];
-        input.exact(&mut bytes[..kind.size()], missing)?;
-        Ok(kind.decode(&bytes, big))
-    }
-    fn skip(&mut self, input: &mut Input<'_>, element: &Element) -> Result<()> {
-        if self.encoding != Encoding::Ascii
-            && let Some(stride) = element.stride()
-        {
-            let missing = || {
-                format!(
-                    "{} \"{}\" elements are announced",
-                    element.count,
-                    shorten(&element.name)
-                )
-            };
-            let bytes = element.count.saturating_mul(stride as u64);
-            return input.skip(bytes, missing);
-        }
-        for i in 0..element.count {
-            self.next(input, element, i, None)?;
-        }
-        Ok(())
-    }
 }
 
 fn read_vertices(
@@ -465,6 +86,25 @@ fn read_vertices(
     collector: &mut Collector,
     report: &mut ReadReport,
 ) -> Result<()> {
+    let mut layout = vertex_layout(element, report);
+    if let Some(name) = layout.missing_coordinate() {
+        if element.count == 0 {
+            return Ok(());
+        }
+        let why = format!("the vertices have no property \"{name}\"");
+        let hint = "vertices need x, y and z";
+        return Err(input.error(ErrorKind::Header, At::File, WHAT, why, hint));
+    }
+    layout.announce(collector);
+    for i in 0..element.count {
+        rows.next(input, element, i, None)?;
+        layout.offer(collector, &rows.values);
+    }
+    Ok(())
+}
+
+/// What the properties of the vertices are; lists are passed over.
+fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
     let mut layout = Layout::named(element.properties.iter().map(|p| p.name.as_str()));
     for (i, p) in element.properties.iter().enumerate() {
         if p.list.is_some() {
@@ -481,43 +121,51 @@ fn read_vertices(
             });
         }
     }
-    if let Some(name) = layout.missing_coordinate() {
-        if element.count == 0 {
-            return Ok(());
+    layout
+}
+
+/// The parts of faces: the property that holds their tags, and the numbers of the parts by tag.
+struct FaceParts {
+    property: Option<usize>,
+    numbers: BTreeMap<i64, u32>,
+}
+
+impl FaceParts {
+    fn of(element: &Element, names: &PartNames, collector: &mut Collector) -> Self {
+        let is_part = |p: &Property| p.list.is_none() && p.name == "part";
+        let property = element.properties.iter().position(is_part);
+        // Without the list of corners the faces are passed over, and their parts with them.
+        let numbers = match property {
+            Some(_) if element.corners().is_some() => names
+                .iter()
+                .map(|(&tag, name)| (tag, collector.add_part(name)))
+                .collect(),
+            _ => BTreeMap::new(),
+        };
+        Self { property, numbers }
+    }
+    /// The face of these values belongs to its part.
+    fn set(&mut self, values: &[f64], collector: &mut Collector) {
+        if let Some(property) = self.property {
+            let tag = values[property] as i64;
+            let number = *self
+                .numbers
+                .entry(tag)
+                .or_insert_with(|| collector.add_part(&format!("part {tag}")));
+            collector.set_part(number);
         }
-        let why = format!("the vertices have no property \"{name}\"");
-        return Err(input.error(
-            ErrorKind::Header,
-            At::File,
-            WHAT,
-            why,
-            "vertices need x, y and z",
-        ));
     }
-    layout.announce(collector);
-    for i in 0..element.count {
-        rows.next(input, element, i, None)?;
-        layout.offer(collector, &rows.values);
-    }
-    Ok(())
 }
 
 fn read_faces(
     input: &mut Input<'_>,
     rows: &mut Rows,
     element: &Element,
-    part_names: &PartNames,
+    mut parts: FaceParts,
     collector: &mut Collector,
     report: &mut ReadReport,
 ) -> Result<()> {
-    let is_corners = |p: &Property| {
-        p.list.is_some()
-            && matches!(
-                p.name.as_str(),
-                "vertex_indices" | "vertex_index" | "vertex_indexes"
-            )
-    };
-    let Some(corners) = element.properties.iter().position(is_corners) else {
+    let Some(corners) = element.corners() else {
         report.warn(format!(
             "the {} \"{}\" elements have no list \"vertex_indices\" and were passed over",
             element.count, element.name
@@ -529,18 +177,6 @@ fn read_faces(
         };
     };
     let is_strip = element.name == "tristrips";
-    let part = element
-        .properties
-        .iter()
-        .position(|p| p.list.is_none() && p.name == "part");
-    let mut parts: BTreeMap<i64, u32> = BTreeMap::new();
-    if part.is_some() {
-        parts.extend(
-            part_names
-                .iter()
-                .map(|(&tag, name)| (tag, collector.add_part(name))),
-        );
-    }
     let mut polygon: Vec<u64> = Vec::new();
     for i in 0..element.count {
         let start = input.at_byte();
@@ -550,38 +186,31 @@ fn read_faces(
         } else {
             start
         };
-        if let Some(part) = part {
-            let tag = rows.values[part] as i64;
-            let part = *parts
-                .entry(tag)
-                .or_insert_with(|| collector.add_part(&format!("part {tag}")));
-            collector.set_part(part);
-        }
-        polygon.clear();
-        for &v in &rows.list {
-            if is_strip && v == -1.0 {
-                strip(collector, &polygon, at);
-                polygon.clear();
-            } else if v >= 0.0 && v.fract() == 0.0 {
-                polygon.push(v as u64);
-            } else {
-                let why = format!("{v} is not the index of a vertex");
-                return Err(input.error(
-                    ErrorKind::Index,
-                    at,
-                    "cannot read the faces",
-                    why,
-                    "export the mesh again",
-                ));
+        parts.set(&rows.values, collector);
+        // A strip ends at −1; another polygon at the end of its list.
+        for list in rows.list.split(|&v| is_strip && v == -1.0) {
+            polygon.clear();
+            for &v in list {
+                polygon.push(index(v).ok_or_else(|| no_index(input, v, at))?);
             }
-        }
-        if is_strip {
-            strip(collector, &polygon, at);
-        } else {
-            collector.polygon(&polygon, at);
+            if is_strip {
+                strip(collector, &polygon, at);
+            } else {
+                collector.polygon(&polygon, at);
+            }
         }
     }
     Ok(())
+}
+
+fn index(v: f64) -> Option<u64> {
+    (v >= 0.0 && v.fract() == 0.0).then_some(v as u64)
+}
+
+fn no_index(input: &Input<'_>, v: f64, at: At) -> ReadError {
+    let why = format!("{v} is not the index of a vertex");
+    let hint = "export the mesh again";
+    input.error(ErrorKind::Index, at, "cannot read the faces", why, hint)
 }
 
 /// Triangles of a strip; every other one is turned round.
@@ -596,81 +225,6 @@ fn strip(collector: &mut Collector, strip: &[u64], at: At) {
             collector.polygon(&turned, at);
         }
     }
-}
-
-/// Writes everything a cloud has; coordinates are absolute. Binary little endian, or ASCII with
-/// shortest round-trip numbers.
-pub(crate) fn write(
-    cloud: &PointCloud,
-    out: &mut dyn Write,
-    options: &WriteOptions,
-) -> io::Result<()> {
-    let ascii = options.ascii;
-    let names = crate::write::column_names(cloud);
-    writeln!(
-        out,
-        "ply\nformat {} 1.0",
-        if ascii {
-            "ascii"
-        } else {
-            "binary_little_endian"
-        }
-    )?;
-    writeln!(out, "comment written by isoform")?;
-    if let Some(units) = &options.units {
-        writeln!(out, "comment units: {}", units.replace(['\n', '\r'], " "))?;
-    }
-    writeln!(out, "element vertex {}", cloud.points.len())?;
-    for name in &names.positions {
-        writeln!(out, "property double {name}")?;
-    }
-    for name in &names.normals {
-        writeln!(out, "property double {name}")?;
-    }
-    for name in &names.colors {
-        writeln!(out, "property uchar {name}")?;
-    }
-    for name in &names.columns {
-        writeln!(out, "property double {name}")?;
-    }
-    if !cloud.triangles.is_empty() {
-        writeln!(
-            out,
-            "element face {}\nproperty list uchar int vertex_indices",
-            cloud.triangles.len()
-        )?;
-    }
-    writeln!(out, "end_header")?;
-    let mut row = Vec::new();
-    for i in 0..cloud.points.len() {
-        let numbers = cloud
-            .absolute(i)
-            .into_iter()
-            .chain(cloud.normals.get(i).into_iter().flatten().copied());
-        let extra = cloud.columns.iter().map(|c| c.values[i]);
-        let color = cloud.colors.get(i).into_iter().flatten();
-        if ascii {
-            crate::write::row(out, b' ', numbers, color.copied(), extra, &mut row)?;
-            continue;
-        }
-        row.clear();
-        numbers.for_each(|v| row.extend_from_slice(&v.to_le_bytes()));
-        row.extend(color);
-        extra.for_each(|v| row.extend_from_slice(&v.to_le_bytes()));
-        out.write_all(&row)?;
-    }
-    for t in &cloud.triangles {
-        if ascii {
-            writeln!(out, "3 {} {} {}", t[0], t[1], t[2])?;
-        } else {
-            row.clear();
-            row.push(3);
-            t.iter()
-                .for_each(|c| row.extend_from_slice(&c.to_le_bytes()));
-            out.write_all(&row)?;
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

@@ -8,6 +8,7 @@
 //!
 //! The same patches give the same bytes: the time stamp is a fixed one unless another is given.
 
+mod knots;
 mod part21;
 mod placement;
 mod spline;
@@ -78,87 +79,133 @@ pub fn write_step_path(
 }
 
 fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<String, WriteError> {
-    let refuse = |code, why: String, hint| WriteError {
-        code,
+    let refuse = |refusal: Refusal| WriteError {
+        code: refusal.code,
         what: "cannot write STEP",
         file: file.to_owned(),
-        why,
-        hint,
+        why: refusal.why,
+        hint: refusal.hint,
     };
-    let unit = options.units.as_deref().unwrap_or("mm");
-    if !STEP_UNITS.contains(&unit) {
-        let why = format!(
-            "\"{}\" is not among its units of length: {}",
-            crate::input::shorten(unit),
-            STEP_UNITS.join(", ")
-        );
-        return Err(refuse("unit-unknown", why, "choose one of these"));
-    }
-    if faces.is_empty() {
-        return Err(refuse(
-            "empty",
-            "there is no patch".to_owned(),
-            "a file of faces needs one",
-        ));
-    }
-    let mut splines = Vec::with_capacity(faces.len());
-    for (i, face) in faces.iter().enumerate() {
-        splines.push(Spline::positive(&face.patch).ok_or_else(|| {
-            let why = format!("patch {}: no positive control weights were found; its weight comes near 0, or below, inside", i + 1);
-            refuse("weights", why, "a smaller patch")
-        })?);
-    }
-    let size = splines
-        .iter()
-        .flat_map(Spline::points)
-        .flatten()
-        .fold(0.0f64, |m, v| m.max(v.abs()));
-    if !size.is_finite() {
-        return Err(refuse(
-            "overflow",
-            "a control point is beyond the largest number".to_owned(),
-            "a smaller patch",
-        ));
-    }
+    let unit = unit(options).map_err(refuse)?;
+    let splines = splines(faces).map_err(refuse)?;
+    let size = size(&splines).map_err(refuse)?;
 
     let mut doc = Document::default();
-    let (shape, context, origin) = product(&mut doc, options, unit);
+    let product = product(&mut doc, options, unit);
     let mut shells = Vec::with_capacity(faces.len());
     for (face, spline) in faces.iter().zip(&splines) {
         let advanced = write_face(&mut doc, face, spline, SAME * size);
-        let shell = doc.add(&format!(
-            "OPEN_SHELL({},({}))",
-            part21::text(&face.name),
-            part21::id(advanced)
-        ));
-        shells.push(shell);
+        let (name, face) = (part21::text(&face.name), part21::id(advanced));
+        shells.push(doc.add(&format!("OPEN_SHELL({name},({face}))")));
     }
-    let model = doc.add(&format!(
-        "SHELL_BASED_SURFACE_MODEL('',{})",
-        part21::ids(&shells)
-    ));
-    let items = part21::ids(&[model, origin]);
-    let representation = doc.add(&format!(
-        "MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',{items},{})",
-        part21::id(context)
-    ));
-    doc.add(&format!(
-        "SHAPE_DEFINITION_REPRESENTATION({},{})",
-        part21::id(shape),
-        part21::id(representation)
-    ));
+    product.represent(&mut doc, &shells);
     Ok(doc.file(&options.name, options.time.as_deref().unwrap_or(EPOCH)))
 }
 
-/// What every file of a part says: the product, its units, and where the origin is. Gives back the
-/// shape, the context and the origin.
-fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> (usize, usize, usize) {
-    let id = part21::id;
+/// Why patches cannot be written.
+struct Refusal {
+    code: &'static str,
+    why: String,
+    hint: &'static str,
+}
+
+fn unit(options: &StepOptions) -> Result<&str, Refusal> {
+    let unit = options.units.as_deref().unwrap_or("mm");
+    if STEP_UNITS.contains(&unit) {
+        return Ok(unit);
+    }
+    Err(Refusal {
+        code: "unit-unknown",
+        why: format!(
+            "\"{}\" is not among its units of length: {}",
+            crate::input::shorten(unit),
+            STEP_UNITS.join(", ")
+        ),
+        hint: "choose one of these",
+    })
+}
+
+/// The surfaces of the faces, of which there must be one, with positive weights.
+fn splines(faces: &[StepFace]) -> Result<Vec<Spline>, Refusal> {
+    if faces.is_empty() {
+        return Err(Refusal {
+            code: "empty",
+            why: "there is no patch".to_owned(),
+            hint: "a file of faces needs one",
+        });
+    }
+    let positive = |(face, number): (&StepFace, usize)| {
+        Spline::positive(&face.patch).ok_or_else(|| Refusal {
+            code: "weights",
+            why: format!(
+                "patch {number}: no positive control weights were found; its weight comes near 0, or below, inside"
+            ),
+            hint: "a smaller patch",
+        })
+    };
+    faces.iter().zip(1..).map(positive).collect()
+}
+
+/// The largest coordinate of a control point.
+fn size(splines: &[Spline]) -> Result<f64, Refusal> {
+    let coordinates = splines.iter().flat_map(Spline::points).flatten();
+    let size = coordinates.fold(0.0f64, |m, v| m.max(v.abs()));
+    if size.is_finite() {
+        return Ok(size);
+    }
+    Err(Refusal {
+        code: "overflow",
+        why: "a control point is beyond the largest number".to_owned(),
+        hint: "a smaller patch",
+    })
+}
+
+/// Instances of the product to which faces are tied.
+struct Product {
+    shape: usize,
+    context: usize,
+    origin: usize,
+}
+
+/// What every file of a part says: the product, its units, and where the origin is.
+fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> Product {
     let name = part21::text(if options.name.is_empty() {
         "surface"
     } else {
         &options.name
     });
+    Product {
+        shape: shape(doc, &name),
+        context: context(doc, unit),
+        origin: doc.placement(&Placement {
+            origin: [0.0; 3],
+            z: [0.0, 0.0, 1.0],
+            x: [1.0, 0.0, 0.0],
+        }),
+    }
+}
+
+impl Product {
+    /// The shape of the product is these shells.
+    fn represent(&self, doc: &mut Document, shells: &[usize]) {
+        let shells = part21::ids(shells);
+        let model = doc.add(&format!("SHELL_BASED_SURFACE_MODEL('',{shells})"));
+        let items = part21::ids(&[model, self.origin]);
+        let context = part21::id(self.context);
+        let representation = doc.add(&format!(
+            "MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',{items},{context})"
+        ));
+        doc.add(&format!(
+            "SHAPE_DEFINITION_REPRESENTATION({},{})",
+            part21::id(self.shape),
+            part21::id(representation)
+        ));
+    }
+}
+
+/// The product of this name, down to its shape.
+fn shape(doc: &mut Document, name: &str) -> usize {
+    let id = part21::id;
     let app = doc.add("APPLICATION_CONTEXT('managed model based 3d engineering')");
     let standard = "'international standard','ap242_managed_model_based_3d_engineering',2014";
     doc.add(&format!(
@@ -184,17 +231,41 @@ fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> (usize, usi
         id(formation),
         id(design)
     ));
-    let shape = doc.add(&format!(
+    doc.add(&format!(
         "PRODUCT_DEFINITION_SHAPE('','',{})",
         id(definition)
-    ));
+    ))
+}
 
+/// The space of the coordinates: units of length and angle, and the accuracy.
+fn context(doc: &mut Document, unit: &str) -> usize {
+    let id = part21::id;
+    let length = length_unit(doc, unit);
+    let angle = doc.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))");
+    let solid = doc.add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())");
+    let accuracy = format!(
+        "LENGTH_MEASURE({}),{},'distance_accuracy_value',''",
+        part21::real(UNCERTAINTY),
+        id(length)
+    );
+    let accuracy = doc.add(&format!("UNCERTAINTY_MEASURE_WITH_UNIT({accuracy})"));
+    doc.add(&format!(
+        "(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({}))GLOBAL_UNIT_ASSIGNED_CONTEXT({})\
+         REPRESENTATION_CONTEXT('','3D'))",
+        id(accuracy),
+        part21::ids(&[length, angle, solid])
+    ))
+}
+
+/// One of [`STEP_UNITS`].
+fn length_unit(doc: &mut Document, unit: &str) -> usize {
+    let id = part21::id;
     let si = |doc: &mut Document, prefix: &str| {
         doc.add(&format!(
             "(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT({prefix},.METRE.))"
         ))
     };
-    let length = match unit {
+    match unit {
         "um" => si(doc, ".MICRO."),
         "cm" => si(doc, ".CENTI."),
         "m" => si(doc, "$"),
@@ -218,95 +289,69 @@ fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> (usize, usi
             ))
         }
         _ => si(doc, ".MILLI."),
+    }
+}
+
+/// A border of a face.
+struct Border {
+    control: Vec<[f64; 4]>,
+    along_u: bool,
+    /// Whether it runs along the loop around the face.
+    forward: bool,
+}
+
+/// The borders around a face, its outside above.
+fn borders(spline: &Spline) -> [Border; 4] {
+    let (m, n) = spline.last();
+    let row = |i: usize| (0..=n).map(|j| spline.at(i, j)).collect();
+    let column = |j: usize| (0..=m).map(|i| spline.at(i, j)).collect();
+    let border = |control, along_u, forward| Border {
+        control,
+        along_u,
+        forward,
     };
-    let angle = doc.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))");
-    let solid = doc.add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())");
-    let accuracy = format!(
-        "LENGTH_MEASURE({}),{},'distance_accuracy_value',''",
-        part21::real(UNCERTAINTY),
-        id(length)
-    );
-    let accuracy = doc.add(&format!("UNCERTAINTY_MEASURE_WITH_UNIT({accuracy})"));
-    let context = doc.add(&format!(
-        "(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({}))GLOBAL_UNIT_ASSIGNED_CONTEXT({})\
-         REPRESENTATION_CONTEXT('','3D'))",
-        id(accuracy),
-        part21::ids(&[length, angle, solid])
-    ));
-    let origin = doc.placement(&Placement {
-        origin: [0.0; 3],
-        z: [0.0, 0.0, 1.0],
-        x: [1.0, 0.0, 0.0],
-    });
-    (shape, context, origin)
+    [
+        border(column(0), true, true),
+        border(row(m), false, true),
+        border(column(n), true, false),
+        border(row(0), false, false),
+    ]
+}
+
+/// The corners of a face that are written already.
+struct Vertices {
+    /// Points this near are one.
+    same: f64,
+    written: Vec<(Point3, usize)>,
+}
+
+impl Vertices {
+    fn is_same(&self, p: Point3, q: Point3) -> bool {
+        distance_squared(p, q) <= self.same * self.same
+    }
+    /// The vertex at a point.
+    fn at(&mut self, doc: &mut Document, p: Point3) -> usize {
+        if let Some((_, vertex)) = self.written.iter().find(|(q, _)| self.is_same(*q, p)) {
+            return *vertex;
+        }
+        let at = doc.point(p);
+        let vertex = doc.add(&format!("VERTEX_POINT('',{})", part21::id(at)));
+        self.written.push((p, vertex));
+        vertex
+    }
 }
 
 /// A face with its surface, borders and corners.
 fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -> usize {
-    let (m, n) = spline.last();
-    // Around the face, its outside above: the control points of each border, and whether they run
-    // along the loop.
-    let sides: [(Vec<[f64; 4]>, bool, bool); 4] = [
-        ((0..=m).map(|i| spline.at(i, 0)).collect(), true, true),
-        ((0..=n).map(|j| spline.at(m, j)).collect(), false, true),
-        ((0..=m).map(|i| spline.at(i, n)).collect(), true, false),
-        ((0..=n).map(|j| spline.at(0, j)).collect(), false, false),
-    ];
-    let mut vertices: Vec<(Point3, usize)> = Vec::new();
-    let mut edges = Vec::new();
-    for (control, along_u, forward) in &sides {
-        let points: Vec<Point3> = control.iter().map(spline::affine).collect();
-        let (first, last) = (points[0], points[points.len() - 1]);
-        // A side may be a point, such as the pole of a sphere: no edge then.
-        if points
-            .iter()
-            .all(|p| distance_squared(*p, first) <= same * same)
-        {
-            continue;
-        }
-        let [start, end] = [first, last].map(|p| {
-            match vertices
-                .iter()
-                .find(|(q, _)| distance_squared(*q, p) <= same * same)
-            {
-                Some((_, vertex)) => *vertex,
-                None => {
-                    let at = doc.point(p);
-                    let vertex = doc.add(&format!("VERTEX_POINT('',{})", part21::id(at)));
-                    vertices.push((p, vertex));
-                    vertex
-                }
-            }
-        });
-        let curve = doc.curve(control, spline.knots(*along_u));
-        let ends = format!(
-            "{},{},{}",
-            part21::id(start),
-            part21::id(end),
-            part21::id(curve)
-        );
-        let edge = doc.add(&format!("EDGE_CURVE('',{ends},.T.)"));
-        edges.push(doc.add(&format!(
-            "ORIENTED_EDGE('',*,*,{},{})",
-            part21::id(edge),
-            part21::flag(*forward)
-        )));
-    }
-    let (surface, agrees) = match face.surface.and_then(|s| placement::place(&s, &face.patch)) {
-        Some(placed) => {
-            let axes = part21::id(doc.placement(&placed.axes));
-            let numbers: String = placed
-                .numbers
-                .iter()
-                .map(|v| format!(",{}", part21::real(*v)))
-                .collect();
-            (
-                doc.add(&format!("{}('',{axes}{numbers})", placed.entity)),
-                placed.agrees,
-            )
-        }
-        None => (doc.surface(spline), true),
+    let mut vertices = Vertices {
+        same,
+        written: Vec::new(),
     };
+    let mut edges = Vec::new();
+    for border in &borders(spline) {
+        edges.extend(write_edge(doc, border, spline, &mut vertices));
+    }
+    let (surface, agrees) = write_surface(doc, face, spline);
     let around = doc.add(&format!("EDGE_LOOP('',{})", part21::ids(&edges)));
     let bound = doc.add(&format!("FACE_OUTER_BOUND('',{},.T.)", part21::id(around)));
     let (name, agrees) = (part21::text(&face.name), part21::flag(agrees));
@@ -315,4 +360,42 @@ fn write_face(doc: &mut Document, face: &StepFace, spline: &Spline, same: f64) -
         part21::id(bound),
         part21::id(surface)
     ))
+}
+
+/// The edge of a border; none where the border is a point, such as the pole of a sphere.
+fn write_edge(
+    doc: &mut Document,
+    border: &Border,
+    spline: &Spline,
+    vertices: &mut Vertices,
+) -> Option<usize> {
+    let points: Vec<Point3> = border.control.iter().map(spline::affine).collect();
+    let (first, last) = (points[0], points[points.len() - 1]);
+    if points.iter().all(|p| vertices.is_same(*p, first)) {
+        return None;
+    }
+    let [start, end] = [first, last].map(|p| part21::id(vertices.at(doc, p)));
+    let curve = part21::id(doc.curve(&border.control, spline.knots(border.along_u)));
+    let edge = doc.add(&format!("EDGE_CURVE('',{start},{end},{curve},.T.)"));
+    Some(doc.add(&format!(
+        "ORIENTED_EDGE('',*,*,{},{})",
+        part21::id(edge),
+        part21::flag(border.forward)
+    )))
+}
+
+/// The named surface that the patch lies on, if it can be placed, else the spline; and whether its
+/// normal agrees with that of the patch.
+fn write_surface(doc: &mut Document, face: &StepFace, spline: &Spline) -> (usize, bool) {
+    let Some(placed) = face.surface.and_then(|s| placement::place(&s, &face.patch)) else {
+        return (doc.surface(spline), true);
+    };
+    let axes = part21::id(doc.placement(&placed.axes));
+    let numbers: String = placed
+        .numbers
+        .iter()
+        .map(|v| format!(",{}", part21::real(*v)))
+        .collect();
+    let surface = doc.add(&format!("{}('',{axes}{numbers})", placed.entity));
+    (surface, placed.agrees)
 }

@@ -5,8 +5,8 @@
 //! order of the corners says the same, and is what other programs use.
 
 use crate::collect::{Collector, Parts};
+use crate::format::Sniff;
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
-use crate::registry::Sniff;
 use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;

@@ -8,8 +8,8 @@
 //! colours, triples of length 1 are normals.
 
 use crate::collect::Collector;
+use crate::format::{Sniff, extension};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
-use crate::registry::{Sniff, extension};
 use crate::roles::{Layout, Role};
 use crate::{ErrorKind, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
@@ -561,23 +561,11 @@ pub(crate) fn write_csv(
 }
 
 fn lines(cloud: &PointCloud, out: &mut dyn Write, separator: char) -> io::Result<()> {
-    let names = crate::write::column_names(cloud);
+    let names = crate::columns::column_names(cloud);
     writeln!(out, "{}", names.all().join(&separator.to_string()))?;
     let mut line = Vec::new();
     for i in 0..cloud.points.len() {
-        let numbers = cloud
-            .absolute(i)
-            .into_iter()
-            .chain(cloud.normals.get(i).into_iter().flatten().copied());
-        let color = cloud.colors.get(i).into_iter().flatten().copied();
-        crate::write::row(
-            out,
-            separator as u8,
-            numbers,
-            color,
-            cloud.columns.iter().map(|c| c.values[i]),
-            &mut line,
-        )?;
+        crate::columns::row(out, separator as u8, cloud, i, &mut line)?;
     }
     Ok(())
 }

@@ -7,7 +7,7 @@
 
 use super::{Header, corrupt, u32_at};
 use crate::input::{Input, Result};
-use crate::{At, ErrorKind};
+use crate::{At, ErrorKind, ReadError};
 use laz::laszip::{ChunkTable, CompressorType};
 use laz::{DecompressionSelection, LasZipDecompressor, LazItem, LazItemType, LazVlr};
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
@@ -16,8 +16,9 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 /// Points that one byte of LAZ can stand for. Real files have at most a few; a run of equal points
 /// may have some hundred. More would let a small file announce points without end.
 const POINTS_PER_BYTE: u64 = 1000;
-/// Stack of the thread; it takes memory only as far as it is used.
+/// Bytes of the stack of the thread; it takes memory only as far as it is used.
 const STACK: usize = 256 << 20;
+/// Bytes of the stack that the decoder may use; far below [`STACK`], so that what it calls has room.
 const MAX_DEPTH: usize = 32 << 20;
 /// Points that are unpacked at a time.
 const BATCH: u64 = 1024;
@@ -165,156 +166,187 @@ fn unpack_here(
     Ok(())
 }
 
+/// The description of the items, once everything that `laz` would believe is compared with the
+/// file.
 fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
     let bad = |input: &Input<'_>, why: String| corrupt(input, At::Byte(header.start), why);
     let Some(data) = &header.laszip else {
-        return Err(bad(
-            input,
-            "the record \"laszip encoded\" is missing".into(),
-        ));
+        let why = "the record \"laszip encoded\" is missing";
+        return Err(bad(input, why.into()));
     };
     let vlr = LazVlr::from_buffer(data).map_err(|e| bad(input, e.to_string()))?;
-    let items = vlr.items();
-    let is_layered = items
-        .first()
-        .is_some_and(|i| i.item_type() == LazItemType::Point14);
+    // The kind of compressor is the first number of the record; the crate does not tell it.
+    let compressor = u16::from_le_bytes([data[0], data[1]]);
+    if !items_fit(&vlr, compressor, header.record) {
+        let why = format!(
+            "the LAZ items do not make records of {} bytes",
+            header.record
+        );
+        return Err(bad(input, why));
+    }
+    if header.points > input.size.saturating_mul(POINTS_PER_BYTE) {
+        let why = format!("{} points cannot be in {} bytes", header.points, input.size);
+        return Err(bad(input, why));
+    }
+    if compressor != CompressorType::PointWise as u16 {
+        check_chunks(input, header, &vlr)?;
+    }
+    Ok(vlr)
+}
+
+/// Whether the first item is that of the formats from 6 on, whose fields lie in layers.
+fn is_layered(vlr: &LazVlr) -> bool {
+    let first = vlr.items().first();
+    first.is_some_and(|i| i.item_type() == LazItemType::Point14)
+}
+
+/// Whether the items are of one family, fit the compressor and make records of that many bytes.
+fn items_fit(vlr: &LazVlr, compressor: u16, record: u16) -> bool {
+    let (items, is_layered) = (vlr.items(), is_layered(vlr));
     let is_basic = items
         .first()
         .is_some_and(|i| i.item_type() == LazItemType::Point10);
-    let good_items = items.iter().enumerate().all(|(k, i)| {
-        let (size, layers) = expected(i);
-        let first = matches!(i.item_type(), LazItemType::Point10 | LazItemType::Point14);
-        let versions = if is_layered { 3..=4 } else { 1..=2 };
-        let is_of_family =
-            is_layered == (layers > 0) || matches!(i.item_type(), LazItemType::Byte14(0));
-        i.size() == size
-            && size > 0
-            && first == (k == 0)
-            && versions.contains(&i.version())
-            && is_of_family
-    });
-    let total: u64 = items.iter().map(|i| u64::from(i.size())).sum();
-    // The kind of compressor is the first number of the record; the crate does not tell it.
-    let compressor = u16::from_le_bytes([data[0], data[1]]);
-    let good_kind = if is_layered {
+    let fits_compressor = if is_layered {
         compressor == CompressorType::LayeredChunked as u16
     } else {
         is_basic
             && (compressor == CompressorType::PointWise as u16
                 || compressor == CompressorType::PointWiseChunked as u16)
     };
-    if !good_items || !good_kind || total != u64::from(header.record) {
-        return Err(bad(
-            input,
-            format!(
-                "the LAZ items do not make records of {} bytes",
-                header.record
-            ),
-        ));
-    }
-    if header.points > input.size.saturating_mul(POINTS_PER_BYTE) {
-        return Err(bad(
-            input,
-            format!("{} points cannot be in {} bytes", header.points, input.size),
-        ));
-    }
-    if compressor != CompressorType::PointWise as u16 {
-        check_chunks(input, header, &vlr, is_layered)?;
-    }
-    Ok(vlr)
+    let total: u64 = items.iter().map(|i| u64::from(i.size())).sum();
+    let mut numbered = items.iter().enumerate();
+    fits_compressor
+        && total == u64::from(record)
+        && numbered.all(|(k, item)| item_is_good(item, k == 0, is_layered))
+}
+
+/// Whether an item has the size of its type, and a version and a type of the family.
+fn item_is_good(item: &LazItem, is_first: bool, is_layered: bool) -> bool {
+    let kind = item.item_type();
+    let (size, layers) = expected(item);
+    let is_point = matches!(kind, LazItemType::Point10 | LazItemType::Point14);
+    let versions = if is_layered { 3..=4 } else { 1..=2 };
+    let is_of_family = is_layered == (layers > 0) || matches!(kind, LazItemType::Byte14(0));
+    item.size() == size
+        && size > 0
+        && is_point == is_first
+        && versions.contains(&item.version())
+        && is_of_family
 }
 
 /// The length of the chunk table and the sizes of all layers against the length of the file.
-fn check_chunks(
-    input: &mut Input<'_>,
-    header: &Header,
-    vlr: &LazVlr,
-    is_layered: bool,
-) -> Result<()> {
-    let bad = |input: &Input<'_>, why: String| Err(corrupt(input, input.at_byte(), why));
-    let missing = || "the LAZ chunk table is cut off".to_owned();
-    let mut word = [0; 8];
-    input.exact(&mut word, missing)?;
-    let mut table = i64::from_le_bytes(word);
-    if table <= header.start as i64 && input.size >= 8 {
-        // A writer that could not go back has put it at the end.
-        input.seek(input.size - 8)?;
-        input.exact(&mut word, missing)?;
-        table = i64::from_le_bytes(word);
-    }
-    let mut counts = None;
-    if table > header.start as i64 && (table as u64).saturating_add(8) <= input.size {
-        input.seek(table as u64)?;
-        input.exact(&mut word, missing)?;
-        let chunks = u64::from(u32_at(&word, 4));
-        // Every chunk starts with a whole point.
-        if chunks > header.points || chunks.saturating_mul(u64::from(header.record)) > input.size {
-            return bad(
-                input,
-                format!("{chunks} chunks cannot be in {} bytes", input.size),
-            );
-        }
-        if vlr.uses_variable_size_chunks() {
-            input.seek(header.start)?;
-            let stream = input.stream();
-            counts = match catch_unwind(AssertUnwindSafe(|| ChunkTable::read_from(stream, vlr))) {
-                Ok(Ok(table)) => Some(table),
-                _ => return bad(input, "the LAZ chunk table is damaged".into()),
-            };
-        }
-    } else if vlr.uses_variable_size_chunks() {
-        return bad(input, "the LAZ chunk table is missing".into());
-    }
-    if let Some(table) = &counts {
-        let sum = table
-            .as_ref()
-            .iter()
-            .try_fold(0_u64, |sum, c| sum.checked_add(c.point_count));
+fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<()> {
+    let table = chunk_table(input, header, vlr)?;
+    if let Some(table) = &table {
+        let counts = table.as_ref().iter().map(|c| c.point_count);
+        let sum = counts.fold(Some(0_u64), |sum: Option<u64>, n| sum?.checked_add(n));
         if sum.is_none_or(|sum| sum < header.points) {
-            return bad(
-                input,
-                format!("the chunks do not hold {} points", header.points),
-            );
+            let why = format!("the chunks do not hold {} points", header.points);
+            return Err(damaged(input, why));
         }
     }
-    if !is_layered {
+    if !is_layered(vlr) {
         return Ok(());
     }
     let layers: u64 = vlr.items().iter().map(|i| expected(i).1).sum();
-    let (mut at, mut points, mut chunk) = (header.start + 8, 0_u64, 0_usize);
-    let mut sizes = Vec::new();
+    let (mut at, mut points, mut number) = (header.start + 8, 0_u64, 0_usize);
     while points < header.points {
         input.seek(at)?;
-        input.skip(u64::from(header.record), || {
-            format!("LAZ chunk {chunk} is cut off")
-        })?;
-        sizes.resize(4 + 4 * layers as usize, 0);
-        input.exact(&mut sizes, || format!("LAZ chunk {chunk} is cut off"))?;
-        let stored = u64::from(u32_at(&sizes, 0));
-        let bytes: u64 = sizes[4..]
-            .chunks_exact(4)
-            .map(|b| u64::from(u32_at(b, 0)))
-            .sum();
+        let chunk = Chunk::read(input, number, header.record, layers)?;
+        // As many as the decoder will take from this chunk, whatever the chunk says.
+        let taken = match &table {
+            Some(table) => table.as_ref().get(number).map_or(0, |c| c.point_count),
+            None => u64::from(vlr.chunk_size()),
+        };
+        let is_last = points + chunk.points >= header.points;
+        if taken == 0 || chunk.points > taken || (chunk.points < taken && !is_last) {
+            let stored = chunk.points;
+            let why = format!("LAZ chunk {number} has {stored} points instead of {taken}");
+            return Err(damaged(input, why));
+        }
+        points += taken;
+        at = input.offset + chunk.bytes;
+        number += 1;
+    }
+    Ok(())
+}
+
+fn damaged(input: &Input<'_>, why: impl Into<String>) -> ReadError {
+    corrupt(input, input.at_byte(), why)
+}
+
+/// What a chunk of layers says of itself.
+struct Chunk {
+    points: u64,
+    /// Bytes of all layers.
+    bytes: u64,
+}
+
+impl Chunk {
+    /// Reads over the first point, the number of points and the sizes of the layers.
+    fn read(input: &mut Input<'_>, number: usize, record: u16, layers: u64) -> Result<Self> {
+        let cut = || format!("LAZ chunk {number} is cut off");
+        input.skip(u64::from(record), cut)?;
+        let mut sizes = vec![0; 4 + 4 * layers as usize];
+        input.exact(&mut sizes, cut)?;
+        let layers = sizes[4..].chunks_exact(4);
+        let bytes: u64 = layers.map(|b| u64::from(u32_at(b, 0))).sum();
         if bytes > input.left() {
             return Err(input.truncated(format!(
-                "LAZ chunk {chunk} should have {bytes} bytes, {} are there",
+                "LAZ chunk {number} should have {bytes} bytes, {} are there",
                 input.left()
             )));
         }
-        // As many as the decoder will take from this chunk, whatever the chunk says.
-        let taken = match &counts {
-            Some(table) => table.as_ref().get(chunk).map_or(0, |c| c.point_count),
-            None => u64::from(vlr.chunk_size()),
-        };
-        if taken == 0 || stored > taken || (stored < taken && points + stored < header.points) {
-            return bad(
-                input,
-                format!("LAZ chunk {chunk} has {stored} points instead of {taken}"),
-            );
-        }
-        points += taken;
-        at = input.offset + bytes;
-        chunk += 1;
+        Ok(Self {
+            points: u64::from(u32_at(&sizes, 0)),
+            bytes,
+        })
     }
-    Ok(())
+}
+
+/// The chunk table, where the chunks differ in their numbers of points; its length is checked in any
+/// case.
+fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<Option<ChunkTable>> {
+    let start = header.start;
+    let table = chunk_table_start(input, start)?;
+    let is_there = table > start as i64 && (table as u64).saturating_add(8) <= input.size;
+    if !is_there {
+        return match vlr.uses_variable_size_chunks() {
+            true => Err(damaged(input, "the LAZ chunk table is missing")),
+            false => Ok(None),
+        };
+    }
+    input.seek(table as u64)?;
+    let chunks = u64::from(u32_at(&word(input)?, 4));
+    // Every chunk starts with a whole point.
+    if chunks > header.points || chunks.saturating_mul(u64::from(header.record)) > input.size {
+        let why = format!("{chunks} chunks cannot be in {} bytes", input.size);
+        return Err(damaged(input, why));
+    }
+    if !vlr.uses_variable_size_chunks() {
+        return Ok(None);
+    }
+    input.seek(start)?;
+    let stream = input.stream();
+    match catch_unwind(AssertUnwindSafe(|| ChunkTable::read_from(stream, vlr))) {
+        Ok(Ok(table)) => Ok(Some(table)),
+        _ => Err(damaged(input, "the LAZ chunk table is damaged")),
+    }
+}
+
+/// Where the chunk table begins: before the points, or, from a writer that could not go back, at the
+/// end of the file.
+fn chunk_table_start(input: &mut Input<'_>, start: u64) -> Result<i64> {
+    let table = i64::from_le_bytes(word(input)?);
+    if table > start as i64 || input.size < 8 {
+        return Ok(table);
+    }
+    input.seek(input.size - 8)?;
+    Ok(i64::from_le_bytes(word(input)?))
+}
+
+fn word(input: &mut Input<'_>) -> Result<[u8; 8]> {
+    let mut word = [0; 8];
+    input.exact(&mut word, || "the LAZ chunk table is cut off".to_owned())?;
+    Ok(word)
 }

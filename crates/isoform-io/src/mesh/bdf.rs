@@ -4,10 +4,10 @@
 //! The property of an element is the tag of its part; regions follow behind the parts. Their names
 //! are comments. Triangles are numbered before the tetrahedra.
 
-use super::MeshWriteOptions;
 use super::group::{tet, triangle};
-use super::number::Out;
-use isoform_geom::Mesh;
+use super::options::MeshWriteOptions;
+use super::out::Out;
+use isoform_geom::{Mesh, Point3};
 use std::io::{self, Write};
 
 /// Highest number of a node or an element.
@@ -18,65 +18,68 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    if mesh
-        .points
-        .len()
-        .max(mesh.triangles.len() + mesh.tets.len())
-        > HIGHEST
-    {
+    let elements = mesh.triangles.len() + mesh.tets.len();
+    if mesh.points.len().max(elements) > HIGHEST {
         return Err(io::Error::other(format!(
             "Nastran numbers nodes and elements up to {HIGHEST} only"
         )));
     }
     let mut out = Out::new(out);
     out.str("$ mesh written by isoform").line()?;
-    if let Some(units) = &options.units {
-        out.str("$ units: ")
-            .str(&units.replace(['\n', '\r'], " "))
-            .line()?;
-    }
-    let names = mesh
-        .parts
-        .iter()
-        .map(|n| ("part", n))
-        .chain(mesh.regions.iter().map(|n| ("region", n)));
-    for (i, (kind, name)) in names.enumerate() {
-        let plain: String = name
-            .chars()
-            .map(|c| if c.is_control() { ' ' } else { c })
-            .collect();
-        out.str("$ property ")
-            .int(i + 1)
-            .str(" is ")
-            .str(kind)
-            .str(" ")
-            .str(&plain)
-            .line()?;
-    }
+    out.units("$", options)?;
+    write_names(mesh, &mut out)?;
     out.str("CEND\nBEGIN BULK").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
-        let start = out.mark();
-        out.str("GRID*")
-            .pad(start, 8)
-            .int(i + 1)
-            .pad(start, 40)
-            .narrow(p[0], 16)
-            .pad(start, 56)
-            .narrow(p[1], 16);
-        out.str("\n");
-        let start = out.mark();
-        out.str("*").pad(start, 8).narrow(p[2], 16).line()?;
+        write_node(i + 1, p, &mut out)?;
     }
-    let card = |out: &mut Out<'_>, name: &str, number: usize, property: usize, nodes: &[u32]| {
+    write_triangles(mesh, &mut out)?;
+    write_tets(mesh, &mut out)?;
+    out.str("ENDDATA").line()?;
+    out.flush()
+}
+
+/// What the properties are: parts, then regions.
+fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
+    let parts = mesh.parts.iter().map(|n| (" is part ", n));
+    let regions = mesh.regions.iter().map(|n| (" is region ", n));
+    for (i, (is, name)) in parts.chain(regions).enumerate() {
+        out.str("$ property ")
+            .int(i + 1)
+            .str(is)
+            .name(name)
+            .line()?;
+    }
+    Ok(())
+}
+
+/// A node in two lines of wide fields.
+fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
+    let start = out.mark();
+    out.str("GRID*").pad(start, 8).int(number).pad(start, 40);
+    out.narrow(p[0], 16)
+        .pad(start, 56)
+        .narrow(p[1], 16)
+        .str("\n");
+    let start = out.mark();
+    out.str("*").pad(start, 8).narrow(p[2], 16).line()
+}
+
+/// An element and the property that it belongs to, both from 1.
+struct Card<'n> {
+    name: &'static str,
+    number: usize,
+    property: usize,
+    nodes: &'n [u32],
+}
+
+impl Card<'_> {
+    /// Writes ten fields of eight a line: the first is the name or a mark, the last is left free.
+    fn write(&self, out: &mut Out<'_>) -> io::Result<()> {
         let mut start = out.mark();
-        out.str(name)
-            .pad(start, 8)
-            .int(number)
-            .pad(start, 16)
-            .int(property)
-            .pad(start, 24);
+        out.str(self.name).pad(start, 8).int(self.number);
+        out.pad(start, 16).int(self.property).pad(start, 24);
         let mut column = 24;
-        for &n in nodes {
+        for &n in self.nodes {
             if column == 72 {
                 out.str("\n");
                 start = out.mark();
@@ -87,34 +90,39 @@ pub(super) fn write(
             out.int(n + 1).pad(start, column);
         }
         out.line()
-    };
+    }
+}
+
+fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
         let (nodes, n) = triangle(mesh, i);
-        let property = mesh.triangle_parts.get(i).map_or(1, |p| *p as usize + 1);
-        card(
-            &mut out,
-            if n == 6 { "CTRIA6" } else { "CTRIA3" },
-            i + 1,
-            property,
-            &nodes[..n],
-        )?;
+        Card {
+            name: if n == 6 { "CTRIA6" } else { "CTRIA3" },
+            number: i + 1,
+            property: mesh.triangle_parts.get(i).map_or(1, |p| *p as usize + 1),
+            nodes: &nodes[..n],
+        }
+        .write(out)?;
     }
-    let parts = if mesh.triangles.is_empty() {
-        0
-    } else {
-        mesh.parts.len().max(1)
+    Ok(())
+}
+
+/// Numbers and properties follow behind those of the triangles.
+fn write_tets(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
+    let parts = match mesh.triangles.is_empty() {
+        true => 0,
+        false => mesh.parts.len().max(1),
     };
     for i in 0..mesh.tets.len() {
         let (nodes, n) = tet(mesh, i);
-        let property = parts + mesh.tet_regions.get(i).map_or(1, |r| *r as usize + 1);
-        card(
-            &mut out,
-            "CTETRA",
-            mesh.triangles.len() + i + 1,
-            property,
-            &nodes[..n],
-        )?;
+        let region = mesh.tet_regions.get(i).map_or(1, |r| *r as usize + 1);
+        Card {
+            name: "CTETRA",
+            number: mesh.triangles.len() + i + 1,
+            property: parts + region,
+            nodes: &nodes[..n],
+        }
+        .write(out)?;
     }
-    out.str("ENDDATA").line()?;
-    out.flush()
+    Ok(())
 }

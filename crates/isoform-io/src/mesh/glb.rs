@@ -6,13 +6,13 @@
 //! node scales, if the unit is known. A mesh with parameters gets a chequered texture along them;
 //! its other numbers per node are attributes such as `_DISTANCE`.
 
-use super::MeshWriteOptions;
 use super::chequer;
 use super::color::part_color;
 use super::group::Groups;
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::surface::SurfaceNodes;
-use isoform_geom::{Aabb, Column, Mesh};
+use isoform_geom::{Aabb, Column, Mesh, Point3};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
@@ -28,95 +28,172 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let nodes = SurfaceNodes::of(mesh);
-    let parts = Groups::parts(mesh);
-    let center = Aabb::of(nodes.points(mesh)).center();
-    let points = || {
-        nodes
-            .points(mesh)
-            .map(|p| std::array::from_fn::<f32, 3, _>(|k| (p[k] - center[k]) as f32))
-    };
-    let is_empty = mesh.triangles.is_empty();
-    let texture = if mesh.parameters().is_some() && !is_empty {
-        chequer::png()
+    let mut out = Out::new(out);
+    if mesh.triangles.is_empty() {
+        write_document(&json!({ "asset": asset() }), None, &mut out)?;
     } else {
-        Vec::new()
-    };
-    let padding = texture.len().wrapping_neg() % 4;
-    let bytes = if is_empty {
-        0
-    } else {
-        4 * nodes.len() * (3 + mesh.columns.len())
-            + 12 * mesh.triangles.len()
-            + texture.len()
-            + padding
-    };
-    let mut text = if is_empty {
-        json!({ "asset": asset() }).to_string()
-    } else {
+        let model = Model::of(mesh);
+        let scale = metres(options.units.as_deref());
+        write_document(&model.document(scale), Some(model.size()), &mut out)?;
+        model.write_binary(&mut out)?;
+    }
+    out.flush()
+}
+
+/// The head of the file and its JSON chunk, and the head of the binary chunk if there is one of that
+/// size.
+fn write_document(document: &Value, binary: Option<usize>, out: &mut Out<'_>) -> io::Result<()> {
+    let mut text = document.to_string();
+    text.extend(std::iter::repeat_n(' ', padding(text.len())));
+    let total = 12 + 8 + text.len() + binary.map_or(0, |size| 8 + size);
+    let total = u32::try_from(total).map_err(|_| io::Error::other("glTF holds at most 4 GiB"))?;
+    out.bytes(b"glTF").bytes(&2_u32.to_le_bytes());
+    out.bytes(&total.to_le_bytes());
+    out.bytes(&(text.len() as u32).to_le_bytes());
+    out.bytes(b"JSON").str(&text).end()?;
+    if let Some(size) = binary {
+        out.bytes(&(size as u32).to_le_bytes()).bytes(b"BIN\0");
+    }
+    Ok(())
+}
+
+/// Bytes to the next multiple of four.
+fn padding(length: usize) -> usize {
+    length.wrapping_neg() % 4
+}
+
+/// A mesh with triangles as a viewer gets it.
+struct Model<'m> {
+    mesh: &'m Mesh,
+    nodes: SurfaceNodes,
+    parts: Groups,
+    /// The middle of the box, which the coordinates are relative to.
+    center: Point3,
+    /// The texture as PNG; empty for a mesh without parameters.
+    texture: Vec<u8>,
+}
+
+impl<'m> Model<'m> {
+    fn of(mesh: &'m Mesh) -> Self {
+        let nodes = SurfaceNodes::of(mesh);
+        Self {
+            center: Aabb::of(nodes.points(mesh)).center(),
+            nodes,
+            parts: Groups::parts(mesh),
+            texture: match mesh.parameters() {
+                Some(_) => chequer::png(),
+                None => Vec::new(),
+            },
+            mesh,
+        }
+    }
+
+    fn points(&self) -> impl Iterator<Item = [f32; 3]> {
+        self.nodes
+            .points(self.mesh)
+            .map(|p| std::array::from_fn(|k| (p[k] - self.center[k]) as f32))
+    }
+
+    /// Least and largest coordinates.
+    fn bounds(&self) -> [[f32; 3]; 2] {
         let (mut lo, mut hi) = ([f32::INFINITY; 3], [f32::NEG_INFINITY; 3]);
-        for p in points() {
+        for p in self.points() {
             lo = std::array::from_fn(|k| lo[k].min(p[k]));
             hi = std::array::from_fn(|k| hi[k].max(p[k]));
         }
-        scene(
-            mesh,
-            &nodes,
-            &parts,
-            &center,
-            [lo, hi],
-            texture.len(),
-            bytes,
-            options,
-        )
-        .to_string()
-    };
-    text.extend(std::iter::repeat_n(' ', text.len().wrapping_neg() % 4));
-    let total = 12 + 8 + text.len() + if is_empty { 0 } else { 8 + bytes };
-    let total = u32::try_from(total).map_err(|_| io::Error::other("glTF holds at most 4 GiB"))?;
-    let mut out = Out::new(out);
-    out.bytes(b"glTF")
-        .bytes(&2_u32.to_le_bytes())
-        .bytes(&total.to_le_bytes());
-    out.bytes(&(text.len() as u32).to_le_bytes())
-        .bytes(b"JSON")
-        .str(&text)
-        .end()?;
-    if !is_empty {
-        out.bytes(&(bytes as u32).to_le_bytes()).bytes(b"BIN\0");
-        for p in points() {
+        [lo, hi]
+    }
+
+    /// Bytes of the binary chunk.
+    fn size(&self) -> usize {
+        let numbers = self.nodes.len() * (3 + self.mesh.columns.len());
+        let texture = self.texture.len() + padding(self.texture.len());
+        4 * numbers + 12 * self.mesh.triangles.len() + texture
+    }
+
+    /// Coordinates, triangles by part, texture coordinates, other numbers, texture.
+    fn write_binary(&self, out: &mut Out<'_>) -> io::Result<()> {
+        for p in self.points() {
             p.iter().for_each(|v| {
                 out.bytes(&v.to_le_bytes());
             });
             out.end()?;
         }
-        for &t in parts.filled().flat_map(|(_, triangles)| triangles) {
-            for corner in nodes.triangle(mesh, t as usize) {
+        for &t in self.parts.filled().flat_map(|(_, triangles)| triangles) {
+            for corner in self.nodes.triangle(self.mesh, t as usize) {
                 out.bytes(&corner.to_le_bytes());
             }
             out.end()?;
         }
-        let mut values = |list: &mut dyn Iterator<Item = f64>| {
-            for v in list {
-                out.bytes(&(v as f32).to_le_bytes());
-                out.end()?;
-            }
-            io::Result::Ok(())
-        };
-        if let Some((u, v)) = mesh.parameters() {
-            values(
-                &mut nodes
-                    .values(u)
-                    .zip(nodes.values(v))
-                    .flat_map(|(u, v)| [u, v]),
-            )?;
+        if let Some((u, v)) = self.mesh.parameters() {
+            let pairs = self.nodes.values(u).zip(self.nodes.values(v));
+            write_floats(pairs.flat_map(|(u, v)| [u, v]), out)?;
         }
-        for column in attributes(mesh) {
-            values(&mut nodes.values(&column.values))?;
+        for column in attributes(self.mesh) {
+            write_floats(self.nodes.values(&column.values), out)?;
         }
-        out.bytes(&texture).bytes(&[0; 3][..padding]);
+        out.bytes(&self.texture);
+        out.bytes(&[0; 3][..padding(self.texture.len())]);
+        Ok(())
     }
-    out.flush()
+
+    /// The document that says what the bytes are.
+    fn document(&self, scale: f64) -> Value {
+        let mut buffer = Buffer::new(self.nodes.len(), self.mesh.triangles.len(), self.bounds());
+        if !self.texture.is_empty() {
+            buffer.numbers("TEXCOORD_0".to_owned(), "VEC2", 2);
+        }
+        for column in attributes(self.mesh) {
+            buffer.numbers(attribute_name(&column.name), "SCALAR", 1);
+        }
+        let (mut primitives, mut materials) = (Vec::new(), Vec::new());
+        for (i, triangles) in self.parts.filled() {
+            primitives.push(buffer.primitive(materials.len(), 3 * triangles.len()));
+            materials.push(self.material(i));
+        }
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        let mut document = json!({
+            "asset": asset(),
+            "scene": 0,
+            "scenes": [{ "nodes": [0] }],
+            "nodes": [
+                { "name": "isoform", "rotation": [-half, 0.0, 0.0, half], "scale": [scale, scale, scale], "children": [1] },
+                { "name": "shape", "translation": self.center, "mesh": 0 },
+            ],
+            "meshes": [{ "name": "shape", "primitives": primitives }],
+            "materials": materials,
+            "accessors": buffer.accessors,
+            "buffers": [{ "byteLength": self.size() }],
+        });
+        if !self.texture.is_empty() {
+            let view = buffer.image(self.texture.len());
+            document["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
+            document["samplers"] =
+                json!([{ "magFilter": NEAREST, "wrapS": REPEAT, "wrapT": REPEAT }]);
+            document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+        }
+        document["bufferViews"] = json!(buffer.views);
+        document
+    }
+
+    /// The material of a part, with its colour and name.
+    fn material(&self, part: usize) -> Value {
+        let [r, g, b] = part_color(part);
+        let name = self.mesh.parts.get(part).map_or("surface", |n| n);
+        let mut surface = json!({ "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.6 });
+        if !self.texture.is_empty() {
+            surface["baseColorTexture"] = json!({ "index": 0 });
+        }
+        json!({ "name": name, "pbrMetallicRoughness": surface, "doubleSided": true })
+    }
+}
+
+fn write_floats(values: impl Iterator<Item = f64>, out: &mut Out<'_>) -> io::Result<()> {
+    for v in values {
+        out.bytes(&(v as f32).to_le_bytes());
+        out.end()?;
+    }
+    Ok(())
 }
 
 /// The columns that are no texture coordinates.
@@ -143,91 +220,72 @@ fn metres(unit: Option<&str>) -> f64 {
     }
 }
 
-#[allow(
-    clippy::too_many_arguments,
-    reason = "all of it is in the one document"
-)]
-fn scene(
-    mesh: &Mesh,
-    nodes: &SurfaceNodes,
-    parts: &Groups,
-    center: &[f64; 3],
-    bounds: [[f32; 3]; 2],
-    texture: usize,
-    bytes: usize,
-    options: &MeshWriteOptions,
-) -> Value {
-    let (vertices, indices) = (12 * nodes.len(), 12 * mesh.triangles.len());
-    let mut accessors = vec![
-        json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes.len(), "type": "VEC3", "min": bounds[0], "max": bounds[1] }),
-    ];
-    let mut views = vec![
-        json!({ "buffer": 0, "byteLength": vertices, "target": VERTICES }),
-        json!({ "buffer": 0, "byteOffset": vertices, "byteLength": indices, "target": INDICES }),
-    ];
-    let mut named = serde_json::Map::new();
-    named.insert("POSITION".to_owned(), json!(0));
-    let mut end = vertices + indices;
-    let mut numbers = |name: String, kind: &str, width: usize| {
-        views.push(json!({ "buffer": 0, "byteOffset": end, "byteLength": 4 * width * nodes.len(), "target": VERTICES }));
-        named.insert(name, json!(accessors.len()));
-        accessors.push(json!({ "bufferView": views.len() - 1, "componentType": FLOAT, "count": nodes.len(), "type": kind }));
-        end += 4 * width * nodes.len();
-    };
-    if texture > 0 {
-        numbers("TEXCOORD_0".to_owned(), "VEC2", 2);
-    }
-    for column in attributes(mesh) {
-        let plain: String = column
-            .name
-            .chars()
-            .map(|c| {
-                if c.is_ascii_alphanumeric() {
-                    c.to_ascii_uppercase()
-                } else {
-                    '_'
-                }
-            })
-            .collect();
-        numbers(format!("_{plain}"), "SCALAR", 1);
-    }
-    let (mut primitives, mut materials) = (Vec::new(), Vec::new());
-    let mut before = 0;
-    for (i, triangles) in parts.filled() {
-        let count = 3 * triangles.len();
-        primitives.push(json!({ "attributes": named, "indices": accessors.len(), "material": materials.len(), "mode": 4 }));
-        accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * before, "componentType": UNSIGNED, "count": count, "type": "SCALAR" }));
-        let [r, g, b] = part_color(i);
-        let name = mesh.parts.get(i).map_or("surface", |n| n);
-        let mut surface = json!({ "baseColorFactor": [r, g, b, 1.0], "metallicFactor": 0.1, "roughnessFactor": 0.6 });
-        if texture > 0 {
-            surface["baseColorTexture"] = json!({ "index": 0 });
+/// The name of a column as an attribute of one's own: a `_`, then capitals, digits and `_`.
+fn attribute_name(column: &str) -> String {
+    let plain = |c: char| {
+        if c.is_ascii_alphanumeric() {
+            c.to_ascii_uppercase()
+        } else {
+            '_'
         }
-        materials
-            .push(json!({ "name": name, "pbrMetallicRoughness": surface, "doubleSided": true }));
-        before += count;
+    };
+    std::iter::once('_')
+        .chain(column.chars().map(plain))
+        .collect()
+}
+
+/// What lies where in the binary chunk: views are ranges of bytes, accessors their types.
+struct Buffer {
+    views: Vec<Value>,
+    accessors: Vec<Value>,
+    /// Accessors of the values per node by name.
+    attributes: serde_json::Map<String, Value>,
+    nodes: usize,
+    /// Where the next view begins.
+    end: usize,
+    /// Indices of the primitives so far.
+    indices: usize,
+}
+
+impl Buffer {
+    /// Coordinates with their bounds, then triangles.
+    fn new(nodes: usize, triangles: usize, bounds: [[f32; 3]; 2]) -> Self {
+        let (vertices, indices) = (12 * nodes, 12 * triangles);
+        let mut attributes = serde_json::Map::new();
+        attributes.insert("POSITION".to_owned(), json!(0));
+        Self {
+            accessors: vec![
+                json!({ "bufferView": 0, "componentType": FLOAT, "count": nodes, "type": "VEC3", "min": bounds[0], "max": bounds[1] }),
+            ],
+            views: vec![
+                json!({ "buffer": 0, "byteLength": vertices, "target": VERTICES }),
+                json!({ "buffer": 0, "byteOffset": vertices, "byteLength": indices, "target": INDICES }),
+            ],
+            attributes,
+            nodes,
+            end: vertices + indices,
+            indices: 0,
+        }
     }
-    let half = std::f64::consts::FRAC_1_SQRT_2;
-    let scale = metres(options.units.as_deref());
-    let mut scene = json!({
-        "asset": asset(),
-        "scene": 0,
-        "scenes": [{ "nodes": [0] }],
-        "nodes": [
-            { "name": "isoform", "rotation": [-half, 0.0, 0.0, half], "scale": [scale, scale, scale], "children": [1] },
-            { "name": "shape", "translation": center, "mesh": 0 },
-        ],
-        "meshes": [{ "name": "shape", "primitives": primitives }],
-        "materials": materials,
-        "accessors": accessors,
-        "buffers": [{ "byteLength": bytes }],
-    });
-    if texture > 0 {
-        scene["images"] = json!([{ "bufferView": views.len(), "mimeType": "image/png" }]);
-        scene["samplers"] = json!([{ "magFilter": NEAREST, "wrapS": REPEAT, "wrapT": REPEAT }]);
-        scene["textures"] = json!([{ "source": 0, "sampler": 0 }]);
-        views.push(json!({ "buffer": 0, "byteOffset": end, "byteLength": texture }));
+    /// Adds `width` numbers per node.
+    fn numbers(&mut self, name: String, kind: &str, width: usize) {
+        let length = 4 * width * self.nodes;
+        self.views.push(json!({ "buffer": 0, "byteOffset": self.end, "byteLength": length, "target": VERTICES }));
+        self.attributes.insert(name, json!(self.accessors.len()));
+        self.accessors.push(json!({ "bufferView": self.views.len() - 1, "componentType": FLOAT, "count": self.nodes, "type": kind }));
+        self.end += length;
     }
-    scene["bufferViews"] = json!(views);
-    scene
+    /// Adds the triangles of a part by the number of their corners.
+    fn primitive(&mut self, material: usize, count: usize) -> Value {
+        let primitive = json!({ "attributes": self.attributes, "indices": self.accessors.len(), "material": material, "mode": 4 });
+        self.accessors.push(json!({ "bufferView": 1, "byteOffset": 4 * self.indices, "componentType": UNSIGNED, "count": count, "type": "SCALAR" }));
+        self.indices += count;
+        primitive
+    }
+    /// Adds the bytes of an image; its view.
+    fn image(&mut self, length: usize) -> usize {
+        self.views
+            .push(json!({ "buffer": 0, "byteOffset": self.end, "byteLength": length }));
+        self.views.len() - 1
+    }
 }

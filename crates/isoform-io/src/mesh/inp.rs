@@ -10,11 +10,11 @@ mod read;
 
 pub(super) use read::read;
 
-use super::MeshWriteOptions;
 use super::boundary::faces_of_triangles;
 use super::group::{Groups, Names, edge, tet, triangle};
-use super::number::Out;
-use crate::registry::Sniff;
+use super::options::MeshWriteOptions;
+use super::out::Out;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
@@ -63,6 +63,44 @@ fn plain(name: &str) -> String {
     name
 }
 
+/// Names of the groups as they stand in the file, all different.
+struct GroupNames {
+    parts: Vec<String>,
+    curves: Vec<String>,
+    corners: String,
+    regions: Vec<String>,
+}
+
+impl GroupNames {
+    /// Names are handed out in the order of the fields, regions only to those with elements.
+    fn of(mesh: &Mesh, groups: &AllGroups) -> Self {
+        let mut names = Names::new(LONGEST_NAME, plain);
+        let mut give =
+            |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
+        Self {
+            parts: (0..groups.parts.len())
+                .map(|i| give(mesh.parts.get(i), "SURFACE"))
+                .collect(),
+            curves: (0..groups.curves.len())
+                .map(|i| give(mesh.curves.get(i).map(|c| &c.name), "CURVES"))
+                .collect(),
+            corners: give(None, "CORNERS"),
+            regions: groups
+                .regions
+                .filled()
+                .map(|(i, _)| give(mesh.regions.get(i), "SOLID"))
+                .collect(),
+        }
+    }
+}
+
+/// The elements by part, curve and region.
+struct AllGroups {
+    parts: Groups,
+    curves: Groups,
+    regions: Groups,
+}
+
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -70,72 +108,82 @@ pub(super) fn write(
 ) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("** mesh written by isoform").line()?;
-    if let Some(units) = &options.units {
-        out.str("** units: ")
-            .str(&units.replace(['\n', '\r'], " "))
-            .line()?;
+    out.units("**", options)?;
+    write_nodes(mesh, &mut out)?;
+    let groups = AllGroups {
+        parts: Groups::parts(mesh),
+        curves: Groups::curves(mesh),
+        regions: Groups::regions(mesh),
+    };
+    let names = GroupNames::of(mesh, &groups);
+    if mesh.tets.is_empty() {
+        write_shells(mesh, &groups.parts, &names.parts, &mut out)?;
+    } else {
+        write_tets(mesh, &groups.regions, &names.regions, &mut out)?;
     }
+    for (i, elements) in groups.parts.filled() {
+        node_set(&mut out, &names.parts[i], elements, |e| triangle(mesh, e))?;
+    }
+    for (i, elements) in groups.curves.filled() {
+        node_set(&mut out, &names.curves[i], elements, |e| edge(mesh, e))?;
+    }
+    if !mesh.corners.is_empty() {
+        node_set(&mut out, &names.corners, &mesh.corners, |c| ([c as u32], 1))?;
+    }
+    if !mesh.tets.is_empty() {
+        surfaces(mesh, &groups.parts, &names.parts, &mut out)?;
+    }
+    out.flush()
+}
+
+fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("*NODE").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
         out.int(i + 1);
-        p.iter().for_each(|&v| {
+        for &v in p {
             out.str(", ").narrow(v, NUMBER);
-        });
+        }
         out.line()?;
     }
-    let mut names = Names::new(LONGEST_NAME, plain);
-    let mut name =
-        |given: Option<&String>, empty: &str| names.give(given.map_or(empty, |n| n), empty);
-    let parts = Groups::parts(mesh);
-    let part_names: Vec<String> = (0..parts.len())
-        .map(|i| name(mesh.parts.get(i), "SURFACE"))
-        .collect();
-    let curves = Groups::curves(mesh);
-    let curve_names: Vec<String> = (0..curves.len())
-        .map(|i| name(mesh.curves.get(i).map(|c| &c.name), "CURVES"))
-        .collect();
-    let corner_name = name(None, "CORNERS");
-    if mesh.tets.is_empty() {
-        let kind = if mesh.triangle_mids.is_empty() {
-            "S3"
-        } else {
-            "S6"
-        };
-        for (i, elements) in parts.filled() {
-            elements_head(&mut out, kind, &part_names[i])?;
-            for &e in elements {
-                let (nodes, n) = triangle(mesh, e as usize);
-                element(&mut out, e, &nodes[..n])?;
-            }
-        }
-    } else {
-        let kind = if mesh.tet_mids.is_empty() {
-            "C3D4"
-        } else {
-            "C3D10"
-        };
-        let regions = Groups::regions(mesh);
-        for (i, elements) in regions.filled() {
-            elements_head(&mut out, kind, &name(mesh.regions.get(i), "SOLID"))?;
-            for &e in elements {
-                let (nodes, n) = tet(mesh, e as usize);
-                element(&mut out, e, &nodes[..n])?;
-            }
-        }
-    }
+    Ok(())
+}
+
+/// Triangles as shells, a set per part.
+fn write_shells(
+    mesh: &Mesh,
+    parts: &Groups,
+    names: &[String],
+    out: &mut Out<'_>,
+) -> io::Result<()> {
+    let is_linear = mesh.triangle_mids.is_empty();
+    let kind = if is_linear { "S3" } else { "S6" };
     for (i, elements) in parts.filled() {
-        node_set(&mut out, &part_names[i], elements, |e| triangle(mesh, e))?;
+        elements_head(out, kind, &names[i])?;
+        for &e in elements {
+            let (nodes, n) = triangle(mesh, e as usize);
+            element(out, e, &nodes[..n])?;
+        }
     }
-    for (i, elements) in curves.filled() {
-        node_set(&mut out, &curve_names[i], elements, |e| edge(mesh, e))?;
+    Ok(())
+}
+
+/// Tetrahedra, a set per region that has some.
+fn write_tets(
+    mesh: &Mesh,
+    regions: &Groups,
+    names: &[String],
+    out: &mut Out<'_>,
+) -> io::Result<()> {
+    let is_linear = mesh.tet_mids.is_empty();
+    let kind = if is_linear { "C3D4" } else { "C3D10" };
+    for ((_, elements), name) in regions.filled().zip(names) {
+        elements_head(out, kind, name)?;
+        for &e in elements {
+            let (nodes, n) = tet(mesh, e as usize);
+            element(out, e, &nodes[..n])?;
+        }
     }
-    if !mesh.corners.is_empty() {
-        node_set(&mut out, &corner_name, &mesh.corners, |c| ([c as u32], 1))?;
-    }
-    if !mesh.tets.is_empty() {
-        surfaces(mesh, &parts, &part_names, &mut out)?;
-    }
-    out.flush()
+    Ok(())
 }
 
 fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {

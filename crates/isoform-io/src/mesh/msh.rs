@@ -13,9 +13,9 @@ pub(super) use read::read;
 pub(super) use write2::write as write2;
 pub(super) use write4::write;
 
-use super::group::Names;
-use super::number::Out;
-use crate::registry::Sniff;
+use super::group::{Names, tet};
+use super::out::Out;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io;
 
@@ -93,6 +93,17 @@ impl Physical {
     fn has(&self, dim: usize) -> bool {
         !self.names[dim].is_empty()
     }
+}
+
+/// Nodes of a tetrahedron in Gmsh's order, and how many there are.
+fn tet_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
+    let (nodes, n) = tet(mesh, i);
+    let nodes = if n == 10 {
+        TET10.map(|k| nodes[k])
+    } else {
+        nodes
+    };
+    (nodes, n)
 }
 
 /// Gmsh's number of an element of a dimension with that many nodes.

@@ -1,8 +1,8 @@
 //! OBJ: vertices in full, faces in a group per part, parameters as texture coordinates.
 
-use super::MeshWriteOptions;
 use super::group::{Groups, Names};
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
@@ -30,46 +30,40 @@ pub(super) fn write(
 ) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("# mesh written by isoform").line()?;
-    if let Some(units) = &options.units {
-        out.str("# units: ")
-            .str(&units.replace(['\n', '\r'], " "))
-            .line()?;
-    }
+    out.units("#", options)?;
     let nodes = SurfaceNodes::of(mesh);
     for p in nodes.points(mesh) {
-        out.str("v ")
-            .float(p[0])
-            .str(" ")
-            .float(p[1])
-            .str(" ")
-            .float(p[2])
-            .line()?;
+        out.str("v ").point(p).line()?;
     }
-    let parameters = mesh.parameters();
-    if let Some((u, v)) = parameters {
+    if let Some((u, v)) = mesh.parameters() {
         for (u, v) in nodes.values(u).zip(nodes.values(v)) {
             out.str("vt ").float(u).str(" ").float(v).line()?;
         }
     }
+    write_faces(mesh, &nodes, &mut out)?;
+    out.flush()
+}
+
+/// The faces in groups by part, each corner with the texture coordinates of its number.
+fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, out: &mut Out<'_>) -> io::Result<()> {
+    let is_textured = mesh.parameters().is_some();
     let parts = Groups::parts(mesh);
     let mut names = Names::new(LONGEST_NAME, plain);
     for (i, triangles) in parts.filled() {
         if !mesh.triangle_parts.is_empty() {
-            out.str("g ")
-                .str(&names.give(&mesh.parts[i], "part"))
-                .line()?;
+            let name = names.give(&mesh.parts[i], "part");
+            out.str("g ").str(&name).line()?;
         }
         for &t in triangles {
-            let [a, b, c] = nodes.triangle(mesh, t as usize).map(|n| n + 1);
             out.str("f");
-            for n in [a, b, c] {
+            for n in nodes.triangle(mesh, t as usize).map(|n| n + 1) {
                 out.str(" ").int(n);
-                if parameters.is_some() {
+                if is_textured {
                     out.str("/").int(n);
                 }
             }
             out.line()?;
         }
     }
-    out.flush()
+    Ok(())
 }

@@ -1,7 +1,7 @@
 //! OFF: corners and triangles as text, in full.
 
-use super::MeshWriteOptions;
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
@@ -16,12 +16,7 @@ pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOptions) -> i
         .str(" 0")
         .line()?;
     for p in nodes.points(mesh) {
-        out.float(p[0])
-            .str(" ")
-            .float(p[1])
-            .str(" ")
-            .float(p[2])
-            .line()?;
+        out.point(p).line()?;
     }
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = nodes.triangle(mesh, i);

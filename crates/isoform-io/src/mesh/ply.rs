@@ -1,8 +1,8 @@
 //! PLY: corners of 64 bits, triangles with the tag of their part as the face property `part`, names
 //! in comments `part 1 name`, all numbers per node.
 
-use super::MeshWriteOptions;
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::Out;
 use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
@@ -12,88 +12,124 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let ascii = options.ascii == Some(true);
-    let mut out = Out::new(out);
+    let mut values = Values {
+        out: Out::new(out),
+        ascii: options.ascii == Some(true),
+        is_first: true,
+    };
     let nodes = SurfaceNodes::of(mesh);
-    out.str("ply\nformat ")
-        .str(if ascii {
-            "ascii"
-        } else {
-            "binary_little_endian"
-        })
-        .str(" 1.0\ncomment written by isoform")
-        .line()?;
-    if let Some(units) = &options.units {
-        out.str("comment units: ")
-            .str(&units.replace(['\n', '\r'], " "))
-            .line()?;
-    }
+    write_header(mesh, nodes.len(), options, &mut values.out)?;
+    write_nodes(mesh, &nodes, &mut values)?;
+    write_faces(mesh, &nodes, &mut values)?;
+    values.out.flush()
+}
+
+fn write_header(
+    mesh: &Mesh,
+    nodes: usize,
+    options: &MeshWriteOptions,
+    out: &mut Out<'_>,
+) -> io::Result<()> {
+    let encoding = match options.ascii {
+        Some(true) => "ascii",
+        _ => "binary_little_endian",
+    };
+    out.str("ply\nformat ").str(encoding);
+    out.str(" 1.0\ncomment written by isoform").line()?;
+    out.units("comment", options)?;
     for (i, name) in mesh.parts.iter().enumerate() {
-        let plain: String = name
-            .chars()
-            .map(|c| if c.is_control() { ' ' } else { c })
-            .collect();
-        out.str("comment part ")
-            .int(i + 1)
-            .str(" ")
-            .str(&plain)
-            .line()?;
+        out.str("comment part ").int(i + 1).str(" ");
+        out.name(name).line()?;
     }
-    out.str("element vertex ")
-        .int(nodes.len())
-        .str("\nproperty double x\nproperty double y\nproperty double z")
-        .line()?;
+    out.str("element vertex ").int(nodes);
+    out.str("\nproperty double x\nproperty double y\nproperty double z");
+    out.line()?;
     for column in &mesh.columns {
-        let word: String = column
-            .name
-            .chars()
-            .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' })
-            .collect();
-        out.str("property double ").str(&word).line()?;
+        let word = |c: char| if c.is_ascii_alphanumeric() { c } else { '_' };
+        let name: String = column.name.chars().map(word).collect();
+        out.str("property double ").str(&name).line()?;
     }
-    out.str("element face ")
-        .int(mesh.triangles.len())
-        .str("\nproperty list uchar int vertex_indices")
-        .line()?;
-    let has_parts = !mesh.triangle_parts.is_empty();
-    out.str(if has_parts {
-        "property int part\nend_header"
-    } else {
-        "end_header"
-    })
-    .line()?;
-    let mut columns: Vec<_> = mesh
-        .columns
-        .iter()
-        .map(|c| nodes.values(&c.values))
-        .collect();
+    out.str("element face ").int(mesh.triangles.len());
+    out.str("\nproperty list uchar int vertex_indices").line()?;
+    if !mesh.triangle_parts.is_empty() {
+        out.str("property int part").line()?;
+    }
+    out.str("end_header").line()
+}
+
+/// Rows of numbers on their way out, in text or bytes.
+struct Values<'o> {
+    out: Out<'o>,
+    ascii: bool,
+    /// Whether the next number begins a line of text.
+    is_first: bool,
+}
+
+impl Values<'_> {
+    /// The blank before a number of text that is not the first of its line.
+    fn gap(&mut self) {
+        if !std::mem::take(&mut self.is_first) {
+            self.out.str(" ");
+        }
+    }
+    fn float(&mut self, v: f64) {
+        if self.ascii {
+            self.gap();
+            self.out.float(v);
+        } else {
+            self.out.bytes(&v.to_le_bytes());
+        }
+    }
+    fn index(&mut self, v: u32) {
+        if self.ascii {
+            self.gap();
+            self.out.int(v);
+        } else {
+            self.out.bytes(&v.to_le_bytes());
+        }
+    }
+    /// The length of a list.
+    fn length(&mut self, n: u8) {
+        if self.ascii {
+            self.gap();
+            self.out.int(n);
+        } else {
+            self.out.bytes(&[n]);
+        }
+    }
+    fn end(&mut self) -> io::Result<()> {
+        self.is_first = true;
+        if self.ascii {
+            self.out.line()
+        } else {
+            self.out.end()
+        }
+    }
+}
+
+/// Coordinates, then the numbers per node.
+fn write_nodes(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
+    let columns = mesh.columns.iter().map(|c| nodes.values(&c.values));
+    let mut columns: Vec<_> = columns.collect();
     for p in nodes.points(mesh) {
         let rest = columns.iter_mut().filter_map(Iterator::next);
-        for (i, v) in p.iter().copied().chain(rest).enumerate() {
-            if ascii {
-                out.str(if i == 0 { "" } else { " " }).float(v);
-            } else {
-                out.bytes(&v.to_le_bytes());
-            }
+        for v in p.iter().copied().chain(rest) {
+            values.float(v);
         }
-        if ascii { out.line()? } else { out.end()? }
+        values.end()?;
     }
+    Ok(())
+}
+
+/// Corners, then the tag of the part.
+fn write_faces(mesh: &Mesh, nodes: &SurfaceNodes, values: &mut Values<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
-        let corners = nodes.triangle(mesh, i);
+        values.length(3);
         let tag = mesh.triangle_parts.get(i).map(|p| p + 1);
-        if ascii {
-            out.str("3");
-        } else {
-            out.bytes(&[3]);
+        for v in nodes.triangle(mesh, i).into_iter().chain(tag) {
+            values.index(v);
         }
-        for v in corners.into_iter().chain(tag) {
-            if ascii {
-                out.str(" ").int(v);
-            } else {
-                out.bytes(&v.to_le_bytes());
-            }
-        }
-        if ascii { out.line()? } else { out.end()? }
+        values.end()?;
     }
-    out.flush()
+    Ok(())
 }

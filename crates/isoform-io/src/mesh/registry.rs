@@ -1,63 +1,8 @@
-//! The formats of meshes: one line each.
+//! The list of formats of meshes: one line each.
 
-use super::{WriteFn, bdf, glb, inp, msh, obj, off, ply, stl, surface, three_mf, vtu};
-use crate::input::{Input, Result, shorten};
-use crate::registry::{Sniff, extension};
-use crate::{At, ErrorKind, ReadReport};
-use isoform_geom::Mesh;
-
-pub(super) type ReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
-
-/// What a format keeps of a mesh's columns.
-#[derive(Clone, Copy, PartialEq, Eq)]
-pub(super) enum Columns {
-    /// Nothing.
-    None,
-    /// The parameters u and v, as texture coordinates.
-    Texture,
-    /// All.
-    All,
-}
-
-/// A file format of meshes.
-pub struct MeshFormat {
-    /// Short name.
-    pub name: &'static str,
-    /// Endings of file names, lower case, without the dot; the first is the usual one.
-    pub extensions: &'static [&'static str],
-    /// Name in sentences.
-    pub title: &'static str,
-    /// Whether it holds tetrahedra; else only triangles are written.
-    pub volume: bool,
-    /// Whether it holds mid-edge nodes.
-    pub second_order: bool,
-    /// Whether coordinates have 32 bits, except in text.
-    pub single: bool,
-    /// What becomes of the numbers per node.
-    pub(super) columns: Columns,
-    /// What is kept, for lists of formats.
-    pub about: &'static str,
-    pub(super) sniff: fn(&[u8]) -> Sniff,
-    pub(super) read: Option<ReadFn>,
-    pub(super) write: WriteFn,
-}
-
-impl MeshFormat {
-    /// Whether it can be read; all can be written.
-    pub fn is_readable(&self) -> bool {
-        self.read.is_some()
-    }
-    /// Whether it can be written.
-    pub fn is_writable(&self) -> bool {
-        true
-    }
-}
-
-impl std::fmt::Debug for MeshFormat {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "MeshFormat({})", self.name)
-    }
-}
+use super::format::{Columns, MeshFormat};
+use super::{bdf, glb, inp, msh, obj, off, ply, stl, surface, three_mf, vtu};
+use crate::format::Sniff;
 
 const NO: fn(&[u8]) -> Sniff = |_| Sniff::No;
 
@@ -77,6 +22,12 @@ static FORMATS: [MeshFormat; 11] = [
 ];
 
 /// All formats of meshes.
+///
+/// ```
+/// let second: Vec<&str> =
+///     isoform_io::mesh_formats().iter().filter(|f| f.second_order).map(|f| f.name).collect();
+/// assert_eq!(second, ["msh", "msh2", "vtu", "inp", "bdf"]);
+/// ```
 pub fn mesh_formats() -> &'static [MeshFormat] {
     &FORMATS
 }
@@ -89,116 +40,9 @@ pub fn mesh_format_named(name: &str) -> Option<&'static MeshFormat> {
         .find(|f| f.name == name || f.extensions.contains(&name.as_str()))
 }
 
-/// A name without `-ascii` or `-binary` behind it, and whether it asks for text.
-pub(super) fn encoding(name: &str) -> (&str, Option<bool>) {
-    for (tail, ascii) in [("-ascii", true), ("-binary", false)] {
-        if let Some(bare) = name.strip_suffix(tail) {
-            return (bare, Some(ascii));
-        }
-    }
-    (name, None)
-}
-
-/// The format asked for, else the one the content states, else the one the name states, else the
-/// likeliest.
-pub(super) fn choose(
-    input: &mut Input<'_>,
-    asked: Option<&str>,
-    warnings: &mut Vec<String>,
-) -> Result<(&'static MeshFormat, ReadFn)> {
-    const WHAT: &str = "cannot tell how to read the mesh";
-    let can = || {
-        FORMATS
-            .iter()
-            .filter(|f| f.is_readable())
-            .map(|f| f.name)
-            .collect::<Vec<_>>()
-            .join(", ")
-    };
-    let usable = |format: &'static MeshFormat, input: &Input<'_>| match format.read {
-        Some(read) => Ok((format, read)),
-        None => {
-            let why = format!(
-                "{} is written but not read. Meshes are read from {}",
-                format.title,
-                can()
-            );
-            Err(input.error(
-                ErrorKind::UnsupportedFormat,
-                At::File,
-                WHAT,
-                why,
-                "convert it to one of these",
-            ))
-        }
-    };
-    if let Some(asked) = asked {
-        return match mesh_format_named(encoding(asked).0) {
-            Some(format) => usable(format, input),
-            None => {
-                let why = format!(
-                    "no format of meshes is called \"{}\". Meshes are read from {}",
-                    shorten(asked),
-                    can()
-                );
-                Err(input.error(
-                    ErrorKind::UnknownFormat,
-                    At::File,
-                    WHAT,
-                    why,
-                    "use one of these names",
-                ))
-            }
-        };
-    }
-    let head = input.head(4096)?;
-    if head.is_empty() {
-        return Err(input.error(
-            ErrorKind::Empty,
-            At::File,
-            "cannot read a mesh",
-            "the file is empty",
-            "check how it was made",
-        ));
-    }
-    let named = extension(&input.name).and_then(|e| mesh_format_named(&e));
-    let sure = FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Yes);
-    match (named, sure) {
-        (Some(n), Some(s)) if (n.sniff)(&head) != Sniff::Yes => {
-            warnings.push(format!(
-                "the name says {}, but the content is {}: read as {}",
-                n.title, s.title, s.title
-            ));
-            usable(s, input)
-        }
-        (Some(format), _) | (None, Some(format)) => usable(format, input),
-        (None, None) => match FORMATS.iter().find(|f| (f.sniff)(&head) == Sniff::Maybe) {
-            Some(format) => {
-                warnings.push(format!(
-                    "the name does not tell the format; by its content the file was read as {}",
-                    format.title
-                ));
-                usable(format, input)
-            }
-            None => {
-                let why = format!(
-                    "neither its name nor its content is of a known kind. Meshes are read from {}",
-                    can()
-                );
-                Err(input.error(
-                    ErrorKind::UnknownFormat,
-                    At::File,
-                    WHAT,
-                    why,
-                    "convert it to one of these, or name the format",
-                ))
-            }
-        },
-    }
-}
-
 #[cfg(test)]
 mod tests {
+    use super::super::format::encoding;
     use super::*;
 
     #[test]

@@ -1,8 +1,8 @@
 //! STL: binary in 32 bits with the unit in its header, or ASCII in full with a solid per part.
 
-use super::MeshWriteOptions;
 use super::group::Groups;
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::Out;
 use isoform_geom::{Mesh, Point3, cross, norm, sub};
 use std::io::{self, Write};
 
@@ -51,40 +51,29 @@ pub(super) fn write(
     out.flush()
 }
 
+/// A solid for each part that has triangles.
 fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
-    let plain = |name: &str| {
-        name.chars()
-            .map(|c| if c.is_control() { ' ' } else { c })
-            .collect::<String>()
-    };
-    let parts = Groups::parts(mesh);
-    for (i, triangles) in parts.filled() {
-        let name = plain(
-            mesh.parts
-                .get(i)
-                .filter(|_| !mesh.triangle_parts.is_empty())
-                .map_or("surface", |n| n),
-        );
-        out.str("solid ").str(&name).line()?;
+    for (i, triangles) in Groups::parts(mesh).filled() {
+        let part = mesh.parts.get(i);
+        let given = part.filter(|_| !mesh.triangle_parts.is_empty());
+        let name = given.map_or("surface", |n| n);
+        out.str("solid ").name(name).line()?;
         for &t in triangles {
-            let t = mesh.triangles[t as usize];
-            out.str("facet normal");
-            normal(mesh, t).iter().for_each(|&v| {
-                out.str(" ").float(v);
-            });
-            out.str("\nouter loop");
-            for n in t {
-                out.str("\nvertex");
-                mesh.points[n as usize].iter().for_each(|&v| {
-                    out.str(" ").float(v);
-                });
-            }
-            out.str("\nendloop\nendfacet").line()?;
+            write_facet(mesh, mesh.triangles[t as usize], out)?;
         }
-        out.str("endsolid ").str(&name).line()?;
+        out.str("endsolid ").name(name).line()?;
     }
     if mesh.triangles.is_empty() {
         out.str("solid empty\nendsolid empty").line()?;
     }
     out.flush()
+}
+
+fn write_facet(mesh: &Mesh, t: [u32; 3], out: &mut Out<'_>) -> io::Result<()> {
+    out.str("facet normal ").point(&normal(mesh, t));
+    out.str("\nouter loop");
+    for n in t {
+        out.str("\nvertex ").point(&mesh.points[n as usize]);
+    }
+    out.str("\nendloop\nendfacet").line()
 }

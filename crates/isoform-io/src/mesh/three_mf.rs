@@ -1,9 +1,9 @@
 //! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material
 //! of its own colour and name per part.
 
-use super::MeshWriteOptions;
 use super::color::part_color;
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::{Out, on_one_line};
 use super::surface::SurfaceNodes;
 use super::xml::escape;
 use super::zip::Zip;
@@ -48,50 +48,50 @@ fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> 
     out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"")
         .str(unit(options.units.as_deref()));
     out.str("\" xml:lang=\"en-US\" xmlns=\"http://schemas.microsoft.com/3dmanufacturing/core/2015/02\">\n<resources>\n");
-    let has_parts = !mesh.triangle_parts.is_empty();
-    if has_parts {
-        out.str("<basematerials id=\"2\">\n");
-        for (i, name) in mesh.parts.iter().enumerate() {
-            let [r, g, b] = part_color(i).map(|v| (255.0 * v).round() as u8);
-            let plain: String = name
-                .chars()
-                .map(|c| if c.is_control() { ' ' } else { c })
-                .collect();
-            out.str("<base name=\"")
-                .str(&escape(&plain))
-                .str(&format!("\" displaycolor=\"#{r:02X}{g:02X}{b:02X}\"/>"))
-                .line()?;
-        }
-        out.str("</basematerials>\n<object id=\"1\" type=\"model\" pid=\"2\" pindex=\"0\">\n");
-    } else {
+    if mesh.triangle_parts.is_empty() {
         out.str("<object id=\"1\" type=\"model\">\n");
+    } else {
+        write_materials(mesh, &mut out)?;
+        out.str("<object id=\"1\" type=\"model\" pid=\"2\" pindex=\"0\">\n");
     }
+    write_object(mesh, &mut out)?;
+    out.str("</object>\n</resources>\n<build>\n<item objectid=\"1\"/>\n</build>\n</model>\n");
+    out.flush()
+}
+
+/// A material per part.
+fn write_materials(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
+    out.str("<basematerials id=\"2\">\n");
+    for (i, name) in mesh.parts.iter().enumerate() {
+        let [r, g, b] = part_color(i).map(|v| (255.0 * v).round() as u8);
+        out.str("<base name=\"")
+            .str(&escape(&on_one_line(name)))
+            .str(&format!("\" displaycolor=\"#{r:02X}{g:02X}{b:02X}\"/>"))
+            .line()?;
+    }
+    out.str("</basematerials>\n");
+    Ok(())
+}
+
+/// Vertices and triangles, each with the material of its part.
+fn write_object(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("<mesh>\n<vertices>\n");
     let nodes = SurfaceNodes::of(mesh);
     for p in nodes.points(mesh) {
-        out.str("<vertex x=\"")
-            .float(p[0])
-            .str("\" y=\"")
-            .float(p[1])
-            .str("\" z=\"")
-            .float(p[2])
-            .str("\"/>")
-            .line()?;
+        out.str("<vertex x=\"").float(p[0]);
+        out.str("\" y=\"").float(p[1]);
+        out.str("\" z=\"").float(p[2]).str("\"/>").line()?;
     }
     out.str("</vertices>\n<triangles>\n");
     for i in 0..mesh.triangles.len() {
         let [a, b, c] = nodes.triangle(mesh, i);
-        out.str("<triangle v1=\"")
-            .int(a)
-            .str("\" v2=\"")
-            .int(b)
-            .str("\" v3=\"")
-            .int(c);
+        out.str("<triangle v1=\"").int(a);
+        out.str("\" v2=\"").int(b).str("\" v3=\"").int(c);
         if let Some(part) = mesh.triangle_parts.get(i) {
             out.str("\" pid=\"2\" p1=\"").int(*part);
         }
         out.str("\"/>").line()?;
     }
-    out.str("</triangles>\n</mesh>\n</object>\n</resources>\n<build>\n<item objectid=\"1\"/>\n</build>\n</model>\n");
-    out.flush()
+    out.str("</triangles>\n</mesh>\n");
+    Ok(())
 }

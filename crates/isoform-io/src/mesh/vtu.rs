@@ -11,11 +11,11 @@ mod read;
 
 pub(super) use read::read;
 
-use super::MeshWriteOptions;
 use super::group::{edge, tet, triangle};
-use super::number::Out;
+use super::options::MeshWriteOptions;
+use super::out::{Out, on_one_line};
 use super::xml;
-use crate::registry::Sniff;
+use crate::format::Sniff;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
@@ -94,23 +94,111 @@ impl Values<'_> {
     }
 }
 
-/// Numbers of cells and of the nodes of each, by kind: triangles, tetrahedra, edges, corners.
-fn shape(mesh: &Mesh) -> [(usize, usize, u8); 4] {
-    let second = [
-        !mesh.triangle_mids.is_empty(),
-        !mesh.tet_mids.is_empty(),
-        !mesh.edge_mids.is_empty(),
-    ];
-    let pick = |k: usize, linear: (usize, u8), curved: (usize, u8)| {
-        if second[k] { curved } else { linear }
-    };
-    let cells = [
-        (mesh.triangles.len(), pick(0, (3, 5), (6, 22))),
-        (mesh.tets.len(), pick(1, (4, 10), (10, 24))),
-        (mesh.edges.len(), pick(2, (2, 3), (3, 21))),
-        (mesh.corners.len(), (1, 1)),
-    ];
-    cells.map(|(n, (nodes, kind))| (n, nodes, kind))
+/// The cells of one kind.
+#[derive(Clone, Copy)]
+struct Cells {
+    count: usize,
+    /// Nodes of each.
+    nodes: usize,
+    /// VTK's number of the kind.
+    kind: u8,
+}
+
+/// A mesh as VTK's unstructured grid.
+struct Grid<'m> {
+    mesh: &'m Mesh,
+    /// Triangles, tetrahedra, edges, corners.
+    cells: [Cells; 4],
+    /// Indices of 64 bits.
+    wide: bool,
+}
+
+impl<'m> Grid<'m> {
+    fn of(mesh: &'m Mesh) -> Self {
+        let cells = |count, is_second: bool, linear: (usize, u8), curved: (usize, u8)| {
+            let (nodes, kind) = if is_second { curved } else { linear };
+            Cells { count, nodes, kind }
+        };
+        let mut grid = Self {
+            mesh,
+            cells: [
+                cells(
+                    mesh.triangles.len(),
+                    !mesh.triangle_mids.is_empty(),
+                    (3, 5),
+                    (6, 22),
+                ),
+                cells(
+                    mesh.tets.len(),
+                    !mesh.tet_mids.is_empty(),
+                    (4, 10),
+                    (10, 24),
+                ),
+                cells(
+                    mesh.edges.len(),
+                    !mesh.edge_mids.is_empty(),
+                    (2, 3),
+                    (3, 21),
+                ),
+                cells(mesh.corners.len(), false, (1, 1), (1, 1)),
+            ],
+            wide: false,
+        };
+        grid.wide = grid.indices().max(mesh.points.len()) > i32::MAX as usize;
+        grid
+    }
+    fn count(&self) -> usize {
+        self.cells.iter().map(|c| c.count).sum()
+    }
+    /// Length of the connectivity.
+    fn indices(&self) -> usize {
+        self.cells.iter().map(|c| c.count * c.nodes).sum()
+    }
+}
+
+/// An array as its element declares it.
+struct Declared {
+    name: &'static str,
+    components: usize,
+    /// VTK's name of the type of number.
+    kind: &'static str,
+    /// Bytes of all values.
+    bytes: u64,
+}
+
+impl Kind {
+    fn declared(self, grid: &Grid<'_>) -> Declared {
+        let cells = grid.count();
+        let (index, width) = if grid.wide {
+            ("Int64", 8)
+        } else {
+            ("Int32", 4)
+        };
+        let (name, components, kind, bytes) = match self {
+            Self::Points => ("Points", 3, "Float64", 24 * grid.mesh.points.len()),
+            Self::Connectivity => ("connectivity", 1, index, width * grid.indices()),
+            Self::Offsets => ("offsets", 1, index, width * cells),
+            Self::Types => ("types", 1, "UInt8", cells),
+            Self::Tags(group) => (GROUPS[group], 1, "Int32", 4 * cells),
+        };
+        Declared {
+            name,
+            components,
+            kind,
+            bytes: bytes as u64,
+        }
+    }
+    /// The element that begins before the array and the one that ends behind it.
+    fn around(self) -> (&'static str, &'static str) {
+        match self {
+            Self::Points => ("<Points>\n", "</Points>\n"),
+            Self::Connectivity => ("<Cells>\n", ""),
+            Self::Types => ("", "</Cells>\n"),
+            Self::Tags(0) => ("<CellData Scalars=\"part\">\n", ""),
+            Self::Tags(2) => ("", "</CellData>\n"),
+            _ => ("", ""),
+        }
+    }
 }
 
 pub(super) fn write(
@@ -118,88 +206,63 @@ pub(super) fn write(
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let shape = shape(mesh);
-    let cells: usize = shape.iter().map(|s| s.0).sum();
-    let indices: usize = shape.iter().map(|s| s.0 * s.1).sum();
-    let wide = indices.max(mesh.points.len()) > i32::MAX as usize;
-    let ascii = options.ascii == Some(true);
+    let grid = Grid::of(mesh);
     let mut values = Values {
         out: Out::new(out),
-        ascii,
-        wide,
+        ascii: options.ascii == Some(true),
+        wide: grid.wide,
     };
     values.out.str(
         "<?xml version=\"1.0\"?>\n<VTKFile type=\"UnstructuredGrid\" version=\"1.0\" byte_order=\"LittleEndian\" header_type=\"UInt64\">\n",
     );
     write_names(mesh, &mut values.out)?;
-    values
-        .out
-        .str("<UnstructuredGrid>\n<Piece NumberOfPoints=\"")
+    let out = &mut values.out;
+    out.str("<UnstructuredGrid>\n<Piece NumberOfPoints=\"")
         .int(mesh.points.len());
-    values
-        .out
-        .str("\" NumberOfCells=\"")
-        .int(cells)
-        .str("\">")
-        .line()?;
-    let mut offset = 0;
-    for kind in ARRAYS {
-        let (open, close) = match kind {
-            Kind::Points => ("<Points>\n", "</Points>\n"),
-            Kind::Connectivity => ("<Cells>\n", ""),
-            Kind::Types => ("", "</Cells>\n"),
-            Kind::Tags(0) => ("<CellData Scalars=\"part\">\n", ""),
-            Kind::Tags(2) => ("", "</CellData>\n"),
-            _ => ("", ""),
-        };
-        let index = if wide { ("Int64", 8) } else { ("Int32", 4) };
-        let ((name, components), (kind_name, size), n) = match kind {
-            Kind::Points => (("Points", 3), ("Float64", 8), 3 * mesh.points.len()),
-            Kind::Connectivity => (("connectivity", 1), index, indices),
-            Kind::Offsets => (("offsets", 1), index, cells),
-            Kind::Types => (("types", 1), ("UInt8", 1), cells),
-            Kind::Tags(k) => ((GROUPS[k], 1), ("Int32", 4), cells),
-        };
-        values
-            .out
-            .str(open)
-            .str("<DataArray type=\"")
-            .str(kind_name)
-            .str("\" Name=\"")
-            .str(name);
-        values.out.str("\" NumberOfComponents=\"").int(components);
-        if ascii {
-            values.out.str("\" format=\"ascii\">\n");
-            write_array(mesh, &shape, kind, &mut values)?;
-            values.out.str("</DataArray>\n");
-        } else {
-            values
-                .out
-                .str("\" format=\"appended\" offset=\"")
-                .int(offset)
-                .str("\"/>\n");
-            offset += 8 + (size * n) as u64;
-        }
-        values.out.str(close);
-    }
+    out.str("\" NumberOfCells=\"").int(grid.count());
+    out.str("\">").line()?;
+    write_elements(&grid, &mut values)?;
     values.out.str("</Piece>\n</UnstructuredGrid>\n");
-    if !ascii {
-        values.out.str("<AppendedData encoding=\"raw\">\n_");
-        for kind in ARRAYS {
-            let bytes = match kind {
-                Kind::Points => 24 * mesh.points.len(),
-                Kind::Connectivity => indices * if wide { 8 } else { 4 },
-                Kind::Offsets => cells * if wide { 8 } else { 4 },
-                Kind::Types => cells,
-                Kind::Tags(_) => 4 * cells,
-            };
-            values.out.bytes(&(bytes as u64).to_le_bytes());
-            write_array(mesh, &shape, kind, &mut values)?;
-        }
-        values.out.str("\n</AppendedData>\n");
+    if !values.ascii {
+        write_appended(&grid, &mut values)?;
     }
     values.out.str("</VTKFile>").line()?;
     values.out.flush()
+}
+
+/// An element for each array, with its values if they are text.
+fn write_elements(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+    let mut offset = 0;
+    for kind in ARRAYS {
+        let (before, behind) = kind.around();
+        let declared = kind.declared(grid);
+        let out = &mut values.out;
+        out.str(before).str("<DataArray type=\"").str(declared.kind);
+        out.str("\" Name=\"").str(declared.name);
+        out.str("\" NumberOfComponents=\"").int(declared.components);
+        if values.ascii {
+            out.str("\" format=\"ascii\">\n");
+            write_array(grid, kind, values)?;
+            values.out.str("</DataArray>\n");
+        } else {
+            out.str("\" format=\"appended\" offset=\"").int(offset);
+            out.str("\"/>\n");
+            offset += 8 + declared.bytes;
+        }
+        values.out.str(behind);
+    }
+    Ok(())
+}
+
+/// All values as bytes, each array behind its size.
+fn write_appended(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+    values.out.str("<AppendedData encoding=\"raw\">\n_");
+    for kind in ARRAYS {
+        values.out.bytes(&kind.declared(grid).bytes.to_le_bytes());
+        write_array(grid, kind, values)?;
+    }
+    values.out.str("\n</AppendedData>\n");
+    Ok(())
 }
 
 /// The names of the groups as a comment: `part 1 name`. Two hyphens would end it, so that they are
@@ -217,66 +280,66 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("<!-- groups\n");
     for (kind, names) in GROUPS.iter().zip(&lists) {
         for (i, name) in names.iter().enumerate() {
-            let plain: String = name
-                .chars()
-                .map(|c| if c.is_control() { ' ' } else { c })
-                .collect();
             out.str(kind)
                 .str(" ")
                 .int(i + 1)
                 .str(" ")
-                .str(&xml::escape(&plain).replace('-', "&#45;"))
+                .str(&xml::escape(&on_one_line(name)).replace('-', "&#45;"))
                 .line()?;
         }
     }
     out.str("-->").line()
 }
 
-fn write_array(
-    mesh: &Mesh,
-    shape: &[(usize, usize, u8); 4],
-    kind: Kind,
-    values: &mut Values<'_>,
-) -> io::Result<()> {
+fn write_array(grid: &Grid<'_>, kind: Kind, values: &mut Values<'_>) -> io::Result<()> {
     match kind {
-        Kind::Points => {
-            for p in &mesh.points {
-                p.iter().for_each(|&v| values.float(v));
-                values.end()?;
-            }
+        Kind::Points => grid.mesh.points.iter().try_for_each(|p| {
+            p.iter().for_each(|&v| values.float(v));
+            values.end()
+        }),
+        Kind::Connectivity => write_connectivity(grid.mesh, values),
+        Kind::Offsets => write_offsets(grid, values),
+        Kind::Types => write_types(grid, values),
+        Kind::Tags(group) => write_tags(grid, group, values),
+    }
+}
+
+/// Where the nodes of each cell end in the connectivity.
+fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+    let mut offset = 0;
+    for cells in grid.cells {
+        for _ in 0..cells.count {
+            offset += cells.nodes as u64;
+            values.index(offset);
+            values.end()?;
         }
-        Kind::Connectivity => return write_connectivity(mesh, values),
-        Kind::Offsets => {
-            let mut offset = 0;
-            for &(n, nodes, _) in shape {
-                for _ in 0..n {
-                    offset += nodes as u64;
-                    values.index(offset);
-                    values.end()?;
-                }
-            }
+    }
+    Ok(())
+}
+
+fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
+    for cells in grid.cells {
+        for _ in 0..cells.count {
+            values.byte(cells.kind);
+            values.end()?;
         }
-        Kind::Types => {
-            for &(n, _, kind) in shape {
-                for _ in 0..n {
-                    values.byte(kind);
-                    values.end()?;
-                }
-            }
-        }
-        Kind::Tags(group) => {
-            let labels = [&mesh.triangle_parts, &mesh.tet_regions, &mesh.edge_curves];
-            for (k, &(n, ..)) in shape.iter().enumerate() {
-                let labels = if k == group {
-                    labels[k].as_slice()
-                } else {
-                    &[]
-                };
-                for i in 0..n {
-                    values.tag(labels.get(i).map_or(0, |l| l + 1));
-                    values.end()?;
-                }
-            }
+    }
+    Ok(())
+}
+
+/// Tags of one kind of groups; 0 for the cells of other kinds.
+fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Result<()> {
+    let mesh = grid.mesh;
+    let labels = [&mesh.triangle_parts, &mesh.tet_regions, &mesh.edge_curves];
+    for (k, cells) in grid.cells.iter().enumerate() {
+        let labels = if k == group {
+            labels[k].as_slice()
+        } else {
+            &[]
+        };
+        for i in 0..cells.count {
+            values.tag(labels.get(i).map_or(0, |l| l + 1));
+            values.end()?;
         }
     }
     Ok(())

@@ -1,5 +1,6 @@
 //! As much XML as mesh files need: tags with attributes, comments, and what lies between them, in
-//! bytes that need not all be text.
+//! bytes that need not all be text: CDATA sections count as content, declarations are passed over, and
+//! entities other than the five of XML and numbers stay as they are.
 
 /// Text with the characters replaced that XML keeps for itself.
 pub(super) fn escape(text: &str) -> String {
@@ -23,15 +24,21 @@ pub(super) fn unescape(text: &str) -> String {
             "&gt" => Some('>'),
             "&quot" => Some('"'),
             "&apos" => Some('\''),
-            number => number
-                .strip_prefix("&#")
-                .and_then(|n| n.parse().ok())
-                .and_then(char::from_u32),
+            number => number.strip_prefix("&#").and_then(character),
         };
         out.push(c.unwrap_or('&'));
         rest = &rest[if c.is_some() { end + 1 } else { 1 }..];
     }
     out + rest
+}
+
+/// The character of a number, decimal or, behind an x, hexadecimal.
+fn character(number: &str) -> Option<char> {
+    let code = match number.strip_prefix('x') {
+        Some(digits) => u32::from_str_radix(digits, 16),
+        None => number.parse(),
+    };
+    code.ok().and_then(char::from_u32)
 }
 
 /// Something in angle brackets.
@@ -49,6 +56,38 @@ pub(super) enum Item<'b> {
     Comment(&'b str),
 }
 
+/// How a section begins whose characters all stand for themselves.
+const CDATA: &[u8] = b"<![CDATA[";
+
+fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
+    bytes.windows(mark.len()).position(|w| w == mark)
+}
+
+/// The length of an item without the mark that ends it, and that of the mark.
+fn end_of_item(rest: &[u8]) -> Option<(usize, usize)> {
+    if rest.starts_with(b"<!--") {
+        Some((find(rest, b"-->")?, 3))
+    } else if rest.starts_with(CDATA) {
+        Some((find(rest, b"]]>")?, 3))
+    } else {
+        let end = end_of_tag(rest).or_else(|| find(rest, b">"))?;
+        Some((end, 1))
+    }
+}
+
+/// The first `>` outside quotes.
+fn end_of_tag(rest: &[u8]) -> Option<usize> {
+    let mut quote = None;
+    rest.iter().position(|&b| {
+        match quote {
+            Some(open) if open == b => quote = None,
+            None if b == b'"' || b == b'\'' => quote = Some(b),
+            _ => {}
+        }
+        quote.is_none() && b == b'>'
+    })
+}
+
 /// Walks over the tags of a file.
 pub(super) struct Items<'b> {
     bytes: &'b [u8],
@@ -60,23 +99,27 @@ impl<'b> Items<'b> {
     pub(super) fn new(bytes: &'b [u8]) -> Self {
         Self { bytes, at: 0 }
     }
-    /// The bytes up to the next tag.
+    /// The bytes up to the next tag, or those of the CDATA section that stands there.
     pub(super) fn content(&self) -> &'b [u8] {
+        let (text, rest) = self.bytes[self.at..].split_at(self.until_tag());
+        match rest.strip_prefix(CDATA) {
+            Some(section) if text.trim_ascii().is_empty() => {
+                &section[..find(section, b"]]>").unwrap_or(section.len())]
+            }
+            _ => text,
+        }
+    }
+    fn until_tag(&self) -> usize {
         let rest = &self.bytes[self.at..];
-        &rest[..rest.iter().position(|&b| b == b'<').unwrap_or(rest.len())]
+        find(rest, b"<").unwrap_or(rest.len())
     }
     /// The next item; `None` at the end, or where a tag does not end.
     pub(super) fn next(&mut self) -> Option<Item<'b>> {
         loop {
-            let start = self.at + self.content().len();
+            let start = self.at + self.until_tag();
             let rest = self.bytes.get(start..).filter(|r| !r.is_empty())?;
-            let close: &[u8] = if rest.starts_with(b"<!--") {
-                b"-->"
-            } else {
-                b">"
-            };
-            let length = rest.windows(close.len()).position(|w| w == close)?;
-            self.at = start + length + close.len();
+            let (length, mark) = end_of_item(rest)?;
+            self.at = start + length + mark;
             // What is not text is damage, and no item.
             let Ok(text) = std::str::from_utf8(&rest[..length]) else {
                 continue;
@@ -155,9 +198,30 @@ mod tests {
     }
 
     #[test]
+    fn quotes_and_sections_hide_marks() {
+        let mut items = Items::new(b"<a n=\"x>y\" m='\">'> <![CDATA[1 <b> 2]]> </a><c d=\"open>");
+        let Some(Item::Open {
+            name: "a",
+            attributes,
+        }) = items.next()
+        else {
+            panic!("no a")
+        };
+        assert_eq!(attribute(attributes, "n"), Some("x>y"));
+        assert_eq!(attribute(attributes, "m"), Some("\">"));
+        assert_eq!(items.content(), b"1 <b> 2");
+        assert!(matches!(items.next(), Some(Item::Close("a"))));
+        // A quote that is not closed hides nothing.
+        assert!(matches!(items.next(), Some(Item::Open { name: "c", .. })));
+        assert!(items.next().is_none());
+        assert!(Items::new(b"<![CDATA[<a>").next().is_none());
+    }
+
+    #[test]
     fn entities() {
         let text = "a<b & \"c\" > &amp; &; &x";
         assert_eq!(unescape(&escape(text)), text);
         assert_eq!(unescape("&#45;&#x;&"), "-&#x;&");
+        assert_eq!(unescape("&#x41;&#x1F600;&#xD800;"), "A😀&#xD800;");
     }
 }

@@ -1,5 +1,6 @@
 //! The text of ISO 10303-21: numbered instances, reals, strings.
 
+use super::knots::Knots;
 use super::placement::Placement;
 use super::spline::{Spline, affine};
 use isoform_geom::Point3;
@@ -108,39 +109,6 @@ impl Document {
             reals(&v.values()),
             weights.join(",")
         ))
-    }
-}
-
-/// Clamped knots 0, 1/s, 2/s, … 1: degree + 1 times at the ends, once inside.
-pub(super) struct Knots {
-    pub(super) degree: usize,
-    pub(super) spans: usize,
-}
-
-impl Knots {
-    /// All knots with their repetitions.
-    pub(super) fn all(&self) -> Vec<f64> {
-        self.counts()
-            .iter()
-            .zip(self.values())
-            .flat_map(|(count, value)| std::iter::repeat_n(value, *count))
-            .collect()
-    }
-    fn counts(&self) -> Vec<usize> {
-        (0..=self.spans)
-            .map(|k| {
-                if k == 0 || k == self.spans {
-                    self.degree + 1
-                } else {
-                    1
-                }
-            })
-            .collect()
-    }
-    fn values(&self) -> Vec<f64> {
-        (0..=self.spans)
-            .map(|k| k as f64 / self.spans as f64)
-            .collect()
     }
 }
 

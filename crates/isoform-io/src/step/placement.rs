@@ -1,6 +1,6 @@
 //! Where a named surface stands, turned so that its seam and its poles are away from the patch.
 
-use isoform_geom::{Point3, Quadric, RationalPatch, dot, norm, sub};
+use isoform_geom::{Point3, Quadric, RationalPatch, Tangents, dot, norm, sub};
 
 /// Where a patch is looked at, in each direction.
 const SAMPLES: usize = 9;
@@ -26,134 +26,160 @@ pub(super) struct Placed {
     pub(super) agrees: bool,
 }
 
+/// A patch as it is looked at.
+struct View {
+    /// Points of the whole patch.
+    points: Vec<Point3>,
+    /// The middle with its derivatives.
+    middle: Tangents,
+    /// The normal in the middle.
+    outward: Point3,
+}
+
+impl View {
+    fn of(patch: &RationalPatch) -> Self {
+        let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
+        let middle = patch.tangents(0.5, 0.5);
+        Self {
+            points: (0..SAMPLES * SAMPLES)
+                .map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES)))
+                .collect(),
+            outward: middle.normal(),
+            middle,
+        }
+    }
+    /// Whether the patch stays away from the half-plane of the seam about an axis.
+    fn is_away_from_seam(&self, origin: Point3, axis: Point3, seam: Point3) -> bool {
+        self.points
+            .iter()
+            .all(|p| away(across(sub(*p, origin), axis), seam))
+    }
+}
+
 /// The surface about the patch; none where the patch comes near a pole, an apex or the seam,
 /// wherever these are put, and for quadrics without an entity.
 pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> {
-    let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
-    let points: Vec<Point3> = (0..SAMPLES * SAMPLES)
-        .map(|k| patch.point(at(k / SAMPLES), at(k % SAMPLES)))
-        .collect();
-    let middle = patch.tangents(0.5, 0.5);
-    let outward = middle.normal();
+    let view = View::of(patch);
     match *surface {
-        Quadric::Plane { normal, offset } => {
-            let x = unit(across(middle.u, normal))?;
-            let origin = normal.map(|v| offset * v);
-            Some(Placed {
-                entity: "PLANE",
-                axes: Placement {
-                    origin,
-                    z: normal,
-                    x,
-                },
-                numbers: Vec::new(),
-                agrees: dot(normal, outward) > 0.0,
-            })
-        }
-        Quadric::Sphere { center, radius } => {
-            let out = unit(sub(middle.point, center))?;
-            let z = unit(across(middle.v, out))?;
-            let x = out.map(|v| -v);
-            // Within 80° of the middle there is neither pole nor seam.
-            let far = points
-                .iter()
-                .all(|p| dot(sub(*p, center), out) > NEAR * radius);
-            let placed = Placed {
-                entity: "SPHERICAL_SURFACE",
-                axes: Placement {
-                    origin: center,
-                    z,
-                    x,
-                },
-                numbers: vec![radius],
-                agrees: dot(out, outward) > 0.0,
-            };
-            far.then_some(placed)
-        }
+        Quadric::Plane { normal, offset } => plane(&view, normal, offset),
+        Quadric::Sphere { center, radius } => sphere(&view, center, radius),
         Quadric::Cylinder {
             point,
             axis,
             radius,
-        } => {
-            let out = unit(across(sub(middle.point, point), axis))?;
-            let x = out.map(|v| -v);
-            let far = points.iter().all(|p| away(across(sub(*p, point), axis), x));
-            let axes = Placement {
-                origin: point,
-                z: axis,
-                x,
-            };
-            let placed = Placed {
-                entity: "CYLINDRICAL_SURFACE",
-                axes,
-                numbers: vec![radius],
-                agrees: dot(out, outward) > 0.0,
-            };
-            far.then_some(placed)
-        }
+        } => cylinder(&view, point, axis, radius),
         Quadric::Cone {
             apex,
             axis,
             half_angle,
-        } => {
-            // The axis towards the patch, and the circle about it at the patch's middle.
-            let height = dot(sub(middle.point, apex), axis);
-            let z = axis.map(|v| v * height.signum());
-            let height = height.abs();
-            let out = unit(across(sub(middle.point, apex), z))?;
-            let x = out.map(|v| -v);
-            let far = points.iter().all(|p| {
-                let d = sub(*p, apex);
-                dot(d, z) > (1.0 - AWAY) * height && away(across(d, z), x)
-            });
-            let origin = std::array::from_fn(|k| apex[k] + height * z[k]);
-            let (sin, cos) = half_angle.sin_cos();
-            let normal: Point3 = std::array::from_fn(|k| cos * out[k] - sin * z[k]);
-            let numbers = vec![height * half_angle.tan(), half_angle];
-            let placed = Placed {
-                entity: "CONICAL_SURFACE",
-                axes: Placement { origin, z, x },
-                numbers,
-                agrees: dot(normal, outward) > 0.0,
-            };
-            far.then_some(placed)
-        }
+        } => cone(&view, apex, axis, half_angle),
         Quadric::Torus {
             center,
             axis,
             major,
             minor,
-        } => {
-            // Only about the axis can the seam be put opposite to the patch; along the tube it is
-            // the outer equator.
-            let out = unit(across(sub(middle.point, center), axis))?;
-            let x = out.map(|v| -v);
-            let tube = |p: Point3| -> Option<Point3> {
-                let round = unit(across(sub(p, center), axis))?;
-                Some(std::array::from_fn(|k| p[k] - center[k] - major * round[k]))
-            };
-            let normal = unit(tube(middle.point)?)?;
-            let far = points.iter().all(|p| {
-                away(across(sub(*p, center), axis), x)
-                    && tube(*p).is_some_and(|d| away(d, normal.map(|v| -v)))
-            });
-            let axes = Placement {
-                origin: center,
-                z: axis,
-                x,
-            };
-            let placed = Placed {
-                entity: "TOROIDAL_SURFACE",
-                axes,
-                numbers: vec![major, minor],
-                agrees: dot(normal, outward) > 0.0,
-            };
-            // With a tube that reaches the axis it is another entity, which few readers know.
-            (far && minor < AWAY * major).then_some(placed)
-        }
+        } => torus(&view, center, axis, [major, minor]),
         // STEP has no entity for the others.
         Quadric::Other { .. } => None,
     }
+}
+
+fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
+    let x = unit(across(view.middle.u, normal))?;
+    let origin = normal.map(|v| offset * v);
+    Some(Placed {
+        entity: "PLANE",
+        axes: Placement {
+            origin,
+            z: normal,
+            x,
+        },
+        numbers: Vec::new(),
+        agrees: dot(normal, view.outward) > 0.0,
+    })
+}
+
+fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
+    let out = unit(sub(view.middle.point, center))?;
+    let z = unit(across(view.middle.v, out))?;
+    let x = out.map(|v| -v);
+    // Within 80° of the middle there is neither pole nor seam.
+    let is_near = |p: &Point3| dot(sub(*p, center), out) > NEAR * radius;
+    view.points.iter().all(is_near).then(|| Placed {
+        entity: "SPHERICAL_SURFACE",
+        axes: Placement {
+            origin: center,
+            z,
+            x,
+        },
+        numbers: vec![radius],
+        agrees: dot(out, view.outward) > 0.0,
+    })
+}
+
+fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Placed> {
+    let out = unit(across(sub(view.middle.point, point), axis))?;
+    let x = out.map(|v| -v);
+    view.is_away_from_seam(point, axis, x).then(|| Placed {
+        entity: "CYLINDRICAL_SURFACE",
+        axes: Placement {
+            origin: point,
+            z: axis,
+            x,
+        },
+        numbers: vec![radius],
+        agrees: dot(out, view.outward) > 0.0,
+    })
+}
+
+fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Placed> {
+    // The axis towards the patch, and the circle about it at the patch's middle.
+    let height = dot(sub(view.middle.point, apex), axis);
+    let z = axis.map(|v| v * height.signum());
+    let height = height.abs();
+    let out = unit(across(sub(view.middle.point, apex), z))?;
+    let x = out.map(|v| -v);
+    let is_beyond_apex = |p: &Point3| dot(sub(*p, apex), z) > (1.0 - AWAY) * height;
+    if !view.points.iter().all(is_beyond_apex) || !view.is_away_from_seam(apex, z, x) {
+        return None;
+    }
+    let origin = std::array::from_fn(|k| apex[k] + height * z[k]);
+    let (sin, cos) = half_angle.sin_cos();
+    let normal: Point3 = std::array::from_fn(|k| cos * out[k] - sin * z[k]);
+    Some(Placed {
+        entity: "CONICAL_SURFACE",
+        axes: Placement { origin, z, x },
+        numbers: vec![height * half_angle.tan(), half_angle],
+        agrees: dot(normal, view.outward) > 0.0,
+    })
+}
+
+fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) -> Option<Placed> {
+    // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer
+    // equator.
+    let out = unit(across(sub(view.middle.point, center), axis))?;
+    let x = out.map(|v| -v);
+    let from_tube = |p: Point3| -> Option<Point3> {
+        let round = unit(across(sub(p, center), axis))?;
+        Some(std::array::from_fn(|k| p[k] - center[k] - major * round[k]))
+    };
+    let normal = unit(from_tube(view.middle.point)?)?;
+    let behind = normal.map(|v| -v);
+    let is_in_front = |p: &Point3| from_tube(*p).is_some_and(|d| away(d, behind));
+    // With a tube that reaches the axis it is another entity, which few readers know.
+    let fits = minor < AWAY * major
+        && view.is_away_from_seam(center, axis, x)
+        && view.points.iter().all(is_in_front);
+    fits.then(|| Placed {
+        entity: "TOROIDAL_SURFACE",
+        axes: Placement {
+            origin: center,
+            z: axis,
+            x,
+        },
+        numbers: vec![major, minor],
+        agrees: dot(normal, view.outward) > 0.0,
+    })
 }
 
 /// Whether a vector is not along the seam.

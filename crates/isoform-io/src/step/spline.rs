@@ -1,6 +1,6 @@
 //! A patch as a B-spline whose control weights are positive.
 
-use super::part21::Knots;
+use super::knots::Knots;
 use isoform_geom::{Point3, RationalPatch};
 
 /// Control weights must be above this share of the largest: smaller ones are as good as 0 to those

@@ -1,9 +1,9 @@
 //! The writer of version 2.2.
 
-use super::{Physical, TET10, element_type};
-use crate::mesh::MeshWriteOptions;
-use crate::mesh::group::{edge, tet, triangle};
-use crate::mesh::number::Out;
+use super::{Physical, element_type, tet_in_gmsh_order};
+use crate::mesh::group::{edge, triangle};
+use crate::mesh::options::MeshWriteOptions;
+use crate::mesh::out::Out;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
@@ -18,60 +18,65 @@ pub(in crate::mesh) fn write(
     physical.write(&mut out)?;
     out.str("$Nodes\n").int(mesh.points.len()).line()?;
     for (i, p) in mesh.points.iter().enumerate() {
-        out.int(i + 1)
-            .str(" ")
-            .float(p[0])
-            .str(" ")
-            .float(p[1])
-            .str(" ")
-            .float(p[2])
-            .line()?;
+        out.int(i + 1).str(" ").point(p).line()?;
     }
     out.str("$EndNodes\n$Elements\n");
-    out.int(mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len())
-        .line()?;
-    let mut number = 0;
-    // Number, type, two tags (physical group and entity), nodes.
-    let mut element = |dim: usize, label: Option<u32>, entity: usize, nodes: &[u32]| {
-        number += 1;
-        out.int(number)
+    let mut elements = Elements { number: 0, out };
+    elements.write(mesh)?;
+    elements.out.str("$EndElements").line()?;
+    elements.out.flush()
+}
+
+/// Elements on their way out, numbered from 1.
+struct Elements<'o> {
+    number: usize,
+    out: Out<'o>,
+}
+
+impl Elements<'_> {
+    fn write(&mut self, mesh: &Mesh) -> io::Result<()> {
+        let count = mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len();
+        self.out.int(count).line()?;
+        for (i, &c) in mesh.corners.iter().enumerate() {
+            self.element(0, Some(0), i + 1, &[c])?;
+        }
+        for i in 0..mesh.edges.len() {
+            let (nodes, n) = edge(mesh, i);
+            self.labelled(1, mesh.edge_curves.get(i), &nodes[..n])?;
+        }
+        for i in 0..mesh.triangles.len() {
+            let (nodes, n) = triangle(mesh, i);
+            self.labelled(2, mesh.triangle_parts.get(i), &nodes[..n])?;
+        }
+        for i in 0..mesh.tets.len() {
+            let (nodes, n) = tet_in_gmsh_order(mesh, i);
+            self.labelled(3, mesh.tet_regions.get(i), &nodes[..n])?;
+        }
+        Ok(())
+    }
+    /// An element whose entity has the tag of its group.
+    fn labelled(&mut self, dim: usize, label: Option<&u32>, nodes: &[u32]) -> io::Result<()> {
+        let entity = label.map_or(1, |l| *l as usize + 1);
+        self.element(dim, label.copied(), entity, nodes)
+    }
+    /// Number, type, two tags (physical group and entity), nodes.
+    fn element(
+        &mut self,
+        dim: usize,
+        label: Option<u32>,
+        entity: usize,
+        nodes: &[u32],
+    ) -> io::Result<()> {
+        self.number += 1;
+        self.out.int(self.number).str(" ");
+        self.out.int(element_type(dim, nodes.len())).str(" 2 ");
+        self.out
+            .int(label.map_or(0, |l| l + 1))
             .str(" ")
-            .int(element_type(dim, nodes.len()))
-            .str(" 2 ");
-        out.int(label.map_or(0, |l| l + 1)).str(" ").int(entity);
-        nodes.iter().for_each(|&n| {
-            out.str(" ").int(n + 1);
-        });
-        out.line()
-    };
-    for (i, &c) in mesh.corners.iter().enumerate() {
-        element(0, Some(0), i + 1, &[c])?;
+            .int(entity);
+        for &n in nodes {
+            self.out.str(" ").int(n + 1);
+        }
+        self.out.line()
     }
-    let entity = |label: Option<u32>| label.map_or(1, |l| l as usize + 1);
-    for i in 0..mesh.edges.len() {
-        let (nodes, n) = edge(mesh, i);
-        let label = mesh.edge_curves.get(i).copied();
-        element(1, label, entity(label), &nodes[..n])?;
-    }
-    for i in 0..mesh.triangles.len() {
-        let (nodes, n) = triangle(mesh, i);
-        let label = mesh.triangle_parts.get(i).copied();
-        element(2, label, entity(label), &nodes[..n])?;
-    }
-    for i in 0..mesh.tets.len() {
-        let (nodes, n) = tet(mesh, i);
-        let label = mesh.tet_regions.get(i).copied();
-        element(
-            3,
-            label,
-            entity(label),
-            &if n == 10 {
-                TET10.map(|k| nodes[k])
-            } else {
-                nodes
-            }[..n],
-        )?;
-    }
-    out.str("$EndElements").line()?;
-    out.flush()
 }

@@ -1,10 +1,10 @@
 //! The writer of version 4.1.
 
-use super::{Physical, TET10, element_type};
-use crate::mesh::MeshWriteOptions;
+use super::{Physical, element_type, tet_in_gmsh_order};
 use crate::mesh::boundary::parts_of_regions;
 use crate::mesh::group::{Groups, edge, tet, triangle};
-use crate::mesh::number::Out;
+use crate::mesh::options::MeshWriteOptions;
+use crate::mesh::out::Out;
 use isoform_geom::{Aabb, Mesh};
 use std::io::{self, Write};
 
@@ -32,6 +32,10 @@ impl Fields<'_> {
             true => self.out.bytes(&v.to_le_bytes()),
             false => self.out.float(v).str(" "),
         };
+    }
+    fn bounds(&mut self, bounds: &Aabb) {
+        let corners = bounds.lo.iter().chain(&bounds.hi);
+        corners.for_each(|&v| self.double(v));
     }
     fn end(&mut self) -> io::Result<()> {
         if self.binary {
@@ -76,37 +80,8 @@ impl Entities {
         if count == [0; 4] {
             count[2] = 1; // nodes lie on an entity
         }
-        // Entities in one row: points, curves, surfaces, volumes. Large ones first, so that smaller
-        // ones overwrite.
-        let first = [
-            0,
-            count[0],
-            count[0] + count[1],
-            count[0] + count[1] + count[2],
-        ];
-        let all = first[3] + count[3];
-        let mut owner = vec![all as u32 - 1; mesh.points.len()];
-        let mut own = |nodes: &[u32], entity: usize| {
-            nodes
-                .iter()
-                .for_each(|&n| owner[n as usize] = entity as u32)
-        };
-        let label = |labels: &[u32], i: usize| labels.get(i).map_or(0, |l| *l as usize);
-        for i in 0..mesh.tets.len() {
-            let (nodes, n) = tet(mesh, i);
-            own(&nodes[..n], first[3] + label(&mesh.tet_regions, i));
-        }
-        for i in 0..mesh.triangles.len() {
-            let (nodes, n) = triangle(mesh, i);
-            own(&nodes[..n], first[2] + label(&mesh.triangle_parts, i));
-        }
-        for i in 0..mesh.edges.len() {
-            let (nodes, n) = edge(mesh, i);
-            own(&nodes[..n], first[1] + label(&mesh.edge_curves, i));
-        }
-        for (i, &c) in mesh.corners.iter().enumerate() {
-            own(&[c], i);
-        }
+        let all: usize = count.iter().sum();
+        let owner = owners(mesh, count);
         Self {
             groups,
             nodes: Groups::new(&owner, all, mesh.points.len()),
@@ -122,6 +97,38 @@ impl Entities {
         }
         (dim, entity + 1)
     }
+}
+
+/// The smallest entity that each node lies on, in one row of all: points, curves, surfaces, volumes.
+fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
+    let curves = count[0];
+    let surfaces = curves + count[1];
+    let volumes = surfaces + count[2];
+    let last = volumes + count[3] - 1;
+    let mut owner = vec![last as u32; mesh.points.len()];
+    let mut own = |nodes: &[u32], entity: usize| {
+        for &n in nodes {
+            owner[n as usize] = entity as u32;
+        }
+    };
+    let label = |labels: &[u32], i: usize| labels.get(i).map_or(0, |l| *l as usize);
+    // Large entities first, so that smaller ones overwrite.
+    for i in 0..mesh.tets.len() {
+        let (nodes, n) = tet(mesh, i);
+        own(&nodes[..n], volumes + label(&mesh.tet_regions, i));
+    }
+    for i in 0..mesh.triangles.len() {
+        let (nodes, n) = triangle(mesh, i);
+        own(&nodes[..n], surfaces + label(&mesh.triangle_parts, i));
+    }
+    for i in 0..mesh.edges.len() {
+        let (nodes, n) = edge(mesh, i);
+        own(&nodes[..n], curves + label(&mesh.edge_curves, i));
+    }
+    for (i, &c) in mesh.corners.iter().enumerate() {
+        own(&[c], i);
+    }
+    owner
 }
 
 pub(in crate::mesh) fn write(
@@ -168,54 +175,47 @@ fn write_entities(
         out.int(1);
         out.end()?;
     }
-    let mut curves_of_parts = vec![Vec::new(); entities.count[2]];
-    for (i, curve) in mesh.curves.iter().enumerate().take(entities.count[1]) {
-        let [a, b] = curve.parts;
-        for part in if a == b {
-            &curve.parts[..1]
-        } else {
-            &curve.parts[..]
-        } {
-            if let Some(list) = curves_of_parts.get_mut(*part as usize) {
-                list.push(i as u32);
-            }
-        }
-    }
-    let none = |n: usize| vec![Vec::new(); n];
-    let volumes = if entities.count[3] == 0 {
-        none(0)
-    } else {
-        parts_of_regions(mesh)
+    let volumes = match entities.count[3] {
+        0 => Vec::new(),
+        _ => parts_of_regions(mesh),
     };
-    let bounding = [none(entities.count[1]), curves_of_parts, volumes];
+    let bounding = [Vec::new(), curves_of_parts(mesh, entities), volumes];
     for dim in 1..4 {
+        let (group, around) = (&entities.groups[dim - 1], &bounding[dim - 1]);
         for i in 0..entities.count[dim] {
+            let elements = if i < group.len() { group.of(i) } else { &[] };
             out.int(i as i32 + 1);
-            let bounds = bounds(
-                mesh,
-                dim,
-                if i < entities.groups[dim - 1].len() {
-                    entities.groups[dim - 1].of(i)
-                } else {
-                    &[]
-                },
-            );
-            bounds
-                .lo
-                .iter()
-                .chain(&bounds.hi)
-                .for_each(|&v| out.double(v));
+            out.bounds(&bounds(mesh, dim, elements));
             out.size(usize::from(physical.has(dim)));
             if physical.has(dim) {
                 out.int(i as i32 + 1);
             }
-            let around = bounding[dim - 1].get(i).map_or(&[][..], Vec::as_slice);
+            let around = around.get(i).map_or(&[][..], Vec::as_slice);
             out.size(around.len());
             around.iter().for_each(|&b| out.int(b as i32 + 1));
             out.end()?;
         }
     }
     out.close("Entities")
+}
+
+/// The curves that bound each part.
+fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
+    let mut found = vec![Vec::new(); entities.count[2]];
+    for (i, curve) in mesh.curves.iter().enumerate().take(entities.count[1]) {
+        let [a, b] = curve.parts;
+        let parts = if a == b {
+            &curve.parts[..1]
+        } else {
+            &curve.parts[..]
+        };
+        for &part in parts {
+            if let Some(list) = found.get_mut(part as usize) {
+                list.push(i as u32);
+            }
+        }
+    }
+    found
 }
 
 /// Box around the nodes of elements; a point at the origin where there are none.
@@ -251,14 +251,8 @@ fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32]))
             visit(&nodes[..n]);
         }
         _ => {
-            let (nodes, n) = tet(mesh, i);
-            visit(
-                &if n == 10 {
-                    TET10.map(|k| nodes[k])
-                } else {
-                    nodes
-                }[..n],
-            );
+            let (nodes, n) = tet_in_gmsh_order(mesh, i);
+            visit(&nodes[..n]);
         }
     }
 }

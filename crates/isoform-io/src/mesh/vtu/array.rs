@@ -1,7 +1,7 @@
 //! The arrays of a VTK file: text, base64 or raw bytes, as they are or deflated.
 
+use crate::binary::Type;
 use crate::input::parse_number;
-use crate::ply::Type;
 use flate2::read::ZlibDecoder;
 use std::io::{self, Read};
 

@@ -2,10 +2,10 @@
 
 use super::GROUPS;
 use super::array::{Array, Base64, Coding, from_bytes, from_text};
+use crate::binary::Type;
 use crate::input::{Input, Result, shorten};
 use crate::mesh::build::Builder;
 use crate::mesh::xml::{Item, Items, attribute, unescape};
-use crate::ply::Type;
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
@@ -27,10 +27,78 @@ struct Place<'b> {
     at: usize,
 }
 
+impl<'b> Place<'b> {
+    /// The array whose element was read last.
+    fn of(section: &'b str, attributes: &'b str, items: &Items<'b>) -> Self {
+        let word = |name: &str| attribute(attributes, name);
+        let offset = word("offset").and_then(|o| o.trim().parse().ok());
+        Self {
+            section,
+            name: unescape(word("Name").unwrap_or("")),
+            kind: word("type").unwrap_or(""),
+            format: word("format").unwrap_or("ascii"),
+            offset: offset.unwrap_or(0),
+            content: items.content(),
+            at: items.at,
+        }
+    }
+}
+
 /// A block of points and cells.
 #[derive(Default)]
 struct Piece<'b> {
     arrays: Vec<Place<'b>>,
+}
+
+impl<'b> Piece<'b> {
+    /// The first array of a section with this name, or with any if it is empty.
+    fn find(&self, section: &str, name: &str) -> Option<&Place<'b>> {
+        self.arrays
+            .iter()
+            .find(|p| p.section == section && (name.is_empty() || p.name == name))
+    }
+}
+
+/// The cells of a piece.
+struct Cells {
+    /// Where the connectivity stands.
+    at: usize,
+    connectivity: Array,
+    offsets: Array,
+    types: Array,
+    /// Tags of parts, regions and curves.
+    tags: [Option<Array>; 3],
+    /// The points of the piece, and the points of the pieces before it.
+    points: usize,
+    before: usize,
+}
+
+impl Cells {
+    /// Puts the nodes of cell `i`, which begin at `start`, into `nodes`; where they end.
+    fn nodes(
+        &self,
+        i: usize,
+        start: u64,
+        nodes: &mut Vec<u32>,
+    ) -> std::result::Result<u64, (ErrorKind, String)> {
+        let length = self.connectivity.len();
+        let end = self.offsets.index(i);
+        let Some(end) = end.filter(|&e| e >= start && e <= length as u64) else {
+            let why = format!("cell {i} ends at {} of {length}", self.offsets.get(i));
+            return Err((ErrorKind::Corrupt, why));
+        };
+        nodes.clear();
+        for k in start as usize..end as usize {
+            let node = self.connectivity.index(k);
+            let Some(node) = node.filter(|&n| n < self.points as u64) else {
+                let (n, count) = (self.connectivity.get(k), self.points);
+                let why = format!("cell {i} uses point {n} of {count}");
+                return Err((ErrorKind::Index, why));
+            };
+            nodes.push((self.before as u64 + node) as u32);
+        }
+        Ok(end)
+    }
 }
 
 /// What is appended behind the grid.
@@ -107,37 +175,15 @@ impl File<'_, '_> {
                     name: "DataArray",
                     attributes,
                 } => {
-                    let Some(piece) = pieces.last_mut() else {
-                        continue;
-                    };
-                    piece.arrays.push(Place {
-                        section,
-                        name: unescape(attribute(attributes, "Name").unwrap_or("")),
-                        kind: attribute(attributes, "type").unwrap_or(""),
-                        format: attribute(attributes, "format").unwrap_or("ascii"),
-                        offset: attribute(attributes, "offset")
-                            .and_then(|o| o.trim().parse().ok())
-                            .unwrap_or(0),
-                        content: items.content(),
-                        at: items.at,
-                    });
+                    if let Some(piece) = pieces.last_mut() {
+                        piece.arrays.push(Place::of(section, attributes, &items));
+                    }
                 }
                 Item::Open {
                     name: "AppendedData",
                     attributes,
                 } => {
-                    let rest = &bytes[items.at..];
-                    let Some(start) = rest.iter().position(|&b| b == b'_') else {
-                        return Err(self.bad(
-                            ErrorKind::Corrupt,
-                            items.at,
-                            "the appended data do not start with \"_\"",
-                        ));
-                    };
-                    appended = Appended {
-                        bytes: &rest[start + 1..],
-                        base64: attribute(attributes, "encoding") != Some("raw"),
-                    };
+                    appended = self.appended(bytes, items.at, attributes)?;
                     // Raw bytes may look like anything; there is nothing behind them.
                     break;
                 }
@@ -151,6 +197,19 @@ impl File<'_, '_> {
             return Err(self.input.truncated("there is no element \"Piece\""));
         }
         Ok((pieces, appended))
+    }
+
+    /// What is appended behind the element that ends at `at`: all bytes behind a `_`.
+    fn appended<'b>(&self, bytes: &'b [u8], at: usize, attributes: &str) -> Result<Appended<'b>> {
+        let rest = &bytes[at..];
+        let Some(start) = rest.iter().position(|&b| b == b'_') else {
+            let why = "the appended data do not start with \"_\"";
+            return Err(self.bad(ErrorKind::Corrupt, at, why));
+        };
+        Ok(Appended {
+            bytes: &rest[start + 1..],
+            base64: attribute(attributes, "encoding") != Some("raw"),
+        })
     }
 
     fn header(&mut self, attributes: &str, at: usize) -> Result<()> {
@@ -214,101 +273,70 @@ impl File<'_, '_> {
         appended: &Appended<'_>,
         builder: &mut Builder,
     ) -> Result<()> {
-        let find = |section: &str, name: &str| {
-            piece
-                .arrays
-                .iter()
-                .find(|p| p.section == section && (name.is_empty() || p.name == name))
-        };
         let need = |section: &str, name: &str| {
-            let place = find(section, name);
-            place.ok_or_else(|| {
-                self.bad(
-                    ErrorKind::Header,
-                    0,
-                    format!("there is no array \"{name}\" in \"{section}\""),
-                )
+            piece.find(section, name).ok_or_else(|| {
+                let why = format!("there is no array \"{name}\" in \"{section}\"");
+                self.bad(ErrorKind::Header, 0, why)
             })
         };
         let points = need("Points", "")?;
-        let [connectivity, offsets, types] =
-            ["connectivity", "offsets", "types"].map(|name| need("Cells", name));
-        let (connectivity, offsets, types) = (connectivity?, offsets?, types?);
+        let connectivity = need("Cells", "connectivity")?;
+        let (offsets, types) = (need("Cells", "offsets")?, need("Cells", "types")?);
         let before = builder.node_count();
-        let at = At::Byte(points.at as u64);
-        let points = self.array(points, appended)?;
-        for i in 0..points.len() / 3 {
+        let count = self.read_points(points, appended, builder)?;
+        let cells = Cells {
+            at: connectivity.at,
+            connectivity: self.array(connectivity, appended)?,
+            offsets: self.array(offsets, appended)?,
+            types: self.array(types, appended)?,
+            tags: self.tags(piece, appended)?,
+            points: count,
+            before,
+        };
+        self.take_cells(&cells, builder)
+    }
+
+    /// Gives the points to the builder; how many there are.
+    fn read_points(
+        &mut self,
+        place: &Place<'_>,
+        appended: &Appended<'_>,
+        builder: &mut Builder,
+    ) -> Result<usize> {
+        let (before, at) = (builder.node_count(), At::Byte(place.at as u64));
+        let points = self.array(place, appended)?;
+        let count = points.len() / 3;
+        for i in 0..count {
             let Ok(id) = u32::try_from(before + i) else {
                 return Err(self.bad(ErrorKind::TooLarge, 0, "more than 4294967295 points"));
             };
-            builder.node(
-                id,
-                [
-                    points.get(3 * i),
-                    points.get(3 * i + 1),
-                    points.get(3 * i + 2),
-                ],
-                self.input,
-                at,
-            )?;
+            let p = [0, 1, 2].map(|k| points.get(3 * i + k));
+            builder.node(id, p, self.input, at)?;
         }
-        let count = points.len() / 3;
-        drop(points);
-        let at = connectivity.at;
-        let connectivity = self.array(connectivity, appended)?;
-        let offsets = self.array(offsets, appended)?;
-        let types = self.array(types, appended)?;
-        // Ours, those of meshio, of Gmsh and of others, in this order.
-        let mut tags: [Option<Array>; 3] = [None, None, None];
-        for (k, tags) in tags.iter_mut().enumerate() {
-            let known = [
-                GROUPS[k],
-                "gmsh:physical",
-                "CellEntityIds",
-                "gmsh:geometrical",
-            ];
-            if let Some(place) = known.iter().find_map(|name| find("CellData", name)) {
+        Ok(count)
+    }
+
+    /// Tags by kind of group: ours, those of meshio, of Gmsh and of others, in this order.
+    fn tags(&mut self, piece: &Piece<'_>, appended: &Appended<'_>) -> Result<[Option<Array>; 3]> {
+        let mut tags = [None, None, None];
+        for (tags, ours) in tags.iter_mut().zip(GROUPS) {
+            let known = [ours, "gmsh:physical", "CellEntityIds", "gmsh:geometrical"];
+            if let Some(place) = known.iter().find_map(|name| piece.find("CellData", name)) {
                 *tags = Some(self.array(place, appended)?);
             }
         }
+        Ok(tags)
+    }
+
+    fn take_cells(&self, cells: &Cells, builder: &mut Builder) -> Result<()> {
+        let at = At::Byte(cells.at as u64);
         let (mut start, mut nodes) = (0, Vec::new());
-        for i in 0..types.len() {
-            let end = offsets
-                .index(i)
-                .filter(|&e| e >= start && e <= connectivity.len() as u64);
-            let Some(end) = end else {
-                return Err(self.bad(
-                    ErrorKind::Corrupt,
-                    at,
-                    format!(
-                        "cell {i} ends at {} of {}",
-                        offsets.get(i),
-                        connectivity.len()
-                    ),
-                ));
-            };
-            nodes.clear();
-            for k in start..end {
-                match connectivity.index(k as usize).filter(|&n| n < count as u64) {
-                    Some(n) => nodes.push((before as u64 + n) as u32),
-                    None => {
-                        let why = format!(
-                            "cell {i} uses point {} of {count}",
-                            connectivity.get(k as usize)
-                        );
-                        return Err(self.bad(ErrorKind::Index, at, why));
-                    }
-                }
-            }
-            start = end;
-            let tag = |k: usize| tags[k].as_ref().map_or(0, |t| t.tag(i));
-            take(
-                builder,
-                types.get(i) as u8,
-                &nodes,
-                tag,
-                At::Byte(at as u64),
-            );
+        for i in 0..cells.types.len() {
+            start = cells
+                .nodes(i, start, &mut nodes)
+                .map_err(|(kind, why)| self.bad(kind, cells.at, why))?;
+            let tag = |k: usize| cells.tags[k].as_ref().map_or(0, |t| t.tag(i));
+            take(builder, cells.types.get(i) as u8, &nodes, tag, at);
         }
         Ok(())
     }

@@ -1,5 +1,7 @@
 //! Text and bytes by the block: numbers without an allocation each.
 
+use super::options::MeshWriteOptions;
+use isoform_geom::Point3;
 use std::io::{self, Write};
 
 /// Bytes that are gathered before they go out.
@@ -43,6 +45,25 @@ impl<'o> Out<'o> {
         narrow(v, width, &mut self.buffer);
         self
     }
+    /// Three coordinates as by [`Out::float`], with blanks between.
+    pub(super) fn point(&mut self, p: &Point3) -> &mut Self {
+        self.float(p[0]).str(" ").float(p[1]).str(" ").float(p[2])
+    }
+    /// A name that stays on its line.
+    pub(super) fn name(&mut self, name: &str) -> &mut Self {
+        self.str(&on_one_line(name))
+    }
+    /// A line with the unit of length behind a mark for comments, if the unit is known.
+    pub(super) fn units(&mut self, mark: &str, options: &MeshWriteOptions) -> io::Result<()> {
+        match &options.units {
+            None => Ok(()),
+            Some(units) => self
+                .str(mark)
+                .str(" units: ")
+                .str(&units.replace(['\n', '\r'], " "))
+                .line(),
+        }
+    }
     /// Fills up with blanks to a column of the text since `start` (a length told by [`Out::mark`]).
     pub(super) fn pad(&mut self, start: usize, width: usize) -> &mut Self {
         let to = (start + width).max(self.buffer.len());
@@ -71,6 +92,13 @@ impl<'o> Out<'o> {
         self.buffer.clear();
         Ok(())
     }
+}
+
+/// A name without control characters, which become blanks.
+pub(super) fn on_one_line(name: &str) -> String {
+    name.chars()
+        .map(|c| if c.is_control() { ' ' } else { c })
+        .collect()
 }
 
 /// A number in at most `width` ≥ 12 characters, always with a point: the shortest text that reads

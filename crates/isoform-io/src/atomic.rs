@@ -1,0 +1,84 @@
+//! Files that are whole or untouched.
+
+use crate::WriteError;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Writes a file through a temporary one beside it and a rename: whoever looks sees the old file or
+/// the whole new one, and an error leaves the old one. What is no regular file (a pipe,
+/// `/dev/stdout`) is written directly.
+pub fn write_atomic(
+    path: &Path,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> Result<(), WriteError> {
+    let fail = |what, e: &io::Error| WriteError::io(what, path.display().to_string(), e);
+    // Through a link, the file it points to is replaced, not the link.
+    let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+    let old = fs::metadata(&target).ok();
+    if old.as_ref().is_some_and(|m| m.is_dir()) {
+        return Err(fail(
+            "cannot write the file",
+            &io::Error::from(io::ErrorKind::IsADirectory),
+        ));
+    }
+    if old.as_ref().is_some_and(|m| !m.is_file()) {
+        let file = fs::OpenOptions::new()
+            .write(true)
+            .open(&target)
+            .map_err(|e| fail("cannot open the file for writing", &e))?;
+        let mut out = BufWriter::new(file);
+        return write(&mut out)
+            .and_then(|()| out.flush())
+            .map_err(|e| fail("cannot write the file", &e));
+    }
+    // A rename would replace a file that its owner has protected.
+    if old.as_ref().is_some_and(|m| m.permissions().readonly()) {
+        return Err(fail(
+            "cannot write the file",
+            &io::Error::new(
+                io::ErrorKind::PermissionDenied,
+                "the file is write-protected",
+            ),
+        ));
+    }
+    let (file, temporary) =
+        temporary_beside(&target).map_err(|e| fail("cannot make a file in the folder", &e))?;
+    let mut out = BufWriter::with_capacity(1 << 18, file);
+    let done = write(&mut out)
+        .and_then(|()| out.flush())
+        .and_then(|()| match &old {
+            Some(m) => out.get_ref().set_permissions(m.permissions()),
+            None => Ok(()),
+        })
+        .and_then(|()| out.get_ref().sync_all())
+        .and_then(|()| fs::rename(&temporary, &target));
+    done.map_err(|e| {
+        // The first error is the one to tell; a temporary file that cannot be removed is litter at
+        // worst.
+        let _ = fs::remove_file(&temporary);
+        fail("cannot write the file", &e)
+    })
+}
+
+fn temporary_beside(target: &Path) -> io::Result<(File, PathBuf)> {
+    static NUMBER: AtomicU64 = AtomicU64::new(0);
+    let name = target
+        .file_name()
+        .ok_or_else(|| io::Error::from(io::ErrorKind::IsADirectory))?;
+    loop {
+        let mut hidden = std::ffi::OsString::from(".");
+        hidden.push(name);
+        hidden.push(format!(
+            ".{}-{}.tmp",
+            std::process::id(),
+            NUMBER.fetch_add(1, Ordering::Relaxed)
+        ));
+        let path = target.with_file_name(hidden);
+        match File::create_new(&path) {
+            Err(e) if e.kind() == io::ErrorKind::AlreadyExists => {}
+            made => return made.map(|file| (file, path)),
+        }
+    }
+}

@@ -1,0 +1,175 @@
+//! Which format a file has: the one asked for, else the one that its content states, else the one
+//! that its name states, else the likeliest.
+
+use crate::format::{Foreign, Format, Sniff, extension};
+use crate::input::{Input, Result, shorten};
+use crate::registry::{foreign, format_named, formats};
+use crate::{At, ErrorKind, ReadError};
+
+/// First bytes that are looked at.
+const HEAD: usize = 4096;
+/// Shorter first bytes may begin anything; a file is called foreign against its name only by longer
+/// ones.
+const SURE_MAGIC: usize = 4;
+const WHAT: &str = "cannot tell how to read the file";
+
+/// The format of a file; what is odd about it goes into the warnings.
+pub(crate) fn choose(
+    input: &mut Input<'_>,
+    asked: Option<&str>,
+    warnings: &mut Vec<String>,
+) -> Result<&'static Format> {
+    if let Some(asked) = asked {
+        return format_named(asked).ok_or_else(|| no_such_format(input, asked));
+    }
+    let head = input.head(HEAD)?;
+    if head.is_empty() {
+        return Err(input.error(
+            ErrorKind::Empty,
+            At::File,
+            "cannot read points",
+            "the file is empty",
+            "check how it was made",
+        ));
+    }
+    let ending = extension(&input.name);
+    let by_name = ending.as_deref().and_then(by_ending);
+    let stated = by_content(&head, Sniff::Yes);
+    if let (Some(named), Some(stated)) = (by_name, stated)
+        && named.name != stated.name
+        && (named.sniff)(&head) != Sniff::Yes
+    {
+        warnings.push(format!(
+            "the name says {}, but the content is {}: read as {}",
+            named.title, stated.title, stated.title
+        ));
+        return Ok(stated);
+    }
+    if let Some(format) = by_name.or(stated) {
+        return unless_foreign(input, format, &head);
+    }
+    let foreign = ending.as_deref().and_then(foreign_by_ending);
+    if let Some(foreign) = foreign.or_else(|| foreign_by_magic(&head, 1)) {
+        return Err(unsupported(input, foreign));
+    }
+    let likeliest = by_content(&head, Sniff::Maybe).ok_or_else(|| unknown(input))?;
+    warnings.push(format!(
+        "the name does not tell the format; by its content the file was read as {}",
+        likeliest.title
+    ));
+    Ok(likeliest)
+}
+
+fn by_ending(ending: &str) -> Option<&'static Format> {
+    formats().iter().find(|f| f.extensions.contains(&ending))
+}
+
+fn by_content(head: &[u8], sure: Sniff) -> Option<&'static Format> {
+    formats().iter().find(|f| (f.sniff)(head) == sure)
+}
+
+fn foreign_by_ending(ending: &str) -> Option<&'static Foreign> {
+    foreign().iter().find(|f| f.extensions.contains(&ending))
+}
+
+/// The foreign kind whose first bytes, at least `least` of them, the file begins with.
+fn foreign_by_magic(head: &[u8], least: usize) -> Option<&'static Foreign> {
+    foreign()
+        .iter()
+        .find(|f| f.magic.len() >= least && head.starts_with(f.magic))
+}
+
+/// The format, unless the file is a package or an archive under a wrong name, which is better
+/// called what it is.
+fn unless_foreign(
+    input: &Input<'_>,
+    format: &'static Format,
+    head: &[u8],
+) -> Result<&'static Format> {
+    match foreign_by_magic(head, SURE_MAGIC) {
+        Some(foreign) if (format.sniff)(head) != Sniff::Yes => Err(unsupported(input, foreign)),
+        _ => Ok(format),
+    }
+}
+
+/// Titles and endings of all formats, for messages.
+fn readable() -> String {
+    formats()
+        .iter()
+        .map(|f| format!("{} (.{})", f.title, f.extensions.join(", .")))
+        .collect::<Vec<_>>()
+        .join("; ")
+}
+
+const CONVERT: &str =
+    "convert it to one of these, or name the format if the file has another ending";
+
+fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
+    let what = foreign.what;
+    let why = format!("it is {what}. Formats that can be read: {}", readable());
+    let failed = "this kind of file is not read here";
+    input.error(ErrorKind::UnsupportedFormat, At::File, failed, why, CONVERT)
+}
+
+fn unknown(input: &Input<'_>) -> ReadError {
+    let why = format!(
+        "neither its name nor its content is of a known kind. Formats that can be read: {}",
+        readable()
+    );
+    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, CONVERT)
+}
+
+/// The format asked for is foreign, or nothing is known by that name.
+fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
+    let ending = asked.trim_start_matches('.').to_ascii_lowercase();
+    if let Some(foreign) = foreign_by_ending(&ending) {
+        return unsupported(input, foreign);
+    }
+    let (name, readable) = (shorten(asked), readable());
+    let why = format!("no format is called \"{name}\". There are: {readable}");
+    let hint = "use one of these names";
+    input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Source;
+
+    fn chosen(name: &str, bytes: &[u8]) -> (std::result::Result<&'static str, ErrorKind>, usize) {
+        let mut warnings = Vec::new();
+        let mut input = Input::open(Source::Bytes { name, bytes }).expect("bytes");
+        let found = choose(&mut input, None, &mut warnings);
+        (found.map(|f| f.name).map_err(|e| e.kind), warnings.len())
+    }
+
+    #[test]
+    fn by_name_then_by_content() {
+        assert_eq!(chosen("A.PLY", b"ply\nformat ascii 1.0\n"), (Ok("ply"), 0));
+        assert_eq!(chosen("a.xyz", b"ply\nformat ascii 1.0\n"), (Ok("ply"), 1));
+        assert_eq!(chosen("-", b"1 2 3\n4 5 6\n"), (Ok("xyz"), 1));
+        assert_eq!(
+            chosen("-", b"# made by hand\nv 1 2 3\nv 4 5 6\n"),
+            (Ok("obj"), 1)
+        );
+        assert_eq!(chosen("a.CSV", b"x,y,z\n1,2,3\n"), (Ok("csv"), 0));
+        assert_eq!(chosen("scan", b"LASF"), (Ok("las"), 0));
+        assert_eq!(
+            chosen("part.3mf", b"PK\x03\x04"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part.xyz", b"PK\x03\x04"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part", b"ISO-10303-21;\n"),
+            (Err(ErrorKind::UnsupportedFormat), 0)
+        );
+        assert_eq!(
+            chosen("part", b"\x00\x01\x02"),
+            (Err(ErrorKind::UnknownFormat), 0)
+        );
+        assert_eq!(chosen("a.ply", b""), (Err(ErrorKind::Empty), 0));
+    }
+}

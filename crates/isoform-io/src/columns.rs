@@ -1,0 +1,102 @@
+//! Rows of a cloud as text: the names of their values, and their numbers.
+
+use crate::roles::role_named;
+use isoform_geom::PointCloud;
+use std::io::{self, Write};
+
+/// Names of all values of a row, such that reading gives the same roles again.
+pub(crate) struct Names {
+    pub(crate) positions: [&'static str; 3],
+    pub(crate) normals: Vec<&'static str>,
+    pub(crate) colors: Vec<&'static str>,
+    pub(crate) columns: Vec<String>,
+}
+
+impl Names {
+    pub(crate) fn all(&self) -> Vec<&str> {
+        let columns = self.columns.iter().map(String::as_str);
+        self.positions
+            .iter()
+            .chain(&self.normals)
+            .chain(&self.colors)
+            .copied()
+            .chain(columns)
+            .collect()
+    }
+}
+
+/// Names for a header: blanks and separators become `_`; a name that is taken, or would be read as
+/// something else, gets a `_` behind it.
+pub(crate) fn column_names(cloud: &PointCloud) -> Names {
+    let mut columns: Vec<String> = Vec::new();
+    for column in &cloud.columns {
+        let mut name = plain(&column.name);
+        while role_named(&name).is_some() || columns.contains(&name) {
+            name.push('_');
+        }
+        columns.push(name);
+    }
+    let three = |are_there: bool, names: [&'static str; 3]| {
+        if are_there {
+            names.to_vec()
+        } else {
+            Vec::new()
+        }
+    };
+    Names {
+        positions: ["x", "y", "z"],
+        normals: three(!cloud.normals.is_empty(), ["nx", "ny", "nz"]),
+        colors: three(!cloud.colors.is_empty(), ["red", "green", "blue"]),
+        columns,
+    }
+}
+
+/// A name of one word that is no number.
+fn plain(name: &str) -> String {
+    let fits = |c: char| c.is_alphanumeric() || "-+.:()[]%^*".contains(c);
+    let mut plain: String = name
+        .chars()
+        .map(|c| if fits(c) { c } else { '_' })
+        .collect();
+    if plain.is_empty() || crate::input::parse_number(&plain).is_some() {
+        plain.insert(0, '_');
+    }
+    plain
+}
+
+/// The values of point `i` as one line of text: shortest numbers that read back as the same f64.
+pub(crate) fn row(
+    out: &mut dyn Write,
+    separator: u8,
+    cloud: &PointCloud,
+    i: usize,
+    line: &mut Vec<u8>,
+) -> io::Result<()> {
+    line.clear();
+    let normal = cloud.normals.get(i).into_iter().flatten();
+    for v in cloud.absolute(i).into_iter().chain(normal.copied()) {
+        put(line, separator, v)?;
+    }
+    for &v in cloud.colors.get(i).into_iter().flatten() {
+        put(line, separator, f64::from(v))?;
+    }
+    for column in &cloud.columns {
+        put(line, separator, column.values[i])?;
+    }
+    line.push(b'\n');
+    out.write_all(line)
+}
+
+/// A number: plain digits where they are short, an exponent otherwise; both are the shortest that
+/// read back the same.
+fn put(line: &mut Vec<u8>, separator: u8, v: f64) -> io::Result<()> {
+    if !line.is_empty() {
+        line.push(separator);
+    }
+    let is_plain = v == 0.0 || !v.is_finite() || (1e-5..1e16).contains(&v.abs());
+    if is_plain {
+        write!(line, "{v}")
+    } else {
+        write!(line, "{v:e}")
+    }
+}

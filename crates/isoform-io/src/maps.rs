@@ -1,0 +1,232 @@
+//! Rational maps as JSON: {"X": "…", "Y": "…", "Z": "…", "W": "…"} with polynomials in s and t.
+//!
+//! A file holds the map (s, t) ↦ (X/W, Y/W, Z/W) by four polynomials with exact rational
+//! coefficients, written as text; a number may stand for a constant. What the polynomials describe
+//! is not looked at here: whether their image is a surface, or whether they share a factor, is for
+//! those who use the map.
+
+use isoform_algebra::{ParseError, ParseProblem, Poly};
+use serde_json::{Value, json};
+
+/// Keys of the four polynomials in a file, in the order in which they are kept.
+pub const MAP_KEYS: [&str; 4] = ["X", "Y", "Z", "W"];
+/// Names of the variables 0 and 1 of the polynomials.
+pub const MAP_VARIABLES: [&str; 2] = ["s", "t"];
+
+/// A rational map (s, t) ↦ (X/W, Y/W, Z/W) as a file holds it.
+///
+/// ```
+/// use isoform_io::{read_map, write_map};
+/// let text = r#"{"X": "2*s", "Y": "2*t", "Z": "(s^2 + t^2) - 1", "W": "s^2 + t^2 + 1"}"#;
+/// let sphere = read_map(text)?;
+/// assert_eq!(sphere.polynomials[2].total_degree(), 2);
+/// assert_eq!(read_map(&write_map(&sphere))?, sphere);
+/// # Ok::<(), isoform_io::MapFileError>(())
+/// ```
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MapFile {
+    /// X, Y, Z and W in the variables 0 and 1, which are s and t.
+    pub polynomials: [Poly; 4],
+}
+
+/// Why a text is no file of a map.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+pub enum MapFileError {
+    /// The text is no JSON.
+    #[error("line {line}, column {column}: not JSON: {problem}")]
+    NotJson {
+        /// Line of the error, from 1; 0 in an empty text.
+        line: usize,
+        /// Column of the error, from 1; 0 in an empty text.
+        column: usize,
+        /// The complaint of the reader of JSON.
+        problem: String,
+    },
+    /// One of the polynomials is missing.
+    #[error("{key} is missing")]
+    Missing {
+        /// One of [`MAP_KEYS`].
+        key: &'static str,
+    },
+    /// The value of a key is no text.
+    #[error("{key} is {found}, not a polynomial")]
+    NotText {
+        /// One of [`MAP_KEYS`].
+        key: &'static str,
+        /// The kind of value in its place.
+        found: &'static str,
+    },
+    /// A text is no polynomial in s and t.
+    #[error("{key}, {error}")]
+    NotAPolynomial {
+        /// One of [`MAP_KEYS`].
+        key: &'static str,
+        /// Where in the text, and what was expected there.
+        error: ParseError,
+    },
+}
+
+impl MapFileError {
+    /// A word for programs to tell the cases apart.
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::NotJson { .. } => "not_json",
+            Self::Missing { .. } => "missing",
+            Self::NotText { .. } => "not_text",
+            Self::NotAPolynomial { error, .. } => match error.problem {
+                ParseProblem::UnknownName { .. } => "unknown_variable",
+                _ => "not_a_polynomial",
+            },
+        }
+    }
+    /// The polynomial concerned, if it is one of them: an element of [`MAP_KEYS`].
+    pub fn key(&self) -> Option<&'static str> {
+        match self {
+            Self::NotJson { .. } => None,
+            Self::Missing { key } | Self::NotText { key, .. } => Some(key),
+            Self::NotAPolynomial { key, .. } => Some(key),
+        }
+    }
+    /// What one can do about it, one sentence.
+    pub fn hint(&self) -> &'static str {
+        let Self::NotAPolynomial { error, .. } = self else {
+            return "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t";
+        };
+        match error.problem {
+            ParseProblem::UnknownName { .. } => {
+                "the parameters are s and t; multiplication is written *"
+            }
+            ParseProblem::NotAPolynomial | ParseProblem::DivisionByZero => {
+                "bring all coordinates to the common denominator W"
+            }
+            ParseProblem::TooLarge { .. } => "the polynomial is too large to be written out",
+            ParseProblem::Unexpected { .. } => {
+                "write polynomials in s and t such as 3*s^2 - s*t/2 + 1"
+            }
+        }
+    }
+}
+
+/// The map of a JSON text; other keys than [`MAP_KEYS`] are ignored.
+///
+/// # Errors
+/// [`MapFileError`].
+pub fn read_map(text: &str) -> Result<MapFile, MapFileError> {
+    let json: Value = serde_json::from_str(text).map_err(|e| not_json(&e))?;
+    let mut texts: [String; 4] = Default::default();
+    for (target, key) in texts.iter_mut().zip(MAP_KEYS) {
+        *target = polynomial_text(&json, key)?;
+    }
+    let mut polynomials: [Poly; 4] = Default::default();
+    for ((target, text), key) in polynomials.iter_mut().zip(&texts).zip(MAP_KEYS) {
+        *target = Poly::parse(text, &MAP_VARIABLES)
+            .map_err(|error| MapFileError::NotAPolynomial { key, error })?;
+    }
+    Ok(MapFile { polynomials })
+}
+
+/// The text of a map's file; reading it gives the same polynomials.
+pub fn write_map(map: &MapFile) -> String {
+    let [x, y, z, w] = map
+        .polynomials
+        .each_ref()
+        .map(|p| p.display(&MAP_VARIABLES).to_string());
+    format!("{}\n", json!({"X": x, "Y": y, "Z": z, "W": w}))
+}
+
+fn not_json(e: &serde_json::Error) -> MapFileError {
+    // The reader appends the place, which is told separately.
+    let told = e.to_string();
+    let problem = told.split(" at line ").next().unwrap_or_default();
+    MapFileError::NotJson {
+        line: e.line(),
+        column: e.column(),
+        problem: problem.to_owned(),
+    }
+}
+
+fn polynomial_text(json: &Value, key: &'static str) -> Result<String, MapFileError> {
+    let found = match json.get(key) {
+        None => return Err(MapFileError::Missing { key }),
+        Some(Value::String(text)) => return Ok(text.clone()),
+        Some(Value::Number(constant)) => return Ok(constant.to_string()),
+        Some(Value::Null) => "null",
+        Some(Value::Bool(_)) => "true or false",
+        Some(Value::Array(_)) => "a list",
+        Some(Value::Object(_)) => "an object",
+    };
+    Err(MapFileError::NotText { key, found })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    #[test]
+    fn numbers_are_constants_and_order_does_not_matter() {
+        let map = read_map(r#"{"W": 0.1, "Z": "s*t", "Y": "t", "X": "s", "name": 3}"#);
+        let map = map.expect("a map");
+        let [x, y, z, w] = map.polynomials.each_ref().map(Poly::total_degree);
+        assert_eq!([x, y, z, w], [1, 1, 2, 0]);
+        // A decimal number is what it says, not its double.
+        assert_eq!(map.polynomials[3].scale(&10.into()), Poly::one());
+    }
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        for (text, code, key, message) in [
+            (
+                "",
+                "not_json",
+                None,
+                "line 1, column 0: not JSON: EOF while parsing a value",
+            ),
+            ("[1]", "missing", Some("X"), "X is missing"),
+            (
+                r#"{"X": "s", "Y": ["t"], "Z": "1", "W": "1"}"#,
+                "not_text",
+                Some("Y"),
+                "Y is a list, not a polynomial",
+            ),
+            (
+                r#"{"X": "s", "Y": null, "Z": "1", "W": "1"}"#,
+                "not_text",
+                Some("Y"),
+                "Y is null, not a polynomial",
+            ),
+        ] {
+            let e = read_map(text).expect_err(text);
+            assert_eq!(
+                (e.code(), e.key(), e.to_string().as_str()),
+                (code, key, message)
+            );
+            assert!(e.hint().starts_with("write {\"X\""));
+        }
+        let of = |x: &str| {
+            let text = format!(r#"{{"X": "{x}", "Y": "t", "Z": "1", "W": "1"}}"#);
+            read_map(&text).expect_err(x)
+        };
+        assert_eq!(of("u + 1").code(), "unknown_variable");
+        assert_eq!(
+            of("1/s").hint(),
+            "bring all coordinates to the common denominator W"
+        );
+        assert_eq!(
+            (of("s +").code(), of("s +").key()),
+            ("not_a_polynomial", Some("X"))
+        );
+    }
+
+    proptest! {
+        #[test]
+        fn any_text_is_survived(x in "[-+*/^()st0-9. ue\"{}:,\\[\\]]{0,24}") {
+            for text in [x.clone(), json!({"X": x, "Y": "t", "Z": "1", "W": "1"}).to_string()] {
+                match read_map(&text) {
+                    Ok(map) => prop_assert_eq!(read_map(&write_map(&map)), Ok(map)),
+                    Err(e) => prop_assert!(!e.to_string().is_empty() && !e.code().is_empty()),
+                }
+            }
+        }
+    }
+}

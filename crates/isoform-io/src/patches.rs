@@ -1,0 +1,349 @@
+//! Rational patches as JSON: the file that `isoform parameterize` writes, and NURBS surfaces.
+//!
+//! A file is {"patches": \[{"degree": \[m, n\], "control": rows}, …\]}, where a row of i holds the
+//! homogeneous control points \[x·w, y·w, z·w, w\] of j = 0 … n; or rows of "points" \[x, y, z\]
+//! and of "weights" in place of "control". It may also hold {"nurbs": \[{"degree": \[p, q\],
+//! "knots_u": …, "knots_v": …, "points": …, "weights": …}, …\]}, or be one such surface alone.
+//! Other keys are ignored.
+//!
+//! Numbers are the exact values of their doubles. What is computed from them here, products with
+//! weights and Bézier points between knots, is exact too: neighbours have their common sides in
+//! common, digit by digit.
+
+mod nurbs;
+
+use isoform_algebra::RBig;
+use isoform_geom::{PatchError, Point3, RationalPatch};
+use serde_json::{Value, json};
+
+/// Largest sum of a patch's two degrees: the degree of a map for which exact analysis is in reach.
+/// A larger one would let files in that nothing can be done with.
+const MAX_DEGREE: u64 = 64;
+
+/// Why a JSON document is no file of patches.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{at}: {problem}")]
+pub struct PatchFileError {
+    /// Which patch or surface, and which of its keys.
+    pub at: String,
+    /// What is wrong there.
+    pub problem: String,
+}
+
+type Result<T> = std::result::Result<T, PatchFileError>;
+
+fn wrong<T>(at: impl Into<String>, problem: impl Into<String>) -> Result<T> {
+    Err(PatchFileError {
+        at: at.into(),
+        problem: problem.into(),
+    })
+}
+
+/// Homogeneous control points x·w, y·w, z·w, w.
+#[derive(Clone, Debug, PartialEq)]
+pub enum ControlPoints {
+    /// Doubles, as they stand in the file.
+    Doubles(Vec<[f64; 4]>),
+    /// Exact results: products with weights, or Bézier points of a NURBS surface.
+    Exact(Vec<[RBig; 4]>),
+}
+
+impl ControlPoints {
+    /// The number of points.
+    pub fn len(&self) -> usize {
+        match self {
+            Self::Doubles(points) => points.len(),
+            Self::Exact(points) => points.len(),
+        }
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+    /// All points as exact numbers.
+    ///
+    /// # Panics
+    /// If a double is not finite; those that [`read_patches`] gives are.
+    pub fn exact(&self) -> Vec<[RBig; 4]> {
+        match self {
+            Self::Doubles(points) => points.iter().map(|p| p.map(exact)).collect(),
+            Self::Exact(points) => points.clone(),
+        }
+    }
+    /// All points as the doubles nearest to them.
+    pub fn doubles(&self) -> Vec<[f64; 4]> {
+        match self {
+            Self::Doubles(points) => points.clone(),
+            Self::Exact(points) => points
+                .iter()
+                .map(|p| p.each_ref().map(|x| x.to_f64().value()))
+                .collect(),
+        }
+    }
+}
+
+fn exact(x: f64) -> RBig {
+    RBig::try_from(x).expect("control points are finite")
+}
+
+/// A patch out of a file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilePatch {
+    /// `patch 3`, or `nurbs 1, span 2 1`: counted from 1.
+    pub name: String,
+    /// The degrees m and n, at least 1 each and 64 together at most.
+    pub degree: [usize; 2],
+    /// (m + 1)(n + 1) points, row by row of i = 0 … m.
+    pub control: ControlPoints,
+}
+
+impl FilePatch {
+    /// The patch in doubles: those of the file, or the nearest ones to what was computed exactly.
+    ///
+    /// # Errors
+    /// [`PatchError`] if a number is too large for a double.
+    pub fn patch(&self) -> std::result::Result<RationalPatch, PatchError> {
+        let [m, n] = self.degree;
+        RationalPatch::new((m, n), self.control.doubles())
+    }
+}
+
+/// A patch on its way into a file, with what is known of its distance to the surface.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PatchRecord {
+    /// The patch.
+    pub patch: RationalPatch,
+    /// Largest distance to the surface: a proved bound if `certified`, else the largest one sampled.
+    pub max_distance: f64,
+    /// Whether the distance is proved and the patch has no folds.
+    pub certified: bool,
+    /// Root of the mean square of the distances.
+    pub rms_distance: f64,
+    /// The point on the surface from which the patch was grown.
+    pub seed_point: Point3,
+}
+
+/// The file of patches; the same patches give the same bytes.
+///
+/// ```
+/// use isoform_geom::RationalPatch;
+/// use isoform_io::{PatchRecord, read_patches, write_patches};
+/// let patch = RationalPatch::planar((1, 2), [0.0; 3], [0.1, 0.0, 0.0], [0.0, 1.0, 0.0]);
+/// let record = PatchRecord {
+///     patch: patch.clone(),
+///     max_distance: 0.0,
+///     certified: true,
+///     rms_distance: 0.0,
+///     seed_point: [0.05, 0.5, 0.0],
+/// };
+/// let bytes = write_patches(&[record]);
+/// let again = read_patches(&serde_json::from_slice(&bytes)?)?;
+/// assert_eq!((again.len(), again[0].patch()?), (1, patch));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_patches(records: &[PatchRecord]) -> Vec<u8> {
+    let list: Vec<Value> = records.iter().map(record).collect();
+    let mut bytes = json!({"schema": 1, "patches": list})
+        .to_string()
+        .into_bytes();
+    bytes.push(b'\n');
+    bytes
+}
+
+fn record(r: &PatchRecord) -> Value {
+    let (m, n) = r.patch.degree();
+    let rows: Vec<Value> = r
+        .patch
+        .control()
+        .chunks(n + 1)
+        .map(|row| json!(row))
+        .collect();
+    json!({
+        "degree": [m, n],
+        "control": rows,
+        "max_distance": r.max_distance,
+        "certified": r.certified,
+        "rms_distance": r.rms_distance,
+        "seed_point": r.seed_point,
+    })
+}
+
+/// Whether a JSON document is one of patches or of NURBS surfaces, not of a map.
+pub fn is_patch_file(json: &Value) -> bool {
+    ["patches", "nurbs", "knots_u"]
+        .iter()
+        .any(|key| json.get(key).is_some())
+}
+
+/// The patches of a document, those of NURBS surfaces behind the others; never none.
+///
+/// # Errors
+/// [`PatchFileError`].
+pub fn read_patches(json: &Value) -> Result<Vec<FilePatch>> {
+    let mut patches = Vec::new();
+    for (k, value) in listed(json, "patches")?.iter().enumerate() {
+        patches.push(bezier(value, &format!("patch {}", k + 1))?);
+    }
+    let alone = json.get("knots_u").map(|_| json);
+    let mut room = nurbs::MAX_POINTS;
+    for (k, value) in listed(json, "nurbs")?.iter().chain(alone).enumerate() {
+        let pieces = nurbs::pieces(value, &format!("nurbs {}", k + 1), room)?;
+        room -= pieces.iter().map(|p| p.control.len()).sum::<usize>();
+        patches.extend(pieces);
+    }
+    if patches.is_empty() {
+        return wrong("the file", "no patch is in it");
+    }
+    Ok(patches)
+}
+
+/// The list of a key; empty where the key is missing.
+fn listed<'j>(json: &'j Value, key: &str) -> Result<&'j [Value]> {
+    match json.get(key) {
+        None => Ok(&[]),
+        Some(Value::Array(list)) => Ok(list),
+        Some(_) => wrong(key, "a list is expected"),
+    }
+}
+
+/// A Bézier patch.
+fn bezier(value: &Value, at: &str) -> Result<FilePatch> {
+    let degree @ [m, n] = degree(value, at)?;
+    let net = Net::of(value, at)?;
+    if [net.rows, net.columns] != [m + 1, n + 1] {
+        let problem = format!(
+            "{} × {} points are expected, {} × {} are there",
+            m + 1,
+            n + 1,
+            net.rows,
+            net.columns
+        );
+        return wrong(format!("{at}, control"), problem);
+    }
+    Ok(FilePatch {
+        name: at.to_owned(),
+        degree,
+        control: net.control,
+    })
+}
+
+fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
+    let list = value.get("degree").and_then(Value::as_array);
+    let at = format!("{at}, degree");
+    let Some([m, n]) = list.map(Vec::as_slice) else {
+        return wrong(at, "two whole numbers are expected");
+    };
+    match [m, n].map(Value::as_u64) {
+        [Some(m), Some(n)] if m > 0 && n > 0 && m.saturating_add(n) <= MAX_DEGREE => {
+            Ok([m as usize, n as usize])
+        }
+        [Some(_), Some(_)] => wrong(
+            at,
+            format!("both are at least 1, and at most {MAX_DEGREE} together"),
+        ),
+        _ => wrong(at, "two whole numbers are expected"),
+    }
+}
+
+/// Control points in rows and columns, at least one.
+struct Net {
+    rows: usize,
+    columns: usize,
+    control: ControlPoints,
+}
+
+impl Net {
+    /// The points of `control`, or of `points` and `weights`.
+    fn of(value: &Value, at: &str) -> Result<Self> {
+        if value.get("control").is_some() {
+            Self::homogeneous(value, at)
+        } else {
+            Self::weighted(value, at)
+        }
+    }
+
+    fn homogeneous(value: &Value, at: &str) -> Result<Self> {
+        let rows = rows(value, "control", at)?;
+        let mut control = Vec::with_capacity(rows.len() * rows[0].len());
+        for (i, p) in rows.iter().flat_map(|r| r.iter()).enumerate() {
+            control.push(point(p, || format!("{at}, control point {}", i + 1))?);
+        }
+        Ok(Self {
+            rows: rows.len(),
+            columns: rows[0].len(),
+            control: ControlPoints::Doubles(control),
+        })
+    }
+
+    /// Points times their weights, which are 1 where there are none.
+    fn weighted(value: &Value, at: &str) -> Result<Self> {
+        let points = rows(value, "points", at)?;
+        let weights = match value.get("weights") {
+            None => None,
+            Some(_) => Some(rows(value, "weights", at)?),
+        };
+        let shape = |rows: &[&[Value]]| [rows.len(), rows[0].len()];
+        if weights.as_ref().is_some_and(|w| shape(w) != shape(&points)) {
+            let problem = "as many are expected as there are points";
+            return wrong(format!("{at}, weights"), problem);
+        }
+        let mut control = Vec::with_capacity(points.len() * points[0].len());
+        for (i, row) in points.iter().enumerate() {
+            for (j, p) in row.iter().enumerate() {
+                let place = format!("{} {}", i + 1, j + 1);
+                let p: Point3 = point(p, || format!("{at}, point {place}"))?;
+                let w = match &weights {
+                    None => 1.0,
+                    Some(w) => number(&w[i][j]).map_or_else(
+                        || wrong(format!("{at}, weight {place}"), "a number is expected"),
+                        Ok,
+                    )?,
+                };
+                let (p, w) = (p.map(exact), exact(w));
+                control.push([&p[0] * &w, &p[1] * &w, &p[2] * &w, w]);
+            }
+        }
+        Ok(Self {
+            rows: points.len(),
+            columns: points[0].len(),
+            control: ControlPoints::Exact(control),
+        })
+    }
+}
+
+/// Rows of one length, at least one row with one entry.
+fn rows<'a>(value: &'a Value, key: &str, at: &str) -> Result<Vec<&'a [Value]>> {
+    let rows: Option<Vec<&[Value]>> = value.get(key).and_then(Value::as_array).and_then(|rows| {
+        rows.iter()
+            .map(|r| r.as_array().map(Vec::as_slice))
+            .collect()
+    });
+    let rows = rows.unwrap_or_default();
+    let columns = rows.first().map_or(0, |r| r.len());
+    if columns == 0 || rows.iter().any(|r| r.len() != columns) {
+        return wrong(format!("{at}, {key}"), "rows of one length are expected");
+    }
+    Ok(rows)
+}
+
+/// N numbers.
+fn point<const N: usize>(value: &Value, at: impl Fn() -> String) -> Result<[f64; N]> {
+    let list = numbers(Some(value)).map_or_else(|problem| wrong(at(), problem), Ok)?;
+    let count = list.len();
+    list.try_into()
+        .or_else(|_| wrong(at(), format!("{N} numbers are expected, {count} are there")))
+}
+
+fn numbers(value: Option<&Value>) -> std::result::Result<Vec<f64>, &'static str> {
+    value
+        .and_then(Value::as_array)
+        .and_then(|list| list.iter().map(number).collect())
+        .ok_or("a list of numbers is expected")
+}
+
+fn number(value: &Value) -> Option<f64> {
+    value.as_f64().filter(|x| x.is_finite())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,234 @@
+//! The header of a PCD file: lines of a keyword and its values, up to the line DATA.
+
+use super::WHAT;
+use crate::binary::Type;
+use crate::input::{Input, Result, shorten};
+use crate::{ErrorKind, ReadError, ReadReport};
+
+/// Values of a row; descriptors such as VFH have 308.
+const MAX_VALUES: u64 = 4096;
+/// Lines within which the line DATA must come; true headers have some ten.
+const MAX_LINES: u64 = 100;
+/// The scanner at the origin, unturned.
+const NO_VIEWPOINT: [&str; 7] = ["0", "0", "0", "1", "0", "0", "0"];
+
+/// How the values are kept.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Data {
+    /// Text, a point per line.
+    Ascii,
+    /// Bytes, a point behind the other.
+    Binary,
+    /// Bytes packed by LZF, a field behind the other.
+    Compressed,
+}
+
+/// A named value of a point, or several.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    pub(super) name: String,
+    pub(super) kind: Type,
+    /// Values per point.
+    pub(super) count: usize,
+}
+
+impl Field {
+    /// Bytes per value.
+    #[inline]
+    pub(super) fn size(&self) -> usize {
+        self.kind.size()
+    }
+    pub(super) fn is_float(&self) -> bool {
+        matches!(self.kind, Type::F32 | Type::F64)
+    }
+    /// Colour packed as 0xAARRGGBB in an integer or in the bits of a float.
+    pub(super) fn is_packed_color(&self) -> bool {
+        matches!(self.name.as_str(), "rgb" | "rgba") && self.size() == 4 && self.count == 1
+    }
+}
+
+/// The numbers of a TYPE, F, I or U, and a SIZE.
+fn type_of(kind: u8, size: u64) -> Option<Type> {
+    Some(match (kind, size) {
+        (b'F', 4) => Type::F32,
+        (b'F', 8) => Type::F64,
+        (b'I', 1) => Type::I8,
+        (b'I', 2) => Type::I16,
+        (b'I', 4) => Type::I32,
+        (b'I', 8) => Type::I64,
+        (b'U', 1) => Type::U8,
+        (b'U', 2) => Type::U16,
+        (b'U', 4) => Type::U32,
+        (b'U', 8) => Type::U64,
+        _ => return None,
+    })
+}
+
+pub(super) struct Header {
+    pub(super) fields: Vec<Field>,
+    pub(super) points: u64,
+    pub(super) data: Data,
+}
+
+impl Header {
+    /// Bytes of a point.
+    pub(super) fn stride(&self) -> usize {
+        self.fields.iter().map(|f| f.size() * f.count).sum()
+    }
+
+    pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
+        let (mut text, mut bytes) = (String::new(), Vec::new());
+        let mut lines = Lines::default();
+        loop {
+            if input.line > MAX_LINES || !input.read_line(&mut text, &mut bytes)? {
+                let why = "there is no line DATA within the first hundred";
+                return Err(bad(input, why));
+            }
+            if let Some(data) = lines.take(&text, input, report)? {
+                return lines.header(data, input);
+            }
+        }
+    }
+}
+
+fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
+    let hint = "save the file again";
+    input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
+}
+
+/// The values of the lines, as they stand there.
+#[derive(Default)]
+struct Lines {
+    names: Vec<String>,
+    sizes: Vec<u64>,
+    kinds: Vec<u8>,
+    counts: Vec<u64>,
+    points: Option<u64>,
+    width: Option<u64>,
+    height: Option<u64>,
+}
+
+impl Lines {
+    /// Takes a line; how the data are kept, if it says so and ends the header.
+    fn take(
+        &mut self,
+        line: &str,
+        input: &Input<'_>,
+        report: &mut ReadReport,
+    ) -> Result<Option<Data>> {
+        let line = line.split('#').next().unwrap_or("");
+        let mut words = line.split_ascii_whitespace();
+        let Some(key) = words.next() else {
+            return Ok(None);
+        };
+        let words: Vec<&str> = words.take(MAX_VALUES as usize + 1).collect();
+        let one = || number(input, key, words.first().copied());
+        let all =
+            || -> Result<Vec<u64>> { words.iter().map(|w| number(input, key, Some(w))).collect() };
+        let kind = |w: &&str| w.as_bytes()[0].to_ascii_uppercase();
+        match key {
+            "FIELDS" | "COLUMNS" => {
+                self.names = words.iter().map(|w| w.to_ascii_lowercase()).collect();
+            }
+            "SIZE" => self.sizes = all()?,
+            "TYPE" => self.kinds = words.iter().map(kind).collect(),
+            "COUNT" => self.counts = all()?,
+            "WIDTH" => self.width = Some(one()?),
+            "HEIGHT" => self.height = Some(one()?),
+            "POINTS" => self.points = Some(one()?),
+            "VIEWPOINT" if words != NO_VIEWPOINT => {
+                report.warn("the VIEWPOINT is not applied to the points");
+            }
+            "VIEWPOINT" | "VERSION" => {}
+            "DATA" => return data(input, words.first().copied()).map(Some),
+            _ => report.warn(format!(
+                "line {}: unknown header word \"{}\" was passed over",
+                input.line,
+                shorten(key)
+            )),
+        }
+        Ok(None)
+    }
+
+    /// The header of all lines.
+    fn header(mut self, data: Data, input: &Input<'_>) -> Result<Header> {
+        let n = self.names.len();
+        if n == 0 {
+            return Err(bad(input, "the line FIELDS is missing"));
+        }
+        fill(&mut self.counts, n, 1);
+        if data == Data::Ascii {
+            // Text needs neither.
+            fill(&mut self.sizes, n, 4);
+            fill(&mut self.kinds, n, b'F');
+        }
+        let (sizes, kinds, counts) = (self.sizes.len(), self.kinds.len(), self.counts.len());
+        if [sizes, kinds, counts] != [n; 3] {
+            let why = format!("{n} FIELDS, {sizes} SIZE, {kinds} TYPE, {counts} COUNT");
+            return Err(bad(input, why));
+        }
+        let fields = self.fields(input)?;
+        match self.points.or_else(|| self.grid()) {
+            Some(points) => Ok(Header {
+                fields,
+                points,
+                data,
+            }),
+            None => Err(bad(input, "neither POINTS nor WIDTH and HEIGHT")),
+        }
+    }
+
+    fn fields(&mut self, input: &Input<'_>) -> Result<Vec<Field>> {
+        let mut fields = Vec::new();
+        let mut values = 0_u64;
+        for (i, name) in std::mem::take(&mut self.names).into_iter().enumerate() {
+            let (kind, size, count) = (self.kinds[i], self.sizes[i], self.counts[i]);
+            values = values.saturating_add(count);
+            match type_of(kind, size) {
+                Some(kind) if values <= MAX_VALUES => fields.push(Field {
+                    name,
+                    kind,
+                    count: count as usize,
+                }),
+                _ => {
+                    let why = format!(
+                        "field \"{}\" of type {}, size {size}, count {count}",
+                        shorten(&name),
+                        char::from(kind)
+                    );
+                    return Err(bad(input, why));
+                }
+            }
+        }
+        Ok(fields)
+    }
+
+    /// The points of a scan in rows.
+    fn grid(&self) -> Option<u64> {
+        self.width?.checked_mul(self.height.unwrap_or(1))
+    }
+}
+
+/// Puts a value for each field where there are none.
+fn fill<T: Clone>(list: &mut Vec<T>, n: usize, value: T) {
+    if list.is_empty() {
+        list.resize(n, value);
+    }
+}
+
+fn number(input: &Input<'_>, key: &str, word: Option<&str>) -> Result<u64> {
+    let number = word.and_then(|w| w.parse().ok());
+    number.ok_or_else(|| bad(input, format!("\"{}\" needs a number", shorten(key))))
+}
+
+fn data(input: &Input<'_>, word: Option<&str>) -> Result<Data> {
+    match word.map(str::to_ascii_lowercase).as_deref() {
+        Some("ascii") => Ok(Data::Ascii),
+        Some("binary") => Ok(Data::Binary),
+        Some("binary_compressed") => Ok(Data::Compressed),
+        _ => Err(bad(
+            input,
+            "DATA is none of ascii, binary, binary_compressed",
+        )),
+    }
+}

@@ -1,0 +1,220 @@
+//! The header of a PLY file: the encoding, and the elements with their properties.
+
+use super::WHAT;
+use crate::binary::Type;
+use crate::input::{Input, Result, shorten, stated_unit};
+use crate::{ErrorKind, ReadError, ReadReport};
+use std::collections::BTreeMap;
+
+/// More header lines than any true file has.
+const MAX_LINES: u64 = 10_000;
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Encoding {
+    Ascii,
+    Little,
+    Big,
+}
+
+/// A named value of every row of an element, or a list of values.
+#[derive(Debug)]
+pub(super) struct Property {
+    pub(super) name: String,
+    pub(super) kind: Type,
+    /// Type of the length, for lists.
+    pub(super) list: Option<Type>,
+}
+
+/// A kind of rows, such as the vertices or the faces.
+#[derive(Debug)]
+pub(super) struct Element {
+    pub(super) name: String,
+    pub(super) count: u64,
+    pub(super) properties: Vec<Property>,
+}
+
+impl Element {
+    /// Bytes of a row, if it has no lists.
+    pub(super) fn stride(&self) -> Option<usize> {
+        self.properties.iter().try_fold(0_usize, |sum, p| {
+            p.list.is_none().then(|| sum + p.kind.size())
+        })
+    }
+    pub(super) fn is_face(&self) -> bool {
+        matches!(self.name.as_str(), "face" | "faces" | "tristrips") && self.count > 0
+    }
+    /// The list of the corners of faces.
+    pub(super) fn corners(&self) -> Option<usize> {
+        const NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
+        self.properties
+            .iter()
+            .position(|p| p.list.is_some() && NAMES.contains(&p.name.as_str()))
+    }
+}
+
+/// Names of parts by their tags, out of comments `part 1 name` as our own writer makes them.
+pub(super) type PartNames = BTreeMap<i64, String>;
+
+pub(super) struct Header {
+    pub(super) encoding: Encoding,
+    pub(super) elements: Vec<Element>,
+    pub(super) part_names: PartNames,
+}
+
+impl Header {
+    pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
+        let (mut text, mut bytes) = (String::new(), Vec::new());
+        if !input.read_line(&mut text, &mut bytes)? || text.trim_end() != "ply" {
+            let first = shorten(&text);
+            let why = format!("a PLY file starts with the line \"ply\", this one with \"{first}\"");
+            return Err(bad(input, why));
+        }
+        let mut lines = Lines::default();
+        loop {
+            if !input.read_line(&mut text, &mut bytes)? {
+                return Err(input.error(
+                    ErrorKind::Truncated,
+                    input.at_byte(),
+                    WHAT,
+                    "there is no line \"end_header\"",
+                    "get the file again",
+                ));
+            }
+            if input.line > MAX_LINES {
+                let why = format!("the header has more than {MAX_LINES} lines");
+                return Err(bad(input, why));
+            }
+            if lines.take(&text, input, report)? {
+                return lines.header(input);
+            }
+        }
+    }
+
+    /// The element that holds the points.
+    pub(super) fn vertices(&self) -> Option<usize> {
+        ["vertex", "vertices", "point", "points"]
+            .iter()
+            .find_map(|n| self.elements.iter().position(|e| e.name == *n))
+    }
+}
+
+fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
+    let hint = "save the file again, as binary PLY if there is a choice";
+    input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
+}
+
+/// What the lines have declared so far.
+#[derive(Default)]
+struct Lines {
+    encoding: Option<Encoding>,
+    elements: Vec<Element>,
+    part_names: PartNames,
+}
+
+impl Lines {
+    /// Takes a line; whether it ends the header.
+    fn take(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<bool> {
+        let words: Vec<&str> = text.split_ascii_whitespace().collect();
+        match words[..] {
+            ["format", kind, ..] => self.encoding = Some(encoding(kind, input)?),
+            ["element", name, count, ..] => self.element(name, count, input)?,
+            ["property", "list", length, kind, name, ..] => {
+                self.list([length, kind], name, input)?;
+            }
+            ["property", kind, name, ..] => self.scalar(kind, name, input)?,
+            ["comment", "part", tag, _, ..] if tag.parse::<i64>().is_ok() => {
+                let name = text.splitn(4, ' ').nth(3).unwrap_or("");
+                self.part_names
+                    .insert(tag.parse().unwrap_or(0), name.to_owned());
+            }
+            ["comment" | "obj_info", ..] => {
+                report.units = report.units.take().or_else(|| stated_unit(text));
+            }
+            ["end_header", ..] => return Ok(true),
+            [] => {}
+            ["element" | "property" | "format", ..] => {
+                return Err(bad(input, format!("incomplete line \"{}\"", shorten(text))));
+            }
+            // Seen in the wild: "remark" for "comment". What is no declaration cannot change the
+            // layout.
+            [word, ..] => report.warn(format!(
+                "line {}: unknown header word \"{}\" was passed over",
+                input.line,
+                shorten(word)
+            )),
+        }
+        Ok(false)
+    }
+
+    fn element(&mut self, name: &str, count: &str, input: &Input<'_>) -> Result<()> {
+        let Ok(rows) = count.parse() else {
+            let why = format!("\"{}\" is not a number of elements", shorten(count));
+            return Err(bad(input, why));
+        };
+        self.elements.push(Element {
+            name: name.to_ascii_lowercase(),
+            count: rows,
+            properties: Vec::new(),
+        });
+        Ok(())
+    }
+
+    fn list(&mut self, types: [&str; 2], name: &str, input: &Input<'_>) -> Result<()> {
+        let [Some(length), Some(kind)] = types.map(Type::named) else {
+            let why = format!("unknown type in the list property \"{}\"", shorten(name));
+            return Err(bad(input, why));
+        };
+        self.property(name, kind, Some(length), input)
+    }
+
+    fn scalar(&mut self, kind: &str, name: &str, input: &Input<'_>) -> Result<()> {
+        let Some(known) = Type::named(kind) else {
+            let (kind, name) = (shorten(kind), shorten(name));
+            let why = format!("unknown type \"{kind}\" of the property \"{name}\"");
+            return Err(bad(input, why));
+        };
+        self.property(name, known, None, input)
+    }
+
+    /// Adds a property to the last element.
+    fn property(
+        &mut self,
+        name: &str,
+        kind: Type,
+        list: Option<Type>,
+        input: &Input<'_>,
+    ) -> Result<()> {
+        let Some(element) = self.elements.last_mut() else {
+            return Err(bad(input, "a property before any element"));
+        };
+        element.properties.push(Property {
+            name: name.into(),
+            kind,
+            list,
+        });
+        Ok(())
+    }
+
+    fn header(self, input: &Input<'_>) -> Result<Header> {
+        let encoding = self
+            .encoding
+            .ok_or_else(|| bad(input, "the line \"format\" is missing"))?;
+        Ok(Header {
+            encoding,
+            elements: self.elements,
+            part_names: self.part_names,
+        })
+    }
+}
+
+fn encoding(kind: &str, input: &Input<'_>) -> Result<Encoding> {
+    match kind {
+        "ascii" => Ok(Encoding::Ascii),
+        "binary_little_endian" => Ok(Encoding::Little),
+        "binary_big_endian" => Ok(Encoding::Big),
+        _ => Err(bad(
+            input,
+            format!("unknown encoding \"{}\"", shorten(kind)),
+        )),
+    }
+}

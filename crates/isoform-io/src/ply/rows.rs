@@ -1,0 +1,162 @@
+//! The rows of a PLY file, in text and bytes.
+
+use super::header::{Element, Encoding};
+use crate::ErrorKind;
+use crate::binary::Type;
+use crate::input::{Input, Result, Words, parse_number, shorten};
+
+const WHAT: &str = "cannot read the PLY data";
+
+/// Reads rows of one element after another.
+pub(super) struct Rows {
+    pub(super) encoding: Encoding,
+    words: Words,
+    row: Vec<u8>,
+    /// Scalars of the row by property; NaN for lists.
+    pub(super) values: Vec<f64>,
+    /// Items of the list that was asked for.
+    pub(super) list: Vec<f64>,
+}
+
+impl Rows {
+    pub(super) fn new(encoding: Encoding) -> Self {
+        Self {
+            encoding,
+            words: Words::new(),
+            row: Vec::new(),
+            values: Vec::new(),
+            list: Vec::new(),
+        }
+    }
+
+    /// Whether anything is left behind the rows.
+    pub(super) fn has_more(&mut self, input: &mut Input<'_>) -> Result<bool> {
+        match self.encoding {
+            Encoding::Ascii => Ok(self.words.next(input)?.is_some()),
+            _ => Ok(input.left() > 0),
+        }
+    }
+
+    /// Reads row `i`: scalars into `values`, the items of property `wanted` into `list`.
+    pub(super) fn next(
+        &mut self,
+        input: &mut Input<'_>,
+        element: &Element,
+        i: u64,
+        wanted: Option<usize>,
+    ) -> Result<()> {
+        let missing = || {
+            format!(
+                "row {i} of {} \"{}\" elements is incomplete",
+                element.count,
+                shorten(&element.name)
+            )
+        };
+        self.values.clear();
+        self.list.clear();
+        if self.encoding != Encoding::Ascii
+            && let Some(stride) = element.stride()
+        {
+            self.row.resize(stride, 0);
+            input.exact(&mut self.row, missing)?;
+            self.decode_row(element);
+            return Ok(());
+        }
+        for (k, p) in element.properties.iter().enumerate() {
+            let Some(length) = p.list else {
+                let v = self.number(input, p.kind, missing)?;
+                self.values.push(v);
+                continue;
+            };
+            self.values.push(f64::NAN);
+            for _ in 0..self.list_length(input, length, missing)? {
+                let v = self.number(input, p.kind, missing)?;
+                if wanted == Some(k) {
+                    self.list.push(v);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The scalars of the bytes in `row`.
+    #[inline]
+    fn decode_row(&mut self, element: &Element) {
+        let big = self.encoding == Encoding::Big;
+        let mut at = 0;
+        for p in &element.properties {
+            self.values.push(p.kind.decode(&self.row[at..], big));
+            at += p.kind.size();
+        }
+    }
+
+    fn list_length(
+        &mut self,
+        input: &mut Input<'_>,
+        kind: Type,
+        missing: impl Fn() -> String,
+    ) -> Result<u64> {
+        let place = input.at_byte();
+        let n = self.number(input, kind, missing)?;
+        if n >= 0.0 && n <= u64::MAX as f64 && n.fract() == 0.0 {
+            return Ok(n as u64);
+        }
+        let why = format!("{n} is not the length of a list");
+        Err(input.error(ErrorKind::Corrupt, place, WHAT, why, "get the file again"))
+    }
+
+    fn number(
+        &mut self,
+        input: &mut Input<'_>,
+        kind: Type,
+        missing: impl Fn() -> String,
+    ) -> Result<f64> {
+        if self.encoding == Encoding::Ascii {
+            return self.word(input, missing);
+        }
+        let mut bytes = [0; 8];
+        input.exact(&mut bytes[..kind.size()], missing)?;
+        Ok(kind.decode(&bytes, self.encoding == Encoding::Big))
+    }
+
+    /// The next number of a text.
+    fn word(&mut self, input: &mut Input<'_>, missing: impl Fn() -> String) -> Result<f64> {
+        let Some(word) = self.words.next(input)? else {
+            return Err(input.truncated(missing()));
+        };
+        if let Some(v) = parse_number(word).or_else(|| truth(word)) {
+            return Ok(v);
+        }
+        let why = format!("\"{}\" is not a number", shorten(word));
+        let at = input.at_line(self.words.column);
+        let hint = "correct the line, or save the file again";
+        Err(input.error(ErrorKind::Number, at, WHAT, why, hint))
+    }
+
+    /// Passes over all rows of an element.
+    pub(super) fn skip(&mut self, input: &mut Input<'_>, element: &Element) -> Result<()> {
+        if self.encoding != Encoding::Ascii
+            && let Some(stride) = element.stride()
+        {
+            let missing = || {
+                format!(
+                    "{} \"{}\" elements are announced",
+                    element.count,
+                    shorten(&element.name)
+                )
+            };
+            let bytes = element.count.saturating_mul(stride as u64);
+            return input.skip(bytes, missing);
+        }
+        for i in 0..element.count {
+            self.next(input, element, i, None)?;
+        }
+        Ok(())
+    }
+}
+
+/// `bool` properties come as words from some writers.
+fn truth(word: &str) -> Option<f64> {
+    let truth: bool = word.to_ascii_lowercase().parse().ok()?;
+    Some(f64::from(truth))
+}

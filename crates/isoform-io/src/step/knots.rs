@@ -1,0 +1,51 @@
+//! Knots of the B-splines of a STEP file.
+
+/// Clamped knots 0, 1/s, 2/s, … 1: degree + 1 times at the ends, once inside.
+pub(super) struct Knots {
+    pub(super) degree: usize,
+    pub(super) spans: usize,
+}
+
+impl Knots {
+    /// All knots with their repetitions.
+    pub(super) fn all(&self) -> Vec<f64> {
+        self.counts()
+            .iter()
+            .zip(self.values())
+            .flat_map(|(count, value)| std::iter::repeat_n(value, *count))
+            .collect()
+    }
+    /// How often each knot occurs.
+    pub(super) fn counts(&self) -> Vec<usize> {
+        (0..=self.spans)
+            .map(|k| {
+                if k == 0 || k == self.spans {
+                    self.degree + 1
+                } else {
+                    1
+                }
+            })
+            .collect()
+    }
+    /// The knots, each once.
+    pub(super) fn values(&self) -> Vec<f64> {
+        (0..=self.spans)
+            .map(|k| k as f64 / self.spans as f64)
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Knots;
+
+    #[test]
+    fn clamped_and_even() {
+        let knots = Knots {
+            degree: 2,
+            spans: 4,
+        };
+        let all = [0.0, 0.0, 0.0, 0.25, 0.5, 0.75, 1.0, 1.0, 1.0];
+        assert_eq!(knots.all(), all);
+    }
+}
