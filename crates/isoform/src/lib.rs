@@ -38,6 +38,7 @@ mod mesh_model;
 mod meshing;
 mod patches;
 pub mod report;
+mod surface_box;
 mod template;
 mod topology;
 
@@ -68,5 +69,6 @@ pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
 pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
+pub use surface_box::SurfaceBox;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

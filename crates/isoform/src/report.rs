@@ -8,6 +8,7 @@ mod fit;
 mod inspect;
 mod mesh;
 mod patches;
+mod surface;
 
 pub use compare::{CompareReport, SideReport};
 pub use fit::{
@@ -24,6 +25,11 @@ pub use mesh::{
 pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
     PatchesReport, WeightsReport, solver_name,
+};
+pub use surface::{
+    AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
+    PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,
+    contracted, map_degree, mode_name,
 };
 
 use serde::ser::{Serialize, SerializeMap, Serializer};

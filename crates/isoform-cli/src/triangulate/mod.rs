@@ -11,28 +11,17 @@ use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
 use isoform::tess::{
-    Analysis, Budget, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
-    TriangulateOptions, VARIABLES, bounds_over, is_patch_file, patch_bounds, read_patches,
+    Analysis, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
+    TriangulateOptions, VARIABLES, is_patch_file, read_patches,
 };
-use isoform::{Control, PatchesError, Topology, topology};
+use isoform::{Control, PatchesError, SurfaceBox, Topology, topology};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Tolerance unless another is given, in half widths of the box.
-const TOLERANCE: f64 = 5e-4;
-/// Longest edge unless another is given, in half widths of the box.
-const LONGEST: f64 = 0.25;
-/// Number of triangles at which refinement stops unless another is given.
-const MOST_TRIANGLES: usize = 400_000;
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
 const EXACT_SHARE: f64 = 0.6;
-/// The seconds of these phases without a time limit: surfaces that take longer mostly take hours,
-/// and are drawn without what would be found then. With less, surfaces of degree 8 are cut off on
-/// slow machines; with twice as much, a glued surface may take more than two minutes.
-const EXACT_SECONDS: f64 = 60.0;
-
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -75,7 +64,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
-    #[arg(long, value_name = "N", default_value_t = MOST_TRIANGLES, value_parser = at_least_one)]
+    #[arg(long, value_name = "N", default_value_t = MeshOptions::TRIANGLES, value_parser = at_least_one)]
     triangles: usize,
     /// Whether sheets that cross are joined [default: glued; for patches normalised]
     #[arg(long, value_enum)]
@@ -195,15 +184,6 @@ impl Made {
             () => PARTIAL,
         }
     }
-    /// How many parameters reach a general point of the surface; 0 if that is unknown.
-    fn map_degree(&self) -> usize {
-        self.analyses
-            .iter()
-            .filter_map(|a| a.degrees)
-            .map(|d| d.map_degree)
-            .max()
-            .unwrap_or(0)
-    }
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
@@ -305,17 +285,17 @@ fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
 }
 
 /// The box: as asked for, or, where the surface is proved to have bounds, around it; half the
-/// largest width of the surface in the box then.
-fn find_box(args: &Args, subject: &Subject) -> Result<(HalfWidth, f64, bool), Failure> {
+/// largest width of the surface in the box; whether it was not asked for.
+fn find_box(args: &Args, subject: &Subject) -> Result<(RBig, f64, bool), Failure> {
     if let Some(given) = &args.half_width {
-        return Ok((given.clone(), given.near, false));
+        return Ok((given.exact.clone(), given.near, false));
     }
     let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
-    let bounds = match subject {
-        Subject::Map(map) => domain.and_then(|d| bounds_over(map, d)),
-        Subject::Patches(patches) => patch_bounds(patches),
+    let around = match subject {
+        Subject::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
+        Subject::Patches(patches) => SurfaceBox::of_patches(patches),
     };
-    let Some(bounds) = bounds else {
+    let Some(SurfaceBox { half_width, size }) = around else {
         let why = match (subject, domain) {
             (Subject::Map(_), None) => "the parameters are the whole plane",
             (Subject::Map(_), Some(_)) => "W is not proved to keep its sign over the region",
@@ -325,22 +305,7 @@ fn find_box(args: &Args, subject: &Subject) -> Result<(HalfWidth, f64, bool), Fa
             .why(why.to_owned())
             .hint("--box B, half the width of a box around the origin"));
     };
-    let near = bounds.map(|b| b.map(|x| x.to_f64_fast()));
-    let most = near.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
-    let width = near
-        .iter()
-        .map(|[lo, hi]| 0.5 * (hi - lo))
-        .fold(0.0, f64::max);
-    // Two digits, at least a hundredth more than needed.
-    let exponent = (1.01 * most).log10().floor() as i32 - 1;
-    let text = format!(
-        "{:.0}e{exponent}",
-        (1.01 * most / 10f64.powi(exponent)).ceil()
-    );
-    let exact = half_width(&text).map_err(|_| {
-        Failure::usage("--box is needed").why("the surface is too large or too small".to_owned())
-    })?;
-    Ok((exact, width, true))
+    Ok((half_width, size, true))
 }
 
 /// Why it is no map, and where.
@@ -397,12 +362,8 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         );
     }
     let (half_width, size, is_chosen) = find_box(args, &subject)?;
-    let seconds = context
-        .global
-        .time_limit
-        .map_or(EXACT_SECONDS, |t| EXACT_SHARE * t.as_secs_f64());
-    let options = TriangulateOptions {
-        half_width: half_width.exact.clone(),
+    let usual = MeshOptions::around(size);
+    let mut options = TriangulateOptions {
         domain: domain.cloned(),
         mode: match args.mode {
             Some(Sheets::Glued) => Mode::Glued,
@@ -410,15 +371,15 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
             _ => Mode::Normalised,
         },
         mesh: MeshOptions {
-            tolerance: args.tol.unwrap_or(TOLERANCE * size),
-            longest: args.longest.unwrap_or(LONGEST * size),
+            tolerance: args.tol.unwrap_or(usual.tolerance),
+            longest: args.longest.unwrap_or(usual.longest),
             triangles: args.triangles,
         },
-        budget: Budget {
-            seconds,
-            ..Budget::default()
-        },
+        ..TriangulateOptions::around(half_width)
     };
+    if let Some(limit) = context.global.time_limit {
+        options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
+    }
     let name = args.map.display().to_string();
     let control = context.control();
     let progress = Progress::new(context);
@@ -449,7 +410,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         }
     }
     let (maps, analyses) = known.into_iter().unzip();
-    let half_width = half_width.near;
+    let half_width = options.half_width.to_f64_fast();
     Ok(Made {
         name,
         maps,

@@ -1,9 +1,9 @@
 //! The result for people.
 
-use super::{Made, document};
+use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
-use isoform::report::brief;
+use isoform::report::{brief, contracted, mode_name};
 use isoform::tess::{BasePoint, Basis, Mode, Surface};
 use std::path::PathBuf;
 
@@ -40,7 +40,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         },
         mesh.tolerance,
         mesh.longest,
-        document::mode(made.options.mode)
+        mode_name(made.options.mode)
     );
     text += &line("box", box_line);
     if let ([analysis], []) = (&made.analyses[..], &made.patches[..]) {
@@ -48,19 +48,19 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("pole", pole(analysis.pole_topology.as_ref()));
         text += &line("double curve", double_curve(made));
     }
-    let contracted: Vec<_> = made
+    let curves: Vec<_> = made
         .analyses
         .iter()
         .filter(|_| made.patches.is_empty())
-        .flat_map(document::contracted)
+        .flat_map(contracted)
         .collect();
     // The real components of one curve may be contracted to several conjugate points.
-    for (i, of_one) in contracted.chunk_by(|a, b| a.0 == b.0).enumerate() {
-        let points: Vec<String> = of_one.iter().map(|(_, to)| point(*to)).collect();
+    for (i, of_one) in curves.chunk_by(|a, b| a.curve == b.curve).enumerate() {
+        let points: Vec<String> = of_one.iter().map(|c| point(c.point)).collect();
         let name = if i == 0 { "contracted" } else { "" };
         text += &line(
             name,
-            format!("{} = 0 to {}", of_one[0].0, points.join(" and ")),
+            format!("{} = 0 to {}", of_one[0].curve, points.join(" and ")),
         );
     }
     let parts = [

@@ -1,0 +1,57 @@
+//! The box around a rational surface that is proved to be bounded.
+
+use isoform_algebra::{Poly, RBig};
+use isoform_tess::{Domain, Map, Patch, bounds_over, patch_bounds};
+
+/// The room between a surface and its box, as a factor: without any, its extreme points would lie
+/// on faces of the box; with much more, the default tolerance would be coarse.
+const ROOM: f64 = 1.01;
+
+/// A box around the origin in which a surface lies.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SurfaceBox {
+    /// Half its width, of two digits.
+    pub half_width: RBig,
+    /// Half the largest width of the surface itself, to which tolerances relate.
+    pub size: f64,
+}
+
+impl SurfaceBox {
+    /// The box around a map over a domain; none where W is not proved to keep its sign there, or
+    /// where the surface is too large or too small for doubles.
+    ///
+    /// ```
+    /// use isoform::algebra::RBig;
+    /// use isoform::tess::{Domain, Map, Options};
+    /// let paraboloid = Map::parse(["s", "t", "s^2 + t^2", "1"], Options::default())?;
+    /// let square = || [RBig::ZERO, RBig::ONE];
+    /// let domain = Domain::rectangle(square(), square())?;
+    /// let around = isoform::SurfaceBox::of_map(&paraboloid, &domain).expect("no pole");
+    /// assert_eq!((around.half_width.to_string(), around.size), ("21/10".to_owned(), 1.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn of_map(map: &Map, domain: &Domain) -> Option<Self> {
+        Self::around(&bounds_over(map, domain)?)
+    }
+
+    /// The box around patches; none where their weights are not proved to keep their sign, or where
+    /// they are too large or too small for doubles.
+    pub fn of_patches(patches: &[Patch]) -> Option<Self> {
+        Self::around(&patch_bounds(patches)?)
+    }
+
+    fn around(bounds: &[[RBig; 2]; 3]) -> Option<Self> {
+        let near = bounds
+            .each_ref()
+            .map(|b| b.each_ref().map(RBig::to_f64_fast));
+        let farthest = near.iter().flatten().fold(0.0f64, |m, x| m.max(x.abs()));
+        let widths = near.iter().map(|[lo, hi]| 0.5 * (hi - lo));
+        let size = widths.fold(0.0, f64::max);
+        let exponent = (ROOM * farthest).log10().floor() as i32 - 1;
+        let digits = (ROOM * farthest / 10f64.powi(exponent)).ceil();
+        let text = format!("{digits:.0}e{exponent}");
+        let half_width = Poly::parse(&text, &[]).ok()?.as_constant()?;
+        let near = half_width.to_f64_fast();
+        (near > 0.0 && near.is_normal()).then_some(Self { half_width, size })
+    }
+}
