@@ -36,6 +36,15 @@ const MOST_FOUND: usize = 24;
 /// nor after so many failures: the search looks at all that is below a node.
 const MOST_FAILURES: usize = 2000;
 
+/// The sign of a parameter without a value: sizes are positive, and names of faces are to be those
+/// that they have for such values. The ends are far from what overflows in products of a few.
+const POSITIVE: [f64; 2] = [1e-9, 1e9];
+/// The value of parameter i where kinks are sought and it has none: positive, and different for
+/// each, so that terms do not cancel by chance.
+fn stand_in(i: u32) -> f64 {
+    0.5 + (0.618_033_988_749_895 * f64::from(i + 1)).fract()
+}
+
 /// Why an expression has no pieces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum SplitError {
@@ -97,31 +106,11 @@ pub(crate) struct Function {
 
 /// Reads the expression `root`, of x alone; the graph grows by the pieces.
 pub(crate) fn split(graph: &mut Graph, root: NodeId) -> Result<Split, SplitError> {
-    let mut reader = Reader {
-        graph,
-        root,
-        kinked: Vec::new(),
-        ranges: Vec::new(),
-        values: HashMap::new(),
-        signs: HashMap::new(),
-        monotone: HashMap::new(),
-        depth: 0,
-        failures: 0,
-        too_large: false,
-    };
-    let tree = reader.sign(root, &Context::default());
-    if reader.too_large || tree.leaves() > MOST_PIECES {
-        return Err(SplitError::TooLarge);
-    }
+    let mut reader = Reader::new(graph, root);
+    let tree = reader.whole().ok_or(SplitError::TooLarge)?;
     let monotone = std::mem::take(&mut reader.monotone);
     let tree = without_constants(graph, &tree).map_err(|inside| SplitError::Constant { inside })?;
-    let mut numbering = Numbering {
-        graph,
-        names: Vec::new(),
-        taken: HashSet::new(),
-        pieces: Vec::new(),
-        known: HashMap::new(),
-    };
+    let mut numbering = Numbering::new(graph);
     let tree = numbering.tree(&tree);
     Ok(Split {
         names: numbering.names,
@@ -224,6 +213,10 @@ struct Reader<'a> {
     values: HashMap<NodeId, Tree>,
     signs: HashMap<NodeId, Tree>,
     monotone: HashMap<NodeId, Monotone>,
+    /// Trees of the sides of primitives.
+    sides: HashMap<NodeId, Vec<Tree>>,
+    /// Number of parameters without a value.
+    params: usize,
     depth: usize,
     failures: usize,
     too_large: bool,
@@ -246,7 +239,31 @@ enum Join2 {
     Max(NodeId, NodeId),
 }
 
-impl Reader<'_> {
+impl<'a> Reader<'a> {
+    fn new(graph: &'a mut Graph, root: NodeId) -> Self {
+        let (_, params) = graph.inputs(root);
+        Self {
+            graph,
+            root,
+            kinked: Vec::new(),
+            ranges: Vec::new(),
+            values: HashMap::new(),
+            signs: HashMap::new(),
+            monotone: HashMap::new(),
+            sides: HashMap::new(),
+            params,
+            depth: 0,
+            failures: 0,
+            too_large: false,
+        }
+    }
+
+    /// The tree of the whole expression; none where it is too large.
+    fn whole(&mut self) -> Option<Tree> {
+        let tree = self.sign(self.root, &Context::default());
+        (!self.too_large && tree.leaves() <= MOST_PIECES).then_some(tree)
+    }
+
     // ---- by sign
 
     fn sign(&mut self, id: NodeId, above: &Context) -> Tree {
@@ -338,7 +355,7 @@ impl Reader<'_> {
         let sides = match f {
             // Its distance is an iteration; the quadric has the same zero set.
             Library::DistanceEllipsoid => vec![("", self.graph.library(Library::Ellipsoid, args))],
-            _ => f.metric(self.graph, args),
+            _ => f.metric(&mut Sizes(self.graph), args),
         };
         if sides.is_empty() {
             return self.by_value(id, context);
@@ -365,6 +382,7 @@ impl Reader<'_> {
                 }
             })
             .collect();
+        self.sides.insert(id, parts.clone());
         Tree::join(true, parts)
     }
 
@@ -596,10 +614,11 @@ impl Reader<'_> {
         if pieces.len() == 2 {
             return tree;
         }
-        let tape = Tape::new(self.graph, &pieces, 3, 0);
+        let a: Vec<f64> = (0..self.params).map(|i| stand_in(i as u32)).collect();
+        let tape = Tape::new(self.graph, &pieces, 3, a.len());
         let (mut random, mut scratch) = (Random::new(), Vec::new());
         for _ in 0..64 {
-            let values = tape.eval_all(&random.place(3), &[], &mut scratch);
+            let values = tape.eval_all(&random.place(3), &a, &mut scratch);
             if !values[0].is_nan() && values.iter().any(|v| v.is_nan()) {
                 return self
                     .blend(id, context)
@@ -736,7 +755,10 @@ impl Reader<'_> {
             copy.insert(input, graph.x(3 + k));
         }
         for &node in interior {
-            let new = rebuilt(&mut graph, self.graph.node(node), &copy);
+            let new = match self.graph.node(node) {
+                Node::Param(i) => graph.constant(stand_in(*i)),
+                other => rebuilt(&mut graph, other, &copy),
+            };
             copy.insert(node, new);
         }
         (graph, copy[&id])
@@ -885,13 +907,16 @@ impl Reader<'_> {
 
     // ---- nodes
 
+    /// The context of a node. A variable that the node is part of says more than a name that is
+    /// only suggested for it.
     fn context(&self, id: NodeId, above: &Context) -> Context {
+        let is_better = !above.name.is_empty() && self.graph.has_suggested_name(id);
         match self.graph.name(id) {
-            Some(name) => Context {
+            Some(name) if !is_better => Context {
                 name: name.into(),
                 is_own: true,
             },
-            None => above.clone(),
+            _ => above.clone(),
         }
     }
 
@@ -1022,8 +1047,10 @@ impl Reader<'_> {
                 _ => false,
             };
             let arguments = self.graph.arguments(NodeId(i as u32));
+            let below = || arguments.iter().any(|a| self.kinked[a.at()]);
+            // What depends on parameters alone has no kinks in space.
             self.kinked
-                .push(own || arguments.iter().any(|a| self.kinked[a.at()]));
+                .push(self.graph.is_in_space(NodeId(i as u32)) && (own || below()));
         }
         self.kinked[id.at()]
     }
@@ -1050,11 +1077,67 @@ impl Reader<'_> {
                 Node::Set(op, u, v) => op.apply(of(u), of(v)),
                 Node::PowI(u, n) => of(u).powi(*n),
                 Node::Select(c, u, v) => of(c).select(of(u), of(v)),
-                Node::X(_) | Node::Param(_) | Node::Library(..) | Node::Native(..) => Interval::ALL,
+                Node::Param(_) => Interval::new(POSITIVE[0], POSITIVE[1]),
+                Node::X(_) | Node::Library(..) | Node::Native(..) => Interval::ALL,
             };
             self.ranges.push(range);
         }
         self.ranges[id.at()]
+    }
+}
+
+/// Builds into a graph, with sizes taken for positive: |a| is a, and a − a is 0, for sizes that are
+/// parameters. Sides that are the same for positive sizes are then the same node.
+struct Sizes<'a>(&'a mut Graph);
+
+impl Sizes<'_> {
+    /// Whether the node is a parameter, or the product of positive numbers.
+    fn is_size(&self, id: NodeId) -> bool {
+        match self.0.node(id) {
+            Node::Param(_) => true,
+            Node::Constant(bits) => f64::from_bits(*bits) > 0.0,
+            Node::Binary(Binary::Add | Binary::Mul | Binary::Div, u, v) => {
+                self.is_size(*u) && self.is_size(*v)
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Ops for Sizes<'_> {
+    type V = NodeId;
+    fn constant(&mut self, c: f64) -> NodeId {
+        self.0.constant(c)
+    }
+    fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
+        if op == Unary::Abs && self.is_size(*a) {
+            return *a;
+        }
+        self.0.unary(op, a)
+    }
+    fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
+        if op == Binary::Sub && a == b && self.is_size(*a) {
+            return self.0.constant(0.0);
+        }
+        self.0.binary(op, a, b)
+    }
+    fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
+        self.0.powi(a, n)
+    }
+    fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.set(op, a, b)
+    }
+    fn select(&mut self, condition: &NodeId, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.select(condition, a, b)
+    }
+    fn library(&mut self, f: Library, args: &[NodeId]) -> NodeId {
+        self.0.library(f, args)
+    }
+    fn native(&mut self, f: crate::library::Native, args: &[NodeId]) -> NodeId {
+        self.0.native(f, args)
+    }
+    fn known(&self, v: &NodeId) -> Option<f64> {
+        self.0.known(v)
     }
 }
 
@@ -1115,20 +1198,20 @@ fn negative(graph: &mut Graph, id: NodeId) -> NodeId {
     }
 }
 
-/// The axis that an expression ±x + c runs along, and whether it rises.
+/// The axis that an expression ±x + c runs along, c without coordinates, and whether it rises.
 fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)> {
     let mut rises = true;
     loop {
-        let constant = |id: &NodeId| graph.constant_value(*id);
+        let constant = |id: &NodeId| !graph.is_in_space(*id);
         id = match graph.node(id) {
             Node::X(i) if *i < 3 => return Some((*i as usize, rises)),
             Node::Unary(Unary::Neg, u) => {
                 rises = !rises;
                 *u
             }
-            Node::Binary(Binary::Add, u, v) if constant(u).is_some() => *v,
-            Node::Binary(Binary::Add | Binary::Sub, u, v) if constant(v).is_some() => *u,
-            Node::Binary(Binary::Sub, u, v) if constant(u).is_some() => {
+            Node::Binary(Binary::Add, u, v) if constant(u) => *v,
+            Node::Binary(Binary::Add | Binary::Sub, u, v) if constant(v) => *u,
+            Node::Binary(Binary::Sub, u, v) if constant(u) => {
                 rises = !rises;
                 *v
             }
@@ -1201,7 +1284,7 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
         if let Some(name) = graph.name(id) {
             return Some(name);
         }
-        let constant = |id: &NodeId| graph.constant_value(*id).is_some();
+        let constant = |id: &NodeId| !graph.is_in_space(*id);
         id = match graph.node(id) {
             Node::Unary(Unary::Neg, u) => *u,
             Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, c, u) if constant(c) => *u,
@@ -1219,6 +1302,116 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
     }
 }
 
+/// The pieces and names of an expression whose parameters have no values: those that the solid has
+/// for values that are positive and alike in nothing else.
+pub(crate) struct Naming {
+    graph: Graph,
+    signs: HashMap<NodeId, Tree>,
+    sides: HashMap<NodeId, Vec<Tree>>,
+    names: HashMap<NodeId, Rc<str>>,
+}
+
+/// A node's surface by named pieces. The pieces are nodes of the naming's own graph.
+pub(crate) enum Named {
+    Piece { value: NodeId, name: Rc<str> },
+    Join { is_min: bool, children: Vec<Self> },
+}
+
+impl Named {
+    pub(crate) fn pieces(&self) -> Vec<NodeId> {
+        match self {
+            Self::Piece { value, .. } => vec![*value],
+            Self::Join { children, .. } => children.iter().flat_map(Self::pieces).collect(),
+        }
+    }
+}
+
+impl Named {
+    /// The value of the whole where the pieces have these values, in order.
+    pub(crate) fn value(&self, pieces: &mut impl Iterator<Item = f64>) -> f64 {
+        match self {
+            Self::Piece { .. } => pieces.next().expect("one for each piece"),
+            Self::Join { is_min, children } => {
+                let join = if *is_min { f64::min } else { f64::max };
+                let values: Vec<f64> = children.iter().map(|child| child.value(pieces)).collect();
+                values
+                    .into_iter()
+                    .reduce(join)
+                    .expect("a join has children")
+            }
+        }
+    }
+}
+
+impl Naming {
+    /// None where the expression has too many pieces, or is nested too deeply.
+    pub(crate) fn new(graph: &Graph, root: NodeId) -> Option<Self> {
+        let mut graph = graph.clone();
+        let mut reader = Reader::new(&mut graph, root);
+        let tree = reader.whole()?;
+        let (signs, sides) = (
+            std::mem::take(&mut reader.signs),
+            std::mem::take(&mut reader.sides),
+        );
+        let tree = without_constants(&graph, &tree).unwrap_or(tree);
+        let mut numbering = Numbering::new(&graph);
+        numbering.tree(&tree);
+        let names = numbering.pieces.into_iter().zip(numbering.names);
+        Some(Self {
+            names: names.map(|(value, name)| (value, name.into())).collect(),
+            graph,
+            signs,
+            sides,
+        })
+    }
+
+    pub(crate) fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
+    /// The pieces of a node that is read by sign, of −u where `negative`; none where it is none, or
+    /// is inside or outside everywhere.
+    pub(crate) fn of(&mut self, id: NodeId, negative: bool) -> Option<Named> {
+        let tree = self.signs.get(&id)?.clone();
+        self.named(&tree, negative)
+    }
+
+    /// The pieces of each side of a primitive.
+    pub(crate) fn of_side(&mut self, id: NodeId, side: usize, negative: bool) -> Option<Named> {
+        let tree = self.sides.get(&id)?.get(side)?.clone();
+        self.named(&tree, negative)
+    }
+
+    fn named(&mut self, tree: &Tree, is_negative: bool) -> Option<Named> {
+        let tree = without_constants(&self.graph, tree).ok()?;
+        self.named_as(&tree, is_negative)
+    }
+
+    fn named_as(&mut self, tree: &Tree, is_negative: bool) -> Option<Named> {
+        Some(match tree {
+            Tree::Leaf(leaf) => {
+                let value = if is_negative {
+                    negative(&mut self.graph, leaf.value)
+                } else {
+                    leaf.value
+                };
+                Named::Piece {
+                    value,
+                    name: self.names.get(&value)?.clone(),
+                }
+            }
+            Tree::Join(join) => Named::Join {
+                is_min: join.is_min != is_negative,
+                children: join
+                    .children
+                    .iter()
+                    .map(|child| self.named_as(child, is_negative))
+                    .collect::<Option<_>>()?,
+            },
+        })
+    }
+}
+
 /// Gives the pieces their numbers, in the order of the tree, and different names.
 struct Numbering<'a> {
     graph: &'a Graph,
@@ -1228,7 +1421,17 @@ struct Numbering<'a> {
     known: HashMap<NodeId, u32>,
 }
 
-impl Numbering<'_> {
+impl<'a> Numbering<'a> {
+    fn new(graph: &'a Graph) -> Self {
+        Self {
+            graph,
+            names: Vec::new(),
+            taken: HashSet::new(),
+            pieces: Vec::new(),
+            known: HashMap::new(),
+        }
+    }
+
     fn tree(&mut self, tree: &Tree) -> Csg {
         let join = match tree {
             Tree::Leaf(leaf) => return Csg::Piece(self.piece(leaf)),
