@@ -58,6 +58,18 @@ pub struct Name {
 }
 
 /// An expression in coordinates x and parameters a, with shared subexpressions stored once.
+///
+/// ```
+/// use isoform_field::{Graph, Ops};
+/// let mut graph = Graph::new();
+/// let (x, y, a) = (graph.x(0), graph.x(1), graph.param(0));
+/// let (sum, same) = (graph.add(&x, &y), graph.add(&y, &x));
+/// assert_eq!(sum, same);
+/// let f = graph.mul(&a, &sum);
+/// assert_eq!(graph.eval(f, &[1.0, 2.0], &[10.0]), 30.0);
+/// // ∂f/∂x = a
+/// assert_eq!(graph.derivative(f, 0, &mut Default::default()), Some(a));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     nodes: Vec<Node>,

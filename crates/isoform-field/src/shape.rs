@@ -96,6 +96,26 @@ enum Task {
 }
 
 /// The metric and parts readings of an expression.
+///
+/// ```
+/// use isoform_field::{Graph, Shape, hyperfun::{Mode, Model}};
+///
+/// let text = "my_model(x[3], a[1]) {
+///   ball = a[1]^2 - x[1]^2 - x[2]^2 - x[3]^2;
+///   my_model = ball & x[3];
+/// }";
+/// let mut graph = Graph::new();
+/// let root = Model::parse(text, Mode::Default)?.compile(&mut graph).expect("an expression");
+/// let shape = Shape::new(&mut graph, root);
+/// let names: Vec<&str> = shape.parts.iter().map(|part| part.name.as_str()).collect();
+/// assert_eq!(names, ["ball", "z_min"]);
+/// // At (0, 0, 1) the plane is one away, and at (0, 0, 1.99) the ball of radius 2 a hundredth.
+/// assert_eq!(graph.eval(shape.distance, &[0.0, 0.0, 0.25], &[2.0]), 0.25);
+/// let near = graph.eval(shape.distance, &[0.0, 0.0, 1.99], &[2.0]);
+/// assert!((near - 0.01).abs() < 1e-4);
+/// assert_eq!(graph.eval(shape.part, &[0.0, 0.0, 1.99], &[2.0]), 0.0);
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Shape {
     /// The smooth pieces.

@@ -1,5 +1,25 @@
 //! Splitting an expression of space into smooth pieces, joined by minima and maxima.
 //!
+//! An L, of two slabs, has six pieces:
+//!
+//! ```text
+//!    y_max                     max
+//!    +----+ x_max            /     \
+//!    |    |  y_max         min     min
+//!    |    +------+        / | \   / | \
+//!    |           | x_max   sides   sides
+//!    +-----------+
+//! ```
+//!
+//! - *piece*: a function whose zero set is part of the surface, smooth near it, positive on the side
+//!   where it cuts nothing away.
+//! - *side*: one of the pieces of a primitive, or of |u|: u and −u.
+//! - *kink*: a place where a function is not differentiable, made by minima, maxima, |u| and
+//!   selections.
+//! - *blend*: a function that is smooth although its formula has kinks.
+//! - *product*: a blend of one piece of each of its arguments.
+//! - *context*: the name of the variable that a node is part of.
+//!
 //! Two readings go hand in hand. By *sign*: only where the expression is ≥ 0 counts, so R-functions
 //! are maxima and minima, primitives their closed-form sides, positive factors nothing. By *value*:
 //! the tree has the expression's value everywhere, so that what is computed from it passes through:
@@ -31,25 +51,30 @@ use isoform_num::Interval;
 use std::collections::HashMap;
 use std::rc::Rc;
 
-/// Blends of many-sided shapes have a piece for each pair of sides; beyond so many pieces a blend
-/// stays one piece.
+/// Largest number of products of a blend. A blend of two shapes has one for each pair of their
+/// pieces; a blend with more products stays one piece.
 const MOST_PRODUCTS: usize = 4096;
-/// Pieces of a whole solid, counted where they stand in the tree.
+/// Largest number of pieces of a solid, each counted wherever it stands in the tree. Solids with more
+/// are refused.
 const MOST_PIECES: usize = 1 << 16;
-/// Minima in maxima in minima …: the readings recurse, and 2 MiB of stack must suffice.
+/// Deepest nesting of minima in maxima in minima. The readings recurse once per level, and 2 MiB of
+/// stack must suffice; deeper expressions are refused.
 const DEEPEST: usize = 400;
-/// A smooth function of more shapes than this is not looked for,
+/// Largest number of arguments of a blend. The search for blends skips functions of more shapes.
 pub(crate) const MOST_INPUTS: usize = 5;
-/// nor where more candidates stand side by side,
+/// Largest number of nodes that are compared to find the arguments of a blend. With more the search
+/// gives up, since each pair is compared.
 const MOST_FOUND: usize = 24;
-/// nor after so many failures: the search looks at all that is below a node.
+/// Number of failures after which no more blends are sought. Each search looks at all nodes below
+/// one node.
 const MOST_FAILURES: usize = 2000;
 
-/// The sign of a parameter without a value: sizes are positive, and names of faces are to be those
-/// that they have for such values. The ends are far from what overflows in products of a few.
+/// Range of a parameter without a value: sizes are positive, and faces get the names that they have
+/// for such values. The ends are far from what overflows in products of a few parameters.
 const POSITIVE: [f64; 2] = [1e-9, 1e9];
-/// The value of parameter i where kinks are sought and it has none: positive, and different for
-/// each, so that terms do not cancel by chance.
+
+/// The value of parameter i for the search for kinks, where it has none. Values are positive, and
+/// differ from each other, so that terms do not cancel by chance.
 fn stand_in(i: u32) -> f64 {
     0.5 + (0.618_033_988_749_895 * f64::from(i + 1)).fract()
 }

@@ -35,6 +35,21 @@ pub(crate) struct Instruction {
 }
 
 /// A compiled expression with one or more results.
+///
+/// ```
+/// use isoform_field::{Graph, Ops, Tape};
+/// use isoform_num::Jet1;
+/// let mut graph = Graph::new();
+/// let (x, y) = (graph.x(0), graph.x(1));
+/// let (x2, y2) = (graph.square(&x), graph.square(&y));
+/// let f = graph.sub(&x2, &y2);
+/// let tape = Tape::new(&graph, &[f], 2, 0);
+/// let mut scratch = Vec::new();
+/// assert_eq!(tape.eval(&[3.0, 2.0], &[], &mut scratch), 5.0);
+/// // The value with the gradient (2x, −2y).
+/// let at = [Jet1::<2>::variable(3.0, 0), Jet1::variable(2.0, 1)];
+/// assert_eq!(tape.eval(&at, &[], &mut Vec::new()).g, [6.0, -4.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Tape {
     pub(crate) n_x: usize,

@@ -126,73 +126,88 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    // ---- statements
-    // -------------------------------------------------------------------------------------------------------
-
     fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
         for statement in statements {
-            match statement {
-                Statement::Assign { slot, value } => {
-                    let v = self.eval(object, value)?;
-                    self.steps += 1;
-                    self.m().assigned(&v, object.variable(*slot));
-                    let at = self.base + *slot as usize;
-                    self.memory[at] = Some(v);
-                }
-                Statement::AssignItem {
-                    array,
-                    index,
-                    value,
-                } => {
-                    let v = self.eval(object, value)?;
-                    self.steps += 1;
-                    self.m().assigned(&v, "");
-                    let at = self.item(object, *array, index)?;
-                    self.memory[at] = Some(v);
-                }
-                Statement::AssignArray { array, values } => {
-                    self.steps += values.len() as u64;
-                    let start = self.base + array.start as usize;
-                    let machine = self.machine.get_mut();
-                    for (item, v) in self.memory[start..].iter_mut().zip(values) {
-                        *item = Some(machine.constant(*v));
-                    }
-                }
-                Statement::If {
-                    at,
-                    condition,
-                    then,
-                    otherwise,
-                } => {
-                    self.step(*at, 1)?;
-                    let otherwise = otherwise.as_deref().unwrap_or(&[]);
-                    let condition = self.condition(object, condition)?;
-                    match self.m().known(&condition) {
-                        Some(c) => self.block(object, if c != 0.0 { then } else { otherwise })?,
-                        None => self.both(object, *at, &condition, then, otherwise)?,
-                    }
-                }
-                Statement::While {
-                    at,
-                    condition,
-                    body,
-                } => loop {
-                    self.step(*at, 1)?;
-                    let c = self.condition(object, condition)?;
-                    match self.m().known(&c) {
-                        Some(c) if c != 0.0 => self.block(object, body)?,
-                        Some(_) => break,
-                        None => {
-                            return unknown(
-                                *at,
-                                "whether the loop goes on depends on the point or the parameters",
-                            );
-                        }
-                    }
-                },
-            }
+            self.statement(object, statement)?;
         }
         Ok(())
+    }
+
+    fn statement(&mut self, object: &'p Object, statement: &'p Statement) -> Outcome<()> {
+        match statement {
+            Statement::Assign { slot, value } => {
+                let v = self.assigned(object, value, object.variable(*slot))?;
+                let at = self.base + *slot as usize;
+                self.memory[at] = Some(v);
+            }
+            Statement::AssignItem {
+                array,
+                index,
+                value,
+            } => {
+                let v = self.assigned(object, value, "")?;
+                let at = self.item(object, *array, index)?;
+                self.memory[at] = Some(v);
+            }
+            Statement::AssignArray { array, values } => {
+                self.steps += values.len() as u64;
+                let start = self.base + array.start as usize;
+                let machine = self.machine.get_mut();
+                for (item, v) in self.memory[start..].iter_mut().zip(values) {
+                    *item = Some(machine.constant(*v));
+                }
+            }
+            Statement::If {
+                at,
+                condition,
+                then,
+                otherwise,
+            } => {
+                self.step(*at, 1)?;
+                let otherwise = otherwise.as_deref().unwrap_or(&[]);
+                let condition = self.condition(object, condition)?;
+                match self.m().known(&condition) {
+                    Some(c) => self.block(object, if c != 0.0 { then } else { otherwise })?,
+                    None => self.both(object, *at, &condition, then, otherwise)?,
+                }
+            }
+            Statement::While {
+                at,
+                condition,
+                body,
+            } => self.repeated(object, *at, condition, body)?,
+        }
+        Ok(())
+    }
+
+    /// The value that is assigned to a variable, which gets its name.
+    fn assigned(&mut self, object: &'p Object, value: &'p Expr, name: &str) -> Outcome<M::V> {
+        let v = self.eval(object, value)?;
+        self.steps += 1;
+        self.m().assigned(&v, name);
+        Ok(v)
+    }
+
+    /// A loop, as long as its condition is known to hold.
+    fn repeated(
+        &mut self,
+        object: &'p Object,
+        at: u32,
+        condition: &'p Expr,
+        body: &'p [Statement],
+    ) -> Outcome<()> {
+        loop {
+            self.step(at, 1)?;
+            let c = self.condition(object, condition)?;
+            match self.m().known(&c) {
+                Some(c) if c != 0.0 => self.block(object, body)?,
+                Some(_) => return Ok(()),
+                None => {
+                    let why = "whether the loop goes on depends on the point or the parameters";
+                    return unknown(at, why);
+                }
+            }
+        }
     }
 
     /// Runs both branches and chooses item by item.
