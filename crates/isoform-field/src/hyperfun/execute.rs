@@ -491,12 +491,12 @@ impl<'p, M: Machine> Executor<'p, M> {
         arguments: &'p [Argument],
     ) -> Outcome<M::V> {
         let entry = &Function::<M>::TABLE[function as usize];
-        let args = self.arguments(object, arguments)?;
-        let items: usize = args.arrays.iter().map(|(_, len)| len).sum();
+        let mut args = Arguments::<M::V>::default();
+        let items = self.arguments(object, arguments, &mut args)?;
         // An item of an array is a formula, and as an expression it stays in memory.
         self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
-        if entry.has_wrong_point(arguments) {
-            // Only in strict mode: otherwise the parser refuses it.
+        // Otherwise the parser refuses it.
+        if self.is_strict() && entry.has_wrong_point(arguments) {
             return Ok(self.m().constant(SENTINEL));
         }
         let v = match entry.run {
@@ -516,25 +516,30 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(v)
     }
 
-    /// The arguments of a function, from the last to the first as the reference does.
+    /// Evaluates the arguments of a function, from the last to the first as the reference does: how
+    /// many items their arrays have.
+    #[inline]
     fn arguments(
         &mut self,
         object: &'p Object,
         arguments: &'p [Argument],
-    ) -> Outcome<Arguments<M::V>> {
-        let mut args = Arguments::<M::V>::default();
+        args: &mut Arguments<M::V>,
+    ) -> Outcome<usize> {
+        let mut items = 0;
         for (i, argument) in arguments.iter().enumerate().rev() {
             match argument {
                 Argument::Number(expr) => args.numbers[i] = Some(self.eval(object, expr)?),
                 Argument::Array(at, array) => {
                     self.require_set(object, *at, *array)?;
+                    items += array.len as usize;
                     args.arrays[i] = (self.base + array.start as usize, array.len as usize);
                 }
             }
         }
-        Ok(args)
+        Ok(items)
     }
 
+    #[inline]
     fn primitive(
         &mut self,
         entry: &Function<M>,
@@ -561,6 +566,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         v
     }
 
+    #[inline]
     fn formula(&mut self, at: u32, run: Formula<M>, args: &Arguments<M::V>) -> Outcome<M::V> {
         let (strict, left) = (self.is_strict(), self.limit.saturating_sub(self.steps));
         let mut call = Call::new(&self.machine, &mut self.memory, args, strict, left);
@@ -577,6 +583,7 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 
     /// Whether a function's value, or an item that it wrote, is no number to go on with.
+    #[inline]
     fn is_unusable(&mut self, entry: &Function<M>, args: &Arguments<M::V>, v: &M::V) -> bool {
         let m = self.machine.get_mut();
         let is_bad = |v: &M::V| {
