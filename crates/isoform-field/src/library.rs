@@ -278,8 +278,8 @@ fn block<O: Ops>(o: &mut O, args: &[O::V], u: &[O::V; 3]) -> O::V {
     o.set(SetOp::RIntersection, &s, &t[2])
 }
 
-/// The distances to the six sides of a block. A block of negative size has the same sides as the
-/// one of that size below its corner, since the formula is symmetric in a slab's two ends.
+/// The distances to the six sides of a block. A block of negative size has the sides of the one of
+/// that size below its corner, since the formula is symmetric in a slab's two ends.
 fn sides_of_block<O: Ops>(o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
     let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
     let mut sides = Vec::with_capacity(6);

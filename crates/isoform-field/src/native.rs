@@ -227,7 +227,7 @@ pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
 }
 
 /// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i,
-/// the same on every machine.
+/// so that noise does not depend on the machine.
 pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
     let cell: [f64; 3] = std::array::from_fn(|i| args[i].value().floor());
     let p: [R; 3] = std::array::from_fn(|i| args[i].clone() - R::constant(cell[i]));

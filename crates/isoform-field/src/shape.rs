@@ -30,7 +30,7 @@ pub struct Part {
     pub name: String,
 }
 
-/// Pieces that are told apart; what else there is of the tree stays one piece. Each takes time in
+/// Largest number of parts; what is left of the tree stays one part. Each part takes time in
 /// proportion to the whole expression: with more, programs of many thousand bodies take minutes.
 const MOST_PARTS: usize = 4096;
 
@@ -261,34 +261,24 @@ impl Reader<'_> {
             Node::Set(op, u, v) => {
                 tasks.extend(pair(u, v, matches!(op, SetOp::Max | SetOp::RUnion)));
             }
-            // A positive factor does not move the surface.
             Node::Binary(Binary::Mul, u, v) => {
-                let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
-                let inner = match (factor(u), factor(v)) {
-                    (Some(c), _) if self.has_sets(v) => Some((v, c)),
-                    (_, Some(c)) if self.has_sets(u) => Some((u, c)),
-                    _ => None,
-                };
-                let Some((u, c)) = inner else {
-                    if !self.slab(id, [u, v], negative, steps) {
-                        steps.push(Step::Face(self.leaf(id, negative)));
-                    }
-                    return;
-                };
-                tasks.push(Task::Read {
-                    id: u,
-                    negative: negative != (c < 0.0),
-                });
+                if let Some((set, c)) = self.scaled_set(u, v) {
+                    tasks.push(Task::Read {
+                        id: set,
+                        negative: negative != (c < 0.0),
+                    });
+                } else if !self.slab(id, [u, v], negative, steps) {
+                    steps.push(Step::Face(self.leaf(id, negative)));
+                }
             }
-            Node::Library(Library::SardfUnion | Library::DistanceBlendUnion, args)
-                if self.is_sharp(id) =>
-            {
+            // A signed-distance set operation has the sharp zero set of max or min; the circular
+            // blends are their own smooth piece.
+            Node::Library(Library::SardfUnion, args) => {
                 tasks.extend(pair(args[0], args[1], true));
             }
-            Node::Library(
-                Library::SardfIntersection | Library::DistanceBlendIntersection,
-                args,
-            ) if self.is_sharp(id) => tasks.extend(pair(args[0], args[1], false)),
+            Node::Library(Library::SardfIntersection, args) => {
+                tasks.extend(pair(args[0], args[1], false));
+            }
             Node::Library(f, args) if f.is_primitive() => {
                 self.primitive(id, f, &args, negative, steps);
             }
@@ -296,13 +286,15 @@ impl Reader<'_> {
         }
     }
 
-    /// A signed-distance set operation has the sharp zero set of max or min; the circular blends
-    /// are their own smooth piece.
-    fn is_sharp(&self, id: NodeId) -> bool {
-        matches!(
-            self.graph.node(id),
-            Node::Library(Library::SardfUnion | Library::SardfIntersection, _)
-        )
+    /// The set or primitive that is multiplied by a constant in u·v, and the constant: a positive
+    /// factor does not move the surface.
+    fn scaled_set(&self, u: NodeId, v: NodeId) -> Option<(NodeId, f64)> {
+        let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
+        match (factor(u), factor(v)) {
+            (Some(c), _) if self.has_sets(v) => Some((v, c)),
+            (_, Some(c)) if self.has_sets(u) => Some((u, c)),
+            _ => None,
+        }
     }
 
     fn has_sets(&self, mut id: NodeId) -> bool {

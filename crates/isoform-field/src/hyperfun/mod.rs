@@ -225,7 +225,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The same program with another of its objects as the model; letters fold. `None` leaves the
+    /// The program with another of its objects as the model; letters fold. `None` leaves the
     /// choice as it is.
     pub fn object(mut self, name: Option<&str>) -> Result<Self, UnknownObject> {
         let Some(name) = name else { return Ok(self) };

@@ -1,4 +1,9 @@
 //! Blends: smooth functions of expressions with kinks, distributed over the pieces of these.
+//!
+//! The arguments of a blend are the nodes with kinks that its formula uses more than once, u and v
+//! of `max(u, v) + max(k − |u − v|, 0)²/(4k)`. The formula is copied with arguments in their place
+//! and tried at pseudo-random places ([`crate::smooth`]): it must be C¹, and monotone in each
+//! argument.
 
 use super::name::{Context, named};
 use super::tree::{Leaf, Tree};

@@ -1,4 +1,9 @@
-//! Names of pieces: of the variables that they are part of, and their sides.
+//! Names of pieces: the variable that a piece is part of, and which side of it.
+//!
+//! A piece has the name of its own variable (`hole`), or of the next one above it with its side
+//! (`slab.z_max`, `wall+`); a product has the names of its arguments (`plate+boss`). The whole
+//! solid's name says nothing of a piece. A piece without any name is `piece3`, and of pieces with one
+//! name the second is `hole#2`.
 
 use super::Reader;
 use super::nodes::along_axis;

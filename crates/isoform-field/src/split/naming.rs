@@ -1,6 +1,6 @@
 //! The pieces of an expression whose parameters have no values.
 //!
-//! A fit names its parts before it knows the parameters, a mesh after. Both go through the same
+//! A fit names its parts before it knows the parameters, a mesh after. Both go through one
 //! reader: here on a copy of the graph, with parameters that count as positive. Pieces that coincide
 //! for some values only (two planes at one height by chance) are one piece of the mesh and two here.
 

@@ -16,7 +16,7 @@ pub(super) enum Join2 {
 }
 
 impl Reader<'_> {
-    /// The operands of a chain of the same operation, each with the context that it is read in.
+    /// The operands of a chain of minima, or of maxima, each with the context that it is read in.
     pub(super) fn operands(
         &mut self,
         id: NodeId,
@@ -88,25 +88,7 @@ impl Reader<'_> {
 
     pub(super) fn is_kinked(&mut self, id: NodeId) -> bool {
         for i in self.kinked.len()..=id.at() {
-            let own = match self.graph.node(NodeId(i as u32)) {
-                Node::Set(op, ..) => matches!(op, SetOp::Min | SetOp::Max),
-                Node::Unary(op, _) => matches!(
-                    op,
-                    Unary::Abs | Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign
-                ),
-                Node::Binary(op, ..) => matches!(op, Binary::Less | Binary::LessEq),
-                Node::Select(..) => true,
-                Node::Library(f, _) => {
-                    matches!(
-                        f,
-                        Library::DistanceCone(_)
-                            | Library::Superellipsoid
-                            | Library::SardfUnion
-                            | Library::SardfIntersection
-                    )
-                }
-                _ => false,
-            };
+            let own = has_kink(self.graph.node(NodeId(i as u32)));
             let arguments = self.graph.arguments(NodeId(i as u32));
             let below = || arguments.iter().any(|a| self.kinked[a.at()]);
             // What depends on parameters alone has no kinks in space.
@@ -174,5 +156,26 @@ pub(super) fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)>
             }
             _ => return None,
         };
+    }
+}
+
+/// Whether the operation of a node has kinks in its arguments.
+fn has_kink(node: &Node) -> bool {
+    match node {
+        Node::Set(op, ..) => matches!(op, SetOp::Min | SetOp::Max),
+        Node::Unary(op, _) => matches!(
+            op,
+            Unary::Abs | Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign
+        ),
+        Node::Binary(op, ..) => matches!(op, Binary::Less | Binary::LessEq),
+        Node::Select(..) => true,
+        Node::Library(f, _) => matches!(
+            f,
+            Library::DistanceCone(_)
+                | Library::Superellipsoid
+                | Library::SardfUnion
+                | Library::SardfIntersection
+        ),
+        _ => false,
     }
 }

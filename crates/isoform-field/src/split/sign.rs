@@ -1,4 +1,7 @@
 //! The reading by sign: only where the expression is ≥ 0 counts.
+//!
+//! R-functions are minima and maxima here, factors with a sign are dropped, primitives are the
+//! intersections of their sides. What is none of these is read by value.
 
 use super::name::Context;
 use super::nodes::Join2;
@@ -8,7 +11,7 @@ use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 
-/// What is known of a node's parity: f(−u) = −f(u), and f rises.
+/// Whether f(−u) = −f(u), and f rises: such a function has the sign of its argument.
 fn is_odd_and_rising(op: Unary) -> bool {
     matches!(op, Unary::Sinh | Unary::Tanh | Unary::Atan)
 }
@@ -156,8 +159,8 @@ impl Reader<'_> {
     }
 }
 
-/// Builds into a graph, with sizes taken for positive: |a| is a, and a − a is 0, for sizes that are
-/// parameters. Sides that are the same for positive sizes are then the same node.
+/// Builds into a graph and takes sizes that are parameters for positive: |a| is a, and a − a is 0.
+/// Sides that coincide for positive sizes are then one node.
 struct Sizes<'a>(&'a mut Graph);
 
 impl Sizes<'_> {

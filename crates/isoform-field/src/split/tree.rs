@@ -1,4 +1,7 @@
 //! Trees of minima and maxima over pieces, while an expression is read.
+//!
+//! A tree is shared where an expression is used more than once. A minimum within a minimum is one
+//! minimum of all their children.
 
 use super::Reader;
 use super::name::{Context, side_of};

@@ -1,4 +1,7 @@
 //! The reading by value: the tree has the expression's value everywhere.
+//!
+//! A function passes through the tree of its argument where it is monotone: of a minimum it is the
+//! minimum if it rises, and the maximum if it falls.
 
 use super::name::{Context, axis_side, side_of};
 use super::nodes::{Join2, along_axis};
@@ -61,29 +64,32 @@ impl Reader<'_> {
             Node::PowI(u, n) => self.power(id, u, n, context),
             Node::Binary(op, u, v) => self.binary(id, op, u, v, context),
             Node::Set(_, u, v) => self.passed(id, &[(u, true), (v, true)], context),
-            Node::Library(
-                Library::DistanceBlendUnion | Library::DistanceBlendIntersection,
-                args,
-            ) => {
-                // Both, kinks or not: a blend is named after both.
+            Node::Library(f, args) => self.library(id, f, &args, context),
+            _ => self
+                .blend(id, context)
+                .unwrap_or_else(|| self.leaf(id, context)),
+        }
+    }
+
+    fn library(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
+        match f {
+            // Both, kinks or not: a blend is named after both.
+            Library::DistanceBlendUnion | Library::DistanceBlendIntersection => {
                 self.distributed(id, &[id], &[(args[0], true), (args[1], true)], context)
             }
-            Node::Library(f, _) if f.is_primitive() => {
+            Library::BlendUnion | Library::BlendIntersection => {
+                let of = args[..2].iter().copied();
+                let kinked: Vec<NodeId> = of.filter(|&u| self.is_kinked(u)).collect();
+                self.blended(id, &kinked, context)
+                    .unwrap_or_else(|| self.leaf(id, context))
+            }
+            _ if f.is_primitive() => {
                 let formula = self.graph.lowered(id);
                 if self.graph.node(formula) == self.graph.node(id) {
                     self.leaf(id, context)
                 } else {
                     self.value(formula, context)
                 }
-            }
-            Node::Library(Library::BlendUnion | Library::BlendIntersection, args) => {
-                let kinked: Vec<NodeId> = args[..2]
-                    .iter()
-                    .copied()
-                    .filter(|&u| self.is_kinked(u))
-                    .collect();
-                self.blended(id, &kinked, context)
-                    .unwrap_or_else(|| self.leaf(id, context))
             }
             _ => self
                 .blend(id, context)
@@ -211,8 +217,8 @@ impl Reader<'_> {
         self.distributed(id, &[id], &inputs, context)
     }
 
-    /// The same for a function that is not defined everywhere: a piece of its argument may leave
-    /// the domain where it does not decide.
+    /// [`Reader::passed`] for a function that is not defined everywhere: a piece of its argument may
+    /// leave the domain where it does not decide.
     fn passed_in_domain(&mut self, id: NodeId, u: NodeId, rises: bool, context: &Context) -> Tree {
         let tree = self.passed(id, &[(u, rises)], context);
         let mut pieces = vec![id];
