@@ -133,6 +133,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(())
     }
 
+    #[inline(always)]
     fn statement(&mut self, object: &'p Object, statement: &'p Statement) -> Outcome<()> {
         match statement {
             Statement::Assign { slot, value } => {
@@ -181,6 +182,7 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 
     /// The value that is assigned to a variable, which gets its name.
+    #[inline]
     fn assigned(&mut self, object: &'p Object, value: &'p Expr, name: &str) -> Outcome<M::V> {
         let v = self.eval(object, value)?;
         self.steps += 1;
