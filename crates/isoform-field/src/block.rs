@@ -117,7 +117,7 @@ impl<'t> Block<'t> {
         .with_constants()
     }
 
-    /// The same in rows that were used before; [`Block::into_rows`] gives them back.
+    /// A block in rows that were used before; [`Block::into_rows`] gives them back.
     pub(crate) fn values_in(tape: &'t Tape, mut rows: Vec<Row>) -> Self {
         if rows.len() < tape.slots() {
             rows.resize(tape.slots(), ZERO);
@@ -367,7 +367,7 @@ fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
     }
 }
 
-/// The same products in the same order as `f64`'s [`Real::powi`].
+/// Powers by squaring: the products of `f64`'s [`Real::powi`], in its order.
 #[inline(always)]
 fn powi(out: &mut Row, a: &Row, n: i32) {
     let mut base = *a;

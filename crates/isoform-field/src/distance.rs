@@ -80,6 +80,26 @@ struct Sheet {
 /// The signed distance to a compiled solid, positive inside, exact near the surface to what its
 /// curvature allows; farther off, where no foot point is found, the first-order distance of
 /// [`Shape::distance`].
+///
+/// ```
+/// use isoform_field::{Distance, Graph, Shape, hyperfun::{Mode, Model}};
+/// use isoform_geom::ParamField;
+///
+/// // A cube of side 2a about the origin.
+/// let text = "my_model(x[3], a[1]) {
+///   my_model = min(a[1] - abs(x[1]), min(a[1] - abs(x[2]), a[1] - abs(x[3])));
+/// }";
+/// let mut graph = Graph::new();
+/// let root = Model::parse(text, Mode::Default)?.compile(&mut graph).expect("an expression");
+/// let shape = Shape::new(&mut graph, root);
+/// let mut same = graph.clone();
+/// let distance = Distance::new(&shape, &mut same, 1, |_, id| id).expect("few pieces");
+/// let mut out = [0.0; 2];
+/// // Beyond a face by 1, and beyond a corner by 1 along each axis.
+/// distance.values(&[[3.0, 0.0, 0.0], [3.0, 3.0, 3.0]], &[2.0], &mut out);
+/// assert!((out[0] + 1.0).abs() < 1e-12 && (out[1] + 3_f64.sqrt()).abs() < 1e-12);
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Distance {
     sheets: Vec<Sheet>,

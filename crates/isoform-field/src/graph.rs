@@ -8,6 +8,7 @@
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
 use isoform_num::Real;
+use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 
 /// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before what
@@ -46,12 +47,36 @@ pub enum Node {
     Native(Native, Box<[NodeId]>),
 }
 
+/// What people call a node.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Name {
+    /// The variable that the node is assigned to, or the name that is suggested for it.
+    pub text: String,
+    /// The name comes from an argument of the node (the centre of a ball): any variable that the
+    /// node is part of says more.
+    pub is_suggestion: bool,
+}
+
 /// An expression in coordinates x and parameters a, with shared subexpressions stored once.
+///
+/// ```
+/// use isoform_field::{Graph, Ops};
+/// let mut graph = Graph::new();
+/// let (x, y, a) = (graph.x(0), graph.x(1), graph.param(0));
+/// let (sum, same) = (graph.add(&x, &y), graph.add(&y, &x));
+/// assert_eq!(sum, same);
+/// let f = graph.mul(&a, &sum);
+/// assert_eq!(graph.eval(f, &[1.0, 2.0], &[10.0]), 30.0);
+/// // ∂f/∂x = a
+/// assert_eq!(graph.derivative(f, 0, &mut Default::default()), Some(a));
+/// ```
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
     nodes: Vec<Node>,
+    /// By node: whether it depends on the coordinates.
+    in_space: Vec<bool>,
     known: HashMap<Node, NodeId>,
-    names: BTreeMap<NodeId, String>,
+    names: BTreeMap<NodeId, Name>,
 }
 
 impl Graph {
@@ -79,13 +104,52 @@ impl Graph {
     pub fn param(&mut self, i: usize) -> NodeId {
         self.insert(Node::Param(i as u32))
     }
-    /// Gives a node a name for people (the variable that it is assigned to); the first name stays.
+    /// Gives a node a name for people: the variable that it is assigned to. The first name stays,
+    /// unless it was only suggested.
     pub fn set_name(&mut self, id: NodeId, name: &str) {
-        self.names.entry(id).or_insert_with(|| name.to_owned());
+        self.name_as(
+            id,
+            &Name {
+                text: name.to_owned(),
+                is_suggestion: false,
+            },
+        );
     }
-    /// The node's name, if it has one.
+    /// Suggests a name for a node that has none.
+    pub fn suggest_name(&mut self, id: NodeId, name: &str) {
+        self.name_as(
+            id,
+            &Name {
+                text: name.to_owned(),
+                is_suggestion: true,
+            },
+        );
+    }
+    /// Names a node as [`Graph::set_name`] or [`Graph::suggest_name`] does.
+    pub fn name_as(&mut self, id: NodeId, name: &Name) {
+        match self.names.entry(id) {
+            Entry::Vacant(entry) => {
+                entry.insert(name.clone());
+            }
+            Entry::Occupied(mut entry) => {
+                if entry.get().is_suggestion && !name.is_suggestion {
+                    entry.insert(name.clone());
+                }
+            }
+        }
+    }
+    /// The node's name, assigned or suggested, if it has one.
     pub fn name(&self, id: NodeId) -> Option<&str> {
-        self.names.get(&id).map(String::as_str)
+        self.names.get(&id).map(|name| name.text.as_str())
+    }
+    /// Whether the node's name is only a suggestion.
+    pub(crate) fn has_suggested_name(&self, id: NodeId) -> bool {
+        self.names.get(&id).is_some_and(|name| name.is_suggestion)
+    }
+
+    /// Whether the node depends on the coordinates; else on constants and parameters alone.
+    pub(crate) fn is_in_space(&self, id: NodeId) -> bool {
+        self.in_space[id.at()]
     }
 
     fn insert(&mut self, node: Node) -> NodeId {
@@ -93,6 +157,15 @@ impl Graph {
             return id;
         }
         let id = NodeId(u32::try_from(self.nodes.len()).expect("fewer than 2^32 nodes"));
+        let of = |u: &NodeId| self.in_space[u.at()];
+        self.in_space.push(match &node {
+            Node::X(_) => true,
+            Node::Constant(_) | Node::Param(_) => false,
+            Node::Unary(_, u) | Node::PowI(u, _) => of(u),
+            Node::Binary(_, u, v) | Node::Set(_, u, v) => of(u) || of(v),
+            Node::Select(c, u, v) => of(c) || of(u) || of(v),
+            Node::Library(_, args) | Node::Native(_, args) => args.iter().any(of),
+        });
         self.nodes.push(node.clone());
         self.known.insert(node, id);
         id
@@ -147,7 +220,7 @@ impl Graph {
         target: &mut O,
         x: &[O::V],
         a: &[O::V],
-        named: impl FnMut(&mut O, &O::V, &str),
+        named: impl FnMut(&mut O, &O::V, &Name),
     ) -> O::V {
         self.rewrite_all(&[root], target, x, a, named).remove(0)
     }
@@ -159,7 +232,7 @@ impl Graph {
         target: &mut O,
         x: &[O::V],
         a: &[O::V],
-        mut named: impl FnMut(&mut O, &O::V, &str),
+        mut named: impl FnMut(&mut O, &O::V, &Name),
     ) -> Vec<O::V> {
         let need = self.reachable(roots);
         let mut value: Vec<Option<O::V>> = vec![None; self.nodes.len()];
@@ -211,7 +284,8 @@ impl Graph {
         self.inputs_of(&[root])
     }
 
-    fn inputs_of(&self, roots: &[NodeId]) -> (usize, usize) {
+    /// [`Graph::inputs`] of several roots.
+    pub(crate) fn inputs_of(&self, roots: &[NodeId]) -> (usize, usize) {
         let need = self.reachable(roots);
         let mut n = (0, 0);
         for (node, _) in self.nodes.iter().zip(&need).filter(|(_, need)| **need) {

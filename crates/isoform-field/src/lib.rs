@@ -23,7 +23,7 @@ mod tape;
 
 pub use branches::parts_of;
 pub use distance::Distance;
-pub use graph::{Graph, Node, NodeId};
+pub use graph::{Graph, Name, Node, NodeId};
 pub use interpreted::Interpreted;
 pub use library::{Axis, Library, Native};
 pub use ops::{Binary, Direct, Ops, SetOp, Unary};

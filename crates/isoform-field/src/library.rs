@@ -99,7 +99,6 @@ impl Native {
     }
 }
 
-/// How many of the leading arguments are points (three numbers each), how many are plain numbers.
 impl Library {
     /// Number of flat arguments.
     pub fn arity(self) -> usize {
@@ -132,56 +131,17 @@ impl Library {
         let u: [O::V; 3] = std::array::from_fn(|i| o.sub(&args[i], &args[i + 3]));
         let n = &args[6..];
         match self {
-            Self::Sphere => {
-                let r2 = o.square(&n[0]);
-                let d2 = squares(o, &u);
-                o.sub(&r2, &d2)
-            }
-            Self::Cylinder(axis) => {
-                let (p, q, _) = axis.indices();
-                let (r2, p2, q2) = (o.square(&n[0]), o.square(&u[p]), o.square(&u[q]));
-                let s = o.sub(&r2, &p2);
-                o.sub(&s, &q2)
-            }
-            Self::Torus(axis) => {
-                let p = axis_distance(o, axis, &u);
-                let (r2, d2, big2) = (o.square(&n[1]), squares(o, &u), o.square(&n[0]));
-                let rp = o.mul(&n[0], &p);
-                let rp = o.scale(2.0, &rp);
-                let s = o.sub(&r2, &d2);
-                let s = o.sub(&s, &big2);
-                o.add(&s, &rp)
-            }
+            Self::Sphere => ball(o, &u, &n[0]),
+            Self::Cylinder(axis) => cylinder(o, axis, &u, &n[0]),
+            Self::Torus(axis) => torus(o, axis, &u, n),
             Self::Ellipsoid => quadric(o, &[(&u[0], &n[0]), (&u[1], &n[1]), (&u[2], &n[2])]),
             Self::EllipticCylinder(axis) => {
                 let (i, j) = others(axis);
                 quadric(o, &[(&u[i], &n[0]), (&u[j], &n[1])])
             }
-            Self::Block => {
-                let t: [O::V; 3] = std::array::from_fn(|i| {
-                    let end = o.add(&args[i + 3], &n[i]);
-                    let up = o.sub(&end, &args[i]);
-                    o.mul(&u[i], &up)
-                });
-                let s = o.set(SetOp::RIntersection, &t[0], &t[1]);
-                o.set(SetOp::RIntersection, &s, &t[2])
-            }
-            Self::Cone(axis) => {
-                let (p, q, h) = axis.indices();
-                let (h2, p2, q2) = (o.square(&u[h]), o.square(&u[p]), o.square(&u[q]));
-                let s = o.add(&p2, &q2);
-                let r2 = o.square(&n[0]);
-                let s = o.div(&s, &r2);
-                o.sub(&h2, &s)
-            }
-            Self::EllipticCone(axis) => {
-                let (i, j) = others(axis);
-                let (_, _, h) = axis.indices();
-                let q = quadric(o, &[(&u[i], &n[0]), (&u[j], &n[1])]);
-                let h2 = o.square(&u[h]);
-                let s = o.add(&h2, &q);
-                o.offset(&s, -1.0)
-            }
+            Self::Block => block(o, args, &u),
+            Self::Cone(axis) => cone(o, axis, &u, &n[0]),
+            Self::EllipticCone(axis) => elliptic_cone(o, axis, &u, n),
             Self::Superellipsoid => superellipsoid(o, &u, n),
             Self::DistanceCone(axis) => {
                 let p = axis_distance(o, axis, &u);
@@ -265,22 +225,7 @@ impl Library {
                 let r = o.abs(&n[0]);
                 one(cone_distance(o, &u[h], &p, &r))
             }
-            Self::Block => {
-                // For a negative size the slab's formula is symmetric in its two ends: the smaller
-                // end is the lower one.
-                let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-                let mut sides = Vec::with_capacity(6);
-                for i in 0..3 {
-                    let size = o.abs(&n[i]);
-                    let shift = o.sub(&n[i], &size);
-                    let shift = o.scale(0.5, &shift);
-                    let low = o.add(&args[i + 3], &shift);
-                    let high = o.add(&low, &size);
-                    sides.push((names[i][0], o.sub(&args[i], &low)));
-                    sides.push((names[i][1], o.sub(&high, &args[i])));
-                }
-                sides
-            }
+            Self::Block => sides_of_block(o, args),
             Self::DistanceCylinder | Self::DistanceEllipsoid => one(self.algebraic(o, args)),
             _ => Vec::new(),
         }
@@ -294,6 +239,81 @@ fn others(axis: Axis) -> (usize, usize) {
         Axis::Y => (0, 2),
         Axis::Z => (0, 1),
     }
+}
+
+/// R² − |u|²
+fn ball<O: Ops>(o: &mut O, u: &[O::V; 3], r: &O::V) -> O::V {
+    let r2 = o.square(r);
+    let d2 = squares(o, u);
+    o.sub(&r2, &d2)
+}
+
+/// R² − p², p the distance to the axis.
+fn cylinder<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
+    let (p, q, _) = axis.indices();
+    let (r2, p2, q2) = (o.square(r), o.square(&u[p]), o.square(&u[q]));
+    let s = o.sub(&r2, &p2);
+    o.sub(&s, &q2)
+}
+
+/// r² − |u|² − R² + 2 R p for R, r = n, p the distance to the axis.
+fn torus<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O::V {
+    let p = axis_distance(o, axis, u);
+    let (r2, d2, big2) = (o.square(&n[1]), squares(o, u), o.square(&n[0]));
+    let rp = o.mul(&n[0], &p);
+    let rp = o.scale(2.0, &rp);
+    let s = o.sub(&r2, &d2);
+    let s = o.sub(&s, &big2);
+    o.add(&s, &rp)
+}
+
+/// The R-intersection of the slabs (xᵢ − vᵢ)(vᵢ + dᵢ − xᵢ), of x, v, d = args and u = x − v.
+fn block<O: Ops>(o: &mut O, args: &[O::V], u: &[O::V; 3]) -> O::V {
+    let t: [O::V; 3] = std::array::from_fn(|i| {
+        let end = o.add(&args[i + 3], &args[i + 6]);
+        let up = o.sub(&end, &args[i]);
+        o.mul(&u[i], &up)
+    });
+    let s = o.set(SetOp::RIntersection, &t[0], &t[1]);
+    o.set(SetOp::RIntersection, &s, &t[2])
+}
+
+/// The distances to the six sides of a block. A block of negative size has the sides of the one of
+/// that size below its corner, since the formula is symmetric in a slab's two ends.
+fn sides_of_block<O: Ops>(o: &mut O, args: &[O::V]) -> Vec<(&'static str, O::V)> {
+    let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
+    let mut sides = Vec::with_capacity(6);
+    for i in 0..3 {
+        let n = &args[i + 6];
+        let size = o.abs(n);
+        let shift = o.sub(n, &size);
+        let shift = o.scale(0.5, &shift);
+        let low = o.add(&args[i + 3], &shift);
+        let high = o.add(&low, &size);
+        sides.push((names[i][0], o.sub(&args[i], &low)));
+        sides.push((names[i][1], o.sub(&high, &args[i])));
+    }
+    sides
+}
+
+/// h² − (p/R)², h along the axis and p the distance to it.
+fn cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], r: &O::V) -> O::V {
+    let (p, q, h) = axis.indices();
+    let (h2, p2, q2) = (o.square(&u[h]), o.square(&u[p]), o.square(&u[q]));
+    let s = o.add(&p2, &q2);
+    let r2 = o.square(r);
+    let s = o.div(&s, &r2);
+    o.sub(&h2, &s)
+}
+
+/// h² − (first other coordinate / a)² − (second / b)² for a, b = n.
+fn elliptic_cone<O: Ops>(o: &mut O, axis: Axis, u: &[O::V; 3], n: &[O::V]) -> O::V {
+    let (i, j) = others(axis);
+    let (_, _, h) = axis.indices();
+    let q = quadric(o, &[(&u[i], &n[0]), (&u[j], &n[1])]);
+    let h2 = o.square(&u[h]);
+    let s = o.add(&h2, &q);
+    o.offset(&s, -1.0)
 }
 
 /// u·u

@@ -6,6 +6,10 @@
 
 use isoform_num::Real;
 
+/// A share of s² that t + s² must be above for the foot point u s²/(t + s²) to be computed from it.
+/// Below it the root t is −s² up to rounding: u is on a principal plane within the focal curve.
+const OFF_PLANE: f64 = 1e-9;
+
 /// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes
 /// `u[3..6]`.
 ///
@@ -17,41 +21,69 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
     if v.iter().any(|c| !c.is_finite()) {
         return R::constant(f64::NAN);
     }
-    let (u, s) = (
-        [v[0].abs(), v[1].abs(), v[2].abs()],
-        [v[3].abs(), v[4].abs(), v[5].abs()],
-    );
-    let least = s.iter().copied().fold(f64::INFINITY, f64::min);
-    if least == 0.0 {
+    let of = Ellipsoid {
+        u: [v[0].abs(), v[1].abs(), v[2].abs()],
+        s: [v[3].abs(), v[4].abs(), v[5].abs()],
+    };
+    if of.s.contains(&0.0) {
         return R::constant(f64::NAN);
     }
-    let g = |t: f64| {
-        (0..3)
-            .map(|i| (u[i] * s[i] / (t + s[i] * s[i])).powi(2))
-            .sum::<f64>()
-            - 1.0
-    };
-    let (mut lo, mut hi) = (
-        -least * least,
-        (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt(),
-    );
-    for _ in 0..200 {
-        let t = 0.5 * (lo + hi);
-        if t <= lo || t >= hi {
-            break;
-        }
-        if g(t) > 0.0 { lo = t } else { hi = t }
+    let t = of.root();
+    if (0..3).all(|i| of.is_off_plane(t, i)) {
+        lifted_distance(args, t)
+    } else {
+        R::constant(of.distance_from_plane(t))
     }
-    let t0 = 0.5 * (lo + hi);
-    let smooth = (0..3).all(|i| t0 + s[i] * s[i] > 1e-9 * s[i] * s[i]);
-    let inside = (0..3).map(|i| (u[i] / s[i]).powi(2)).sum::<f64>() <= 1.0;
-    if !smooth {
-        // On the medial axis: the foot point lies off the principal plane in the direction of the
-        // shortest half axis.
+}
+
+/// A point in the first octant and the half axes of an ellipsoid.
+struct Ellipsoid {
+    u: [f64; 3],
+    s: [f64; 3],
+}
+
+impl Ellipsoid {
+    /// The largest t with Σ (u s/(t + s²))² = 1, by bisection.
+    fn root(&self) -> f64 {
+        let Self { u, s } = self;
+        let least = s.iter().copied().fold(f64::INFINITY, f64::min);
+        let g = |t: f64| {
+            (0..3)
+                .map(|i| (u[i] * s[i] / (t + s[i] * s[i])).powi(2))
+                .sum::<f64>()
+                - 1.0
+        };
+        let (mut lo, mut hi) = (
+            -least * least,
+            (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt(),
+        );
+        for _ in 0..200 {
+            let t = 0.5 * (lo + hi);
+            if t <= lo || t >= hi {
+                break;
+            }
+            if g(t) > 0.0 { lo = t } else { hi = t }
+        }
+        0.5 * (lo + hi)
+    }
+
+    /// Whether coordinate i of the foot point is u s²/(t + s²).
+    fn is_off_plane(&self, t: f64, i: usize) -> bool {
+        let s2 = self.s[i] * self.s[i];
+        t + s2 > OFF_PLANE * self.s[i] * self.s[i]
+    }
+
+    fn is_inside(&self) -> bool {
+        (0..3).map(|i| (self.u[i] / self.s[i]).powi(2)).sum::<f64>() <= 1.0
+    }
+
+    /// The distance on the medial axis: the foot point lies off the principal plane in the
+    /// direction of the shortest half axis.
+    fn distance_from_plane(&self, t: f64) -> f64 {
+        let Self { u, s } = self;
         let mut q: [f64; 3] = std::array::from_fn(|i| {
-            let d = t0 + s[i] * s[i];
-            if d > 1e-9 * s[i] * s[i] {
-                u[i] * s[i] * s[i] / d
+            if self.is_off_plane(t, i) {
+                u[i] * s[i] * s[i] / (t + s[i] * s[i])
             } else {
                 0.0
             }
@@ -63,13 +95,16 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
             .sum();
         q[short] = s[short] * (1.0 - rest).max(0.0).sqrt();
         let d = (0..3).map(|i| (u[i] - q[i]).powi(2)).sum::<f64>().sqrt();
-        return R::constant(if inside { d } else { -d });
+        if self.is_inside() { d } else { -d }
     }
-    let mut t = R::constant(t0);
+}
+
+/// The distance in the number type, from the root t of its values: Newton on g = Σ a − 1 with
+/// a = (u s/(t + s²))² and g' = −2 Σ a/(t + s²).
+fn lifted_distance<R: Real>(args: &[R], t: f64) -> R {
+    let mut t = R::constant(t);
     let s2: Vec<R> = (3..6).map(|i| args[i].square()).collect();
     for _ in 0..3 {
-        // Newton on g in the number type: g = Σ a − 1, g' = −2 Σ a/(t + s²) with a = (u s/(t +
-        // s²))².
         let (mut value, mut slope) = (R::constant(-1.0), R::constant(0.0));
         for i in 0..3 {
             let d = t.clone() + s2[i].clone();
@@ -192,7 +227,7 @@ pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
 }
 
 /// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i,
-/// the same on every machine.
+/// so that noise does not depend on the machine.
 pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
     let cell: [f64; 3] = std::array::from_fn(|i| args[i].value().floor());
     let p: [R; 3] = std::array::from_fn(|i| args[i].clone() - R::constant(cell[i]));

@@ -1,18 +1,23 @@
 //! The metric and parts readings of a tree.
 //!
-//! A [`Shape`] is the tree with set operations resolved to minima and maxima over smooth pieces: u
-//! | v and max(u, v) become a maximum, u & v and min(u, v) a minimum, negation swaps them (a
-//! subtraction is an intersection with the negated function). Each piece g carries its
-//! unit-gradient form: the closed one of a primitive ([`Library::metric`]; a block has six sides),
-//! else g/|∇g|, the first-order distance (Taubin 1991), with a second Newton step where R-functions
-//! are blended inside. The min/max tree over these is close to a signed distance: at the minimum of
-//! a fit it is at the statistical limit, where the R-functions' own value is 4 to 15 standard
-//! deviations off.
+//! A [`Shape`] is the tree with set operations resolved to minima and maxima over faces: u | v and
+//! max(u, v) become a maximum, u & v and min(u, v) a minimum, negation swaps them (a subtraction is
+//! an intersection with the negated function). Each face g carries its unit-gradient form: the
+//! closed one of a primitive ([`Library::metric`]; a block has six sides), else g/|∇g|, the
+//! first-order distance (Taubin 1991), with a second Newton step where R-functions are blended
+//! inside. The min/max tree over these is close to a signed distance: at the minimum of a fit it is
+//! at the statistical limit, where the R-functions' own value is 4 to 15 standard deviations off.
+//!
+//! Which smooth pieces a face consists of, and what they are called, is read where the mesh's
+//! pieces are read ([`Naming`]): the parts of a fit, of a mesh and of patches have the same names.
+//! One piece may be several parts: where two bodies share a plane, and the two faces of a slab.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Library;
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::smooth::Random;
+use crate::split::{Named, Naming};
+use crate::tape::Tape;
 use isoform_geom::Point3;
 use isoform_num::Jet1;
 use std::collections::HashMap;
@@ -20,25 +25,38 @@ use std::collections::HashMap;
 /// A smooth piece of the surface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// Name from the program: the variable that the piece is assigned to, and the side of it.
+    /// Name from the program: the variable that the piece is assigned to, and the side of it. Parts
+    /// of one piece share it.
     pub name: String,
 }
 
-/// Pieces that are told apart; what else there is of the tree stays one piece. Each takes time in
+/// Largest number of parts; what is left of the tree stays one part. Each part takes time in
 /// proportion to the whole expression: with more, programs of many thousand bodies take minutes.
 const MOST_PARTS: usize = 4096;
 
-/// Products are read as slabs up to this many parts: each costs a copy of the expression.
+/// Products are read as slabs, and faces as several pieces, up to this many parts: each costs a copy
+/// of the expression.
 const MOST_SPLIT: usize = 256;
 
-/// The tree of minima and maxima over smooth pieces, in the order of computation: a program may
-/// join so many bodies, one after the other, that no stack suffices to walk it.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// Places at which the pieces of a face must have its sign. Where a parameter of the other sign
+/// would join them otherwise, every second place tells.
+const SIGNS_TRIED: usize = 48;
+
+/// A face of the solid: one distance, and one or several smooth parts.
+#[derive(Clone, Debug, PartialEq)]
+struct Face {
+    distance: NodeId,
+    /// The index of the part that decides.
+    part: NodeId,
+    /// How the face's parts are joined, in the order of computation.
+    tree: Vec<Join>,
+}
+
+/// The tree of minima and maxima over faces, in the order of computation: a program may join so
+/// many bodies, one after the other, that no stack suffices to walk it.
+#[derive(Clone, Debug, PartialEq)]
 enum Step {
-    Leaf {
-        part: u32,
-        distance: NodeId,
-    },
+    Face(Face),
     /// Of the last two results that are not used yet.
     Join {
         is_min: bool,
@@ -56,12 +74,17 @@ pub enum Join {
     Max,
 }
 
+impl Join {
+    fn of(is_min: bool) -> Self {
+        if is_min { Self::Min } else { Self::Max }
+    }
+}
+
 impl Step {
-    fn join(&self) -> Join {
-        match *self {
-            Self::Leaf { part, .. } => Join::Part(part),
-            Self::Join { is_min: true } => Join::Min,
-            Self::Join { is_min: false } => Join::Max,
+    fn joins(&self) -> Vec<Join> {
+        match self {
+            Self::Face(face) => face.tree.clone(),
+            Self::Join { is_min } => vec![Join::of(*is_min)],
         }
     }
 }
@@ -73,6 +96,26 @@ enum Task {
 }
 
 /// The metric and parts readings of an expression.
+///
+/// ```
+/// use isoform_field::{Graph, Shape, hyperfun::{Mode, Model}};
+///
+/// let text = "my_model(x[3], a[1]) {
+///   ball = a[1]^2 - x[1]^2 - x[2]^2 - x[3]^2;
+///   my_model = ball & x[3];
+/// }";
+/// let mut graph = Graph::new();
+/// let root = Model::parse(text, Mode::Default)?.compile(&mut graph).expect("an expression");
+/// let shape = Shape::new(&mut graph, root);
+/// let names: Vec<&str> = shape.parts.iter().map(|part| part.name.as_str()).collect();
+/// assert_eq!(names, ["ball", "z_min"]);
+/// // At (0, 0, 1) the plane is one away, and at (0, 0, 1.99) the ball of radius 2 a hundredth.
+/// assert_eq!(graph.eval(shape.distance, &[0.0, 0.0, 0.25], &[2.0]), 0.25);
+/// let near = graph.eval(shape.distance, &[0.0, 0.0, 1.99], &[2.0]);
+/// assert!((near - 0.01).abs() < 1e-4);
+/// assert_eq!(graph.eval(shape.part, &[0.0, 0.0, 1.99], &[2.0]), 0.0);
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Shape {
     /// The smooth pieces.
@@ -95,9 +138,13 @@ impl Shape {
             graph,
             parts: Vec::new(),
             pieces: Vec::new(),
+            naming: None,
             taken: HashMap::new(),
             memo: Default::default(),
         };
+        // On a copy: the numbers of nodes order the sums of derivatives, which must not depend on
+        // how parts are called.
+        reader.naming = Naming::new(reader.graph, root);
         let steps = reader.read(root);
         let (parts, pieces) = (reader.parts, reader.pieces);
         let (distance, part) = joined(graph, &steps);
@@ -106,27 +153,35 @@ impl Shape {
             distance,
             part,
             pieces,
-            tree: steps.iter().map(Step::join).collect(),
+            tree: steps.iter().flat_map(Step::joins).collect(),
         }
     }
 }
 
-/// The tree's value and the index of the piece that decides it.
-fn joined(g: &mut Graph, steps: &[Step]) -> (NodeId, NodeId) {
-    let mut results: Vec<(NodeId, NodeId)> = Vec::new();
+/// A value of the tree and the index of the part that decides it.
+type Decided = (NodeId, NodeId);
+
+/// The minimum or maximum of two values; of equal ones the first decides.
+fn decided(g: &mut Graph, is_min: bool, (u, pu): Decided, (v, pv): Decided) -> Decided {
+    let second = if is_min {
+        g.less(&v, &u)
+    } else {
+        g.less(&u, &v)
+    };
+    let value = if is_min { g.min(&u, &v) } else { g.max(&u, &v) };
+    (value, g.select(&second, &pv, &pu))
+}
+
+/// The tree's value and the index of the part that decides it.
+fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
+    let mut results: Vec<Decided> = Vec::new();
     for step in steps {
-        let result = match *step {
-            Step::Leaf { part, distance } => (distance, g.constant(f64::from(part))),
+        let result = match step {
+            Step::Face(face) => (face.distance, face.part),
             Step::Join { is_min } => {
-                let (v, pv) = results.pop().expect("a join has two inputs");
-                let (u, pu) = results.pop().expect("a join has two inputs");
-                let second = if is_min {
-                    g.less(&v, &u)
-                } else {
-                    g.less(&u, &v)
-                };
-                let value = if is_min { g.min(&u, &v) } else { g.max(&u, &v) };
-                (value, g.select(&second, &pv, &pu))
+                let v = results.pop().expect("a join has two inputs");
+                let u = results.pop().expect("a join has two inputs");
+                decided(g, *is_min, u, v)
             }
         };
         results.push(result);
@@ -134,11 +189,33 @@ fn joined(g: &mut Graph, steps: &[Step]) -> (NodeId, NodeId) {
     results.pop().expect("a tree has a root")
 }
 
+/// What a face comes from.
+#[derive(Clone, Copy)]
+struct Source {
+    id: NodeId,
+    /// Which side of a primitive.
+    side: Option<usize>,
+    negative: bool,
+}
+
+impl Source {
+    fn whole(id: NodeId, negative: bool) -> Self {
+        Self {
+            id,
+            side: None,
+            negative,
+        }
+    }
+}
+
 struct Reader<'a> {
     graph: &'a mut Graph,
     parts: Vec<Part>,
     /// By part, its function.
     pieces: Vec<NodeId>,
+    /// None for programs of too many pieces: parts then have the names of their nodes.
+    naming: Option<Naming>,
+    /// By name of a node, how many parts have it.
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
     memo: [HashMap<NodeId, NodeId>; 3],
@@ -172,11 +249,10 @@ impl Reader<'_> {
             ]
         };
         if self.parts.len() >= MOST_PARTS {
-            return steps.push(self.leaf(id, negative));
+            return steps.push(Step::Face(self.leaf(id, negative)));
         }
         match self.graph.node(id).clone() {
             Node::Unary(Unary::Neg, u) => {
-                self.inherit(id, u);
                 tasks.push(Task::Read {
                     id: u,
                     negative: !negative,
@@ -185,49 +261,40 @@ impl Reader<'_> {
             Node::Set(op, u, v) => {
                 tasks.extend(pair(u, v, matches!(op, SetOp::Max | SetOp::RUnion)));
             }
-            // A positive factor does not move the surface.
             Node::Binary(Binary::Mul, u, v) => {
-                let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
-                let inner = match (factor(u), factor(v)) {
-                    (Some(c), _) if self.has_sets(v) => Some((v, c)),
-                    (_, Some(c)) if self.has_sets(u) => Some((u, c)),
-                    _ => None,
-                };
-                let Some((u, c)) = inner else {
-                    if !self.slab(id, [u, v], negative, steps) {
-                        steps.push(self.leaf(id, negative));
-                    }
-                    return;
-                };
-                self.inherit(id, u);
-                tasks.push(Task::Read {
-                    id: u,
-                    negative: negative != (c < 0.0),
-                });
+                if let Some((set, c)) = self.scaled_set(u, v) {
+                    tasks.push(Task::Read {
+                        id: set,
+                        negative: negative != (c < 0.0),
+                    });
+                } else if !self.slab(id, [u, v], negative, steps) {
+                    steps.push(Step::Face(self.leaf(id, negative)));
+                }
             }
-            Node::Library(Library::SardfUnion | Library::DistanceBlendUnion, args)
-                if self.is_sharp(id) =>
-            {
+            // A signed-distance set operation has the sharp zero set of max or min; the circular
+            // blends are their own smooth piece.
+            Node::Library(Library::SardfUnion, args) => {
                 tasks.extend(pair(args[0], args[1], true));
             }
-            Node::Library(
-                Library::SardfIntersection | Library::DistanceBlendIntersection,
-                args,
-            ) if self.is_sharp(id) => tasks.extend(pair(args[0], args[1], false)),
+            Node::Library(Library::SardfIntersection, args) => {
+                tasks.extend(pair(args[0], args[1], false));
+            }
             Node::Library(f, args) if f.is_primitive() => {
                 self.primitive(id, f, &args, negative, steps);
             }
-            _ => steps.push(self.leaf(id, negative)),
+            _ => steps.push(Step::Face(self.leaf(id, negative))),
         }
     }
 
-    /// A signed-distance set operation has the sharp zero set of max or min; the circular blends
-    /// are their own smooth piece.
-    fn is_sharp(&self, id: NodeId) -> bool {
-        matches!(
-            self.graph.node(id),
-            Node::Library(Library::SardfUnion | Library::SardfIntersection, _)
-        )
+    /// The set or primitive that is multiplied by a constant in u·v, and the constant: a positive
+    /// factor does not move the surface.
+    fn scaled_set(&self, u: NodeId, v: NodeId) -> Option<(NodeId, f64)> {
+        let factor = |c: NodeId| self.graph.constant_value(c).filter(|c| *c != 0.0);
+        match (factor(u), factor(v)) {
+            (Some(c), _) if self.has_sets(v) => Some((v, c)),
+            (_, Some(c)) if self.has_sets(u) => Some((u, c)),
+            _ => None,
+        }
     }
 
     fn has_sets(&self, mut id: NodeId) -> bool {
@@ -241,29 +308,122 @@ impl Reader<'_> {
         }
     }
 
-    /// A name given to −u or c·u serves u as well.
-    fn inherit(&mut self, from: NodeId, to: NodeId) {
-        if let Some(name) = self.graph.name(from).map(str::to_owned) {
-            self.graph.set_name(to, &name);
+    /// The pieces that a face consists of.
+    fn named(&mut self, of: Source) -> Option<Named> {
+        let naming = self.naming.as_mut()?;
+        match of.side {
+            Some(side) => naming.of_side(of.id, side, of.negative),
+            None => naming.of(of.id, of.negative),
         }
     }
 
-    /// A new part that `piece` describes, named after `id` and its side.
-    fn part(&mut self, id: NodeId, side: &str, piece: NodeId) -> u32 {
+    /// The face with this distance whose pieces are named; one part, `piece`, where it is one
+    /// piece, or its pieces are not known.
+    fn face(&mut self, of: Source, piece: NodeId, distance: NodeId) -> Face {
+        let (part, tree) = match self.named(of) {
+            Some(Named::Piece { name, .. }) => self.single(name.to_string(), piece),
+            Some(named) => match self.several(&named, piece) {
+                Some(several) => several,
+                None => self.single_of(of.id, piece),
+            },
+            None => self.single_of(of.id, piece),
+        };
+        Face {
+            distance,
+            part,
+            tree,
+        }
+    }
+
+    /// A face of one part.
+    fn single(&mut self, name: String, piece: NodeId) -> (NodeId, Vec<Join>) {
+        let part = self.part(name, piece);
+        (self.graph.constant(f64::from(part)), vec![Join::Part(part)])
+    }
+
+    /// A face of one part with the name of its node.
+    fn single_of(&mut self, id: NodeId, piece: NodeId) -> (NodeId, Vec<Join>) {
+        let name = self.own_name(id);
+        self.single(name, piece)
+    }
+
+    /// A face of several parts: their values tell which one decides. None where there are too many,
+    /// or where they make up the face `whole` only for some values of the parameters.
+    fn several(&mut self, named: &Named, whole: NodeId) -> Option<(NodeId, Vec<Join>)> {
+        let roots = named.pieces();
+        if self.parts.len() + roots.len() > MOST_SPLIT {
+            return None;
+        }
+        let from = self.naming.as_ref()?.graph();
+        let (nx, na) = from.inputs_of(&roots);
+        let x: Vec<NodeId> = (0..nx).map(|i| self.graph.x(i)).collect();
+        let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
+        let roots = from.rewrite_all(&roots, self.graph, &x, &a, |_, _, _| {});
+        let pieces = self.graph.lowered_all(&roots);
+        if !self.has_sign(named, &pieces, whole) {
+            return None;
+        }
+        let mut tree = Vec::new();
+        let (_, part) = self.chosen(named, &mut pieces.into_iter(), &mut tree);
+        Some((part, tree))
+    }
+
+    /// Whether the pieces together have the sign of `whole`, for parameters of both signs: tried at
+    /// pseudo-random places.
+    fn has_sign(&self, named: &Named, pieces: &[NodeId], whole: NodeId) -> bool {
+        let roots: Vec<NodeId> = pieces.iter().copied().chain([whole]).collect();
+        let (nx, na) = self.graph.inputs_of(&roots);
+        let tape = Tape::new(self.graph, &roots, nx, na);
+        let (mut random, mut scratch) = (Random::new(), Vec::new());
+        (0..SIGNS_TRIED).all(|_| {
+            let (x, a) = (random.place(nx), random.place(na));
+            let mut values = tape.eval_all(&x, &a, &mut scratch);
+            let whole = values.pop().expect("the whole is the last one");
+            let together = named.value(&mut values.into_iter());
+            // Where one is not defined, or is rounding, nothing is told.
+            !(together.abs() > 1e-9 && whole.abs() > 1e-9) || (together > 0.0) == (whole > 0.0)
+        })
+    }
+
+    fn chosen(
+        &mut self,
+        named: &Named,
+        pieces: &mut impl Iterator<Item = NodeId>,
+        tree: &mut Vec<Join>,
+    ) -> Decided {
+        match named {
+            Named::Piece { name, .. } => {
+                let piece = pieces.next().expect("one for each name");
+                let (part, join) = self.single(name.to_string(), piece);
+                tree.extend(join);
+                (piece, part)
+            }
+            Named::Join { is_min, children } => {
+                let (first, rest) = children.split_first().expect("a join has children");
+                let mut result = self.chosen(first, pieces, tree);
+                for child in rest {
+                    let next = self.chosen(child, pieces, tree);
+                    tree.push(Join::of(*is_min));
+                    result = decided(self.graph, *is_min, result, next);
+                }
+                result
+            }
+        }
+    }
+
+    /// The name of a node where its pieces have none.
+    fn own_name(&mut self, id: NodeId) -> String {
         let base = self
             .graph
             .name(id)
             .map_or_else(|| format!("piece{}", self.parts.len() + 1), str::to_owned);
-        let mut name = if side.is_empty() {
-            base
-        } else {
-            format!("{base}.{side}")
-        };
-        let n = self.taken.entry(name.clone()).or_insert(0);
+        let n = self.taken.entry(base.clone()).or_insert(0);
         *n += 1;
-        if *n > 1 {
-            name = format!("{name}#{n}");
-        }
+        if *n > 1 { format!("{base}#{n}") } else { base }
+    }
+
+    /// A new part that `piece` describes.
+    fn part(&mut self, name: String, piece: NodeId) -> u32 {
         self.parts.push(Part { name });
         self.pieces.push(piece);
         self.parts.len() as u32 - 1
@@ -280,9 +440,9 @@ impl Reader<'_> {
         let rigid = self.is_rigid([args[0], args[1], args[2]]);
         let sides = f.metric(self.graph, args);
         if sides.is_empty() {
-            return steps.push(self.leaf(id, negative));
+            return steps.push(Step::Face(self.leaf(id, negative)));
         }
-        for (k, (side, d)) in sides.into_iter().enumerate() {
+        for (k, (_, d)) in sides.into_iter().enumerate() {
             let piece = self.graph.lowered(d);
             // Twisted, tapered or scaled: the sides are still smooth pieces, each with a gradient
             // of its own.
@@ -292,8 +452,12 @@ impl Reader<'_> {
                 self.first_order(piece).unwrap_or(d)
             };
             let (piece, distance) = self.signed(negative, piece, distance);
-            let part = self.part(id, side, piece);
-            steps.push(Step::Leaf { part, distance });
+            let side = Source {
+                id,
+                side: Some(k),
+                negative,
+            };
+            steps.push(Step::Face(self.face(side, piece, distance)));
             if k > 0 {
                 steps.push(Step::Join { is_min: !negative });
             }
@@ -329,14 +493,21 @@ impl Reader<'_> {
         let is_inside_out = self.graph.less(&sum, &zero);
         let (minus, plus) = (self.graph.constant(-1.0), self.graph.constant(1.0));
         let sign = self.graph.select(&is_inside_out, &minus, &plus);
+        let name = match self.named(Source::whole(id, negative)) {
+            Some(Named::Piece { name, .. }) => name.to_string(),
+            _ => self.own_name(id),
+        };
         for factor in [u, v] {
             let face = self.graph.mul(&sign, &factor);
             let face = self.graph.lowered(face);
             let distance = self.first_order(face).unwrap_or(face);
             let (piece, distance) = self.signed(negative, face, distance);
-            let side = self.side(factor);
-            let part = self.part(id, side, piece);
-            steps.push(Step::Leaf { part, distance });
+            let (part, tree) = self.single(name.clone(), piece);
+            steps.push(Step::Face(Face {
+                distance,
+                part,
+                tree,
+            }));
         }
         steps.push(Step::Join { is_min: !negative });
         true
@@ -380,27 +551,15 @@ impl Reader<'_> {
         is_finite.then_some((gu, gv))
     }
 
-    /// The name of a face by the axis that its inward normal runs along, or nothing.
-    fn side(&self, face: NodeId) -> &'static str {
-        let Some((g, _)) = self.gradients_at([face, face], &mut Random::new()) else {
-            return "";
-        };
-        let names = [["x_min", "x_max"], ["y_min", "y_max"], ["z_min", "z_max"]];
-        (0..3)
-            .find(|&i| (0..3).all(|j| j == i || g[j].abs() <= 1e-9 * g[i].abs()))
-            .map_or("", |i| names[i][usize::from(g[i] < 0.0)])
-    }
-
     /// g/|∇g| as a piece; g itself where a native function stands in the way of the derivative.
-    fn leaf(&mut self, id: NodeId, negative: bool) -> Step {
+    fn leaf(&mut self, id: NodeId, negative: bool) -> Face {
         let g = self.graph.lowered(id);
         let mut distance = self.first_order(g).unwrap_or(g);
         if self.has_r_functions(g) {
             distance = self.second_step(g, distance).unwrap_or(distance);
         }
         let (piece, distance) = self.signed(negative, g, distance);
-        let part = self.part(id, "", piece);
-        Step::Leaf { part, distance }
+        self.face(Source::whole(id, negative), piece, distance)
     }
 
     /// A piece's function and distance, of the other sign where it is taken away.

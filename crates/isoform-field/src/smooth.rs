@@ -27,7 +27,7 @@ const MOST_KINKS: usize = 48;
 /// Derivatives computed at once.
 const AT_ONCE: usize = 4;
 
-/// Numbers from 0 to 1, the same each time.
+/// Pseudo-random numbers from 0 to 1 with a fixed seed (Marsaglia's xorshift).
 pub(crate) struct Random(u64);
 
 impl Random {

@@ -99,9 +99,7 @@ impl Pieces {
         let mut bound = Graph::new();
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
-        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| {
-            g.set_name(*id, name)
-        });
+        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.name_as(*id, name));
         let own = Tape::new(&bound, &[root], 3, 0);
         let Split {
             names,

@@ -35,6 +35,21 @@ pub(crate) struct Instruction {
 }
 
 /// A compiled expression with one or more results.
+///
+/// ```
+/// use isoform_field::{Graph, Ops, Tape};
+/// use isoform_num::Jet1;
+/// let mut graph = Graph::new();
+/// let (x, y) = (graph.x(0), graph.x(1));
+/// let (x2, y2) = (graph.square(&x), graph.square(&y));
+/// let f = graph.sub(&x2, &y2);
+/// let tape = Tape::new(&graph, &[f], 2, 0);
+/// let mut scratch = Vec::new();
+/// assert_eq!(tape.eval(&[3.0, 2.0], &[], &mut scratch), 5.0);
+/// // The value with the gradient (2x, −2y).
+/// let at = [Jet1::<2>::variable(3.0, 0), Jet1::variable(2.0, 1)];
+/// assert_eq!(tape.eval(&at, &[], &mut Vec::new()).g, [6.0, -4.0]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct Tape {
     pub(crate) n_x: usize,
@@ -69,74 +84,75 @@ impl Tape {
             .filter(|&i| need[i])
             .map(|i| NodeId(i as u32))
             .collect();
-        let constants: Vec<f64> = nodes
-            .iter()
-            .filter_map(|&id| g.constant_value(id))
-            .collect();
-        let mut varies = vec![false; g.len()];
-        for &id in &nodes {
-            varies[id.at()] =
-                matches!(g.node(id), Node::X(_)) || g.arguments(id).iter().any(|a| varies[a.at()]);
-        }
         let is_input =
             |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
-        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) = nodes
-            .iter()
-            .filter(|id| !is_input(id))
-            .partition(|id| varies[id.at()]);
-        let mut slot = vec![u32::MAX; g.len()];
-        let mut next_constant = 0;
-        for &id in &nodes {
-            match g.node(id) {
-                Node::Constant(_) => {
-                    slot[id.at()] = next_constant;
-                    next_constant += 1;
-                }
-                Node::X(i) => {
-                    assert!((*i as usize) < n_x, "coordinate {} of {n_x}", i + 1);
-                    slot[id.at()] = constants.len() as u32 + i;
-                }
-                Node::Param(i) => {
-                    assert!(
-                        (*i as usize) < n_params,
-                        "parameter {} of {n_params}",
-                        i + 1
-                    );
-                    slot[id.at()] = (constants.len() + n_x) as u32 + i;
-                }
-                _ => {}
-            }
-        }
+        let (inputs, computed): (Vec<NodeId>, Vec<NodeId>) = nodes.into_iter().partition(is_input);
+        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) =
+            computed.into_iter().partition(|&id| g.is_in_space(id));
+        let constants = inputs.iter().filter_map(|&id| g.constant_value(id));
         let mut tape = Self {
             n_x,
             n_params,
-            constants,
+            constants: constants.collect(),
             code: Vec::new(),
             uniform: uniform.len(),
             natives: Vec::new(),
             roots: Vec::new(),
         };
+        let mut slots = tape.slots_of(&g, &inputs);
         for id in uniform.into_iter().chain(varying) {
-            slot[id.at()] = (tape.first_code() + tape.code.len()) as u32;
-            let at = |n: &NodeId| slot[n.at()];
-            let (op, a, b, c) = match g.node(id) {
-                Node::Unary(op, u) => (Op::Unary(*op), at(u), 0, 0),
-                Node::Binary(op, u, v) => (Op::Binary(*op), at(u), at(v), 0),
-                Node::PowI(u, n) => (Op::PowI, at(u), 0, *n as u32),
-                Node::Set(op, u, v) => (Op::Set(*op), at(u), at(v), 0),
-                Node::Select(k, u, v) => (Op::Select, at(k), at(u), at(v)),
-                Node::Native(f, args) => {
-                    tape.natives.push((*f, args.iter().map(at).collect()));
-                    (Op::Native, tape.natives.len() as u32 - 1, 0, 0)
+            let instruction = tape.instruction(&g, id, &slots);
+            slots[id.at()] = (tape.first_code() + tape.code.len()) as u32;
+            tape.code.push(instruction);
+        }
+        tape.roots = roots.iter().map(|r| slots[r.at()]).collect();
+        tape
+    }
+
+    /// By node, the slot of an input; [`u32::MAX`] of others.
+    fn slots_of(&self, graph: &Graph, inputs: &[NodeId]) -> Vec<u32> {
+        let mut slots = vec![u32::MAX; graph.len()];
+        let mut next_constant = 0;
+        for &id in inputs {
+            let slot = match graph.node(id) {
+                Node::X(i) => {
+                    let (at, most) = (*i as usize, self.n_x);
+                    assert!(at < most, "coordinate {} of {most}", at + 1);
+                    self.first_x() + at
                 }
-                Node::Library(..) | Node::Constant(_) | Node::X(_) | Node::Param(_) => {
-                    unreachable!("expanded by lowering or an input")
+                Node::Param(i) => {
+                    let (at, most) = (*i as usize, self.n_params);
+                    assert!(at < most, "parameter {} of {most}", at + 1);
+                    self.first_param() + at
+                }
+                _ => {
+                    next_constant += 1;
+                    next_constant - 1
                 }
             };
-            tape.code.push(Instruction { op, a, b, c });
+            slots[id.at()] = slot as u32;
         }
-        tape.roots = roots.iter().map(|r| slot[r.at()]).collect();
-        tape
+        slots
+    }
+
+    /// The operation of a node whose arguments have slots.
+    fn instruction(&mut self, graph: &Graph, id: NodeId, slots: &[u32]) -> Instruction {
+        let at = |n: &NodeId| slots[n.at()];
+        let (op, a, b, c) = match graph.node(id) {
+            Node::Unary(op, u) => (Op::Unary(*op), at(u), 0, 0),
+            Node::Binary(op, u, v) => (Op::Binary(*op), at(u), at(v), 0),
+            Node::PowI(u, n) => (Op::PowI, at(u), 0, *n as u32),
+            Node::Set(op, u, v) => (Op::Set(*op), at(u), at(v), 0),
+            Node::Select(k, u, v) => (Op::Select, at(k), at(u), at(v)),
+            Node::Native(f, args) => {
+                self.natives.push((*f, args.iter().map(at).collect()));
+                (Op::Native, self.natives.len() as u32 - 1, 0, 0)
+            }
+            Node::Library(..) | Node::Constant(_) | Node::X(_) | Node::Param(_) => {
+                unreachable!("expanded by lowering or an input")
+            }
+        };
+        Instruction { op, a, b, c }
     }
 
     /// Number of coordinates.

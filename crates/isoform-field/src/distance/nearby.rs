@@ -17,31 +17,63 @@ const COMBINATIONS: [u32; MOST_NEAR] = [
     0xFFFF_0000,
 ];
 
+/// How far from a place edges are sought.
+struct Reach {
+    strip: f64,
+    /// The least width of an edge.
+    least: f64,
+}
+
 impl Finder<'_> {
     /// As [`isoform_geom::DistanceField::nearby`].
     pub(super) fn nearby(&mut self, places: &[Foot], reach: f64, strip: f64, out: &mut [Nearby]) {
         let points: Vec<Point3> = places.iter().map(|f| f.at).collect();
-        let least = Edge::LEAST * reach;
-        // How many faces are in reach, by try.
+        let (mut tries, crowds) = self.meetings(places, &points, [reach, strip], out);
+        self.descend(&points, &mut tries);
+        let sound = self.on_surface(&tries);
+        let met: Vec<usize> = (0..tries.len()).filter(|&t| sound[t]).collect();
+        let reach = Reach {
+            strip,
+            least: Edge::LEAST * reach,
+        };
+        for met in met.chunks(LANES) {
+            let at: Vec<Point3> = met.iter().map(|&t| tries[t].q).collect();
+            self.first_order(&at);
+            for (l, &t) in met.iter().enumerate() {
+                let i = tries[t].point as usize;
+                if let Some(edge) = self.edge(&tries[t], points[i], crowds[t], l, &reach) {
+                    out[i] = Nearby::Edge(edge);
+                }
+            }
+        }
+    }
+
+    /// What is known of each place by the faces within reach of it, and the tries to meet the
+    /// surface where the place's own face and another one within the strip cross, each with the
+    /// number of faces in reach.
+    fn meetings(
+        &mut self,
+        places: &[Foot],
+        points: &[Point3],
+        [reach, strip]: [f64; 2],
+        out: &mut [Nearby],
+    ) -> (Vec<Try>, Vec<usize>) {
         let (mut tries, mut crowds) = (Vec::new(), Vec::new());
         for (c, chunk) in points.chunks(LANES).enumerate() {
             self.first_order(chunk);
             for l in 0..chunk.len() {
                 let i = c * LANES + l;
                 let own = places[i].pieces[0];
+                out[i] = Nearby::Much;
                 if places[i].order == 0 {
-                    out[i] = Nearby::Much;
                     continue;
                 }
                 let Some(near) = self.others(&[own], l, reach) else {
-                    out[i] = Nearby::Much;
                     continue;
                 };
-                out[i] = if near.is_empty() {
-                    Nearby::Face
-                } else {
-                    Nearby::Much
-                };
+                if near.is_empty() {
+                    out[i] = Nearby::Face;
+                }
                 let count = near.len();
                 for k in self.others(&[own], l, strip).unwrap_or(near) {
                     tries.push(Try {
@@ -52,34 +84,36 @@ impl Finder<'_> {
                 }
             }
         }
-        self.descend(&points, &mut tries);
-        let sound = self.on_surface(&tries);
-        let met: Vec<usize> = (0..tries.len()).filter(|&t| sound[t]).collect();
-        for met in met.chunks(LANES) {
-            let at: Vec<Point3> = met.iter().map(|&t| tries[t].q).collect();
-            self.first_order(&at);
-            for (l, &t) in met.iter().enumerate() {
-                let [own, other, _] = tries[t].pieces;
-                let i = tries[t].point as usize;
-                let third = self.third([own, other], l, 2.0 * strip, 2.0 * least);
-                let width = 0.5 * third;
-                let away = distance_squared(points[i], tries[t].q).sqrt();
-                if width < least || (away > width && crowds[t] != 1) {
-                    continue;
-                }
-                let inward = [own, other].map(|k| self.normal(k as usize, l));
-                if let Some(angle) = self.angle([own, other], inward, l) {
-                    out[i] = Nearby::Edge(Edge {
-                        at: tries[t].q,
-                        pieces: [own, other],
-                        inward,
-                        width,
-                        is_near: crowds[t] > 0,
-                        angle,
-                    });
-                }
-            }
+        (tries, crowds)
+    }
+
+    /// The edge that a try met, in lane l of the block that was asked last, as it is seen from
+    /// `point` with `crowd` faces in reach.
+    fn edge(
+        &mut self,
+        met: &Try,
+        point: Point3,
+        crowd: usize,
+        l: usize,
+        reach: &Reach,
+    ) -> Option<Edge> {
+        let [own, other, _] = met.pieces;
+        let third = self.third([own, other], l, 2.0 * reach.strip, 2.0 * reach.least);
+        let width = 0.5 * third;
+        let away = distance_squared(point, met.q).sqrt();
+        if width < reach.least || (away > width && crowd != 1) {
+            return None;
         }
+        let inward = [own, other].map(|k| self.normal(k as usize, l));
+        let angle = self.angle([own, other], inward, l)?;
+        Some(Edge {
+            at: met.q,
+            pieces: [own, other],
+            inward,
+            width,
+            is_near: crowd > 0,
+            angle,
+        })
     }
 
     /// Distance to the nearest face but for two that meet in lane l, at most `far`; where too many

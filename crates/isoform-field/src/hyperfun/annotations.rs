@@ -220,6 +220,10 @@ impl<'s> Piece<'s> {
             at: self.at + start as u32,
         }
     }
+    /// Where it ends in the source.
+    fn end(self) -> u32 {
+        self.at + self.text.len() as u32
+    }
     /// The first word and the rest.
     fn word(self) -> (Self, Self) {
         let p = self.trimmed();
@@ -281,35 +285,13 @@ pub(crate) fn read(
             "unit" => found.file.unit = own(text),
             "pose" => found.file.pose = Some(one_of(source, text, &POSES, "a pose")?),
             "param" => {
-                let Some(o) = objects.get(object) else {
-                    return Err(source.error(
-                        key.at,
-                        "no object follows that this parameter could belong to",
-                        "",
-                    ));
+                let Some(of) = objects.get(object) else {
+                    let message = "no object follows that this parameter could belong to";
+                    return Err(source.error(key.at, message, ""));
                 };
-                let (param, tie) = param(source, rest, o)?;
-                let index = param.info.index;
-                if let Some(tie) = tie {
-                    ties.push((object, index, tie));
-                }
-                let twin = |((o, _), p): (&(usize, usize), &Param)| {
-                    *o == object && p.info.name.eq_ignore_ascii_case(&param.info.name)
-                };
-                if found.params.iter().any(twin) {
-                    return Err(source.error(
-                        key.at,
-                        format!("there is a parameter `{}` already", param.info.name),
-                        "",
-                    ));
-                }
-                if found.params.insert((object, index), param).is_some() {
-                    return Err(source.error(
-                        key.at,
-                        format!("a[{}] is described already", index + 1),
-                        "",
-                    ));
-                }
+                let (param, tie) = param(source, rest, of)?;
+                ties.extend(tie.map(|tie| (object, param.info.index, tie)));
+                found.add(source, key, object, param)?;
             }
             _ => {
                 let (line, column) = source.position(key.at);
@@ -327,6 +309,25 @@ pub(crate) fn read(
     }
     resolve_ties(source, objects, &mut found, &ties)?;
     Ok(found)
+}
+
+impl Annotations {
+    /// Adds a parameter of an object; an error where there is one like it.
+    fn add(&mut self, source: &Source, key: Piece<'_>, object: usize, param: Param) -> Read<()> {
+        let (index, name) = (param.info.index, &param.info.name);
+        let is_twin = |((of, _), other): (&(usize, usize), &Param)| {
+            *of == object && other.info.name.eq_ignore_ascii_case(name)
+        };
+        if self.params.iter().any(is_twin) {
+            let message = format!("there is a parameter `{name}` already");
+            return Err(source.error(key.at, message, ""));
+        }
+        if self.params.insert((object, index), param).is_some() {
+            let message = format!("a[{}] is described already", index + 1);
+            return Err(source.error(key.at, message, ""));
+        }
+        Ok(())
+    }
 }
 
 fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: &str) -> Read<T> {
@@ -360,97 +361,150 @@ fn param<'s>(
     let (target, mut rest) = text.word();
     let mut info = plain(index(source, target, object)?);
     info.description = description.text.trim().to_owned();
-    let mut plain_words = 0;
-    let mut tie: Option<Piece<'s>> = None;
-    let mut in_tie = false;
-    let mut start = None;
-    let mut end = target.at + target.text.len() as u32;
+    let mut line = ParamLine {
+        source,
+        text,
+        info,
+        tie: None,
+        in_tie: false,
+        next: Plain::Name,
+        start: None,
+    };
+    let mut end = target.end();
     loop {
         let (word, after) = rest.word();
         if word.text.is_empty() {
             break;
         }
         rest = after;
-        let word_end = word.at + word.text.len() as u32;
+        line.read(word)?;
+        end = word.end();
+    }
+    line.check(target)?;
+    let param = Param {
+        start: line.start.unwrap_or((end, end)),
+        info: line.info,
+    };
+    Ok((param, line.tie))
+}
+
+/// A word without `=`, by its place.
+#[derive(Clone, Copy)]
+enum Plain {
+    Name,
+    Kind,
+    /// The name and the kind are there.
+    Nothing,
+}
+
+/// The line of a parameter while its words are read.
+struct ParamLine<'a, 's> {
+    source: &'a Source,
+    /// The line without its description.
+    text: Piece<'s>,
+    info: ParamInfo,
+    tie: Option<Piece<'s>>,
+    /// The expression of a tie goes on over spaces, up to the next key.
+    in_tie: bool,
+    next: Plain,
+    /// Where `start=…` stands.
+    start: Option<(u32, u32)>,
+}
+
+impl<'s> ParamLine<'_, 's> {
+    fn read(&mut self, word: Piece<'s>) -> Read<()> {
         if let Some(eq) = word.text.find('=') {
             let (key, value) = word.split(eq, 1);
-            in_tie = false;
-            match key.text.to_ascii_lowercase().as_str() {
-                "min" => info.min = Some(amount(source, value)?),
-                "max" => info.max = Some(amount(source, value)?),
-                "start" => {
-                    info.start = Some(amount(source, value)?);
-                    start = Some((word.at, word_end));
-                }
-                "unit" => info.unit = Some(value.text.to_owned()),
-                "fixed" => info.fixed = Some(Fixed::At(number(source, value)?)),
-                "tie" => {
-                    tie = Some(value);
-                    in_tie = true;
-                }
-                _ => {
-                    return Err(source.error(
-                        key.at,
-                        format!("`{}` is no key of @param; known are {KEYS}", key.text),
-                        KEYS,
-                    ));
-                }
-            }
-        } else if in_tie && let Some(t) = tie.as_mut() {
-            // The tie's expression goes on over spaces.
-            let length = (word_end - t.at) as usize;
-            let from = (t.at - text.at) as usize;
-            t.text = &text.text[from..from + length];
-        } else if word.text.eq_ignore_ascii_case("fixed") {
-            info.fixed = Some(Fixed::AtStart);
-        } else if plain_words == 0 {
-            if !word.text.chars().all(|c| c.is_alphanumeric() || c == '_')
-                || word.text.starts_with(|c: char| c.is_ascii_digit())
-            {
-                return Err(source.error(
-                    word.at,
-                    format!(
-                        "`{}` is no name: letters, digits and underscores",
-                        word.text
-                    ),
-                    "a name",
-                ));
-            }
-            info.name = word.text.to_owned();
-            plain_words = 1;
-        } else if plain_words == 1 {
-            info.kind = one_of(source, word, &KINDS, "a kind of parameter")?;
-            plain_words = 2;
-        } else {
-            return Err(source.error(
-                word.at,
-                format!("`{}` is no key of @param; known are {KEYS}", word.text),
-                KEYS,
-            ));
+            self.in_tie = false;
+            return self.value(word, key, value);
         }
-        end = word_end;
+        if self.in_tie
+            && let Some(tie) = &mut self.tie
+        {
+            let from = (tie.at - self.text.at) as usize;
+            let to = (word.end() - self.text.at) as usize;
+            tie.text = &self.text.text[from..to];
+            return Ok(());
+        }
+        if word.text.eq_ignore_ascii_case("fixed") {
+            self.info.fixed = Some(Fixed::AtStart);
+            return Ok(());
+        }
+        self.plain(word)
     }
-    if let (Some(min), Some(max)) = (info.min, info.max)
-        && min.is_above(max)
-    {
-        return Err(source.error(target.at, "min is above max", ""));
+
+    /// `key=value`
+    fn value(&mut self, word: Piece<'s>, key: Piece<'s>, value: Piece<'s>) -> Read<()> {
+        let source = self.source;
+        match key.text.to_ascii_lowercase().as_str() {
+            "min" => self.info.min = Some(amount(source, value)?),
+            "max" => self.info.max = Some(amount(source, value)?),
+            "start" => {
+                self.info.start = Some(amount(source, value)?);
+                self.start = Some((word.at, word.end()));
+            }
+            "unit" => self.info.unit = Some(value.text.to_owned()),
+            "fixed" => self.info.fixed = Some(Fixed::At(number(source, value)?)),
+            "tie" => {
+                self.tie = Some(value);
+                self.in_tie = true;
+            }
+            _ => return Err(self.unknown(key)),
+        }
+        Ok(())
     }
-    if let Some(v) = info.start
-        && (info.min.is_some_and(|min| min.is_above(v))
-            || info.max.is_some_and(|max| v.is_above(max)))
-    {
-        return Err(source.error(target.at, "start is outside the bounds", ""));
+
+    /// The parameter's name, and after it its kind.
+    fn plain(&mut self, word: Piece<'s>) -> Read<()> {
+        match self.next {
+            Plain::Name if !is_name(word.text) => {
+                let message = format!(
+                    "`{}` is no name: letters, digits and underscores",
+                    word.text
+                );
+                return Err(self.source.error(word.at, message, "a name"));
+            }
+            Plain::Name => {
+                self.info.name = word.text.to_owned();
+                self.next = Plain::Kind;
+            }
+            Plain::Kind => {
+                self.info.kind = one_of(self.source, word, &KINDS, "a kind of parameter")?;
+                self.next = Plain::Nothing;
+            }
+            Plain::Nothing => return Err(self.unknown(word)),
+        }
+        Ok(())
     }
-    if info.fixed.is_some() && tie.is_some() {
-        return Err(source.error(target.at, "a parameter is fixed or tied, not both", ""));
+
+    fn unknown(&self, key: Piece<'_>) -> SyntaxError {
+        let message = format!("`{}` is no key of @param; known are {KEYS}", key.text);
+        self.source.error(key.at, message, KEYS)
     }
-    Ok((
-        Param {
-            info,
-            start: start.unwrap_or((end, end)),
-        },
-        tie,
-    ))
+
+    /// Whether the values go together; an error stands at the parameter, `target`.
+    fn check(&self, target: Piece<'_>) -> Read<()> {
+        let wrong = |message| Err(self.source.error(target.at, message, ""));
+        let (min, max) = (self.info.min, self.info.max);
+        if min.is_some_and(|min| max.is_some_and(|max| min.is_above(max))) {
+            return wrong("min is above max");
+        }
+        let is_outside =
+            |v| min.is_some_and(|min| min.is_above(v)) || max.is_some_and(|max| v.is_above(max));
+        if self.info.start.is_some_and(is_outside) {
+            return wrong("start is outside the bounds");
+        }
+        if self.info.fixed.is_some() && self.tie.is_some() {
+            return wrong("a parameter is fixed or tied, not both");
+        }
+        Ok(())
+    }
+}
+
+/// Whether a word consists of letters, digits and underscores, and begins with no digit.
+fn is_name(word: &str) -> bool {
+    word.chars().all(|c| c.is_alphanumeric() || c == '_')
+        && !word.starts_with(|c: char| c.is_ascii_digit())
 }
 
 /// The index from 0 of `a[i]`.
@@ -680,56 +734,60 @@ impl Linear<'_> {
             };
         }
         match self.peek() {
-            Some(c) if c.is_ascii_digit() || c == '.' => {
-                let from = self.at;
-                self.while_(|c| c.is_ascii_digit() || c == '.');
-                let digits = self.at;
-                if self.text.text[self.at..].starts_with(['e', 'E']) {
-                    self.at += 1;
-                    if self.text.text[self.at..].starts_with(['+', '-']) {
-                        self.at += 1;
-                    }
-                    if self.while_(|c| c.is_ascii_digit()).is_empty() {
-                        self.at = digits;
-                    }
-                }
-                match self.text.text[from..self.at].parse::<f64>() {
-                    Ok(constant) if constant.is_finite() => Ok(Form {
-                        constant,
-                        terms: BTreeMap::new(),
-                    }),
-                    _ => self.fail("a number expected"),
-                }
-            }
-            Some(c) if c.is_alphabetic() || c == '_' => {
-                let from = self.at;
-                let name = self
-                    .while_(|c| c.is_alphanumeric() || c == '_')
-                    .to_ascii_lowercase();
-                let known = self.names.get(&name).copied();
-                let index = match known {
-                    None if name == "a" && self.take('[') => {
-                        let i = self
-                            .while_(|c| c.is_ascii_digit())
-                            .parse::<usize>()
-                            .unwrap_or(0);
-                        if !self.take(']') || i == 0 || i > self.n {
-                            return self.fail("no such parameter");
-                        }
-                        i - 1
-                    }
-                    Some(i) => i,
-                    None => {
-                        self.at = from;
-                        return self.fail(&format!("no parameter `{name}`"));
-                    }
-                };
-                Ok(Form {
-                    constant: 0.0,
-                    terms: BTreeMap::from([(index, 1.0)]),
-                })
-            }
+            Some(c) if c.is_ascii_digit() || c == '.' => self.number(),
+            Some(c) if c.is_alphabetic() || c == '_' => self.parameter(),
             _ => self.fail("a number or a parameter expected"),
         }
+    }
+    fn number(&mut self) -> Read<Form> {
+        let from = self.at;
+        self.while_(|c| c.is_ascii_digit() || c == '.');
+        let digits = self.at;
+        if self.text.text[self.at..].starts_with(['e', 'E']) {
+            self.at += 1;
+            if self.text.text[self.at..].starts_with(['+', '-']) {
+                self.at += 1;
+            }
+            if self.while_(|c| c.is_ascii_digit()).is_empty() {
+                self.at = digits;
+            }
+        }
+        match self.text.text[from..self.at].parse::<f64>() {
+            Ok(constant) if constant.is_finite() => Ok(Form {
+                constant,
+                terms: BTreeMap::new(),
+            }),
+            _ => self.fail("a number expected"),
+        }
+    }
+
+    /// A parameter by its name, or as `a[i]`.
+    fn parameter(&mut self) -> Read<Form> {
+        let from = self.at;
+        let name = self
+            .while_(|c| c.is_alphanumeric() || c == '_')
+            .to_ascii_lowercase();
+        let index = match self.names.get(&name) {
+            Some(&index) => index,
+            None if name == "a" && self.take('[') => self.index()?,
+            None => {
+                self.at = from;
+                return self.fail(&format!("no parameter `{name}`"));
+            }
+        };
+        Ok(Form {
+            constant: 0.0,
+            terms: BTreeMap::from([(index, 1.0)]),
+        })
+    }
+
+    /// `i]` as an index from 0.
+    fn index(&mut self) -> Read<usize> {
+        let i = self.while_(|c| c.is_ascii_digit());
+        let i = i.parse::<usize>().unwrap_or(0);
+        if !self.take(']') || i == 0 || i > self.n {
+            return self.fail("no such parameter");
+        }
+        Ok(i - 1)
     }
 }

@@ -1,9 +1,10 @@
 //! The executor: one meaning of the language for every machine.
 
 use super::ast::{Argument, ArrayRef, Expr, Link, Object, Operator, Statement};
-use super::functions::{Arguments, Call, Function, Run, Shape};
+use super::functions::{Arguments, Call, Formula, Function, Run, Sentinel, Shape};
 use super::machine::{EPS, Machine};
 use super::{Mode, Program};
+use crate::library::Library;
 use crate::ops::{Binary, SetOp, Unary};
 use std::cell::RefCell;
 
@@ -125,73 +126,90 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
-    // ---- statements
-    // -------------------------------------------------------------------------------------------------------
-
     fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
         for statement in statements {
-            match statement {
-                Statement::Assign { slot, value } => {
-                    let v = self.eval(object, value)?;
-                    self.steps += 1;
-                    self.m().assigned(&v, object.variable(*slot));
-                    let at = self.base + *slot as usize;
-                    self.memory[at] = Some(v);
-                }
-                Statement::AssignItem {
-                    array,
-                    index,
-                    value,
-                } => {
-                    let v = self.eval(object, value)?;
-                    self.steps += 1;
-                    self.m().assigned(&v, "");
-                    let at = self.item(object, *array, index)?;
-                    self.memory[at] = Some(v);
-                }
-                Statement::AssignArray { array, values } => {
-                    self.steps += values.len() as u64;
-                    let start = self.base + array.start as usize;
-                    let machine = self.machine.get_mut();
-                    for (item, v) in self.memory[start..].iter_mut().zip(values) {
-                        *item = Some(machine.constant(*v));
-                    }
-                }
-                Statement::If {
-                    at,
-                    condition,
-                    then,
-                    otherwise,
-                } => {
-                    self.step(*at, 1)?;
-                    let otherwise = otherwise.as_deref().unwrap_or(&[]);
-                    let condition = self.condition(object, condition)?;
-                    match self.m().known(&condition) {
-                        Some(c) => self.block(object, if c != 0.0 { then } else { otherwise })?,
-                        None => self.both(object, *at, &condition, then, otherwise)?,
-                    }
-                }
-                Statement::While {
-                    at,
-                    condition,
-                    body,
-                } => loop {
-                    self.step(*at, 1)?;
-                    let c = self.condition(object, condition)?;
-                    match self.m().known(&c) {
-                        Some(c) if c != 0.0 => self.block(object, body)?,
-                        Some(_) => break,
-                        None => {
-                            return unknown(
-                                *at,
-                                "whether the loop goes on depends on the point or the parameters",
-                            );
-                        }
-                    }
-                },
-            }
+            self.statement(object, statement)?;
         }
         Ok(())
+    }
+
+    #[inline(always)]
+    fn statement(&mut self, object: &'p Object, statement: &'p Statement) -> Outcome<()> {
+        match statement {
+            Statement::Assign { slot, value } => {
+                let v = self.assigned(object, value, object.variable(*slot))?;
+                let at = self.base + *slot as usize;
+                self.memory[at] = Some(v);
+            }
+            Statement::AssignItem {
+                array,
+                index,
+                value,
+            } => {
+                let v = self.assigned(object, value, "")?;
+                let at = self.item(object, *array, index)?;
+                self.memory[at] = Some(v);
+            }
+            Statement::AssignArray { array, values } => {
+                self.steps += values.len() as u64;
+                let start = self.base + array.start as usize;
+                let machine = self.machine.get_mut();
+                for (item, v) in self.memory[start..].iter_mut().zip(values) {
+                    *item = Some(machine.constant(*v));
+                }
+            }
+            Statement::If {
+                at,
+                condition,
+                then,
+                otherwise,
+            } => {
+                self.step(*at, 1)?;
+                let otherwise = otherwise.as_deref().unwrap_or(&[]);
+                let condition = self.condition(object, condition)?;
+                match self.m().known(&condition) {
+                    Some(c) => self.block(object, if c != 0.0 { then } else { otherwise })?,
+                    None => self.both(object, *at, &condition, then, otherwise)?,
+                }
+            }
+            Statement::While {
+                at,
+                condition,
+                body,
+            } => self.repeated(object, *at, condition, body)?,
+        }
+        Ok(())
+    }
+
+    /// The value that is assigned to a variable, which gets its name.
+    #[inline]
+    fn assigned(&mut self, object: &'p Object, value: &'p Expr, name: &str) -> Outcome<M::V> {
+        let v = self.eval(object, value)?;
+        self.steps += 1;
+        self.m().assigned(&v, name);
+        Ok(v)
+    }
+
+    /// A loop, as long as its condition is known to hold.
+    fn repeated(
+        &mut self,
+        object: &'p Object,
+        at: u32,
+        condition: &'p Expr,
+        body: &'p [Statement],
+    ) -> Outcome<()> {
+        loop {
+            self.step(at, 1)?;
+            let c = self.condition(object, condition)?;
+            match self.m().known(&c) {
+                Some(c) if c != 0.0 => self.block(object, body)?,
+                Some(_) => return Ok(()),
+                None => {
+                    let why = "whether the loop goes on depends on the point or the parameters";
+                    return unknown(at, why);
+                }
+            }
+        }
     }
 
     /// Runs both branches and chooses item by item.
@@ -476,7 +494,40 @@ impl<'p, M: Machine> Executor<'p, M> {
     ) -> Outcome<M::V> {
         let entry = &Function::<M>::TABLE[function as usize];
         let mut args = Arguments::<M::V>::default();
-        let (mut wrong_point, mut items) = (false, 0);
+        let items = self.arguments(object, arguments, &mut args)?;
+        // An item of an array is a formula, and as an expression it stays in memory.
+        self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
+        // Otherwise the parser refuses it.
+        if self.is_strict() && entry.has_wrong_point(arguments) {
+            return Ok(self.m().constant(SENTINEL));
+        }
+        let v = match entry.run {
+            Run::Primitive(library, sentinel) => {
+                let v = self.primitive(entry, &args, library, sentinel);
+                self.m()
+                    .suggest(&v, || part_name(object, entry.names[0], arguments));
+                v
+            }
+            Run::Formula(run) => self.formula(at, run, &args)?,
+        };
+        if M::CHECKED && !self.is_strict() && self.is_unusable(entry, &args, &v) {
+            let name = entry.names[0];
+            let message = format!("`{name}` gives no finite number for these arguments");
+            return error(at, message);
+        }
+        Ok(v)
+    }
+
+    /// Evaluates the arguments of a function, from the last to the first as the reference does: how
+    /// many items their arrays have.
+    #[inline]
+    fn arguments(
+        &mut self,
+        object: &'p Object,
+        arguments: &'p [Argument],
+        args: &mut Arguments<M::V>,
+    ) -> Outcome<usize> {
+        let mut items = 0;
         for (i, argument) in arguments.iter().enumerate().rev() {
             match argument {
                 Argument::Number(expr) => args.numbers[i] = Some(self.eval(object, expr)?),
@@ -484,88 +535,73 @@ impl<'p, M: Machine> Executor<'p, M> {
                     self.require_set(object, *at, *array)?;
                     items += array.len as usize;
                     args.arrays[i] = (self.base + array.start as usize, array.len as usize);
-                    wrong_point |= entry.arguments[i].1 == Shape::Point && array.len != 3;
                 }
             }
         }
-        // An item of an array is a formula, and as an expression it stays in memory.
-        self.step(at, if M::CHECKED { items } else { ITEM_COST * items })?;
-        if wrong_point {
-            // Only in strict mode: otherwise the parser refuses it.
-            return Ok(self.m().constant(SENTINEL));
+        Ok(items)
+    }
+
+    #[inline]
+    fn primitive(
+        &mut self,
+        entry: &Function<M>,
+        args: &Arguments<M::V>,
+        library: Library,
+        sentinel: Sentinel,
+    ) -> M::V {
+        let mut flat = std::mem::take(&mut self.flat);
+        flat.clear();
+        for (i, (_, shape)) in entry.arguments.iter().enumerate() {
+            match &args.numbers[i] {
+                Some(v) if *shape == Shape::Number => flat.push(v.clone()),
+                _ => {
+                    let start = args.arrays[i].0;
+                    flat.extend(self.memory[start..start + 3].iter().flatten().cloned());
+                }
+            }
         }
-        let v = match entry.run {
-            Run::Primitive(library, sentinel) => {
-                let mut flat = std::mem::take(&mut self.flat);
-                flat.clear();
-                for (i, (_, shape)) in entry.arguments.iter().enumerate() {
-                    match &args.numbers[i] {
-                        Some(v) if *shape == Shape::Number => flat.push(v.clone()),
-                        _ => {
-                            let start = args.arrays[i].0;
-                            flat.extend(self.memory[start..start + 3].iter().flatten().cloned());
-                        }
-                    }
-                }
-                let mut v = self.m().library(library, &flat);
-                if self.is_strict() {
-                    v = sentinel.apply(self.m(), &flat, v);
-                }
-                self.flat = flat;
-                self.m()
-                    .suggest(&v, || part_name(object, entry.names[0], arguments));
-                v
+        let mut v = self.m().library(library, &flat);
+        if self.is_strict() {
+            v = sentinel.apply(self.m(), &flat, v);
+        }
+        self.flat = flat;
+        v
+    }
+
+    #[inline]
+    fn formula(&mut self, at: u32, run: Formula<M>, args: &Arguments<M::V>) -> Outcome<M::V> {
+        let (strict, left) = (self.is_strict(), self.limit.saturating_sub(self.steps));
+        let mut call = Call::new(&self.machine, &mut self.memory, args, strict, left);
+        match run(&mut call) {
+            Ok(v) => {
+                let spent = call.spent;
+                let v = v.v;
+                self.step(at, spent as usize)?;
+                Ok(v)
             }
-            Run::Formula(run) => {
-                let strict = self.is_strict();
-                let mut call = Call::new(
-                    &self.machine,
-                    &mut self.memory,
-                    &args,
-                    strict,
-                    self.limit.saturating_sub(self.steps),
-                );
-                match run(&mut call) {
-                    Ok(v) => {
-                        let spent = call.spent;
-                        let v = v.v;
-                        self.step(at, spent as usize)?;
-                        v
-                    }
-                    Err(fault) if fault.unknown => return unknown(at, fault.message),
-                    Err(fault) => return error(at, fault.message),
+            Err(fault) if fault.unknown => unknown(at, fault.message),
+            Err(fault) => error(at, fault.message),
+        }
+    }
+
+    /// Whether a function's value, or an item that it wrote, is no number to go on with.
+    #[inline]
+    fn is_unusable(&mut self, entry: &Function<M>, args: &Arguments<M::V>, v: &M::V) -> bool {
+        let m = self.machine.get_mut();
+        let is_bad = |v: &M::V| {
+            m.known(v).is_some_and(|v| {
+                if entry.may_overflow {
+                    v.is_nan()
+                } else {
+                    !v.is_finite()
                 }
-            }
+            })
         };
-        if M::CHECKED && !self.is_strict() {
-            let bad = |m: &M, v: &M::V| {
-                m.known(v).is_some_and(|v| {
-                    if entry.may_overflow {
-                        v.is_nan()
-                    } else {
-                        !v.is_finite()
-                    }
-                })
-            };
-            let m = self.machine.get_mut();
-            let changed = entry.writes.filter(|&i| {
-                let (start, len) = args.arrays[i];
-                self.memory[start..start + len]
-                    .iter()
-                    .flatten()
-                    .any(|v| bad(m, v))
-            });
-            if bad(m, &v) || changed.is_some() {
-                return error(
-                    at,
-                    format!(
-                        "`{}` gives no finite number for these arguments",
-                        entry.names[0]
-                    ),
-                );
-            }
-        }
-        Ok(v)
+        let is_written_badly = |&i: &usize| {
+            let (start, len) = args.arrays[i];
+            self.memory[start..start + len].iter().flatten().any(is_bad)
+        };
+        is_bad(v) || entry.writes.filter(is_written_badly).is_some()
     }
 }
 

@@ -78,69 +78,22 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
     let (mut found, mut comments) = (Vec::new(), Vec::new());
     let mut i = 0;
     while i < bytes.len() {
-        let start = i;
-        let c = bytes[i];
-        let kind = match c {
-            b' ' | b'\t' | b'\n' | b'\r' | 0x0C => {
-                i += 1;
-                continue;
-            }
-            b'-' if bytes.get(i + 1) == Some(&b'-') => {
-                while i < bytes.len() && bytes[i] != b'\n' {
-                    i += 1;
-                }
-                comments.push((start as u32 + 2, i as u32));
-                continue;
-            }
-            b'a'..=b'z' | b'A'..=b'Z' => {
-                while i < bytes.len() && (bytes[i].is_ascii_alphanumeric() || bytes[i] == b'_') {
-                    i += 1;
-                }
-                let name = &text[start..i];
-                match WORDS.iter().find(|(w, _)| name.eq_ignore_ascii_case(w)) {
-                    Some((_, word)) => Kind::Word(*word),
-                    None if name.len() >= MAX_NAME => Kind::Unknown,
-                    None => Kind::Name,
-                }
-            }
-            b'0'..=b'9' => {
-                i = number_end(bytes, i);
-                number(&text[start..i])
-            }
-            b'.' if bytes.get(i + 1).is_some_and(u8::is_ascii_digit) => {
-                i = number_end(bytes, i);
-                number(&text[start..i])
-            }
-            b'"' => {
-                let closing = bytes[i + 1..].iter().position(|&b| b == b'"' || b == b'\n');
-                match closing {
-                    Some(n) if bytes[i + 1 + n] == b'"' => {
-                        i += n + 2;
-                        Kind::Text
-                    }
-                    _ => {
-                        i += 1;
-                        Kind::Unknown
-                    }
-                }
-            }
-            _ => match SYMBOLS
-                .iter()
-                .find(|s| bytes[i..].starts_with(s.as_bytes()))
-            {
-                Some(symbol) => {
-                    i += symbol.len();
-                    Kind::Symbol(symbol)
-                }
-                None => {
-                    i += text[i..].chars().next().map_or(1, char::len_utf8);
-                    Kind::Unknown
-                }
-            },
-        };
+        if matches!(bytes[i], b' ' | b'\t' | b'\n' | b'\r' | 0x0C) {
+            i += 1;
+            continue;
+        }
+        let start = i as u32;
+        if bytes[i..].starts_with(b"--") {
+            let line = bytes[i..].iter().position(|&b| b == b'\n');
+            i = line.map_or(bytes.len(), |length| i + length);
+            comments.push((start + 2, i as u32));
+            continue;
+        }
+        let (kind, length) = token(&text[i..]);
+        i += length;
         found.push(Token {
             kind,
-            start: start as u32,
+            start,
             end: i as u32,
         });
     }
@@ -151,6 +104,48 @@ pub(crate) fn tokens(source: &Source) -> (Vec<Token>, Vec<(u32, u32)>) {
         end,
     });
     (found, comments)
+}
+
+/// The first token of a text that begins with one, and its length in bytes.
+fn token(text: &str) -> (Kind, usize) {
+    let bytes = text.as_bytes();
+    match bytes[0] {
+        b'a'..=b'z' | b'A'..=b'Z' => word(text),
+        b'0'..=b'9' => number_token(text),
+        b'.' if bytes.get(1).is_some_and(u8::is_ascii_digit) => number_token(text),
+        b'"' => {
+            let end = bytes[1..].iter().position(|&b| b == b'"' || b == b'\n');
+            match end {
+                Some(n) if bytes[1 + n] == b'"' => (Kind::Text, n + 2),
+                _ => (Kind::Unknown, 1),
+            }
+        }
+        _ => match SYMBOLS.iter().find(|s| text.starts_with(**s)) {
+            Some(symbol) => (Kind::Symbol(symbol), symbol.len()),
+            None => {
+                let length = text.chars().next().map_or(1, char::len_utf8);
+                (Kind::Unknown, length)
+            }
+        },
+    }
+}
+
+/// A reserved word or a name.
+fn word(text: &str) -> (Kind, usize) {
+    let is_part = |b: &u8| b.is_ascii_alphanumeric() || *b == b'_';
+    let length = text.bytes().take_while(is_part).count();
+    let name = &text[..length];
+    let kind = match WORDS.iter().find(|(w, _)| name.eq_ignore_ascii_case(w)) {
+        Some((_, word)) => Kind::Word(*word),
+        None if length >= MAX_NAME => Kind::Unknown,
+        None => Kind::Name,
+    };
+    (kind, length)
+}
+
+fn number_token(text: &str) -> (Kind, usize) {
+    let length = number_end(text.as_bytes(), 0);
+    (number(&text[..length]), length)
 }
 
 /// digits \[. digits\] \[e \[+-\] digits\] or . digits …

@@ -84,7 +84,7 @@ impl Machine for Symbolic {
             self.graph.set_name(*v, name);
         }
         for (id, name) in self.suggested.drain(..) {
-            self.graph.set_name(id, &name);
+            self.graph.suggest_name(id, &name);
         }
     }
     fn suggest(&mut self, v: &NodeId, name: impl FnOnce() -> String) {

@@ -94,6 +94,23 @@ pub(crate) struct Program {
 }
 
 /// A program and the object of it that is the model.
+///
+/// ```
+/// use isoform_field::{Graph, hyperfun::{Mode, Model}};
+/// let text = "-- @param a[1] radius length start=2
+/// my_model(x[3], a[1]) { my_model = a[1]^2 - x[1]^2 - x[2]^2 - x[3]^2; }";
+/// let ball = Model::parse(text, Mode::Default)?;
+/// assert_eq!((ball.dimension(), ball.params()[0].name.as_str()), (3, "radius"));
+/// // Run statement by statement, and as an expression.
+/// assert_eq!(ball.eval(&[1.0, 1.0, 1.0], &[2.0], &[]).map(|e| e.f), Ok(1.0));
+/// let mut graph = Graph::new();
+/// let root = ball.compile(&mut graph).expect("no loop depends on the point");
+/// assert_eq!(graph.eval(root, &[1.0, 1.0, 1.0], &[2.0]), 1.0);
+/// // Errors have a place.
+/// let error = Model::parse("my_model(x[3], a[1]) { my_model = ; }", Mode::Default);
+/// assert_eq!(error.map_err(|e| (e.line, e.column)).err(), Some((1, 35)));
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
 #[derive(Clone, Debug)]
 pub struct Model {
     program: Program,
@@ -208,7 +225,7 @@ impl Model {
         Ok(model)
     }
 
-    /// The same program with another of its objects as the model; letters fold. `None` leaves the
+    /// The program with another of its objects as the model; letters fold. `None` leaves the
     /// choice as it is.
     pub fn object(mut self, name: Option<&str>) -> Result<Self, UnknownObject> {
         let Some(name) = name else { return Ok(self) };

@@ -79,43 +79,11 @@ pub(super) fn fitted(
         chosen.dimension(),
         n.min(1)
     );
-    if n > 0 {
-        let list: Vec<String> = (0..n)
-            .map(|i| format!("{:?}", values.get(i).copied().unwrap_or(0.0)))
-            .collect();
-        let _ = writeln!(
-            text,
-            "  array {b}[{n}]{};",
-            if placement.is_some() {
-                format!(", {p}[3]")
-            } else {
-                String::new()
-            }
-        );
-        let _ = writeln!(text, "  {b} = [{}];", list.join(", "));
-    } else if placement.is_some() {
-        let _ = writeln!(text, "  array {p}[3];");
-    }
+    let values = |i: usize| values.get(i).copied().unwrap_or(0.0);
+    let values: Vec<f64> = (0..n).map(values).collect();
+    text += &declared(&b, &values, placement.is_some().then_some(p.as_str()));
     if let Some(at) = placement {
-        for i in 0..3 {
-            let term = |j: usize| {
-                format!(
-                    "{}*(x[{}] - {})",
-                    operand(at.rotation[j][i]),
-                    j + 1,
-                    operand(at.translation[j])
-                )
-            };
-            let _ = writeln!(
-                text,
-                "  {p}[{}] = ({} + {} + {})/{};",
-                i + 1,
-                term(0),
-                term(1),
-                term(2),
-                operand(at.scale)
-            );
-        }
+        text += &placed(&p, at);
     }
     let x = if placement.is_some() { p.as_str() } else { "x" };
     let a = if n > 0 { b.as_str() } else { "a" };
@@ -124,6 +92,32 @@ pub(super) fn fitted(
         "  {name} = {template}({x}, {a}{});\n}}",
         if chosen.has_s { ", s" } else { "" }
     );
+    text
+}
+
+/// The arrays of the values, `b`, and of the point in the model's own frame, if there are any.
+fn declared(b: &str, values: &[f64], point: Option<&str>) -> String {
+    let point = point.map(|p| format!("{p}[3]"));
+    if values.is_empty() {
+        return point.map_or_else(String::new, |p| format!("  array {p};\n"));
+    }
+    let point = point.map_or_else(String::new, |p| format!(", {p}"));
+    let list: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
+    let (n, list) = (values.len(), list.join(", "));
+    format!("  array {b}[{n}]{point};\n  {b} = [{list}];\n")
+}
+
+/// The point `p` in the frame that the model is placed by: p = Rᵀ (x − t) / scale.
+fn placed(p: &str, at: &Placement) -> String {
+    let mut text = String::new();
+    for i in 0..3 {
+        let term = |j: usize| {
+            let (r, t) = (operand(at.rotation[j][i]), operand(at.translation[j]));
+            format!("{r}*(x[{}] - {t})", j + 1)
+        };
+        let (terms, scale) = ([0, 1, 2].map(term).join(" + "), operand(at.scale));
+        let _ = writeln!(text, "  {p}[{}] = ({terms})/{scale};", i + 1);
+    }
     text
 }
 

@@ -13,6 +13,7 @@ mod shapes;
 mod table;
 
 use super::Mode;
+use super::ast::Argument;
 use super::formula::{E, E3};
 use super::machine::Machine;
 use crate::library::Library;
@@ -84,8 +85,11 @@ type Outcome<'c, M> = Result<E<'c, M>, Fault>;
 /// How a function is computed.
 pub(crate) enum Run<M: Machine> {
     Primitive(Library, Sentinel),
-    Formula(for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>),
+    Formula(Formula<M>),
 }
+
+/// A function written out, for any machine.
+pub(crate) type Formula<M> = for<'c> fn(&mut Call<'c, M>) -> Outcome<'c, M>;
 
 /// For which flat arguments the reference returns its sentinel instead of a value.
 #[derive(Clone, Copy)]
@@ -150,6 +154,19 @@ pub(crate) fn find(name: &str) -> Option<u16> {
 /// The row of a function, for everything but running it.
 pub(crate) fn entry(function: u16) -> &'static Function<Direct<f64>> {
     &Function::<Direct<f64>>::TABLE[function as usize]
+}
+
+impl<M: Machine> Function<M> {
+    /// Whether an array that stands for a point has not three items.
+    pub(crate) fn has_wrong_point(&self, arguments: &[Argument]) -> bool {
+        let is_wrong = |(argument, (_, shape)): (&Argument, &(&str, Shape))| {
+            let Argument::Array(_, array) = argument else {
+                return false;
+            };
+            *shape == Shape::Point && array.len != 3
+        };
+        arguments.iter().zip(self.arguments).any(is_wrong)
+    }
 }
 
 /// A library or mathematical function as users see it.

@@ -1,0 +1,353 @@
+//! Blends: smooth functions of expressions with kinks, distributed over the pieces of these.
+//!
+//! The arguments of a blend are the nodes with kinks that its formula uses more than once, u and v
+//! of `max(u, v) + max(k − |u − v|, 0)²/(4k)`. The formula is copied with arguments in their place
+//! and tried at pseudo-random places ([`crate::smooth`]): it must be C¹, and monotone in each
+//! argument.
+
+use super::name::{Context, named};
+use super::tree::{Leaf, Tree};
+use super::{
+    Function, MOST_FAILURES, MOST_FOUND, MOST_INPUTS, MOST_PRODUCTS, Monotone, Reader, stand_in,
+};
+use crate::graph::{Graph, Node, NodeId};
+use crate::ops::{Binary, Ops, SetOp, Unary};
+use crate::smooth::smooth_and_monotone;
+use std::collections::{BTreeSet, HashMap, HashSet};
+use std::rc::Rc;
+
+/// A node to be distributed over the pieces of its inputs.
+struct Product<'a> {
+    id: NodeId,
+    /// The nodes that depend on the inputs, up to `id`.
+    above: &'a [NodeId],
+    inputs: &'a [NodeId],
+    function: Option<Rc<Function>>,
+    context: &'a Context,
+}
+
+impl Reader<'_> {
+    /// The node as a smooth function of expressions with kinks that it uses more than once, passed
+    /// through their trees. None where it is no such function.
+    pub(super) fn blend(&mut self, id: NodeId, context: &Context) -> Option<Tree> {
+        if self.failures > MOST_FAILURES {
+            return None;
+        }
+        let shared = self.shared(id);
+        let tree = if shared.is_empty() || shared.len() > MOST_INPUTS {
+            None
+        } else {
+            self.blended(id, &shared, context)
+        };
+        self.failures += usize::from(tree.is_none());
+        tree
+    }
+
+    pub(super) fn blended(&mut self, id: NodeId, of: &[NodeId], context: &Context) -> Option<Tree> {
+        let interior = self.interior(id, of);
+        let (alone, root) = self.alone(id, &interior, of);
+        let rises = smooth_and_monotone(alone, root, of.len())?;
+        if of.is_empty() {
+            return Some(self.leaf(id, context));
+        }
+        let inputs: Vec<(NodeId, bool)> = of.iter().copied().zip(rises).collect();
+        let mut dependent: HashSet<NodeId> = of.iter().copied().collect();
+        let above: Vec<NodeId> = interior
+            .into_iter()
+            .filter(|&i| {
+                let depends = self
+                    .graph
+                    .arguments(i)
+                    .iter()
+                    .any(|a| dependent.contains(a));
+                depends && dependent.insert(i)
+            })
+            .collect();
+        Some(self.distributed(id, &above, &inputs, context))
+    }
+
+    /// Whether the node surely has kinks: linear in one expression that is a minimum, a maximum or
+    /// an |u|.
+    pub(super) fn shows_kinks(&mut self, mut id: NodeId) -> bool {
+        loop {
+            let (u, v) = match self.graph.node(id).clone() {
+                Node::Unary(Unary::Neg, _) => return true,
+                Node::Binary(Binary::Add | Binary::Sub | Binary::Mul, u, v) => (u, v),
+                Node::Binary(Binary::Div, u, v) if !self.is_kinked(v) => (u, v),
+                _ => return false,
+            };
+            id = match (self.is_kinked(u), self.is_kinked(v)) {
+                (true, false) => u,
+                (false, true) => v,
+                _ => return false,
+            };
+            if self.value_join(id).is_some() || self.absolute(id).is_some() {
+                return true;
+            }
+        }
+    }
+
+    /// The topmost nodes with kinks below `id` that are used more than once there, none within
+    /// another.
+    fn shared(&mut self, id: NodeId) -> Vec<NodeId> {
+        let need = self.graph.reachable(&[id]);
+        let mut uses: HashMap<NodeId, u32> = HashMap::new();
+        for (i, _) in need.iter().enumerate().filter(|(_, need)| **need) {
+            for a in self.graph.arguments(NodeId(i as u32)) {
+                *uses.entry(a).or_default() += 1;
+            }
+        }
+        // Arguments have smaller numbers: the largest one pending is below none of the others.
+        let mut found = Vec::new();
+        let mut opened: HashSet<NodeId> = HashSet::new();
+        loop {
+            found.clear();
+            let mut pending: BTreeSet<NodeId> = [id].into();
+            while let Some(node) = pending.pop_last() {
+                if !self.is_kinked(node) {
+                    continue;
+                }
+                if node != id && uses[&node] > 1 && !opened.contains(&node) {
+                    found.push(node);
+                } else {
+                    pending.extend(self.graph.arguments(node));
+                }
+            }
+            if found.len() > MOST_FOUND {
+                break;
+            }
+            // One that contains another is no input of its own.
+            let outer = found.iter().copied().find(|&u| {
+                let below = self.graph.reachable(&[u]);
+                found.iter().any(|&v| v != u && below[v.at()])
+            });
+            match outer {
+                Some(u) => opened.insert(u),
+                None => break,
+            };
+        }
+        found.sort_unstable();
+        found
+    }
+
+    /// The nodes from `id` down to, without, `inputs`, in the order of computation.
+    fn interior(&self, id: NodeId, inputs: &[NodeId]) -> Vec<NodeId> {
+        let mut pending: BTreeSet<NodeId> = [id].into();
+        let mut nodes = Vec::new();
+        while let Some(node) = pending.pop_last() {
+            if !inputs.contains(&node) {
+                nodes.push(node);
+                pending.extend(self.graph.arguments(node));
+            }
+        }
+        nodes.reverse();
+        nodes
+    }
+
+    /// A copy of the interior with the inputs as further coordinates.
+    fn alone(&self, id: NodeId, interior: &[NodeId], inputs: &[NodeId]) -> (Graph, NodeId) {
+        let mut graph = Graph::new();
+        let mut copy: HashMap<NodeId, NodeId> = HashMap::new();
+        for (k, &input) in inputs.iter().enumerate() {
+            copy.insert(input, graph.x(3 + k));
+        }
+        for &node in interior {
+            let new = match self.graph.node(node) {
+                Node::Param(i) => graph.constant(stand_in(*i)),
+                other => rebuilt(&mut graph, other, &copy),
+            };
+            copy.insert(node, new);
+        }
+        (graph, copy[&id])
+    }
+
+    /// `id`, computed by the nodes `above` from the inputs, as a tree over the inputs' pieces.
+    pub(super) fn distributed(
+        &mut self,
+        id: NodeId,
+        above: &[NodeId],
+        inputs: &[(NodeId, bool)],
+        context: &Context,
+    ) -> Tree {
+        // One input: its pieces are pieces of the whole. Several: each pair has a name of its own.
+        let below = if inputs.len() > 1 {
+            Context::default()
+        } else {
+            self.below(context)
+        };
+        let trees: Vec<(Tree, bool)> = inputs
+            .iter()
+            .map(|&(u, rises)| (self.value(u, &below), rises))
+            .collect();
+        let products = trees
+            .iter()
+            .fold(1usize, |n, (t, _)| n.saturating_mul(t.leaves()));
+        if products == 1 || products > MOST_PRODUCTS {
+            return self.leaf(id, context);
+        }
+        let (inputs, rises): (Vec<NodeId>, Vec<bool>) = inputs.iter().copied().unzip();
+        let function = (inputs.len() > 1)
+            .then(|| self.function(id, &inputs, rises))
+            .flatten();
+        let product = Product {
+            id,
+            above,
+            inputs: &inputs,
+            function,
+            context,
+        };
+        self.product(&product, &trees, &mut Vec::with_capacity(trees.len()))
+    }
+
+    /// The node as a function of the inputs alone; none where it depends on space besides.
+    fn function(&self, id: NodeId, inputs: &[NodeId], rises: Vec<bool>) -> Option<Rc<Function>> {
+        let (graph, root) = self.alone(id, &self.interior(id, inputs), inputs);
+        let need = graph.reachable(&[root]);
+        let in_space = need
+            .iter()
+            .enumerate()
+            .any(|(i, need)| *need && matches!(graph.node(NodeId(i as u32)), Node::X(0..3)));
+        (!in_space).then(|| Rc::new(Function { graph, root, rises }))
+    }
+
+    fn product(
+        &mut self,
+        of: &Product<'_>,
+        trees: &[(Tree, bool)],
+        chosen: &mut Vec<Leaf>,
+    ) -> Tree {
+        match trees.split_first() {
+            Some(((Tree::Leaf(leaf), _), rest)) => {
+                chosen.push(leaf.clone());
+                let tree = self.product(of, rest, chosen);
+                chosen.pop();
+                tree
+            }
+            Some(((Tree::Join(join), rises), rest)) => {
+                let with = |child: &Tree| {
+                    std::iter::once((child.clone(), *rises))
+                        .chain(rest.iter().cloned())
+                        .collect::<Vec<_>>()
+                };
+                let parts: Vec<Tree> = join
+                    .children
+                    .iter()
+                    .map(|child| self.product(of, &with(child), chosen))
+                    .collect();
+                Tree::join(join.is_min == *rises, parts)
+            }
+            None => {
+                let value = self.product_value(of, chosen);
+                if let Some(function) = &of.function {
+                    let inputs = chosen.iter().map(|l| l.value).collect();
+                    self.monotone.entry(value).or_insert(Monotone {
+                        function: function.clone(),
+                        inputs,
+                    });
+                }
+                Tree::Leaf(self.product_leaf(value, chosen, of.context))
+            }
+        }
+    }
+
+    /// The node computed from one piece of each input.
+    fn product_value(&mut self, of: &Product<'_>, chosen: &[Leaf]) -> NodeId {
+        let mut copy: HashMap<NodeId, NodeId> = of
+            .inputs
+            .iter()
+            .copied()
+            .zip(chosen.iter().map(|l| l.value))
+            .collect();
+        for &id in of.above {
+            for a in self.graph.arguments(id) {
+                copy.entry(a).or_insert(a);
+            }
+            let node = self.graph.node(id).clone();
+            let new = one_sided(self.graph, &node, &copy)
+                .unwrap_or_else(|| rebuilt(self.graph, &node, &copy));
+            copy.insert(id, new);
+        }
+        copy[&of.id]
+    }
+
+    fn product_leaf(&self, value: NodeId, of: &[Leaf], context: &Context) -> Leaf {
+        let with_names: Vec<&Leaf> = of
+            .iter()
+            .filter(|l| !l.name.is_empty() || !l.side.is_empty())
+            .collect();
+        match with_names[..] {
+            [] => Leaf {
+                value,
+                name: self.below(context).name,
+                is_own: false,
+                side: "".into(),
+            },
+            [one] => Leaf {
+                value,
+                ..one.clone()
+            },
+            _ => {
+                let name = with_names
+                    .iter()
+                    .map(|l| named(self.graph, l))
+                    .collect::<Vec<_>>()
+                    .join("+");
+                Leaf {
+                    value,
+                    name: name.into(),
+                    is_own: true,
+                    side: "".into(),
+                }
+            }
+        }
+    }
+}
+
+/// The node with other arguments; those that are not in `copy` must not occur.
+fn rebuilt(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> NodeId {
+    let at = |id: &NodeId| copy[id];
+    match node {
+        Node::Constant(bits) => graph.constant(f64::from_bits(*bits)),
+        Node::X(i) => graph.x(*i as usize),
+        Node::Param(i) => graph.param(*i as usize),
+        Node::Unary(op, u) => graph.unary(*op, &at(u)),
+        Node::Binary(op, u, v) => graph.binary(*op, &at(u), &at(v)),
+        Node::PowI(u, n) => graph.powi(&at(u), *n),
+        Node::Set(op, u, v) => graph.set(*op, &at(u), &at(v)),
+        Node::Select(c, u, v) => graph.select(&at(c), &at(u), &at(v)),
+        Node::Library(f, args) => {
+            let args: Vec<NodeId> = args.iter().map(at).collect();
+            graph.library(*f, &args)
+        }
+        Node::Native(f, args) => {
+            let args: Vec<NodeId> = args.iter().map(at).collect();
+            graph.native(*f, &args)
+        }
+    }
+}
+
+/// A node with a kink within a smooth function, such that where u = v derivatives are those of one
+/// side, the same for max(u, v), min(u, v) and |u − v|: only then do they cancel there, too.
+/// Derivatives of minima and maxima are those of the first of two equal ones.
+fn one_sided(graph: &mut Graph, node: &Node, copy: &HashMap<NodeId, NodeId>) -> Option<NodeId> {
+    let sorted = |u: &NodeId, v: &NodeId| (copy[u].min(copy[v]), copy[u].max(copy[v]));
+    match node {
+        Node::Set(SetOp::Max, u, v) => {
+            let (u, v) = sorted(u, v);
+            Some(graph.max(&u, &v))
+        }
+        Node::Set(SetOp::Min, u, v) => {
+            let (u, v) = sorted(u, v);
+            Some(graph.min(&v, &u))
+        }
+        Node::Unary(Unary::Abs, d) => {
+            let Node::Binary(Binary::Sub, u, v) = *graph.node(copy[d]) else {
+                return None;
+            };
+            let (u, v) = (u.min(v), u.max(v));
+            let (more, less) = (graph.sub(&u, &v), graph.sub(&v, &u));
+            Some(graph.max(&more, &less))
+        }
+        _ => None,
+    }
+}

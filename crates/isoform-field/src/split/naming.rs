@@ -1,0 +1,123 @@
+//! The pieces of an expression whose parameters have no values.
+//!
+//! A fit names its parts before it knows the parameters, a mesh after. Both go through one
+//! reader: here on a copy of the graph, with parameters that count as positive. Pieces that coincide
+//! for some values only (two planes at one height by chance) are one piece of the mesh and two here.
+
+use super::Reader;
+use super::name::Numbering;
+use super::nodes::negative;
+use super::tree::{Tree, without_constants};
+use crate::graph::{Graph, NodeId};
+use std::collections::HashMap;
+use std::rc::Rc;
+
+/// The pieces and names of an expression whose parameters have no values: those that the solid has
+/// for values that are positive and alike in nothing else.
+pub(crate) struct Naming {
+    graph: Graph,
+    signs: HashMap<NodeId, Tree>,
+    sides: HashMap<NodeId, Vec<Tree>>,
+    names: HashMap<NodeId, Rc<str>>,
+}
+
+/// A node's surface by named pieces. The pieces are nodes of the naming's own graph.
+pub(crate) enum Named {
+    Piece { value: NodeId, name: Rc<str> },
+    Join { is_min: bool, children: Vec<Self> },
+}
+
+impl Named {
+    pub(crate) fn pieces(&self) -> Vec<NodeId> {
+        match self {
+            Self::Piece { value, .. } => vec![*value],
+            Self::Join { children, .. } => children.iter().flat_map(Self::pieces).collect(),
+        }
+    }
+}
+
+impl Named {
+    /// The value of the whole where the pieces have these values, in order.
+    pub(crate) fn value(&self, pieces: &mut impl Iterator<Item = f64>) -> f64 {
+        match self {
+            Self::Piece { .. } => pieces.next().expect("one for each piece"),
+            Self::Join { is_min, children } => {
+                let join = if *is_min { f64::min } else { f64::max };
+                let values: Vec<f64> = children.iter().map(|child| child.value(pieces)).collect();
+                values
+                    .into_iter()
+                    .reduce(join)
+                    .expect("a join has children")
+            }
+        }
+    }
+}
+
+impl Naming {
+    /// None where the expression has too many pieces, or is nested too deeply.
+    pub(crate) fn new(graph: &Graph, root: NodeId) -> Option<Self> {
+        let mut graph = graph.clone();
+        let mut reader = Reader::new(&mut graph, root);
+        let tree = reader.whole()?;
+        let (signs, sides) = (
+            std::mem::take(&mut reader.signs),
+            std::mem::take(&mut reader.sides),
+        );
+        let tree = without_constants(&graph, &tree).unwrap_or(tree);
+        let mut numbering = Numbering::new(&graph);
+        numbering.tree(&tree);
+        let names = numbering.pieces.into_iter().zip(numbering.names);
+        Some(Self {
+            names: names.map(|(value, name)| (value, name.into())).collect(),
+            graph,
+            signs,
+            sides,
+        })
+    }
+
+    pub(crate) fn graph(&self) -> &Graph {
+        &self.graph
+    }
+
+    /// The pieces of a node that is read by sign, of −u where `negative`; none where it is none, or
+    /// is inside or outside everywhere.
+    pub(crate) fn of(&mut self, id: NodeId, negative: bool) -> Option<Named> {
+        let tree = self.signs.get(&id)?.clone();
+        self.named(&tree, negative)
+    }
+
+    /// The pieces of each side of a primitive.
+    pub(crate) fn of_side(&mut self, id: NodeId, side: usize, negative: bool) -> Option<Named> {
+        let tree = self.sides.get(&id)?.get(side)?.clone();
+        self.named(&tree, negative)
+    }
+
+    fn named(&mut self, tree: &Tree, is_negative: bool) -> Option<Named> {
+        let tree = without_constants(&self.graph, tree).ok()?;
+        self.named_as(&tree, is_negative)
+    }
+
+    fn named_as(&mut self, tree: &Tree, is_negative: bool) -> Option<Named> {
+        Some(match tree {
+            Tree::Leaf(leaf) => {
+                let value = if is_negative {
+                    negative(&mut self.graph, leaf.value)
+                } else {
+                    leaf.value
+                };
+                Named::Piece {
+                    value,
+                    name: self.names.get(&value)?.clone(),
+                }
+            }
+            Tree::Join(join) => Named::Join {
+                is_min: join.is_min != is_negative,
+                children: join
+                    .children
+                    .iter()
+                    .map(|child| self.named_as(child, is_negative))
+                    .collect::<Option<_>>()?,
+            },
+        })
+    }
+}

@@ -1,0 +1,215 @@
+//! The reading by sign: only where the expression is ≥ 0 counts.
+//!
+//! R-functions are minima and maxima here, factors with a sign are dropped, primitives are the
+//! intersections of their sides. What is none of these is read by value.
+
+use super::name::Context;
+use super::nodes::Join2;
+use super::tree::{Leaf, Tree};
+use super::{DEEPEST, MOST_PIECES, Reader};
+use crate::graph::{Graph, Node, NodeId};
+use crate::library::{Library, Native};
+use crate::ops::{Binary, Ops, SetOp, Unary};
+
+/// Whether f(−u) = −f(u), and f rises: such a function has the sign of its argument.
+fn is_odd_and_rising(op: Unary) -> bool {
+    matches!(op, Unary::Sinh | Unary::Tanh | Unary::Atan)
+}
+
+impl Reader<'_> {
+    pub(super) fn sign(&mut self, id: NodeId, above: &Context) -> Tree {
+        if let Some(tree) = self.signs.get(&id) {
+            return tree.clone();
+        }
+        let context = self.context(id, above);
+        self.depth += 1;
+        let tree = if self.depth > DEEPEST {
+            self.too_large = true;
+            self.leaf(id, &context)
+        } else {
+            self.sign_of(id, &context)
+        };
+        self.depth -= 1;
+        if tree.leaves() > MOST_PIECES {
+            self.too_large = true;
+        }
+        if self.too_large {
+            return self.leaf(id, &context);
+        }
+        self.signs.insert(id, tree.clone());
+        tree
+    }
+
+    fn sign_of(&mut self, id: NodeId, context: &Context) -> Tree {
+        if let Some(join) = self.sign_join(id) {
+            let is_min = matches!(join, Join2::Min(..));
+            let operands = self.operands(id, context, |reader, id| reader.sign_join(id), is_min);
+            let parts: Vec<Tree> = operands
+                .into_iter()
+                .map(|(id, context)| self.sign(id, &context))
+                .collect();
+            return Tree::join(is_min, parts);
+        }
+        match self.graph.node(id).clone() {
+            Node::Unary(Unary::Neg, u) => {
+                let tree = self.sign(u, context);
+                self.negated(&tree)
+            }
+            Node::Unary(op, u) if is_odd_and_rising(op) => self.sign(u, context),
+            Node::PowI(u, n) if n > 0 && n % 2 == 1 => self.sign(u, context),
+            Node::Binary(Binary::Mul, u, v) => match (self.strict_sign(u), self.strict_sign(v)) {
+                (Some(positive), _) => self.signed(v, positive, context),
+                (_, Some(positive)) => self.signed(u, positive, context),
+                _ => self.by_value(id, context),
+            },
+            Node::Binary(Binary::Div, u, v) => match self.strict_sign(v) {
+                Some(positive) => self.signed(u, positive, context),
+                None => self.by_value(id, context),
+            },
+            Node::Library(f, args) if f.is_primitive() => self.primitive(id, f, &args, context),
+            _ => self.by_value(id, context),
+        }
+    }
+
+    fn signed(&mut self, u: NodeId, positive: bool, context: &Context) -> Tree {
+        let tree = self.sign(u, context);
+        if positive { tree } else { self.negated(&tree) }
+    }
+
+    /// What is a minimum or maximum as far as signs go.
+    fn sign_join(&mut self, id: NodeId) -> Option<Join2> {
+        match self.graph.node(id) {
+            Node::Set(SetOp::RUnion, u, v) => Some(Join2::Max(*u, *v)),
+            Node::Set(SetOp::RIntersection, u, v) => Some(Join2::Min(*u, *v)),
+            Node::Library(f, args) => {
+                let (u, v) = (args[0], args[1]);
+                // A blend without width is none.
+                let is_zero = |at: usize| {
+                    args.get(at)
+                        .and_then(|&c| self.graph.constant_value(c))
+                        .is_some_and(|c| c <= 0.0)
+                };
+                match f {
+                    Library::SardfUnion => Some(Join2::Max(u, v)),
+                    Library::SardfIntersection => Some(Join2::Min(u, v)),
+                    Library::DistanceBlendUnion if is_zero(2) => Some(Join2::Max(u, v)),
+                    Library::DistanceBlendIntersection if is_zero(2) => Some(Join2::Min(u, v)),
+                    _ => None,
+                }
+            }
+            _ => self.value_join(id),
+        }
+    }
+
+    /// The sides of a primitive, an intersection.
+    fn primitive(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
+        let sides = match f {
+            // Its distance is an iteration; the quadric has the same zero set.
+            Library::DistanceEllipsoid => vec![("", self.graph.library(Library::Ellipsoid, args))],
+            _ => f.metric(&mut Sizes(self.graph), args),
+        };
+        if sides.is_empty() {
+            return self.by_value(id, context);
+        }
+        let is_whole = sides.len() == 1;
+        let parts: Vec<Tree> = sides
+            .into_iter()
+            .map(|(side, value)| {
+                let context = match &*context.name {
+                    _ if is_whole => context.clone(),
+                    "" => Context {
+                        name: side.into(),
+                        is_own: true,
+                    },
+                    name => Context {
+                        name: format!("{name}.{side}").into(),
+                        is_own: true,
+                    },
+                };
+                if self.is_kinked(value) {
+                    self.value(value, &context)
+                } else {
+                    self.leaf(value, &context)
+                }
+            })
+            .collect();
+        self.sides.insert(id, parts.clone());
+        Tree::join(true, parts)
+    }
+
+    fn by_value(&mut self, id: NodeId, context: &Context) -> Tree {
+        let tree = self.value(id, context);
+        if let Tree::Leaf(_) = tree {
+            return tree;
+        }
+        // What is left of factors in the pieces does not move the surface.
+        tree.map(false, &mut |leaf| Leaf {
+            value: self.without_factor(leaf.value),
+            ..leaf.clone()
+        })
+    }
+
+    fn without_factor(&mut self, id: NodeId) -> NodeId {
+        match self.graph.node(id).clone() {
+            Node::Binary(Binary::Div, u, v) if self.strict_sign(v) == Some(true) => u,
+            Node::Binary(Binary::Mul, u, v) if self.strict_sign(u) == Some(true) => v,
+            Node::Binary(Binary::Mul, u, v) if self.strict_sign(v) == Some(true) => u,
+            _ => id,
+        }
+    }
+}
+
+/// Builds into a graph and takes sizes that are parameters for positive: |a| is a, and a − a is 0.
+/// Sides that coincide for positive sizes are then one node.
+struct Sizes<'a>(&'a mut Graph);
+
+impl Sizes<'_> {
+    /// Whether the node is a parameter, or the product of positive numbers.
+    fn is_size(&self, id: NodeId) -> bool {
+        match self.0.node(id) {
+            Node::Param(_) => true,
+            Node::Constant(bits) => f64::from_bits(*bits) > 0.0,
+            Node::Binary(Binary::Add | Binary::Mul | Binary::Div, u, v) => {
+                self.is_size(*u) && self.is_size(*v)
+            }
+            _ => false,
+        }
+    }
+}
+
+impl Ops for Sizes<'_> {
+    type V = NodeId;
+    fn constant(&mut self, c: f64) -> NodeId {
+        self.0.constant(c)
+    }
+    fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
+        if op == Unary::Abs && self.is_size(*a) {
+            return *a;
+        }
+        self.0.unary(op, a)
+    }
+    fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
+        if op == Binary::Sub && a == b && self.is_size(*a) {
+            return self.0.constant(0.0);
+        }
+        self.0.binary(op, a, b)
+    }
+    fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
+        self.0.powi(a, n)
+    }
+    fn set(&mut self, op: SetOp, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.set(op, a, b)
+    }
+    fn select(&mut self, condition: &NodeId, a: &NodeId, b: &NodeId) -> NodeId {
+        self.0.select(condition, a, b)
+    }
+    fn library(&mut self, f: Library, args: &[NodeId]) -> NodeId {
+        self.0.library(f, args)
+    }
+    fn native(&mut self, f: Native, args: &[NodeId]) -> NodeId {
+        self.0.native(f, args)
+    }
+    fn known(&self, v: &NodeId) -> Option<f64> {
+        self.0.known(v)
+    }
+}

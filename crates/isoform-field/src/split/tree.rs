@@ -1,0 +1,131 @@
+//! Trees of minima and maxima over pieces, while an expression is read.
+//!
+//! A tree is shared where an expression is used more than once. A minimum within a minimum is one
+//! minimum of all their children.
+
+use super::Reader;
+use super::name::{Context, side_of};
+use super::nodes::negative;
+use crate::graph::{Graph, NodeId};
+use std::rc::Rc;
+
+/// A smooth piece with what its name is made of.
+#[derive(Clone, Debug)]
+pub(super) struct Leaf {
+    pub(super) value: NodeId,
+    /// Of the expression itself, or of the next one above that has a name; may be empty.
+    pub(super) name: Rc<str>,
+    /// The name says it all; else it is of something that has other pieces, too.
+    pub(super) is_own: bool,
+    /// Which side of an |u|; may be empty.
+    pub(super) side: Rc<str>,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum Tree {
+    Leaf(Leaf),
+    Join(Rc<Join>),
+}
+
+#[derive(Debug)]
+pub(super) struct Join {
+    pub(super) is_min: bool,
+    pub(super) children: Vec<Tree>,
+    pub(super) leaves: usize,
+}
+
+impl Tree {
+    pub(super) fn join(is_min: bool, parts: impl IntoIterator<Item = Self>) -> Self {
+        let mut children = Vec::new();
+        for part in parts {
+            match part {
+                Self::Join(join) if join.is_min == is_min => {
+                    children.extend(join.children.iter().cloned())
+                }
+                part => children.push(part),
+            }
+        }
+        if children.len() == 1 {
+            return children.remove(0);
+        }
+        let leaves = children
+            .iter()
+            .fold(0usize, |n, c| n.saturating_add(c.leaves()));
+        Self::Join(Rc::new(Join {
+            is_min,
+            children,
+            leaves,
+        }))
+    }
+
+    pub(super) fn leaves(&self) -> usize {
+        match self {
+            Self::Leaf(_) => 1,
+            Self::Join(join) => join.leaves,
+        }
+    }
+
+    /// The tree of a function of the value that rises, or (`falls`) falls.
+    pub(super) fn map(&self, falls: bool, f: &mut impl FnMut(&Leaf) -> Leaf) -> Self {
+        match self {
+            Self::Leaf(leaf) => Self::Leaf(f(leaf)),
+            Self::Join(join) => Self::join(
+                join.is_min != falls,
+                join.children
+                    .iter()
+                    .map(|c| c.map(falls, f))
+                    .collect::<Vec<_>>(),
+            ),
+        }
+    }
+}
+
+impl Reader<'_> {
+    pub(super) fn leaf(&self, id: NodeId, context: &Context) -> Tree {
+        Tree::Leaf(Leaf {
+            value: id,
+            name: context.name.clone(),
+            is_own: context.is_own,
+            side: "".into(),
+        })
+    }
+
+    /// −u. A side keeps its name: a cut with a slab leaves the slab's upper face, which is a lower
+    /// one of what is left.
+    pub(super) fn negated(&mut self, tree: &Tree) -> Tree {
+        tree.map(true, &mut |leaf| {
+            let side = side_of(self.graph, leaf);
+            Leaf {
+                value: negative(self.graph, leaf.value),
+                side,
+                ..leaf.clone()
+            }
+        })
+    }
+}
+
+/// The tree without constants; where nothing else is left, whether that is inside.
+pub(super) fn without_constants(graph: &Graph, tree: &Tree) -> Result<Tree, bool> {
+    let join = match tree {
+        Tree::Leaf(leaf) => {
+            return graph
+                .constant_value(leaf.value)
+                .map_or_else(|| Ok(tree.clone()), |c| Err(c >= 0.0));
+        }
+        Tree::Join(join) => join,
+    };
+    let mut children = Vec::with_capacity(join.children.len());
+    for child in &join.children {
+        match without_constants(graph, child) {
+            Ok(child) => children.push(child),
+            // Inside everywhere decides a union, and is nothing to an intersection.
+            Err(inside) if inside != join.is_min => return Err(inside),
+            Err(_) => {}
+        }
+    }
+    if children.is_empty() {
+        Err(join.is_min)
+    } else {
+        Ok(Tree::join(join.is_min, children))
+    }
+}
