@@ -2,7 +2,7 @@
 
 use isoform_algebra::RBig;
 use isoform_control::Control;
-use isoform_tess::{Budget, Map, MeshOptions, Mode, TriangulateOptions, triangulate_once};
+use isoform_tess::{Budget, Map, TriangulateOptions, triangulate};
 use std::fmt::Write;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
@@ -12,18 +12,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     let map = Map::from_json(&std::fs::read_to_string(file)?, Default::default())?;
     let b: f64 = half_width.parse()?;
-    let options = TriangulateOptions {
-        half_width: RBig::try_from(b).map_err(|_| "not a number")?,
-        domain: None,
-        mode: Mode::Glued,
-        mesh: MeshOptions {
-            tolerance: 5e-4 * b,
-            longest: 0.25 * b,
-            triangles: 2_000_000,
-        },
-        budget: Budget::default(),
-    };
-    let (surface, analysis) = triangulate_once(&map, &options, &Control::default())?;
+    let half_width = RBig::try_from(b).map_err(|_| "not a number")?;
+    let mut options = TriangulateOptions::around(half_width);
+    options.mesh.triangles = 2_000_000;
+    options.budget = Budget::default();
+    let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
     println!(
         "{} triangles, {:?}, {:?}",
         surface.triangles.len(),

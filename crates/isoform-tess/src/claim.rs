@@ -88,181 +88,233 @@ pub enum Claim {
     Sheets,
 }
 
+/// What is to be said of a claim.
+struct Row {
+    claim: Claim,
+    /// The weakest step by which it is decided.
+    basis: Basis,
+    name: &'static str,
+    /// What holds where nothing is found against it.
+    statement: &'static str,
+}
+
+/// All claims, in their order.
+///
+/// - *Exact* are number fields, exact division, factors and resultants over Q, signs of rational
+///   numbers; counting of triangles; exact predicates on the vertices.
+/// - *Bounded* is the region: which curves meet over a wall is exact, but where they do not, their
+///   roots are isolated in floating point with bounds on its errors, if that decides. So is the sign
+///   of W: by Bernstein coefficients in doubles, with a bound on their rounding.
+/// - *Floating* are sections and paths in doubles; Newton's method to a tolerance; samples; base
+///   points rounded to doubles, with thresholds for what is zero; and that sheets upon each other
+///   have triangles that cross, which is so as a rule only.
+const ROWS: [Row; 26] = [
+    Row {
+        claim: Claim::BasePoints,
+        basis: Basis::Exact,
+        name: "base points",
+        statement: "the real base points, their multiplicities and the points infinitely near to \
+                    them are all known",
+    },
+    Row {
+        claim: Claim::ComplexSeams,
+        basis: Basis::Exact,
+        name: "seams of complex base points",
+        statement: "complex base points are blown up to no real curve but the lines that are \
+                    drawn",
+    },
+    Row {
+        claim: Claim::Pole,
+        basis: Basis::Bounded,
+        name: "pole",
+        statement: "the factors of W and the topology of its real zeros are known",
+    },
+    Row {
+        claim: Claim::MapDegree,
+        basis: Basis::Exact,
+        name: "degree of the map",
+        statement: "so many parameters reach a general point of the surface",
+    },
+    Row {
+        claim: Claim::CriticalCurves,
+        basis: Basis::Exact,
+        name: "cuspidal and contracted curves",
+        statement: "the curves of the parameters with cuspidal edges or points as images are all \
+                    known",
+    },
+    Row {
+        claim: Claim::DoubleCurves,
+        basis: Basis::Exact,
+        name: "double curves",
+        statement: "the curves of the parameters along which sheets meet are all known",
+    },
+    Row {
+        claim: Claim::DeckTransformations,
+        basis: Basis::Exact,
+        name: "deck transformations",
+        statement: "the transformations that exchange parameters of a point, and their folds, are \
+                    those of the map",
+    },
+    Row {
+        claim: Claim::FundamentalDomain,
+        basis: Basis::Floating,
+        name: "fundamental domain",
+        statement: "no base point is blown up to a part of the fundamental domain's border, as 12 \
+                    directions at each of them show",
+    },
+    Row {
+        claim: Claim::PinchPoints,
+        basis: Basis::Exact,
+        name: "pinch points",
+        statement: "the pinch points are all known",
+    },
+    Row {
+        claim: Claim::SolitaryArcs,
+        basis: Basis::Floating,
+        name: "solitary arcs",
+        statement: "the points that only conjugate parameters reach are on the solitary arcs; \
+                    arcs that no section of the box meets may be missed",
+    },
+    Row {
+        claim: Claim::Weights,
+        basis: Basis::Exact,
+        name: "weights",
+        statement: "W has no zero over the region, which is sent into the open box",
+    },
+    Row {
+        claim: Claim::Region,
+        basis: Basis::Bounded,
+        name: "region",
+        statement: "the cells of the parameters that are sent into the box are known",
+    },
+    Row {
+        claim: Claim::Images,
+        basis: Basis::Floating,
+        name: "images of contracted curves",
+        statement: "images of contracted curves are one vertex where they are one point to \
+                    rounding",
+    },
+    Row {
+        claim: Claim::Tangents,
+        basis: Basis::Floating,
+        name: "tangents at base points",
+        statement: "base points are opened in the directions of all curves that are drawn there",
+    },
+    Row {
+        claim: Claim::Trees,
+        basis: Basis::Floating,
+        name: "trees of infinitely near base points",
+        statement: "rays and arcs at infinitely near base points leave the rectangle around them \
+                    in the order in which they begin",
+    },
+    Row {
+        claim: Claim::SignAtBasePoints,
+        basis: Basis::Floating,
+        name: "sign of W at base points",
+        statement: "W keeps its sign between base points and the rectangles around them",
+    },
+    Row {
+        claim: Claim::Folds,
+        basis: Basis::Floating,
+        name: "folds at base points",
+        statement: "the surface ends in those seams of base points along which it is folded",
+    },
+    Row {
+        claim: Claim::Drawing,
+        basis: Basis::Exact,
+        name: "drawing",
+        statement: "the polylines in the parameters lie in the order of the arcs that they stand \
+                    for, and do not cross",
+    },
+    Row {
+        claim: Claim::Partners,
+        basis: Basis::Floating,
+        name: "partners",
+        statement: "edges of double curves, and of borders that are joined, have all sheets that \
+                    meet there",
+    },
+    Row {
+        claim: Claim::SignOfW,
+        basis: Basis::Bounded,
+        name: "sign of W",
+        statement: "W keeps its sign on every triangle of the parameters",
+    },
+    Row {
+        claim: Claim::Distances,
+        basis: Basis::Floating,
+        name: "distances",
+        statement: "the middles of triangles and edges are as near to the surface as asked for",
+    },
+    Row {
+        claim: Claim::Shapes,
+        basis: Basis::Floating,
+        name: "shapes",
+        statement: "triangles have areas; vertices are apart, and in the box",
+    },
+    Row {
+        claim: Claim::Edges,
+        basis: Basis::Exact,
+        name: "edges",
+        statement: "the mesh ends on the box and on sides of the region only; only edges of \
+                    double curves have more than two triangles",
+    },
+    Row {
+        claim: Claim::Sides,
+        basis: Basis::Exact,
+        name: "sides of patches",
+        statement: "sides that patches have in common are joined",
+    },
+    Row {
+        claim: Claim::Crossings,
+        basis: Basis::Exact,
+        name: "crossings",
+        statement: "no triangles cross",
+    },
+    Row {
+        claim: Claim::Sheets,
+        basis: Basis::Floating,
+        name: "sheets",
+        statement: "no sheets lie upon each other, and none are joined that are to stay apart",
+    },
+];
+
 impl Claim {
     /// All of them, in their order.
-    pub const ALL: [Self; 26] = [
-        Self::BasePoints,
-        Self::ComplexSeams,
-        Self::Pole,
-        Self::MapDegree,
-        Self::CriticalCurves,
-        Self::DoubleCurves,
-        Self::DeckTransformations,
-        Self::FundamentalDomain,
-        Self::PinchPoints,
-        Self::SolitaryArcs,
-        Self::Weights,
-        Self::Region,
-        Self::Images,
-        Self::Tangents,
-        Self::Trees,
-        Self::SignAtBasePoints,
-        Self::Folds,
-        Self::Drawing,
-        Self::Partners,
-        Self::SignOfW,
-        Self::Distances,
-        Self::Shapes,
-        Self::Edges,
-        Self::Sides,
-        Self::Crossings,
-        Self::Sheets,
-    ];
-
-    /// The weakest step by which it is decided, where nothing else is said: see [`Grade`].
-    pub fn basis(self) -> Basis {
-        match self {
-            // Number fields, exact division, factors and resultants over Q, signs of rational
-            // numbers; counting of triangles; exact predicates on the vertices.
-            Self::BasePoints
-            | Self::ComplexSeams
-            | Self::MapDegree
-            | Self::CriticalCurves
-            | Self::DoubleCurves
-            | Self::DeckTransformations
-            | Self::PinchPoints
-            | Self::Weights
-            | Self::Drawing
-            | Self::Edges
-            | Self::Sides
-            | Self::Crossings => Basis::Exact,
-            // Which curves meet over a wall is exact. Where they do not, their roots are isolated
-            // in floating point with bounds on its errors, if that decides.
-            Self::Pole | Self::Region => Basis::Bounded,
-            // Bernstein coefficients in doubles, with a bound on their rounding.
-            Self::SignOfW => Basis::Bounded,
-            // Sections and paths in doubles; Newton's method to a tolerance; samples; base points
-            // rounded to doubles, with thresholds for what is zero; triangles of sheets that lie upon
-            // each other cross as a rule only.
-            Self::FundamentalDomain
-            | Self::SolitaryArcs
-            | Self::Images
-            | Self::Tangents
-            | Self::Trees
-            | Self::SignAtBasePoints
-            | Self::Folds
-            | Self::Partners
-            | Self::Distances
-            | Self::Shapes
-            | Self::Sheets => Basis::Floating,
+    pub const ALL: [Self; 26] = {
+        let mut all = [Self::BasePoints; 26];
+        let mut k = 0;
+        while k < all.len() {
+            all[k] = ROWS[k].claim;
+            k += 1;
         }
+        all
+    };
+    fn row(self) -> &'static Row {
+        &ROWS[self as usize]
     }
-
+    /// The weakest step by which it is decided, where nothing else is said: see [`Grade`].
+    ///
+    /// ```
+    /// use isoform_tess::{Basis, Claim};
+    ///
+    /// // A search for triangles that cross is a proof; a look at the middles of edges is none.
+    /// assert_eq!(Claim::Crossings.basis(), Basis::Exact);
+    /// assert_eq!(Claim::Distances.basis(), Basis::Floating);
+    /// assert_eq!(Claim::Crossings.to_string(), "crossings");
+    /// assert_eq!(Claim::Crossings.statement(), "no triangles cross");
+    /// ```
+    pub fn basis(self) -> Basis {
+        self.row().basis
+    }
     /// What holds where nothing is found against it.
     pub fn statement(self) -> &'static str {
-        match self {
-            Self::BasePoints => {
-                "the real base points, their multiplicities and the points infinitely near to them \
-                 are all known"
-            }
-            Self::ComplexSeams => {
-                "complex base points are blown up to no real curve but the lines that are drawn"
-            }
-            Self::Pole => "the factors of W and the topology of its real zeros are known",
-            Self::MapDegree => "so many parameters reach a general point of the surface",
-            Self::CriticalCurves => {
-                "the curves of the parameters with cuspidal edges or points as images are all known"
-            }
-            Self::DoubleCurves => {
-                "the curves of the parameters along which sheets meet are all known"
-            }
-            Self::DeckTransformations => {
-                "the transformations that exchange parameters of a point, and their folds, are \
-                 those of the map"
-            }
-            Self::FundamentalDomain => {
-                "no base point is blown up to a part of the fundamental domain's border, as 12 \
-                 directions at each of them show"
-            }
-            Self::PinchPoints => "the pinch points are all known",
-            Self::SolitaryArcs => {
-                "the points that only conjugate parameters reach are on the solitary arcs; arcs \
-                 that no section of the box meets may be missed"
-            }
-            Self::Weights => "W has no zero over the region, which is sent into the open box",
-            Self::Region => "the cells of the parameters that are sent into the box are known",
-            Self::Images => {
-                "images of contracted curves are one vertex where they are one point to rounding"
-            }
-            Self::Tangents => {
-                "base points are opened in the directions of all curves that are drawn there"
-            }
-            Self::Trees => {
-                "rays and arcs at infinitely near base points leave the rectangle around them in \
-                 the order in which they begin"
-            }
-            Self::SignAtBasePoints => {
-                "W keeps its sign between base points and the rectangles around them"
-            }
-            Self::Folds => {
-                "the surface ends in those seams of base points along which it is folded"
-            }
-            Self::Drawing => {
-                "the polylines in the parameters lie in the order of the arcs that they stand for, \
-                 and do not cross"
-            }
-            Self::Partners => {
-                "edges of double curves, and of borders that are joined, have all sheets that meet \
-                 there"
-            }
-            Self::SignOfW => "W keeps its sign on every triangle of the parameters",
-            Self::Distances => {
-                "the middles of triangles and edges are as near to the surface as asked for"
-            }
-            Self::Shapes => "triangles have areas; vertices are apart, and in the box",
-            Self::Edges => {
-                "the mesh ends on the box and on sides of the region only; only edges of double \
-                 curves have more than two triangles"
-            }
-            Self::Sides => "sides that patches have in common are joined",
-            Self::Crossings => "no triangles cross",
-            Self::Sheets => {
-                "no sheets lie upon each other, and none are joined that are to stay apart"
-            }
-        }
+        self.row().statement
     }
 }
 
 impl fmt::Display for Claim {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::BasePoints => "base points",
-            Self::ComplexSeams => "seams of complex base points",
-            Self::Pole => "pole",
-            Self::MapDegree => "degree of the map",
-            Self::CriticalCurves => "cuspidal and contracted curves",
-            Self::DoubleCurves => "double curves",
-            Self::DeckTransformations => "deck transformations",
-            Self::FundamentalDomain => "fundamental domain",
-            Self::PinchPoints => "pinch points",
-            Self::SolitaryArcs => "solitary arcs",
-            Self::Weights => "weights",
-            Self::Region => "region",
-            Self::Images => "images of contracted curves",
-            Self::Tangents => "tangents at base points",
-            Self::Trees => "trees of infinitely near base points",
-            Self::SignAtBasePoints => "sign of W at base points",
-            Self::Folds => "folds at base points",
-            Self::Drawing => "drawing",
-            Self::Partners => "partners",
-            Self::SignOfW => "sign of W",
-            Self::Distances => "distances",
-            Self::Shapes => "shapes",
-            Self::Edges => "edges",
-            Self::Sides => "sides of patches",
-            Self::Crossings => "crossings",
-            Self::Sheets => "sheets",
-        })
+        f.write_str(self.row().name)
     }
 }
 
@@ -295,6 +347,13 @@ pub(crate) fn graded(grades: impl IntoIterator<Item = Grade>) -> Vec<Grade> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn rows_are_in_the_order_of_claims() {
+        for (k, claim) in Claim::ALL.into_iter().enumerate() {
+            assert_eq!(claim as usize, k, "{claim}");
+        }
+    }
 
     #[test]
     fn the_weakest_basis_of_a_claim_counts() {

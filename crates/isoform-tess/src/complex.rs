@@ -79,10 +79,12 @@ pub(crate) fn inner(a: &V, b: &V) -> C {
     dot(&conj(a), b)
 }
 
+/// The conjugate of each coordinate.
 pub(crate) fn conj(a: &V) -> V {
     a.map(C::conj)
 }
 
+/// p + h d.
 pub(crate) fn along(p: &V, d: &V, h: f64) -> V {
     [0, 1, 2].map(|i| p[i] + d[i].times(h))
 }
@@ -99,6 +101,7 @@ pub(crate) fn largest<const N: usize>(a: &[C; N]) -> C {
     found.expect("coordinates")
 }
 
+/// The vector divided by its norm.
 pub(crate) fn normalised(a: &V) -> V {
     let length = norm(a);
     a.map(|c| c.times(1.0 / length))
@@ -126,6 +129,7 @@ pub(crate) fn real_point(v: &V) -> [f64; 3] {
     v.map(|c| (c * phase).re)
 }
 
+/// The length of a real vector.
 pub(crate) fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
@@ -142,6 +146,7 @@ pub(crate) fn frame(p: &V) -> [V; 2] {
     [first, second]
 }
 
+/// The vector with some coordinates in a frame.
 pub(crate) fn in_frame(frame: &[V; 2], d: [C; 2]) -> V {
     [0, 1, 2].map(|i| frame[0][i] * d[0] + frame[1][i] * d[1])
 }
@@ -249,7 +254,9 @@ pub(crate) fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f6
 
 /// The four forms of a map in units in which the box has the half-width 1.
 pub(crate) fn in_half_widths(mut terms: [Vec<([usize; 3], f64)>; 4], half_width: f64) -> [Form; 4] {
-    terms[3].iter_mut().for_each(|t| t.1 *= half_width);
+    for term in &mut terms[3] {
+        term.1 *= half_width;
+    }
     let sizes = terms.iter().flatten().map(|t| t.1.abs());
     let largest = sizes.fold(0.0, f64::max);
     terms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest))))
@@ -267,6 +274,7 @@ pub(crate) fn eval_all(forms: &[Form; 4], at: &Monomials) -> ([C; 4], [V; 4]) {
 /// A plane of space: the linear form that vanishes on it.
 pub(crate) type Plane = [C; 4];
 
+/// The plane of the points x with normal · x = offset.
 pub(crate) fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
     [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
 }

@@ -275,7 +275,7 @@ fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
 }
 
 /// The irreducible curves across which r > r∘σ turns into r < r∘σ for one of the transformations,
-/// and those of them that are folds; nothing if r = r∘σ everywhere.
+/// and which of these are folds; nothing if r = r∘σ everywhere.
 fn border(
     transformations: &[Transformation],
     ratio: [&Poly; 2],

@@ -5,7 +5,7 @@ use crate::map::Map;
 use dashu_base::Sign;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 
-/// Corners at most: each side is a bit of a vertex.
+/// The most corners of a domain: each side is a bit of a vertex.
 pub const MAX_CORNERS: usize = 64;
 
 /// A point (s, t) of the parameter plane.
@@ -18,7 +18,7 @@ pub struct Domain {
     corners: Vec<Parameters>,
 }
 
-/// Why corners are those of no simple polygon.
+/// Why corners do not make a simple polygon.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DomainError {
     /// Fewer than three corners.
@@ -62,6 +62,7 @@ fn signum(x: &RBig) -> i8 {
 fn is_between(p: &Parameters, a: &Parameters, b: &Parameters) -> bool {
     (0..2).all(|k| (&p[k] - &a[k]) * (&p[k] - &b[k]) <= RBig::ZERO)
 }
+/// Whether two segments have a point in common.
 fn meet([a, b]: [&Parameters; 2], [c, d]: [&Parameters; 2]) -> bool {
     let [p, q] = [c, d].map(|x| signum(&area(a, b, x)));
     let [r, s] = [a, b].map(|x| signum(&area(c, d, x)));
@@ -266,9 +267,9 @@ impl Net {
                 .map(|i| self.coefficients[place(o, i)].clone())
                 .collect();
             f(&mut line);
-            line.into_iter()
-                .enumerate()
-                .for_each(|(i, x)| self.coefficients[place(o, i)] = x);
+            for (i, x) in line.into_iter().enumerate() {
+                self.coefficients[place(o, i)] = x;
+            }
         }
     }
     /// Of the two halves by s, or by t.
@@ -281,6 +282,7 @@ impl Net {
     }
 }
 
+/// From coefficients of powers to Bernstein coefficients.
 fn from_powers(line: &mut [RBig]) {
     let n = line.len() - 1;
     let binomial = |n: usize, k: usize| {
@@ -295,21 +297,24 @@ fn from_powers(line: &mut [RBig]) {
         *x = (0..=k).fold(RBig::ZERO, |sum, i| sum + &scaled[i] * binomial(k, i));
     }
 }
+/// The Bernstein coefficients over the first or second half, by de Casteljau's algorithm.
 fn halve(line: &mut [RBig], second: bool) {
     let n = line.len();
     let half = RBig::from(2);
     for level in 1..n {
         if second {
-            (0..n - level).for_each(|i| line[i] = (&line[i] + &line[i + 1]) / &half);
+            for i in 0..n - level {
+                line[i] = (&line[i] + &line[i + 1]) / &half;
+            }
         } else {
-            (level..n)
-                .rev()
-                .for_each(|i| line[i] = (&line[i] + &line[i - 1]) / &half);
+            for i in (level..n).rev() {
+                line[i] = (&line[i] + &line[i - 1]) / &half;
+            }
         }
     }
 }
 
-/// Halvings of each kind with which signs are looked for.
+/// Halvings of each of the two parameters before a sign is given up: cells of a sixteenth.
 const HALVINGS: usize = 4;
 
 /// Bounds of the image of a map over a domain, if W is proved to have no zero in the rectangle

@@ -15,6 +15,9 @@ use crate::singular::{CurveKind, Singular, SingularCurve};
 use crate::surface::{Mode, Point3, TriangulateOptions};
 use isoform_control::{Control, Stopped};
 
+/// The share of the tolerance by which the chords of traced arcs may leave them.
+const SHARE: f64 = 0.3;
+
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
 
@@ -183,7 +186,7 @@ impl Given<'_> {
             return Ok(None);
         };
         let fine = pairs::Fineness {
-            tolerance: 0.3 * self.options.mesh.tolerance / self.half_width,
+            tolerance: SHARE * self.options.mesh.tolerance / self.half_width,
             longest: self.options.mesh.longest / self.half_width,
         };
         let pairs = Pairs::new(self.map, self.half_width);

@@ -19,16 +19,14 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Mesh};
 use std::time::Instant;
 
-/// How often the surface is made again, finer where its implicit equation finds triangles far away:
-/// what two rounds do not mend, more do not.
+/// How often the surface is made again, finer where its implicit equation finds triangles far away.
 const NEARER: usize = 2;
 /// How often the surface is made again where triangles cross, by all changes together.
 const ROUNDS: usize = 12;
 /// How many times a finer tolerance may be no better than what was there before.
 const IN_VAIN: usize = 2;
 
-/// More pairs of triangles that cross than this are no accident of sheets that are close together:
-/// other vertices do not part them.
+/// More pairs of triangles that cross than this are no accident of sheets that are close together.
 const MOST: usize = 2000;
 
 /// The triangles of a surface that cross.

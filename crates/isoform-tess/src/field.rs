@@ -12,6 +12,20 @@ use std::fmt;
 use std::sync::Arc;
 
 /// Q(θ) for a root θ of a monic irreducible polynomial with integer coefficients.
+///
+/// ```
+/// use isoform_algebra::UPoly;
+/// use isoform_tess::{Algebraic, NumberField};
+///
+/// // The golden ratio x: x² = x + 1, and 1/x = x − 1.
+/// let (field, x) = NumberField::new(&UPoly::from_i64(&[-1, -1, 1]));
+/// let one = field.div(&x, &x);
+/// assert_eq!(field.mul(&x, &x), x.add(&one));
+/// assert_eq!(field.inverse(&x), x.sub(&one));
+/// // At the larger of the two real roots.
+/// let golden = Algebraic::new(&field, 1, x);
+/// assert_eq!(golden.to_f64(), 0.5 * (1.0 + 5f64.sqrt()));
+/// ```
 #[derive(Debug)]
 pub struct NumberField {
     modulus: UPoly,
@@ -23,8 +37,8 @@ pub struct NumberField {
 pub struct Element {
     /// Coefficients of powers of θ, lowest first, the last one not zero.
     numerator: Vec<IBig>,
-    /// Without common factor with all of them; that of zero, which is `Default`, is 0 and never
-    /// read.
+    /// Has no common factor with all of them. The denominator of zero, which is `Default`, is 0 and
+    /// never read.
     denominator: UBig,
 }
 
@@ -39,13 +53,13 @@ impl Element {
             return Self::default();
         }
         if !denominator.is_one() {
-            let common = numerator.iter().fold(denominator.clone(), |g, c| {
-                if g.is_one() {
-                    g
-                } else {
-                    g.gcd(c.clone().unsigned_abs())
+            let mut common = denominator.clone();
+            for c in &numerator {
+                if common.is_one() {
+                    break;
                 }
-            });
+                common = common.gcd(c.clone().unsigned_abs());
+            }
             if !common.is_one() {
                 for c in &mut numerator {
                     *c /= &common;
@@ -248,42 +262,35 @@ impl NumberField {
             return Element::rational(&(RBig::ONE / r));
         }
         // Σ yⱼ θʲ·a = 1 as a linear system over Z for the numerator of a.
+        let mut unit = vec![IBig::ZERO; self.degree()];
+        unit[0] = IBig::from(a.denominator.clone());
+        let (mut y, determinant) = dense::solve(self.multiplication(&a.numerator), unit)
+            .expect("an element that is not zero is invertible");
+        if determinant.is_negative() {
+            for c in &mut y {
+                *c = -std::mem::take(c);
+            }
+        }
+        Element::normalised(y, determinant.unsigned_abs())
+    }
+    /// The matrix of the multiplication by an integral element, given by its numerator: column j
+    /// has the coefficients of θʲ times the element.
+    fn multiplication(&self, numerator: &[IBig]) -> Vec<Vec<IBig>> {
         let d = self.degree();
-        let mut columns = Vec::with_capacity(d);
+        let theta = self.generator();
         let mut column = Element {
-            numerator: a.numerator.clone(),
+            numerator: numerator.to_vec(),
             denominator: UBig::ONE,
         };
-        let theta = self.generator();
+        let mut rows = vec![Vec::with_capacity(d); d];
         for _ in 0..d {
-            columns.push(
-                (0..d)
-                    .map(|i| column.numerator.get(i).cloned().unwrap_or(IBig::ZERO))
-                    .collect::<Vec<_>>(),
-            );
+            for (i, row) in rows.iter_mut().enumerate() {
+                row.push(column.numerator.get(i).cloned().unwrap_or(IBig::ZERO));
+            }
             // Products of integral elements are integral: the denominator stays 1.
             column = self.mul(&column, &theta);
         }
-        let rows = (0..d)
-            .map(|i| columns.iter().map(|c| c[i].clone()).collect())
-            .collect();
-        let unit = (0..d)
-            .map(|i| {
-                if i == 0 {
-                    IBig::from(a.denominator.clone())
-                } else {
-                    IBig::ZERO
-                }
-            })
-            .collect();
-        let (y, determinant) =
-            dense::solve(rows, unit).expect("an element that is not zero is invertible");
-        let y = if determinant.is_negative() {
-            y.into_iter().map(|c| -c).collect()
-        } else {
-            y
-        };
-        Element::normalised(y, determinant.unsigned_abs())
+        rows
     }
     /// The powers 1, a, a², … that are independent over Q, and the coefficients with which they add
     /// up to the next one.
@@ -332,10 +339,8 @@ impl NumberField {
             }
             rows[k] = top;
         }
-        rows[n..]
-            .iter()
-            .all(|row| row[n] == RBig::ZERO)
-            .then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
+        let is_in_span = rows[n..].iter().all(|row| row[n] == RBig::ZERO);
+        is_in_span.then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
     }
 
     /// a/b.

@@ -21,7 +21,7 @@ pub enum Phase {
     /// Finding all curves over which the surface is singular.
     #[error("double, ramified and contracted curves")]
     SingularCurves,
-    /// Finding those of them that need no implicit equation.
+    /// Finding the ramified and contracted curves, which need no implicit equation.
     #[error("contracted curves")]
     ContractedCurves,
     /// Finding the deck transformations of an improper map.

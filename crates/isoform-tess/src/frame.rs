@@ -55,7 +55,9 @@ fn exponential(a: &Matrix) -> Matrix {
     let (mut sum, mut term) = (IDENTITY, IDENTITY);
     for k in 1..16 {
         term = times(&term, &small).map(|row| row.map(|x| x / f64::from(k)));
-        (0..3).for_each(|i| (0..3).for_each(|j| sum[i][j] += term[i][j]));
+        for (sum, term) in sum.iter_mut().flatten().zip(term.iter().flatten()) {
+            *sum += term;
+        }
     }
     let half = times(&sum, &sum);
     times(&half, &half)
@@ -73,7 +75,9 @@ fn triangular(m: &Matrix) -> Matrix {
         for k in 0..i {
             let along = (0..3).map(|j| rows[k][j] * axis[j]).sum::<f64>();
             upper[k][i] = along;
-            (0..3).for_each(|j| rows[k][j] -= along * axis[j]);
+            for j in 0..3 {
+                rows[k][j] -= along * axis[j];
+            }
         }
     }
     upper
@@ -123,7 +127,9 @@ fn centre(map: &Map) -> Matrix {
         };
         let size: f64 = top.to_f64().iter().map(|(_, c)| c * c).sum();
         for i in 0..2 {
-            (0..2).for_each(|j| normal[i][j] += product(&slopes[i], &slopes[j]) / size);
+            for j in 0..2 {
+                normal[i][j] += product(&slopes[i], &slopes[j]) / size;
+            }
             right[i] -= product(&slopes[i], &next) / size;
         }
     }
@@ -180,7 +186,9 @@ impl Frame {
         let degree = map.degree() as f64;
         for _ in 0..STEPS {
             let mut rest = here.1;
-            (0..3).for_each(|i| rest[i][i] -= degree / 3.0);
+            for (i, row) in rest.iter_mut().enumerate() {
+                row[i] -= degree / 3.0;
+            }
             let largest = rest.iter().flatten().fold(0.0, |m: f64, x| m.max(x.abs()));
             if largest < LEVEL * degree {
                 return Some((here.0, matrix));
@@ -250,7 +258,7 @@ impl Frame {
         let corners = domain.corners().iter().map(moved).collect();
         Domain::polygon(corners).expect("as simple a polygon as before")
     }
-    /// What is known in the parameters of the frame, in those of the map; seams of base points keep
+    /// An analysis in the parameters of the frame as one in the map's own; seams of base points keep
     /// the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
         let back = self.inverse().each_ref().map(linear);
@@ -258,14 +266,20 @@ impl Frame {
         for p in found.base_points.iter_mut().flatten() {
             (p.chart, p.point) = self.point(&p.point);
         }
-        found.pole.iter_mut().flatten().for_each(|(f, _)| curve(f));
+        for (factor, _) in found.pole.iter_mut().flatten() {
+            curve(factor);
+        }
         if let Some(singular) = &mut found.singular {
-            singular.double.iter_mut().for_each(curve);
+            if let Some(double) = &mut singular.double {
+                curve(double);
+            }
             curve(&mut singular.minors);
             for c in &mut singular.curves {
                 curve(&mut c.curve);
                 if let RealPart::Points(points) = &mut c.real {
-                    points.iter_mut().for_each(|p| *p = self.point(p).1);
+                    for p in points {
+                        *p = self.point(p).1;
+                    }
                 }
             }
         }

@@ -13,6 +13,8 @@
 //!   [`Budget`].
 //! - [`Claim`], [`Basis`], [`Finding`]: what is claimed of a surface, how it was decided, and what
 //!   stands against it.
+//! - [`triangulate`], [`triangulate_patches`]: the [`Surface`] of a map in a box, or of patches, by
+//!   [`TriangulateOptions`].
 //! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 

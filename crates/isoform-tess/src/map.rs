@@ -158,10 +158,16 @@ pub struct Options {
 /// without common factor.
 ///
 /// ```
-/// let sphere = isoform_tess::Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Default::default())?;
+/// use isoform_tess::{Map, MapError, Options, VARIABLES};
+///
+/// let sphere = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
+/// let sphere = Map::parse(sphere, Options::default())?;
 /// assert_eq!(sphere.degree(), 2);
-/// assert_eq!(sphere.forms()[0].display(&isoform_tess::VARIABLES).to_string(), "2*s*w");
-/// # Ok::<(), isoform_tess::MapError>(())
+/// assert_eq!(sphere.forms()[0].display(&VARIABLES).to_string(), "2*s*w");
+/// // A cone over a circle is a surface, the circle itself is none.
+/// let circle = Map::parse(["2*s", "1 - s^2", "0", "1 + s^2"], Options::default());
+/// assert_eq!(circle, Err(MapError::NotASurface { dimension: 1 }));
+/// # Ok::<(), MapError>(())
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Map {
@@ -200,9 +206,7 @@ impl Map {
         if dimension < 2 {
             return Err(MapError::NotASurface { dimension });
         }
-        let factor = polynomials
-            .iter()
-            .fold(Poly::zero(), |common, p| common.gcd(p));
+        let factor = polynomials.iter().fold(Poly::zero(), |g, p| g.gcd(p));
         let mut removed = None;
         let mut affine = polynomials;
         if !factor.is_constant() {
@@ -258,20 +262,6 @@ impl Map {
     /// # Errors
     /// [`MapError`].
     pub fn from_json(text: &str, options: Options) -> Result<Self, MapError> {
-        let not_json = |e: serde_json::Error| {
-            // The reader appends the place, which is told separately.
-            let problem = e.to_string();
-            let problem = problem
-                .split(" at line ")
-                .next()
-                .unwrap_or_default()
-                .to_owned();
-            MapError::NotJson {
-                line: e.line(),
-                column: e.column(),
-                problem,
-            }
-        };
         let value: serde_json::Value = serde_json::from_str(text).map_err(not_json)?;
         let mut texts: [String; 4] = Default::default();
         for (target, key) in texts.iter_mut().zip(KEYS) {
@@ -308,6 +298,19 @@ impl Map {
     }
 }
 
+/// What is wrong with a text that is no JSON.
+fn not_json(e: serde_json::Error) -> MapError {
+    // The reader appends the place, which is told separately.
+    let text = e.to_string();
+    let problem = text.split(" at line ").next().unwrap_or_default();
+    MapError::NotJson {
+        line: e.line(),
+        column: e.column(),
+        problem: problem.to_owned(),
+    }
+}
+
+/// What a value is, in words.
 fn kind(value: &serde_json::Value) -> &'static str {
     match value {
         serde_json::Value::Null => "null",
@@ -318,12 +321,10 @@ fn kind(value: &serde_json::Value) -> &'static str {
     }
 }
 
+/// The largest total degree.
 fn degree_of(polynomials: &[Poly; 4]) -> usize {
-    polynomials
-        .iter()
-        .map(Poly::total_degree)
-        .max()
-        .unwrap_or(0)
+    let degrees = polynomials.iter().map(Poly::total_degree);
+    degrees.max().unwrap_or(0)
 }
 
 /// The number by which all four are divided so that their coefficients are integers without common

@@ -63,7 +63,7 @@ const DONE: f64 = 1e-8;
 const TWO_PARAMETERS: f64 = 1e-6;
 /// The least norm of the forms at a pair that is no base point.
 const NO_BASE_POINT: f64 = 1e-8;
-/// Newton steps from a random start: most starts that lead to a pair do so in a dozen.
+/// Newton steps from a random start: one that needs more is given up for another.
 const SEED_STEPS: usize = 25;
 /// The longest of these steps: longer ones would leave the part of space in which vectors have the
 /// norm 1.

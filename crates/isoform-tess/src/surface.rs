@@ -30,11 +30,12 @@ pub struct MeshOptions {
 }
 
 impl MeshOptions {
-    /// The tolerance of a surface of half width 1: at the width of a screen, a pixel or two.
+    /// The tolerance of [`MeshOptions::around`], in half widths: a quarter of a thousandth of the
+    /// width.
     pub const TOLERANCE: f64 = 5e-4;
-    /// The longest edge of a surface of half width 1, so that flat parts have triangles, too.
+    /// The longest edge of [`MeshOptions::around`], in half widths.
     pub const LONGEST: f64 = 0.25;
-    /// The most triangles: some hundred megabytes, a minute or less.
+    /// The number of triangles of [`MeshOptions::around`].
     pub const TRIANGLES: usize = 400_000;
 
     /// A tolerance and longest edges in proportion to half the width of a surface or of its box.

@@ -70,7 +70,7 @@ pub(crate) fn real_zeros(
     form: &BinaryForm,
     control: &Control<'_>,
 ) -> Result<Vec<[f64; 2]>, Stopped> {
-    /// The bits of the coefficients at first: those of doubles, and some more.
+    /// The bits of the coefficients at first: as many as doubles have, and some more.
     const BITS: usize = 64;
     let first = &form.coefficients[0];
     let (k, root) = (first.field(), first.root());

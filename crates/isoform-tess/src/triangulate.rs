@@ -20,10 +20,8 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::Aabb;
 use std::time::Instant;
 
-/// How far triangles may be from the surface by its implicit equation, in tolerances: half a
-/// tolerance more than their middles, as an equation's first order is no distance. With less, more
-/// surfaces whose sheets touch are made again; with more, triangles stay that other programs take for
-/// wrong.
+/// How far triangles may be from the surface by its implicit equation, in tolerances: more than 1, as
+/// the equation gives the distance to first order only, and only middles of triangles are held to it.
 const FAR: f64 = 1.5;
 
 /// What stands against a surface, and what is claimed of it.

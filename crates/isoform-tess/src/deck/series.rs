@@ -25,6 +25,7 @@ pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
 /// A power series modulo a prime, [`TERMS`] terms.
 pub(super) type Series = [u64; TERMS];
 
+/// The product of two series, without the terms beyond the last one.
 fn product(f: &Fp, a: &Series, b: &Series) -> Series {
     let mut c = [0; TERMS];
     for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
@@ -73,7 +74,9 @@ impl Forms {
             let mut sum = [0; TERMS];
             for (e, c) in terms {
                 let term = monomial(f, &powers, [e[0], e[1], e[2]]);
-                (0..TERMS).for_each(|k| sum[k] = f.add(sum[k], f.mul(*c, term[k])));
+                for (sum, term) in sum.iter_mut().zip(term) {
+                    *sum = f.add(*sum, f.mul(*c, term));
+                }
             }
             sum
         })

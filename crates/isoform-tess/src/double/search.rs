@@ -26,8 +26,8 @@ const POINTS: usize = 500;
 const SHIFT: f64 = 0.013;
 /// The quaternion of the rotation to the slices' directions, without pattern.
 const DIRECTIONS: [f64; 4] = [5.0, 1.0, -2.0, 3.0];
-/// A point of space is real if the imaginary part of its coordinates is at most this: parameters
-/// have nine digits, and two are lost in their images.
+/// A point of space is real if the imaginary part of its coordinates is at most this: paths end with
+/// nine digits, some of which are lost in images.
 const REAL_IMAGE: f64 = 1e-7;
 /// A parameter is real if its distance from its conjugate, as twice the length of a vector, is below
 /// this: half of the digits are lost where both come together.

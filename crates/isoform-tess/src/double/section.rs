@@ -19,8 +19,7 @@ const DONE: f64 = 1e-9;
 /// Where Aberth's method starts: the first number, and what leads from one to the next. The numbers
 /// have no symmetry that a real polynomial could share, and different absolute values.
 const ABERTH_START: [C; 2] = [C::new(0.8, 0.3), C::new(0.4, 0.9)];
-/// Most rounds of Aberth's method. It takes some tens; multiple roots take more, and are found to
-/// some digits only.
+/// Most rounds of Aberth's method. Multiple roots converge slowly, and are found to some digits only.
 const ABERTH_ROUNDS: usize = 300;
 /// Changes of the roots, in shares of their size, that end Aberth's method: rounding is not much
 /// less.

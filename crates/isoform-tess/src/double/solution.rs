@@ -50,7 +50,7 @@ impl State {
     pub(super) fn ahead(&self, by: f64) -> V {
         normalised(&along(&self.p, &self.tangent, by))
     }
-    /// The same solution with the other tangent.
+    /// The solution with the opposite tangent.
     pub(super) fn reversed(mut self) -> Self {
         self.tangent = self.tangent.map(|c| -c);
         self

@@ -7,11 +7,11 @@ use isoform_geom::distance_to_segment;
 
 /// The first step, in the affine chart around a point.
 const FIRST_STEP: f64 = 0.02;
-/// The longest step: parameters that are 0.1 apart have little to do with each other.
+/// The longest step.
 const LONGEST_STEP: f64 = 0.1;
 /// A curve that needs a shorter step is lost: it comes to a base point or a singular point.
 const SHORTEST_STEP: f64 = 1e-10;
-/// The most steps, of which no curve that was seen has taken a tenth.
+/// The most solutions of a curve: one that has more is lost.
 const MOST_STEPS: usize = 100_000;
 /// The least cosine of the tangents at both ends of a step: 18 degrees.
 const LEAST_COSINE: f64 = 0.95;

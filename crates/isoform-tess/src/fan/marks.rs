@@ -62,8 +62,8 @@ pub(super) struct Marked {
     pub(super) problem: Option<Unopened>,
 }
 
-/// All directions that matter at a node, of which rays are numbered from `first_ray`: those of the
-/// curves that bound the region or are drawn in it, and of the sides of the unit triangles.
+/// All directions that matter at a node, of which rays are numbered from `first_ray`: the tangents
+/// of the curves that bound the region or are drawn in it, and of the sides of the unit triangles.
 ///
 /// # Errors
 /// [`Stopped`].

@@ -91,7 +91,7 @@ impl Welding {
             joined.points.len() as u32 - 1
         })
     }
-    /// Adds the triangles of a patch, but for those of which corners have become one.
+    /// Adds the triangles of a patch that still have three corners.
     fn add(&mut self, patch: usize, s: &Surface, shared: u64) {
         for (i, t) in s.triangles.iter().enumerate() {
             let v = t.map(|vertex| self.vertex(s, PatchVertex { patch, vertex }));

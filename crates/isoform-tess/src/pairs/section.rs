@@ -8,8 +8,7 @@ use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, 
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
-/// How often all pairs of the section are led around at most: each time more than half of what is
-/// missing is found.
+/// How often all pairs of the section are led around at most.
 const LOOPS: usize = 30;
 /// How many loops may find nothing before the trace test is asked.
 const IN_VAIN: usize = 2;

@@ -78,7 +78,7 @@ enum Place {
     Inner(usize, usize, usize),
     /// A point of a side that a curve goes through, by order.
     Point(Side, usize),
-    /// The open interval of a side after so many of its points.
+    /// The open interval of a side after a number of its points.
     Interval(Side, usize),
     /// (0:0:1), (1:0:0) or (0:1:0).
     Corner(usize),
@@ -110,8 +110,8 @@ impl<'a> Named<'a> {
         }
         named
     }
-    /// The name of a point of a wall. Points have to be named in their order: `seen` counts those of
-    /// each side that a curve goes through.
+    /// The name of a point of a wall. Points have to be named in their order: `seen` counts the
+    /// points of each side that a curve goes through.
     fn name(&self, wall: usize, point: usize, seen: &mut [usize; 3]) -> Place {
         let walls = &self.triangle.arrangement.walls;
         let is_top = point + 1 == walls[wall].points.len();
