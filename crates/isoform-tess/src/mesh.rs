@@ -4,6 +4,42 @@
 //!
 //! Between two walls of an arrangement the polylines of arcs have their vertices over the same u,
 //! in the order of the arcs: they cannot cross, and what they bound is the region up to isotopy.
+//! Four charts that are sampled on the unit triangle, and base points opened in directions, are due
+//! to C. L. Bajaj, A. Royappa, *Triangulation and display of rational parametric surfaces* (1994).
+//!
+//! # Stages
+//!
+//! Each is a value that is made from the ones before it and is not changed by what comes after it:
+//!
+//! ```text
+//! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> Unit, four times ─> Refined ─> Surface
+//! ```
+//!
+//! # Words
+//!
+//! ```text
+//!     v
+//!     |\                 unit triangle   u, v >= 0, u + v <= 1: (s : t : w) = (±u : ±v : 1 - u - v)
+//!     | \                                in one of four quadrants; two of them share each side
+//!     |  \   wall        wall, slab      u where the arcs change, and what lies between two walls
+//!     |...\..:           arc             a piece of a curve over a slab, from wall to wall
+//!     |   :\ :
+//!     | __:_\:  arc      site            a base point in a unit triangle, on a wall
+//!     |/  :  \           fan             the directions in which it is approached, with the
+//!     B---:---\-- u                      sectors between them
+//!         slab           ray             a direction, forward or backward, into a unit triangle
+//!                        seam            the curve on the surface that a base point is blown up to
+//!     +--------/--+      ring            the vertices on a rectangle around a site, in which rays
+//!     | strip /   |                      leave it; larger ones lie around that
+//!     |  B---/----+ ray  strip           what is between two rays, from the rectangle to the seam
+//!     +-----------+
+//! ```
+//!
+//! In terms of blow-ups: the seam is the image of the exceptional divisor, which the directions
+//! parametrize; an arc that ends in a site meets it where its strict transform does, in the tangent;
+//! fans of infinitely near points are trees, with a node for each blow-up and its coordinates, its
+//! chart. A corner is the point in which two exceptional divisors meet.
+//! Contracted curves are the other way about: curves of parameters with one image.
 
 mod atlas;
 mod border;
@@ -49,14 +85,15 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use special::SpecialCurves;
 use unit::{Refined, Unit};
 
-/// Halvings of a contracted curve because what leaves it turns.
+/// How often a contracted curve is halved because what leaves it turns: the turn may be abrupt.
 const TURNS: usize = 10;
-/// Halvings of a stretch of an arc or side: ends with vertical tangents are approached to 2⁻⁴⁰ of
-/// the stretch.
+/// How often a stretch of an arc or side is halved: ends with vertical tangents are approached to
+/// 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
-/// Halvings, and triangles, where a base point is left open: nothing gets fine enough there, and
-/// the result is not certified anyway.
+/// How often a stretch is halved where a base point is left open: nothing gets fine enough there,
+/// and the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
+/// Triangles where a base point is left open, for the same reason.
 const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;

@@ -22,17 +22,19 @@ pub(super) struct Chart {
     w: Vec<f64>,
 }
 
-/// Least cosine of the angle between directions that count as near, and the length of the step in
-/// the parameters, if there is room, that they are those of.
+/// Least cosine of the angle between directions that count as near.
 const TURN: f64 = 0.97;
+/// The length of the step in the parameters, if there is room for it, that such a direction is
+/// taken from.
 const LEAVING: f64 = 1e-3;
 /// Rounding errors of values, in units of the box, from which on they are computed with more
 /// digits.
 const PRECISION: f64 = 1e-13;
-/// What is rounding on a contracted curve, in these.
+/// The distance from the image of a contracted curve that is rounding, in these.
 const ON_CURVE: f64 = 1e-3;
-/// One more than the degree up to which powers fit a short list; that for all degrees.
+/// One more than the degree up to which powers fit a short list.
 const FEW: usize = 9;
+/// One more than the highest degree.
 const MANY: usize = MAX_DEGREE + 1;
 
 impl Chart {
@@ -317,57 +319,82 @@ fn each_coefficient(
     }
 }
 
-/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection;
-/// with a zero of its order in the first corner, which is the origin.
-pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
-    let n = form
-        .terms
-        .iter()
-        .map(|([i, j], _)| i + j)
-        .max()
-        .unwrap_or(0);
+/// Bisections in the proof that a polynomial in two variables keeps its sign.
+const BISECTIONS: usize = 6;
+
+/// A triangle on which a polynomial is looked at.
+struct Part {
+    corners: [[f64; 2]; 3],
+    /// Whether the first corner is the origin.
+    at_origin: bool,
+    /// Bisections that are left.
+    depth: usize,
+}
+
+impl Part {
+    /// Smaller ones: nearer to the origin, and the rest; or the halves at the longest edge.
+    fn divided(&self) -> Vec<Self> {
+        let part = |corners, at_origin| Self {
+            corners,
+            at_origin,
+            depth: self.depth - 1,
+        };
+        let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+        let [a, b, c] = self.corners;
+        if self.at_origin {
+            let (p, q) = (half(a, b), half(a, c));
+            return vec![
+                part([a, p, q], true),
+                part([p, b, c], false),
+                part([p, c, q], false),
+            ];
+        }
+        let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+        let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
+            [x, y, z] if x >= y && x >= z => (a, b, c),
+            [_, y, z] if y >= z => (b, c, a),
+            _ => (c, a, b),
+        };
+        let m = half(a, b);
+        vec![part([a, m, c], false), part([m, b, c], false)]
+    }
+}
+
+/// Bernstein coefficients of a polynomial in two variables, as a form in (u, v, 1), and its degree.
+fn bernstein_of(form: &Form) -> (Vec<f64>, usize) {
+    let degrees = form.terms.iter().map(|([i, j], _)| i + j);
+    let n = degrees.max().unwrap_or(0);
     let factorial = |k: usize| (1..=k).map(|k| k as f64).product::<f64>();
     let mut base = vec![0.0; (n + 1) * (n + 2) / 2];
     for ([i, j], c) in &form.terms {
         base[slot(n, *i, *j)] =
             c * factorial(*i) * factorial(*j) * factorial(n - i - j) / factorial(n);
     }
+    (base, n)
+}
+
+/// Whether a polynomial in two variables is proved to keep its sign on a triangle, by bisection;
+/// with a zero of its order in the first corner, which is the origin.
+pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool) -> bool {
+    let (base, n) = bernstein_of(form);
     let mut signs = [false; 2];
-    let mut stack = vec![(corners, at_origin, PROOF)];
-    while let Some((t, at_origin, depth)) = stack.pop() {
-        let (lo, hi, error) = bernstein_range(
-            &base,
-            n,
-            t.map(|[u, v]| [u, v, 1.0]),
-            if at_origin { form.order } else { 0 },
-        );
+    let mut stack = vec![Part {
+        corners,
+        at_origin,
+        depth: BISECTIONS,
+    }];
+    while let Some(part) = stack.pop() {
+        let places = part.corners.map(|[u, v]| [u, v, 1.0]);
+        let order = if part.at_origin { form.order } else { 0 };
+        let (lo, hi, error) = bernstein_range(&base, n, places, order);
         // The coefficients themselves are rounded, too: by 2n + 5 more factors.
         let error = 4.0 * error;
         if lo > error || hi < -error {
             signs[usize::from(hi < -error)] = true;
-        } else if depth == 0 {
+        } else if part.depth == 0 {
             return false;
         } else {
-            let half = |a: [f64; 2], b: [f64; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
-            let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-            let [a, b, c] = t;
-            if at_origin {
-                // Nearer to the origin, and the rest.
-                let (p, q) = (half(a, b), half(a, c));
-                stack.extend([
-                    ([a, p, q], true, depth - 1),
-                    ([p, b, c], false, depth - 1),
-                    ([p, c, q], false, depth - 1),
-                ]);
-            } else {
-                let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
-                    [x, y, z] if x >= y && x >= z => (a, b, c),
-                    [_, y, z] if y >= z => (b, c, a),
-                    _ => (c, a, b),
-                };
-                let m = half(a, b);
-                stack.extend([([a, m, c], false, depth - 1), ([m, b, c], false, depth - 1)]);
-            }
+            stack.extend(part.divided());
         }
         if signs == [true; 2] {
             return false;
@@ -375,9 +402,6 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
     }
     true
 }
-
-/// Bisections.
-const PROOF: usize = 6;
 
 #[cfg(test)]
 mod tests {

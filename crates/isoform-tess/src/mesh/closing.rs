@@ -13,6 +13,8 @@ const OUTSIDE: f64 = 1e-9;
 /// Twice the area below which a triangle has none, per squared half width of the box: rounding of
 /// its corners makes as much of a triangle of no area.
 const FLAT: f64 = 2e-14;
+/// Vertices that each one is compared with at most: a plane across the axis may hold all of them.
+const MOST_NEAR: usize = 1000;
 /// Vertices nearer than this, per half width, lie upon each other.
 pub(super) const UPON: f64 = 4e-9;
 
@@ -41,25 +43,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
         .filter(|t| is_flat(corners(s, t), half_width))
         .count();
     if glued {
-        // Sorted along one axis, points that are near to each other are near in the order.
-        let mut used: Vec<Point3> = uses
-            .keys()
-            .flatten()
-            .copied()
-            .collect::<BTreeSet<u32>>()
-            .iter()
-            .map(|&v| s.points[v as usize])
-            .collect();
-        used.sort_by(|a, b| a[0].total_cmp(&b[0]));
-        let close = UPON * half_width;
-        let near = |i: usize| {
-            let after = used[i + 1..]
-                .iter()
-                .take_while(|q| q[0] - used[i][0] < close)
-                .take(1000);
-            after.filter(|q| distance(used[i], **q) < close).count()
-        };
-        let twice: usize = (0..used.len()).map(near).sum();
+        let twice = upon_each_other(s, uses.keys().flatten().copied(), UPON * half_width);
         if twice > 0 {
             s.findings.push(Finding::UponEachOther(twice));
         }
@@ -81,6 +65,22 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     if crowded > 0 {
         s.findings.push(Finding::CrowdedEdges(crowded));
     }
+}
+
+/// How many pairs of vertices are nearer to each other than a distance.
+fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
+    // Sorted along one axis, points that are near to each other are near in the order.
+    let used: BTreeSet<u32> = vertices.collect();
+    let mut points: Vec<Point3> = used.iter().map(|&v| s.points[v as usize]).collect();
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let near = |i: usize| {
+        let after = points[i + 1..]
+            .iter()
+            .take_while(|q| q[0] - points[i][0] < close)
+            .take(MOST_NEAR);
+        after.filter(|q| distance(points[i], **q) < close).count()
+    };
+    (0..points.len()).map(near).sum()
 }
 
 /// How many vertices have triangles around them that are not connected by edges there: sheets that

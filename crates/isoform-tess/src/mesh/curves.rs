@@ -5,7 +5,7 @@ use crate::analysis::Analysis;
 use crate::deck::Deck;
 use crate::double::Fibres;
 use crate::field::{Algebraic, vanishes};
-use crate::singular::{CurveKind, RealPart};
+use crate::singular::{CurveKind, RealPart, SingularCurve};
 use crate::surface::Point3;
 use isoform_algebra::Poly;
 
@@ -50,30 +50,19 @@ impl Curves {
         };
         let all = analysis.singular.as_ref().map_or(&[][..], |s| &s.curves);
         for c in all {
-            let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
             if let RealPart::Points(points) = &c.real
                 && glued
             {
-                // Those of contracted curves have their images anyway.
-                let is_contracted = |p: &[Algebraic; 3]| {
-                    all.iter().any(|c| {
-                        matches!(c.kind, CurveKind::Contracted(_)) && vanishes(&c.curve, p)
-                    })
-                };
-                found.isolated.extend(
-                    points
-                        .iter()
-                        .filter(|p| !is_contracted(p))
-                        .map(|p| p.each_ref().map(Algebraic::to_f64)),
-                );
+                found.add_isolated(points, all);
             }
+            let side = (0..3).find(|&k| c.curve.is_associate(&Poly::var(k)));
             match (&c.kind, side) {
                 (CurveKind::Contracted(to), None) if !to.at_infinity() => {
-                    let images = to
+                    let images: Vec<Point3> = to
                         .points()
                         .iter()
                         .map(|p| [0, 1, 2].map(|k| p[k].to_f64() / p[3].to_f64()))
-                        .collect::<Vec<_>>();
+                        .collect();
                     if !images.is_empty() {
                         found.contracted.push((c.curve.clone(), images));
                     }
@@ -95,6 +84,19 @@ impl Curves {
         found.deck = deck;
         found.traced = traced;
         found
+    }
+    /// Adds isolated points of a curve, without those of contracted ones, which have their images
+    /// anyway.
+    fn add_isolated(&mut self, points: &[[Algebraic; 3]], all: &[SingularCurve]) {
+        let is_contracted = |p: &&[Algebraic; 3]| {
+            let mut curves = all
+                .iter()
+                .filter(|c| matches!(c.kind, CurveKind::Contracted(_)));
+            curves.any(|c| vanishes(&c.curve, p))
+        };
+        let others = points.iter().filter(|p| !is_contracted(p));
+        self.isolated
+            .extend(others.map(|p| p.each_ref().map(Algebraic::to_f64)));
     }
     /// The curves along which the border of a fundamental domain is joined with itself.
     pub(super) fn seams(&self) -> &[Poly] {

@@ -121,7 +121,7 @@ fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>)
         _ => Kind::Seam,
     };
     let point = match name {
-        Name::Image(k) => glued.curves.images[k],
+        Name::Image(k) => glued.curves.image(k),
         Name::Double(k) => glued.gluing.image(k),
         _ => point,
     };

@@ -54,7 +54,7 @@ impl Glued<'_> {
             .any(|s| self.openings.fans[s.fan].is_tree());
         let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
         let asked = [
-            (Claim::Images, self.curves.images.len() > 1),
+            (Claim::Images, self.curves.images().len() > 1),
             (Claim::Tangents, is_opened),
             (Claim::Trees, is_tree),
             (Claim::SignAtBasePoints, is_opened),

@@ -12,7 +12,7 @@ mod settling;
 
 use super::closing::UPON;
 use super::geometry::distance;
-use super::names::{Key, Name, Node, Ray};
+use super::names::{ClassId, Key, Name, Node, Ray};
 use super::opening::Openings;
 use super::sides::Sides;
 use crate::double::Fibres;
@@ -42,7 +42,7 @@ pub(super) const CROWDED: f64 = 8.0;
 const CLOSE: f64 = 1e-9;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
-type SpokeVertex = (usize, [f64; 2]);
+type SpokeVertex = (ClassId, [f64; 2]);
 
 /// What is glued: classes of vertices that are one in space.
 #[derive(Default)]
@@ -53,7 +53,7 @@ pub(super) struct Gluing {
     /// A parameter (s : t : w) of each class.
     parameters: Vec<[f64; 3]>,
     /// The classes in which sheets meet: others join the border of a fundamental domain.
-    meeting: BTreeSet<usize>,
+    meeting: BTreeSet<ClassId>,
     /// Vertices of arcs and walls between their ends, and of sides.
     lines: BTreeMap<Track, Vec<[f64; 2]>>,
     /// Vertices between rectangles and seams, from the rectangle on.
@@ -80,29 +80,29 @@ impl Gluing {
     pub(super) fn points(&self, q: usize) -> impl Iterator<Item = [f64; 2]> {
         self.points.iter().filter(move |p| p.0 == q).map(|p| p.1)
     }
-    pub(super) fn image(&self, class: usize) -> Point3 {
-        self.images[class]
+    pub(super) fn image(&self, class: ClassId) -> Point3 {
+        self.images[class.0]
     }
     /// A new class of vertices: their image, and one of their parameters.
-    fn new_class(&mut self, image: Point3, parameter: [f64; 3]) -> usize {
+    fn new_class(&mut self, image: Point3, parameter: [f64; 3]) -> ClassId {
         self.images.push(image);
         self.parameters.push(parameter);
-        self.images.len() - 1
+        ClassId(self.images.len() - 1)
     }
     /// A new class of vertices in which sheets meet.
-    pub(super) fn add_class(&mut self, image: Point3, parameter: [f64; 3]) -> usize {
+    pub(super) fn add_class(&mut self, image: Point3, parameter: [f64; 3]) -> ClassId {
         let class = self.new_class(image, parameter);
         self.meeting.insert(class);
         class
     }
-    pub(super) fn name_class(&mut self, key: Key, class: usize) {
+    pub(super) fn name_class(&mut self, key: Key, class: ClassId) {
         self.classes.insert(key, Name::Double(class));
     }
     pub(super) fn set_line(&mut self, track: Track, line: Vec<[f64; 2]>) {
         self.lines.insert(track, line);
     }
     /// Whether sheets meet in a class.
-    pub(super) fn is_double(&self, class: usize) -> bool {
+    pub(super) fn is_double(&self, class: ClassId) -> bool {
         self.meeting.contains(&class)
     }
     pub(super) fn line(&self, track: Track) -> Option<&Vec<[f64; 2]>> {

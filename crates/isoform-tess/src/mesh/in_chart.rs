@@ -1,7 +1,7 @@
 //! What refinement is told about the map on a unit triangle.
 
 use super::glued::Glued;
-use super::names::{Name, Node};
+use super::names::{ImageId, Name, Node};
 use super::plane::{Measure, Shared};
 use crate::surface::Point3;
 
@@ -14,7 +14,7 @@ pub(super) struct InChart<'a, 'b> {
 impl Measure for InChart<'_, '_> {
     fn image(&self, node: &Node) -> Point3 {
         match self.glued.merged(self.q, node) {
-            Name::Image(k) => self.glued.curves.images[k],
+            Name::Image(k) => self.glued.curves.image(k),
             Name::Double(k) => self.glued.gluing.image(k),
             _ => self.glued.atlas.image(self.q, node.at, node.faces),
         }
@@ -29,8 +29,8 @@ impl Measure for InChart<'_, '_> {
     fn at(&self, at: [f64; 2]) -> Point3 {
         self.glued.atlas.charts[self.q].at(at)
     }
-    fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]> {
-        self.glued.atlas.charts[self.q].beside_chord(chord, self.glued.curves.images[image])
+    fn beside_chord(&self, chord: [[f64; 2]; 2], image: ImageId) -> Option<[f64; 2]> {
+        self.glued.atlas.charts[self.q].beside_chord(chord, self.glued.curves.image(image))
     }
     fn turns(&self, at: [[f64; 2]; 3]) -> bool {
         self.glued.atlas.charts[self.q].turns(at)

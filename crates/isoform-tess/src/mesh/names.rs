@@ -4,6 +4,16 @@
 use super::places::{side_of, sides_of};
 use crate::fan::Key as DirectionKey;
 
+/// An image of contracted curves: a number of [`SpecialCurves::images`].
+///
+/// [`SpecialCurves::images`]: super::special::SpecialCurves
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ImageId(pub(super) usize);
+
+/// A class of vertices that are one in space: a number of [`Gluing`](super::gluing::Gluing).
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct ClassId(pub(super) usize);
+
 /// A direction of a fan, by its key, and whether it is backward.
 pub(super) type Ray = (DirectionKey, bool);
 
@@ -15,14 +25,14 @@ pub(super) enum Name {
     Side(usize, i64, u64),
     Corner(usize),
     /// The image of a contracted curve.
-    Image(usize),
+    Image(ImageId),
     /// On the seam of a base point, in a direction.
     Seam(usize, DirectionKey),
     /// On a ray of a base point, in a direction, backward or not: so many vertices after the
     /// rectangle.
     Ray(usize, Ray, usize),
     /// Where sheets meet.
-    Double(usize),
+    Double(ClassId),
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -32,7 +42,7 @@ pub(super) struct Node {
     /// Faces of the box that it is on.
     pub(super) faces: u8,
     /// The contracted curve that it is on, by its image.
-    pub(super) image: Option<usize>,
+    pub(super) image: Option<ImageId>,
     /// A base point: the map has no value there.
     pub(super) apex: bool,
     /// The sides of the domain that it is on, as bits.

@@ -13,7 +13,7 @@ mod site;
 
 use super::atlas::Atlas;
 use super::geometry::distance;
-use super::names::Name;
+use super::names::{ImageId, Name};
 use super::places::distance2;
 use super::special::SpecialCurves;
 use super::{HALVINGS, OPEN_HALVINGS};
@@ -24,7 +24,7 @@ use crate::surface::Point3;
 use isoform_algebra::Poly;
 use isoform_control::Stopped;
 pub(super) use rings::RingVertex;
-pub(super) use site::Site;
+pub(super) use site::{Site, SiteArc};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest half width of a rectangle.
@@ -41,6 +41,10 @@ const NEAR_ROUNDS: usize = 40;
 /// How near to the place of a base point, in a unit triangle, a point of a wall is that base point:
 /// both are known to rounding.
 const ONE: f64 = 1e-9;
+
+/// How near to the image of a contracted curve, per half width of the box, a point of a seam is that
+/// image, where the curve leads there.
+const AT_IMAGE: f64 = 1e-6;
 
 /// The fans of the base points.
 pub(super) struct Fans {
@@ -216,7 +220,7 @@ impl Openings<'_> {
     pub(super) fn seam_vertex(&self, fan: usize, d: &Direction) -> (Name, Point3, u8) {
         let f = &self.fans[fan];
         let p = f.seam(d);
-        let mut images: Vec<usize> = d
+        let mut images: Vec<ImageId> = d
             .factors
             .iter()
             .filter_map(|f| self.curves.on_curve.get(f))
@@ -228,11 +232,12 @@ impl Openings<'_> {
                 .filter_map(|side| self.curves.on_side[side]),
         );
         if f.is_contracted(d) {
-            images.extend(0..self.curves.images.len());
+            images.extend(self.curves.images().map(|x| x.0));
         }
-        let near = |k: &usize| distance(self.curves.images[*k], p) <= 1e-6 * self.atlas.half_width;
+        let close = AT_IMAGE * self.atlas.half_width;
+        let near = |k: &ImageId| distance(self.curves.image(*k), p) <= close;
         match images.into_iter().find(near) {
-            Some(k) => (Name::Image(k), self.curves.images[k], 0),
+            Some(k) => (Name::Image(k), self.curves.image(k), 0),
             None => (Name::Seam(fan, d.key()), p, d.faces),
         }
     }

@@ -4,6 +4,7 @@
 use super::Curves;
 use super::atlas::Atlas;
 use super::geometry::distance;
+use super::names::ImageId;
 use crate::deck::value;
 use crate::map::Map;
 use crate::surface::Point3;
@@ -11,15 +12,23 @@ use isoform_algebra::{Poly, RBig};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 
+/// Images nearer to each other than this, per half width of the box, are one: they are algebraic
+/// numbers that have been rounded.
+const ONE: f64 = 1e-12;
+/// Values of a form, per size of its terms, that are taken for zero.
+const ZERO: f64 = 1e-7;
+/// The sine of the angle between two parameters (s : t : w) that are one.
+const ONE_PARAMETER: f64 = 1e-9;
+
 /// What the factors of the region, and the lines s = 0, t = 0, w = 0, are beside poles and faces of
 /// the box.
 pub(super) struct SpecialCurves<'a> {
     atlas: &'a Atlas<'a>,
     /// Images of contracted curves.
-    pub(super) images: Vec<Point3>,
+    images: Vec<Point3>,
     /// The images of each contracted factor of the region, and of each line.
-    pub(super) on_curve: BTreeMap<usize, Vec<usize>>,
-    pub(super) on_side: [Option<usize>; 3],
+    pub(super) on_curve: BTreeMap<usize, Vec<ImageId>>,
+    pub(super) on_side: [Option<ImageId>; 3],
     /// Factors of the region that are double curves, those on the border of a fundamental domain
     /// among them.
     pub(super) double: BTreeSet<usize>,
@@ -76,7 +85,7 @@ impl<'a> SpecialCurves<'a> {
     fn find_factors(&mut self, curves: &Curves) {
         let mut extra = self.atlas.region.extra.iter();
         for (_, images) in &curves.contracted {
-            let images: Vec<usize> = images.iter().map(|&p| self.image_of(p)).collect();
+            let images: Vec<ImageId> = images.iter().map(|&p| self.image_of(p)).collect();
             for &f in extra.next().into_iter().flatten() {
                 self.on_curve.entry(f).or_default().extend(&images);
             }
@@ -97,19 +106,25 @@ impl<'a> SpecialCurves<'a> {
     }
 
     /// The number of an image, a new one if it is not known.
-    fn image_of(&mut self, p: Point3) -> usize {
-        let known = self
-            .images
-            .iter()
-            .position(|&q| distance(p, q) <= 1e-12 * self.atlas.half_width);
-        known.unwrap_or_else(|| {
+    fn image_of(&mut self, p: Point3) -> ImageId {
+        let close = ONE * self.atlas.half_width;
+        let known = self.images.iter().position(|&q| distance(p, q) <= close);
+        ImageId(known.unwrap_or_else(|| {
             self.images.push(p);
             self.images.len() - 1
-        })
+        }))
+    }
+    /// All images.
+    pub(super) fn images(&self) -> impl ExactSizeIterator<Item = (ImageId, Point3)> {
+        let numbered = self.images.iter().enumerate();
+        numbered.map(|(k, &p)| (ImageId(k), p))
+    }
+    pub(super) fn image(&self, id: ImageId) -> Point3 {
+        self.images[id.0]
     }
 
     /// The contracted curve through a point of a wall, by its image.
-    pub(super) fn image_at(&self, q: usize, wall: usize, point: usize) -> Option<usize> {
+    pub(super) fn image_at(&self, q: usize, wall: usize, point: usize) -> Option<ImageId> {
         let w = &self.atlas.region.triangles[q].arrangement.walls[wall];
         let mut factors = w.points[point].curves.iter().chain(&w.vertical);
         factors.find_map(|f| self.nearest_image(q, *f, self.atlas.place(q, wall, point)))
@@ -117,10 +132,10 @@ impl<'a> SpecialCurves<'a> {
 
     /// The image of a factor that is contracted: the one near to the value of the map at a point of
     /// it.
-    pub(super) fn nearest_image(&self, q: usize, factor: usize, at: [f64; 2]) -> Option<usize> {
+    pub(super) fn nearest_image(&self, q: usize, factor: usize, at: [f64; 2]) -> Option<ImageId> {
         let images = self.on_curve.get(&factor)?;
         let p = self.atlas.charts[q].at(at);
-        let far = |k: &usize| distance(self.images[*k], p);
+        let far = |k: &ImageId| distance(self.image(*k), p);
         images
             .iter()
             .copied()
@@ -161,9 +176,7 @@ impl<'a> SpecialCurves<'a> {
 
     /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all of
     /// it.
-    pub(super) fn leads_to(&self, image: usize, p: [f64; 3]) -> bool {
-        /// Values of a form, per size of its terms, that are taken for zero.
-        const ZERO: f64 = 1e-7;
+    pub(super) fn leads_to(&self, image: ImageId, p: [f64; 3]) -> bool {
         let is_on = |q: [f64; 3]| {
             let size = norm(q);
             let on_side =
@@ -192,7 +205,7 @@ impl<'a> SpecialCurves<'a> {
     /// Whether parameters with one image have one vertex: where sheets that cross are not joined,
     /// only those that deck transformations exchange.
     pub(super) fn may_share(&self, p: [f64; 3], q: [f64; 3]) -> bool {
-        let is_one = norm(cross(p, q)) <= 1e-9 * norm(p) * norm(q);
+        let is_one = norm(cross(p, q)) <= ONE_PARAMETER * norm(p) * norm(q);
         self.glued
             || is_one
             || self

@@ -2,11 +2,15 @@
 
 use super::geometry::{distance, middle};
 use super::names::Ray;
-use super::opening::Openings;
+use super::opening::{Openings, Site, SiteArc};
 use super::{TURNS, VERTICES};
 use crate::field::exact;
 use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
+
+/// How far the middle of a chord may be from its curve, per tolerance: triangles beside it have to
+/// be within the tolerance.
+const SAGITTA: f64 = 0.3;
 
 /// The arcs over a slab at places that are asked for more than once.
 pub(super) struct Columns<'a> {
@@ -51,6 +55,25 @@ impl Stretch {
     pub(super) fn is_open(&self) -> bool {
         self.from[0] < self.to[0]
     }
+    /// Leaves out what of it, between the places of two walls, is in the rectangle of a site, where
+    /// it is number `place` of the slabs that an arc goes through.
+    fn leave_out(&mut self, site: &Site, arc: &SiteArc, place: usize, [left, right]: [f64; 2]) {
+        // On the chord from the base point to the side of the rectangle.
+        let chord = |u: f64| {
+            let t = (u - site.at[0]) / (arc.end[0] - site.at[0]);
+            [u, site.at[1] + t * (arc.end[1] - site.at[1])]
+        };
+        let is_last = place + 1 == arc.chain.len();
+        let end = |wall: f64| if is_last { arc.end } else { chord(wall) };
+        let ray = is_last.then_some((site.fan, arc.ray, site.at));
+        if arc.right {
+            self.before = vec![chord(left)];
+            (self.from, self.based[0], self.rays[0]) = (end(right), true, ray);
+        } else {
+            self.after = vec![chord(right)];
+            (self.to, self.based[1], self.rays[1]) = (end(left), true, ray);
+        }
+    }
     /// The whole polyline from wall to wall.
     pub(super) fn whole(&self, line: Vec<[f64; 2]>) -> Vec<[f64; 2]> {
         let before = self.before.iter().copied().filter(|_| self.based[0]);
@@ -74,7 +97,7 @@ impl Openings<'_> {
         let arc = a.slabs[slab].arcs[i];
         let [left, right] = [(slab, arc.left), (slab + 1, arc.right)]
             .map(|(k, p)| [a.walls[k].u.to_f64(), self.atlas.place(q, k, p)[1]]);
-        let mut s = Stretch {
+        let mut stretch = Stretch {
             before: vec![left],
             from: left,
             to: right,
@@ -82,31 +105,14 @@ impl Openings<'_> {
             based: [false; 2],
             rays: [None; 2],
         };
-        for (site, x) in self
-            .sites
-            .range((q, 0, 0)..(q + 1, 0, 0))
-            .flat_map(|s| s.1.arcs.iter().map(move |x| (s.1, x)))
-        {
-            let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) else {
-                continue;
-            };
-            // On the chord from the base point to the side of the rectangle.
-            let chord = |u: f64| {
-                let t = (u - site.at[0]) / (x.end[0] - site.at[0]);
-                [u, site.at[1] + t * (x.end[1] - site.at[1])]
-            };
-            let is_last = place + 1 == x.chain.len();
-            if x.right {
-                s.before = vec![chord(left[0])];
-                (s.from, s.based[0]) = (if is_last { x.end } else { chord(right[0]) }, true);
-                s.rays[0] = is_last.then_some((site.fan, x.ray, site.at));
-            } else {
-                s.after = vec![chord(right[0])];
-                (s.to, s.based[1]) = (if is_last { x.end } else { chord(left[0]) }, true);
-                s.rays[1] = is_last.then_some((site.fan, x.ray, site.at));
+        for (_, site) in self.sites_in(q) {
+            for x in &site.arcs {
+                if let Some(place) = x.chain.iter().position(|&c| c == (slab, i)) {
+                    stretch.leave_out(site, x, place, [left[0], right[0]]);
+                }
             }
         }
-        s
+        stretch
     }
 
     /// A polyline for an arc; `in_order` is cleared where rounding does not keep it in the
@@ -119,110 +125,92 @@ impl Openings<'_> {
         over: &mut Columns<'_>,
         in_order: &mut bool,
     ) -> Vec<[f64; 2]> {
-        let mut line = vec![stretch.from];
         if !stretch.is_open() {
-            return line;
+            return vec![stretch.from];
         }
         let is_drawn_in = |line: &[[f64; 2]]| {
             line[1..line.len() - 1]
                 .iter()
                 .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
         };
-        if let Some(line) = self.atlas.border_line(
-            q,
-            self.atlas.region.side_of_arc(q, over.slab, i),
-            [stretch.from, stretch.to],
-            self.halvings,
-        ) {
+        let bit = self.atlas.region.side_of_arc(q, over.slab, i);
+        let ends = [stretch.from, stretch.to];
+        if let Some(line) = self.atlas.border_line(q, bit, ends, self.halvings) {
             *in_order &= line.len() <= VERTICES
                 && is_drawn_in(&line)
                 && line.windows(2).all(|w| w[0][0] < w[1][0]);
             return line;
         }
-        let at = |[u, v]: [f64; 2]| self.atlas.charts[q].at([u, v]);
-        let is_contracted = self
-            .curves
-            .on_curve
-            .contains_key(&over.arrangement.slabs[over.slab].arcs[i].curve);
-        let mut stack = vec![(stretch.from, stretch.to, 0)];
+        let (line, is_whole) = self.halved_arc(q, ends, i, over);
+        *in_order &= is_whole && is_drawn_in(&line);
+        line
+    }
+    /// An arc halved until chords may stand for it, and whether it has not become too long.
+    fn halved_arc(
+        &self,
+        q: usize,
+        [from, to]: [[f64; 2]; 2],
+        i: usize,
+        over: &mut Columns<'_>,
+    ) -> (Vec<[f64; 2]>, bool) {
+        let curve = over.arrangement.slabs[over.slab].arcs[i].curve;
+        let is_contracted = self.curves.on_curve.contains_key(&curve);
+        let (mut line, mut is_whole) = (vec![from], true);
+        let mut stack = vec![(from, to, 0)];
         while let Some((left, right, depth)) = stack.pop() {
             let u = 0.5 * (left[0] + right[0]);
             let is_full = line.len() > VERTICES || self.atlas.control.is_stopped();
-            *in_order &= !is_full;
+            is_whole &= !is_full;
             let room = left[0] < u && u < right[0] && depth < self.halvings && !is_full;
             let Some(v) = room.then(|| over.at(u, i)).flatten() else {
                 line.push(right);
                 continue;
             };
             let mid = [u, v];
-            let (p, m, r) = (at(left), at(mid), at(right));
-            let chord = [u, 0.5 * (left[1] + right[1])];
-            let tolerance = self.atlas.tolerance_at(m);
-            let fine = distance(p, r) <= self.atlas.options.longest
-                && distance(m, middle(p, r)) <= 0.3 * tolerance
-                // The triangles beside it meet the chord in the parameters, not the arc.
-                && distance(at(chord), middle(p, r)) <= 0.3 * tolerance
-                && !(is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]))
-                && self.atlas.charts[q].keeps_sign([left, right, left], 0);
+            let turns =
+                || is_contracted && depth < TURNS && self.atlas.charts[q].turns([left, mid, right]);
             // One halving at least: a chord may meet the middle by chance.
-            if fine && depth > 1 {
+            if depth > 1 && self.is_fine_arc(q, [left, mid, right]) && !turns() {
                 line.push(right);
             } else {
                 stack.push((mid, right, depth + 1));
                 stack.push((left, mid, depth + 1));
             }
         }
-        *in_order &= is_drawn_in(&line);
-        line
+        (line, is_whole)
+    }
+    /// Whether a chord may stand for a piece of an arc with a place between its ends.
+    fn is_fine_arc(&self, q: usize, [left, mid, right]: [[f64; 2]; 3]) -> bool {
+        let chart = &self.atlas.charts[q];
+        let (p, m, r) = (chart.at(left), chart.at(mid), chart.at(right));
+        let chord = [mid[0], 0.5 * (left[1] + right[1])];
+        let sagitta = SAGITTA * self.atlas.tolerance_at(m);
+        distance(p, r) <= self.atlas.options.longest
+            && distance(m, middle(p, r)) <= sagitta
+            // The triangles beside it meet the chord in the parameters, not the arc.
+            && distance(chart.at(chord), middle(p, r)) <= sagitta
+            && chart.keeps_sign([left, right, left], 0)
     }
 
     /// A drawn stretch of a wall after a point, from rectangle to rectangle around base points, and
     /// its vertices.
     pub(super) fn upright(&self, q: usize, wall: usize, point: usize) -> (Stretch, Vec<[f64; 2]>) {
-        let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
-        let mut rays = [None; 2];
-        for (k, end) in ends.iter_mut().enumerate() {
-            if let Some(site) = self.sites.get(&(q, wall, point + k)) {
-                let arc = site
-                    .arcs
-                    .iter()
-                    .find(|x| x.chain.is_empty() && x.right == (k == 0));
-                rays[k] = arc.map(|x| (site.fan, x.ray, site.at));
-                *end = arc.map_or(*end, |x| x.end);
-            }
+        let stretch = self.upright_stretch(q, wall, point);
+        let ([u, from], [_, to]) = (stretch.from, stretch.to);
+        let bit = self.atlas.region.side_of_wall(q, wall, point);
+        let ends = [stretch.from, stretch.to];
+        if let Some(line) = self.atlas.border_line(q, bit, ends, self.halvings) {
+            return (stretch, line.into_iter().map(|at| [u, at[1]]).collect());
         }
-        let [a, b] = ends;
-        let is_contracted = self
-            .curves
-            .drawn_on(q, wall, point)
-            .is_some_and(|f| self.curves.on_curve.contains_key(&f));
-        let based = rays.map(|r| r.is_some());
-        let stretch = Stretch {
-            before: vec![],
-            from: a,
-            to: b,
-            after: vec![],
-            based,
-            rays,
-        };
-        if let Some(line) = self.atlas.border_line(
-            q,
-            self.atlas.region.side_of_wall(q, wall, point),
-            [a, b],
-            self.halvings,
-        ) {
-            return (stretch, line.into_iter().map(|at| [a[0], at[1]]).collect());
-        }
-        let mut line = vec![a];
-        let mut stack = vec![(a[1], b[1], 0)];
+        let curve = self.curves.drawn_on(q, wall, point);
+        let is_contracted = curve.is_some_and(|f| self.curves.on_curve.contains_key(&f));
+        let chart = &self.atlas.charts[q];
+        let at = |v: f64| chart.at([u, v]);
+        let mut line = vec![stretch.from];
+        let mut stack = vec![(from, to, 0)];
         while let Some((x, y, depth)) = stack.pop() {
-            let at = |v: f64| self.atlas.charts[q].at([a[0], v]);
             let m = 0.5 * (x + y);
-            let turns = || {
-                is_contracted
-                    && depth < TURNS
-                    && self.atlas.charts[q].turns([x, m, y].map(|v| [a[0], v]))
-            };
+            let turns = || is_contracted && depth < TURNS && chart.turns([x, m, y].map(|v| [u, v]));
             if depth < self.halvings
                 && line.len() < VERTICES
                 && !self.atlas.control.is_stopped()
@@ -230,9 +218,30 @@ impl Openings<'_> {
             {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
-                line.push([a[0], y]);
+                line.push([u, y]);
             }
         }
         (stretch, line)
+    }
+    /// A stretch of a wall after a point, from rectangle to rectangle.
+    fn upright_stretch(&self, q: usize, wall: usize, point: usize) -> Stretch {
+        let mut ends = [point, point + 1].map(|p| self.atlas.place(q, wall, p));
+        let mut rays = [None; 2];
+        for (k, end) in ends.iter_mut().enumerate() {
+            if let Some(site) = self.sites.get(&(q, wall, point + k))
+                && let Some(arc) = site.vertical_arc(k == 0)
+            {
+                rays[k] = Some((site.fan, arc.ray, site.at));
+                *end = arc.end;
+            }
+        }
+        Stretch {
+            before: vec![],
+            from: ends[0],
+            to: ends[1],
+            after: vec![],
+            based: rays.map(|r| r.is_some()),
+            rays,
+        }
     }
 }

@@ -8,7 +8,7 @@
 use super::closing::UPON;
 use super::geometry::{distance, middle};
 use super::gluing::{CROWDED, Gluing, Track};
-use super::names::{Node, key, name_of};
+use super::names::{ClassId, Node, key, name_of};
 use super::opening::Openings;
 use super::places::{distance2, place_beside, place_on, side_of, sides_of};
 use super::sides::{Sides, add_place};
@@ -55,7 +55,7 @@ struct Spot {
     faces: u8,
     /// Where arcs cross.
     is_crossing: bool,
-    class: usize,
+    class: ClassId,
 }
 
 /// A chord of an arc in a unit triangle: arc, number of its first spot, which of the parameters.
@@ -85,7 +85,7 @@ impl Spot {
             parameters: place.real()?.map(snapped),
             faces,
             is_crossing: false,
-            class: 0,
+            class: ClassId(0),
         })
     }
     /// Whether it is more than a place between others.
@@ -398,7 +398,7 @@ impl Openings<'_> {
                 spots[b.2].parameters[b.3] = spots[a.2].parameters[a.3];
             }
         }
-        let mut number: BTreeMap<usize, usize> = BTreeMap::new();
+        let mut number: BTreeMap<usize, ClassId> = BTreeMap::new();
         for (k, spot) in spots.iter_mut().enumerate() {
             let image = spot.place.point().map(|x| x * self.atlas.half_width);
             spot.class = *number

@@ -3,7 +3,7 @@
 
 use super::{CLOSE, Gluing};
 use crate::mesh::geometry::distance;
-use crate::mesh::names::{Name, key, name_of};
+use crate::mesh::names::{ClassId, Name, key, name_of};
 use crate::mesh::opening::Openings;
 use crate::mesh::places::{distance2, in_plane, place_on};
 use crate::mesh::sides::{Sides, add_place};
@@ -70,11 +70,11 @@ impl Openings<'_> {
         gluing: &mut Gluing,
     ) -> Option<Name> {
         let is_near = |p: &Point3| distance(*p, point.image) < CLOSE * self.atlas.half_width;
-        let contracted = self.curves.images.iter().position(is_near);
+        let contracted = self.curves.images().find(|x| is_near(&x.1));
         let double = || gluing.images.iter().position(is_near);
         let known = contracted
-            .map(Name::Image)
-            .or_else(|| double().map(Name::Double));
+            .map(|x| Name::Image(x.0))
+            .or_else(|| double().map(|k| Name::Double(ClassId(k))));
         let is_other = |o: &Isolated| o.q != point.q || distance2(o.at, point.at) > ONE;
         let mut near = points.iter().filter(|o| is_near(&o.image));
         let has_others = near.any(is_other);
@@ -88,9 +88,9 @@ impl Openings<'_> {
 
     /// Contracted curves with one image are one vertex already; a double curve may go through it.
     fn join_contracted(&self, gluing: &mut Gluing) {
-        for (k, &p) in self.curves.images.iter().enumerate() {
+        for (k, p) in self.curves.images() {
             let (images, parameters) = (&gluing.images, &gluing.parameters);
-            let is_met = |c: usize| {
+            let is_met = |ClassId(c): ClassId| {
                 distance(images[c], p) < CLOSE * self.atlas.half_width
                     && (self.curves.glued || self.curves.leads_to(k, parameters[c]))
             };

@@ -5,7 +5,7 @@ use super::Track;
 use super::pieces::{Knot, Piece, Pieces};
 use crate::mesh::chart::Chart;
 use crate::mesh::geometry::distance;
-use crate::mesh::names::key;
+use crate::mesh::names::{ClassId, key};
 use crate::mesh::opening::Openings;
 use crate::mesh::places::{distance2, in_plane, on_side};
 use crate::mesh::stretch::Columns;
@@ -44,12 +44,12 @@ const MOVED: f64 = 0.35;
 struct Target {
     image: Point3,
     parameter: [f64; 3],
-    class: usize,
+    class: ClassId,
 }
 
 impl Pieces<'_> {
     /// Finds the partners of a vertex and gives them, and it, a class.
-    pub(super) fn join(&mut self, k: usize, j: usize, class: usize) {
+    pub(super) fn join(&mut self, k: usize, j: usize, class: ClassId) {
         let open = self.open;
         let knot = &mut self.pieces[k].knots[j];
         knot.class = Some(class);

@@ -3,7 +3,7 @@
 use super::Track;
 use crate::fan::Direction;
 use crate::mesh::geometry::distance;
-use crate::mesh::names::{Key, Name, Ray, key, name_on};
+use crate::mesh::names::{ClassId, Key, Name, Ray, key, name_on};
 use crate::mesh::opening::{FULL, Openings};
 use crate::mesh::places::{distance2, in_plane, on_side, place_in};
 use crate::mesh::sides::{SideId, Sides, quadrants_at};
@@ -27,7 +27,7 @@ pub(super) struct Knot {
     pub(super) image: Point3,
     /// Stays where it is.
     pub(super) fixed: bool,
-    pub(super) class: Option<usize>,
+    pub(super) class: Option<ClassId>,
 }
 
 /// A piece of the double curve, in one unit triangle.

@@ -4,6 +4,7 @@ use super::pieces::{Knot, Piece, Pieces};
 use super::{Gluing, Track};
 use crate::double::Fibres;
 use crate::finding::{Finding, JoinedCurve};
+use crate::mesh::names::ClassId;
 use crate::mesh::opening::Openings;
 use crate::mesh::places::in_plane;
 use crate::mesh::sides::Sides;
@@ -12,9 +13,9 @@ use crate::surface::DoubleArc;
 use std::collections::{BTreeMap, BTreeSet};
 
 /// An edge of the double curve: the classes of its ends, the lesser one first.
-type Edge = [usize; 2];
+type Edge = [ClassId; 2];
 
-fn edge(a: usize, b: usize) -> Edge {
+fn edge(a: ClassId, b: ClassId) -> Edge {
     [a.min(b), a.max(b)]
 }
 
@@ -48,9 +49,9 @@ impl Sheets {
     }
     /// The arcs along a piece, given by the classes of its vertices, that no other piece had before:
     /// runs of classes with as many sheets all along.
-    fn arcs(&mut self, classes: &[usize]) -> Vec<(Vec<usize>, usize)> {
+    fn arcs(&mut self, classes: &[ClassId]) -> Vec<(Vec<ClassId>, usize)> {
         let mut found = Vec::new();
-        let mut run: Vec<usize> = Vec::new();
+        let mut run: Vec<ClassId> = Vec::new();
         let mut sheets = 0;
         for w in classes.windows(2) {
             let edge = edge(w[0], w[1]);
@@ -96,10 +97,10 @@ impl Pieces<'_> {
         }
         for mut piece in pieces {
             if !open.is_border(&piece) {
-                let classes: Vec<usize> = piece.knots.iter().filter_map(|k| k.class).collect();
+                let classes: Vec<ClassId> = piece.knots.iter().filter_map(|k| k.class).collect();
                 gluing.meeting.extend(&classes);
                 for (run, sheets) in sheets.arcs(&classes) {
-                    let points = run.iter().map(|&c| gluing.images[c]).collect();
+                    let points = run.iter().map(|&c| gluing.image(c)).collect();
                     gluing.arcs.push(DoubleArc { points, sheets });
                 }
             }
@@ -259,9 +260,13 @@ impl Openings<'_> {
 mod tests {
     use super::*;
 
+    fn classes<const N: usize>(numbers: [usize; N]) -> Vec<ClassId> {
+        numbers.map(ClassId).to_vec()
+    }
     fn sheets(edges: &[([usize; 2], usize)]) -> Sheets {
+        let of = edges.iter().map(|&(e, n)| (e.map(ClassId), n));
         Sheets {
-            of: edges.iter().copied().collect(),
+            of: of.collect(),
             done: BTreeSet::new(),
         }
     }
@@ -270,17 +275,19 @@ mod tests {
     #[test]
     fn arcs_have_as_many_sheets_all_along() {
         let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([2, 3], 4), ([3, 4], 1)]);
-        let all = [(vec![0, 1, 2], 2), (vec![2, 3], 4)];
-        assert_eq!(s.arcs(&[0, 1, 2, 3, 4]), all);
+        let all = [(classes([0, 1, 2]), 2), (classes([2, 3]), 4)];
+        assert_eq!(s.arcs(&classes([0, 1, 2, 3, 4])), all);
         // The other sheets go the same way, or back.
-        assert!(s.arcs(&[4, 3, 2, 1, 0]).is_empty() && s.arcs(&[0, 1, 2]).is_empty());
+        assert!(
+            s.arcs(&classes([4, 3, 2, 1, 0])).is_empty() && s.arcs(&classes([0, 1, 2])).is_empty()
+        );
     }
 
     /// A sheet that leaves an arc and comes back to it has what lies between for itself.
     #[test]
     fn arcs_are_told_apart_where_sheets_part() {
         let mut s = sheets(&[([0, 1], 2), ([1, 2], 2), ([1, 5], 2), ([2, 5], 2)]);
-        assert_eq!(s.arcs(&[0, 1, 2]), [(vec![0, 1, 2], 2)]);
-        assert_eq!(s.arcs(&[0, 1, 5, 2]), [(vec![1, 5, 2], 2)]);
+        assert_eq!(s.arcs(&classes([0, 1, 2])), [(classes([0, 1, 2]), 2)]);
+        assert_eq!(s.arcs(&classes([0, 1, 5, 2])), [(classes([1, 5, 2]), 2)]);
     }
 }

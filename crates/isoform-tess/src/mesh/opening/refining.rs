@@ -91,12 +91,12 @@ impl<'a> Wedge<'a> {
     fn image(&self, at: [f64; 2]) -> Point3 {
         self.open.atlas.charts[self.q].at(at)
     }
-    fn from_base(&self, x: [f64; 2]) -> [f64; 2] {
+    fn seen_from_base(&self, x: [f64; 2]) -> [f64; 2] {
         [x[0] - self.site.at[0], x[1] - self.site.at[1]]
     }
     /// Whether two places follow each other around the base point in the sense of the fan.
     fn are_in_turn(&self, a: [f64; 2], b: [f64; 2]) -> bool {
-        let turn = cross(self.from_base(a), self.from_base(b));
+        let turn = cross(self.seen_from_base(a), self.seen_from_base(b));
         if self.fan.keeps_turn(self.q) {
             turn > 0.0
         } else {
@@ -214,7 +214,7 @@ impl<'a> Wedge<'a> {
             let ring = self.open.ray(self.q, self.site, d, backward).vertices();
             ring.windows(2).all(|w| {
                 chart.keeps_sign([self.site.at, w[0], w[1]], self.fan.multiplicity)
-                    && cross(self.from_base(w[0]), self.from_base(w[1])) > 0.0
+                    && cross(self.seen_from_base(w[0]), self.seen_from_base(w[1])) > 0.0
             })
         })
     }

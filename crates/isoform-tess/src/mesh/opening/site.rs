@@ -22,6 +22,11 @@ impl Site {
             arcs: Vec::new(),
         }
     }
+    /// The curve on its wall that ends there from above or below.
+    pub(in crate::mesh) fn vertical_arc(&self, up: bool) -> Option<&SiteArc> {
+        let mut arcs = self.arcs.iter();
+        arcs.find(|x| x.chain.is_empty() && x.right == up)
+    }
 }
 
 /// An arc that ends in a base point.

@@ -119,7 +119,7 @@ impl Plane {
             dead: vec![false; self.triangles.len()],
         };
         for v in 0..self.nodes.len() as u32 {
-            let Some([a, b]) = along.get(&v).and_then(|ends| two(ends)) else {
+            let Some([a, b]) = along.get(&v).and_then(two) else {
                 continue;
             };
             if pulling.at[v as usize] == NONE || !self.is_dispensable(v, [a, b], measure) {

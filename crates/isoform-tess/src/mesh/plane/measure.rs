@@ -1,6 +1,6 @@
 //! What a triangulation of parameters is told about the surface.
 
-use crate::mesh::names::Node;
+use crate::mesh::names::{ClassId, ImageId, Node};
 use crate::surface::Point3;
 
 /// What edges and triangles have to be like.
@@ -12,7 +12,7 @@ pub(in crate::mesh) trait Measure {
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;
     /// The point of a contracted curve beside the middle of a chord of it, with this image.
-    fn beside_chord(&self, chord: [[f64; 2]; 2], image: usize) -> Option<[f64; 2]>;
+    fn beside_chord(&self, chord: [[f64; 2]; 2], image: ImageId) -> Option<[f64; 2]>;
     /// Whether the surface leaves a contracted curve in directions that are far from each other at
     /// three places of it.
     fn turns(&self, at: [[f64; 2]; 3]) -> bool;
@@ -32,7 +32,7 @@ pub(in crate::mesh) trait Measure {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Shared {
     /// Of a contracted curve.
-    Contracted(usize),
+    Contracted(ImageId),
     /// A point of the double curve.
-    Double(usize),
+    Double(ClassId),
 }

@@ -3,7 +3,7 @@
 
 use super::{Measure, NONE, Plane, Shared};
 use crate::mesh::geometry::{distance, middle};
-use crate::mesh::names::Name;
+use crate::mesh::names::{ImageId, Name};
 use crate::surface::Point3;
 use isoform_geom::{cross, dot, norm, sub};
 
@@ -225,7 +225,7 @@ impl Plane {
         t: u32,
         i: usize,
         measure: &dyn Measure,
-    ) -> Option<([f64; 2], usize)> {
+    ) -> Option<([f64; 2], ImageId)> {
         let [a, b] = self.ends(t, i);
         let is_inner = self.fixed[t as usize][i] && self.adjacent[t as usize][i] != NONE;
         let Some(Shared::Contracted(image)) =
