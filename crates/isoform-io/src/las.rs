@@ -61,19 +61,32 @@ fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     )
 }
 
+/// Bytes of a header of LAS 1.0, and of LAS 1.4.
+const HEADER: usize = 227;
+const HEADER_14: usize = 375;
+
 fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
-    let mut b = [0_u8; 375];
-    input.exact(&mut b[..227], || "a LAS header has 227 bytes".into())?;
+    let mut b = [0_u8; HEADER_14];
+    input.exact(&mut b[..HEADER], || "a LAS header has 227 bytes".into())?;
     if &b[..4] != b"LASF" {
         return Err(corrupt(input, At::Byte(0), "it does not start with LASF"));
     }
-    let version = (b[24], b[25]);
-    let (day, year) = (u16_at(&b, 90), u16_at(&b, 92));
-    let size = u16_at(&b, 94);
-    let is_14 = version >= (1, 4) && size >= 375;
+    let (version, size) = ((b[24], b[25]), u16_at(&b, 94));
+    let is_14 = version >= (1, 4) && usize::from(size) >= HEADER_14;
     if is_14 {
-        input.exact(&mut b[227..375], || "a LAS 1.4 header has 375 bytes".into())?;
+        let missing = || "a LAS 1.4 header has 375 bytes".into();
+        input.exact(&mut b[HEADER..], missing)?;
     }
+    warn_of_oddities(&b, report);
+    let mut header = Header::of(&b, is_14);
+    header.check(input, size)?;
+    records(input, u64::from(size), u32_at(&b, 100), &mut header, report)?;
+    Ok(header)
+}
+
+/// A version that is not known, and a date that cannot be.
+fn warn_of_oddities(b: &[u8], report: &mut ReadReport) {
+    let (version, day, year) = ((b[24], b[25]), u16_at(b, 90), u16_at(b, 92));
     if version.0 != 1 || version.1 > 4 {
         report.warn(format!("unknown LAS version {}.{}", version.0, version.1));
     }
@@ -82,57 +95,61 @@ fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
             "the creation date (day {day} of {year}) cannot be true"
         ));
     }
-    let legacy = u64::from(u32_at(&b, 107));
-    let points = if is_14 {
-        u64::from_le_bytes(std::array::from_fn(|i| b[247 + i]))
-    } else {
-        legacy
-    };
-    let mut header = Header {
-        points: if points == 0 { legacy } else { points },
-        start: u64::from(u32_at(&b, 96)),
-        record: u16_at(&b, 105),
-        format: b[104] & 0x3f,
-        is_compressed: b[104] & 0xc0 != 0,
-        scale: std::array::from_fn(|k| f64_at(&b, 131 + 8 * k)),
-        offset: std::array::from_fn(|k| f64_at(&b, 155 + 8 * k)),
-        laszip: None,
-    };
-    let Some(&least) = RECORD.get(usize::from(header.format)) else {
-        return Err(corrupt(
-            input,
-            At::Byte(104),
-            format!("unknown point format {}", header.format),
-        ));
-    };
-    if header.record < least {
-        return Err(corrupt(
-            input,
-            At::Byte(105),
-            format!(
-                "records of {} bytes; format {} needs {least}",
-                header.record, header.format
-            ),
-        ));
+}
+
+impl Header {
+    fn of(b: &[u8], is_14: bool) -> Self {
+        let legacy = u64::from(u32_at(b, 107));
+        let points = match is_14 {
+            true => u64::from_le_bytes(std::array::from_fn(|i| b[247 + i])),
+            false => legacy,
+        };
+        Self {
+            points: if points == 0 { legacy } else { points },
+            start: u64::from(u32_at(b, 96)),
+            record: u16_at(b, 105),
+            format: b[104] & 0x3f,
+            is_compressed: b[104] & 0xc0 != 0,
+            scale: std::array::from_fn(|k| f64_at(b, 131 + 8 * k)),
+            offset: std::array::from_fn(|k| f64_at(b, 155 + 8 * k)),
+            laszip: None,
+        }
     }
-    if !header.scale.iter().all(|s| s.is_finite() && *s != 0.0)
-        || !header.offset.iter().all(|o| o.is_finite())
-    {
-        return Err(corrupt(
-            input,
-            At::Byte(131),
-            format!("scale {:?} and offset {:?}", header.scale, header.offset),
-        ));
+
+    /// The coordinates of a record.
+    #[inline]
+    fn point(&self, record: &[u8]) -> [f64; 3] {
+        std::array::from_fn(|k| {
+            let step = i32::from_le_bytes(std::array::from_fn(|i| record[4 * k + i]));
+            f64::from(step) * self.scale[k] + self.offset[k]
+        })
     }
-    if u64::from(size) > header.start || header.start > input.size || size < 227 {
-        let why = format!(
-            "a header of {size} bytes and points from byte {} in a file of {} bytes",
-            header.start, input.size
-        );
-        return Err(corrupt(input, At::Byte(94), why));
+
+    /// Refuses what contradicts itself or the file; `size` is that of the header.
+    fn check(&self, input: &Input<'_>, size: u16) -> Result<()> {
+        let refuse = |at, why: String| Err(corrupt(input, At::Byte(at), why));
+        let (format, record) = (self.format, self.record);
+        let Some(&least) = RECORD.get(usize::from(format)) else {
+            return refuse(104, format!("unknown point format {format}"));
+        };
+        if record < least {
+            let why = format!("records of {record} bytes; format {format} needs {least}");
+            return refuse(105, why);
+        }
+        let (scale, offset) = (self.scale, self.offset);
+        let is_scale = scale.iter().all(|s| s.is_finite() && *s != 0.0);
+        if !is_scale || !offset.iter().all(|o| o.is_finite()) {
+            return refuse(131, format!("scale {scale:?} and offset {offset:?}"));
+        }
+        let (start, length) = (self.start, input.size);
+        if u64::from(size) > start || start > length || usize::from(size) < HEADER {
+            let why = format!(
+                "a header of {size} bytes and points from byte {start} in a file of {length} bytes"
+            );
+            return refuse(94, why);
+        }
+        Ok(())
     }
-    records(input, u64::from(size), u32_at(&b, 100), &mut header, report)?;
-    Ok(header)
 }
 
 /// Variable length records: the coordinate system for the unit, and the key to LAZ.
@@ -232,6 +249,41 @@ impl Fields {
     }
 }
 
+impl Fields {
+    /// The values of a point, coordinates first.
+    fn layout(&self) -> Layout {
+        let mut names = vec![
+            "x",
+            "y",
+            "z",
+            "intensity",
+            "classification",
+            "return_number",
+        ];
+        names.extend(self.time.map(|_| "gps_time"));
+        if self.color.is_some() {
+            names.extend(["red", "green", "blue"]);
+        }
+        let mut layout = Layout::named(names);
+        layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
+        layout
+    }
+    /// The values of a record behind the coordinates.
+    #[inline]
+    fn values(&self, record: &[u8], values: &mut Vec<f64>) {
+        let (class, bits) = self.class;
+        values.push(f64::from(u16_at(record, 12)));
+        values.push(f64::from(record[class] & bits));
+        values.push(f64::from(record[14] & self.returns));
+        if let Some(at) = self.time {
+            values.push(f64_at(record, at));
+        }
+        if let Some(at) = self.color {
+            values.extend((0..3).map(|k| f64::from(u16_at(record, at + 2 * k))));
+        }
+    }
+}
+
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -243,38 +295,14 @@ pub(crate) fn read(
     if header.is_compressed && header.format >= 6 {
         fields.time = None; // not unpacked, see compressed.rs
     }
-    let mut names = vec![
-        "x",
-        "y",
-        "z",
-        "intensity",
-        "classification",
-        "return_number",
-    ];
-    names.extend(fields.time.map(|_| "gps_time"));
-    if fields.color.is_some() {
-        names.extend(["red", "green", "blue"]);
-    }
-    let mut layout = Layout::named(names);
-    layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
+    let mut layout = fields.layout();
     let mut collector = Collector::new(options);
     layout.announce(&mut collector);
     let mut values: Vec<f64> = Vec::new();
     let mut take = |record: &[u8]| {
         values.clear();
-        for k in 0..3 {
-            let step = i32::from_le_bytes(std::array::from_fn(|i| record[4 * k + i]));
-            values.push(f64::from(step) * header.scale[k] + header.offset[k]);
-        }
-        values.push(f64::from(u16_at(record, 12)));
-        values.push(f64::from(record[fields.class.0] & fields.class.1));
-        values.push(f64::from(record[14] & fields.returns));
-        if let Some(at) = fields.time {
-            values.push(f64_at(record, at));
-        }
-        if let Some(at) = fields.color {
-            values.extend((0..3).map(|k| f64::from(u16_at(record, at + 2 * k))));
-        }
+        values.extend(header.point(record));
+        fields.values(record, &mut values);
         layout.offer(&mut collector, &values);
     };
     if header.is_compressed {

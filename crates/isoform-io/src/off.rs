@@ -32,6 +32,14 @@ struct Keyword {
     odd: bool,
 }
 
+/// A file without a keyword: vertices and faces.
+const NO_KEYWORD: Keyword = Keyword {
+    texture: false,
+    color: false,
+    normal: false,
+    odd: false,
+};
+
 fn keyword(word: &str) -> Option<Keyword> {
     let rest = word.strip_suffix("OFF")?;
     let (texture, rest) = rest.strip_prefix("ST").map_or((false, rest), |r| (true, r));
@@ -74,82 +82,77 @@ pub(crate) fn read(
         text: String::new(),
         bytes: Vec::new(),
     };
-    let mut kind = Keyword {
-        texture: false,
-        color: false,
-        normal: false,
-        odd: false,
-    };
-    if !lines.next(input)? {
-        return Err(input.truncated("there is nothing but comments"));
-    }
-    let first = lines
-        .text
-        .split_ascii_whitespace()
-        .next()
-        .unwrap_or("")
-        .to_owned();
-    let mut counts = lines.text.trim_start().to_owned();
-    if let Some(k) = keyword(&first) {
-        counts = counts[first.len()..].trim().to_owned();
-        if k.odd || counts.starts_with("BINARY") {
-            let why = format!(
-                "the variant \"{} {}\" is not read",
-                shorten(&first),
-                shorten(&counts)
-            );
+    let header = Header::read(input, &mut lines)?;
+    report.declared = Some(header.vertices);
+    let mut collector = Collector::new(options);
+    collector.mesh(options);
+    read_vertices(input, &mut lines, &header, &mut collector)?;
+    read_faces(input, lines, header.faces, &mut collector)?;
+    collector.finish(input, options, report)
+}
+
+/// What comes before the vertices.
+struct Header {
+    kind: Keyword,
+    vertices: u64,
+    faces: u64,
+}
+
+impl Header {
+    /// The keyword, which may be missing, and the counts, on one line or two.
+    fn read(input: &mut Input<'_>, lines: &mut Lines) -> Result<Self> {
+        if !lines.next(input)? {
+            return Err(input.truncated("there is nothing but comments"));
+        }
+        let line = lines.text.trim_start();
+        let first = line.split_ascii_whitespace().next().unwrap_or("");
+        let Some(kind) = keyword(first) else {
+            return Self::of(NO_KEYWORD, line, input);
+        };
+        let rest = line[first.len()..].trim();
+        if kind.odd || rest.starts_with("BINARY") {
+            let (first, rest) = (shorten(first), shorten(rest));
             return Err(input.error(
                 ErrorKind::UnsupportedFormat,
                 input.at_line(0),
                 WHAT,
-                why,
+                format!("the variant \"{first} {rest}\" is not read"),
                 "save it as plain OFF or PLY",
             ));
         }
-        kind = k;
-        if counts.is_empty() {
-            if !lines.next(input)? {
-                return Err(input.truncated("the numbers of vertices and faces are missing"));
-            }
-            counts.clone_from(&lines.text);
+        if !rest.is_empty() {
+            return Self::of(kind, rest, input);
         }
+        if !lines.next(input)? {
+            return Err(input.truncated("the numbers of vertices and faces are missing"));
+        }
+        Self::of(kind, &lines.text, input)
     }
-    let numbers: Vec<Option<u64>> = counts
-        .split_ascii_whitespace()
-        .take(3)
-        .map(|w| w.parse().ok())
-        .collect();
-    let (vertices, faces) = match numbers[..] {
-        [Some(v), Some(f)] | [Some(v), Some(f), _] => (v, f),
-        _ => {
-            let why = format!(
-                "\"{}\" should be the numbers of vertices, faces and edges",
-                shorten(counts.trim())
-            );
-            return Err(input.error(
-                ErrorKind::Header,
-                input.at_line(0),
-                WHAT,
-                why,
-                "correct the line",
-            ));
-        }
-    };
-    report.declared = Some(vertices);
-    let mut collector = Collector::new(options);
-    collector.mesh(options);
-    read_vertices(input, &mut lines, &kind, vertices, &mut collector)?;
-    read_faces(input, lines, faces, &mut collector)?;
-    collector.finish(input, options, report)
+
+    fn of(kind: Keyword, counts: &str, input: &Input<'_>) -> Result<Self> {
+        let words = counts.split_ascii_whitespace().take(3);
+        let numbers: Vec<Option<u64>> = words.map(|w| w.parse().ok()).collect();
+        let ([Some(vertices), Some(faces)] | [Some(vertices), Some(faces), _]) = numbers[..] else {
+            let counts = shorten(counts.trim());
+            let why = format!("\"{counts}\" should be the numbers of vertices, faces and edges");
+            let (at, hint) = (input.at_line(0), "correct the line");
+            return Err(input.error(ErrorKind::Header, at, WHAT, why, hint));
+        };
+        Ok(Self {
+            kind,
+            vertices,
+            faces,
+        })
+    }
 }
 
 fn read_vertices(
     input: &mut Input<'_>,
     lines: &mut Lines,
-    kind: &Keyword,
-    count: u64,
+    header: &Header,
     collector: &mut Collector,
 ) -> Result<()> {
+    let (kind, count) = (&header.kind, header.vertices);
     let mut values: Vec<f64> = Vec::new();
     let after_normal = if kind.normal { 6 } else { 3 };
     let mut has_color = kind.color;
@@ -157,31 +160,11 @@ fn read_vertices(
         if !lines.next(input)? {
             return Err(input.truncated(format!("{i} of {count} vertices are there")));
         }
-        values.clear();
-        for word in lines.text.split_ascii_whitespace().take(16) {
-            let Some(v) = parse_number(word) else {
-                let column =
-                    (word.as_ptr() as usize).wrapping_sub(lines.text.as_ptr() as usize) + 1;
-                let why = format!("\"{}\" is not a number", shorten(word));
-                return Err(input.error(
-                    ErrorKind::Number,
-                    input.at_line(column),
-                    WHAT,
-                    why,
-                    "correct the line",
-                ));
-            };
-            values.push(v);
-        }
+        numbers(&lines.text, input, &mut values)?;
         if values.len() < 3 {
             let why = format!("vertex {i} has {} of 3 numbers", values.len());
-            return Err(input.error(
-                ErrorKind::Number,
-                input.at_line(0),
-                WHAT,
-                why,
-                "correct the line",
-            ));
+            let (at, hint) = (input.at_line(0), "correct the line");
+            return Err(input.error(ErrorKind::Number, at, WHAT, why, hint));
         }
         if i == 0 {
             // Colours without the C are common.
@@ -202,6 +185,22 @@ fn read_vertices(
         if has_color && values.len() >= after_normal + 3 {
             collector.set_color(slot, std::array::from_fn(|k| values[after_normal + k]));
         }
+    }
+    Ok(())
+}
+
+/// The numbers of a vertex, of which more than 16 do not matter.
+fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
+    values.clear();
+    for word in line.split_ascii_whitespace().take(16) {
+        let Some(v) = parse_number(word) else {
+            // Both are parts of one line, so that their addresses tell the column.
+            let column = (word.as_ptr() as usize).wrapping_sub(line.as_ptr() as usize) + 1;
+            let why = format!("\"{}\" is not a number", shorten(word));
+            let (at, hint) = (input.at_line(column), "correct the line");
+            return Err(input.error(ErrorKind::Number, at, WHAT, why, hint));
+        };
+        values.push(v);
     }
     Ok(())
 }

@@ -22,7 +22,7 @@ pub struct ReadOptions {
     /// Vertices or samples of meshes.
     pub mesh: MeshPoints,
     /// Move clouds that are further than 1000 diagonals from the origin to a rounded centre
-    /// ([`PointCloud::origin`]). Nothing is rounded.
+    /// ([`PointCloud::origin`](isoform_geom::PointCloud::origin)). Nothing is rounded.
     pub recenter: bool,
 }
 

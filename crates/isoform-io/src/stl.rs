@@ -120,70 +120,71 @@ fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepo
 
 fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
-    let mut corners: Vec<Point3> = Vec::new();
-    let (mut solids, mut open, mut polygons) = (0_u64, false, 0_u64);
+    let mut solids = Solids::default();
     while input.read_line(&mut text, &mut bytes)? {
+        solids.line(&text, input, weld, report)?;
+    }
+    if solids.count == 0 {
+        let hint = "check that it is an STL file";
+        let why = "there is no \"solid\" in it";
+        return Err(input.error(ErrorKind::Header, At::File, WHAT, why, hint));
+    }
+    if solids.is_open || !solids.corners.is_empty() {
+        return Err(input.truncated("the line \"endsolid\" is missing"));
+    }
+    if solids.polygons > 0 {
+        report.warn(format!(
+            "{} facets do not have three corners and were passed over",
+            solids.polygons
+        ));
+    }
+    Ok(())
+}
+
+/// How far the text of an ASCII file has been taken.
+#[derive(Default)]
+struct Solids {
+    count: u64,
+    /// The end of the last one has not come.
+    is_open: bool,
+    /// Corners of the facet at hand.
+    corners: Vec<Point3>,
+    /// Facets that are no triangles.
+    polygons: u64,
+}
+
+impl Solids {
+    fn line(
+        &mut self,
+        text: &str,
+        input: &Input<'_>,
+        weld: &mut Weld<'_>,
+        report: &mut ReadReport,
+    ) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
         let word = words.next().unwrap_or("").to_ascii_lowercase();
         match word.as_str() {
             "vertex" => {
-                let mut p = [0.0; 3];
-                for v in &mut p {
-                    let word = words.next().unwrap_or("");
-                    *v = parse_number(word).ok_or_else(|| {
-                        let why = format!(
-                            "\"{}\" is not a number in \"{}\"",
-                            shorten(word),
-                            shorten(text.trim())
-                        );
-                        input.error(
-                            ErrorKind::Number,
-                            input.at_line(0),
-                            WHAT,
-                            why,
-                            "correct the line",
-                        )
-                    })?;
-                }
+                let p = vertex(words, text, input)?;
                 // More corners than three are against the format; they are counted, not kept.
-                if corners.len() < 4 {
-                    corners.push(p);
+                if self.corners.len() < 4 {
+                    self.corners.push(p);
                 }
             }
-            "endloop" | "endfacet" => {
-                if let [a, b, c] = corners[..] {
-                    weld.facet([a, b, c], input.at_line(0));
-                } else if !corners.is_empty() {
-                    polygons += 1;
-                }
-                corners.clear();
-            }
+            "endloop" | "endfacet" => self.end_facet(input, weld),
             "solid" => {
-                report.units = report.units.take().or_else(|| stated_unit(&text));
-                solids += 1;
-                open = true;
-                let name = text.trim().get(5..).unwrap_or("").trim();
-                let part = weld.collector.add_part(&if name.is_empty() {
-                    format!("solid {solids}")
-                } else {
-                    name.to_owned()
-                });
-                weld.collector.set_part(part);
+                report.units = report.units.take().or_else(|| stated_unit(text));
+                self.begin(text.trim().get(5..).unwrap_or("").trim(), weld);
             }
-            "endsolid" => open = false,
+            "endsolid" => self.is_open = false,
             "" | "facet" | "outer" | "color" => {}
-            _ if solids == 0 => {
+            _ if self.count == 0 => {
                 let why = format!(
                     "neither binary STL nor text that starts with \"solid\": \"{}\"",
                     shorten(text.trim())
                 );
-                return Err(input.error(
-                    ErrorKind::Header,
-                    input.at_line(0),
-                    WHAT,
-                    why,
-                    "check that it is an STL file",
-                ));
+                let (at, hint) = (input.at_line(0), "check that it is an STL file");
+                return Err(input.error(ErrorKind::Header, at, WHAT, why, hint));
             }
             other => report.warn(format!(
                 "line {}: unknown word \"{}\" was passed over",
@@ -191,25 +192,52 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
                 shorten(other)
             )),
         }
+        Ok(())
     }
-    if solids == 0 {
-        return Err(input.error(
-            ErrorKind::Header,
-            At::File,
-            WHAT,
-            "there is no \"solid\" in it",
-            "check that it is an STL file",
-        ));
+
+    fn end_facet(&mut self, input: &Input<'_>, weld: &mut Weld<'_>) {
+        if let [a, b, c] = self.corners[..] {
+            weld.facet([a, b, c], input.at_line(0));
+        } else if !self.corners.is_empty() {
+            self.polygons += 1;
+        }
+        self.corners.clear();
     }
-    if open || !corners.is_empty() {
-        return Err(input.truncated("the line \"endsolid\" is missing"));
+
+    /// A solid begins, which is a part; one without a name gets its number.
+    fn begin(&mut self, name: &str, weld: &mut Weld<'_>) {
+        self.count += 1;
+        self.is_open = true;
+        let part = match name {
+            "" => weld.collector.add_part(&format!("solid {}", self.count)),
+            name => weld.collector.add_part(name),
+        };
+        weld.collector.set_part(part);
     }
-    if polygons > 0 {
-        report.warn(format!(
-            "{polygons} facets do not have three corners and were passed over"
-        ));
+}
+
+/// The three numbers of a corner.
+fn vertex<'t>(
+    mut words: impl Iterator<Item = &'t str>,
+    line: &str,
+    input: &Input<'_>,
+) -> Result<Point3> {
+    let mut p = [0.0; 3];
+    for v in &mut p {
+        let word = words.next().unwrap_or("");
+        *v = parse_number(word).ok_or_else(|| {
+            let (word, line) = (shorten(word), shorten(line.trim()));
+            let why = format!("\"{word}\" is not a number in \"{line}\"");
+            input.error(
+                ErrorKind::Number,
+                input.at_line(0),
+                WHAT,
+                why,
+                "correct the line",
+            )
+        })?;
     }
-    Ok(())
+    Ok(p)
 }
 
 #[cfg(test)]

@@ -7,12 +7,17 @@
 //! values of the first [`PROBE`] rows tell the rest: triples of whole numbers from 0 to 255 are
 //! colours, triples of length 1 are normals.
 
+mod layout;
+mod separator;
+
 use crate::collect::Collector;
 use crate::format::{Sniff, extension};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::roles::{Layout, Role};
 use crate::{ErrorKind, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
+use layout::{by_names, by_values};
+use separator::Separator;
 use std::io::{self, Write};
 
 /// Rows that decide what columns without names are: enough that chance does not make whole numbers
@@ -44,69 +49,6 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 
 fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Separator {
-    Blank,
-    Char(char),
-}
-
-impl Separator {
-    /// The separator of a line, and whether its commas are decimal.
-    fn of(line: &str) -> (Self, bool) {
-        if line.contains(';') {
-            return (Self::Char(';'), line.contains(','));
-        }
-        let tabs: Vec<&str> = line.split('\t').map(str::trim).collect();
-        let by_tab = tabs.len() >= 3 && tabs.iter().all(|f| !f.contains(char::is_whitespace));
-        if line.contains(',') {
-            let blanks: Vec<&str> = line.split_ascii_whitespace().collect();
-            let decimal = blanks.len() >= 3
-                && blanks.iter().all(|f| {
-                    f.matches(',').count() <= 1 && !f.ends_with(',') && !f.starts_with(',')
-                });
-            return match decimal {
-                true if by_tab => (Self::Char('\t'), true),
-                true => (Self::Blank, true),
-                false => (Self::Char(','), false),
-            };
-        }
-        (
-            if by_tab {
-                Self::Char('\t')
-            } else {
-                Self::Blank
-            },
-            false,
-        )
-    }
-    /// Fields with their byte offsets; an empty one at the end is a mere end mark.
-    fn split(self, line: &str) -> impl Iterator<Item = (usize, &str)> {
-        let mut at = 0;
-        std::iter::from_fn(move || {
-            if at > line.len() {
-                return None;
-            }
-            if self == Self::Blank {
-                at += line[at..].find(|c: char| !c.is_ascii_whitespace())?;
-            }
-            let rest = &line[at..];
-            let end = match self {
-                Self::Blank => rest.find(|c: char| c.is_ascii_whitespace()),
-                Self::Char(c) => rest.find(c),
-            };
-            let field = &rest[..end.unwrap_or(rest.len())];
-            let start = at;
-            at = end.map_or(line.len() + 1, |e| start + e + 1);
-            let lead = field.len() - field.trim_start().len();
-            let field = field.trim();
-            if end.is_none() && field.is_empty() {
-                return None;
-            }
-            Some((start + lead, field))
-        })
-    }
 }
 
 struct Reader<'i, 'a> {
@@ -439,103 +381,6 @@ impl Reader<'_, '_> {
                 .unwrap_or(k);
         }
     }
-}
-
-fn by_names(names: &[String], report: &mut ReadReport) -> Layout {
-    let known = |name: &str| match name.to_ascii_lowercase().as_str() {
-        "easting" | "east" | "x_coordinate" | "coord_x" | "pos_x" | "x_m" => Some("x"),
-        "northing" | "north" | "y_coordinate" | "coord_y" | "pos_y" | "y_m" => Some("y"),
-        "elevation" | "height" | "altitude" | "z_coordinate" | "coord_z" | "pos_z" | "z_m" => {
-            Some("z")
-        }
-        _ => None,
-    };
-    let layout = Layout::named(names.iter().map(String::as_str));
-    if layout.missing_coordinate().is_none() {
-        return layout;
-    }
-    let layout = Layout::named(names.iter().map(|n| match known(n) {
-        Some(axis) if !names.iter().any(|m| m.eq_ignore_ascii_case(axis)) => axis,
-        _ => n,
-    }));
-    if layout.missing_coordinate().is_none() {
-        return layout;
-    }
-    report.warn(format!(
-        "the header names no x, y and z; the first three columns ({}) were taken",
-        shorten(&names[..3].join(", "))
-    ));
-    let rest: Vec<&str> = ["x", "y", "z"]
-        .into_iter()
-        .chain(names[3..].iter().map(String::as_str))
-        .collect();
-    Layout::named(rest)
-}
-
-/// What the columns of the first rows look like.
-fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout {
-    let width = rows.first().map_or(3, Vec::len);
-    let is_byte = |c: usize| {
-        rows.iter()
-            .all(|r| (0.0..=255.0).contains(&r[c]) && r[c].fract() == 0.0)
-    };
-    let is_constant = |c: usize| rows.iter().all(|r| r[c] == rows[0][c]);
-    // All rows within the noise of three decimals of length 1, a few of them without a normal.
-    let unit = |c: usize| {
-        let length =
-            |r: &Vec<f64>| (r[c] * r[c] + r[c + 1] * r[c + 1] + r[c + 2] * r[c + 2]).sqrt();
-        let good = rows
-            .iter()
-            .filter(|r| (length(r) - 1.0).abs() < 5e-3)
-            .count();
-        good * 10 >= rows.len() * 9 && rows.iter().all(|r| length(r) < 1.005)
-    };
-    let mut names: Vec<String> = ["x", "y", "z"].map(String::from).to_vec();
-    let (mut colors, mut normals) = (false, false);
-    let mut guesses = Vec::new();
-    while names.len() < width {
-        let c = names.len();
-        let left = width - c;
-        // x y z intensity r g b is PTS; elsewhere four bytes are r g b a if the last is constant,
-        // else also intensity first.
-        let intensity_first = left == 4 && !colors && is_byte(c) && (is_pts || !is_constant(c + 3));
-        if left >= 3
-            && !colors
-            && !intensity_first
-            && (c..c + 3).all(is_byte)
-            && !(c..c + 3).all(is_constant)
-        {
-            names.extend(["red", "green", "blue"].map(String::from));
-            colors = true;
-            guesses.push(format!(
-                "columns {} to {} were taken as colours",
-                c + 1,
-                c + 3
-            ));
-            if left == 4 {
-                names.push("alpha".into());
-            }
-        } else if left >= 3 && !normals && !(is_pts && left == 4) && unit(c) {
-            names.extend(["nx", "ny", "nz"].map(String::from));
-            normals = true;
-            guesses.push(format!(
-                "columns {} to {} were taken as normals",
-                c + 1,
-                c + 3
-            ));
-        } else if c == 3 && (left == 1 || left == 4) {
-            names.push("intensity".into());
-        } else {
-            names.push(format!("column {}", c + 1));
-        }
-    }
-    if !guesses.is_empty() {
-        report.warn(format!(
-            "the columns have no names; by their values, {}",
-            guesses.join(" and ")
-        ));
-    }
-    Layout::named(names.iter().map(String::as_str))
 }
 
 /// Lines of numbers, blank-separated, after a `#` line with their names.

@@ -238,8 +238,8 @@ fn item_is_good(item: &LazItem, is_first: bool, is_layered: bool) -> bool {
 fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<()> {
     let table = chunk_table(input, header, vlr)?;
     if let Some(table) = &table {
-        let counts = table.as_ref().iter().map(|c| c.point_count);
-        let sum = counts.fold(Some(0_u64), |sum: Option<u64>, n| sum?.checked_add(n));
+        let mut counts = table.as_ref().iter().map(|c| c.point_count);
+        let sum = counts.try_fold(0_u64, u64::checked_add);
         if sum.is_none_or(|sum| sum < header.points) {
             let why = format!("the chunks do not hold {} points", header.points);
             return Err(damaged(input, why));

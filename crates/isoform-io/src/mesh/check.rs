@@ -1,7 +1,7 @@
 //! Whether a mesh keeps what its fields promise.
 
 use crate::{BAD_MESH, WriteError};
-use isoform_geom::Mesh;
+use isoform_geom::{Mesh, Point3};
 
 /// Refuses lengths that do not match, indices that point nowhere, and coordinates that are not
 /// finite. Writers rely on it.
@@ -18,48 +18,47 @@ pub(super) fn check(mesh: &Mesh, file: &str) -> Result<(), WriteError> {
     }
 }
 
+/// The first thing that is wrong.
 fn complaint(mesh: &Mesh) -> Option<String> {
-    let m = mesh;
-    let n = m.points.len();
+    let n = mesh.points.len();
     if n > u32::MAX as usize - 1 {
         return Some(format!("{n} nodes are more than 32-bit indices can number"));
     }
-    if let Some(i) = m
-        .points
-        .iter()
-        .position(|p| !p.iter().all(|v| v.is_finite()))
-    {
-        return Some(format!("node {i} is at {:?}", m.points[i]));
+    let is_finite = |p: &Point3| p.iter().all(|v| v.is_finite());
+    if let Some(i) = mesh.points.iter().position(|p| !is_finite(p)) {
+        return Some(format!("node {i} is at {:?}", mesh.points[i]));
     }
+    wrong_length(mesh)
+        .or_else(|| wrong_node(mesh))
+        .or_else(|| wrong_label(mesh))
+}
+
+/// A list that is neither empty nor as long as what it belongs to.
+fn wrong_length(m: &Mesh) -> Option<String> {
+    let (triangles, tets, edges) = (m.triangles.len(), m.tets.len(), m.edges.len());
     let lengths = [
-        (
-            "mid nodes of triangles",
-            m.triangle_mids.len(),
-            m.triangles.len(),
-        ),
-        (
-            "parts of triangles",
-            m.triangle_parts.len(),
-            m.triangles.len(),
-        ),
-        ("mid nodes of tetrahedra", m.tet_mids.len(), m.tets.len()),
-        ("regions of tetrahedra", m.tet_regions.len(), m.tets.len()),
-        ("mid nodes of edges", m.edge_mids.len(), m.edges.len()),
-        ("curves of edges", m.edge_curves.len(), m.edges.len()),
+        ("mid nodes of triangles", m.triangle_mids.len(), triangles),
+        ("parts of triangles", m.triangle_parts.len(), triangles),
+        ("mid nodes of tetrahedra", m.tet_mids.len(), tets),
+        ("regions of tetrahedra", m.tet_regions.len(), tets),
+        ("mid nodes of edges", m.edge_mids.len(), edges),
+        ("curves of edges", m.edge_curves.len(), edges),
     ];
-    if let Some((what, got, want)) = lengths
-        .iter()
-        .find(|(_, got, want)| *got != 0 && got != want)
-    {
+    let is_wrong = |(_, got, want): &&(&str, usize, usize)| *got != 0 && got != want;
+    if let Some((what, got, want)) = lengths.iter().find(is_wrong) {
         return Some(format!("there are {got} {what} where {want} are needed"));
     }
-    if let Some(c) = m.columns.iter().find(|c| c.values.len() != n) {
-        return Some(format!(
-            "there are {} values of {} where {n} are needed",
-            c.values.len(),
-            c.name
-        ));
-    }
+    let n = m.points.len();
+    let column = m.columns.iter().find(|c| c.values.len() != n)?;
+    let (got, name) = (column.values.len(), &column.name);
+    Some(format!(
+        "there are {got} values of {name} where {n} are needed"
+    ))
+}
+
+/// An index of a node that is not there.
+fn wrong_node(m: &Mesh) -> Option<String> {
+    let n = m.points.len();
     let nodes = [
         ("triangle", highest(&m.triangles)),
         ("mid node of a triangle", highest(&m.triangle_mids)),
@@ -69,12 +68,14 @@ fn complaint(mesh: &Mesh) -> Option<String> {
         ("mid node of an edge", m.edge_mids.iter().max().copied()),
         ("corner", m.corners.iter().max().copied()),
     ];
-    if let Some((what, Some(i))) = nodes
-        .iter()
-        .find(|(_, high)| high.is_some_and(|i| i as usize >= n))
-    {
-        return Some(format!("a {what} uses node {i} of {n}"));
-    }
+    nodes.iter().find_map(|(what, highest)| {
+        let i = highest.filter(|i| *i as usize >= n)?;
+        Some(format!("a {what} uses node {i} of {n}"))
+    })
+}
+
+/// A label of a group that is not there.
+fn wrong_label(m: &Mesh) -> Option<String> {
     let labels = [
         ("part", &m.triangle_parts, m.parts.len()),
         ("region", &m.tet_regions, m.regions.len()),
