@@ -1,31 +1,96 @@
-//! Isoform: one shape, many forms.
+//! Isoform carries shapes between point clouds, implicit functions, rational patches and meshes,
+//! each way checked.
 //!
-//! This crate gathers the others under one name and holds what joins them: [`FrepTemplate`] turns a
-//! HyperFun program into a template that [`fit`](mod@fit) fits to points. [`topology`] counts what
-//! a mesh of any triangles consists of.
+//! | from | to | function |
+//! |---|---|---|
+//! | a scan and a HyperFun program | the program's parameters, with intervals | [`fit_scan`] |
+//! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
+//! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
+//! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
+//! | two of points, meshes, models | distances both ways | [`compare()`] |
+//! | a file | points or a mesh, and what is in it | [`io::read`], [`io::read_mesh`], [`io::inspect`] |
+//!
+//! Each takes what cannot be guessed, options with a default for the rest, and a [`Control`] that
+//! cancels, ends at a deadline and tells of progress; each returns what it made with what is known
+//! of it. The module [`report`] turns that into types that serialize. Everything is in f64, and the
+//! same on every machine, for any number of threads: those of rayon's pool.
+//!
+//! # From a scan to a model
 //!
 //! ```
-//! use isoform::FrepTemplate;
 //! use isoform::field::hyperfun::{Mode, Model};
-//! use isoform::fit::{Control, Options, fit};
+//! use isoform::{Control, FitOptions, fit_scan, geom::PointCloud};
 //!
-//! // Points of a ball of radius 2 about (1, 0, 0).
-//! let points: Vec<[f64; 3]> = (0..500)
-//!     .map(|i| {
-//!         let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 250.0 - 1.0);
-//!         let r = (1.0 - z * z).sqrt();
-//!         [1.0 + 2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
-//!     })
-//!     .collect();
+//! // Points of a ball of radius 2 about (1, 0, 0), and a program that may be moved onto them.
+//! let point = |i: u32| {
+//!     let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 250.0 - 1.0);
+//!     let r = (1.0 - z * z).sqrt();
+//!     [1.0 + 2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
+//! };
+//! let scan = PointCloud::from_points((0..500).map(point).collect());
 //! let ball = "-- @pose translate
 //!     -- @param a[1] radius length
 //!     my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
 //! let model = Model::parse(ball, Mode::Default)?;
-//! let template = FrepTemplate::new(&model, &points)?;
-//! let result = fit(&points, &template, &Options::default(), &Control::default())?;
-//! assert!((result.parameters[0].value - 2.0).abs() < 1e-9);
+//! let fitted = fit_scan(&scan, &model, &FitOptions::default(), &Control::default())?;
+//! assert!((fitted.values()[0] - 2.0).abs() < 1e-9);
+//! println!("{}", fitted.program()); // plain HyperFun, where the scan is
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
+//!
+//! # From a model to a mesh for finite elements
+//!
+//! ```
+//! use isoform::io::{MeshWriteOptions, write_mesh_path};
+//! use isoform::{Control, MeshModelOptions, mesh_model, template};
+//!
+//! let ball = template("sphere").expect("a template of the gallery").model();
+//! let options = MeshModelOptions { size: Some(0.25), ..MeshModelOptions::default() };
+//! let made = mesh_model(&ball, &[0.0, 0.0, 0.0, 1.0], &options, &Control::default())?;
+//! assert!(made.is_as_asked());
+//! # let folder = std::env::temp_dir().join(format!("isoform-tour-{}", std::process::id()));
+//! # std::fs::create_dir_all(&folder)?;
+//! # let path = folder.join("ball.msh");
+//! write_mesh_path(&made.meshed.mesh, &path, None, &MeshWriteOptions::default())?;
+//! # std::fs::remove_dir_all(&folder)?;
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # From a function to rational patches for CAD
+//!
+//! ```
+//! use isoform::geom::Aabb;
+//! use isoform::patch::{Covering, Options};
+//! use isoform::{Control, ImplicitSurface, cover_surface, step_faces};
+//!
+//! let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")?.expect("a surface");
+//! let region = Aabb { lo: [-0.6; 3], hi: [0.6; 3] };
+//! let options = Options::new((2, 2), 1e-3, region);
+//! let cover = cover_surface(&sphere, &options, &Covering::default(), &Control::default())?;
+//! assert!(cover.patches.iter().all(|p| p.distances.bound.is_some_and(|b| b <= 1e-3)));
+//! let faces = step_faces(sphere.field.as_ref(), &cover.patches); // for io::write_step_path
+//! assert_eq!(faces.len(), cover.patches.len());
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! # From a rational map to triangles
+//!
+//! ```
+//! use isoform::tess::{Map, Options, TriangulateOptions};
+//! use isoform::{Control, topology, triangulate_map};
+//!
+//! // The sphere by stereographic projection: all of it, the pole at infinity included.
+//! let map = Map::parse(["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"], Options::default())?;
+//! let options = TriangulateOptions::around(2.into());
+//! let (surface, analysis) = triangulate_map(&map, &options, &Control::default())?;
+//! assert!(surface.is_certified());
+//! assert_eq!(topology(&surface.triangles).euler, 2);
+//! assert_eq!(analysis.degrees.map(|d| d.implicit_degree), Some(2));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+//!
+//! Whole programs lie in examples/rust, templates in examples/templates, and the pages for users in
+//! docs.
 #![forbid(unsafe_code)]
 
 mod compare;
