@@ -1,4 +1,5 @@
-//! What a file format is: its names, how it is recognised, and the functions that read and write it.
+//! What a file format is: its names, how it is recognised, and the functions that read and write
+//! it.
 //!
 //! The formats themselves stand in the list of `registry.rs`.
 

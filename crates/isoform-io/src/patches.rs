@@ -113,7 +113,7 @@ impl FilePatch {
 pub struct PatchRecord {
     /// The patch.
     pub patch: RationalPatch,
-    /// Largest distance to the surface: a proved bound if `certified`, else the largest one sampled.
+    /// Largest distance to the surface: a proved bound if `certified`, else the largest sampled one.
     pub max_distance: f64,
     /// Whether the distance is proved and the patch has no folds.
     pub certified: bool,

@@ -18,7 +18,8 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 const POINTS_PER_BYTE: u64 = 1000;
 /// Bytes of the stack of the thread; it takes memory only as far as it is used.
 const STACK: usize = 256 << 20;
-/// Bytes of the stack that the decoder may use; far below [`STACK`], so that what it calls has room.
+/// Bytes of the stack that the decoder may use; far below [`STACK`], so that what it calls has
+/// room.
 const MAX_DEPTH: usize = 32 << 20;
 /// Points that are unpacked at a time.
 const BATCH: u64 = 1024;
@@ -304,8 +305,8 @@ impl Chunk {
     }
 }
 
-/// The chunk table, where the chunks differ in their numbers of points; its length is checked in any
-/// case.
+/// The chunk table, where the chunks differ in their numbers of points; its length is checked in
+/// any case.
 fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<Option<ChunkTable>> {
     let start = header.start;
     let table = chunk_table_start(input, start)?;
@@ -334,8 +335,8 @@ fn chunk_table(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<O
     }
 }
 
-/// Where the chunk table begins: before the points, or, from a writer that could not go back, at the
-/// end of the file.
+/// Where the chunk table begins: before the points, or, from a writer that could not go back, at
+/// the end of the file.
 fn chunk_table_start(input: &mut Input<'_>, start: u64) -> Result<i64> {
     let table = i64::from_le_bytes(word(input)?);
     if table > start as i64 || input.size < 8 {

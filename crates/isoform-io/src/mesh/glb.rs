@@ -40,8 +40,8 @@ pub(super) fn write(
     out.flush()
 }
 
-/// The head of the file and its JSON chunk, and the head of the binary chunk if there is one of that
-/// size.
+/// The head of the file and its JSON chunk, and the head of the binary chunk if there is one of
+/// that size.
 fn write_document(document: &Value, binary: Option<usize>, out: &mut Out<'_>) -> io::Result<()> {
     let mut text = document.to_string();
     text.extend(std::iter::repeat_n(' ', padding(text.len())));

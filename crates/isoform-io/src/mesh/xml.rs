@@ -1,6 +1,8 @@
 //! As much XML as mesh files need: tags with attributes, comments, and what lies between them, in
-//! bytes that need not all be text: CDATA sections count as content, declarations are passed over, and
-//! entities other than the five of XML and numbers stay as they are.
+//! bytes that need not all be text.
+//!
+//! CDATA sections count as content, declarations are passed over, and entities other than the five
+//! of XML and numbers stay as they are.
 
 /// Text with the characters replaced that XML keeps for itself.
 pub(super) fn escape(text: &str) -> String {

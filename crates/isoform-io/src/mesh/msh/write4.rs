@@ -99,7 +99,8 @@ impl Entities {
     }
 }
 
-/// The smallest entity that each node lies on, in one row of all: points, curves, surfaces, volumes.
+/// The smallest entity that each node lies on, in one row of all: points, curves, surfaces and
+/// volumes.
 fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
     let curves = count[0];
     let surfaces = curves + count[1];
