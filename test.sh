@@ -63,6 +63,8 @@ tests "tests" cargo test --workspace --locked --no-fail-fast
 if [ "$extent" = whole ]; then
   tests "random maps" cargo test --release --locked -p isoform --test random_maps -- --ignored
 fi
+# Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
+check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 check "release" cargo build --release --locked --quiet
 
@@ -71,6 +73,10 @@ if [ -x "$binary" ]; then
   binary=$(realpath "$binary")
   scratch=$(mktemp -d)
   trap 'rm -rf "$scratch"' EXIT
+  # Whole programs for users of the library.
+  for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
+    check "example: ${example%:*}" cargo run --release --quiet --locked -p isoform --example "${example%:*}" -- "$scratch/${example/:/.}"
+  done
   run_recover() { (cd "$scratch" && "$binary" recover -q && ls -l isoform-recover); }
   check "recover on the built-in scan" run_recover
 fi
