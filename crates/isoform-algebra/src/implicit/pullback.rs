@@ -19,7 +19,7 @@ impl Residues {
     }
 }
 
-/// The value of a form at a point.
+/// The value of a form in three variables at a point.
 pub(super) fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 {
     let tables: [Vec<u64>; MAX_VARS] = std::array::from_fn(|v| {
         let degree = terms
@@ -27,7 +27,8 @@ pub(super) fn eval_at(f: &Fp, terms: &[(Exponents, u64)], at: &[u64; 3]) -> u64 
             .map(|(e, _)| usize::from(e[v]))
             .max()
             .unwrap_or(0);
-        powers(f, at[v], degree)
+        // The fourth variable does not occur: of its powers only the 0-th is asked for.
+        powers(f, at.get(v).copied().unwrap_or(0), degree)
     });
     eval_terms(f, terms, &tables)
 }
