@@ -108,7 +108,7 @@ fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, Facto
     }
 }
 
-/// The factors of a form: those of what is left where a variable is 1, and the variable itself.
+/// The factors of a form: the homogenised factors of its values at `var` = 1, and `var` itself.
 fn factor_form(p: &Poly, var: usize, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let flat = p.dehomogenise(var);
     let power = p.total_degree() - flat.total_degree();

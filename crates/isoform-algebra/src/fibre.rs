@@ -55,7 +55,7 @@ pub struct Fibres {
 pub struct FibreRoot {
     /// The root is strictly between `lo` and `hi`, and no other root is between or at them.
     pub lo: RBig,
-    /// See `lo`.
+    /// Upper bound.
     pub hi: RBig,
     /// Its multiplicity in f(α, y).
     pub multiplicity: usize,
@@ -549,67 +549,112 @@ fn divide(f: &[Ball], g: &[Ball], precision: usize) -> Option<Vec<Ball>> {
 /// Open intervals with one real root each, together with all, of a polynomial with simple roots;
 /// ends are no roots.
 fn isolate_simple(p: &[Ball], precision: usize, attempt: usize) -> Option<Vec<(IBig, IBig)>> {
+    let bisection = Bisection::new(p, precision, attempt)?;
+    let found = bisection.isolate(bisection.on_unit(p))?;
+    // Refinement begins with the signs at the ends.
+    let sign = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
+    for (lo, hi) in &found {
+        if sign(lo)? == sign(hi)? {
+            return None;
+        }
+    }
+    Some(found)
+}
+
+/// Bits of the roots of a polynomial: Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+fn root_bits(p: &[Ball]) -> usize {
     let n = p.len() - 1;
-    // Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
     let top = crate::modular::bits(&p[n].magnitude().1);
     let size = |i: usize| {
         (crate::modular::bits(&p[i].magnitude().0) + 1)
             .saturating_sub(top)
             .div_ceil(n - i)
     };
-    let bound = (0..n).map(size).max().unwrap_or(0) + 1;
-    if bound + GRAIN > precision {
-        return None;
-    }
-    // Ends on both sides of all roots, not symmetric and not round: bisection is not to meet a root
-    // that people write.
+    (0..n).map(size).max().unwrap_or(0) + 1
+}
+
+/// The bisection of an interval that holds all real roots, by Descartes' rule of signs.
+struct Bisection {
+    precision: usize,
+    start: IBig,
+    width: IBig,
+    /// Halvings after which places are no longer exact.
+    deepest: usize,
+}
+
+impl Bisection {
+    /// Ends on both sides of all roots, in 17ths of the bound: not symmetric and not round, as
+    /// bisection is not to meet a root that people write.
     const ODD: [(u32, u32); 5] = [(22, 23), (31, 20), (24, 37), (29, 43), (41, 19)];
-    let (left, right) = ODD[attempt % ODD.len()];
-    // A multiple of 2^deepest, so that the points of bisection are exact.
-    let deepest = precision - GRAIN;
-    let unit: IBig = ((IBig::ONE << (GRAIN + bound)) / 17) << deepest;
-    let start: IBig = &unit * IBig::from(left) * -1;
-    let width: IBig = unit * IBig::from(left + right);
-    // q(x) = p(start + width·x) on (0, 1).
-    let mut q = ball::shift(p, &Ball::exact(start.clone()), precision);
-    let mut scale = Ball::exact(IBig::ONE << precision);
-    for c in &mut q {
-        *c = c.mul(&scale, precision);
-        scale = scale.mul(&Ball::exact(width.clone()), precision);
-    }
-    let mut found = Vec::new();
-    let mut stack = vec![(q, IBig::ZERO, 0usize)];
-    let place = |c: &IBig, depth: usize| &start + ((&width * c) >> depth);
-    while let Some((q, c, depth)) = stack.pop() {
-        match variations_in_unit(&q) {
-            Some(0) => {}
-            Some(1) => found.push((place(&c, depth), place(&(&c + 1), depth))),
-            _ => {
-                if depth >= deepest {
-                    return None;
-                }
-                // 2ⁿ q(x/2) would grow: halve the higher coefficients instead, rounding outwards.
-                let left: Vec<Ball> = q.iter().enumerate().map(|(i, v)| halve(v, i)).collect();
-                let mut right = left.clone();
-                for i in 0..=n {
-                    for j in (i..n).rev() {
-                        right[j] = right[j].add(&right[j + 1]);
-                    }
-                }
-                right[0].sign().filter(|s| s.is_ne())?;
-                stack.push((right, (&c << 1) + 1, depth + 1));
-                stack.push((left, c << 1, depth + 1));
-            }
-        }
-    }
-    // Refinement begins with the signs at the ends.
-    for (lo, hi) in &found {
-        let at = |x: &IBig| ball::eval(p, &Ball::exact(x.clone()), precision).sign();
-        if at(lo)? == at(hi)? {
+
+    /// None if the roots have too many bits for the precision.
+    fn new(p: &[Ball], precision: usize, attempt: usize) -> Option<Self> {
+        let bound = root_bits(p);
+        if bound + GRAIN > precision {
             return None;
         }
+        let (left, right) = Self::ODD[attempt % Self::ODD.len()];
+        // A multiple of 2^deepest, so that the points of bisection are exact.
+        let deepest = precision - GRAIN;
+        let unit: IBig = ((IBig::ONE << (GRAIN + bound)) / 17) << deepest;
+        Some(Self {
+            precision,
+            start: &unit * IBig::from(left) * -1,
+            width: unit * IBig::from(left + right),
+            deepest,
+        })
     }
-    Some(found)
+
+    /// q(x) = p(start + width·x), for (0, 1).
+    fn on_unit(&self, p: &[Ball]) -> Vec<Ball> {
+        let mut q = ball::shift(p, &Ball::exact(self.start.clone()), self.precision);
+        let width = Ball::exact(self.width.clone());
+        let mut scale = Ball::exact(IBig::ONE << self.precision);
+        for c in &mut q {
+            *c = c.mul(&scale, self.precision);
+            scale = scale.mul(&width, self.precision);
+        }
+        q
+    }
+
+    /// The place c/2^depth of (0, 1).
+    fn place(&self, c: &IBig, depth: usize) -> IBig {
+        &self.start + ((&self.width * c) >> depth)
+    }
+
+    /// Intervals with one root each, ascending; none if the precision does not decide.
+    fn isolate(&self, q: Vec<Ball>) -> Option<Vec<(IBig, IBig)>> {
+        let mut found = Vec::new();
+        let mut stack = vec![(q, IBig::ZERO, 0usize)];
+        while let Some((q, c, depth)) = stack.pop() {
+            match variations_in_unit(&q) {
+                Some(0) => {}
+                Some(1) => found.push((self.place(&c, depth), self.place(&(&c + 1), depth))),
+                _ if depth >= self.deepest => return None,
+                _ => {
+                    let [left, right] = halves(&q)?;
+                    stack.push((right, (&c << 1) + 1, depth + 1));
+                    stack.push((left, c << 1, depth + 1));
+                }
+            }
+        }
+        Some(found)
+    }
+}
+
+/// The polynomial on (0, 1/2) and on (1/2, 1), each stretched to (0, 1); none if 1/2 may be a root.
+fn halves(q: &[Ball]) -> Option<[Vec<Ball>; 2]> {
+    let n = q.len() - 1;
+    // 2ⁿ q(x/2) would grow: halve the higher coefficients instead, rounding outwards.
+    let left: Vec<Ball> = q.iter().enumerate().map(|(i, v)| halve(v, i)).collect();
+    let mut right = left.clone();
+    for i in 0..=n {
+        for j in (i..n).rev() {
+            right[j] = right[j].add(&right[j + 1]);
+        }
+    }
+    right[0].sign().filter(|s| s.is_ne())?;
+    Some([left, right])
 }
 
 fn halve(v: &Ball, times: usize) -> Ball {

@@ -163,23 +163,7 @@ impl Lifted {
                 .iter()
                 .map(|l| modpoly::monic(&field, &l.residues(&field)))
                 .collect();
-            // 1/∏ of the others modulo each, if they are coprime modulo the prime.
-            let mut cofactors = Vec::new();
-            for (i, base) in bases.iter().enumerate() {
-                let others = bases
-                    .iter()
-                    .enumerate()
-                    .filter(|(j, _)| *j != i)
-                    .map(|(_, b)| b);
-                let product = others.fold(vec![field.one()], |a, b| {
-                    modpoly::rem(&field, modpoly::mul(&field, &a, b), base)
-                });
-                let (g, inverse, _) = modpoly::gcd_extended(&field, &product, base);
-                if g.len() != 1 {
-                    return None;
-                }
-                cofactors.push(inverse);
-            }
+            let cofactors = cofactors(&field, &bases)?;
             Some(Self {
                 series: lift_series(&field, &rows, &bases, &cofactors),
                 field,
@@ -228,6 +212,19 @@ impl Lifted {
     }
 }
 
+/// For each polynomial 1/∏ of the others modulo it, if they are coprime modulo the prime.
+fn cofactors(f: &Fp, bases: &[Vec<u64>]) -> Option<Vec<Vec<u64>>> {
+    let cofactor = |(i, base): (usize, &Vec<u64>)| {
+        let others = bases.iter().enumerate().filter(|(j, _)| *j != i);
+        let product = others.fold(vec![f.one()], |a, (_, b)| {
+            modpoly::rem(f, modpoly::mul(f, &a, b), base)
+        });
+        let (g, inverse, _) = modpoly::gcd_extended(f, &product, base);
+        (g.len() == 1).then_some(inverse)
+    };
+    bases.iter().enumerate().map(cofactor).collect()
+}
+
 /// Linear Hensel lifting of all factors together: at y^k the error e is Σ σᵢ ∏ⱼ≠ᵢ with σᵢ =
 /// e·cofactorᵢ modulo the i-th.
 fn lift_series(
@@ -236,34 +233,16 @@ fn lift_series(
     bases: &[Vec<u64>],
     cofactors: &[Vec<u64>],
 ) -> Vec<Vec<Vec<u64>>> {
-    let precision = rows.len();
     let mut series: Vec<Vec<Vec<u64>>> = bases.iter().map(|b| vec![b.clone()]).collect();
-    // Products of the first i series, coefficient by coefficient.
-    let mut products: Vec<Vec<Vec<u64>>> = vec![Vec::new(); bases.len() + 1];
-    products[0] = (0..precision)
-        .map(|k| if k == 0 { vec![f.one()] } else { Vec::new() })
-        .collect();
-    for i in 0..bases.len() {
-        let next = modpoly::mul(f, &products[i][0], &bases[i]);
-        products[i + 1].push(next);
-    }
-    for k in 1..precision {
+    let mut products = PartialProducts::new(f, rows.len(), bases);
+    for k in 1..rows.len() {
         for s in &mut series {
             s.push(Vec::new());
         }
-        let update = |products: &mut Vec<Vec<Vec<u64>>>, series: &[Vec<Vec<u64>>]| {
-            for (i, s) in series.iter().enumerate() {
-                let sum = (0..=k).fold(Vec::new(), |sum, a| {
-                    modpoly::add(f, &sum, &modpoly::mul(f, &products[i][a], &s[k - a]))
-                });
-                products[i + 1].truncate(k);
-                products[i + 1].push(sum);
-            }
-        };
-        update(&mut products, &series);
+        products.set(f, k, &series);
         let mut target = rows[k].clone();
         modpoly::trim(&mut target);
-        let error = modpoly::sub(f, &target, &products[bases.len()][k]);
+        let error = modpoly::sub(f, &target, products.whole(k));
         if error.is_empty() {
             continue;
         }
@@ -271,9 +250,42 @@ fn lift_series(
             let reduced = modpoly::rem(f, error.clone(), base);
             s[k] = modpoly::rem(f, modpoly::mul(f, &reduced, cofactor), base);
         }
-        update(&mut products, &series);
+        products.set(f, k, &series);
     }
     series
+}
+
+/// Products of the first i series, for every i, coefficient by coefficient.
+struct PartialProducts(Vec<Vec<Vec<u64>>>);
+
+impl PartialProducts {
+    /// With the coefficients of y⁰.
+    fn new(f: &Fp, precision: usize, bases: &[Vec<u64>]) -> Self {
+        let mut one = vec![Vec::new(); precision];
+        one[0] = vec![f.one()];
+        let mut products = vec![one];
+        for (i, base) in bases.iter().enumerate() {
+            let next = modpoly::mul(f, &products[i][0], base);
+            products.push(vec![next]);
+        }
+        Self(products)
+    }
+
+    /// Computes the coefficients of y^k, anew if they are there.
+    fn set(&mut self, f: &Fp, k: usize, series: &[Vec<Vec<u64>>]) {
+        for (i, s) in series.iter().enumerate() {
+            let sum = (0..=k).fold(Vec::new(), |sum, a| {
+                modpoly::add(f, &sum, &modpoly::mul(f, &self.0[i][a], &s[k - a]))
+            });
+            self.0[i + 1].truncate(k);
+            self.0[i + 1].push(sum);
+        }
+    }
+
+    /// The coefficient of y^k in the product of all series.
+    fn whole(&self, k: usize) -> &[u64] {
+        &self.0[self.0.len() - 1][k]
+    }
 }
 
 /// The factor of f whose line is the first group, from lifts modulo more and more primes; nothing
