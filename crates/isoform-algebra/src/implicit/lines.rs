@@ -225,7 +225,7 @@ impl<'p> Lines<'p> {
             power = points.times(&power, &element);
             traces.push(f.mul(trace(f, &power, &sums), share));
         }
-        Some(self.from_power_sums(&traces))
+        Some(self.with_power_sums(&traces))
     }
 
     /// The moving common points on a line: functions on them, and t as one of these.
@@ -257,7 +257,7 @@ impl<'p> Lines<'p> {
     }
 
     /// The monic polynomial with roots of these power sums, by Newton's identities.
-    fn from_power_sums(&self, sums: &[u64]) -> Vec<u64> {
+    fn with_power_sums(&self, sums: &[u64]) -> Vec<u64> {
         let (f, d) = (&self.pullback.field, self.degree);
         let mut p = vec![0; d + 1];
         p[d] = f.one();
