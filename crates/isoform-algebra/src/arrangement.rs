@@ -10,6 +10,16 @@
 //! curve may contain the wall.
 //!
 //! Four triangles, one per quadrant of (s, t), make up the projective plane.
+//!
+//! ```text
+//!  1 +.              wall    a vertical line over a critical u
+//!    |  `.           slab    what lies between two walls
+//!    |  |  `.        arc     a piece of a curve, or a side, that crosses a slab
+//!  v |--+-.--|`.     stack   the numbers v over a critical u at which curves meet the line
+//!    |  |  `-+-- `.  separator  a number between two points of a wall
+//!  0 +--+----+-----+
+//!    0      u      1
+//! ```
 
 mod critical;
 mod curve;
@@ -49,9 +59,9 @@ pub enum ArrangementError {
 /// A place on a wall that a curve or a side goes through.
 #[derive(Clone, Debug)]
 pub struct WallPoint {
-    /// v is in \[lo, hi\], and that of no other point of the wall is.
+    /// Lower bound of v: no other point of the wall is in \[lo, hi\].
     pub lo: RBig,
-    /// See `lo`.
+    /// Upper bound of v.
     pub hi: RBig,
     /// The curves that go through it, ascending; [`Arrangement::lower`] and [`Arrangement::upper`]
     /// among them.
@@ -61,7 +71,7 @@ pub struct WallPoint {
 /// A vertical line over a critical u, within the triangle.
 #[derive(Clone, Debug)]
 pub struct Wall {
-    /// Where.
+    /// The critical value.
     pub u: RealRoot,
     /// Its points from the side v = 0 to the side u + v = 1, both of which have one. At u = 1 they
     /// are the same.
@@ -73,11 +83,11 @@ pub struct Wall {
 /// A piece of a curve between two walls.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arc {
-    /// The curve.
+    /// The index of the curve.
     pub curve: usize,
-    /// The point of the wall on the left that it ends in.
+    /// The point of the left wall in which the arc ends.
     pub left: usize,
-    /// The same on the right.
+    /// The point of the right wall in which the arc ends.
     pub right: usize,
 }
 
@@ -93,16 +103,31 @@ pub struct Slab {
 }
 
 /// The decomposition of the unit triangle by curves.
+///
+/// ```
+/// use isoform_algebra::{Arrangement, Poly};
+/// use isoform_control::Control;
+///
+/// // The diagonal u = v leaves the triangle at (1/2, 1/2).
+/// let diagonal = Poly::parse("u - v", &["u", "v"])?;
+/// let found = Arrangement::new(&[diagonal], &Control::default())?;
+/// let walls: Vec<f64> = found.walls.iter().map(|w| w.u.to_f64()).collect();
+/// assert_eq!(walls, [0.0, 0.5, 1.0]);
+/// let curves = |slab: usize| found.slabs[slab].arcs.iter().map(|a| a.curve).collect::<Vec<_>>();
+/// assert_eq!(curves(0), [found.lower(), 0, found.upper()]);
+/// assert_eq!(curves(1), [found.lower(), found.upper()]);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 pub struct Arrangement {
     curves: Vec<Poly>,
-    /// Their terms with coefficients known to rounding, and to twice as many digits.
+    /// The curves' terms with coefficients known to rounding, and to twice as many digits.
     terms: Vec<Terms<Interval>>,
     wide: Vec<Terms<Wide>>,
     /// Which curves contain the sides u = 0, v = 0, u + v = 1.
     pub sides: Vec<[bool; 3]>,
-    /// From u = 0 to u = 1, both included.
+    /// The walls from u = 0 to u = 1, both included.
     pub walls: Vec<Wall>,
-    /// One fewer.
+    /// The slabs between neighbouring walls, one fewer than walls.
     pub slabs: Vec<Slab>,
 }
 

@@ -105,62 +105,68 @@ struct Grid<'a> {
     denominator: UBig,
 }
 
+/// The least common multiple of denominators.
+fn common_denominator<'p>(polynomials: impl Iterator<Item = &'p Poly>) -> UBig {
+    polynomials.fold(UBig::ONE, |common, p| {
+        let d = p.denominator();
+        &common / dashu_base::Gcd::gcd(&common, d) * d
+    })
+}
+
+/// The terms of an inner polynomial over a denominator: power of u, power of v, coefficient.
+fn inner_terms(p: &Poly, variables: &[usize], common: &UBig) -> Vec<(usize, usize, IBig)> {
+    let factor = IBig::from(common / p.denominator());
+    let power = |e: &Exponents, k: usize| variables.get(k).map_or(0, |&v| usize::from(e[v]));
+    let terms = p.terms().iter();
+    terms
+        .map(|(e, c)| (power(e, 0), power(e, 1), c * &factor))
+        .collect()
+}
+
+/// How many coefficients of powers of v the composition may have beside each power of u: from
+/// bounds on its degrees in u, in v, and in both.
+fn rows(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &[usize]) -> Vec<usize> {
+    let bound = |of: &dyn Fn(usize) -> usize| {
+        let of_parts: [usize; MAX_VARS] = std::array::from_fn(of);
+        let degree_of = |e: &Exponents| {
+            let powers = e.iter().zip(of_parts);
+            powers.map(|(&n, d)| usize::from(n) * d).sum::<usize>()
+        };
+        let degrees = outer.terms().iter().map(|(e, _)| degree_of(e));
+        degrees.max().unwrap_or(0)
+    };
+    let along = |k: usize| {
+        variables
+            .get(k)
+            .map_or(0, |&v| bound(&|u| inner[u].degree(v)))
+    };
+    let (du, dv, total) = (along(0), along(1), bound(&|u| inner[u].total_degree()));
+    (0..=du.min(total)).map(|i| dv.min(total - i) + 1).collect()
+}
+
 impl<'a> Grid<'a> {
     fn new(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &'a [usize]) -> Self {
         let used = outer.variables();
-        let mut common = UBig::ONE;
-        for &u in &used {
-            let d = inner[u].denominator();
-            common = &common / dashu_base::Gcd::gcd(&common, d) * d;
-        }
+        let common = common_denominator(used.iter().map(|&u| &inner[u]));
         let degree = outer.total_degree();
         let weight =
             |e: &Exponents| common.pow(degree - e.iter().map(|&n| usize::from(n)).sum::<usize>());
-        let terms: Vec<_> = outer
+        let outer_terms = outer
             .terms()
             .iter()
             .map(|(e, c)| (*e, c * IBig::from(weight(e))))
             .collect();
-        let bound = |of: &dyn Fn(usize) -> usize| {
-            let of_parts: [usize; MAX_VARS] = std::array::from_fn(of);
-            let degree_of = |e: &Exponents| {
-                e.iter()
-                    .zip(of_parts)
-                    .map(|(&n, d)| usize::from(n) * d)
-                    .sum::<usize>()
-            };
-            terms.iter().map(|(e, _)| degree_of(e)).max().unwrap_or(0)
-        };
-        let along = |k: usize| {
-            variables
-                .get(k)
-                .map_or(0, |&v| bound(&|u| inner[u].degree(v)))
-        };
-        let (du, dv, total) = (along(0), along(1), bound(&|u| inner[u].total_degree()));
-        let rows = (0..=du.min(total)).map(|i| dv.min(total - i) + 1).collect();
-        let power = |e: &Exponents, k: usize| variables.get(k).map_or(0, |&v| usize::from(e[v]));
-        let lift = |u: usize| {
-            let factor = IBig::from(&common / inner[u].denominator());
-            inner[u]
-                .terms()
-                .iter()
-                .map(|(e, c)| (power(e, 0), power(e, 1), c * &factor))
-                .collect()
-        };
-        let inner = (0..MAX_VARS)
-            .map(|u| {
-                if used.contains(&u) {
-                    lift(u)
-                } else {
-                    Vec::new()
-                }
+        let inner_terms = (0..MAX_VARS)
+            .map(|u| match used.contains(&u) {
+                true => inner_terms(&inner[u], variables, &common),
+                false => Vec::new(),
             })
             .collect();
         Self {
-            outer: terms,
-            inner,
+            outer: outer_terms,
+            inner: inner_terms,
             variables,
-            rows,
+            rows: rows(outer, inner, variables),
             denominator: outer.denominator() * common.pow(degree),
         }
     }

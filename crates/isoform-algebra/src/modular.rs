@@ -321,7 +321,7 @@ pub struct Echelon {
 }
 
 impl Echelon {
-    /// No rows of so many columns.
+    /// No rows yet, of this number of columns.
     pub fn new(columns: usize) -> Self {
         Self {
             rows: vec![None; columns],

@@ -301,74 +301,141 @@ impl Pair {
         control: &Control<'_>,
         at: impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
     ) -> Result<Vec<UPoly>, ResultantError> {
-        let degrees: Vec<usize> = wanted
-            .iter()
-            .map(|&(j, i)| self.degree_bound(j, i))
-            .collect();
-        let bounds: Vec<UBig> = wanted.iter().map(|&(j, _)| self.modulus_bound(j)).collect();
-        let mut lifts: Vec<Crt> = degrees.iter().map(|d| Crt::new(d + 1)).collect();
+        let mut lifts: Vec<Lift> = wanted.iter().map(|&w| Lift::new(self, w)).collect();
         for field in primes() {
-            if control.is_stopped() {
-                return Err(ResultantError::Stopped);
-            }
-            let open: Vec<usize> = (0..wanted.len())
-                .filter(|&c| *lifts[c].modulus() <= bounds[c])
-                .collect();
-            let Some(degree) = open.iter().map(|&c| degrees[c]).max() else {
+            control.check()?;
+            let open = lifts.iter().filter(|l| l.is_open());
+            let Some(degree) = open.map(|l| l.degree).max() else {
                 break;
             };
-            let residues = |p: &[UPoly]| -> Vec<Vec<u64>> {
-                p.iter()
-                    .map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect())
-                    .collect()
-            };
-            let (f, g) = (residues(&self.f), residues(&self.g));
-            if exact
-                && [&f, &g]
-                    .iter()
-                    .any(|p| p.last().is_none_or(|lead| lead.iter().all(|&c| c == 0)))
-            {
+            let image = ImagePair::new(field, self);
+            if exact && image.loses_degree() {
                 continue;
             }
-            let mut nodes = Vec::with_capacity(degree + 1);
-            let mut columns: Vec<Vec<u64>> = vec![Vec::new(); wanted.len()];
-            for x in 0.. {
-                if nodes.len() > degree {
-                    break;
-                }
-                if nodes.len().is_multiple_of(LOOKS) && control.is_stopped() {
-                    return Err(ResultantError::Stopped);
-                }
-                let point = field.of_u64(x as u64);
-                let line = |p: &[Vec<u64>]| -> Vec<u64> {
-                    p.iter().map(|c| modpoly::eval(&field, c, point)).collect()
-                };
-                let (a, b) = (line(&f), line(&g));
-                if exact && (a.last() == Some(&0) || b.last() == Some(&0)) {
+            let samples = image.sample(degree + 1, exact, control, &at)?;
+            let last = samples.nodes[samples.nodes.len() - 1];
+            let inverses = modpoly::small_inverses(&field, last);
+            for (lift, values) in lifts.iter_mut().zip(&samples.columns) {
+                if !lift.is_open() {
                     continue;
                 }
-                for (column, v) in columns.iter_mut().zip(at(&field, &a, &b)) {
-                    column.push(v);
+                if degree > LOOKS {
+                    control.check()?;
                 }
-                nodes.push(x);
-            }
-            let inverses = modpoly::small_inverses(&field, nodes[nodes.len() - 1]);
-            for c in open {
-                if degree > LOOKS && control.is_stopped() {
-                    return Err(ResultantError::Stopped);
-                }
-                let points = degrees[c] + 1;
-                let mut coefficients = modpoly::interpolate(
-                    &field,
-                    &nodes[..points],
-                    &columns[c][..points],
-                    &inverses,
-                );
-                coefficients.resize(points, 0);
-                lifts[c].push(&field, &coefficients);
+                lift.push(&field, &samples.nodes, values, &inverses);
             }
         }
-        Ok(lifts.iter().map(|c| UPoly::new(c.symmetric())).collect())
+        Ok(lifts
+            .iter()
+            .map(|l| UPoly::new(l.crt.symmetric()))
+            .collect())
+    }
+}
+
+/// An integer polynomial of bounded degree and coefficients, lifted from its images modulo primes.
+struct Lift {
+    degree: usize,
+    /// A modulus above it decides.
+    bound: UBig,
+    crt: Crt,
+}
+
+impl Lift {
+    /// Of the coefficient of yⁱ in Sⱼ.
+    fn new(pair: &Pair, (j, i): (usize, usize)) -> Self {
+        let degree = pair.degree_bound(j, i);
+        Self {
+            degree,
+            bound: pair.modulus_bound(j),
+            crt: Crt::new(degree + 1),
+        }
+    }
+
+    fn is_open(&self) -> bool {
+        *self.crt.modulus() <= self.bound
+    }
+
+    /// Adds the image that has these values at the nodes, of which there are enough.
+    fn push(&mut self, field: &Fp, nodes: &[usize], values: &[u64], inverses: &[u64]) {
+        let points = self.degree + 1;
+        let (nodes, values) = (&nodes[..points], &values[..points]);
+        let mut coefficients = modpoly::interpolate(field, nodes, values, inverses);
+        coefficients.resize(points, 0);
+        self.crt.push(field, &coefficients);
+    }
+}
+
+/// A pair modulo a prime.
+struct ImagePair {
+    field: Fp,
+    f: Vec<Vec<u64>>,
+    g: Vec<Vec<u64>>,
+}
+
+/// Values at points of x.
+struct Samples {
+    nodes: Vec<usize>,
+    /// For every number that is asked for, its values at the nodes.
+    columns: Vec<Vec<u64>>,
+}
+
+impl ImagePair {
+    fn new(field: Fp, pair: &Pair) -> Self {
+        let residues = |p: &[UPoly]| -> Vec<Vec<u64>> {
+            p.iter()
+                .map(|c| c.coefficients().iter().map(|c| field.of_ibig(c)).collect())
+                .collect()
+        };
+        Self {
+            field,
+            f: residues(&pair.f),
+            g: residues(&pair.g),
+        }
+    }
+
+    /// Whether a leading coefficient vanishes modulo the prime.
+    fn loses_degree(&self) -> bool {
+        let vanishes = |lead: &Vec<u64>| lead.iter().all(|&c| c == 0);
+        [&self.f, &self.g]
+            .iter()
+            .any(|p| p.last().is_none_or(vanishes))
+    }
+
+    /// The values of `at` at the first points x = 0, 1, …; with `exact` without those where a
+    /// leading coefficient vanishes.
+    fn sample(
+        &self,
+        count: usize,
+        exact: bool,
+        control: &Control<'_>,
+        at: &impl Fn(&Fp, &[u64], &[u64]) -> Vec<u64>,
+    ) -> Result<Samples, ResultantError> {
+        let field = &self.field;
+        let mut nodes = Vec::with_capacity(count);
+        let mut columns: Vec<Vec<u64>> = Vec::new();
+        for x in 0.. {
+            if nodes.len() == count {
+                break;
+            }
+            if nodes.len().is_multiple_of(LOOKS) {
+                control.check()?;
+            }
+            let point = field.of_u64(x as u64);
+            let line = |p: &[Vec<u64>]| -> Vec<u64> {
+                p.iter().map(|c| modpoly::eval(field, c, point)).collect()
+            };
+            let (a, b) = (line(&self.f), line(&self.g));
+            if exact && (a.last() == Some(&0) || b.last() == Some(&0)) {
+                continue;
+            }
+            let values = at(field, &a, &b);
+            columns.resize(values.len(), Vec::new());
+            for (column, v) in columns.iter_mut().zip(values) {
+                column.push(v);
+            }
+            nodes.push(x);
+        }
+        Ok(Samples { nodes, columns })
     }
 }
 

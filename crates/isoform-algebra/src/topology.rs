@@ -46,6 +46,17 @@ enum Node {
 
 /// The components of the zero set of a form in variables 0, 1, 2; multiple components count once.
 ///
+/// ```
+/// use isoform_algebra::{Poly, curve_topology};
+/// use isoform_control::Control;
+///
+/// // An elliptic curve with three real roots: an oval, and a branch that is closed at infinity.
+/// let form = Poly::parse("y^2*w - x^3 + x*w^2", &["x", "y", "w"])?;
+/// let found = curve_topology(&form, &Control::default())?;
+/// assert_eq!((found.ovals, found.pseudolines, found.singular), (1, 1, 0));
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
 /// # Errors
 /// [`ArrangementError`].
 pub fn curve_topology(

@@ -11,11 +11,21 @@ pub struct Column {
     pub values: Vec<f64>,
 }
 
-/// Points in f64 about an origin, with whatever the file gave beside them.
+/// Points about an origin, with the normals, colours and values that the file gave.
 ///
 /// Coordinates of the file are `origin + points[i]`: geographic coordinates keep all their digits
-/// that way, and what works on
-/// `points` works near zero. Every per-point array is empty or as long as `points`.
+/// that way, and algorithms on `points` compute near zero. Every per-point array is empty or as long
+/// as `points`.
+///
+/// ```
+/// use isoform_geom::PointCloud;
+///
+/// let cloud = PointCloud {
+///     origin: [4_500_000.0, 0.0, 0.0],
+///     ..PointCloud::from_points(vec![[0.25, 1.0, 2.0]])
+/// };
+/// assert_eq!(cloud.absolute(0), [4_500_000.25, 1.0, 2.0]);
+/// ```
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PointCloud {
     /// Point positions relative to `origin`, all finite.
@@ -28,7 +38,7 @@ pub struct PointCloud {
     pub colors: Vec<[u8; 3]>,
     /// Triangles between the points where the file is a mesh (indices into `points`).
     pub triangles: Vec<[u32; 3]>,
-    /// Everything else that came per point.
+    /// All other values per point, by name.
     pub columns: Vec<Column>,
 }
 

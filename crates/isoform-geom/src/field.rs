@@ -1,4 +1,9 @@
-//! What a stage asks of an implicit function.
+//! Implicit functions as the stages see them: values, derivatives, bounds, and distances with their
+//! feet.
+//!
+//! - [`Field`]: one function of space. [`ParamField`]: a family of them, for fits.
+//! - [`DistanceField`]: a family that also knows the *foot* of a point, its nearest place of the
+//!   surface.
 
 use crate::{Aabb, Point3};
 use isoform_num::{Interval, Jet2, Jet3, Real};
@@ -40,7 +45,7 @@ pub trait Field: Send + Sync {
     }
 }
 
-/// A polynomial of (x, y, z) = `origin` + `unit` p as a function of p.
+/// A polynomial in p, where the point of space is (x, y, z) = `origin` + `unit` p.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Terms<'a> {
     /// Terms c xⁱyʲzᵏ, as ([i, j, k], c).
@@ -51,8 +56,7 @@ pub struct Terms<'a> {
     pub unit: f64,
 }
 
-/// Intervals for a function's derivatives: those to order 2 at a point, those of order 3 in a
-/// region about it. By Taylor's theorem they enclose f in the region.
+/// Intervals for a function's derivatives: to order 2 at a point, of order 3 in a region about it. By Taylor's theorem they enclose f in the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expansion {
     /// f at the point.
@@ -66,8 +70,8 @@ pub struct Expansion {
 }
 
 impl Expansion {
-    /// The same about a place nearby, in the same region: by Taylor's theorem with the third
-    /// derivatives that hold there.
+    /// The expansion about the point that is away `by`, in the same region: by Taylor's theorem with
+    /// the third derivatives of the region.
     #[must_use]
     pub fn moved(&self, by: [Interval; 3]) -> Self {
         // δᵀHδ/2 + Tδδδ/6 is half of δ times (H + Tδ/3)δ; a third is no number.
@@ -93,7 +97,7 @@ impl Expansion {
         }
     }
 
-    /// ∇f at places of the region that are so far from the point.
+    /// ∇f at all places of the region whose offset from the point is in `by`.
     pub fn gradient_at(&self, by: [Interval; 3]) -> [Interval; 3] {
         std::array::from_fn(|i| {
             self.gradient[i]
@@ -207,7 +211,8 @@ pub fn normal_equations_of(
 /// Normal equations of some points: Σ w f², Jᵀ W f and Jᵀ W J.
 pub type NormalEquations = (f64, Vec<f64>, Vec<f64>);
 
-/// Adds the normal equations of pieces of the points, in their order, whoever computed them.
+/// Adds the normal equations of pieces of the points, in their order: the sum does not depend on
+/// which thread computed a piece.
 pub fn add_normal_equations(
     pieces: impl IntoIterator<Item = NormalEquations>,
     gradient: &mut [f64],
@@ -224,8 +229,8 @@ pub fn add_normal_equations(
     sum
 }
 
-/// Points whose rows are multiplied together: a few registers' worth, within the cache for dozens
-/// of parameters.
+/// Points whose rows are multiplied together: they fill a few registers, and stay within the cache
+/// for dozens of parameters.
 const COLUMN: usize = 32;
 
 /// Σ aₗ bₗ, in an order that vector units like.
@@ -239,7 +244,7 @@ fn product(a: &[f64; COLUMN], b: &[f64; COLUMN]) -> f64 {
     sums.iter().sum()
 }
 
-/// Where a point's nearest place of a surface is.
+/// The foot of a point: the nearest place of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Foot {
     /// Signed distance, positive inside.
@@ -270,7 +275,7 @@ impl Foot {
         }
     }
 
-    /// Nothing known yet.
+    /// The foot before it is known.
     pub const NONE: Self = Self {
         distance: f64::NAN,
         at: [f64::NAN; 3],
@@ -281,7 +286,7 @@ impl Foot {
     };
 }
 
-/// What of a surface is near one of its places, on the scale of a noise.
+/// The surroundings of a place of a surface, on the scale of the noise of measured points.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Nearby {
     /// Only the face that the place is on.
@@ -295,14 +300,14 @@ pub enum Nearby {
 /// The place of an edge nearest to a place on one of its faces.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// On the edge.
+    /// The place on the edge.
     pub at: Point3,
-    /// The face that the place is on, and the other.
+    /// The face of the place on the surface, and the other face of the edge.
     pub pieces: [u32; 2],
     /// Their unit inward normals.
     pub inward: [Point3; 2],
-    /// Up to this distance from the edge there are its two faces, and the place nearest to those on
-    /// them is on this edge.
+    /// Up to this distance from the edge its two faces extend, and the nearest edge to places on them
+    /// is this one.
     pub width: f64,
     /// Whether a face other than its own is within reach of the place.
     pub is_near: bool,
@@ -315,12 +320,24 @@ impl Edge {
     pub const LEAST: f64 = 0.75;
 }
 
-/// A rigid frame: a place p of it is at `translation` + `rotation` p in space.
+/// A rigid frame: its place p is at `translation` + `rotation` p in space.
+///
+/// ```
+/// use isoform_geom::Frame;
+///
+/// // A quarter turn about z, then a shift along x.
+/// let frame = Frame {
+///     rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+///     translation: [5.0, 0.0, 0.0],
+/// };
+/// assert_eq!(frame.out([2.0, 0.0, 0.0]), [5.0, 2.0, 0.0]);
+/// assert_eq!(frame.within([5.0, 2.0, 0.0]), [2.0, 0.0, 0.0]);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Frame {
     /// Rotation matrix by rows.
     pub rotation: [Point3; 3],
-    /// Where its origin is.
+    /// The origin of the frame, in space.
     pub translation: Point3,
 }
 
@@ -355,7 +372,7 @@ pub trait DistanceField: ParamField {
     /// If `out` is shorter than `points` or `a` than the parameters.
     fn feet(&self, points: &[Point3], a: &[f64], out: &mut [Foot]);
     /// The derivatives of the distance by the parameters where its feet are known, row by row as
-    /// [`ParamField::jacobian`] gives them. What is used of a foot: its place, pieces and shares.
+    /// [`ParamField::jacobian`] gives them. Of each foot its place, pieces and shares are used.
     ///
     /// # Panics
     /// If `jac` is shorter than the feet times the parameters.
@@ -372,7 +389,7 @@ pub trait DistanceField: ParamField {
         gradient: &mut [f64],
         hessian: &mut [f64],
     ) -> f64;
-    /// What is near each place of the surface. Other faces count within `reach` of the place, and
+    /// The surroundings of each place of the surface. Other faces count within `reach` of it, and
     /// disturb an edge within twice [`Edge::LEAST`] of that. Edges are met up to `strip` away.
     fn nearby(&self, places: &[Foot], a: &[f64], reach: f64, strip: f64) -> Vec<Nearby>;
     /// The Laplacian of the distance to the face of each place, at the place: its two curvatures'

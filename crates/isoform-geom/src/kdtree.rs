@@ -7,6 +7,16 @@ const LEAF: usize = 12;
 
 /// A balanced kd-tree over points, immutable. Building is deterministic; ties go to the lower
 /// index.
+///
+/// ```
+/// use isoform_geom::KdTree;
+///
+/// let tree = KdTree::new(&[[0.0, 0.0, 0.0], [3.0, 4.0, 0.0], [9.0, 0.0, 0.0]]);
+/// assert_eq!(tree.nearest([3.0, 0.0, 0.0]), Some((0, 9.0)));
+/// let mut found = Vec::new();
+/// tree.nearest_k([3.0, 3.0, 0.0], 2, &mut found);
+/// assert_eq!(found, [(1.0, 1), (18.0, 0)]);
+/// ```
 #[derive(Clone, Debug)]
 pub struct KdTree {
     points: Vec<Point3>,
@@ -70,9 +80,9 @@ impl KdTree {
         }
     }
 
-    /// Shows the points within a distance of `q` to `visit`, with their squared distance and index,
-    /// the nearer halves of the tree first.
-    /// `visit` returns the square of the distance that matters from then on.
+    /// Calls `visit` with the squared distance and the index of every point whose squared distance
+    /// from `q` is at most `squared`, nearer halves of the tree first. `visit` returns the squared
+    /// distance that bounds the rest of the search.
     pub fn near(&self, q: Point3, squared: f64, visit: &mut impl FnMut(f64, u32) -> f64) {
         self.near_in(q, squared, 0, self.points.len(), [0.0; 3], visit);
     }
@@ -155,7 +165,7 @@ fn build(items: &mut [(Point3, u32)], split: &mut [u8]) {
     build(&mut high[1..], &mut high_split[1..]);
 }
 
-/// Moves the items before the middle one along an axis to before it.
+/// Sorts by halves along an axis: items before the middle one come before it.
 fn halve<const AXIS: usize>(items: &mut [(Point3, u32)], mid: usize) {
     items.select_nth_unstable_by(mid, |a, b| {
         a.0[AXIS].total_cmp(&b.0[AXIS]).then(a.1.cmp(&b.1))

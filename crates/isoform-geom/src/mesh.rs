@@ -12,6 +12,14 @@ pub const TRIANGLE_EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
 
 /// A surface mesh, or a volume mesh with its boundary, linear or of second order.
 ///
+/// ```
+/// use isoform_geom::Mesh;
+///
+/// let points = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+/// let mesh = Mesh::from_triangles(points, vec![[0, 1, 2]]);
+/// assert_eq!((mesh.order(), mesh.bounds().size()), (1, [1.0, 1.0, 0.0]));
+/// ```
+///
 /// Element arrays hold indices into `points`. Label arrays are as long as their elements or empty
 /// (no labels); labels are indices into the list of names beside them. Arrays of mid nodes are as
 /// long as their elements in a mesh of second order, else empty.
@@ -53,7 +61,7 @@ pub struct Mesh {
 /// A feature curve: where two parts meet at an angle.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Curve {
-    /// Name, made of those of its parts.
+    /// Name, made of the names of its parts.
     pub name: String,
     /// The parts, indices into the mesh's `parts`.
     pub parts: [u32; 2],

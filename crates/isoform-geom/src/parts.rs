@@ -1,5 +1,5 @@
-//! A surface as smooth parts: functions that are smooth wherever they are used, and how they are
-//! joined.
+//! Surfaces as smooth parts: functions that are smooth wherever they are used, and the tree that
+//! joins them.
 
 use crate::{Csg, Field};
 use std::fmt;
@@ -8,12 +8,12 @@ use std::sync::Arc;
 /// A smooth part of a surface.
 #[derive(Clone)]
 pub struct SmoothPart {
-    /// Which piece of the tree it belongs to.
+    /// The piece of the tree that the part belongs to.
     pub piece: u32,
-    /// Its function. It is smooth also beyond the part.
+    /// The function of the part, which is smooth beyond the part, too.
     pub field: Arc<dyn Field>,
-    /// The function is that of the piece where none of these is negative. The parts of a piece join
-    /// smoothly there.
+    /// Where none of these is negative, the piece has the function of this part. At the zeros of the
+    /// limits the parts of a piece join smoothly.
     pub limits: Vec<Arc<dyn Field>>,
     /// The first part that seems to have the same function, so that the surface goes on smoothly
     /// from one to the other. No proof may rely on it: functions have been compared at some places
@@ -39,7 +39,7 @@ impl fmt::Debug for SmoothPart {
 pub struct Parts {
     /// How the pieces are joined.
     pub tree: Csg,
-    /// The parts of all pieces; at every place those of a piece that are not beyond their limits
-    /// have the same value.
+    /// The parts of all pieces. Where several parts of a piece are within their limits, they have
+    /// one value.
     pub parts: Vec<SmoothPart>,
 }

@@ -97,7 +97,8 @@ pub fn bernstein(n: usize, t: f64) -> (Vec<f64>, Vec<f64>) {
     (b, d)
 }
 
-/// The same in place, for a degree of one less than the number of places.
+/// The Bernstein polynomials and their derivatives into `b` and `d`, whose length is the degree plus
+/// 1.
 fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
     let n = b.len() - 1;
     b[0] = 1.0;
@@ -118,8 +119,8 @@ fn basis(t: f64, b: &mut [f64], d: &mut [f64]) {
     }
 }
 
-/// Replaces Bézier points over \[0, 1\] by those over \[a, b\], which may reach beyond: the k-th is
-/// the blossom at (a, …, a, b, …, b).
+/// Replaces Bézier points over \[0, 1\] by the Bézier points over \[a, b\], which may reach
+/// beyond: the k-th is the blossom at (a, …, a, b, …, b).
 fn reparameterize(points: &mut [[f64; 4]], a: f64, b: f64) {
     let n = points.len() - 1;
     let blossom = |k: usize| {
@@ -205,7 +206,7 @@ impl RationalPatch {
     pub fn control(&self) -> &[[f64; 4]] {
         &self.control
     }
-    /// The control points to be changed; they must stay finite.
+    /// The control points, to change them; they must stay finite.
     pub fn control_mut(&mut self) -> &mut [[f64; 4]] {
         &mut self.control
     }
@@ -255,7 +256,7 @@ impl RationalPatch {
         }
     }
 
-    /// The same surface over \[u₀, u₁\] × \[v₀, v₁\]; parts beyond \[0, 1\]² extrapolate it.
+    /// This surface over \[u₀, u₁\] × \[v₀, v₁\]; parts beyond \[0, 1\]² extrapolate it.
     pub fn part(&self, u: (f64, f64), v: (f64, f64)) -> Self {
         let (m, n) = self.degree;
         let mut control = self.control.clone();
@@ -289,7 +290,7 @@ impl RationalPatch {
         })
     }
 
-    /// The same patch with degrees raised to (m, n).
+    /// This patch with degrees raised to (m, n).
     ///
     /// # Panics
     /// If a degree is below the present one.
@@ -313,7 +314,7 @@ impl RationalPatch {
         }
     }
 
-    /// The same surface with u and v exchanged: its other side.
+    /// This surface with u and v exchanged: its other side.
     pub fn transposed(&self) -> Self {
         let (m, n) = self.degree;
         let control = (0..=n)

@@ -17,7 +17,15 @@ pub fn cross(a: Point3, b: Point3) -> Point3 {
     ]
 }
 
-/// Two unit directions across a unit vector n, and to each other.
+/// Two unit vectors at right angles to a unit vector n and to each other.
+///
+/// ```
+/// use isoform_geom::{across, cross};
+///
+/// let n = [0.6, 0.0, 0.8];
+/// let [u, v] = across(n);
+/// assert!((0..3).all(|k| (cross(u, v)[k] - n[k]).abs() < 1e-15));
+/// ```
 pub fn across(n: Point3) -> [Point3; 2] {
     let axis = (0..3)
         .min_by(|a, b| n[*a].abs().total_cmp(&n[*b].abs()))
@@ -39,7 +47,7 @@ pub fn norm(a: Point3) -> f64 {
     dot(a, a).sqrt()
 }
 
-/// The distance of a point from a segment, which may have no length.
+/// The distance of a point from a segment; its ends may coincide.
 pub fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     let (d, e) = (sub(b, a), sub(p, a));
     let d2 = dot(d, d);
@@ -69,6 +77,14 @@ pub fn middle<const N: usize>(points: [Point3; N]) -> Point3 {
 }
 
 /// An axis-parallel box; empty where a lower bound exceeds the upper one.
+///
+/// ```
+/// use isoform_geom::Aabb;
+///
+/// let b = Aabb::of(&[[0.0, 0.0, 0.0], [1.0, 2.0, 2.0]]);
+/// assert_eq!((b.center(), b.diagonal()), ([0.5, 1.0, 1.0], 3.0));
+/// assert!(Aabb::EMPTY.is_empty() && !b.is_empty());
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Aabb {
     /// Lower corner.
@@ -78,7 +94,7 @@ pub struct Aabb {
 }
 
 impl Aabb {
-    /// The box of nothing.
+    /// The empty box: the smallest box around no points.
     pub const EMPTY: Self = Self {
         lo: [f64::INFINITY; 3],
         hi: [f64::NEG_INFINITY; 3],

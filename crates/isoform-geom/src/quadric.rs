@@ -12,41 +12,41 @@ pub enum Quadric {
         /// d.
         offset: f64,
     },
-    /// All points at a distance from one.
+    /// All points at the distance `radius` from the centre.
     Sphere {
-        /// The one.
+        /// The centre.
         center: Point3,
-        /// The distance.
+        /// The radius, in model units.
         radius: f64,
     },
-    /// All points at a distance from a line.
+    /// All points at the distance `radius` from the axis.
     Cylinder {
-        /// A point of the axis: of those that were found on a patch, the nearest to its centre.
+        /// A point of the axis; for a cylinder found on a patch, the nearest to the patch's centre.
         point: Point3,
         /// The direction of the axis, of length 1.
         axis: Point3,
-        /// The distance.
+        /// The radius, in model units.
         radius: f64,
     },
-    /// All lines through a point at an angle to another.
+    /// All lines through the apex at an angle to the axis.
     Cone {
-        /// The point.
+        /// The apex.
         apex: Point3,
         /// The direction of the axis, of length 1.
         axis: Point3,
-        /// The angle, in radians.
+        /// The angle between the lines and the axis, in radians.
         half_angle: f64,
     },
-    /// All points at a distance from a circle: of degree 4, but a name of CAD systems like the
-    /// others.
+    /// All points at the distance `minor` from a circle. It has degree 4, but CAD systems name it
+    /// like quadrics.
     Torus {
-        /// The middle of the circle.
+        /// The centre of the circle.
         center: Point3,
-        /// The normal of its plane, of length 1.
+        /// The normal of the circle's plane, of length 1.
         axis: Point3,
-        /// Its radius.
+        /// The radius of the circle.
         major: f64,
-        /// The distance.
+        /// The radius of the tube.
         minor: f64,
     },
     /// Another quadric Σ aᵢ mᵢ = 0 with the monomials x², y², z², xy, yz, zx, x, y, z, 1 in
@@ -54,9 +54,9 @@ pub enum Quadric {
     Other {
         /// Its kind and measures, if rounding does not hide them.
         form: Option<NormalForm>,
-        /// Where the coordinates begin: near the patch that the quadric was found on.
+        /// The origin of the coordinates, near the patch that the quadric was found on.
         origin: Point3,
-        /// Their unit.
+        /// The unit of the coordinates, in model units.
         scale: f64,
         /// a, of length 1.
         coefficients: [f64; 10],
@@ -82,8 +82,8 @@ impl Quadric {
 pub struct NormalForm {
     /// Its equation.
     pub kind: QuadricKind,
-    /// Where the axes meet: the centre, the apex of a cone, the vertex of a paraboloid; of a
-    /// cylinder a point of the line of these.
+    /// The point at which the axes meet: the centre, the apex of a cone, the vertex of a paraboloid;
+    /// for cylinders a point of the line of centres or vertices.
     pub center: Point3,
     /// The directions of x, y and z, of length 1 and at right angles.
     pub axes: [Point3; 3],

@@ -1,9 +1,21 @@
-//! A solid that can say its parts: minima and maxima over smooth pieces.
+//! Solids that know their parts: minima and maxima over smooth pieces.
+//!
+//! Glossary: a *piece* is one smooth function, such as that of a face of a block; the *tree* joins
+//! pieces to a solid; the piece that *decides* a value is the one whose value the tree has there.
 
 use crate::{Aabb, Field, Point3};
 use isoform_num::{Interval, Jet2};
 
 /// How pieces are joined to a solid: an intersection is a minimum, a union a maximum.
+///
+/// ```
+/// use isoform_geom::Csg;
+///
+/// // A half space with a hole: piece 0 without what piece 1 leaves out.
+/// let tree = Csg::Min(vec![Csg::Piece(0), Csg::Piece(1)]);
+/// let values = [3.0, -1.0];
+/// assert_eq!(tree.value_and_piece(&|i| values[i as usize]), (-1.0, 1));
+/// ```
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Csg {
     /// One smooth piece, by its index.
@@ -22,25 +34,27 @@ impl Csg {
 
     /// The value, and the piece that decides it; of equal ones the first in the tree.
     pub fn value_and_piece(&self, v: &impl Fn(u32) -> f64) -> (f64, u32) {
-        let better = |children: &[Self], less: bool| {
-            let mut best = children[0].value_and_piece(v);
-            for child in &children[1..] {
-                let next = child.value_and_piece(v);
-                if if less {
-                    next.0 < best.0
-                } else {
-                    next.0 > best.0
-                } {
-                    best = next;
-                }
-            }
-            best
-        };
         match self {
             Self::Piece(i) => (v(*i), *i),
-            Self::Min(children) => better(children, true),
-            Self::Max(children) => better(children, false),
+            Self::Min(children) => Self::first_best(children, v, |next, best| next < best),
+            Self::Max(children) => Self::first_best(children, v, |next, best| next > best),
         }
+    }
+
+    #[inline]
+    fn first_best(
+        children: &[Self],
+        v: &impl Fn(u32) -> f64,
+        is_better: impl Fn(f64, f64) -> bool,
+    ) -> (f64, u32) {
+        let mut best = children[0].value_and_piece(v);
+        for child in &children[1..] {
+            let next = child.value_and_piece(v);
+            if is_better(next.0, best.0) {
+                best = next;
+            }
+        }
+        best
     }
 
     /// A range of the tree's value where the pieces have the ranges `v`.

@@ -3,8 +3,8 @@
 use std::ops::{Add, Mul};
 
 /// The unevaluated sum of two doubles, some 31 decimal digits (T. J. Dekker, Numer. Math. 18, 1971,
-/// pages 224–242). Exponents are those of doubles: products of what is far below 1e-290 or above
-/// 1e290 are not to be had.
+/// pages 224–242). The range of exponents is that of doubles: below about 1e-290 products lose the
+/// second double, above 1e290 they overflow.
 ///
 /// ```
 /// use isoform_num::DoubleDouble;
@@ -17,7 +17,7 @@ pub struct DoubleDouble {
     lo: f64,
 }
 
-/// The sum, rounded, and what the rounding left out (D. E. Knuth).
+/// The rounded sum and its rounding error, exactly (D. E. Knuth).
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let c = sum - a;
@@ -33,7 +33,7 @@ fn quick_two_sum(a: f64, b: f64) -> DoubleDouble {
     }
 }
 
-/// The product, rounded, and what the rounding left out (G. W. Veltkamp's splitting).
+/// The rounded product and its rounding error (G. W. Veltkamp's splitting).
 fn two_product(a: f64, b: f64) -> (f64, f64) {
     let split = |x: f64| {
         let c = 134_217_729.0 * x;

@@ -10,8 +10,17 @@ use crate::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A closed interval \[lo, hi\] of real numbers; NaN bounds never occur, "nothing known" is \[−∞,
-/// ∞\].
+/// A closed interval \[lo, hi\] of real numbers. Bounds are never NaN; where nothing is known they
+/// are −∞ and ∞.
+///
+/// ```
+/// use isoform_num::{Interval, Real};
+///
+/// // x² − x on [0, 1] has the range [−1/4, 0]; intervals find a range around it.
+/// let x = Interval::new(0.0, 1.0);
+/// let range = x.square() - x;
+/// assert!(range.contains(-0.25) && range.contains(0.0) && range.width() < 2.0001);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     lo: f64,

@@ -10,6 +10,17 @@ use crate::{Interval, Real};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
 /// Intervals that hold a function and its derivatives to order 3 in x, y, z over a box.
+///
+/// ```
+/// use isoform_num::{Interval, IntervalJet};
+///
+/// // x y over [1, 2] × [3, 4]: ∂/∂x = y, ∂²/∂x∂y = 1.
+/// let x = IntervalJet::variable(Interval::new(1.0, 2.0), 0);
+/// let y = IntervalJet::variable(Interval::new(3.0, 4.0), 1);
+/// let product = x * y;
+/// assert!(product.v.contains(3.0) && product.v.contains(8.0));
+/// assert!(product.g[0].contains(3.5) && product.h[1].contains(1.0));
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct IntervalJet {
     /// Value.
@@ -40,10 +51,12 @@ fn times(a: Interval, b: Interval) -> Interval {
 }
 /// a + b, exact where one is 0.
 fn plus(a: Interval, b: Interval) -> Interval {
-    match () {
-        () if is_zero(a) => b,
-        () if is_zero(b) => a,
-        () => a + b,
+    if is_zero(a) {
+        b
+    } else if is_zero(b) {
+        a
+    } else {
+        a + b
     }
 }
 
@@ -278,10 +291,12 @@ impl Real for IntervalJet {
         self.chain([t, q, c(-2.0) * t * q, q * (c(6.0) * t.square() - c(2.0))])
     }
     fn abs(&self) -> Self {
-        match () {
-            () if self.v.lo() >= 0.0 => *self,
-            () if self.v.hi() <= 0.0 => -*self,
-            () => self.either(&-*self, self.v.abs()),
+        if self.v.lo() >= 0.0 {
+            *self
+        } else if self.v.hi() <= 0.0 {
+            -*self
+        } else {
+            self.either(&-*self, self.v.abs())
         }
     }
     fn square(&self) -> Self {
@@ -310,10 +325,12 @@ impl Real for IntervalJet {
     }
     fn atan2(&self, x: &Self) -> Self {
         let v = self.v.atan2(&x.v);
-        let mut r = match () {
-            () if !x.v.contains(0.0) => (*self / *x).atan(),
-            () if !self.v.contains(0.0) => -(*x / *self).atan(),
-            () => return Self::unknown(v),
+        let mut r = if !x.v.contains(0.0) {
+            (*self / *x).atan()
+        } else if !self.v.contains(0.0) {
+            -(*x / *self).atan()
+        } else {
+            return Self::unknown(v);
         };
         // Across the negative x axis the angle jumps.
         if x.v.lo() < 0.0 && self.v.contains(0.0) {
@@ -335,17 +352,21 @@ impl Real for IntervalJet {
         Self::step(self.v.sign())
     }
     fn min(&self, o: &Self) -> Self {
-        match () {
-            () if self.v.hi() <= o.v.lo() => *self,
-            () if o.v.hi() <= self.v.lo() => *o,
-            () => self.either(o, self.v.min(&o.v)),
+        if self.v.hi() <= o.v.lo() {
+            *self
+        } else if o.v.hi() <= self.v.lo() {
+            *o
+        } else {
+            self.either(o, self.v.min(&o.v))
         }
     }
     fn max(&self, o: &Self) -> Self {
-        match () {
-            () if self.v.lo() >= o.v.hi() => *self,
-            () if o.v.lo() >= self.v.hi() => *o,
-            () => self.either(o, self.v.max(&o.v)),
+        if self.v.lo() >= o.v.hi() {
+            *self
+        } else if o.v.lo() >= self.v.hi() {
+            *o
+        } else {
+            self.either(o, self.v.max(&o.v))
         }
     }
     fn less(&self, o: &Self) -> Self {
@@ -355,10 +376,12 @@ impl Real for IntervalJet {
         Self::step(self.v.less_eq(&o.v))
     }
     fn select(&self, a: &Self, b: &Self) -> Self {
-        match () {
-            () if !self.v.contains(0.0) => *a,
-            () if self.v.lo() == 0.0 && self.v.hi() == 0.0 => *b,
-            () => Self::unknown(a.v.hull(&b.v)),
+        if !self.v.contains(0.0) {
+            *a
+        } else if self.v.lo() == 0.0 && self.v.hi() == 0.0 {
+            *b
+        } else {
+            Self::unknown(a.v.hull(&b.v))
         }
     }
 }

@@ -44,6 +44,15 @@ pub fn hessian(h: &[f64; 6]) -> [f64; 9] {
 }
 
 /// Value and first derivatives by N variables.
+///
+/// ```
+/// use isoform_num::{Jet1, Real};
+///
+/// // sin at π/6, with its derivative cos.
+/// let x = Jet1::<1>::variable(std::f64::consts::FRAC_PI_6, 0);
+/// let s = x.sin();
+/// assert!((s.v - 0.5).abs() < 1e-15 && (s.g[0] - 0.75f64.sqrt()).abs() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet1<const N: usize> {
     /// Value.
@@ -53,6 +62,19 @@ pub struct Jet1<const N: usize> {
 }
 
 /// Value, gradient and Hessian in x, y, z.
+///
+/// ```
+/// use isoform_num::{Jet2, Real};
+///
+/// // The distance √(x² + y² + z²) at (2, 3, 6): the gradient is the unit vector there, and the
+/// // Laplacian is 2/7.
+/// let [x, y, z] = [2.0, 3.0, 6.0];
+/// let [x, y, z] = [Jet2::variable(x, 0), Jet2::variable(y, 1), Jet2::variable(z, 2)];
+/// let d = (x.square() + y.square() + z.square()).sqrt();
+/// assert_eq!((d.v, d.g[1]), (7.0, 3.0 / 7.0));
+/// let laplacian = d.second(0, 0) + d.second(1, 1) + d.second(2, 2);
+/// assert!((laplacian - 2.0 / 7.0).abs() < 1e-15);
+/// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Jet2 {
     /// Value.

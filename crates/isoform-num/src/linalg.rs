@@ -2,8 +2,19 @@
 
 /// Cholesky factor L (lower, row-major n × n, A = L Lᵀ) in place of A; `false` where A is not
 /// positive definite to working precision (A is then half overwritten).
+///
+/// ```
+/// use isoform_num::linalg::{cholesky, cholesky_solve};
+///
+/// // 4 x + 2 y = 8, 2 x + 3 y = 8.
+/// let mut a = [4.0, 2.0, 2.0, 3.0];
+/// let mut x = [8.0, 8.0];
+/// assert!(cholesky(&mut a, 2));
+/// cholesky_solve(&a, 2, &mut x);
+/// assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 2.0).abs() < 1e-15);
+/// ```
 pub fn cholesky(a: &mut [f64], n: usize) -> bool {
-    // Lᵀ takes the place of the upper triangle meanwhile: rows along memory.
+    // While it is computed, Lᵀ stands in the upper triangle: its rows lie along memory.
     transpose(a, n);
     for j in 0..n {
         let (done, row) = a.split_at_mut(j * n);
@@ -54,6 +65,12 @@ pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
 /// Eigenvalues (rising) and eigenvectors (row k of the second result belongs to eigenvalue k) of a
 /// symmetric matrix, by cyclic Jacobi rotations: slow for large n, but accurate to the last digits
 /// also for tiny eigenvalues of graded matrices.
+///
+/// ```
+/// let (values, vectors) = isoform_num::linalg::symmetric_eigen(&[2.0, 1.0, 1.0, 2.0], 2);
+/// assert!((values[0] - 1.0).abs() < 1e-15 && (values[1] - 3.0).abs() < 1e-15);
+/// assert!((vectors[0] + vectors[1]).abs() < 1e-15, "(1, −1) belongs to 1");
+/// ```
 pub fn symmetric_eigen(a: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     let mut a = a.to_vec();
     let mut v = vec![0.0; n * n];

@@ -95,7 +95,7 @@ fn projection(
 struct Base(Vec<(UPoly, Vec<Event>)>);
 
 impl Base {
-    /// Splits all polynomials by whether their roots are among those of another one.
+    /// Splits every polynomial into the part with roots of p and the part without.
     fn add(&mut self, p: &UPoly, event: Event) {
         // Sides, vertical lines and multiple factors were split off, so that nothing happens
         // everywhere.

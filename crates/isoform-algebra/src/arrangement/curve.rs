@@ -22,9 +22,9 @@ pub(super) struct Curve {
     /// On v = 0 and on u + v = 1.
     pub(super) on_lower: UPoly,
     pub(super) on_upper: UPoly,
-    /// For quick tests: terms with coefficients known to rounding, and to twice as many digits;
-    /// those of both are multiplied by a power of two.
+    /// For quick tests: terms with coefficients known to rounding, multiplied by a power of two.
     pub(super) terms: Terms<Interval>,
+    /// The terms with twice as many digits, multiplied by the same power.
     pub(super) wide: Terms<Wide>,
 }
 

@@ -37,7 +37,7 @@ impl Roots {
             Self::Exact(fibre) => fibre.roots.len(),
         }
     }
-    /// Where a root is, to so many bits if that is to be had.
+    /// The range of a root, to as many bits as can be had, `bits` at most.
     fn range(
         &mut self,
         index: usize,
@@ -109,7 +109,7 @@ impl Stack {
         Ok((meetings == *common).then_some(Placed { ranges, groups }))
     }
 
-    /// Where the numbers are, to some bits if these are to be had.
+    /// The ranges of the numbers, to `bits` bits where these can be had.
     fn ranges(
         &mut self,
         u: &mut RealRoot,

@@ -87,8 +87,8 @@ impl Work {
         }
     }
 
-    /// The roots of the curves over a critical value; those of curves that are just crossed there
-    /// in floating point, unless `exact`.
+    /// The roots of the curves over a critical value. Curves that are just crossed there get them in
+    /// floating point, unless `exact`.
     fn roots_at(
         &self,
         critical: &Critical,
@@ -185,6 +185,13 @@ impl Work {
         Ok(common)
     }
 
+    /// A curve over u; none where it has no roots there.
+    fn specialised(&self, k: usize, u: &RealRoot) -> Option<Specialised> {
+        let curve = &self.curves[k];
+        curve.fibres.as_ref()?;
+        Specialised::new(&curve.rest, u).filter(|s| s.degree > 0)
+    }
+
     /// The number of real numbers v at which both curves vanish over u.
     fn common_roots(
         &mut self,
@@ -193,17 +200,9 @@ impl Work {
         u: &RealRoot,
         control: &Control<'_>,
     ) -> Result<usize, ArrangementError> {
-        let [a, b] = [j, k].map(|k| &self.curves[k]);
-        if a.fibres.is_none() || b.fibres.is_none() {
-            return Ok(0);
-        }
-        let over = [a, b].map(|c| Specialised::new(&c.rest, u));
-        let [Some(f), Some(g)] = over else {
+        let (Some(f), Some(g)) = (self.specialised(j, u), self.specialised(k, u)) else {
             return Ok(0);
         };
-        if f.degree == 0 || g.degree == 0 {
-            return Ok(0);
-        }
         let (f, g) = if f.degree >= g.degree { (f, g) } else { (g, f) };
         let make = || Subresultants::new(&f.poly, &g.poly, V, control);
         let made;
