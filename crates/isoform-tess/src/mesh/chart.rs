@@ -559,7 +559,7 @@ mod tests {
             terms: terms.to_vec(),
             order,
         };
-        let corner = [[0.0, 0.0], [0.1, 0.0], [0.0, 0.1]];
+        let corner = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]];
         let circle = [([2, 0], 1.0), ([0, 2], 1.0)];
         assert!(keeps_sign_on(&form(&circle, 2), corner, true));
         assert!(!keeps_sign_on(&form(&circle, 2), corner, false));
