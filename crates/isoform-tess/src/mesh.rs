@@ -93,7 +93,7 @@ const HALVINGS: usize = 40;
 /// How often a stretch is halved where a base point is left open: nothing gets fine enough there,
 /// and the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
-/// Triangles where a base point is left open, for the same reason.
+/// Triangles where a base point is left open, since more of them would not help, either.
 const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;

@@ -81,17 +81,18 @@ impl<'a> Atlas<'a> {
     /// The name of a point of a wall.
     pub(super) fn wall_name(&self, q: usize, wall: usize, point: usize) -> Name {
         let at = self.place(q, wall, point);
-        match () {
-            () if wall == 0 => name_on(q, 0, at[1]),
-            () if point == 0 => name_on(q, 1, at[0]),
-            () if point + 1
-                == self.region.triangles[q].arrangement.walls[wall]
-                    .points
-                    .len() =>
-            {
-                name_on(q, 2, at[0])
-            }
-            () => Name::Inner,
+        let top = self.region.triangles[q].arrangement.walls[wall]
+            .points
+            .len()
+            - 1;
+        if wall == 0 {
+            name_on(q, 0, at[1])
+        } else if point == 0 {
+            name_on(q, 1, at[0])
+        } else if point == top {
+            name_on(q, 2, at[0])
+        } else {
+            Name::Inner
         }
     }
 

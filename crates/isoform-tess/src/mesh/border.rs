@@ -1,5 +1,5 @@
-//! Sides of a domain: straight in the parameters, split at places that are the same whichever map
-//! the side belongs to.
+//! Sides of a domain: they are straight in the parameters, and split at places that do not depend
+//! on the map.
 //!
 //! Patches that have a side in common are split alike along it, so that their triangles fit: places
 //! are numbers of few binary digits along the side, and whether they are enough is asked of the
@@ -50,7 +50,7 @@ impl Atlas<'_> {
     /// The point of a unit triangle at a place along a side.
     fn on_border(q: usize, [p0, p1]: [[f64; 2]; 2], x: f64) -> [f64; 2] {
         let [s, t] = QUADRANTS[q].map(|x| x as f64);
-        // Exact at the ends, and where both are the same.
+        // Exact at the ends, and where both are equal.
         let at = |k: usize| p0[k] * (1.0 - x) + p1[k] * x;
         let [a, b] = [s * at(0), t * at(1)].map(|x| x.max(0.0));
         [a / (a + b + 1.0), b / (a + b + 1.0)]

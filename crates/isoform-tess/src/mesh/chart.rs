@@ -551,6 +551,32 @@ mod tests {
         );
     }
 
+    /// Away from zeros a sign is proved, and so it is in front of a zero in the corner; across a
+    /// zero, and where the order of that in the corner is wrong, it is not.
+    #[test]
+    fn signs_of_polynomials_are_proved_by_bisection() {
+        let form = |terms: &[([usize; 2], f64)], order: usize| Form {
+            terms: terms.to_vec(),
+            order,
+        };
+        let corner = [[0.0, 0.0], [0.1, 0.0], [0.1, 0.1]];
+        let circle = [([2, 0], 1.0), ([0, 2], 1.0)];
+        assert!(keeps_sign_on(&form(&circle, 2), corner, true));
+        assert!(!keeps_sign_on(&form(&circle, 2), corner, false));
+        let saddle = [([2, 0], 1.0), ([0, 2], -1.0)];
+        assert!(!keeps_sign_on(&form(&saddle, 2), corner, true));
+        assert!(keeps_sign_on(
+            &form(&saddle, 2),
+            [[0.0, 0.0], [0.1, 0.0], [0.1, 0.05]],
+            true
+        ));
+        // 1/4 − u on either side of u = 1/4, and across it.
+        let line = form(&[([0, 0], 0.25), ([1, 0], -1.0)], 0);
+        let at = |u: f64| [[u, 0.0], [u + 0.125, 0.0], [u, 0.5]];
+        let signs = [0.0, 0.1875, 0.375].map(|u| keeps_sign_on(&line, at(u), false));
+        assert_eq!(signs, [true, false, true]);
+    }
+
     /// What is no number proves nothing, nor does what underflow has a share in.
     #[test]
     fn what_is_no_number_proves_nothing() {

@@ -28,7 +28,7 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
     norm(normal(at)) < FLAT * half_width * half_width
 }
 
-/// Looks whether the surface stays in the box and ends on its faces only, and no edge but those of
+/// Looks whether the surface stays in the box and ends on its faces only, and no edge outside of
 /// the double curve has more than two triangles.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
@@ -195,7 +195,7 @@ pub(super) fn finish(
     leave_out_lost(&mut s);
     contract_flat(&mut s, half_width, tolerance);
     check(&mut s, half_width, glued);
-    // The same finding in several places is said once, in an order that no place decides.
+    // A finding that several places have is said once, in an order that no place decides.
     s.findings.sort_by_cached_key(ToString::to_string);
     s.findings.dedup();
     s

@@ -1,4 +1,5 @@
-//! The curves of the parameters that a region is decomposed by beside those of the box.
+//! The curves of the parameters, beside the ones that the box gives, that a region is decomposed
+//! by.
 
 use super::traced::Traced;
 use crate::analysis::Analysis;
@@ -9,8 +10,8 @@ use crate::singular::{CurveKind, RealPart, SingularCurve};
 use crate::surface::Point3;
 use isoform_algebra::Poly;
 
-/// The curves that a region is decomposed by beside those of the box, without the sides of the unit
-/// triangles, which are there already.
+/// The curves, beside the ones that the box gives, that a region is decomposed by. The sides of the
+/// unit triangles are not among them, as they are there already.
 #[derive(Default)]
 pub(crate) struct Curves {
     pub(super) contracted: Vec<(Poly, Vec<Point3>)>,
@@ -85,8 +86,8 @@ impl Curves {
         found.traced = traced;
         found
     }
-    /// Adds isolated points of a curve, without those of contracted ones, which have their images
-    /// anyway.
+    /// Adds isolated points of a curve, unless a contracted curve goes through them: they have its
+    /// image anyway.
     fn add_isolated(&mut self, points: &[[Algebraic; 3]], all: &[SingularCurve]) {
         let is_contracted = |p: &&[Algebraic; 3]| {
             let mut curves = all

@@ -42,8 +42,8 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     let (glued, apex) = (joined.glued, strip.apex);
     let fan = &glued.openings.fans[strip.fan];
     let triangles = triangles(strip, fan, &paths, joined);
-    // What lies between two rays need not lie in the straight triangle: then the strip has no
-    // parameters but those of the base point.
+    // What lies between two rays need not lie in the straight triangle: then all corners of the
+    // strip have the parameters of the base point.
     let [a, b] = strip.ends.map(|end| end.1);
     let is_straight =
         !fan.is_tree() || glued.atlas.charts[q].keeps_sign([apex, a, b], fan.multiplicity);

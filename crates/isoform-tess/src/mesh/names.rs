@@ -22,14 +22,15 @@ pub(super) type Ray = (DirectionKey, bool);
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Name {
     Inner,
+    /// On a side: which, its sign, and the place along it as bits.
     Side(usize, i64, u64),
+    /// The origin, (1 : 0 : 0) or (0 : 1 : 0).
     Corner(usize),
     /// The image of a contracted curve.
     Image(ImageId),
     /// On the seam of a base point, in a direction.
     Seam(usize, DirectionKey),
-    /// On a ray of a base point, in a direction, backward or not: so many vertices after the
-    /// rectangle.
+    /// On a ray of a base point: the number of the vertex, counted from the rectangle on.
     Ray(usize, Ray, usize),
     /// Where sheets meet.
     Double(ClassId),

@@ -151,7 +151,9 @@ impl Openings<'_> {
                 for p in 0..wall.points.len() {
                     if t.holds_point(k, p) && self.atlas.faces_at(q, k, p) == FULL {
                         match self.site_at(q, k, p) {
-                            Ok(site) => drop(self.sites.insert((q, k, p), site)),
+                            Ok(site) => {
+                                self.sites.insert((q, k, p), site);
+                            }
                             Err(problem) => problems.push(problem),
                         }
                     }
@@ -242,8 +244,8 @@ impl Openings<'_> {
         }
     }
 
-    /// The places of rectangles on a side that base points are on: the place of the base point, and
-    /// those of the vertices.
+    /// Where rectangles around base points are on a side of the unit triangles: the place of each
+    /// base point, and the places of the two vertices beside it.
     pub(super) fn places_on(&self, side: usize, quadrants: &[usize]) -> Vec<(f64, [f64; 2])> {
         let mut places: Vec<(f64, [f64; 2])> = Vec::new();
         for (&(q, _, _), site) in &self.sites {

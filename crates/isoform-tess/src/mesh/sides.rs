@@ -46,7 +46,7 @@ struct Division<'a> {
 }
 
 impl<'a> Division<'a> {
-    /// A side between places that are given; those of rectangles around base points come to these.
+    /// Divides a side at places that are given, in the vertices of rectangles, and in between.
     fn new(open: &'a Openings<'a>, id: SideId, mut given: Vec<f64>) -> Self {
         let (side, quadrants) = (id.0, quadrants_at(id));
         let rectangles = open.places_on(side, &quadrants);

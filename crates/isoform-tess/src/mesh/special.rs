@@ -197,7 +197,7 @@ impl<'a> SpecialCurves<'a> {
                 .is_some_and(|d| d.others(p).any(|q| q.is_none_or(is_on)))
     }
 
-    /// Whether the vertices of a curve have partners: those of a contracted one are one.
+    /// Whether the vertices of a curve have partners. A contracted curve is one vertex.
     pub(super) fn has_partners(&self, factor: usize) -> bool {
         self.double.contains(&factor) && !self.on_curve.contains_key(&factor)
     }

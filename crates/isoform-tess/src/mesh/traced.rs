@@ -114,6 +114,38 @@ fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     }
 }
 
+/// A parameter of a spot in a unit triangle.
+struct SpotVertex {
+    q: usize,
+    at: [f64; 2],
+    spot: usize,
+    which: usize,
+}
+
+/// Both parameters of all spots, in all unit triangles that hold them, from left to right.
+fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
+    let mut vertices: Vec<SpotVertex> = Vec::new();
+    for (spot, s) in spots.iter().enumerate() {
+        for which in 0..2 {
+            let vertex = |q: usize| {
+                let at = place_on(q, s.parameters[which])?;
+                Some(SpotVertex { q, at, spot, which })
+            };
+            vertices.extend((0..4).filter_map(vertex));
+        }
+    }
+    vertices.sort_by(|a, b| a.q.cmp(&b.q).then(a.at[0].total_cmp(&b.at[0])));
+    vertices
+}
+
+/// The root of an element of a forest, given by what is above each.
+fn root(up: &[usize], mut k: usize) -> usize {
+    while up[k] != k {
+        k = up[k];
+    }
+    k
+}
+
 /// The unit triangle that holds two parameters, and their places in it.
 fn common(a: [f64; 3], b: [f64; 3]) -> Option<(usize, [[f64; 2]; 2])> {
     (0..4).find_map(|q| Some((q, [place_on(q, a)?, place_on(q, b)?])))
@@ -373,29 +405,16 @@ impl Openings<'_> {
     /// Gives one class to spots with a parameter in common, and them exactly that one.
     fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<Spot>]) {
         let mut spots: Vec<&mut Spot> = runs.iter_mut().flatten().collect();
-        let mut vertices: Vec<(usize, [f64; 2], usize, usize)> = Vec::new();
-        for (k, spot) in spots.iter().enumerate() {
-            for which in 0..2 {
-                let places = (0..4).map(|q| (q, place_on(q, spot.parameters[which])));
-                vertices.extend(places.filter_map(|(q, at)| Some((q, at?, k, which))));
-            }
-        }
-        vertices.sort_by(|a, b| a.0.cmp(&b.0).then(a.1[0].total_cmp(&b.1[0])));
+        let vertices = vertices_of(&spots);
         let mut up: Vec<usize> = (0..spots.len()).collect();
-        let root = |up: &[usize], mut k: usize| {
-            while up[k] != k {
-                k = up[k];
-            }
-            k
-        };
         for (i, a) in vertices.iter().enumerate() {
             let near = vertices[i + 1..]
                 .iter()
-                .take_while(|b| b.0 == a.0 && b.1[0] - a.1[0] < ONE);
-            for b in near.filter(|b| distance2(a.1, b.1) < ONE) {
-                let [x, y] = [a.2, b.2].map(|k| root(&up, k));
+                .take_while(|b| b.q == a.q && b.at[0] - a.at[0] < ONE);
+            for b in near.filter(|b| distance2(a.at, b.at) < ONE) {
+                let [x, y] = [a.spot, b.spot].map(|k| root(&up, k));
                 up[x.max(y)] = x.min(y);
-                spots[b.2].parameters[b.3] = spots[a.2].parameters[a.3];
+                spots[b.spot].parameters[b.which] = spots[a.spot].parameters[a.which];
             }
         }
         let mut number: BTreeMap<usize, ClassId> = BTreeMap::new();

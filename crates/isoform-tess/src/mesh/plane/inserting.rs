@@ -23,7 +23,7 @@ fn is_on_side([a, b]: [[f64; 2]; 2]) -> bool {
 
 impl Plane {
     /// Puts vertices at places, unless there are some beside them, and flips edges around them
-    /// until the triangles are those of Delaunay in space: sheets beside each other with the
+    /// until the triangles are Delaunay triangles in space: sheets beside each other with the
     /// vertices in common have the edges in common then, too.
     pub(in crate::mesh) fn insert(
         &mut self,

@@ -157,8 +157,8 @@ impl Plane {
     }
 
     /// How much the edge between two vertices wants to be split, and where: in the middle of its
-    /// parameters, or, if they are even, at those of the triangles beside it whose image is nearest
-    /// to the middle of the edge.
+    /// parameters, or, if these are even, at parameters in the triangles beside it whose image is
+    /// nearest to the middle of the edge.
     pub(super) fn excess(
         &self,
         [a, b]: [u32; 2],

@@ -188,8 +188,8 @@ impl Plane {
         Some(m)
     }
 
-    /// Proves that the pole curve misses new triangles: they lie where old ones were, and the first
-    /// of either have the same numbers.
+    /// Proves that the pole curve misses new triangles, which lie where old ones were: if it is
+    /// proved to miss these, nothing is left to be shown.
     fn prove<const N: usize, const M: usize>(
         &mut self,
         old: [u32; N],

@@ -225,8 +225,8 @@ fn the_rim_may_be_split() {
     assert_eq!(plane.nodes[5].at, [0.25, 0.0]);
 }
 
-/// Places become vertices, unless one is beside them; around them triangles are those of Delaunay
-/// in space.
+/// Places become vertices, unless one is beside them; the triangles around them are Delaunay
+/// triangles in space.
 #[test]
 fn places_become_vertices() {
     let measure = Paraboloid::new(0.5, 10.0);
