@@ -180,8 +180,8 @@ impl Classes {
 /// ```
 /// use isoform_tess::{Control, Map, base_points};
 ///
-/// // Any numerators over s² and t²: all four vanish in s = t = 0 only, to the first order.
-/// let map = Map::parse(["s", "t", "s^2 + t^3", "s^2 + t^2"], Default::default())?;
+/// // All four vanish in s = t = 0 only, to the first order.
+/// let map = Map::parse(["s", "t", "s^2 - t^2", "s^2 + t^2"], Default::default())?;
 /// let found = base_points(&map, &Control::default())?;
 /// assert_eq!((found.len(), found[0].to_f64(), found[0].multiplicity()), (1, [0.0, 0.0, 1.0], 1));
 /// # Ok::<(), Box<dyn std::error::Error>>(())

@@ -291,10 +291,10 @@ struct Limits<'a> {
 }
 
 impl Limits<'_> {
-    /// Of the cells of a slab from bottom to top, whether they belong to the region.
-    fn cells_held(&self, slab: &Slab, quadrant: usize) -> Vec<bool> {
-        let over_u = |face: &Poly| in_triangle(face, quadrant).set(0, &slab.u);
-        let faces: Vec<Poly> = self.faces.iter().map(over_u).collect();
+    /// Of the cells of a slab from bottom to top, whether they belong to the region; `faces` are the
+    /// curves of the box's faces in the unit triangle.
+    fn cells_held(&self, slab: &Slab, faces: &[Poly], quadrant: usize) -> Vec<bool> {
+        let faces: Vec<Poly> = faces.iter().map(|f| f.set(0, &slab.u)).collect();
         let is_held = |v: &RBig| {
             self.admits(quadrant, [&slab.u, v])
                 && faces
@@ -355,11 +355,14 @@ impl Triangle {
         limits: &Limits<'_>,
         control: &Control<'_>,
     ) -> Result<Self, ArrangementError> {
-        let curves: Vec<Poly> = factors.iter().map(|f| in_triangle(f, quadrant)).collect();
+        let local = |f: &Poly| in_triangle(f, quadrant);
+        let curves: Vec<Poly> = factors.iter().map(local).collect();
         let arrangement = Arrangement::new(&curves, control)?;
+        let faces: Vec<Poly> = limits.faces.iter().map(local).collect();
         let slabs = arrangement.slabs.iter();
+        let inside = slabs.map(|slab| limits.cells_held(slab, &faces, quadrant));
         Ok(Self {
-            inside: slabs.map(|s| limits.cells_held(s, quadrant)).collect(),
+            inside: inside.collect(),
             arrangement,
         })
     }
