@@ -147,6 +147,22 @@ pub(crate) struct Outcome {
 }
 
 impl Outcome {
+    /// The outcome of a verb that writes files: a file for stdout takes the place of the table, and
+    /// stands as `text` in the document.
+    pub(crate) fn of(
+        exit: u8,
+        mut json: Value,
+        file: Vec<u8>,
+        table: impl FnOnce() -> String,
+    ) -> Self {
+        let stdout = if file.is_empty() {
+            table().into_bytes()
+        } else {
+            json["text"] = String::from_utf8_lossy(&file).into();
+            file
+        };
+        Self { exit, json, stdout }
+    }
     pub(crate) fn text(stdout: Vec<u8>) -> Self {
         let json = json!({"text": String::from_utf8_lossy(&stdout)});
         Self {

@@ -124,18 +124,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     )?;
     let stdout = files::write(&mut made, &targets)?;
     made.say(context);
-    let mut json = document::document(&made);
-    if !stdout.is_empty() {
-        json["text"] = String::from_utf8_lossy(&stdout).into();
-    }
-    let stdout = if stdout.is_empty() {
-        table::text(&made).into_bytes()
-    } else {
-        stdout
-    };
-    Ok(Outcome {
-        exit: made.exit(),
-        json,
-        stdout,
-    })
+    let json = document::document(&made);
+    Ok(Outcome::of(made.exit(), json, stdout, || {
+        table::text(&made)
+    }))
 }

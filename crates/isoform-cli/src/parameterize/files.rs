@@ -5,7 +5,7 @@ use crate::mesh::files as meshes;
 use crate::output::{self, Failure};
 use crate::scan;
 use crate::watchdog::Writing;
-use isoform::geom::Field;
+use isoform::geom::{Field, Mesh};
 use isoform::io::{MeshWriteOptions, StepOptions, write_mesh_path, write_step_path};
 use isoform::{patch_mesh, step_faces};
 use std::path::Path;
@@ -20,38 +20,33 @@ pub(super) enum Target<'a> {
 
 /// Finds out before the work whether every file can be written.
 pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<Target<'_>>, Failure> {
-    let mut targets = Vec::new();
-    for path in paths.iter().map(AsRef::as_ref) {
-        if path == Path::new("-") {
-            targets.push(Target::Stdout);
-            continue;
-        }
-        let ending = path
-            .extension()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .to_ascii_lowercase();
-        targets.push(match ending.as_str() {
-            "json" => Target::Json(path),
-            "step" | "stp" => Target::Step(path),
-            _ if meshes::is_mesh(path) => Target::Triangles(path),
-            _ => {
-                let failure = Failure::usage(format!(
-                    "{}: patches are not written with this ending",
-                    path.display()
-                ));
-                let why = format!(
-                    "patches are written as json and step, and their triangles as {}",
-                    meshes::formats()
-                );
-                return Err(failure
-                    .why(why)
-                    .hint("a name that ends in .json, .step, .obj, .ply or .glb"));
-            }
-        });
-        output::check_folder(path)?;
+    paths.iter().map(|path| target(path.as_ref())).collect()
+}
+
+fn target(path: &Path) -> Result<Target<'_>, Failure> {
+    if path == Path::new("-") {
+        return Ok(Target::Stdout);
     }
-    Ok(targets)
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    let target = match ending.to_ascii_lowercase().as_str() {
+        "json" => Target::Json(path),
+        "step" | "stp" => Target::Step(path),
+        _ if meshes::is_mesh(path) => Target::Triangles(path),
+        _ => return Err(unknown_ending(path)),
+    };
+    output::check_folder(path)?;
+    Ok(target)
+}
+
+fn unknown_ending(path: &Path) -> Failure {
+    let path = path.display();
+    let why = format!(
+        "patches are written as json and step, and their triangles as {}",
+        meshes::formats()
+    );
+    Failure::usage(format!("{path}: patches are not written with this ending"))
+        .why(why)
+        .hint("a name that ends in .json, .step, .obj, .ply or .glb")
 }
 
 /// Writes all files; gives back what is for stdout.
@@ -74,39 +69,53 @@ pub(super) fn write(
                 path
             }
             Target::Step(path) => {
-                let name = Path::new(&made.name)
-                    .file_stem()
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned();
-                let options = StepOptions {
-                    units: args.units.clone(),
-                    name,
-                    time: None,
-                };
-                write_step_path(&step_faces(field, &made.patches), path, &options)
-                    .map_err(|e| scan::unwritable(&e))?;
+                write_step(made, field, path, args.units.clone())?;
                 path
             }
             Target::Triangles(path) => {
                 let mesh = mesh.get_or_insert_with(|| {
                     patch_mesh(field, &made.patches, usize::from(args.grid))
                 });
-                let options = MeshWriteOptions {
-                    units: args.units.clone(),
-                    ..MeshWriteOptions::default()
-                };
-                let report = write_mesh_path(mesh, path, None, &options)
-                    .map_err(|e| scan::unwritable_mesh(&e))?;
-                let told = report
-                    .warnings
-                    .into_iter()
-                    .map(|w| format!("{}: {w}", path.display()));
-                made.warnings.extend(told);
+                let warnings = write_triangles(mesh, path, args.units.clone())?;
+                made.warnings.extend(warnings);
                 path
             }
         };
         made.written.push(path.display().to_string());
     }
     Ok(stdout)
+}
+
+fn write_step(
+    made: &Made,
+    field: &dyn Field,
+    path: &Path,
+    units: Option<String>,
+) -> Result<(), Failure> {
+    let model = Path::new(&made.name).file_stem().unwrap_or_default();
+    let options = StepOptions {
+        units,
+        name: model.to_string_lossy().into_owned(),
+        time: None,
+    };
+    write_step_path(&step_faces(field, &made.patches), path, &options)
+        .map_err(|e| scan::unwritable(&e))
+}
+
+/// Writes the triangles; what the format cannot hold is warned of.
+fn write_triangles(
+    mesh: &Mesh,
+    path: &Path,
+    units: Option<String>,
+) -> Result<Vec<String>, Failure> {
+    let options = MeshWriteOptions {
+        units,
+        ..MeshWriteOptions::default()
+    };
+    let report =
+        write_mesh_path(mesh, path, None, &options).map_err(|e| scan::unwritable_mesh(&e))?;
+    let warnings = report.warnings.into_iter();
+    Ok(warnings
+        .map(|w| format!("{}: {w}", path.display()))
+        .collect())
 }

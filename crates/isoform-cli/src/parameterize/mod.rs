@@ -6,6 +6,7 @@ mod files;
 mod subject;
 mod table;
 
+use self::subject::Subject;
 use crate::eval;
 use crate::interrupt;
 use crate::model::Language;
@@ -16,7 +17,7 @@ use isoform::patch::{self, Covering, Error, Method, Options, Parameterized};
 use isoform::{
     Control, Coverage, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Half the width of the box unless another is given: the paper's cube of edge 1.
@@ -186,6 +187,12 @@ impl Made {
     fn findings(&self) -> Vec<PatchFinding> {
         patch_findings(&self.patches, self.coverage.as_ref(), &self.options)
     }
+    /// Writes a file that accompanies the patches.
+    fn write_beside(&mut self, path: &Path, bytes: &[u8]) -> Result<(), Failure> {
+        output::write_file(path, bytes)?;
+        self.written.push(path.display().to_string());
+        Ok(())
+    }
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
@@ -193,80 +200,125 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for path in [&args.trace, &args.figure].into_iter().flatten() {
         output::check_folder(path)?;
     }
-    let mut clock = Instant::now();
+    let clock = Instant::now();
     let subject = subject::read(&args.model, &args.language, args.params.as_ref(), context)?;
-    let mut seconds = vec![("read", clock.elapsed().as_secs_f64())];
+    let read = clock.elapsed().as_secs_f64();
+    let mut made = make(args, &subject, context)?;
+    made.seconds.insert(0, ("read", read));
+    let stdout = write(args, &mut made, &subject, &targets)?;
+    Ok(tell(made, stdout, context))
+}
+
+/// Finds the patch, or all patches of a cover.
+fn make(args: &Args, subject: &Subject, context: &Context) -> Result<Made, Failure> {
     let options = options(args, context);
-    let failed = |e| failure(&e, &subject.name, &options);
-    let (patches, coverage) = if args.cover {
-        clock = Instant::now();
-        let covering = Covering {
-            most: args.patches,
-            margin: args.margin,
-            apart: args.singular,
-        };
-        let made = cover_surface(&subject.surface, &options, &covering, &context.control());
-        let (patches, coverage) = Coverage::of(made.map_err(failed)?);
-        seconds.push(("cover", clock.elapsed().as_secs_f64()));
-        (patches, Some(coverage))
+    let found = if args.cover {
+        cover(args, subject, &options, context)
     } else {
-        // Ctrl-C ends the program: of a single patch there is nothing to keep.
-        let control = Control {
-            deadline: context.deadline,
-            ..Control::default()
-        };
-        let made = parameterize_surface(&subject.surface, &options, &control);
-        let patch = made.map_err(failed)?;
-        seconds.extend(patch.seconds.iter().copied());
-        (vec![patch], None)
+        single(subject, &options, context)
     };
-    let mut made = Made {
-        name: subject.name,
+    let Found {
+        patches,
+        coverage,
+        seconds,
+    } = found.map_err(|e| failure(&e, &subject.name, &options))?;
+    Ok(Made {
+        name: subject.name.clone(),
         options,
         patches,
         coverage,
-        warnings: subject.warnings,
+        warnings: subject.warnings.clone(),
         written: Vec::new(),
         seconds,
-    };
+    })
+}
 
-    clock = Instant::now();
-    let stdout = files::write(&mut made, subject.surface.field.as_ref(), &targets, args)?;
+/// Patches as the library made them.
+struct Found {
+    patches: Vec<Parameterized>,
+    /// Of a cover.
+    coverage: Option<Coverage>,
+    /// Seconds by phase.
+    seconds: Vec<(&'static str, f64)>,
+}
+
+/// Covers the surface in the box with patches.
+fn cover(
+    args: &Args,
+    subject: &Subject,
+    options: &Options,
+    context: &Context,
+) -> Result<Found, Error> {
+    let clock = Instant::now();
+    let covering = Covering {
+        most: args.patches,
+        margin: args.margin,
+        apart: args.singular,
+    };
+    let made = cover_surface(&subject.surface, options, &covering, &context.control())?;
+    let (patches, coverage) = Coverage::of(made);
+    Ok(Found {
+        patches,
+        coverage: Some(coverage),
+        seconds: vec![("cover", clock.elapsed().as_secs_f64())],
+    })
+}
+
+/// Makes one patch. Ctrl-C ends the program here: of a single patch there is nothing to keep.
+fn single(subject: &Subject, options: &Options, context: &Context) -> Result<Found, Error> {
+    let control = Control {
+        deadline: context.deadline,
+        ..Control::default()
+    };
+    let patch = parameterize_surface(&subject.surface, options, &control)?;
+    let seconds = patch.seconds.to_vec();
+    Ok(Found {
+        patches: vec![patch],
+        coverage: None,
+        seconds,
+    })
+}
+
+/// Writes all files; the bytes for stdout.
+fn write(
+    args: &Args,
+    made: &mut Made,
+    subject: &Subject,
+    targets: &[files::Target<'_>],
+) -> Result<Vec<u8>, Failure> {
+    let clock = Instant::now();
+    let field = subject.surface.field.as_ref();
+    let stdout = files::write(made, field, targets, args)?;
     if let Some(path) = &args.trace {
-        output::write_file(path, document::trace(&made.patches[0].grown).as_bytes())?;
-        made.written.push(path.display().to_string());
+        let table = document::trace(&made.patches[0].grown);
+        made.write_beside(path, table.as_bytes())?;
     }
     if let Some(path) = &args.figure {
-        let svg = figure::svg(
-            subject.surface.field.as_ref(),
-            &made.patches[0].grown,
-            &made.name,
-        );
-        output::write_file(path, svg.as_bytes())?;
-        made.written.push(path.display().to_string());
+        let svg = figure::svg(field, &made.patches[0].grown, &made.name);
+        made.write_beside(path, svg.as_bytes())?;
     }
     if !made.written.is_empty() {
         made.seconds.push(("write", clock.elapsed().as_secs_f64()));
     }
+    Ok(stdout)
+}
+
+/// Warns, and puts together what is printed: a file if one goes to stdout, else the table.
+fn tell(mut made: Made, stdout: Vec<u8>, context: &Context) -> Outcome {
     let findings = made.findings();
     made.warnings
         .extend(findings.iter().map(ToString::to_string));
     made.warnings.iter().for_each(|w| context.warn(w));
-    let exit = match () {
-        () if interrupt::happened() => interrupt::INTERRUPTED,
-        () if findings.is_empty() => DONE,
-        () => PARTIAL,
-    };
-    let mut json = document::document(&made);
-    if !stdout.is_empty() {
-        json["text"] = String::from_utf8_lossy(&stdout).into();
-    }
-    let stdout = if stdout.is_empty() {
-        table::text(&made).into_bytes()
+    let exit = if interrupt::happened() {
+        interrupt::INTERRUPTED
+    } else if findings.is_empty() {
+        DONE
     } else {
-        stdout
+        PARTIAL
     };
-    Ok(Outcome { exit, json, stdout })
+    Outcome::of(exit, document::document(&made), stdout, || {
+        table::text(&made)
+    })
 }
 
 fn options(args: &Args, context: &Context) -> Options {
@@ -306,17 +358,10 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
         Error::NoSurface => none("empty")
             .why("none of some thousand random places in it led to one")
             .hint("another --box, or --seed-point"),
-        Error::FarSeed { at } => {
-            let hint = if options.seed_point.is_some() {
-                "a point nearer to the surface, or a larger --box"
-            } else {
-                "another --seed"
-            };
-            none("far-seed")
-                .somewhere(at)
-                .why("Newton's method along the gradient does not come to the surface in the box from there")
-                .hint(hint)
-        }
+        Error::FarSeed { at } => none("far-seed")
+            .somewhere(at)
+            .why("Newton's method along the gradient does not come to the surface in the box from there")
+            .hint(other_seed(options)),
         Error::Singular { at } => none("singular")
             .somewhere(at)
             .why("the gradient of the function vanishes there")
@@ -329,19 +374,32 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .somewhere(at)
             .why("the surface turns more sharply there than a patch of this degree follows")
             .hint("another --seed-point, or a smaller --tol"),
-        Error::NoPatch { at } => {
-            let failure = none("no-patch").somewhere(at);
-            let farthest = |m: f64, x: &f64| m.max(x.abs());
-            let size = at.iter().fold(options.region.diagonal(), farthest);
-            match options.tolerance.filter(|t| *t < ROUNDING * size) {
-                Some(_) => failure
-                    .why("the tolerance is below the rounding of coordinates there")
-                    .hint(format!("--tol {:.0e} or more", 10.0 * ROUNDING * size)),
-                None => failure
-                    .why("the surface is too curved, or not smooth, there")
-                    .hint("another --seed-point"),
-            }
-        }
+        Error::NoPatch { at } => no_patch(none("no-patch").somewhere(at), at, options),
+    }
+}
+
+/// What to try where the seed point leads nowhere.
+fn other_seed(options: &Options) -> &'static str {
+    if options.seed_point.is_some() {
+        "a point nearer to the surface, or a larger --box"
+    } else {
+        "another --seed"
+    }
+}
+
+/// Completes the failure to find a patch at a point by its reason.
+fn no_patch(failure: Failure, at: Point3, options: &Options) -> Failure {
+    let farthest = |m: f64, x: &f64| m.max(x.abs());
+    let size = at.iter().fold(options.region.diagonal(), farthest);
+    let is_below_rounding = options.tolerance.is_some_and(|t| t < ROUNDING * size);
+    if is_below_rounding {
+        failure
+            .why("the tolerance is below the rounding of coordinates there")
+            .hint(format!("--tol {:.0e} or more", 10.0 * ROUNDING * size))
+    } else {
+        failure
+            .why("the surface is too curved, or not smooth, there")
+            .hint("another --seed-point")
     }
 }
 

@@ -16,6 +16,8 @@ pub(super) struct Subject {
     pub(super) warnings: Vec<String>,
 }
 
+/// Reads a model: a JSON file, or one of stdin that begins as such, holds a polynomial, and any
+/// other file, or a name out of the gallery, a program.
 pub(super) fn read(
     path: &Path,
     language: &Language,
@@ -26,25 +28,23 @@ pub(super) fn read(
         .extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("json"));
     let name = path.display().to_string();
-    if is_json || path == Path::new("-") {
-        let text = output::text(output::read_file(path)?);
-        if is_json || text.trim_start().starts_with('{') {
-            if params.is_some() {
-                return Err(
-                    Failure::usage("a polynomial has no parameters").hint("leave out --params")
-                );
-            }
-            let surface = polynomial(path, &text)?;
-            return Ok(Subject {
-                name,
-                surface,
-                warnings: Vec::new(),
-            });
-        }
+    if !is_json && path != Path::new("-") {
+        let model = gallery::template(path, language, context)?;
+        return program(&model, params, name);
+    }
+    let text = output::text(output::read_file(path)?);
+    if !is_json && !text.trim_start().starts_with('{') {
         let model = model::parse(path, &text, language, context)?;
         return program(&model, params, name);
     }
-    program(&gallery::template(path, language, context)?, params, name)
+    if params.is_some() {
+        return Err(Failure::usage("a polynomial has no parameters").hint("leave out --params"));
+    }
+    Ok(Subject {
+        name,
+        surface: polynomial(path, &text)?,
+        warnings: Vec::new(),
+    })
 }
 
 fn program(
@@ -62,9 +62,10 @@ fn program(
         }
     })?;
     let warning = "the program is no expression: it is run statement by statement, and nothing is proved of it";
-    let warnings = match surface.is_run {
-        true => vec![warning.to_owned()],
-        false => Vec::new(),
+    let warnings = if surface.is_run {
+        vec![warning.to_owned()]
+    } else {
+        Vec::new()
     };
     Ok(Subject {
         name,
@@ -73,41 +74,49 @@ fn program(
     })
 }
 
+/// An example of the JSON that is read, for hints.
+const EXAMPLE: &str = r#"{"F": "x^2 + y^2 + z^2 - 1/4"}"#;
+
 /// The polynomial of a JSON object's key F.
 fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
-    const EXAMPLE: &str = r#"{"F": "x^2 + y^2 + z^2 - 1/4"}"#;
     let shown = if path == Path::new("-") {
         Path::new("stdin")
     } else {
         path
     };
-    let json: Value = serde_json::from_str(text).map_err(|e| {
-        let (line, column) = (e.line().max(1), e.column().max(1));
-        let failure = Failure::input("json", format!("not JSON: {e}")).at(shown, line, column);
-        failure
-            .drawn(text.lines().nth(line - 1).unwrap_or_default())
-            .hint(EXAMPLE)
-    })?;
-    let wrong = |code, message: String| {
-        let mut failure = Failure::input(code, format!("{}: {message}", shown.display()));
-        failure.place.file = Some(shown.to_owned());
-        failure.place.key = Some("F");
-        failure
-    };
+    let json: Value = serde_json::from_str(text).map_err(|e| not_json(shown, text, &e))?;
     let Some(formula) = json.get("F").and_then(Value::as_str) else {
-        return Err(wrong("key", "there is no text under the key F".to_owned()).hint(EXAMPLE));
+        let message = "there is no text under the key F".to_owned();
+        return Err(wrong(shown, "key", message).hint(EXAMPLE));
     };
-    let parsed = ImplicitSurface::of_polynomial(formula).map_err(|e: ParseError| {
-        let mut failure = wrong("polynomial", format!("F, column {}: {e}", e.column))
-            .hint("a polynomial in x, y and z with rational coefficients");
-        failure.place.column = Some(e.column);
-        failure
-    })?;
+    let parsed = ImplicitSurface::of_polynomial(formula).map_err(|e| not_parsed(shown, &e))?;
     parsed.ok_or_else(|| {
-        wrong(
-            "polynomial",
-            "F is constant, or has a coefficient beyond the largest number".to_owned(),
-        )
-        .hint(EXAMPLE)
+        let message = "F is constant, or has a coefficient beyond the largest number".to_owned();
+        wrong(shown, "polynomial", message).hint(EXAMPLE)
     })
+}
+
+fn not_json(path: &Path, text: &str, error: &serde_json::Error) -> Failure {
+    let (line, column) = (error.line().max(1), error.column().max(1));
+    let drawn = text.lines().nth(line - 1).unwrap_or_default();
+    Failure::input("json", format!("not JSON: {error}"))
+        .at(path, line, column)
+        .drawn(drawn)
+        .hint(EXAMPLE)
+}
+
+fn not_parsed(path: &Path, error: &ParseError) -> Failure {
+    let message = format!("F, column {}: {error}", error.column);
+    let mut failure = wrong(path, "polynomial", message)
+        .hint("a polynomial in x, y and z with rational coefficients");
+    failure.place.column = Some(error.column);
+    failure
+}
+
+/// Something is wrong with the value of the key F.
+fn wrong(path: &Path, code: &'static str, message: String) -> Failure {
+    let mut failure = Failure::input(code, format!("{}: {message}", path.display()));
+    failure.place.file = Some(path.to_owned());
+    failure.place.key = Some("F");
+    failure
 }

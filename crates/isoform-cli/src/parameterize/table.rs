@@ -2,60 +2,19 @@
 
 use super::Made;
 use crate::mesh::table::line;
-use isoform::patch::{Parameterized, Phase, Quadric};
+use isoform::Coverage;
+use isoform::patch::{NormalForm, Parameterized, Phase, Quadric};
 use isoform::report::{brief, solver_name};
 
 /// The patches, what is proved of them, and where they went.
 pub(super) fn text(made: &Made) -> String {
     let (m, n) = made.options.degree;
-    let mut text = line("surface", made.name.clone())
-        + &line(
-            "degree",
-            format!("{m},{n}; {}", solver_name(made.options.method)),
-        );
-    if let Some(c) = &made.coverage {
-        text += &line(
-            "cover",
-            format!(
-                "{} patches on which {} of {} samples of the surface lie",
-                made.patches.len(),
-                c.covered,
-                c.samples
-            ),
-        );
-        if c.left_out > 0 {
-            text += &line(
-                "left out",
-                format!(
-                    "{} samples nearer than {} to one of {} singular points",
-                    c.left_out,
-                    brief(c.apart),
-                    c.singular.len()
-                ),
-            );
-        }
-        if let Some((depth, distance)) = c.depth.as_ref().and_then(|d| Some((d, d.distance?))) {
-            let (margin, distance) = (brief(depth.margin), brief(distance));
-            text += &line(
-                "margin",
-                format!(
-                    "all of the surface in the box{} is {margin} or more inside of a patch, at \
-                     most {distance} from it, proved",
-                    if c.left_out > 0 { " but that" } else { "" }
-                ),
-            );
-        }
-        let worst = made
-            .patches
-            .iter()
-            .filter_map(|p| p.distances.bound)
-            .fold(0.0, f64::max);
-        text += &line("distance", format!("at most {}, proved", brief(worst)));
-    }
-    for p in &made.patches {
-        if made.coverage.is_none() {
-            text += &patch(p, made);
-        }
+    let method = solver_name(made.options.method);
+    let mut text = line("surface", made.name.clone());
+    text += &line("degree", format!("{m},{n}; {method}"));
+    match &made.coverage {
+        Some(coverage) => text += &cover(coverage, made),
+        None => text.extend(made.patches.iter().map(|p| patch(p, made))),
     }
     for finding in made.findings() {
         text += &line("NOT KEPT", finding.to_string());
@@ -65,6 +24,46 @@ pub(super) fn text(made: &Made) -> String {
     made.written
         .iter()
         .fold(text, |text, path| text + &line("wrote", path.clone()))
+}
+
+/// How much of the surface the patches cover, and how near to it they are.
+fn cover(c: &Coverage, made: &Made) -> String {
+    let count = made.patches.len();
+    let (covered, samples) = (c.covered, c.samples);
+    let mut text = line(
+        "cover",
+        format!("{count} patches on which {covered} of {samples} samples of the surface lie"),
+    );
+    if c.left_out > 0 {
+        let (left_out, apart, points) = (c.left_out, brief(c.apart), c.singular.len());
+        text += &line(
+            "left out",
+            format!("{left_out} samples nearer than {apart} to one of {points} singular points"),
+        );
+    }
+    text += &margin(c);
+    let bounds = made.patches.iter().filter_map(|p| p.distances.bound);
+    let worst = bounds.fold(0.0, f64::max);
+    text + &line("distance", format!("at most {}, proved", brief(worst)))
+}
+
+/// How deep inside of patches the surface is proved to lie.
+fn margin(c: &Coverage) -> String {
+    let Some(depth) = &c.depth else {
+        return String::new();
+    };
+    let Some(distance) = depth.distance else {
+        return String::new();
+    };
+    let (margin, distance) = (brief(depth.margin), brief(distance));
+    let but = if c.left_out > 0 { " but that" } else { "" };
+    line(
+        "margin",
+        format!(
+            "all of the surface in the box{but} is {margin} or more inside of a patch, at most \
+             {distance} from it, proved"
+        ),
+    )
 }
 
 fn patch(p: &Parameterized, made: &Made) -> String {
@@ -88,32 +87,30 @@ fn patch(p: &Parameterized, made: &Made) -> String {
         brief(t.r),
         brief(t.e)
     );
-    line("seed", format!("({x}, {y}, {z})"))
-        + &line("steps", steps)
-        + &line("S", terms)
-        + &line(
-            "distance",
-            format!("{bound}; root mean square {}", brief(p.distances.rms)),
-        )
-        + &line(
-            "area",
-            format!("{} in the box", brief(g.area(&made.options.region))),
-        )
-        + &line(
-            "weights",
-            format!("{} to {} at the control points", brief(least), brief(most)),
-        )
-        + &if p.is_exact {
-            line(
-                "exact",
-                format!("the patch lies on the surface, to rounding{}", entity(p)),
-            )
-        } else {
-            String::new()
-        }
+    let area = format!("{} in the box", brief(g.area(&made.options.region)));
+    let distance = format!("{bound}; root mean square {}", brief(p.distances.rms));
+    let (least, most) = (brief(least), brief(most));
+    let weights = format!("{least} to {most} at the control points");
+    let mut lines = vec![
+        ("seed", format!("({x}, {y}, {z})")),
+        ("steps", steps),
+        ("S", terms),
+        ("distance", distance),
+        ("area", area),
+        ("weights", weights),
+    ];
+    if p.is_exact {
+        let entity = entity(p);
+        let exact = format!("the patch lies on the surface, to rounding{entity}");
+        lines.push(("exact", exact));
+    }
+    lines
+        .into_iter()
+        .map(|(name, text)| line(name, text))
+        .collect()
 }
 
-/// Which surface that is.
+/// The name of the quadric or torus that the patch lies on, with its measures.
 fn entity(p: &Parameterized) -> String {
     match &p.quadric {
         Some(Quadric::Sphere {
@@ -133,19 +130,24 @@ fn entity(p: &Parameterized) -> String {
                 ": a torus about ({x:.12}, {y:.12}, {z:.12}) of radii {major:.12} and {minor:.12}"
             )
         }
-        Some(Quadric::Other { form: Some(f), .. }) => {
-            let [x, y, z] = f.center;
-            let kind = f.kind.name();
-            let article = if kind.starts_with('e') { "an" } else { "a" };
-            let measures = ["a", "b", "c"]
-                .iter()
-                .zip(f.measures)
-                .take(f.kind.measures());
-            let measures: Vec<String> = measures.map(|(n, m)| format!("{n} = {m:.12}")).collect();
-            let measures = measures.join(", ");
-            format!(": {article} {kind} about ({x:.12}, {y:.12}, {z:.12}), {measures}")
-        }
+        Some(Quadric::Other {
+            form: Some(form), ..
+        }) => canonical(form),
         Some(quadric) => format!(": a {}", quadric.name()),
         None => String::new(),
     }
+}
+
+/// The kind, the centre and the measures of a quadric.
+fn canonical(form: &NormalForm) -> String {
+    let [x, y, z] = form.center;
+    let kind = form.kind.name();
+    let article = if kind.starts_with('e') { "an" } else { "a" };
+    let names = ["a", "b", "c"].iter().take(form.kind.measures());
+    let measures: Vec<String> = names
+        .zip(form.measures)
+        .map(|(name, measure)| format!("{name} = {measure:.12}"))
+        .collect();
+    let measures = measures.join(", ");
+    format!(": {article} {kind} about ({x:.12}, {y:.12}, {z:.12}), {measures}")
 }

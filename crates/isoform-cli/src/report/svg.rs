@@ -115,98 +115,54 @@ fn x_axis(svg: &mut String, x: Scale, name: &str) {
     );
 }
 
-/// Root mean squares over evaluations, one line per run, the vertical axis logarithmic; the run
-/// `best` is drawn strong.
+/// A horizontal line across the frame with its name on the left.
+fn mark(svg: &mut String, x: Scale, at: f64, text: &str) {
+    let _ = write!(
+        svg,
+        "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>",
+        x.from, x.to
+    );
+    let _ = write!(
+        svg,
+        "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
+        MARGIN[0] - 6.0,
+        at + 4.0
+    );
+}
+
+/// The decimal logarithm, finite for zero too.
+fn log(v: f64) -> f64 {
+    v.max(1e-300).log10()
+}
+
+/// Root mean squares over steps, one line per run, the vertical axis logarithmic; the run `best` is
+/// drawn strong.
 pub(crate) fn convergence(
     title: &str,
     runs: &BTreeMap<usize, Vec<&Step>>,
     best: Option<usize>,
     unit: &str,
 ) -> String {
-    let log = |v: f64| v.max(1e-300).log10();
-    let all = || {
-        runs.values()
-            .flatten()
-            .filter(|s| s.rms > 0.0 && s.rms.is_finite())
+    let Some((lo, hi)) = log_span(runs) else {
+        return String::new();
     };
     // Steps count from the first of their run; the stages of a polish each count anew.
-    let most = runs
-        .values()
-        .map(|r| r.len().saturating_sub(1))
-        .max()
-        .unwrap_or(1)
-        .max(1);
-    let (lo, hi) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), s| {
-        (l.min(log(s.rms)), h.max(log(s.rms)))
-    });
-    if lo > hi {
-        return String::new();
-    }
-    // Runs to nought end in rounding, which is not worth the paper.
-    let (lo, hi) = (lo.max(hi - 14.0), if hi - lo < 0.2 { lo + 0.2 } else { hi });
-    let (x, y) = (
-        Scale::horizontal(0.0, most as f64),
-        Scale::vertical(lo - 0.05, hi + 0.05),
-    );
-    let mut svg = String::new();
-    x_axis(&mut svg, x, "step");
-    let whole = (lo.ceil() as i32)..=(hi.floor() as i32);
-    let every = (whole.clone().count() / 6 + 1) as i32;
-    let mut marks: Vec<(f64, String)> = whole
-        .filter(|k| k % every == 0)
-        .map(|k| (f64::from(k), format!("{:e}", 10_f64.powi(k))))
-        .collect();
-    if marks.len() < 2 {
-        marks = (0..4)
-            .map(|k| lo + (hi - lo) * f64::from(k) / 3.0)
-            .map(|v| (v, format!("{:.2e}", 10_f64.powf(v))))
-            .collect();
-    }
-    for (v, text) in marks {
-        let at = y.at(v);
-        let _ = write!(
-            svg,
-            "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>",
-            x.from, x.to
-        );
-        let _ = write!(
-            svg,
-            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{text}</text>",
-            MARGIN[0] - 6.0,
-            at + 4.0
-        );
-    }
-    let mut line = |run: &[&Step], class: &str| {
-        let points: Vec<String> = run
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| s.rms.is_finite())
-            .map(|(k, s)| {
-                format!(
-                    "{:.1},{:.1}",
-                    x.at(k as f64),
-                    y.at(log(s.rms).clamp(lo - 0.05, hi + 0.05))
-                )
-            })
-            .collect();
-        let _ = write!(
-            svg,
-            "<polyline class=\"{class}\" points=\"{}\"/>",
-            points.join(" ")
-        );
-        if let (1, Some(p)) = (points.len(), points[0].split_once(',')) {
-            let _ = write!(
-                svg,
-                "<circle class=\"column\" cx=\"{}\" cy=\"{}\" r=\"3\"/>",
-                p.0, p.1
-            );
-        }
+    let steps = runs.values().map(|r| r.len().saturating_sub(1));
+    let most = steps.max().unwrap_or(1).max(1);
+    let axes = LogAxes {
+        x: Scale::horizontal(0.0, most as f64),
+        y: Scale::vertical(lo - 0.05, hi + 0.05),
     };
-    runs.iter()
-        .filter(|(k, _)| Some(**k) != best)
-        .for_each(|(_, run)| line(run, "run"));
+    let mut svg = String::new();
+    x_axis(&mut svg, axes.x, "step");
+    for (v, text) in log_marks(lo, hi) {
+        mark(&mut svg, axes.x, axes.y.at(v), &text);
+    }
+    for (_, run) in runs.iter().filter(|(k, _)| Some(**k) != best) {
+        axes.draw(&mut svg, run, "run");
+    }
     if let Some(run) = best.and_then(|k| runs.get(&k)) {
-        line(run, "best");
+        axes.draw(&mut svg, run, "best");
     }
     let _ = write!(
         svg,
@@ -218,20 +174,95 @@ pub(crate) fn convergence(
     frame(title, &svg)
 }
 
+/// The decades over which the axis of a convergence goes at most: runs on data without noise end in
+/// rounding, and its scatter is not worth the paper.
+const DECADES: f64 = 14.0;
+
+/// The logarithms between which the root mean squares lie; none if there is none above zero.
+fn log_span(runs: &BTreeMap<usize, Vec<&Step>>) -> Option<(f64, f64)> {
+    let steps = runs.values().flatten();
+    let logs = steps
+        .filter(|s| s.rms > 0.0 && s.rms.is_finite())
+        .map(|s| log(s.rms));
+    let (lo, hi) = logs.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    let top = if hi - lo < 0.2 { lo + 0.2 } else { hi };
+    (lo <= hi).then_some((lo.max(hi - DECADES), top))
+}
+
+/// The places of marks on a logarithmic axis with their names: some six powers of ten, or four
+/// values at equal distances where fewer than two such powers lie on the axis.
+fn log_marks(lo: f64, hi: f64) -> Vec<(f64, String)> {
+    let whole = (lo.ceil() as i32)..=(hi.floor() as i32);
+    let every = (whole.clone().count() / 6 + 1) as i32;
+    let powers: Vec<(f64, String)> = whole
+        .filter(|k| k % every == 0)
+        .map(|k| (f64::from(k), format!("{:e}", 10_f64.powi(k))))
+        .collect();
+    if powers.len() >= 2 {
+        return powers;
+    }
+    (0..4)
+        .map(|k| lo + (hi - lo) * f64::from(k) / 3.0)
+        .map(|v| (v, format!("{:.2e}", 10_f64.powf(v))))
+        .collect()
+}
+
+/// The axes of a convergence: steps to the right, logarithms upwards.
+struct LogAxes {
+    x: Scale,
+    y: Scale,
+}
+
+impl LogAxes {
+    /// Draws one run: a line, or a dot if it has one step.
+    fn draw(&self, svg: &mut String, run: &[&Step], class: &str) {
+        let steps = run.iter().enumerate();
+        let points: Vec<String> = steps
+            .filter(|(_, s)| s.rms.is_finite())
+            .map(|(k, s)| self.point(k, s.rms))
+            .collect();
+        let _ = write!(
+            svg,
+            "<polyline class=\"{class}\" points=\"{}\"/>",
+            points.join(" ")
+        );
+        if let (1, Some((x, y))) = (points.len(), points[0].split_once(',')) {
+            let _ = write!(
+                svg,
+                "<circle class=\"column\" cx=\"{x}\" cy=\"{y}\" r=\"3\"/>"
+            );
+        }
+    }
+    fn point(&self, step: usize, rms: f64) -> String {
+        let level = log(rms).clamp(self.y.lo, self.y.hi);
+        format!("{:.1},{:.1}", self.x.at(step as f64), self.y.at(level))
+    }
+}
+
+/// Columns of a histogram.
+const COLUMNS: usize = 60;
+
+/// The number of deviations in each column of the span from −limit to limit.
+fn counts(values: &[f64], limit: f64) -> [usize; COLUMNS] {
+    let mut counts = [0; COLUMNS];
+    for v in values.iter().filter(|v| v.abs() <= limit) {
+        let column = ((v + limit) / (2.0 * limit)) * COLUMNS as f64;
+        counts[column.min(COLUMNS as f64 - 1.0) as usize] += 1;
+    }
+    counts
+}
+
 /// How often which deviation occurs, with the normal law of the noise.
 pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> String {
-    const COLUMNS: usize = 60;
-    let mut counts = [0_usize; COLUMNS];
-    let inside = values.iter().filter(|v| v.abs() <= limit);
-    for v in inside {
-        counts[(((v + limit) / (2.0 * limit)) * COLUMNS as f64).min(COLUMNS as f64 - 1.0)
-            as usize] += 1;
-    }
+    let counts = counts(values, limit);
     let width = 2.0 * limit / COLUMNS as f64;
     let normal = |v: f64| {
         values.len() as f64 * width / (noise * std::f64::consts::TAU.sqrt())
             * (-0.5 * (v / noise).powi(2)).exp()
     };
+    // A narrower curve would be a line upwards.
     let has_curve = noise > 0.02 * limit;
     let most = counts.iter().copied().max().unwrap_or(0).max(1) as f64;
     let top = if has_curve {
@@ -245,36 +276,14 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
     );
     let mut svg = String::new();
     for t in y.ticks() {
-        let at = y.at(t);
-        let _ = write!(
-            svg,
-            "<line class=\"axis\" x1=\"{}\" x2=\"{}\" y1=\"{at:.1}\" y2=\"{at:.1}\"/>",
-            x.from, x.to
-        );
-        let _ = write!(
-            svg,
-            "<text x=\"{}\" y=\"{:.1}\" text-anchor=\"end\">{}</text>",
-            MARGIN[0] - 6.0,
-            at + 4.0,
-            label(t, 1.0)
-        );
+        mark(&mut svg, x, y.at(t), &label(t, 1.0));
     }
-    for (k, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
-        let from = x.at(-limit + k as f64 * width);
-        let at = y.at(*count as f64);
-        let _ = write!(
-            svg,
-            "<rect class=\"column\" x=\"{:.1}\" y=\"{at:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>",
-            from + 0.4,
-            (x.to - x.from) / COLUMNS as f64 - 0.8,
-            y.from - at
-        );
-    }
+    columns(&mut svg, &counts, x, y);
     if has_curve {
-        let points: Vec<String> = (0..=120)
+        let curve = (0..=120)
             .map(|k| -limit + 2.0 * limit * f64::from(k) / 120.0)
-            .map(|v| format!("{:.1},{:.1}", x.at(v), y.at(normal(v))))
-            .collect();
+            .map(|v| format!("{:.1},{:.1}", x.at(v), y.at(normal(v))));
+        let points: Vec<String> = curve.collect();
         let _ = write!(
             svg,
             "<polyline class=\"curve\" points=\"{}\"/>",
@@ -288,19 +297,28 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
         y.from,
         y.to
     );
-    x_axis(
-        &mut svg,
-        x,
-        &format!(
-            "deviation{}, outside positive",
-            if unit.is_empty() {
-                String::new()
-            } else {
-                format!(" in {unit}")
-            }
-        ),
-    );
+    let unit = if unit.is_empty() {
+        String::new()
+    } else {
+        format!(" in {unit}")
+    };
+    x_axis(&mut svg, x, &format!("deviation{unit}, outside positive"));
     frame("Histogram of deviations", &svg)
+}
+
+fn columns(svg: &mut String, counts: &[usize; COLUMNS], x: Scale, y: Scale) {
+    let width = (x.hi - x.lo) / COLUMNS as f64;
+    for (k, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
+        let from = x.at(x.lo + k as f64 * width);
+        let at = y.at(*count as f64);
+        let _ = write!(
+            svg,
+            "<rect class=\"column\" x=\"{:.1}\" y=\"{at:.1}\" width=\"{:.1}\" height=\"{:.1}\"/>",
+            from + 0.4,
+            (x.to - x.from) / COLUMNS as f64 - 0.8,
+            y.from - at
+        );
+    }
 }
 
 /// The bar of colours from −limit to +limit.

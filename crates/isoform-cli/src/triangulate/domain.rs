@@ -4,6 +4,7 @@
 use super::Made;
 use crate::report::svg::escaped;
 use isoform::algebra::QUADRANTS;
+use isoform::tess::Surface;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
@@ -40,38 +41,45 @@ fn pair([x, y]: [f64; 2]) -> String {
 /// The triangles in the plane of parameters, with the edges that have one triangle or more than
 /// two, and the real base points.
 pub(super) fn svg(made: &Made) -> String {
-    let surface = &made.surface;
-    let mut triangles = [const { String::new() }; 4];
-    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    let sides = |t: usize| {
-        let n = surface.triangles[t];
-        [0, 1, 2].map(|k| {
-            (
-                [n[k].min(n[(k + 1) % 3]), n[k].max(n[(k + 1) % 3])],
-                [k, (k + 1) % 3],
-            )
-        })
-    };
-    for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
-        let [a, b, c] = corners.map(|p| pair(place(chart.into(), p)));
-        let _ = writeln!(triangles[usize::from(chart)], "M{a}L{b}L{c}z");
-        sides(t)
-            .iter()
-            .for_each(|(edge, _)| *uses.entry(*edge).or_default() += 1);
-    }
-    let (mut open, mut double) = (String::new(), String::new());
-    for (t, (&chart, corners)) in surface.charts.iter().zip(&surface.corners).enumerate() {
-        for (edge, [i, k]) in sides(t) {
-            let path = match uses[&edge] {
-                1 => &mut open,
-                2 => continue,
-                _ => &mut double,
-            };
-            let [a, b] = [i, k].map(|k| pair(place(chart.into(), corners[k])));
-            let _ = writeln!(path, "M{a}L{b}");
+    let triangles = triangles(&made.surface);
+    let edges = edges(&made.surface);
+    let base_points: Vec<[f64; 2]> = made
+        .analyses
+        .iter()
+        .filter_map(|a| a.base_points.as_ref())
+        .flatten()
+        .flat_map(|b| spots(b.to_f64()))
+        .collect();
+
+    let mut svg = opening(&made.name);
+    for (path, tint) in triangles.iter().zip(TINTS) {
+        if !path.is_empty() {
+            let _ = writeln!(svg, "<path class=\"mesh\" fill=\"{tint}\" d=\"{path}\"/>");
         }
     }
+    let _ = writeln!(
+        svg,
+        "<path class=\"axis\" d=\"M-{RADIUS} 0L{RADIUS} 0M0 -{RADIUS}L0 {RADIUS}\"/>"
+    );
+    for (class, path) in [("edge", &edges.open), ("double", &edges.double)] {
+        if !path.is_empty() {
+            let _ = writeln!(svg, "<path class=\"{class}\" d=\"{path}\"/>");
+        }
+    }
+    for [x, y] in &base_points {
+        let _ = writeln!(
+            svg,
+            "<circle class=\"base\" cx=\"{x}\" cy=\"{y}\" r=\"4.5\"/>"
+        );
+    }
+    labels(&mut svg);
+    legend(&mut svg, &edges, !base_points.is_empty());
+    svg += "</svg>\n";
+    svg
+}
 
+/// The head of the file, and the square.
+fn opening(name: &str) -> String {
     let (width, height) = (2.0 * HALF, 2.0 * HALF + LEGEND);
     let mut svg = format!(
         "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"{} {} {width} {height}\" width=\"{width}\" height=\"{height}\">\n",
@@ -80,7 +88,7 @@ pub(super) fn svg(made: &Made) -> String {
     let _ = writeln!(
         svg,
         "<title>Parameters of {}</title>\n<style>{STYLE}</style>",
-        escaped(&made.name)
+        escaped(name)
     );
     let _ = writeln!(
         svg,
@@ -91,45 +99,65 @@ pub(super) fn svg(made: &Made) -> String {
         svg,
         "<path class=\"plane\" d=\"M{RADIUS} 0L0 {RADIUS}L-{RADIUS} 0L0 -{RADIUS}z\"/>"
     );
-    for (path, tint) in triangles
-        .iter()
-        .zip(TINTS)
-        .filter(|(path, _)| !path.is_empty())
-    {
-        let _ = writeln!(svg, "<path class=\"mesh\" fill=\"{tint}\" d=\"{path}\"/>");
+    svg
+}
+
+/// The paths of the triangles of each unit triangle.
+fn triangles(surface: &Surface) -> [String; 4] {
+    let mut paths = [const { String::new() }; 4];
+    for (&chart, corners) in surface.charts.iter().zip(&surface.corners) {
+        let [a, b, c] = corners.map(|p| pair(place(chart.into(), p)));
+        let _ = writeln!(paths[usize::from(chart)], "M{a}L{b}L{c}z");
     }
-    let _ = writeln!(
-        svg,
-        "<path class=\"axis\" d=\"M-{RADIUS} 0L{RADIUS} 0M0 -{RADIUS}L0 {RADIUS}\"/>"
-    );
-    for (class, path) in [("edge", &open), ("double", &double)] {
-        if !path.is_empty() {
-            let _ = writeln!(svg, "<path class=\"{class}\" d=\"{path}\"/>");
+    paths
+}
+
+/// A side of a triangle.
+struct Side {
+    /// The vertices, the lesser number first.
+    edge: [u32; 2],
+    /// The places of both ends among the corners of the triangle.
+    ends: [usize; 2],
+}
+
+fn sides(triangle: [u32; 3]) -> [Side; 3] {
+    [[0, 1], [1, 2], [2, 0]].map(|ends| {
+        let [a, b] = ends.map(|k| triangle[k]);
+        Side {
+            edge: [a.min(b), a.max(b)],
+            ends,
+        }
+    })
+}
+
+/// The paths of the edges that do not have two triangles.
+#[derive(Default)]
+struct Edges {
+    /// Edges of one triangle.
+    open: String,
+    /// Edges of more than two.
+    double: String,
+}
+
+fn edges(surface: &Surface) -> Edges {
+    let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for side in surface.triangles.iter().flat_map(|t| sides(*t)) {
+        *uses.entry(side.edge).or_default() += 1;
+    }
+    let mut edges = Edges::default();
+    let places = surface.charts.iter().zip(&surface.corners);
+    for (triangle, (&chart, corners)) in surface.triangles.iter().zip(places) {
+        for Side { edge, ends } in sides(*triangle) {
+            let path = match uses[&edge] {
+                1 => &mut edges.open,
+                2 => continue,
+                _ => &mut edges.double,
+            };
+            let [a, b] = ends.map(|k| pair(place(chart.into(), corners[k])));
+            let _ = writeln!(path, "M{a}L{b}");
         }
     }
-    let base_points = || {
-        made.analyses
-            .iter()
-            .filter_map(|a| a.base_points.as_ref())
-            .flatten()
-    };
-    for at in base_points().flat_map(|b| spots(b.to_f64())) {
-        let _ = writeln!(
-            svg,
-            "<circle class=\"base\" cx=\"{}\" cy=\"{}\" r=\"4.5\"/>",
-            at[0], at[1]
-        );
-    }
-    labels(
-        &mut svg,
-        [
-            !open.is_empty(),
-            !double.is_empty(),
-            base_points().next().is_some(),
-        ],
-    );
-    svg += "</svg>\n";
-    svg
+    edges
 }
 
 /// Where a point (s : t : w) is in the picture: twice on the line at infinity.
@@ -145,8 +173,8 @@ fn spots(point: [f64; 3]) -> Vec<[f64; 2]> {
     }
 }
 
-/// Names of corners, and a legend of what occurs.
-fn labels(svg: &mut String, [open, double, base]: [bool; 3]) {
+/// Names of the corners, and of the sides.
+fn labels(svg: &mut String) {
     let far = RADIUS + 12.0;
     let _ = writeln!(
         svg,
@@ -159,20 +187,24 @@ fn labels(svg: &mut String, [open, double, base]: [bool; 3]) {
             "<text class=\"small\" {turned}=\"translate({x} {y}) rotate({angle})\">line at infinity</text>"
         );
     }
+}
+
+/// The signs that occur, with their meaning.
+fn legend(svg: &mut String, edges: &Edges, has_base_points: bool) {
     let mut entries = vec![(
         "<path class=\"plane\" d=\"M-9 -7h18v14h-18z\"/>",
         "outside of the box",
     )];
-    if open {
+    if !edges.open.is_empty() {
         entries.push((
             "<path class=\"edge\" d=\"M-9 0h18\"/>",
             "boundary of the mesh",
         ));
     }
-    if double {
+    if !edges.double.is_empty() {
         entries.push(("<path class=\"double\" d=\"M-9 0h18\"/>", "double curve"));
     }
-    if base {
+    if has_base_points {
         entries.push(("<circle class=\"base\" r=\"4.5\"/>", "base point"));
     }
     for (i, (sign, name)) in entries.iter().enumerate() {

@@ -4,79 +4,33 @@ use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
 use isoform::report::{brief, contracted, mode_name};
-use isoform::tess::{BasePoint, Basis, Mode, Surface};
+use isoform::tess::{BasePoint, Basis, Domain, Mode, Surface};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
 pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
-    let (surface, topology, mesh) = (&made.surface, &made.topology, &made.options.mesh);
+    let (surface, topology) = (&made.surface, &made.topology);
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
-    let mut text = match made.patches.len() {
-        0 => line("map", degrees(made)),
-        n => line(
-            "map",
-            format!(
-                "{}, of degree {} or less",
-                count(n, "patch").replace("patchs", "patches"),
-                degree(made)
-            ),
-        ),
-    };
+    let mut text = line("map", map(made));
     if let Some(domain) = made.options.domain.as_ref() {
-        let corners: Vec<String> = domain
-            .corners()
-            .iter()
-            .map(|[s, t]| format!("({s}, {t})"))
-            .collect();
-        text += &line("region", corners.join(" "));
+        text += &line("region", region(domain));
     }
-    let box_line = format!(
-        "{}{} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
-        made.half_width,
-        if made.is_chosen {
-            ", chosen to hold all of it,"
-        } else {
-            ""
-        },
-        mesh.tolerance,
-        mesh.longest,
-        mode_name(made.options.mode)
-    );
-    text += &line("box", box_line);
+    text += &line("box", in_box(made));
     if let ([analysis], []) = (&made.analyses[..], &made.patches[..]) {
         text += &line("base points", base_points(analysis.base_points.as_deref()));
         text += &line("pole", pole(analysis.pole_topology.as_ref()));
         text += &line("double curve", double_curve(made));
     }
-    let curves: Vec<_> = made
-        .analyses
-        .iter()
-        .filter(|_| made.patches.is_empty())
-        .flat_map(contracted)
-        .collect();
-    // The real components of one curve may be contracted to several conjugate points.
-    for (i, of_one) in curves.chunk_by(|a, b| a.curve == b.curve).enumerate() {
-        let points: Vec<String> = of_one.iter().map(|c| point(c.point)).collect();
-        let name = if i == 0 { "contracted" } else { "" };
-        text += &line(
-            name,
-            format!("{} = 0 to {}", of_one[0].curve, points.join(" and ")),
-        );
-    }
+    text += &contracted_curves(made);
     let parts = [
         format!("Euler number {}", topology.euler),
         count(topology.components, "component"),
         count(topology.boundary_loops, "boundary loop"),
     ];
     text += &line("topology", parts.join(", "));
-    text += &line(
-        "mesh",
-        format!(
-            "{}, {} vertices",
-            count(surface.triangles.len(), "triangle"),
-            surface.points.len()
-        ),
-    );
+    let triangles = count(surface.triangles.len(), "triangle");
+    let vertices = surface.points.len();
+    text += &line("mesh", format!("{triangles}, {vertices} vertices"));
     let verdict = if made.is_certified() {
         "certified"
     } else {
@@ -93,6 +47,61 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("wrote", path.display().to_string());
     }
     text
+}
+
+/// The degrees of the map, or how many patches there are.
+fn map(made: &Made) -> String {
+    match made.patches.len() {
+        0 => degrees(made),
+        n => format!(
+            "{}, of degree {} or less",
+            count(n, "patch").replace("patchs", "patches"),
+            degree(made)
+        ),
+    }
+}
+
+/// The corners of a region of parameters.
+fn region(domain: &Domain) -> String {
+    let corners = domain.corners().iter();
+    let corners: Vec<String> = corners.map(|[s, t]| format!("({s}, {t})")).collect();
+    corners.join(" ")
+}
+
+/// The box, the fineness of the mesh in it, and the mode.
+fn in_box(made: &Made) -> String {
+    let mesh = &made.options.mesh;
+    let chosen = if made.is_chosen {
+        ", chosen to hold all of it,"
+    } else {
+        ""
+    };
+    format!(
+        "{}{chosen} about the origin in x, y and z; tolerance {}, edges up to {}; {}",
+        made.half_width,
+        mesh.tolerance,
+        mesh.longest,
+        mode_name(made.options.mode)
+    )
+}
+
+/// A line for each curve of parameters that the map contracts to points. The real components of one
+/// curve may be contracted to several conjugate points.
+fn contracted_curves(made: &Made) -> String {
+    if !made.patches.is_empty() {
+        return String::new();
+    }
+    let curves: Vec<_> = made.analyses.iter().flat_map(contracted).collect();
+    let curves = curves.chunk_by(|a, b| a.curve == b.curve);
+    curves
+        .enumerate()
+        .map(|(i, of_one)| {
+            let points: Vec<String> = of_one.iter().map(|c| point(c.point)).collect();
+            let name = if i == 0 { "contracted" } else { "" };
+            let (curve, points) = (&of_one[0].curve, points.join(" and "));
+            line(name, format!("{curve} = 0 to {points}"))
+        })
+        .collect()
 }
 
 fn point(at: Option<[f64; 3]>) -> String {
@@ -179,29 +188,27 @@ fn base_points(points: Option<&[BasePoint]>) -> String {
     let Some(points) = points else {
         return "unknown".to_owned();
     };
-    let one = |p: &BasePoint| {
-        let [s, t, w] = p.to_f64();
-        let at = format!("({} : {} : {})", brief(s), brief(t), brief(w));
-        let multiplicity = if p.multiplicity() > 1 {
-            format!(" of multiplicity {}", p.multiplicity())
-        } else {
-            String::new()
-        };
-        let blowups = if p.seam.blowups() > 0 {
-            format!(", blown up {} times more", p.seam.blowups())
-        } else {
-            String::new()
-        };
-        at + &multiplicity + &blowups
-    };
     match points {
         [] => "none that is real".to_owned(),
         points => format!(
             "{} real: {}",
             points.len(),
-            points.iter().map(one).collect::<Vec<_>>().join("; ")
+            points.iter().map(base_point).collect::<Vec<_>>().join("; ")
         ),
     }
+}
+
+/// The place of a base point, its multiplicity, and how often it is blown up.
+fn base_point(p: &BasePoint) -> String {
+    let [s, t, w] = p.to_f64().map(brief);
+    let mut text = format!("({s} : {t} : {w})");
+    if p.multiplicity() > 1 {
+        text += &format!(" of multiplicity {}", p.multiplicity());
+    }
+    if p.seam.blowups() > 0 {
+        text += &format!(", blown up {} times more", p.seam.blowups());
+    }
+    text
 }
 
 fn pole(pole: Option<&CurveTopology>) -> String {
