@@ -12,7 +12,7 @@
 //! Each is a value that is made from the ones before it and is not changed by what comes after it:
 //!
 //! ```text
-//! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> Unit, four times ─> Refined ─> Surface
+//! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> four Units ─> Refined ─> Surface
 //! ```
 //!
 //! # Words
