@@ -12,14 +12,14 @@
 //! Each is a value that is made from the ones before it and is not changed by what comes after it:
 //!
 //! ```text
-//! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> Unit, four times ─> Refined ─> Surface
+//! Region, Map ─> Atlas ─> SpecialCurves ─> Openings ─> Glued ─> four Units ─> Refined ─> Surface
 //! ```
 //!
 //! # Words
 //!
 //! ```text
 //!     v
-//!     |\                 unit triangle   u, v >= 0, u + v <= 1: (s : t : w) = (±u : ±v : 1 - u - v)
+//!     |\                 unit triangle   u, v >= 0, u + v <= 1; (s : t : w) = (±u : ±v : 1-u-v)
 //!     | \                                in one of four quadrants; two of them share each side
 //!     |  \   wall        wall, slab      u where the arcs change, and what lies between two walls
 //!     |...\..:           arc             a piece of a curve over a slab, from wall to wall
@@ -36,10 +36,10 @@
 //! ```
 //!
 //! In terms of blow-ups: the seam is the image of the exceptional divisor, which the directions
-//! parametrize; an arc that ends in a site meets it where its strict transform does, in the tangent;
-//! fans of infinitely near points are trees, with a node for each blow-up and its coordinates, its
-//! chart. A corner is the point in which two exceptional divisors meet.
-//! Contracted curves are the other way about: curves of parameters with one image.
+//! parametrize; an arc that ends in a site meets it where its strict transform does, in the
+//! tangent; fans of infinitely near points are trees, with a node for each blow-up and its
+//! coordinates, its chart. A corner is the point in which two exceptional divisors meet. Contracted
+//! curves are the other way about: curves of parameters with one image.
 
 mod atlas;
 mod border;

@@ -209,8 +209,8 @@ impl Chart {
     /// Whether the Bernstein coefficients of W on a triangle have one sign beyond rounding, those
     /// left out that vanish because W has a zero of that multiplicity in the first corner.
     ///
-    /// Its corners are (±u : ±v : 1 − (u + v)) as computed here, which is where [`Chart::at`] looks,
-    /// too: triangles with u and v in common have that corner in common.
+    /// Its corners are (±u : ±v : 1 − (u + v)) as computed here, which is where [`Chart::at`]
+    /// looks, too: triangles with u and v in common have that corner in common.
     pub(super) fn keeps_sign(&self, at: [[f64; 2]; 3], multiplicity: usize) -> bool {
         let corners = at.map(|[u, v]| [self.signs[0] * u, self.signs[1] * v, 1.0 - (u + v)]);
         let (lo, hi, error) = bernstein_range(&self.w, self.degree, corners, multiplicity);
@@ -466,8 +466,8 @@ mod tests {
         (base, UBig::try_from(denominator).expect("positive"))
     }
 
-    /// W as a product of linear forms, the first of which all but vanishes in the place returned, so
-    /// that values cancel there; or as a dense form.
+    /// W as a product of linear forms, the first of which all but vanishes in the place returned,
+    /// so that values cancel there; or as a dense form.
     fn attacked(random: &mut fastrand::Rng, signs: [f64; 2]) -> (Poly, [f64; 2]) {
         let center = [0.05 + 0.4 * random.f64(), 0.05 + 0.4 * random.f64()];
         let number = |random: &mut fastrand::Rng| RBig::from(random.i64(-999..=999));

@@ -14,8 +14,8 @@ impl Openings<'_> {
     /// that are sent to seams lack a partner, which is noticed when they are joined.
     pub(super) fn folded_seams(&self) -> BTreeSet<(usize, usize)> {
         /// How far from another seam one of the points of a seam has to be, per half width of the
-        /// box, for the two to be different curves: more than rounding and the distance of the other
-        /// points of the seam.
+        /// box, for the two to be different curves: more than rounding and the distance of the
+        /// other points of the seam.
         const APART: f64 = 1e-2;
         const FEW: usize = 7;
         const MANY: usize = 700;

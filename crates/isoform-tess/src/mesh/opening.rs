@@ -42,8 +42,8 @@ const NEAR_ROUNDS: usize = 40;
 /// both are known to rounding.
 const ONE: f64 = 1e-9;
 
-/// How near to the image of a contracted curve, per half width of the box, a point of a seam is that
-/// image, where the curve leads there.
+/// How near to the image of a contracted curve, per half width of the box, a point of a seam is
+/// that image, where the curve leads there.
 const AT_IMAGE: f64 = 1e-6;
 
 /// The fans of the base points.

@@ -114,8 +114,8 @@ fn neighbours(triangles: &[[u32; 3]]) -> Vec<[u32; 3]> {
 }
 
 impl Plane {
-    /// From counterclockwise triangles. Edges that only one of them has, and edges in `fixed`, stay,
-    /// but edges of the rim may be split.
+    /// From counterclockwise triangles. Edges that only one of them has, and edges in `fixed`,
+    /// stay, but edges of the rim may be split.
     pub(super) fn new(
         nodes: Vec<Node>,
         triangles: Vec<[u32; 3]>,

@@ -174,8 +174,8 @@ impl<'a> SpecialCurves<'a> {
             .collect()
     }
 
-    /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all of
-    /// it.
+    /// Whether a parameter lies on a contracted curve, or is exchanged with one on it, or with all
+    /// of it.
     pub(super) fn leads_to(&self, image: ImageId, p: [f64; 3]) -> bool {
         let is_on = |q: [f64; 3]| {
             let size = norm(q);

@@ -120,8 +120,8 @@ impl Openings<'_> {
         (x > from - BEYOND && x < to + BEYOND && self.is_on(piece, at)).then(|| piece.onto(at))
     }
 
-    /// The parameter with a given image on a fold, across which the map has no derivative: along the
-    /// curve alone, from a place between the ends of the segment.
+    /// The parameter with a given image on a fold, across which the map has no derivative: along
+    /// the curve alone, from a place between the ends of the segment.
     fn partner_on_fold(
         &self,
         piece: &Piece,
@@ -175,8 +175,8 @@ impl Openings<'_> {
     }
 }
 
-/// Where the foot of the perpendicular from a point is on a segment's line, 0 and 1 at the ends, and
-/// how far the point is from the segment. None for a segment of no length.
+/// Where the foot of the perpendicular from a point is on a segment's line, 0 and 1 at the ends,
+/// and how far the point is from the segment. None for a segment of no length.
 fn foot([p, q]: [Point3; 2], image: Point3) -> Option<(f64, f64)> {
     let (d, x) = (sub(q, p), sub(image, p));
     let length = dot(d, d);

@@ -47,8 +47,8 @@ impl Sheets {
             _ => true,
         }
     }
-    /// The arcs along a piece, given by the classes of its vertices, that no other piece had before:
-    /// runs of classes with as many sheets all along.
+    /// The arcs along a piece, given by the classes of its vertices, that no other piece had
+    /// before: runs of classes with as many sheets all along.
     fn arcs(&mut self, classes: &[ClassId]) -> Vec<(Vec<ClassId>, usize)> {
         let mut found = Vec::new();
         let mut run: Vec<ClassId> = Vec::new();

@@ -190,7 +190,8 @@ impl Openings<'_> {
             .collect()
     }
 
-    /// Follows steep arcs to the top or the bottom of their rectangle. False if one gets to neither.
+    /// Follows steep arcs to the top or the bottom of their rectangle. False if one gets to
+    /// neither.
     fn follow_steep_arcs(&self, q: usize, site: &mut Site) -> bool {
         let a = &self.atlas.region.triangles[q].arrangement;
         let (at, size) = (site.at, [self.widths[site.fan], site.height]);

@@ -58,8 +58,8 @@ fn rays_in(fan: &Fan, q: usize) -> Vec<LocalRay> {
     rays
 }
 
-/// Of rays in counterclockwise order, those on one side of the wall, after and before the rays along
-/// the wall.
+/// Of rays in counterclockwise order, those on one side of the wall, after and before the rays
+/// along the wall.
 fn rays_beside(rays: &[LocalRay], right: bool) -> Vec<LocalRay> {
     let n = rays.len();
     let side = if right { 1.0 } else { -1.0 };

@@ -1,8 +1,8 @@
 //! Directions of base points, as many as seams and rectangles need to be near the surface.
 //!
-//! A sector between two rays is looked at in three ways: its pieces of the seam ([`Sight`]), its part of the rectangle in each unit triangle ([`Wedge`]), and the sign of W
-//! in between. What is too rough gets a direction in between; where no direction helps, the
-//! rectangle is too large.
+//! A sector between two rays is looked at in three ways: its pieces of the seam ([`Sight`]), its
+//! part of the rectangle in each unit triangle ([`Wedge`]), and the sign of W in between. What is
+//! too rough gets a direction in between; where no direction helps, the rectangle is too large.
 
 use super::Openings;
 use super::site::{Site, SiteArc};

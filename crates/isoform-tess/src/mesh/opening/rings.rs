@@ -37,8 +37,8 @@ impl Ring {
     fn images(&self) -> BTreeMap<usize, Point3> {
         self.vertices.iter().map(|x| (x.0, x.2)).collect()
     }
-    /// Whether it is as far from the last one as its vertices are from each other, in space, so that
-    /// triangles in between are round.
+    /// Whether it is as far from the last one as its vertices are from each other, in space, so
+    /// that triangles in between are round.
     fn is_far_from(&self, last: &BTreeMap<usize, Point3>) -> bool {
         let steps = self.vertices.windows(2);
         let along = median(steps.map(|w| distance(w[0].2, w[1].2)).collect());

@@ -245,8 +245,8 @@ impl Plane {
 mod tests {
     use super::*;
 
-    /// Of the triangle with sides 3, 4, 5 the smallest angle has the sine 3/5; of an equilateral one
-    /// √3/2; what has no area or no number is negative or zero.
+    /// Of the triangle with sides 3, 4, 5 the smallest angle has the sine 3/5; of an equilateral
+    /// one √3/2; what has no area or no number is negative or zero.
     #[test]
     fn smallest_angles() {
         let sine = |x: f64, y: f64| least_sine([[0.0; 3], [4.0, 0.0, 0.0], [x, y, 0.0]]);

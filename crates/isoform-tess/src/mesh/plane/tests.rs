@@ -71,7 +71,8 @@ impl Measure for Paraboloid {
     }
 }
 
-/// The square [0, 1]² in squares of n × n, each divided in two; the edges of its border may be split.
+/// The square [0, 1]² in squares of n × n, each divided in two; the edges of its border may be
+/// split.
 fn square(n: u32, measure: &Paraboloid) -> Plane {
     let step = 1.0 / f64::from(n);
     let at = |k: u32| [k % (n + 1), k / (n + 1)].map(|i| f64::from(i) * step);
