@@ -7,6 +7,7 @@
 
 use isoform_algebra::Poly;
 use isoform_control::Control;
+use isoform_io::read_map;
 use isoform_tess::{
     Algebraic, BinaryForm, Budget, CurveKind, Map, Options, RealPart, Seam, VARIABLES, analyse,
 };
@@ -18,12 +19,19 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     }
     for path in paths {
         println!("{path}");
-        match Map::from_json(&std::fs::read_to_string(&path)?, Options::default()) {
-            Ok(map) => print_analysis(&map),
+        match read_map(&std::fs::read_to_string(&path)?) {
+            Ok(map) => print_map(map.polynomials),
             Err(error) => println!("  {error}; {}", error.hint()),
         }
     }
     Ok(())
+}
+
+fn print_map(polynomials: [Poly; 4]) {
+    match Map::new(polynomials, Options::default()) {
+        Ok(map) => print_analysis(&map),
+        Err(error) => println!("  {error}; {}", error.hint()),
+    }
 }
 
 fn text(p: &Poly) -> String {

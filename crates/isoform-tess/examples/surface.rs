@@ -2,6 +2,7 @@
 
 use isoform_algebra::RBig;
 use isoform_control::Control;
+use isoform_io::read_map;
 use isoform_tess::{Budget, Map, TriangulateOptions, triangulate};
 use std::fmt::Write;
 
@@ -10,7 +11,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let [_, file, half_width, out @ ..] = &args[..] else {
         return Err("usage: surface MAP.json BOX [OUT.obj]".into());
     };
-    let map = Map::from_json(&std::fs::read_to_string(file)?, Default::default())?;
+    let polynomials = read_map(&std::fs::read_to_string(file)?)?.polynomials;
+    let map = Map::new(polynomials, Default::default())?;
     let b: f64 = half_width.parse()?;
     let half_width = RBig::try_from(b).map_err(|_| "not a number")?;
     let mut options = TriangulateOptions::around(half_width);

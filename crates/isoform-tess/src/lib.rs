@@ -62,7 +62,7 @@ pub use finding::{Finding, JoinedCurve, Phase, Unopened};
 pub use frame::Frame;
 pub use isoform_control::{Control, Stopped};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
-pub use patch::{ControlPoint, Patch, PatchFileError, is_patch_file, patch_bounds, read_patches};
+pub use patch::{ControlPoint, Patch, patch_bounds};
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,

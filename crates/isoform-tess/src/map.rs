@@ -1,5 +1,4 @@
-//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), read and
-//! checked.
+//! A rational map (s, t) ↦ (X/W, Y/W, Z/W) as four forms of one degree in (s : t : w), checked.
 
 use dashu_base::{Gcd, UnsignedAbs};
 use isoform_algebra::{Exponents, ParseError, ParseProblem, Poly, RBig, UBig, image_dimension};
@@ -16,30 +15,6 @@ pub const MAX_DEGREE: usize = 64;
 /// Why something is no rational map onto a surface.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum MapError {
-    /// The text is no JSON.
-    #[error("line {line}, column {column}: not JSON: {problem}")]
-    NotJson {
-        /// Where, counted from 1; 0 in an empty text.
-        line: usize,
-        /// Where, counted from 1; 0 in an empty text.
-        column: usize,
-        /// What the reader says.
-        problem: String,
-    },
-    /// One of the polynomials is missing.
-    #[error("{key} is missing")]
-    Missing {
-        /// One of [`KEYS`].
-        key: &'static str,
-    },
-    /// The value of a key is no text.
-    #[error("{key} is {found}, not a polynomial")]
-    NotText {
-        /// One of [`KEYS`].
-        key: &'static str,
-        /// The value in its place.
-        found: String,
-    },
     /// A text is no polynomial in s and t.
     #[error("{key}, {error}")]
     NotAPolynomial {
@@ -84,9 +59,6 @@ impl MapError {
     /// A word for programs to tell the cases apart.
     pub fn code(&self) -> &'static str {
         match self {
-            Self::NotJson { .. } => "not_json",
-            Self::Missing { .. } => "missing",
-            Self::NotText { .. } => "not_text",
             Self::NotAPolynomial {
                 error:
                     ParseError {
@@ -107,10 +79,7 @@ impl MapError {
     /// The polynomial concerned, if it is one of them: an element of [`KEYS`].
     pub fn key(&self) -> Option<&'static str> {
         match self {
-            Self::Missing { key }
-            | Self::NotText { key, .. }
-            | Self::NotAPolynomial { key, .. }
-            | Self::NotFinite { key } => Some(key),
+            Self::NotAPolynomial { key, .. } | Self::NotFinite { key } => Some(key),
             Self::ZeroDenominator => Some("W"),
             _ => None,
         }
@@ -118,9 +87,6 @@ impl MapError {
     /// What one can do about it, one sentence.
     pub fn hint(&self) -> &'static str {
         match self {
-            Self::NotJson { .. } | Self::Missing { .. } | Self::NotText { .. } => {
-                "write {\"X\": \"…\", \"Y\": \"…\", \"Z\": \"…\", \"W\": \"…\"} with polynomials in s and t"
-            }
             Self::NotAPolynomial { error, .. } => match error.problem {
                 ParseProblem::UnknownName { .. } => {
                     "the parameters are s and t; multiplication is written *"
@@ -256,30 +222,6 @@ impl Map {
         Self::new(polynomials, options)
     }
 
-    /// The map of a JSON text {"X": "…", "Y": "…", "Z": "…", "W": "…"}; numbers may stand for
-    /// constants, other keys are ignored.
-    ///
-    /// # Errors
-    /// [`MapError`].
-    pub fn from_json(text: &str, options: Options) -> Result<Self, MapError> {
-        let value: serde_json::Value = serde_json::from_str(text).map_err(not_json)?;
-        let mut texts: [String; 4] = Default::default();
-        for (target, key) in texts.iter_mut().zip(KEYS) {
-            *target = match value.get(key) {
-                None => return Err(MapError::Missing { key }),
-                Some(serde_json::Value::String(text)) => text.clone(),
-                Some(serde_json::Value::Number(n)) => n.to_string(),
-                Some(other) => {
-                    return Err(MapError::NotText {
-                        key,
-                        found: kind(other).to_owned(),
-                    });
-                }
-            };
-        }
-        Self::parse(texts.each_ref().map(String::as_str), options)
-    }
-
     /// X, Y, Z and W in s and t, with integer coefficients that have no factor in common.
     pub fn affine(&self) -> &[Poly; 4] {
         &self.affine
@@ -295,29 +237,6 @@ impl Map {
     /// The common factor that was removed, in s and t.
     pub fn removed(&self) -> Option<&Poly> {
         self.removed.as_ref()
-    }
-}
-
-/// What is wrong with a text that is no JSON.
-fn not_json(e: serde_json::Error) -> MapError {
-    // The reader appends the place, which is told separately.
-    let text = e.to_string();
-    let problem = text.split(" at line ").next().unwrap_or_default();
-    MapError::NotJson {
-        line: e.line(),
-        column: e.column(),
-        problem: problem.to_owned(),
-    }
-}
-
-/// What a value is, in words.
-fn kind(value: &serde_json::Value) -> &'static str {
-    match value {
-        serde_json::Value::Null => "null",
-        serde_json::Value::Bool(_) => "true or false",
-        serde_json::Value::Array(_) => "a list",
-        serde_json::Value::Object(_) => "an object",
-        serde_json::Value::Number(_) | serde_json::Value::String(_) => "a polynomial",
     }
 }
 

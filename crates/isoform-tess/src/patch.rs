@@ -1,10 +1,5 @@
 //! Rational Bézier patches as maps over [0, 1]² with exact coefficients.
 
-mod reading;
-mod spline;
-
-pub use reading::{PatchFileError, is_patch_file, read_patches};
-
 use crate::domain::image_bounds;
 use crate::field::exact;
 use crate::map::{Map, MapError, Options};
@@ -42,15 +37,26 @@ impl From<&RationalPatch> for Patch {
     /// The patch with exactly these control points, by the name `patch`.
     fn from(patch: &RationalPatch) -> Self {
         let (m, n) = patch.degree();
-        Self {
-            name: "patch".to_owned(),
-            degree: [m, n],
-            control: patch.control().iter().map(|p| p.map(exact)).collect(),
-        }
+        let control = patch.control().iter().map(|p| p.map(exact)).collect();
+        Self::new("patch".to_owned(), [m, n], control)
     }
 }
 
 impl Patch {
+    /// The patch of degrees m and n with (m + 1)(n + 1) control points, row by row of i = 0 … m.
+    ///
+    /// # Panics
+    /// If a degree is 0, or the number of control points is another.
+    pub fn new(name: String, degree: [usize; 2], control: Vec<ControlPoint>) -> Self {
+        let [m, n] = degree;
+        assert!(m > 0 && n > 0, "degrees of at least 1");
+        assert_eq!(control.len(), (m + 1) * (n + 1), "the control points");
+        Self {
+            name,
+            degree,
+            control,
+        }
+    }
     /// The map over [0, 1]²; a common factor of its polynomials is removed.
     ///
     /// # Errors
@@ -132,9 +138,8 @@ fn to_powers(line: Vec<RBig>) -> Vec<RBig> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serde_json::json;
 
-    pub(super) fn eval(p: &Patch, s: f64, t: f64) -> [f64; 3] {
+    fn eval(p: &Patch, s: f64, t: f64) -> [f64; 3] {
         let at = [s, t].map(exact);
         let [x, y, z, w] = p.polynomials().map(|f| f.eval(&at));
         [x, y, z].map(|x| (x / &w).to_f64().value())
@@ -142,12 +147,13 @@ mod tests {
 
     #[test]
     fn a_bilinear_patch() {
-        let file = json!({"schema": 1, "patches": [{"degree": [1, 1], "control": [[[0, 0, 0, 1], [0, 2, 0, 1]], [[3, 0, 0, 1], [6, 4, 10, 2]]]}]});
-        let patches = read_patches(&file).expect("patches");
-        assert_eq!(eval(&patches[0], 0.0, 1.0), [0.0, 2.0, 0.0]);
-        assert_eq!(eval(&patches[0], 1.0, 1.0), [3.0, 2.0, 5.0]);
-        assert_eq!(eval(&patches[0], 1.0, 0.0), [3.0, 0.0, 0.0]);
-        let bounds = patch_bounds(&patches)
+        let corners = [[0, 0, 0, 1], [0, 2, 0, 1], [3, 0, 0, 1], [6, 4, 10, 2]];
+        let control = corners.map(|p| p.map(RBig::from)).to_vec();
+        let patch = Patch::new("patch 1".to_owned(), [1, 1], control);
+        assert_eq!(eval(&patch, 0.0, 1.0), [0.0, 2.0, 0.0]);
+        assert_eq!(eval(&patch, 1.0, 1.0), [3.0, 2.0, 5.0]);
+        assert_eq!(eval(&patch, 1.0, 0.0), [3.0, 0.0, 0.0]);
+        let bounds = patch_bounds(&[patch])
             .expect("no pole")
             .map(|b| b.map(|x| x.to_f64().value()));
         assert_eq!(bounds, [[0.0, 3.0], [0.0, 2.0], [0.0, 5.0]]);

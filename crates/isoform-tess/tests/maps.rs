@@ -1,5 +1,6 @@
 //! Reading and refusing maps.
 
+use isoform_io::read_map;
 use isoform_tess::{Map, MapError, Options};
 
 /// The invalid files of the acceptance check, each with the code and the polynomial that must be
@@ -51,13 +52,41 @@ const INVALID: [(&str, &str, Option<&str>); 12] = [
     ),
 ];
 
+/// Code, key, hint and message of what is wrong with a text.
+type Refusal = (&'static str, Option<&'static str>, &'static str, String);
+
+fn refusal(text: &str, options: Options) -> Option<Refusal> {
+    match read_map(text) {
+        Err(e) => Some((e.code(), e.key(), e.hint(), e.to_string())),
+        Ok(file) => Map::new(file.polynomials, options)
+            .err()
+            .map(|e| (e.code(), e.key(), e.hint(), e.to_string())),
+    }
+}
+
 #[test]
 fn invalid_maps_are_refused_with_the_reason() {
     for (text, code, key) in INVALID {
-        let error = Map::from_json(text, Options::default()).expect_err(text);
-        assert_eq!((error.code(), error.key()), (code, key), "{text}: {error}");
-        assert!(!error.hint().is_empty() && !error.to_string().is_empty());
-        assert_eq!(Map::from_json(text, Options { reduce: true }), Err(error));
+        let refused = refusal(text, Options::default()).expect(text);
+        let (found_code, found_key, hint, message) = &refused;
+        assert_eq!((*found_code, *found_key), (code, key), "{text}: {message}");
+        assert!(!hint.is_empty() && !message.is_empty());
+        assert_eq!(refusal(text, Options { reduce: true }), Some(refused));
+    }
+}
+
+/// Texts and files are refused for the same reason, in the same words.
+#[test]
+fn texts_are_refused_as_their_file_is() {
+    for bad in ["1/s", "s+q", "s +", "s^2000"] {
+        let of_texts = Map::parse([bad, "t", "s*t", "1"], Options::default()).expect_err(bad);
+        let file = format!(r#"{{"X":"{bad}","Y":"t","Z":"s*t","W":"1"}}"#);
+        let of_file = read_map(&file).expect_err(bad);
+        assert_eq!(of_texts.to_string(), of_file.to_string());
+        assert_eq!(
+            (of_texts.code(), of_texts.key(), of_texts.hint()),
+            (of_file.code(), of_file.key(), of_file.hint())
+        );
     }
 }
 

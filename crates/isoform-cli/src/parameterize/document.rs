@@ -2,36 +2,26 @@
 
 use super::Made;
 use crate::output;
+use isoform::io::{PatchRecord, write_patches};
 use isoform::patch::{Grown, Parameterized, Phase};
 use isoform::report::{AboutPatches, PatchesReport};
-use serde_json::{Value, json};
+use serde_json::Value;
 
-/// The file of the patches. The same each time.
+/// The file of the patches; the same patches give the same bytes.
 pub(super) fn patches(made: &Made) -> Vec<u8> {
-    let list: Vec<Value> = made.patches.iter().map(patch).collect();
-    let mut bytes = serde_json::to_vec(&json!({"schema": 1, "patches": list})).unwrap_or_default();
-    bytes.push(b'\n');
-    bytes
+    let records: Vec<PatchRecord> = made.patches.iter().map(record).collect();
+    write_patches(&records)
 }
 
-fn patch(p: &Parameterized) -> Value {
-    let (m, n) = p.grown.patch.degree();
-    let rows: Vec<Value> = p
-        .grown
-        .patch
-        .control()
-        .chunks(n + 1)
-        .map(|row| json!(row))
-        .collect();
-    json!({
-        "degree": [m, n],
-        "control": rows,
+fn record(p: &Parameterized) -> PatchRecord {
+    PatchRecord {
+        patch: p.grown.patch.clone(),
         // Without a proof the largest sampled distance, and `certified` says so.
-        "max_distance": p.distances.bound.unwrap_or(p.distances.sampled),
-        "certified": p.distances.bound.is_some() && p.is_unfolded,
-        "rms_distance": p.distances.rms,
-        "seed_point": p.grown.seed_point,
-    })
+        max_distance: p.distances.bound.unwrap_or(p.distances.sampled),
+        certified: p.distances.bound.is_some() && p.is_unfolded,
+        rms_distance: p.distances.rms,
+        seed_point: p.grown.seed_point,
+    }
 }
 
 /// Every step of a patch.

@@ -10,9 +10,10 @@ use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
+use isoform::io::{FilePatch, MapFileError, is_patch_file, read_map, read_patches};
 use isoform::tess::{
     Analysis, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
-    TriangulateOptions, VARIABLES, is_patch_file, read_patches,
+    TriangulateOptions, VARIABLES,
 };
 use isoform::{Control, PatchesError, SurfaceBox, Topology, topology};
 use serde_json::Value;
@@ -273,15 +274,19 @@ fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
         .ok()
         .filter(is_patch_file)
     {
-        return read_patches(&json).map(Subject::Patches).map_err(|e| {
-            let mut failure = Failure::input("not_patches", format!("{}: {e}", path.display()));
-            failure.place.file = Some(path.to_owned());
-            failure.hint("see Patches in docs/rational.md")
-        });
+        let patches = read_patches(&json).map_err(|e| {
+            refused(path, "not_patches", &e).hint("see Patches in docs/rational.md")
+        })?;
+        return Ok(Subject::Patches(patches.into_iter().map(patch).collect()));
     }
-    Map::from_json(&text, Options { reduce })
+    let file = read_map(&text).map_err(|e| unreadable(&e, path, &text))?;
+    Map::new(file.polynomials, Options { reduce })
         .map(|m| Subject::Map(Box::new(m)))
-        .map_err(|e| invalid(&e, path, &text))
+        .map_err(|e| invalid(&e, path))
+}
+
+fn patch(p: FilePatch) -> Patch {
+    Patch::new(p.name, p.degree, p.control.exact())
 }
 
 /// The box: as asked for, or, where the surface is proved to have bounds, around it; half the
@@ -308,13 +313,9 @@ fn find_box(args: &Args, subject: &Subject) -> Result<(RBig, f64, bool), Failure
     Ok((half_width, size, true))
 }
 
-/// Why it is no map, and where.
-fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
-    let hint = match error {
-        MapError::CommonFactor { .. } => "divide all four by it, or --reduce",
-        _ => error.hint(),
-    };
-    if let MapError::NotJson {
+/// Why a text is no file of a map, and where.
+fn unreadable(error: &MapFileError, path: &Path, text: &str) -> Failure {
+    if let MapFileError::NotJson {
         line,
         column,
         problem,
@@ -325,15 +326,31 @@ fn invalid(error: &MapError, path: &Path, text: &str) -> Failure {
             Failure::input(error.code(), format!("not JSON: {problem}")).at(path, line, column);
         return failure
             .drawn(text.lines().nth(line - 1).unwrap_or_default())
-            .hint(hint);
+            .hint(error.hint());
     }
-    let mut failure =
-        Failure::input(error.code(), format!("{}: {error}", path.display())).hint(hint);
-    failure.place.file = Some(path.to_owned());
+    let mut failure = refused(path, error.code(), error).hint(error.hint());
     failure.place.key = error.key();
-    if let MapError::NotAPolynomial { error, .. } = error {
+    if let MapFileError::NotAPolynomial { error, .. } = error {
         failure.place.column = Some(error.column);
     }
+    failure
+}
+
+/// Why four polynomials are no map onto a surface.
+fn invalid(error: &MapError, path: &Path) -> Failure {
+    let hint = match error {
+        MapError::CommonFactor { .. } => "divide all four by it, or --reduce",
+        _ => error.hint(),
+    };
+    let mut failure = refused(path, error.code(), error).hint(hint);
+    failure.place.key = error.key();
+    failure
+}
+
+/// The failure of a file that holds something wrong.
+fn refused(path: &Path, code: &'static str, error: &dyn std::error::Error) -> Failure {
+    let mut failure = Failure::input(code, format!("{}: {error}", path.display()));
+    failure.place.file = Some(path.to_owned());
     failure
 }
 

@@ -1,5 +1,6 @@
 //! The collection of rational surfaces in tests/data/zoo.
 
+use isoform_io::read_map;
 use isoform_tess::{Map, Options};
 use serde_json::Value;
 
@@ -10,11 +11,12 @@ pub(crate) fn zoo() -> Vec<(String, Value, Map)> {
         let text = std::fs::read_to_string(&path).expect("a readable file");
         let facts: Value = serde_json::from_str(&text).expect("JSON");
         let name = isoform_testdata::stem(&path);
-        match Map::from_json(&text, Options::default()) {
-            Ok(map) => {
+        match read_map(&text).map(|file| Map::new(file.polynomials, Options::default())) {
+            Ok(Ok(map)) => {
                 assert_eq!(facts["valid"], true, "{name}");
                 found.push((name, facts, map));
             }
+            Ok(Err(error)) => assert_eq!(facts["valid"], false, "{name}: {error}"),
             Err(error) => assert_eq!(facts["valid"], false, "{name}: {error}"),
         }
     }
