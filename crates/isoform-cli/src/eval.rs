@@ -208,7 +208,7 @@ fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
     })
 }
 
-/// Replaces the values by those of another reading; rows that have no value keep their error.
+/// Replaces the values by the ones of another reading; rows that have no value keep their error.
 fn read_otherwise(
     template: &FrepTemplate,
     reading: Reading,

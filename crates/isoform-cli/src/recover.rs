@@ -115,7 +115,7 @@ impl Told {
         self.json["mesh"] = mesh::document::document(made);
         self.text += &format!("\n{}", mesh::table::text(made));
     }
-    /// There is no mesh. The fit is there all the same, and its files are written.
+    /// There is no mesh, but the fit stands, and its files are written.
     fn add_failure(&mut self, failure: Failure) {
         let failure = no_mesh(failure, &self.files);
         output::complain(&failure);

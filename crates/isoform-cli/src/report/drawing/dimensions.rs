@@ -368,7 +368,7 @@ fn crowds(begins: &[Point3], value: f64, size: f64) -> Option<Vec<Vec<usize>>> {
     Some(groups)
 }
 
-/// Whether no two rounds lie within each other; those of a torus or of a blend do.
+/// Whether no two rounds lie within each other, as the rounds of a torus or of a blend do.
 fn are_apart(middles: &[Point3], radius: f64) -> bool {
     let is_apart = |i: usize, j: usize| norm(sub(middles[i], middles[j])) > 1.2 * radius;
     (0..middles.len()).all(|i| (0..i).all(|j| is_apart(i, j)))
