@@ -57,32 +57,19 @@ enum Loaded {
     Model(Box<FrepTemplate>, Vec<f64>),
 }
 
+fn is_model(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
+}
+
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let is_model = |p: &Path| p.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"));
-    let second = if is_model(&args.first) {
+    let of_second = if is_model(&args.first) {
         &args.params_second
     } else {
         &args.params
     };
-    let first = load(
-        &args.first,
-        is_model(&args.first),
-        args.params.as_ref(),
-        args,
-        context,
-    )?;
-    let second = load(
-        &args.second,
-        is_model(&args.second),
-        second.as_ref(),
-        args,
-        context,
-    )?;
-    let side = |l: &Loaded| match l {
-        Loaded::Cloud(c) if c.triangles.is_empty() || args.vertices => "points",
-        Loaded::Cloud(_) => "mesh",
-        Loaded::Model(..) => "model",
-    };
+    let first = load(&args.first, args.params.as_ref(), args, context)?;
+    let second = load(&args.second, of_second.as_ref(), args, context)?;
     let result = compare(
         as_side(&first, args.vertices),
         as_side(&second, args.vertices),
@@ -94,55 +81,57 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         CompareError::Empty(_) => Failure::input("empty", e.to_string())
             .hint("isoform inspect; for models, another --box"),
     })?;
+    let text = line("first to second", &there) + &line("second to first", &back);
     let sides = [(&args.first, &first), (&args.second, &second)];
     let sides = sides.map(|(path, loaded)| SideReport {
         file: path.display().to_string(),
-        kind: side(loaded),
+        kind: kind(loaded, args.vertices),
     });
     let report = CompareReport::new(sides, (there, back), args.tolerance);
-    let line = |name: &str, d: &Distances| {
-        format!(
-            "{name:<16}  rms {}  mean {}  95 % within {}  max {}  ({} points)\n",
-            brief(d.rms),
-            brief(d.mean),
-            brief(d.p95),
-            brief(d.max),
-            d.samples
-        )
+    let exit = if report.within_tolerance {
+        DONE
+    } else {
+        output::PARTIAL
     };
-    let text = line("first to second", &there) + &line("second to first", &back);
     Ok(Outcome {
-        exit: if report.within_tolerance {
-            DONE
-        } else {
-            output::PARTIAL
-        },
+        exit,
         json: output::json_of(&report),
         stdout: text.into_bytes(),
     })
 }
 
+/// The distances of one direction, for people.
+fn line(name: &str, d: &Distances) -> String {
+    let samples = d.samples;
+    let [rms, mean, p95, max] = [d.rms, d.mean, d.p95, d.max].map(brief);
+    format!(
+        "{name:<16}  rms {rms}  mean {mean}  95 % within {p95}  max {max}  ({samples} points)\n"
+    )
+}
+
+/// The name of what a side is compared as.
+fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
+    match as_side(loaded, vertices) {
+        Side::Points(_) => "points",
+        Side::Mesh(_) => "mesh",
+        Side::Model(..) => "model",
+    }
+}
+
 fn load(
     path: &Path,
-    is_model: bool,
     given: Option<&eval::Parameters>,
     args: &Args,
     context: &Context,
 ) -> Result<Loaded, Failure> {
     if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
-        report
-            .warnings
-            .iter()
-            .for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        warn(path, &report.warnings, context);
         return Ok(Loaded::Cloud(surface_of(&mesh)));
     }
-    if !is_model {
+    if !is_model(path) {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-        report
-            .warnings
-            .iter()
-            .for_each(|w| context.warn(format_args!("{}: {w}", path.display())));
+        warn(path, &report.warnings, context);
         return Ok(Loaded::Cloud(cloud));
     }
     let model = gallery::template(path, &args.language, context)?;
@@ -151,6 +140,13 @@ fn load(
     let template =
         template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;
     Ok(Loaded::Model(Box::new(template), values))
+}
+
+/// Warns of what a file holds, with its name.
+fn warn(path: &Path, warnings: &[String], context: &Context) {
+    for warning in warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
+    }
 }
 
 fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {

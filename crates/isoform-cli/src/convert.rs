@@ -109,11 +109,9 @@ fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fail
         write_mesh_path(&mesh, &args.output, args.to.as_deref(), &options)
     }
     .map_err(|e| scan::unwritable(&e))?;
-    let warnings: Vec<&String> = report.warnings.iter().chain(&written.warnings).collect();
-    warnings.iter().for_each(|w| context.warn(w));
     json["counts"] = json!({"points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len()});
     json["formats"] = json!([report.format, written.format]);
-    json["warnings"] = json!(warnings);
+    json["warnings"] = warned([&report.warnings, &written.warnings], context);
     if context.global.json && !stdout.is_empty() {
         json["text"] = json!(String::from_utf8_lossy(&stdout));
     }
@@ -122,6 +120,15 @@ fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fail
         json,
         stdout,
     })
+}
+
+/// Warns of what was read and of what was written; all warnings for the document.
+fn warned(warnings: [&[String]; 2], context: &Context) -> Value {
+    let warnings = warnings.concat();
+    for warning in &warnings {
+        context.warn(warning);
+    }
+    json!(warnings)
 }
 
 fn size(n: Option<u64>) -> Option<usize> {
@@ -153,12 +160,10 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
         write_path(&cloud, &args.output, args.to.as_deref(), &options)
     }
     .map_err(|e| scan::unwritable(&e))?;
-    let warnings: Vec<&String> = report.warnings.iter().chain(&written.warnings).collect();
-    warnings.iter().for_each(|w| context.warn(w));
     json["points"] = json!(cloud.points.len());
     json["dropped"] = json!(report.dropped_points);
     json["formats"] = json!([report.format, written.format]);
-    json["warnings"] = json!(warnings);
+    json["warnings"] = warned([&report.warnings, &written.warnings], context);
     if stdout.is_empty() {
         context.note(format_args!(
             "{} points written to {}",

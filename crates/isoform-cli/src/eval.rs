@@ -69,6 +69,15 @@ enum Cell {
     Error(String),
 }
 
+impl Cell {
+    fn error(&self) -> Option<&str> {
+        match self {
+            Self::Error(error) => Some(error),
+            Self::Value(..) | Self::Part(..) => None,
+        }
+    }
+}
+
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.model == Path::new("-") && args.points == Path::new("-") {
         return Err(
@@ -93,22 +102,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         })
         .collect();
 
-    let failed = cells.iter().filter(|c| matches!(c, Cell::Error(_))).count();
-    let exit = match failed {
-        0 => DONE,
-        n if n == cells.len() => NO_RESULT,
-        _ => PARTIAL,
-    };
-    let first = cells.iter().find_map(|c| {
-        if let Cell::Error(e) = c {
-            Some(e)
-        } else {
-            None
-        }
-    });
-    if let Some(first) = first {
+    let failures = Failures::of(&cells);
+    if let Some(first) = failures.first {
         context.warn(format_args!(
-            "{failed} of {} rows failed, the first with {first}",
+            "{} of {} rows failed, the first with {first}",
+            failures.count,
             cells.len()
         ));
     }
@@ -118,27 +116,52 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         model.name()
     ));
     let (columns, csv) = csv(&model, &rows, &cells);
-    let mut json = json!({"object": model.name(), "parameters": a, "rows": cells.len(), "failed": failed, "columns": columns});
+    let mut json = json!({"object": model.name(), "parameters": a, "rows": cells.len(), "failed": failures.count, "columns": columns});
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
-    let stdout = match file {
-        Some(path) => {
-            output::write_file(path, csv.as_bytes())?;
-            json["output"] = json!(path.display().to_string());
-            Vec::new()
-        }
-        None => {
-            json["table"] = rows
-                .iter()
-                .zip(&cells)
-                .map(|(r, c)| json_row(r, c))
-                .collect();
-            csv.into_bytes()
-        }
+    let stdout = if let Some(path) = file {
+        output::write_file(path, csv.as_bytes())?;
+        json["output"] = json!(path.display().to_string());
+        Vec::new()
+    } else {
+        let rows = rows.iter().zip(&cells);
+        json["table"] = rows.map(|(row, cell)| json_row(row, cell)).collect();
+        csv.into_bytes()
     };
+    let exit = failures.exit();
     if exit == NO_RESULT {
-        json["error"] = json!({"code": "evaluation", "message": "every row failed", "where": {}, "why": first, "hint": "see the f column"});
+        json["error"] = json!({"code": "evaluation", "message": "every row failed", "where": {}, "why": failures.first, "hint": "see the f column"});
     }
     Ok(Outcome { exit, json, stdout })
+}
+
+/// The rows without a value.
+struct Failures<'c> {
+    count: usize,
+    /// The number of all rows.
+    rows: usize,
+    /// Why the first of them failed.
+    first: Option<&'c str>,
+}
+
+impl<'c> Failures<'c> {
+    fn of(cells: &'c [Cell]) -> Self {
+        let mut errors = cells.iter().filter_map(Cell::error);
+        let first = errors.next();
+        Self {
+            count: errors.count() + usize::from(first.is_some()),
+            rows: cells.len(),
+            first,
+        }
+    }
+    fn exit(&self) -> u8 {
+        if self.count == 0 {
+            DONE
+        } else if self.count == self.rows {
+            NO_RESULT
+        } else {
+            PARTIAL
+        }
+    }
 }
 
 /// The parameters given, then where annotations start, then 0.
@@ -185,7 +208,7 @@ fn template(path: &Path, model: &Model) -> Result<FrepTemplate, Failure> {
     })
 }
 
-/// Replaces the values by those of another reading; rows that have no value keep their error.
+/// Replaces the values by the ones of another reading; rows that have no value keep their error.
 fn read_otherwise(
     template: &FrepTemplate,
     reading: Reading,
@@ -224,62 +247,67 @@ fn coordinates(dimension: usize) -> Vec<String> {
 /// Reads the first `dimension` columns of a table. A first line that holds the names of the
 /// coordinates is a header.
 fn points<'t>(path: &Path, table: &'t str, dimension: usize) -> Result<Vec<Row<'t>>, Failure> {
-    let mut rows = Vec::new();
+    let table = table.strip_prefix('\u{feff}').unwrap_or(table);
+    let lines = table.lines().enumerate();
+    let mut lines = lines.filter(|(_, line)| holds_data(line)).peekable();
     let names = coordinates(dimension);
-    let mut first = true;
-    for (i, line) in table
-        .strip_prefix('\u{feff}')
-        .unwrap_or(table)
-        .lines()
-        .enumerate()
-    {
-        if line.trim().is_empty() || line.trim_start().starts_with('#') {
-            continue;
-        }
-        let text: Vec<&str> = if line.contains(',') {
-            line.split(',').map(str::trim).take(dimension).collect()
-        } else {
-            line.split([' ', '\t', ';'])
-                .filter(|w| !w.is_empty())
-                .take(dimension)
-                .collect()
-        };
-        if std::mem::take(&mut first)
-            && text
-                .iter()
-                .map(|t| t.trim_matches('"'))
-                .eq(names.iter().map(String::as_str))
-        {
-            continue;
-        }
-        let fail = |at: usize, message: String| {
-            let column = line[..at.min(line.len())].chars().count() + 1;
-            Failure::input("points", message)
-                .at(path, i + 1, column)
-                .drawn(line)
-        };
-        if text.len() < dimension {
-            return Err(fail(
-                line.len(),
-                format!(
-                    "{} columns, the model has {dimension} coordinates",
-                    text.len()
-                ),
-            ));
-        }
-        let mut x = Vec::with_capacity(dimension);
-        for word in &text {
-            match word.parse::<f64>() {
-                Ok(v) if v.is_finite() => x.push(v),
-                _ => {
-                    let at = word.as_ptr() as usize - line.as_ptr() as usize;
-                    return Err(fail(at, format!("`{word}` is not a finite number")));
-                }
-            }
-        }
-        rows.push(Row { text, x });
+    lines.next_if(|(_, line)| is_header(&words(line, dimension), &names));
+    lines
+        .map(|(i, line)| {
+            row(line, dimension).map_err(|Fault { at, message }| {
+                let column = line[..at.min(line.len())].chars().count() + 1;
+                Failure::input("points", message)
+                    .at(path, i + 1, column)
+                    .drawn(line)
+            })
+        })
+        .collect()
+}
+
+/// Whether a line is neither empty nor a comment.
+fn holds_data(line: &str) -> bool {
+    !line.trim().is_empty() && !line.trim_start().starts_with('#')
+}
+
+fn is_header(words: &[&str], names: &[String]) -> bool {
+    let words = words.iter().map(|t| t.trim_matches('"'));
+    words.eq(names.iter().map(String::as_str))
+}
+
+/// The first columns of a line, parted by commas if it holds one, else by spaces, tabs and
+/// semicolons.
+fn words(line: &str, dimension: usize) -> Vec<&str> {
+    if line.contains(',') {
+        return line.split(',').map(str::trim).take(dimension).collect();
     }
-    Ok(rows)
+    let words = line.split([' ', '\t', ';']).filter(|w| !w.is_empty());
+    words.take(dimension).collect()
+}
+
+/// What is wrong with a line, and at which of its bytes.
+struct Fault {
+    at: usize,
+    message: String,
+}
+
+fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
+    let text = words(line, dimension);
+    if text.len() < dimension {
+        let count = text.len();
+        return Err(Fault {
+            at: line.len(),
+            message: format!("{count} columns, the model has {dimension} coordinates"),
+        });
+    }
+    let number = |word: &&str| match word.parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        _ => Err(Fault {
+            at: word.as_ptr() as usize - line.as_ptr() as usize,
+            message: format!("`{word}` is not a finite number"),
+        }),
+    };
+    let x = text.iter().map(number).collect::<Result<_, _>>()?;
+    Ok(Row { text, x })
 }
 
 /// The header's names and the table.
@@ -294,21 +322,23 @@ fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String)
             text += word;
             text.push(',');
         }
-        match cell {
-            Cell::Value(_, s) | Cell::Part(_, s) => {
-                match cell {
-                    Cell::Part(name, _) => text += &quoted(name),
-                    Cell::Value(f, _) => text += &format!("{f:?}"),
-                    Cell::Error(_) => {}
-                }
-                for v in s {
-                    text += &format!(",{v:?}");
-                }
+        let values = match cell {
+            Cell::Value(f, s) => {
+                text += &format!("{f:?}");
+                s
+            }
+            Cell::Part(name, s) => {
+                text += &quoted(name);
+                s
             }
             Cell::Error(e) => {
                 text += &quoted(e);
                 text += &",".repeat(attributes);
+                &Vec::new()
             }
+        };
+        for v in values {
+            text += &format!(",{v:?}");
         }
         text.push('\n');
     }

@@ -16,7 +16,7 @@ const WRITTEN: [&str; 6] = ["output", "trace", "figure", "report", "sidecar", "d
 #[derive(Debug, PartialEq, Eq)]
 struct Identity {
     path: PathBuf,
-    /// Device and number of the file: those of hard links are equal, though their paths differ.
+    /// Device and number of the file. Hard links to one file share both, though their paths differ.
     number: Option<(u64, u64)>,
 }
 

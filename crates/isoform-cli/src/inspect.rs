@@ -93,72 +93,67 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     })
 }
 
+/// The points, with a line for each thing that is known of them.
 fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String {
     let mut text = format!("{file}: {}, {} points", seen.format, seen.points);
     if seen.rows != seen.points as u64 {
         text += &format!(" of {} in the file", seen.rows);
     }
     text.push('\n');
-    let mut line = |name: &str, value: String| text += &format!("  {name:<11}{value}\n");
-    if seen.triangles > 0 {
-        line("triangles", seen.triangles.to_string());
-    }
-    if let Some([lo, hi]) = bounds {
-        for k in 0..3 {
-            line(
-                ["x", "y", "z"][k],
-                format!("{} to {}   ({})", lo[k], hi[k], brief(hi[k] - lo[k])),
-            );
-        }
-    }
-    line("diagonal", brief(seen.diagonal));
-    line("spacing", seen.spacing.map_or("none".to_owned(), brief));
-    line(
-        "unit",
-        format!(
-            "{} ({})",
-            if seen.unit.unit.is_empty() {
-                "unknown"
-            } else {
-                &seen.unit.unit
-            },
-            seen.unit.reason
-        ),
-    );
-    let with = [(seen.has_normals, "normals"), (seen.has_colors, "colours")];
-    let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();
-    line(
-        "with",
-        if with.is_empty() {
-            "positions alone".to_owned()
-        } else {
-            with.join(", ")
-        },
-    );
-    for c in &seen.columns {
-        line(
-            "column",
-            format!(
-                "{} from {} to {}{}",
-                c.name,
-                brief(c.min),
-                brief(c.max),
-                if c.missing > 0 {
-                    format!(", {} missing", c.missing)
-                } else {
-                    String::new()
-                }
-            ),
-        );
-    }
-    if seen.dropped_points > 0 {
-        line(
-            "dropped",
-            format!("{} points that are not finite", seen.dropped_points),
-        );
-    }
-    if seen.duplicates > 0 {
-        line("duplicates", seen.duplicates.to_string());
+    for (name, value) in lines(seen, bounds) {
+        text += &format!("  {name:<11}{value}\n");
     }
     text
+}
+
+/// Names with their values.
+fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    if seen.triangles > 0 {
+        lines.push(("triangles", seen.triangles.to_string()));
+    }
+    if let Some([lo, hi]) = bounds {
+        for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let length = brief(hi[k] - lo[k]);
+            lines.push((name, format!("{} to {}   ({length})", lo[k], hi[k])));
+        }
+    }
+    let unit = match seen.unit.unit.as_str() {
+        "" => "unknown",
+        unit => unit,
+    };
+    lines.extend([
+        ("diagonal", brief(seen.diagonal)),
+        ("spacing", seen.spacing.map_or("none".to_owned(), brief)),
+        ("unit", format!("{unit} ({})", seen.unit.reason)),
+        ("with", with(seen)),
+    ]);
+    lines.extend(seen.columns.iter().map(|c| {
+        let missing = if c.missing > 0 {
+            format!(", {} missing", c.missing)
+        } else {
+            String::new()
+        };
+        let (min, max) = (brief(c.min), brief(c.max));
+        ("column", format!("{} from {min} to {max}{missing}", c.name))
+    }));
+    if seen.dropped_points > 0 {
+        let count = seen.dropped_points;
+        lines.push(("dropped", format!("{count} points that are not finite")));
+    }
+    if seen.duplicates > 0 {
+        lines.push(("duplicates", seen.duplicates.to_string()));
+    }
+    lines
+}
+
+/// What there is beside positions.
+fn with(seen: &Inspection) -> String {
+    let with = [(seen.has_normals, "normals"), (seen.has_colors, "colours")];
+    let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();
+    if with.is_empty() {
+        "positions alone".to_owned()
+    } else {
+        with.join(", ")
+    }
 }

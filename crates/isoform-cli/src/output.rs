@@ -29,6 +29,17 @@ pub(crate) const NO_RESULT: u8 = 4;
 /// A fault of ours.
 pub(crate) const INTERNAL: u8 = 5;
 
+/// The exit code of work whose result is there: `DONE` if it is all that was asked for.
+pub(crate) fn exit(is_as_asked: bool) -> u8 {
+    if interrupt::happened() {
+        interrupt::INTERRUPTED
+    } else if is_as_asked {
+        DONE
+    } else {
+        PARTIAL
+    }
+}
+
 /// Seed of everything random unless another is given.
 const DEFAULT_SEED: u64 = 1;
 /// Bytes of stack of a thread: those that Linux gives to a program's first one. Trees of deeply

@@ -7,7 +7,7 @@ use crate::mesh::work::{self, Made, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -66,41 +66,71 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
-    let mut json = document::document(&job, "recover");
-    let mut files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
-    let mut text = table::text(&job);
-    for path in &written {
-        text += &format!("wrote     {}\n", path.display());
-    }
-    let mut exit = job.exit();
+    let mut told = Told::of(&job, &written);
     if !targets.is_empty() {
         let made = output::stage("mesh of the fitted model", || {
             fitted_mesh(&job, &request.language, &args.mesh, &targets, context)
         });
-        files.extend(made.iter().flat_map(|m| &m.written).map(|w| w.path.clone()));
         match made {
             Ok(made) => {
                 made.say(context);
-                exit = if exit == DONE { made.exit() } else { exit };
-                json["mesh"] = mesh::document::document(&made);
-                text += &format!("\n{}", mesh::table::text(&made));
+                told.add_mesh(&made);
             }
-            // The fit is there all the same, and its files are written.
-            Err(failure) => {
-                let failure = no_mesh(failure, &files);
-                output::complain(&failure);
-                exit = failure.exit;
-                json["mesh"] = json!({"ok": false, "error": failure.json()});
-                json["error"] = failure.json();
-            }
+            Err(failure) => told.add_failure(failure),
         }
     }
-    json["outputs"] = json!(files);
-    Ok(Outcome {
-        exit,
-        json,
-        stdout: text.into_bytes(),
-    })
+    Ok(told.outcome())
+}
+
+/// What is said of the fit, and then of the mesh.
+struct Told {
+    exit: u8,
+    json: Value,
+    text: String,
+    /// The files that are written.
+    files: Vec<String>,
+}
+
+impl Told {
+    /// Of the fit, with its files.
+    fn of(job: &job::Job, written: &[PathBuf]) -> Self {
+        let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+        let mut text = table::text(job);
+        for path in &files {
+            text += &format!("wrote     {path}\n");
+        }
+        Self {
+            exit: job.exit(),
+            json: document::document(job, "recover"),
+            text,
+            files,
+        }
+    }
+    fn add_mesh(&mut self, made: &Made) {
+        self.files
+            .extend(made.written.iter().map(|w| w.path.clone()));
+        if self.exit == DONE {
+            self.exit = made.exit();
+        }
+        self.json["mesh"] = mesh::document::document(made);
+        self.text += &format!("\n{}", mesh::table::text(made));
+    }
+    /// There is no mesh, but the fit stands, and its files are written.
+    fn add_failure(&mut self, failure: Failure) {
+        let failure = no_mesh(failure, &self.files);
+        output::complain(&failure);
+        self.exit = failure.exit;
+        self.json["mesh"] = json!({"ok": false, "error": failure.json()});
+        self.json["error"] = failure.json();
+    }
+    fn outcome(mut self) -> Outcome {
+        self.json["outputs"] = json!(self.files);
+        Outcome {
+            exit: self.exit,
+            json: self.json,
+            stdout: self.text.into_bytes(),
+        }
+    }
 }
 
 /// Meshes the fitted program and writes the files.

@@ -2,7 +2,7 @@
 
 use super::settings::{self, Start};
 use crate::model::Language;
-use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
+use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
 use isoform::field::hyperfun::{Model, Pose};
@@ -53,11 +53,7 @@ impl Job {
     }
     /// 0, or 3 where the fit is refused or not complete, or 130.
     pub(crate) fn exit(&self) -> u8 {
-        match () {
-            () if interrupt::happened() => interrupt::INTERRUPTED,
-            () if self.found.fit.acceptable && self.found.fit.complete => DONE,
-            () => PARTIAL,
-        }
+        output::exit(self.found.fit.acceptable && self.found.fit.complete)
     }
 }
 

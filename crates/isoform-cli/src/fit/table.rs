@@ -251,30 +251,39 @@ pub(crate) fn starts_found(hits: usize, starts: usize) -> String {
 /// The table and what else a reader should know.
 pub(crate) fn text(job: &Job) -> String {
     let fit = &job.found.fit;
-    let unit = &job.unit.unit;
+    let (template, scan) = (&job.template_name, &job.scan);
+    let mut text = format!("{template} to {scan}: {}\n\n", verdict(job));
+    text += &parameters(job);
+    let outliers = counted(fit.n_outliers, "outlier", "outliers");
+    let left_out = match fit.n_left_out {
+        0 => String::new(),
+        n => format!(", {n} left out as clutter"),
+    };
+    let (used, points) = (fit.n_used, fit.n_points);
+    text += &format!("\npoints    {used} of {points} used, {outliers}{left_out}\n");
+    text += &deviations(job);
+    for open in &fit.undetermined {
+        text += &format!("open      {}\n", open.why);
+    }
+    text + &search(job)
+}
+
+/// The table of the parameters.
+fn parameters(job: &Job) -> String {
     let rows = rows(job);
-    let mut text = format!(
-        "{} to {}: {}\n\n",
-        job.template_name,
-        job.scan,
-        verdict(job)
-    );
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
-    let mut lines = vec![
-        [
-            "parameter",
-            "value",
-            "± 95 %",
-            "status",
-            if has_mm { "in mm" } else { "" },
-        ]
-        .map(str::to_owned),
-    ];
+    let mm = if has_mm { "in mm" } else { "" };
+    let mut lines = vec![["parameter", "value", "± 95 %", "status", mm].map(str::to_owned)];
     lines.extend(
         rows.into_iter()
             .map(|r| [r.name, r.value, r.error, r.status.to_owned(), r.mm]),
     );
-    text += &columns(&lines);
+    columns(&lines)
+}
+
+/// How far points and model lie apart.
+fn deviations(job: &Job) -> String {
+    let unit = &job.unit.unit;
     let length = |v: f64| {
         let mm = millimetres(unit)
             .filter(|s| *s != 1.0)
@@ -282,41 +291,28 @@ pub(crate) fn text(job: &Job) -> String {
             .unwrap_or_default();
         with_unit(&brief(v), unit) + &mm
     };
-    let (data, model) = (&fit.data_to_model, &fit.model_to_data);
-    text += &format!(
-        "\npoints    {} of {} used, {}{}\n",
-        fit.n_used,
-        fit.n_points,
-        counted(fit.n_outliers, "outlier", "outliers"),
-        match fit.n_left_out {
-            0 => String::new(),
-            n => format!(", {n} left out as clutter"),
-        }
-    );
-    text += &format!(
-        "data to model   rms {}, 95 % within {}, max {}\n",
-        length(data.rms),
-        length(data.p95),
-        length(data.max)
-    );
-    text += &format!(
+    let (data, model) = (&job.found.fit.data_to_model, &job.found.fit.model_to_data);
+    let [rms, p95, max] = [data.rms, data.p95, data.max].map(length);
+    let text = format!("data to model   rms {rms}, 95 % within {p95}, max {max}\n");
+    text + &format!(
         "model to data   95 % within {}, {:.1} % of the surface without data\n",
         length(model.p95),
         100.0 * model.share_uncovered
-    );
-    for open in &fit.undetermined {
-        text += &format!("open      {}\n", open.why);
-    }
+    )
+}
+
+/// How the parameters were searched for.
+fn search(job: &Job) -> String {
+    let fit = &job.found.fit;
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
-    text += &format!(
+    format!(
         "search    {} method, {}, {}, seed {}, {} s\n",
         method_name(job.method),
         starts_found(fit.hits, fit.starts),
         counted(fit.other_minima.len(), "other minimum", "other minima"),
         job.seed,
         brief(total)
-    );
-    text
+    )
 }
 
 /// Lines of cells, aligned: names to the left, numbers to the right.

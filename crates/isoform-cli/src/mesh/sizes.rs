@@ -12,42 +12,17 @@ use std::sync::Arc;
 /// By how much lengths may grow per length of way from a sample.
 const GROWTH: f64 = 0.5;
 
+/// A point and the length of edges there.
+type Sample = (Point3, f64);
+
 /// Reads the file: a HyperFun program if it ends in .hf, else a table of x, y, z and the length
 /// there.
 pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     if path.extension().is_some_and(|e| e == "hf") {
-        let model = model::read(path, &Language::default(), context)?;
-        let a = eval::values(&model, &[])?;
-        let field = RunField::new(&model, &a)
-            .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
-        return Ok(Sizes(Arc::new(move |p| field.value(p))));
+        return program(path, context);
     }
     let text = output::text(output::read_file(path)?);
-    let mut samples: Vec<(Point3, f64)> = Vec::new();
-    for (i, line) in text.lines().enumerate() {
-        let row = line.trim();
-        // A first line of words is a header.
-        if row.is_empty()
-            || row.starts_with('#')
-            || (i == 0 && row.starts_with(|c: char| c.is_alphabetic()))
-        {
-            continue;
-        }
-        match output::numbers(row).as_deref() {
-            Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => {
-                samples.push(([x, y, z], h))
-            }
-            _ => {
-                return Err(
-                    Failure::input("sizes", "x,y,z and a positive length are expected").at(
-                        path,
-                        i + 1,
-                        1,
-                    ),
-                );
-            }
-        }
-    }
+    let samples = samples(path, &text)?;
     if samples.is_empty() {
         return Err(
             Failure::input("sizes", format!("{} holds no sizes", path.display()))
@@ -55,4 +30,58 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
         );
     }
     Ok(Sizes::nearest(&samples, GROWTH))
+}
+
+/// The values of a program are the lengths.
+fn program(path: &Path, context: &Context) -> Result<Sizes, Failure> {
+    let model = model::read(path, &Language::default(), context)?;
+    let a = eval::values(&model, &[])?;
+    let field = RunField::new(&model, &a)
+        .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
+    Ok(Sizes(Arc::new(move |p| field.value(p))))
+}
+
+/// Reads a table. Empty lines and comments are passed over, and a first line of words, which is a
+/// header.
+fn samples(path: &Path, text: &str) -> Result<Vec<Sample>, Failure> {
+    let is_header = |i: usize, row: &str| i == 0 && row.starts_with(char::is_alphabetic);
+    let rows = text.lines().map(str::trim).enumerate();
+    rows.filter(|(i, row)| !row.is_empty() && !row.starts_with('#') && !is_header(*i, row))
+        .map(|(i, row)| {
+            sample(row).ok_or_else(|| {
+                Failure::input("sizes", "x,y,z and a positive length are expected").at(
+                    path,
+                    i + 1,
+                    1,
+                )
+            })
+        })
+        .collect()
+}
+
+fn sample(row: &str) -> Option<Sample> {
+    match output::numbers(row).as_deref() {
+        Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => {
+            Some(([x, y, z], h))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tables_of_sizes() {
+        let read = |text: &str| samples(Path::new("p"), text);
+        let table = read("x,y,z,h\n# c\n\n1,2,3,0.5\n -1, 0, 0, 2 \n");
+        let table = table.unwrap_or_else(|e| panic!("{}", e.message));
+        assert_eq!(table, [([1.0, 2.0, 3.0], 0.5), ([-1.0, 0.0, 0.0], 2.0)]);
+        // Lines count from 1, those that hold no sample too.
+        for (bad, line) in [("1,2,3", 1), ("# c\n1,2,3,0", 2), ("1,2,3,1\nx,y,z,h", 2)] {
+            let e = read(bad).err().unwrap_or_else(|| panic!("{bad} was read"));
+            assert_eq!(e.place.line, Some(line), "{bad}");
+        }
+    }
 }

@@ -4,7 +4,7 @@ use super::Settings;
 use super::files::Written;
 use super::sizes;
 use crate::interrupt;
-use crate::output::{Context, DONE, Failure, NO_RESULT, PARTIAL};
+use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::progress::Progress;
 use isoform::check::Limits;
 use isoform::field::SolidError;
@@ -42,11 +42,7 @@ pub(crate) struct Made {
 impl Made {
     /// 0, or 3 where the certificate fails or something was left open, or 130.
     pub(crate) fn exit(&self) -> u8 {
-        match () {
-            () if interrupt::happened() => interrupt::INTERRUPTED,
-            () if self.mesh.is_as_asked() => DONE,
-            () => PARTIAL,
-        }
+        output::exit(self.mesh.is_as_asked())
     }
     /// Says all warnings on stderr.
     pub(crate) fn say(&self, context: &Context) {

@@ -8,9 +8,8 @@ mod table;
 
 use self::subject::Subject;
 use crate::eval;
-use crate::interrupt;
 use crate::model::Language;
-use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
 use isoform::patch::{self, Covering, Error, Method, Options, Parameterized};
@@ -22,14 +21,13 @@ use std::time::Instant;
 
 /// Half the width of the box unless another is given: the paper's cube of edge 1.
 const HALF_WIDTH: f64 = 0.5;
-
 /// Squares along each side of a patch unless another number is given.
 const SQUARES: u16 = 32;
 /// Patches of a cover unless another number is given.
 const MOST_PATCHES: usize = 1000;
-/// The distance, per size of coordinates, that rounding of a point leaves: a few units in the last
-/// place. With more, surfaces that are too curved for tiny tolerances would be told the wrong
-/// reason.
+/// The distance from the surface, per size of coordinates, that rounding of a point leaves: a few
+/// units in the last place. A larger share would blame rounding for tiny tolerances that the
+/// curvature of the surface forbids.
 const ROUNDING: f64 = 1e-15;
 
 /// Finds a rational patch as large as possible on the surface of a model
@@ -309,13 +307,7 @@ fn tell(mut made: Made, stdout: Vec<u8>, context: &Context) -> Outcome {
     made.warnings
         .extend(findings.iter().map(ToString::to_string));
     made.warnings.iter().for_each(|w| context.warn(w));
-    let exit = if interrupt::happened() {
-        interrupt::INTERRUPTED
-    } else if findings.is_empty() {
-        DONE
-    } else {
-        PARTIAL
-    };
+    let exit = output::exit(findings.is_empty());
     Outcome::of(exit, document::document(&made), stdout, || {
         table::text(&made)
     })

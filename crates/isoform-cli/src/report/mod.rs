@@ -358,21 +358,7 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
     );
     let silent = |s: &&PartStatistics| s.count == 0 && s.uncovered.is_none();
     for s in stats.iter().filter(|s| !silent(s)) {
-        let (rms, mean, max) = match s.count {
-            0 => Default::default(),
-            _ => (digits(s.rms), digits(0.0 - s.mean), digits(s.max)),
-        };
-        let _ = writeln!(
-            html,
-            "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{rms}</td><td><div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td>\
-             <td class=\"n\">{mean}</td><td class=\"n\">{max}</td><td class=\"n\">{}</td></tr>",
-            escaped(&s.name),
-            s.count,
-            100.0 * s.rms / worst,
-            s.uncovered
-                .map(|u| format!("{:.1} %", 100.0 * u))
-                .unwrap_or_default()
-        );
+        html += &part_row(s, worst, digits);
     }
     html += "</table></div>";
     let left_out: Vec<&str> = stats
@@ -390,21 +376,40 @@ fn parts(job: &Job, lengths: &Lengths) -> String {
     html + "</section>\n"
 }
 
-fn convergence(job: &Job) -> String {
-    let mut runs: BTreeMap<usize, Vec<&Step>> = BTreeMap::new();
-    for step in &job.found.fit.history {
+/// A row of the table of parts; its bar is full for the worst rms.
+fn part_row(s: &PartStatistics, worst: f64, digits: impl Fn(f64) -> String) -> String {
+    let (rms, mean, max) = match s.count {
+        0 => Default::default(),
+        _ => (digits(s.rms), digits(0.0 - s.mean), digits(s.max)),
+    };
+    let uncovered = s.uncovered.map(|u| format!("{:.1} %", 100.0 * u));
+    format!(
+        "<tr><td><b>{}</b></td><td class=\"n\">{}</td><td class=\"n\">{rms}</td><td><div class=\"bar\"><i style=\"width:{:.1}%\"></i></div></td>\
+         <td class=\"n\">{mean}</td><td class=\"n\">{max}</td><td class=\"n\">{}</td></tr>\n",
+        escaped(&s.name),
+        s.count,
+        100.0 * s.rms / worst,
+        uncovered.unwrap_or_default()
+    )
+}
+
+/// The steps of each run, by its start.
+type Runs<'s> = BTreeMap<usize, Vec<&'s Step>>;
+
+/// The runs of the search, and the polish, which is the last one where there was a search.
+fn runs(fit: &Fit) -> (Runs<'_>, Runs<'_>) {
+    let mut runs = Runs::new();
+    for step in &fit.history {
         runs.entry(step.start).or_default().push(step);
     }
-    let is_searched = job.found.fit.starts > 1 || runs.len() > 1;
-    let polish: BTreeMap<usize, Vec<&Step>> = runs
-        .last_key_value()
-        .map(|(k, v)| (*k, v.clone()))
-        .into_iter()
-        .filter(|_| is_searched)
-        .collect();
-    if is_searched {
-        runs.pop_last();
-    }
+    let is_searched = fit.starts > 1 || runs.len() > 1;
+    let polish = if is_searched { runs.pop_last() } else { None };
+    (runs, polish.into_iter().collect())
+}
+
+fn convergence(job: &Job) -> String {
+    let fit = &job.found.fit;
+    let (runs, polish) = runs(fit);
     let last = |run: &[&Step]| run.last().map_or(f64::INFINITY, |s| s.rms);
     let best = runs
         .iter()
@@ -413,7 +418,7 @@ fn convergence(job: &Job) -> String {
     let search = svg::convergence("Convergence of the search", &runs, best, "rms of f");
     let mut html = format!(
         "<section><h2>Convergence</h2><div class=\"two\"><div><h3>search, the model's own function, {}</h3>{search}</div>",
-        counted(job.found.fit.starts, "start", "starts")
+        counted(fit.starts, "start", "starts")
     );
     if let Some((k, _)) = polish.first_key_value() {
         let unit = if job.unit.unit.is_empty() {
@@ -430,7 +435,7 @@ fn convergence(job: &Job) -> String {
     let _ = writeln!(
         html,
         "</div><p>{}</p></section>",
-        sentence(&starts_found(job.found.fit.hits, job.found.fit.starts))
+        sentence(&starts_found(fit.hits, fit.starts))
     );
     html
 }

@@ -184,53 +184,86 @@ fn heading(m: &Moved) -> Sample {
 /// All move along one direction: by 1 on one side or by ½ apart.
 fn linear(fast: &[&Moved], still: &[Sample], value: f64, speed: f64, size: f64) -> Option<Form> {
     let headings: Vec<Point3> = fast.iter().map(|m| heading(m).normal).collect();
-    let aligned = |e: Point3| {
-        let along = headings.iter().filter(|h| dot(**h, e).abs() > ALONG);
-        along.count()
-    };
-    let tries = 7.min(headings.len());
-    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-    let some = (0..tries).map(|i| headings[i * headings.len() / tries]);
-    let along = some.chain(axes).max_by_key(|e| aligned(*e))?;
-    if (aligned(along) as f64) < MOST * headings.len() as f64 {
-        return None;
-    }
+    let along = common_direction(&headings)?;
     let side = |sign: f64| -> Vec<Sample> {
         let group = fast.iter().zip(&headings);
         let group = group.filter(|(_, h)| sign * dot(**h, along) > ALONG);
         group.map(|(m, _)| m.sample).collect()
     };
     let (ahead, behind) = (side(1.0), side(-1.0));
-    if speed == 1.0 {
-        let turned = ahead.len() < behind.len();
-        let (along, moved) = if turned {
-            (along.map(|v| -v), behind)
-        } else {
-            (along, ahead)
-        };
-        let (to, is_middle) = level(&moved, still, along, value, size)?;
-        let far = if is_middle {
-            moved
-        } else {
-            at_level(&moved, along, to, size)
-        };
-        return Some(Form::Linear {
-            along,
-            from: to - value,
-            to,
-            near: Vec::new(),
-            far,
-        });
+    if speed != 1.0 {
+        two_sided(&behind, &ahead, along, value, size)
+    } else if ahead.len() < behind.len() {
+        one_sided(behind, still, along.map(|v| -v), value, size)
+    } else {
+        one_sided(ahead, still, along, value, size)
     }
-    let levels = |s: &[Sample]| -> Vec<f64> { s.iter().map(|s| dot(s.at, along)).collect() };
-    let to = levels(&ahead).into_iter().max_by(f64::total_cmp)?;
-    let from = levels(&behind).into_iter().min_by(f64::total_cmp)?;
+}
+
+/// How many of the headings lead along `e` or against it.
+fn aligned(headings: &[Point3], e: Point3) -> usize {
+    headings
+        .iter()
+        .filter(|h| dot(**h, e).abs() > ALONG)
+        .count()
+}
+
+/// The direction, out of a few headings and the axes of the frame, that most headings lead along;
+/// none if too few do.
+fn common_direction(headings: &[Point3]) -> Option<Point3> {
+    let tries = 7.min(headings.len());
+    let axes = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let some = (0..tries).map(|i| headings[i * headings.len() / tries]);
+    let along = some.chain(axes).max_by_key(|e| aligned(headings, *e))?;
+    let is_common = aligned(headings, along) as f64 >= MOST * headings.len() as f64;
+    is_common.then_some(along)
+}
+
+/// A length whose far side moves and whose foot rests.
+fn one_sided(
+    moved: Vec<Sample>,
+    still: &[Sample],
+    along: Point3,
+    value: f64,
+    size: f64,
+) -> Option<Form> {
+    let (to, is_middle) = level(&moved, still, along, value, size)?;
+    let far = if is_middle {
+        moved
+    } else {
+        at_level(&moved, along, to, size)
+    };
+    Some(Form::Linear {
+        along,
+        from: to - value,
+        to,
+        near: Vec::new(),
+        far,
+    })
+}
+
+/// A length both of whose sides move, apart.
+fn two_sided(
+    behind: &[Sample],
+    ahead: &[Sample],
+    along: Point3,
+    value: f64,
+    size: f64,
+) -> Option<Form> {
+    let to = ahead
+        .iter()
+        .map(|s| dot(s.at, along))
+        .max_by(f64::total_cmp)?;
+    let from = behind
+        .iter()
+        .map(|s| dot(s.at, along))
+        .min_by(f64::total_cmp)?;
     ((to - from - value).abs() < 0.02 * value).then(|| Form::Linear {
         along,
         from,
         to,
-        near: at_level(&behind, along, from, size),
-        far: at_level(&ahead, along, to, size),
+        near: at_level(behind, along, from, size),
+        far: at_level(ahead, along, to, size),
     })
 }
 
@@ -281,47 +314,18 @@ fn round(fast: &[&Moved], value: f64, speed: f64, size: f64) -> Option<Form> {
         .filter(|m| axis.is_none_or(|z| dot(z, m.sample.normal).abs() < ABOUT))
         .copied()
         .collect();
-    let flat = |p: Point3| axis.map_or(p, |z| sub(p, z.map(|v| v * dot(z, p))));
-    let begin = |m: &Moved| -> Point3 {
-        let s = &m.sample;
-        flat(std::array::from_fn(|k| {
-            s.at[k] - value * m.speed * s.normal[k]
-        }))
-    };
-    let begins: Vec<Point3> = fast.iter().map(|m| begin(m)).collect();
-    let mut left: Vec<usize> = (0..fast.len()).collect();
-    let mut groups: Vec<Vec<usize>> = Vec::new();
-    // Walls that slope have another radius at each height, and beginnings about the axis by as
-    // much; other rounds of the kind are two radii off at least, or they would touch.
-    let together = (0.3 * value).max(0.003 * size);
-    let close = |i: usize, j: usize| norm(sub(begins[i], begins[j])) < together;
-    while let Some(first) = crowded(&left, close) {
-        let (group, rest) = left.into_iter().partition(|i| close(*i, first));
-        left = rest;
-        groups.push(group);
-        if groups.len() > 8 * MOST_ROUNDS {
-            return None;
-        }
-    }
-    let most = groups.iter().map(Vec::len).max()?;
-    groups.retain(|g: &Vec<usize>| g.len() >= 4 && 3 * g.len() > most);
+    let begins: Vec<Point3> = fast.iter().map(|m| beginning(m, value, axis)).collect();
+    let groups = crowds(&begins, value, size)?;
     let held: usize = groups.iter().map(Vec::len).sum();
     let is_true = (held as f64) > MOST * fast.len() as f64 && groups.len() <= MOST_ROUNDS;
     let best = groups.iter().max_by_key(|g| g.len()).filter(|_| is_true)?;
-    // Rounds of one kind that lie within each other are none: a torus, a blend.
-    let is_apart =
-        |i: usize, j: usize| norm(sub(begins[groups[i][0]], begins[groups[j][0]])) > 1.2 * value;
-    let n = groups.len();
-    if !(0..n).all(|i| (0..i).all(|j| is_apart(i, j))) {
+    let firsts: Vec<Point3> = groups.iter().map(|g| begins[g[0]]).collect();
+    if !are_apart(&firsts, value) {
         return None;
     }
-    let n = best.len() as f64;
-    let mean = |of: &dyn Fn(usize) -> Point3| -> Point3 {
-        std::array::from_fn(|k| best.iter().map(|i| of(*i)[k]).sum::<f64>() / n)
-    };
-    let mut center = mean(&|i| begins[i]);
+    let mut center = mean(best.iter().map(|i| begins[*i]));
     if let Some(z) = axis {
-        let height = dot(z, mean(&|i| fast[i].sample.at));
+        let height = dot(z, mean(best.iter().map(|i| fast[*i].sample.at)));
         center = std::array::from_fn(|k| center[k] + height * z[k]);
     }
     Some(Form::Round {
@@ -332,6 +336,47 @@ fn round(fast: &[&Moved], value: f64, speed: f64, size: f64) -> Option<Form> {
         radius: speed * value,
         count: groups.len(),
     })
+}
+
+/// The place p − a w n where a length begins, moved along the axis into the plane through the
+/// origin.
+fn beginning(m: &Moved, value: f64, axis: Option<Point3>) -> Point3 {
+    let s = &m.sample;
+    let begin: Point3 = std::array::from_fn(|k| s.at[k] - value * m.speed * s.normal[k]);
+    axis.map_or(begin, |z| sub(begin, z.map(|v| v * dot(z, begin))))
+}
+
+/// Beginnings by the places where they crowd, as numbers; small crowds are left out. None where
+/// there are far too many places.
+fn crowds(begins: &[Point3], value: f64, size: f64) -> Option<Vec<Vec<usize>>> {
+    // Walls that slope have another radius at each height, and beginnings about the axis by as
+    // much; other rounds of the kind are two radii off at least, or they would touch.
+    let together = (0.3 * value).max(0.003 * size);
+    let close = |i: usize, j: usize| norm(sub(begins[i], begins[j])) < together;
+    let mut left: Vec<usize> = (0..begins.len()).collect();
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    while let Some(first) = crowded(&left, close) {
+        let (group, rest) = left.into_iter().partition(|i| close(*i, first));
+        left = rest;
+        groups.push(group);
+        if groups.len() > 8 * MOST_ROUNDS {
+            return None;
+        }
+    }
+    let most = groups.iter().map(Vec::len).max()?;
+    groups.retain(|g: &Vec<usize>| g.len() >= 4 && 3 * g.len() > most);
+    Some(groups)
+}
+
+/// Whether no two rounds lie within each other, as the rounds of a torus or of a blend do.
+fn are_apart(middles: &[Point3], radius: f64) -> bool {
+    let is_apart = |i: usize, j: usize| norm(sub(middles[i], middles[j])) > 1.2 * radius;
+    (0..middles.len()).all(|i| (0..i).all(|j| is_apart(i, j)))
+}
+
+fn mean(points: impl ExactSizeIterator<Item = Point3> + Clone) -> Point3 {
+    let n = points.len() as f64;
+    std::array::from_fn(|k| points.clone().map(|p| p[k]).sum::<f64>() / n)
 }
 
 /// Candidates for the middle of a round; more find it better where the wall has many radii.

@@ -122,7 +122,7 @@ const CHANCE: f64 = 0.01;
 /// Places across and up at which two views are compared.
 const PLACES: usize = 80;
 
-/// Whether two views look alike, as those of a turned part do.
+/// Whether two views look alike, as the views of a turned part do.
 fn is_alike(a: &Picture, b: &Picture) -> bool {
     let (Some(own), Some(other)) = (a.bounds(), b.bounds()) else {
         return false;

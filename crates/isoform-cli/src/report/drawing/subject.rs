@@ -182,49 +182,47 @@ impl<'a> Subject<'a> {
         (size > 0.0).then(|| self.cells(tight, size / cells))
     }
 
+    /// The cells that the surface may pass. The distance is first order only, so that eight cells at
+    /// once are dropped when they are three half diagonals of theirs away, and a single one when it
+    /// is two of its own.
     fn cells(&self, region: Aabb, cell: f64) -> Shell {
-        let dims = region.size().map(|v| ((v / cell).ceil() as usize).max(1));
-        let mut shell = Shell {
-            region,
-            cell,
-            dims,
-            is_near: vec![false; dims.iter().product()],
-            blocks: vec![false; dims.map(|n| n.div_ceil(BLOCK)).iter().product()],
-            near: Vec::new(),
-        };
-        // The distance is first order only, so that a cell is dropped when it is three half
-        // diagonals away, eight cells at a time, and two for single ones.
+        let mut shell = Shell::new(region, cell);
         let half = 0.5 * 3_f64.sqrt() * cell;
-        let blocks = dims.map(|n| n.div_ceil(2));
-        let middles: Vec<([usize; 3], Point3)> = indices(blocks)
-            .map(|b| (b, shell.at(b.map(|i| 2.0 * i as f64 + 1.0))))
-            .collect();
-        let values = self.distances(&middles.iter().map(|m| m.1).collect::<Vec<_>>());
-        let small: Vec<[usize; 3]> = middles
-            .iter()
-            .zip(values)
-            .filter(|(_, v)| v.abs() < 6.0 * half)
-            .flat_map(|((b, _), _)| {
-                let b = b.map(|i| 2 * i);
-                indices([2; 3]).map(move |c| std::array::from_fn(|k| b[k] + c[k]))
-            })
-            .filter(|c: &[usize; 3]| (0..3).all(|k| c[k] < dims[k]))
-            .collect();
+        let small = self.small_cells(&shell, 6.0 * half);
         let points: Vec<Point3> = small
             .iter()
             .map(|c| shell.at(c.map(|i| i as f64 + 0.5)))
             .collect();
         for ((c, p), v) in small.iter().zip(&points).zip(self.distances(&points)) {
             if v.abs() < 2.0 * half {
-                let (i, block) = (shell.index(*c), shell.block(*c));
-                shell.is_near[i] = true;
-                shell.blocks[block] = true;
+                shell.mark(*c);
             }
             if v.abs() < 0.6 * cell {
                 shell.near.push((*p, v));
             }
         }
         shell
+    }
+
+    /// The cells whose group of two by two by two has its middle within this distance of the
+    /// surface.
+    fn small_cells(&self, shell: &Shell, within: f64) -> Vec<[usize; 3]> {
+        let dims = shell.dims;
+        let groups: Vec<[usize; 3]> = indices(dims.map(|n| n.div_ceil(2))).collect();
+        let middles: Vec<Point3> = groups
+            .iter()
+            .map(|g| shell.at(g.map(|i| 2.0 * i as f64 + 1.0)))
+            .collect();
+        let near = groups
+            .iter()
+            .zip(self.distances(&middles))
+            .filter(|(_, v)| v.abs() < within);
+        near.flat_map(|(g, _)| {
+            let first = g.map(|i| 2 * i);
+            indices([2; 3]).map(move |c| std::array::from_fn(|k| first[k] + c[k]))
+        })
+        .filter(|c: &[usize; 3]| (0..3).all(|k| c[k] < dims[k]))
+        .collect()
     }
 
     /// Points of the surface, spread evenly.
@@ -281,6 +279,23 @@ fn indices(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
 }
 
 impl Shell {
+    fn new(region: Aabb, cell: f64) -> Self {
+        let dims = region.size().map(|v| ((v / cell).ceil() as usize).max(1));
+        Self {
+            region,
+            cell,
+            dims,
+            is_near: vec![false; dims.iter().product()],
+            blocks: vec![false; dims.map(|n| n.div_ceil(BLOCK)).iter().product()],
+            near: Vec::new(),
+        }
+    }
+    /// The surface may pass this cell.
+    fn mark(&mut self, c: [usize; 3]) {
+        let (i, block) = (self.index(c), self.block(c));
+        self.is_near[i] = true;
+        self.blocks[block] = true;
+    }
     /// A point by its coordinates in cells.
     fn at(&self, c: [f64; 3]) -> Point3 {
         std::array::from_fn(|k| self.region.lo[k] + self.cell * c[k])
