@@ -117,23 +117,9 @@ const NEIGHBOURS: usize = 8;
 /// The stretches of a chain that are of one kind.
 fn runs(chain: &[Node], nodes: &BTreeMap<Between, (Kind, [f64; 2])>) -> Vec<(Kind, Vec<Node>)> {
     let own: Vec<Option<Kind>> = chain.iter().map(|n| nodes.get(n).map(|n| n.0)).collect();
-    let kind = |i: usize| {
-        let near = &own[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(own.len())];
-        let known = || near.iter().flatten();
-        // More thick lines than thin ones, or thin ones.
-        let thick = known().filter(|k| **k == Kind::Outline).count();
-        if 2 * thick > known().count() {
-            Kind::Outline
-        } else {
-            known()
-                .copied()
-                .min_by_key(|k| *k == Kind::Outline)
-                .unwrap_or(Kind::Edge)
-        }
-    };
     let mut runs: Vec<(Kind, Vec<Node>)> = Vec::new();
     for (i, node) in chain.iter().enumerate() {
-        let kind = kind(i);
+        let kind = prevalent(&own, i);
         match runs.last_mut() {
             Some((last, run)) if *last == kind => run.push(*node),
             last => {
@@ -145,15 +131,46 @@ fn runs(chain: &[Node], nodes: &BTreeMap<Between, (Kind, [f64; 2])>) -> Vec<(Kin
     runs
 }
 
+/// The kind of a chain about its node `i`: an outline if most nodes near it are of one, else what
+/// else occurs.
+fn prevalent(kinds: &[Option<Kind>], i: usize) -> Kind {
+    let near = &kinds[i.saturating_sub(NEIGHBOURS)..(i + NEIGHBOURS + 1).min(kinds.len())];
+    let known = || near.iter().flatten();
+    let outlines = known().filter(|k| **k == Kind::Outline).count();
+    if 2 * outlines > known().count() {
+        return Kind::Outline;
+    }
+    let thin_first = known().min_by_key(|k| **k == Kind::Outline);
+    thin_first.copied().unwrap_or(Kind::Edge)
+}
+
 /// Where lines pass between pixels.
 fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (Kind, [f64; 2])> {
-    let w = picture.width;
-    let mut found: Vec<Crossing> = Vec::new();
-    for row in 0..picture.height {
+    let mut found = differing(picture);
+    for _ in 0..HALVINGS {
+        let middles: Vec<[f64; 2]> = found.iter().map(|f| middle(f.ends)).collect();
+        for (f, hit) in found.iter_mut().zip(tracer.trace(&middles)) {
+            let m = middle(f.ends);
+            let k = side(f.hits, hit, picture.pixel);
+            (f.ends[k], f.hits[k]) = (m, hit);
+        }
+    }
+    let apart = picture.pixel / f64::from(1 << HALVINGS);
+    found
+        .into_iter()
+        .filter_map(|f| Some((f.between, (kind(&f, apart)?, middle(f.ends)))))
+        .collect()
+}
+
+/// The neighbouring pixels between which a line passes.
+fn differing(picture: &Picture) -> Vec<Crossing> {
+    let (w, h) = (picture.width, picture.height);
+    let mut found = Vec::new();
+    for row in 0..h {
         for column in 0..w {
             let a = picture.hits[row * w + column];
             for (side, c, r) in [(0, column + 1, row), (1, column, row + 1)] {
-                if c >= w || r >= picture.height {
+                if c >= w || r >= h {
                     continue;
                 }
                 let b = picture.hits[r * w + c];
@@ -168,19 +185,7 @@ fn crossings(picture: &Picture, tracer: &Tracer<'_>) -> BTreeMap<Between, (Kind,
             }
         }
     }
-    for _ in 0..HALVINGS {
-        let middles: Vec<[f64; 2]> = found.iter().map(|f| middle(f.ends)).collect();
-        for (f, hit) in found.iter_mut().zip(tracer.trace(&middles)) {
-            let m = middle(f.ends);
-            let k = side(f.hits, hit, picture.pixel);
-            (f.ends[k], f.hits[k]) = (m, hit);
-        }
-    }
-    let apart = picture.pixel / f64::from(1 << HALVINGS);
     found
-        .into_iter()
-        .filter_map(|f| Some((f.between, (kind(&f, apart)?, middle(f.ends)))))
-        .collect()
 }
 
 /// A place where a line passes between two pixels, between two rays that come nearer and nearer.

@@ -157,8 +157,6 @@ impl<'a> Tracer<'a> {
     /// What rays at these places of the paper meet.
     pub(super) fn trace(&self, rays: &[[f64; 2]]) -> Vec<Option<Hit>> {
         let mut hits = vec![None; rays.len()];
-        let down = self.view.toward.map(|v| -v);
-        let end = self.top - self.bottom;
         let mut active: Vec<Ray> = rays
             .iter()
             .enumerate()
@@ -171,6 +169,17 @@ impl<'a> Tracer<'a> {
             })
             .collect();
         self.cut_faces(&mut active, &mut hits);
+        let mut found = self.march(active);
+        self.cross(&mut found);
+        self.describe(&found, &mut hits);
+        hits
+    }
+
+    /// Goes along the rays from cell to cell, and within cells by the distance, until they are
+    /// inside; the rays that come inside.
+    fn march(&self, mut active: Vec<Ray>) -> Vec<Ray> {
+        let down = self.view.toward.map(|v| -v);
+        let end = self.top - self.bottom;
         let mut found = Vec::new();
         for _ in 0..MOST_STEPS {
             active.retain_mut(|r| match self.shell.next(r.from, down, r.t, end) {
@@ -198,9 +207,7 @@ impl<'a> Tracer<'a> {
             }
             active = rest;
         }
-        self.cross(&mut found);
-        self.describe(&found, &mut hits);
-        hits
+        found
     }
 
     /// The distances where the rays are.
