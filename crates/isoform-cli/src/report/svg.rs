@@ -228,7 +228,9 @@ impl LogAxes {
             "<polyline class=\"{class}\" points=\"{}\"/>",
             points.join(" ")
         );
-        if let (1, Some((x, y))) = (points.len(), points[0].split_once(',')) {
+        if let [only] = &points[..]
+            && let Some((x, y)) = only.split_once(',')
+        {
             let _ = write!(
                 svg,
                 "<circle class=\"column\" cx=\"{x}\" cy=\"{y}\" r=\"3\"/>"
@@ -361,4 +363,23 @@ pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
     format!(
         "<svg viewBox=\"0 0 {W} 32\" style=\"max-width:{W}px;margin-top:10px\" role=\"img\" aria-label=\"colours of deviations\">{svg}</svg>"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A run without a finite step is an empty line beside the others.
+    #[test]
+    fn a_run_that_is_nowhere_finite_is_drawn() {
+        let step = |start, iteration, rms| Step {
+            start,
+            iteration,
+            rms,
+        };
+        let (nan, first, second) = (step(0, 0, f64::NAN), step(1, 0, 1.0), step(1, 1, 1e-3));
+        let runs = BTreeMap::from([(0, vec![&nan]), (1, vec![&first, &second])]);
+        let svg = convergence("rms", &runs, Some(1), "mm");
+        assert_eq!(svg.matches("<polyline").count(), 2);
+    }
 }
