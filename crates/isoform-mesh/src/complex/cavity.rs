@@ -176,8 +176,7 @@ impl Complex {
         }
     }
 
-    /// A neighbour of the cavity that is left behind: its face is on the boundary from now on.
-    /// Boundary faces that vanish leave nothing behind.
+    /// Marks `face` of the neighbour `n` as boundary, as the tetrahedron behind it is gone.
     fn open(&mut self, n: u32, face: [u32; 3], label: u32) {
         let back = self.place_opposite(n, face);
         self.adjacent[n as usize][back] = label | BOUNDARY;
