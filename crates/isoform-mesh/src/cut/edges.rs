@@ -135,8 +135,8 @@ impl Cutter<'_> {
         which
     }
 
-    /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns
-    /// the tetrahedra that changed.
+    /// Cuts an edge where the surface (or one piece) crosses it, or moves an end of the edge onto
+    /// the crossing. Returns the tetrahedra that changed.
     fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
         let [u, w] = crossing.ends;
         let found = self.root(crossing);
@@ -170,7 +170,8 @@ impl Cutter<'_> {
         changed
     }
 
-    /// Where the edge is crossed: the share of the way, and the piece that vanishes there.
+    /// Where the edge is crossed: the share of the way along the edge, and the piece that is zero
+    /// there.
     fn root(&mut self, crossing: Crossing) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
         let [a, b] = crossing.ends.map(|v| self.complex.point(v));

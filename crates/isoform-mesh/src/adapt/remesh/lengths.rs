@@ -82,8 +82,8 @@ impl Remesher<'_> {
         short.len()
     }
 
-    /// Moves all of vertex `u` into `w`, if what holds it and the shape of the faces allow it;
-    /// where `better` only if the worst angle grows.
+    /// Collapses the edge from `u` to `w` into `w`, if the pieces that hold `u` and the shape of
+    /// the faces allow it. With `better` the worst angle must grow, too.
     pub(super) fn collapse(&mut self, u: u32, w: u32, better: bool) -> bool {
         let Hold::On(on) = self.hold[u as usize] else {
             return false;
