@@ -227,7 +227,7 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Goes on by one step that lowers the value; the reason to stop, if there is one.
+    /// Goes on by one step that lowers the value. Returns the reason to stop, if there is one.
     fn advance(&mut self) -> Option<Stop> {
         let slope = self.region.set(&self.here, self.bounds);
         if self.here.value == 0.0 || self.region.is_stationary(&self.here, self.options.gradient) {

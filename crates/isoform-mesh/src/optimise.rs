@@ -150,7 +150,8 @@ impl Optimiser<'_> {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Cosine between a face of the surface and its piece; 1 on no single piece.
+    /// Cosine between the normals of a face of the surface and of its piece; 1 if the face lies on
+    /// no single piece.
     fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
         if label >= crate::complex::STRAY {
             return 1.0;

@@ -100,8 +100,8 @@ impl Complex {
         self.cavity = cavity;
     }
 
-    /// The faces between the tetrahedra given and what is around them, with the neighbour or label
-    /// there. Those of boundary labels are found again by their vertices.
+    /// Lists the outer faces of the tetrahedra `old`, each with the neighbour behind it or, on the
+    /// boundary, its label.
     fn list_outer_faces(&mut self, old: &[u32], outer: &mut Faces) {
         outer.clear();
         let epoch = self.next_epoch();

@@ -217,7 +217,7 @@ impl Search<'_> {
     }
 }
 
-/// Drops the vanishing pieces whose signs do not matter where the others have theirs.
+/// Drops those vanishing pieces whose signs do not matter, given the signs of the other pieces.
 fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanishing>) {
     let range = |k: u32| {
         if vanishing.iter().any(|v| v.0 == k) {
@@ -234,7 +234,8 @@ fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanis
 }
 
 impl Touch<'_> {
-    /// Puts a piece into the sheet with its normal, up to this sine, or into one of its own.
+    /// Puts a piece into the sheet whose normal differs from `n` by less than `sine`, else into a
+    /// new sheet.
     fn add(&mut self, piece: u32, n: Point3, sine: f64) {
         let known = self.sheets.iter().position(|s| norm(cross(s.n, n)) < sine);
         let at = known.unwrap_or(self.sheets.len());

@@ -280,8 +280,8 @@ fn parts(solid: &dyn Solid, node: &Node, scratch: &mut Scratch) -> Vec<Part> {
     parts
 }
 
-/// Whether pieces have the same range and the same values in a cell: where blends are not at work,
-/// the pieces they distribute over are one and the same function.
+/// Whether pieces have equal ranges and equal values in a cell. Away from a blend, the pieces that
+/// the blend was distributed over are one function.
 pub(crate) fn is_one_function(
     solid: &dyn Solid,
     pieces: &[u32],

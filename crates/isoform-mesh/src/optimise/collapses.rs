@@ -159,8 +159,7 @@ impl Optimiser<'_> {
         is_free(u) && !is_free(w) && new.iter().any(|v| v.iter().all(|&k| !is_free(k)))
     }
 
-    /// Whether a new edge would leave the surface too far: such edges were split before, and would
-    /// be again.
+    /// Whether a new edge would be too far from the surface: such an edge would be split again.
     fn leaves_surface(&self, pull: Pull, faces: &[Face]) -> bool {
         let curve = match self.hold[pull.u as usize] {
             Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),

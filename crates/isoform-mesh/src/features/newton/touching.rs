@@ -24,8 +24,8 @@ struct Slope {
     slope: f64,
 }
 
-/// Where a piece `k` touches the curve of `i` and `j`: there its distance along the curve has an
-/// extremum that is 0. None if it is not.
+/// Where a piece `k` touches the curve of `i` and `j`: the distance from `k` along the curve has an
+/// extremum there, and is 0. None if the extremum is not 0.
 pub(crate) fn onto_touching(
     solid: &dyn Solid,
     pair: [u32; 2],
