@@ -199,6 +199,15 @@ impl Fibres {
         Ok(fibre)
     }
 
+    /// The common divisor over a rational number, by univariate polynomials, and its degree.
+    fn rational_divisor(&self, x: &RBig) -> (Divisor, usize) {
+        let over = self.f.set(self.other, x).to_upoly(self.var);
+        let over = over.expect("one variable is left");
+        let common = over.gcd(&over.derivative());
+        let coefficients = common.coefficients().iter();
+        let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
+        (Divisor::Whole(divisor), common.degree())
+    }
     /// The common divisor over a point where the resultant vanishes, and its degree.
     fn divisor(
         &self,
@@ -207,12 +216,7 @@ impl Fibres {
         control: &Control<'_>,
     ) -> Result<(Divisor, usize), ResultantError> {
         if let Some(x) = known(alpha) {
-            let over = self.f.set(self.other, &x).to_upoly(self.var);
-            let over = over.expect("one variable is left");
-            let common = over.gcd(&over.derivative());
-            let coefficients = common.coefficients().iter();
-            let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
-            return Ok((Divisor::Whole(divisor), common.degree()));
+            return Ok(self.rational_divisor(&x));
         }
         for k in 1..chain.count() {
             let whole = self.subresultant(chain, k, control)?;

@@ -337,11 +337,8 @@ fn halves<T: Number>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
 /// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
 /// None if they are not `count`.
 fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
-    let variations = |b: &[T]| {
-        b.windows(2)
-            .filter(|w| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0))
-            .count()
-    };
+    let changes_sign = |w: &&[T]| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0);
+    let variations = |b: &[T]| b.windows(2).filter(changes_sign).count();
     let bernstein = in_bernstein(&stretched(near, T::exact(top)));
     let mut found = Vec::new();
     let mut stack = vec![(0.0, top, bernstein, 0)];

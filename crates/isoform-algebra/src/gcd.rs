@@ -532,12 +532,11 @@ pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
         }
         base = next;
     }
-    let divisors = (0..given.len())
-        .map(|k| {
-            (0..base.len())
-                .filter(|&b| base[b].1.contains(&k))
-                .collect()
-        })
-        .collect();
+    let divisors_of = |k: usize| {
+        (0..base.len())
+            .filter(|&b| base[b].1.contains(&k))
+            .collect()
+    };
+    let divisors = (0..given.len()).map(divisors_of).collect();
     (base.into_iter().map(|b| b.0).collect(), divisors)
 }

@@ -109,16 +109,13 @@ pub(crate) fn gcd_extended(f: &Fp, a: &[u64], b: &[u64]) -> (Vec<u64>, Vec<u64>,
     while !r1.is_empty() {
         let q = div_rem(f, &mut r0, &r1);
         std::mem::swap(&mut r0, &mut r1);
-        u0 = sub(f, &u0, &mul(f, &q, &u1));
-        std::mem::swap(&mut u0, &mut u1);
-        v0 = sub(f, &v0, &mul(f, &q, &v1));
-        std::mem::swap(&mut v0, &mut v1);
+        for (x0, x1) in [(&mut u0, &mut u1), (&mut v0, &mut v1)] {
+            *x0 = sub(f, x0, &mul(f, &q, x1));
+            std::mem::swap(x0, x1);
+        }
     }
     match r0.last() {
-        Some(&lead) => {
-            let c = f.inv(lead);
-            (scale(f, &r0, c), scale(f, &u0, c), scale(f, &v0, c))
-        }
+        Some(&lead) => [r0, u0, v0].map(|p| scale(f, &p, f.inv(lead))).into(),
         None => (r0, u0, v0),
     }
 }

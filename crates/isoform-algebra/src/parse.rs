@@ -12,7 +12,7 @@
 //! lengths of numbers and the work of multiplying out are bounded, and what exceeds a bound is an
 //! error, not a wait.
 
-use crate::poly::{MAX_VARS, Poly};
+use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::Signed;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
@@ -119,23 +119,34 @@ impl Poly {
                     (_, false) => " + ",
                     (_, true) => " - ",
                 })?;
-                let mut first = true;
-                if !magnitude.is_one() || *exponents == [0; MAX_VARS] {
-                    write!(f, "{magnitude}")?;
-                    first = false;
-                }
-                for (v, &n) in exponents.iter().enumerate().filter(|(_, n)| **n > 0) {
-                    f.write_str(if first { "" } else { "*" })?;
-                    f.write_str(names[v])?;
-                    if n > 1 {
-                        write!(f, "^{n}")?;
-                    }
-                    first = false;
-                }
+                write_term(f, &magnitude, exponents, names)?;
             }
             Ok(())
         })
     }
+}
+
+/// Writes a term with a positive coefficient, which is left out where it is 1.
+fn write_term(
+    f: &mut fmt::Formatter<'_>,
+    coefficient: &RBig,
+    exponents: &Exponents,
+    names: &[&str],
+) -> fmt::Result {
+    let mut first = true;
+    if !coefficient.is_one() || *exponents == [0; MAX_VARS] {
+        write!(f, "{coefficient}")?;
+        first = false;
+    }
+    for (v, &n) in exponents.iter().enumerate().filter(|(_, n)| **n > 0) {
+        f.write_str(if first { "" } else { "*" })?;
+        f.write_str(names[v])?;
+        if n > 1 {
+            write!(f, "^{n}")?;
+        }
+        first = false;
+    }
+    Ok(())
 }
 
 impl fmt::Display for Poly {
@@ -299,30 +310,51 @@ impl Parser<'_> {
                 }
             }
             Some('0'..='9' | '.') => self.number(),
-            Some(c) if c.is_alphabetic() || c == '_' => {
-                let start = self.at;
-                while self
-                    .text
-                    .get(self.at)
-                    .is_some_and(|c| c.is_alphanumeric() || *c == '_')
-                {
-                    self.at += 1;
-                }
-                let name: String = self.text[start..self.at].iter().collect();
-                match self.names.iter().position(|n| *n == name) {
-                    Some(v) => Ok(Poly::var(v)),
-                    None => {
-                        let known = self.names.iter().map(|&n| n.to_owned()).collect();
-                        Err(self.error(start, ParseProblem::UnknownName { name, known }))
-                    }
-                }
-            }
+            Some(c) if c.is_alphabetic() || c == '_' => self.variable(),
             _ => Err(self.unexpected("a number, a variable or '('")),
         }
     }
 
+    /// The variable whose name, of letters, digits and underscores, begins here.
+    fn variable(&mut self) -> Result<Poly, ParseError> {
+        let start = self.at;
+        while self
+            .text
+            .get(self.at)
+            .is_some_and(|c| c.is_alphanumeric() || *c == '_')
+        {
+            self.at += 1;
+        }
+        let name: String = self.text[start..self.at].iter().collect();
+        match self.names.iter().position(|n| *n == name) {
+            Some(v) => Ok(Poly::var(v)),
+            None => {
+                let known = self.names.iter().map(|&n| n.to_owned()).collect();
+                Err(self.error(start, ParseProblem::UnknownName { name, known }))
+            }
+        }
+    }
+
+    /// A number, exact: its digits as an integer, times a power of ten.
     fn number(&mut self) -> Result<Poly, ParseError> {
         let start = self.at;
+        let (digits, decimals) = self.digits();
+        if digits.is_empty() {
+            return Err(self.unexpected("a digit"));
+        }
+        // log2 of 10 is below 4.
+        if digits.len() > MAX_BITS / 4 {
+            return Err(self.too_large(start, "digits of a number", MAX_BITS / 4));
+        }
+        let [up, down] = self.decimal_exponent()?;
+        let ten = UBig::from(10u8);
+        let mantissa: IBig = digits.parse().expect("digits only");
+        let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(decimals + down));
+        self.bounded(start, Poly::constant(value))
+    }
+    /// The digits from here on, with a decimal point among them or none, and how many of them are
+    /// behind the point.
+    fn digits(&mut self) -> (String, usize) {
         let mut digits = String::new();
         let mut decimals = 0usize;
         let mut point = false;
@@ -337,27 +369,19 @@ impl Parser<'_> {
             }
             self.at += 1;
         }
-        if digits.is_empty() {
-            return Err(self.unexpected("a digit"));
-        }
-        // log2 of 10 is below 4.
-        if digits.len() > MAX_BITS / 4 {
-            return Err(self.too_large(start, "digits of a number", MAX_BITS / 4));
-        }
-        let mut up = 0;
-        let mut down = decimals;
-        if let Some('e' | 'E') = self.text.get(self.at) {
-            self.at += 1;
-            let negative = self.text.get(self.at) == Some(&'-');
-            self.at += usize::from(matches!(self.text.get(self.at), Some('+' | '-')));
-            let n = self.integer(MAX_DECIMAL_EXPONENT, "a decimal exponent")?;
-            let n = n.ok_or_else(|| self.unexpected("a digit of the decimal exponent"))?;
-            if negative { down += n } else { up = n }
-        }
-        let ten = UBig::from(10u8);
-        let mantissa: IBig = digits.parse().expect("digits only");
-        let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(down));
-        self.bounded(start, Poly::constant(value))
+        (digits, decimals)
+    }
+    /// The powers of ten that a decimal exponent multiplies and divides by; 0 where there is none.
+    fn decimal_exponent(&mut self) -> Result<[usize; 2], ParseError> {
+        let Some('e' | 'E') = self.text.get(self.at) else {
+            return Ok([0, 0]);
+        };
+        self.at += 1;
+        let negative = self.text.get(self.at) == Some(&'-');
+        self.at += usize::from(matches!(self.text.get(self.at), Some('+' | '-')));
+        let n = self.integer(MAX_DECIMAL_EXPONENT, "a decimal exponent")?;
+        let n = n.ok_or_else(|| self.unexpected("a digit of the decimal exponent"))?;
+        Ok(if negative { [0, n] } else { [n, 0] })
     }
 
     fn power(&mut self, at: usize, base: &Poly, n: usize) -> Result<Poly, ParseError> {

@@ -12,6 +12,7 @@ use crate::UPoly;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul, Neg, Sub};
 
@@ -416,18 +417,28 @@ impl Poly {
         }
         // Gauss: primitive parts divide over Z if the polynomials divide over Q.
         let (f, g) = (self.primitive(), divisor.primitive());
-        let (f_degrees, g_degrees) = (f.degrees(), g.degrees());
-        let mut rest = Accumulator::new(&f_degrees, f.terms.len());
-        for (e, c) in &f.terms {
+        let quotient = f.integer_quotient(&g)?;
+        Some(quotient.scale(
+            &(self.leading_coefficient()
+                / divisor.leading_coefficient()
+                / quotient.leading_coefficient()),
+        ))
+    }
+    /// The quotient of two polynomials with integer coefficients, if it is one, by long division in
+    /// the order of the terms.
+    fn integer_quotient(&self, divisor: &Self) -> Option<Self> {
+        let (degrees, divisor_degrees) = (self.degrees(), divisor.degrees());
+        let mut rest = Accumulator::new(&degrees, self.terms.len());
+        for (e, c) in &self.terms {
             rest.add(*e, c.clone());
         }
-        let (lead, lead_coefficient) = g.terms.first()?;
-        let mut quotient = Vec::new();
+        let (lead, lead_coefficient) = divisor.terms.first()?;
+        let mut terms = Vec::new();
         while let Some((e, c)) = rest.pop_highest() {
             let mut q = [0; MAX_VARS];
             for v in 0..MAX_VARS {
                 q[v] = e[v].checked_sub(lead[v])?;
-                if usize::from(q[v]) + g_degrees[v] > f_degrees[v] {
+                if usize::from(q[v]) + divisor_degrees[v] > degrees[v] {
                     return None;
                 }
             }
@@ -435,20 +446,15 @@ impl Poly {
             if !remainder.is_zero() {
                 return None;
             }
-            for (ge, gc) in &g.terms[1..] {
-                rest.add(std::array::from_fn(|v| q[v] + ge[v]), -(&ratio * gc));
+            for (e, c) in &divisor.terms[1..] {
+                rest.add(std::array::from_fn(|v| q[v] + e[v]), -(&ratio * c));
             }
-            quotient.push((q, ratio));
+            terms.push((q, ratio));
         }
-        let quotient = Self {
-            terms: quotient,
+        Some(Self {
+            terms,
             denominator: UBig::ONE,
-        };
-        Some(quotient.scale(
-            &(self.leading_coefficient()
-                / divisor.leading_coefficient()
-                / quotient.leading_coefficient()),
-        ))
+        })
     }
     /// Whether `divisor` divides this polynomial over Q.
     pub fn is_multiple_of(&self, divisor: &Self) -> bool {
@@ -492,34 +498,15 @@ impl Poly {
 
     fn add_scaled(&self, other: &Self, sign: i8) -> Self {
         let denominator = lcm(&self.denominator, &other.denominator);
-        let (a, b) = (
-            IBig::from(&denominator / &self.denominator),
-            IBig::from(&denominator / &other.denominator) * sign,
-        );
-        let lift = |c: &IBig, by: &IBig| if by.is_one() { c.clone() } else { c * by };
-        let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
-        let (mut i, mut j) = (0, 0);
-        while i < self.terms.len() || j < other.terms.len() {
-            let order = match (self.terms.get(i), other.terms.get(j)) {
-                (Some((e, _)), Some((f, _))) => f.cmp(e),
-                (Some(_), None) => std::cmp::Ordering::Less,
-                _ => std::cmp::Ordering::Greater,
-            };
-            let (e, c) = match order {
-                std::cmp::Ordering::Less => (self.terms[i].0, lift(&self.terms[i].1, &a)),
-                std::cmp::Ordering::Greater => (other.terms[j].0, lift(&other.terms[j].1, &b)),
-                std::cmp::Ordering::Equal => (
-                    self.terms[i].0,
-                    lift(&self.terms[i].1, &a) + lift(&other.terms[j].1, &b),
-                ),
-            };
-            i += usize::from(order.is_le());
-            j += usize::from(order.is_ge());
-            if !c.is_zero() {
-                terms.push((e, c));
-            }
-        }
-        Self::normalised(terms, denominator)
+        let one = Scaled {
+            terms: &self.terms,
+            by: IBig::from(&denominator / &self.denominator),
+        };
+        let two = Scaled {
+            terms: &other.terms,
+            by: IBig::from(&denominator / &other.denominator) * sign,
+        };
+        Self::normalised(one.plus(&two), denominator)
     }
 
     fn product(&self, other: &Self) -> Self {
@@ -566,6 +553,51 @@ pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
         }
     }
     table
+}
+
+/// Terms, highest first, of which each coefficient is to be multiplied by an integer.
+struct Scaled<'a> {
+    terms: &'a [(Exponents, IBig)],
+    by: IBig,
+}
+
+impl Scaled<'_> {
+    /// The coefficient of the term at a place.
+    #[inline]
+    fn coefficient(&self, place: usize) -> IBig {
+        let c = &self.terms[place].1;
+        if self.by.is_one() {
+            c.clone()
+        } else {
+            c * &self.by
+        }
+    }
+    /// The terms of the sum, highest first, by merging.
+    fn plus(&self, other: &Self) -> Vec<(Exponents, IBig)> {
+        let mut sum = Vec::with_capacity(self.terms.len() + other.terms.len());
+        let (mut i, mut j) = (0, 0);
+        while i < self.terms.len() || j < other.terms.len() {
+            let order = match (self.terms.get(i), other.terms.get(j)) {
+                (Some((e, _)), Some((f, _))) => f.cmp(e),
+                (Some(_), None) => Ordering::Less,
+                _ => Ordering::Greater,
+            };
+            let (e, c) = match order {
+                Ordering::Less => (self.terms[i].0, self.coefficient(i)),
+                Ordering::Greater => (other.terms[j].0, other.coefficient(j)),
+                Ordering::Equal => {
+                    let c = self.coefficient(i) + other.coefficient(j);
+                    (self.terms[i].0, c)
+                }
+            };
+            i += usize::from(order.is_le());
+            j += usize::from(order.is_ge());
+            if !c.is_zero() {
+                sum.push((e, c));
+            }
+        }
+        sum
+    }
 }
 
 /// Terms being summed up: an array over the box of exponents where that is not much larger than the

@@ -11,6 +11,7 @@ use crate::poly::Poly;
 use crate::precision::{DOUBLED, Growth, refine_until};
 use crate::resultant::{ResultantError, Subresultants};
 use crate::roots::{RealRoot, real_roots, simplest_between};
+use crate::upoly::UPoly;
 use dashu_int::IBig;
 use dashu_ratio::RBig;
 use isoform_control::Control;
@@ -171,9 +172,9 @@ impl Work {
                 continue;
             }
             if critical.has(Event::Alone(k)) {
-                let [lower, upper] = [&curve.on_lower, &curve.on_upper]
-                    .map(|on| usize::from(critical.u.sign_of(on).is_eq()));
-                (common[k][n], common[k][n + 1]) = (lower, upper);
+                let meets = |on: &UPoly| usize::from(critical.u.sign_of(on).is_eq());
+                common[k][n] = meets(&curve.on_lower);
+                common[k][n + 1] = meets(&curve.on_upper);
             }
             for j in 0..k {
                 if critical.has(Event::Pair(j, k)) {

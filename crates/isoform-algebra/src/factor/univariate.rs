@@ -135,12 +135,8 @@ fn best_small_prime(p: &UPoly, control: &Control<'_>) -> Result<Option<Modular>,
             continue;
         };
         let factors = factor_modular(&field, &image);
-        for (a, b) in possible
-            .iter_mut()
-            .zip(sums_of_degrees(&factors, p.degree()))
-        {
-            *a &= b;
-        }
+        let sums = sums_of_degrees(&factors, p.degree());
+        possible.iter_mut().zip(sums).for_each(|(a, b)| *a &= b);
         if possible[1..p.degree()].iter().all(|d| !d) {
             return Ok(None);
         }
