@@ -43,9 +43,7 @@ impl Chart {
         let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
         for (form, f) in map.forms().iter().enumerate() {
             for (e, c) in f.terms() {
-                let c = RBig::from_parts(c.clone(), f.denominator().clone());
-                let high = c.to_f64().value();
-                let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
+                let [high, low] = split(RBig::from_parts(c.clone(), f.denominator().clone()));
                 let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
                 (both[0][form], both[1][form]) = (high, low);
             }
@@ -112,13 +110,7 @@ impl Chart {
             exact(self.signs[1] * v),
             exact(1.0) + exact(-u) + exact(-v),
         ];
-        let powers = x.map(|x| {
-            let mut powers = vec![exact(1.0); self.degree + 1];
-            for k in 1..=self.degree {
-                powers[k] = powers[k - 1] * x;
-            }
-            powers
-        });
+        let powers = x.map(|x| powers_of(x, self.degree));
         let mut sum = [exact(0.0); 4];
         for (([i, j, k], high), low) in self.terms.iter().zip(&self.low) {
             let m = powers[0][usize::from(*i)]
@@ -277,6 +269,23 @@ fn bernstein_range(
     }
 }
 
+/// A step of de Casteljau's algorithm on a form of degree d: the coefficients of its polar form with
+/// one argument set, each with the sum of the absolute values of what it is summed up from.
+#[inline]
+fn polar_step(b: &[[f64; 2]], d: usize, p: [f64; 3]) -> Vec<[f64; 2]> {
+    let mut out = Vec::with_capacity(d * (d + 1) / 2);
+    for i in 0..d {
+        for j in 0..d - i {
+            let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
+            out.push([
+                x[0] * p[0] + y[0] * p[1] + z[0] * p[2],
+                x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs(),
+            ]);
+        }
+    }
+    out
+}
+
 /// Bernstein coefficients, each with the sum of the absolute values of what it is summed up from:
 /// by the polar form, one argument at a time.
 fn each_coefficient(
@@ -286,35 +295,22 @@ fn each_coefficient(
     multiplicity: usize,
     mut look: impl FnMut(f64, f64),
 ) {
-    let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
-        let mut out = Vec::with_capacity(d * (d + 1) / 2);
-        for i in 0..d {
-            for j in 0..d - i {
-                let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
-                out.push([
-                    x[0] * p[0] + y[0] * p[1] + z[0] * p[2],
-                    x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs(),
-                ]);
-            }
-        }
-        out
-    };
     let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
     for i in 0..=n.saturating_sub(multiplicity) {
         let mut second = first.clone();
         for j in 0..=n - i {
             let mut third = second.clone();
             for d in (1..=n - i - j).rev() {
-                third = step(&third, d, corners[2]);
+                third = polar_step(&third, d, corners[2]);
             }
             let [value, magnitude] = third[0];
             look(value, magnitude);
             if j < n - i {
-                second = step(&second, n - i - j, corners[1]);
+                second = polar_step(&second, n - i - j, corners[1]);
             }
         }
         if i < n.saturating_sub(multiplicity) {
-            first = step(&first, n - i, corners[0]);
+            first = polar_step(&first, n - i, corners[0]);
         }
     }
 }
@@ -349,12 +345,7 @@ impl Part {
                 part([p, c, q], false),
             ];
         }
-        let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
-            [x, y, z] if x >= y && x >= z => (a, b, c),
-            [_, y, z] if y >= z => (b, c, a),
-            _ => (c, a, b),
-        };
+        let [a, b, c] = longest_first(self.corners);
         let m = half(a, b);
         vec![part([a, m, c], false), part([m, b, c], false)]
     }
@@ -401,6 +392,34 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
         }
     }
     true
+}
+
+/// The corners of a triangle from the longest of its edges on.
+#[inline]
+fn longest_first([a, b, c]: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
+    let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    match [long(a, b), long(b, c), long(c, a)] {
+        [x, y, z] if x >= y && x >= z => [a, b, c],
+        [_, y, z] if y >= z => [b, c, a],
+        _ => [c, a, b],
+    }
+}
+
+/// The powers of a number from 1 up to a degree.
+#[inline]
+fn powers_of(x: DoubleDouble, degree: usize) -> Vec<DoubleDouble> {
+    let mut powers = vec![DoubleDouble::from(1.0); degree + 1];
+    for k in 1..=degree {
+        powers[k] = powers[k - 1] * x;
+    }
+    powers
+}
+
+/// A number as the sum of two doubles: the nearest one, and what is left.
+fn split(c: RBig) -> [f64; 2] {
+    let high = c.to_f64().value();
+    let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
+    [high, low]
 }
 
 #[cfg(test)]

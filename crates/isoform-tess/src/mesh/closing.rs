@@ -48,23 +48,16 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
             s.findings.push(Finding::UponEachOther(twice));
         }
     }
-    let outside = s
-        .points
-        .iter()
-        .filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width))
-        .count();
-    if outside > 0 {
-        s.findings.push(Finding::OutsideBox(outside));
-    }
-    if flat > 0 {
-        s.findings.push(Finding::NoArea(flat));
-    }
-    if open > 0 {
-        s.findings.push(Finding::OpenEdges(open));
-    }
-    if crowded > 0 {
-        s.findings.push(Finding::CrowdedEdges(crowded));
-    }
+    let is_outside = |p: &&Point3| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width);
+    let outside = s.points.iter().filter(is_outside).count();
+    let counts = [
+        (outside, Finding::OutsideBox(outside)),
+        (flat, Finding::NoArea(flat)),
+        (open, Finding::OpenEdges(open)),
+        (crowded, Finding::CrowdedEdges(crowded)),
+    ];
+    let found = counts.into_iter().filter(|c| c.0 > 0);
+    s.findings.extend(found.map(|c| c.1));
 }
 
 /// How many pairs of vertices are nearer to each other than a distance.
@@ -136,25 +129,38 @@ fn is_closed_up(t: &[u32; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
 }
 
-/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
-/// that these lie on.
-fn hand_on_borders(s: &mut Surface) {
+/// The edges of a triangle, by corners.
+const EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+
+/// The vertices of an edge, the lower number first.
+fn edge(t: &[u32; 3], [i, j]: [usize; 2]) -> [u32; 2] {
+    [t[i].min(t[j]), t[i].max(t[j])]
+}
+
+/// The sides of the domain that edges of triangles lie on which contracted curves have closed up.
+fn borders_closed_up(s: &Surface) -> BTreeMap<[u32; 2], u64> {
     let mut borders: BTreeMap<[u32; 2], u64> = BTreeMap::new();
-    let edges = [[0, 1], [1, 2], [2, 0]];
-    let name = |t: &[u32; 3], [i, j]: [usize; 2]| [t[i].min(t[j]), t[i].max(t[j])];
-    for (t, bits) in s.triangles.iter().zip(&s.borders) {
-        for [i, j] in edges.into_iter().filter(|_| is_closed_up(t)) {
+    let triangles = s.triangles.iter().zip(&s.borders);
+    for (t, bits) in triangles.filter(|(t, _)| is_closed_up(t)) {
+        for [i, j] in EDGES {
             if t[i] != t[j] && bits[i] & bits[j] != 0 {
-                *borders.entry(name(t, [i, j])).or_default() |= bits[i] & bits[j];
+                *borders.entry(edge(t, [i, j])).or_default() |= bits[i] & bits[j];
             }
         }
     }
+    borders
+}
+
+/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
+/// that these lie on.
+fn hand_on_borders(s: &mut Surface) {
+    let borders = borders_closed_up(s);
     if borders.is_empty() {
         return;
     }
     for (t, bits) in s.triangles.iter().zip(&mut s.borders) {
-        for [i, j] in edges {
-            let side = borders.get(&name(t, [i, j])).copied().unwrap_or(0);
+        for [i, j] in EDGES {
+            let side = borders.get(&edge(t, [i, j])).copied().unwrap_or(0);
             bits[i] |= side;
             bits[j] |= side;
         }
@@ -167,14 +173,11 @@ pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
         .filter(|&v| !left_out[v as usize])
         .collect();
     let mut new = vec![0; s.points.len()];
-    vertices
-        .iter()
-        .enumerate()
-        .for_each(|(n, &v)| new[v as usize] = n as u32);
-    s.triangles
-        .iter_mut()
-        .flatten()
-        .for_each(|v| *v = new[*v as usize]);
+    for (n, &v) in vertices.iter().enumerate() {
+        new[v as usize] = n as u32;
+    }
+    let corners = s.triangles.iter_mut().flatten();
+    corners.for_each(|v| *v = new[*v as usize]);
     let of = |v: &u32| *v as usize;
     s.points = vertices.iter().map(|v| s.points[of(v)]).collect();
     s.kinds = vertices.iter().map(|v| s.kinds[of(v)]).collect();

@@ -139,6 +139,15 @@ impl<'a> Drawing<'a> {
         }
         !crossing
     }
+    /// The edges that are drawn, from either end to the other.
+    fn fixed_edges(&self) -> BTreeSet<(u32, u32)> {
+        self.cdt
+            .undirected_edges()
+            .filter(|e| e.is_constraint_edge())
+            .map(|e| e.vertices().map(|v| v.index() as u32))
+            .flat_map(|[a, b]| [(a, b), (b, a)])
+            .collect()
+    }
     /// Adds rings of vertices around base points. Their edges are there at the beginning only; what
     /// stays, from either end to the other, is returned.
     fn add_rings(&mut self) -> BTreeSet<(u32, u32)> {
@@ -154,13 +163,7 @@ impl<'a> Drawing<'a> {
                 handles.extend(self.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
             }
         }
-        let fixed = self
-            .cdt
-            .undirected_edges()
-            .filter(|e| e.is_constraint_edge())
-            .map(|e| e.vertices().map(|v| v.index() as u32))
-            .flat_map(|[a, b]| [(a, b), (b, a)])
-            .collect();
+        let fixed = self.fixed_edges();
         let handle = |at: [f64; 2]| handles.get(&at.map(f64::to_bits)).copied();
         for RingVertex { at, legs } in &rings {
             for &leg in legs {

@@ -73,6 +73,31 @@ fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
     }
 }
 
+/// The vertices on a ray, in a direction of the fan, between the rectangle and the seam where base
+/// points are infinitely near.
+fn on_ray(
+    q: usize,
+    strip: &Strip,
+    i: usize,
+    d: &Direction,
+    joined: &mut Joined<'_>,
+) -> Vec<PathVertex> {
+    let openings = joined.glued.openings;
+    let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
+    let mut sites = openings.sites_in(q).map(|s| s.1);
+    let Some(site) = sites.find(|s| s.fan == strip.fan) else {
+        return Vec::new();
+    };
+    let faces = joined.surface.faces[vertex as usize];
+    let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+    let points = openings.ray(q, site, d, ray.1).points_to_seam(at);
+    let names = (0..).map(|k| Name::Ray(strip.fan, ray, k));
+    let named = names.zip(points);
+    named
+        .map(|(name, x)| (joined.shared(name, x, faces, kind), strip.apex))
+        .collect()
+}
+
 /// A ray from the rectangle to the seam, with what lies between on a double curve.
 fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathVertex> {
     let glued = joined.glued;
@@ -91,19 +116,7 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
         .find(|d| d.key() == ray.0)
         .expect("a direction of the fan");
     if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
-        let mut sites = glued.openings.sites_in(q).map(|s| s.1);
-        let on_ray = sites
-            .find(|s| s.fan == strip.fan)
-            .map_or_else(Vec::new, |site| {
-                let ray = glued.openings.ray(q, site, d, ray.1);
-                ray.points_to_seam(at)
-            });
-        let faces = joined.surface.faces[vertex as usize];
-        let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
-        for (k, x) in on_ray.into_iter().enumerate() {
-            let name = Name::Ray(strip.fan, ray, k);
-            path.push((joined.shared(name, x, faces, kind), strip.apex));
-        }
+        path.extend(on_ray(q, strip, i, d, joined));
     }
     path.push(seam_end(strip, d, at, joined));
     path

@@ -52,26 +52,8 @@ pub(crate) fn matching(
         half_width,
         surface,
     };
-    let mut found: Vec<(Place, Point3)> = Vec::new();
-    for &Crossing {
-        triangles: [a, b],
-        point,
-    } in pairs
-    {
-        for t in [a, b] {
-            found.extend(point.and_then(|x| sheets.foot(t as usize, x, 0)));
-        }
-        for (of, onto) in [(a, b), (b, a)] {
-            let beside = &surface.triangles[onto as usize];
-            for v in surface.triangles[of as usize] {
-                let (x, faces) = (surface.points[v as usize], surface.faces[v as usize]);
-                if !beside.contains(&v) {
-                    found.extend(sheets.foot(onto as usize, x, faces));
-                }
-            }
-        }
-    }
-    // One vertex of those that lie upon each other.
+    let found = pairs.iter().flat_map(|pair| sheets.feet(pair));
+    // Of places that lie upon each other one is enough.
     let mut places: Vec<(Place, Point3)> = Vec::new();
     for (place, image) in found {
         if places.iter().all(|p| sheets.are_apart(p.1, image)) {
@@ -88,18 +70,55 @@ struct Sheets<'a> {
 }
 
 impl Sheets<'_> {
+    /// The feet of perpendiculars from the corners of two triangles to each other's sheet, and from
+    /// the further vertex that both sheets are to get.
+    fn feet(&self, crossing: &Crossing) -> Vec<(Place, Point3)> {
+        let surface = self.surface;
+        let [a, b] = crossing.triangles;
+        let mut found = Vec::new();
+        for t in [a, b] {
+            found.extend(crossing.point.and_then(|x| self.foot(t as usize, x, 0)));
+        }
+        for (of, onto) in [(a, b), (b, a)] {
+            let beside = &surface.triangles[onto as usize];
+            for v in surface.triangles[of as usize] {
+                let (x, faces) = (surface.points[v as usize], surface.faces[v as usize]);
+                if !beside.contains(&v) {
+                    found.extend(self.foot(onto as usize, x, faces));
+                }
+            }
+        }
+        found
+    }
     /// The place of the sheet of a triangle that is nearest to a point, if it is close; on the same
     /// face of the box if the point is on one.
     fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(Place, Point3)> {
         let surface = self.surface;
         let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
         let quadrant = usize::from(surface.charts[triangle]);
-        let mut at = [0, 1].map(|i| {
-            let shares = shares(corners, x);
-            (0..3)
-                .map(|k| shares[k] * surface.corners[triangle][k][i])
-                .sum::<f64>()
+        let shares = shares(corners, x);
+        let start = [0, 1].map(|i| {
+            let parameters = surface.corners[triangle];
+            (0..3).map(|k| shares[k] * parameters[k][i]).sum::<f64>()
         });
+        let at = self.nearest(quadrant, start, x, faces)?;
+        let there = in_plane(quadrant, at);
+        let (quadrant, at) = (0..4)
+            .map(|k| (quadrant + k) % 4)
+            .find_map(|q| Some((q, place_in(q, there)?)))?;
+        let image = self.charts[quadrant].at(at);
+        let place = Place {
+            quadrant,
+            at,
+            faces,
+        };
+        let is_close = distance(image, x) <= CLOSE * longest(corners);
+        (is_close && self.has_room(&place, image)).then_some((place, image))
+    }
+    /// The parameters of the place nearest to a point, in a quadrant or beyond its sides; none if
+    /// steps get longer.
+    fn nearest(&self, quadrant: usize, start: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
+        let mut at = start;
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
             let step = self.step(quadrant, at, x, faces)?;
@@ -113,24 +132,20 @@ impl Sheets<'_> {
             }
             last = length;
         }
-        let there = in_plane(quadrant, at);
-        let (quadrant, at) = (0..4)
-            .map(|k| (quadrant + k) % 4)
-            .find_map(|q| Some((q, place_in(q, there)?)))?;
-        let image = self.charts[quadrant].at(at);
+        Some(at)
+    }
+    /// Whether a vertex may be put at a place: in the unit triangle, in the box, and upon no other
+    /// vertex.
+    fn has_room(&self, &Place { at, faces, .. }: &Place, image: Point3) -> bool {
         let is_inside = at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0;
         let is_in_box = faces > 0 || image.iter().all(|x| x.abs() < self.half_width);
-        let close = CLOSE * longest(corners);
-        let fits = is_inside
+        is_inside
             && is_in_box
-            && distance(image, x) <= close
-            && surface.points.iter().all(|&p| self.are_apart(image, p));
-        let place = Place {
-            quadrant,
-            at,
-            faces,
-        };
-        fits.then_some((place, image))
+            && self
+                .surface
+                .points
+                .iter()
+                .all(|&p| self.are_apart(image, p))
     }
     /// Whether two points are no vertices upon each other, which would be worse than triangles that
     /// cross.

@@ -75,18 +75,15 @@ impl<'a> Division<'a> {
     fn divide(&mut self, [from, to]: [f64; 2]) {
         let (open, side, q) = (self.open, self.side, self.quadrants[0]);
         let middle = 0.5 * (from + to);
-        let inside = self
-            .quadrants
-            .iter()
-            .any(|&q| open.atlas.side_is_inside(q, side, middle));
+        let mut quadrants = self.quadrants.iter();
+        let inside = quadrants.any(|&q| open.atlas.side_is_inside(q, side, middle));
         if self.bases.contains(&from) || self.bases.contains(&to) {
             self.places.push((from, inside));
             return;
         }
-        let bit = if inside {
-            open.atlas.side_bit(q, side, from, to)
-        } else {
-            0
+        let bit = match inside {
+            true => open.atlas.side_bit(q, side, from, to),
+            false => 0,
         };
         let ends = [from, to].map(|x| self.on(x));
         if let Some(line) = open.atlas.border_line(q, bit, ends, open.halvings) {
@@ -95,6 +92,10 @@ impl<'a> Division<'a> {
                 .extend(inner.map(|&at| (along(side, at), inside)));
             return;
         }
+        self.halve([from, to], inside);
+    }
+    /// Adds the places of a stretch, but for its end, that halving it gives.
+    fn halve(&mut self, [from, to]: [f64; 2], inside: bool) {
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
             if inside && self.has_room(depth) && !self.is_fine([a, b], depth) {

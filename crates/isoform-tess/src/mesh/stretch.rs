@@ -204,9 +204,20 @@ impl Openings<'_> {
         }
         let curve = self.curves.drawn_on(q, wall, point);
         let is_contracted = curve.is_some_and(|f| self.curves.on_curve.contains_key(&f));
+        let line = self.halved_upright(q, u, [from, to], is_contracted);
+        (stretch, line)
+    }
+    /// A line over one u, halved until chords may stand for it.
+    fn halved_upright(
+        &self,
+        q: usize,
+        u: f64,
+        [from, to]: [f64; 2],
+        is_contracted: bool,
+    ) -> Vec<[f64; 2]> {
         let chart = &self.atlas.charts[q];
         let at = |v: f64| chart.at([u, v]);
-        let mut line = vec![stretch.from];
+        let mut line = vec![[u, from]];
         let mut stack = vec![(from, to, 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let m = 0.5 * (x + y);
@@ -221,7 +232,7 @@ impl Openings<'_> {
                 line.push([u, y]);
             }
         }
-        (stretch, line)
+        line
     }
     /// A stretch of a wall after a point, from rectangle to rectangle.
     fn upright_stretch(&self, q: usize, wall: usize, point: usize) -> Stretch {

@@ -113,23 +113,25 @@ impl<'a> Joined<'a> {
                 borders: nodes.map(|n| n.borders),
             });
         }
-        let opened: Vec<Result<Strip, Finding>> = unit
-            .at_apex
-            .iter()
-            .filter_map(|&t| self.strip(unit, &measure, t))
-            .collect();
-        for strip in opened {
+        let strips = unit.at_apex.iter();
+        let strips = strips.filter_map(|&t| self.strip(unit, &measure, t));
+        let strips: Vec<Result<Strip, Finding>> = strips.collect();
+        for strip in strips {
             match strip {
                 Ok(strip) => made.extend(fill(q, &strip, self)),
                 Err(finding) => self.surface.findings.push(finding),
             }
         }
         for triangle in made {
-            self.surface.borders.push(triangle.borders);
-            self.surface.triangles.push(triangle.vertices);
-            self.surface.charts.push(q as u8);
-            self.surface.corners.push(triangle.corners);
+            self.push(q, triangle);
         }
+    }
+    /// Adds a triangle of a unit triangle to the surface.
+    fn push(&mut self, q: usize, triangle: Made) {
+        self.surface.borders.push(triangle.borders);
+        self.surface.triangles.push(triangle.vertices);
+        self.surface.charts.push(q as u8);
+        self.surface.corners.push(triangle.corners);
     }
 
     /// The strip in the place of a triangle at a base point, with the vertices on the rectangle.
@@ -205,15 +207,10 @@ impl Glued<'_> {
         } else {
             self.atlas.options.triangles
         };
+        let measure = |q: usize| InChart { glued: self, q };
         units.par_iter_mut().for_each(|u| {
-            u.plane.begin(
-                most / 4,
-                &InChart {
-                    glued: self,
-                    q: u.quadrant,
-                },
-                self.atlas.control,
-            )
+            let control = self.atlas.control;
+            u.plane.begin(most / 4, &measure(u.quadrant), control)
         });
         // Those that need more share what the others leave.
         let (needy, done): (Vec<_>, Vec<_>) =
@@ -227,14 +224,8 @@ impl Glued<'_> {
                 .filter(|(k, _)| group.contains(k))
                 .for_each(|(_, u)| {
                     let most = u.plane.triangles.len() + room;
-                    let ended = u.plane.refine(
-                        most,
-                        &InChart {
-                            glued: self,
-                            q: u.quadrant,
-                        },
-                        self.atlas.control,
-                    );
+                    let (measure, control) = (measure(u.quadrant), self.atlas.control);
+                    let ended = u.plane.refine(most, &measure, control);
                     u.findings.extend(complaints(ended));
                 });
         }

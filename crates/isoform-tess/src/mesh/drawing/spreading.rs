@@ -23,6 +23,31 @@ const APART: f64 = 0.2;
 type Seen = (Point3, Option<Shared>);
 
 impl Drawing<'_> {
+    /// The middles of triangles in the region that are to be split; triangles that are `known`
+    /// already are passed over.
+    fn places_to_spread(
+        &self,
+        images: &[Seen],
+        known: &mut BTreeSet<[usize; 3]>,
+        measure: &InChart<'_, '_>,
+    ) -> Vec<[f64; 2]> {
+        let mut places = Vec::new();
+        for face in self.cdt.inner_faces() {
+            let v = face.vertices();
+            let mut sorted = v.map(|v| v.index());
+            sorted.sort_unstable();
+            let nodes = v.map(|v| *v.data());
+            if !known.insert(sorted) || nodes.iter().any(|n| n.apex) || is_sliver(nodes) {
+                continue;
+            }
+            let at = nodes.map(|n| n.at);
+            let seen = v.map(|v| images[v.index()]);
+            if is_to_be_split(at, seen, measure) && self.is_inside(center(at)) {
+                places.push(center(at));
+            }
+        }
+        places
+    }
     /// Puts vertices into large triangles that do not face the way the surface does, or have
     /// another area.
     pub(super) fn spread(&mut self, measure: &InChart<'_, '_>) {
@@ -31,25 +56,7 @@ impl Drawing<'_> {
         for _ in 0..ROUNDS {
             let new = self.cdt.vertices().skip(images.len());
             images.extend(new.map(|v| (measure.image(v.data()), measure.shared(v.data()))));
-            let mut places = Vec::new();
-            for face in self.cdt.inner_faces() {
-                let v = face.vertices();
-                let mut sorted = v.map(|v| v.index());
-                sorted.sort_unstable();
-                if !known.insert(sorted)
-                    || v.iter().any(|v| v.data().apex)
-                    || is_sliver(v.map(|v| *v.data()))
-                {
-                    continue;
-                }
-                let at = v.map(|v| v.data().at);
-                let middle = center(at);
-                if is_to_be_split(at, v.map(|v| images[v.index()]), measure)
-                    && self.is_inside(middle)
-                {
-                    places.push(middle);
-                }
-            }
+            let places = self.places_to_spread(&images, &mut known, measure);
             let enough = ENOUGH.min(self.glued.atlas.options.triangles / 4);
             if places.is_empty() || self.cdt.num_inner_faces() > enough {
                 break;

@@ -193,6 +193,16 @@ fn foot([p, q]: [Point3; 2], image: Point3) -> Option<(f64, f64)> {
     Some((t, off))
 }
 
+/// The step in the parameters that leaves the least of a residual: the solution of the normal
+/// equations of the derivatives by u and v.
+#[inline]
+fn gauss_newton([by_u, by_v]: [Point3; 2], rest: Point3) -> [f64; 2] {
+    let (e, f, g) = (dot(by_u, by_u), dot(by_u, by_v), dot(by_v, by_v));
+    let (p, q) = (dot(by_u, rest), dot(by_v, rest));
+    let det = e * g - f * f;
+    [(g * p - f * q) / det, (e * q - f * p) / det]
+}
+
 /// A parameter with a given image, by the method of Gauss and Newton; None if it leads away.
 fn newton(chart: &Chart, start: [f64; 2], image: Point3, half_width: f64) -> Option<[f64; 2]> {
     let mut at = start;
@@ -201,10 +211,7 @@ fn newton(chart: &Chart, start: [f64; 2], image: Point3, half_width: f64) -> Opt
         let rest = sub(image, chart.at(at));
         let residual = norm(rest);
         let [_, by_u, by_v] = chart.tangents(at);
-        let (e, f, g) = (dot(by_u, by_u), dot(by_u, by_v), dot(by_v, by_v));
-        let (p, q) = (dot(by_u, rest), dot(by_v, rest));
-        let det = e * g - f * f;
-        let delta = [(g * p - f * q) / det, (e * q - f * p) / det];
+        let delta = gauss_newton([by_u, by_v], rest);
         if !residual.is_finite() || delta.iter().any(|d| !d.is_finite()) {
             return None;
         }

@@ -128,14 +128,9 @@ impl Plane {
             let Some(star) = self.sound_star(pulling.at[v as usize], v) else {
                 continue;
             };
-            let fits = |k: &usize| {
-                let (k, w) = (*k, star.ring[*k]);
-                let has_room = star.pulled(k).all(|t| self.has_room(t));
-                let from = pulling.at[w as usize];
-                has_room && !star.joined(k).any(|x| self.are_joined(from, w, x))
-            };
             let place = |w: u32| star.ring.iter().position(|&x| x == w);
-            let Some(k) = [a, b].into_iter().filter_map(place).find(fits) else {
+            let mut places = [a, b].into_iter().filter_map(place);
+            let Some(k) = places.find(|&k| self.has_room_pulled(&star, k, &pulling.at)) else {
                 continue;
             };
             self.pull(v, &star, k, &mut pulling);
@@ -147,8 +142,22 @@ impl Plane {
             }
         }
         self.remove(&pulling.dead);
+        self.queue_all();
+    }
+    /// Queues all triangles.
+    fn queue_all(&mut self) {
         self.queued.fill(true);
         self.queue = (0..self.triangles.len() as u32).collect();
+    }
+    /// Whether pulling a vertex onto number k of its ring leaves all triangles some room, and joins
+    /// no two vertices that are joined already.
+    fn has_room_pulled(&self, star: &Star, k: usize, at: &[u32]) -> bool {
+        let w = star.ring[k];
+        let has_room = star.pulled(k).all(|t| self.has_room(t));
+        has_room
+            && !star
+                .joined(k)
+                .any(|x| self.are_joined(at[w as usize], w, x))
     }
     /// Whether a vertex between two others on a contracted curve is not needed there.
     fn is_dispensable(&self, v: u32, [a, b]: [u32; 2], measure: &dyn Measure) -> bool {
@@ -244,16 +253,12 @@ impl Plane {
         let Star { triangles, ring } = star;
         let n = triangles.len();
         let w = ring[k];
-        let corner = |this: &Self, t: u32| {
-            let mut corners = this.triangles[t as usize].iter();
-            corners.position(|&x| x == v).expect("a triangle at v")
-        };
         // The two triangles between v and w go; the others get w for v.
         let gone = [triangles[k], triangles[(k + n - 1) % n]];
-        let outer = gone.map(|t| self.beyond(t, corner(self, t)));
+        let outer = gone.map(|t| self.beyond(t, self.corner_at(t, v)));
         for j in 1..n - 1 {
             let t = triangles[(k + j) % n];
-            let i = corner(self, t);
+            let i = self.corner_at(t, v);
             self.triangles[t as usize][i] = w;
             self.shapes[t as usize].set(None);
         }
@@ -265,12 +270,16 @@ impl Plane {
             pulling.dead[t as usize] = true;
         }
         pulling.at[v as usize] = NONE;
-        for j in 1..n - 1 {
-            let t = triangles[(k + j) % n];
+        for t in (1..n - 1).map(|j| triangles[(k + j) % n]) {
             for x in self.triangles[t as usize] {
                 pulling.at[x as usize] = t;
             }
         }
+    }
+    /// Which corner of a triangle a vertex is.
+    fn corner_at(&self, t: u32, v: u32) -> usize {
+        let mut corners = self.triangles[t as usize].iter();
+        corners.position(|&x| x == v).expect("a triangle at v")
     }
     /// Makes neighbours of a triangle and what is beyond its edge between two vertices.
     fn join(&mut self, t: u32, ends: [u32; 2], (n, fixed): Beyond) {

@@ -35,21 +35,29 @@ impl Plane {
         for place in places {
             self.insert_one(place, measure);
         }
-        let near = |t: u32| {
-            let at = self.corners(t);
-            let [x, y] = [0, 1].map(|i| at.map(|p| p[i]));
-            let lo = [x, y].map(|x| x.into_iter().fold(f64::INFINITY, f64::min));
-            let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
-            places
-                .iter()
-                .any(|p| (0..2).all(|i| lo[i] <= p.at[i] && p.at[i] <= hi[i]))
-        };
         let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
         let all = 0..self.triangles.len() as u32;
-        let mut stack: Vec<u32> = all
-            .filter(|&t| near(t))
-            .flat_map(|t| around(t).chain([t]))
-            .collect();
+        let near = all.filter(|&t| places.iter().any(|p| self.is_in_bounds(t, p.at)));
+        let stack = near.flat_map(|t| around(t).chain([t])).collect();
+        self.flip_to_delaunay(stack, measure);
+        // What was made has to be as near to the surface as everything else.
+        self.work_off(most, false, measure, control);
+        self.tell_apart(most, measure, control)
+    }
+
+    /// Whether a place is in the bounding rectangle of a triangle.
+    fn is_in_bounds(&self, t: u32, place: [f64; 2]) -> bool {
+        let at = self.corners(t);
+        (0..2).all(|i| {
+            let along = at.map(|p| p[i]);
+            let lo = along.into_iter().fold(f64::INFINITY, f64::min);
+            let hi = along.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            lo <= place[i] && place[i] <= hi
+        })
+    }
+    /// Flips edges of triangles, and of those that flips change, until all are Delaunay triangles
+    /// in space, but not endlessly.
+    fn flip_to_delaunay(&mut self, mut stack: Vec<u32>, measure: &dyn Measure) {
         let mut left = 20 * stack.len() + 100;
         while let Some(t) = stack.pop() {
             for i in 0..3 {
@@ -61,11 +69,7 @@ impl Plane {
                 }
             }
         }
-        // What was made has to be as near to the surface as everything else.
-        self.work_off(most, false, measure, control);
-        self.tell_apart(most, measure, control)
     }
-
     /// Flips the edge opposite to corner i if the angles opposite to it are more than two right
     /// ones together.
     fn make_delaunay(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
@@ -74,10 +78,6 @@ impl Plane {
             return false;
         };
         let [p, q, r, s] = quad.corners.map(|v| self.images[v as usize]);
-        let angle = |at: Point3, x: Point3, y: Point3| {
-            let (x, y) = (sub(x, at), sub(y, at));
-            norm(cross(x, y)).atan2(dot(x, y))
-        };
         if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
             return false;
         }
@@ -106,13 +106,10 @@ impl Plane {
                 .map(|t| (t, None))
                 .find(|&(t, _)| self.holds(t, place.at)),
             faces => {
-                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, Some(i))));
-                edges
-                    .filter_map(|(t, i)| {
-                        Some(((t, i), self.beside_border(t, i?, place.at, faces)?))
-                    })
-                    .min_by(|a, b| a.1.total_cmp(&b.1))
-                    .map(|e| e.0)
+                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, i)));
+                let off = |(t, i)| Some(((t, Some(i)), self.beside_border(t, i, place.at, faces)?));
+                let near = edges.filter_map(off).min_by(|a, b| a.1.total_cmp(&b.1));
+                near.map(|e| e.0)
             }
         };
         let Some((t, edge)) = found else { return };
@@ -150,4 +147,11 @@ impl Plane {
         let off = (d[0] * p[1] - d[1] * p[0]).abs() / size.sqrt();
         (is_border && share > 0.0 && share < 1.0 && off < BOW * size.sqrt()).then_some(off)
     }
+}
+
+/// The angle at a point between the segments to two others.
+#[inline]
+fn angle(at: Point3, x: Point3, y: Point3) -> f64 {
+    let (x, y) = (sub(x, at), sub(y, at));
+    norm(cross(x, y)).atan2(dot(x, y))
 }
