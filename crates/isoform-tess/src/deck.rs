@@ -186,6 +186,12 @@ impl Deck {
     }
 }
 
+/// The line through a point and another one: their cross product.
+fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
+    let [a, b, c] = other.map(RBig::from);
+    [&b * *w - &c * *t, &c * *s - &a * *w, &a * *t - &b * *s]
+}
+
 /// Linear forms, also of lines through rational base points.
 fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
     /// Simple ones, and some in no special place.
@@ -205,11 +211,7 @@ fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
     let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
     for p in base_points {
         if let [Some(s), Some(t), Some(w)] = p.point.each_ref().map(Algebraic::as_rational) {
-            let line = |d: [i64; 3]| {
-                let [a, b, c] = d.map(RBig::from);
-                [&b * &w - &c * &t, &c * &s - &a * &w, &a * &t - &b * &s]
-            };
-            forms.extend(THROUGH.map(line));
+            forms.extend(THROUGH.map(|d| line_through(&[&s, &t, &w], d)));
         }
     }
     forms.iter().map(linear).collect()
@@ -240,15 +242,13 @@ fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
         .unwrap_or(0);
     let step = |angle: f64, sign: f64| {
         let (sin, cos) = angle.sin_cos();
-        let mut d = [cos, sin].into_iter();
-        let moved = |i: usize| match i == largest {
-            true => 1.0,
-            false => {
-                let d = d.next().expect("two coordinates beside the largest one");
-                at[i] / at[largest] + sign * STEP * d
-            }
-        };
-        [0, 1, 2].map(moved).map(exact)
+        let mut moved = at.map(|x| x / at[largest]);
+        let others = (0..3).filter(|&i| i != largest);
+        for (i, d) in others.zip([cos, sin]) {
+            moved[i] += sign * STEP * d;
+        }
+        moved[largest] = 1.0;
+        moved.map(exact)
     };
     let angle = |k: usize| (k as f64 + 0.37) * std::f64::consts::PI / DIRECTIONS as f64;
     (0..DIRECTIONS)

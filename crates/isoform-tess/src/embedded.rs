@@ -324,6 +324,18 @@ pub enum PatchesError {
     Stopped,
 }
 
+/// The options for each of several patches: the unit square as domain, only contracted curves of
+/// what is proved clear, and no equation where sheets are not looked at.
+fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
+    let mut options = options.clone();
+    options.domain = Domain::rectangle([RBig::ZERO, RBig::ONE], [RBig::ZERO, RBig::ONE]).ok();
+    options.budget.everywhere = false;
+    if options.mode == Mode::Normalised {
+        options.budget.implicit_degree = 0;
+    }
+    options
+}
+
 /// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined
 /// along the sides that they have in common. The domain of the options is not looked at. Of a patch
 /// that is proved to have no pole and to lie in the box only contracted curves are looked for, unless
@@ -337,12 +349,7 @@ pub fn triangulate_patches(
     control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
     let is_normalised = options.mode == Mode::Normalised;
-    let mut options = options.clone();
-    options.domain = Domain::rectangle([RBig::ZERO, RBig::ONE], [RBig::ZERO, RBig::ONE]).ok();
-    options.budget.everywhere = false;
-    if is_normalised {
-        options.budget.implicit_degree = 0;
-    }
+    let mut options = of_one_patch(options);
     let (mut surfaces, mut known) = (Vec::new(), Vec::new());
     for patch in patches {
         let map = patch.map().map_err(|error| PatchesError::Map {

@@ -13,7 +13,7 @@ use crate::field::{Algebraic, Element};
 use crate::map::Map;
 use crate::singular::RealPart;
 use crate::zeros::Chart;
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::{Exponents, Poly, RBig};
 use isoform_geom::Gram;
 
 /// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is no
@@ -112,6 +112,16 @@ fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
     (norm, moment.map(|row| row.map(|x| x / norm)))
 }
 
+/// The coefficient of a monomial.
+fn coefficient(terms: &[(Exponents, f64)], e: &Exponents) -> f64 {
+    terms.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1)
+}
+
+/// The sum of the products of coefficients of one monomial.
+fn inner(a: &[(Exponents, f64)], b: &[(Exponents, f64)]) -> f64 {
+    a.iter().map(|(e, c)| c * coefficient(b, e)).sum()
+}
+
 /// The translation after which the terms of second highest degree of the four polynomials are
 /// least: a + ∂ₛT x + ∂ₜT y for terms T of highest degree, by least squares.
 fn centre(map: &Map) -> Matrix {
@@ -121,16 +131,13 @@ fn centre(map: &Map) -> Matrix {
         let top = p.homogeneous_part(p.total_degree());
         let next = p.homogeneous_part(p.total_degree() - 1).to_f64();
         let slopes = [0, 1].map(|v| top.derivative(v).to_f64());
-        let product = |a: &[([u16; 4], f64)], b: &[([u16; 4], f64)]| -> f64 {
-            let other = |e: &[u16; 4]| b.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1);
-            a.iter().map(|(e, c)| c * other(e)).sum()
-        };
-        let size: f64 = top.to_f64().iter().map(|(_, c)| c * c).sum();
+        let top = top.to_f64();
+        let size = inner(&top, &top);
         for i in 0..2 {
             for j in 0..2 {
-                normal[i][j] += product(&slopes[i], &slopes[j]) / size;
+                normal[i][j] += inner(&slopes[i], &slopes[j]) / size;
             }
-            right[i] -= product(&slopes[i], &next) / size;
+            right[i] -= inner(&slopes[i], &next) / size;
         }
     }
     let [x, y] = least_squares(normal, right);
@@ -181,6 +188,23 @@ impl Frame {
         let moved = || is_worth(centred.0).then_some(centre);
         found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
     }
+    /// The level and matrix after a step against the gradient, doubled in length as long as the norm
+    /// gets less.
+    fn descend(map: &Map, matrix: &Matrix, gradient: &Matrix) -> Option<((f64, Matrix), Matrix)> {
+        let degree = map.degree() as f64;
+        let mut best: Option<((f64, Matrix), Matrix)> = None;
+        for k in 0..=DOUBLINGS {
+            let length = STEP / degree * f64::from(1 << k);
+            let step = exponential(&gradient.map(|row| row.map(|x| -length * x)));
+            let next = triangular(&times(matrix, &step));
+            let there = Self::level(map, &next)?;
+            if best.as_ref().is_some_and(|b| b.0.0 <= there.0) {
+                break;
+            }
+            best = Some((there, next));
+        }
+        best
+    }
     /// The level and matrix of the least norm, from one of them, if there is one.
     fn least(map: &Map, mut matrix: Matrix, mut here: (f64, Matrix)) -> Option<(f64, Matrix)> {
         let degree = map.degree() as f64;
@@ -193,18 +217,7 @@ impl Frame {
             if largest < LEVEL * degree {
                 return Some((here.0, matrix));
             }
-            let mut best: Option<((f64, Matrix), Matrix)> = None;
-            for k in 0..=DOUBLINGS {
-                let length = STEP / degree * f64::from(1 << k);
-                let step = exponential(&rest.map(|row| row.map(|x| -length * x)));
-                let next = triangular(&times(&matrix, &step));
-                let there = Self::level(map, &next)?;
-                if best.as_ref().is_some_and(|b| b.0.0 <= there.0) {
-                    break;
-                }
-                best = Some((there, next));
-            }
-            (here, matrix) = best?;
+            (here, matrix) = Self::descend(map, &matrix, &rest)?;
         }
         None
     }
@@ -285,20 +298,23 @@ impl Frame {
         }
         found
     }
-    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
-    fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
-        // One of the coordinates is 1, the others are of one field.
-        let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
-        let (field, root) = (of.field().clone(), of.root());
+    /// The product of the matrix and a column.
+    fn moved(&self, p: &[Algebraic; 3]) -> [Element; 3] {
         let element = |x: &Algebraic| match x.as_rational() {
             Some(r) => Element::rational(&r),
             None => x.element().clone(),
         };
         let p = p.each_ref().map(element);
-        let moved = self
-            .matrix
+        self.matrix
             .each_ref()
-            .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))));
+            .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))))
+    }
+    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
+    fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
+        // One of the coordinates is 1, the others are of one field.
+        let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
+        let (field, root) = (of.field().clone(), of.root());
+        let moved = self.moved(p);
         let chart = [Chart::Affine, Chart::Infinite, Chart::Corner]
             .into_iter()
             .find(|c| !moved[c.variables().1].is_zero())

@@ -143,6 +143,15 @@ impl Surface {
         (self.triangles[t][i], self.corners[t][i], self.borders[t][i])
     }
 
+    /// Adds a vertex of a border, on faces of the box: its number.
+    fn add_border_vertex(&mut self, p: Point3, faces: u8) -> u32 {
+        let number = self.points.len() as u32;
+        self.points.push(p);
+        self.kinds.push(Kind::Border);
+        self.faces.push(faces);
+        self.double.push(false);
+        number
+    }
     /// Divides the triangle at a side between two vertices next to each other in further vertices,
     /// given by place along the curve and position: their numbers. None if there is no such
     /// triangle.
@@ -152,11 +161,7 @@ impl Surface {
         let mut way: Vec<Corner> = Vec::new();
         for &(x, p) in new {
             let at = parameters(m.side, m.turned(x));
-            way.push((self.points.len() as u32, at, 1 << m.side));
-            self.points.push(p);
-            self.kinds.push(Kind::Border);
-            self.faces.push(faces);
-            self.double.push(false);
+            way.push((self.add_border_vertex(p, faces), at, 1 << m.side));
         }
         let made = way.iter().map(|c| c.0).collect();
         if !edge.is_forward {
@@ -206,8 +211,8 @@ impl Curve {
     fn new(members: Vec<Member>, surfaces: &[Surface]) -> Self {
         let mut all: Vec<(f64, usize, u32)> = Vec::new();
         for (k, m) in members.iter().enumerate() {
-            let list = surfaces[m.patch].along(*m);
-            all.extend(list.into_iter().map(|(x, v)| (x, k, v)));
+            let vertices = surfaces[m.patch].along(*m).into_iter();
+            all.extend(vertices.map(|(x, v)| (x, k, v)));
         }
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut places: Vec<Shared> = Vec::new();

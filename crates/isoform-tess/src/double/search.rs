@@ -194,18 +194,32 @@ impl Search {
                 traced.push(self.both_ways(hit.source, &hit.state));
             }
         }
-        let minors = reduced_minors(map, control)?;
-        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) <= PINCH_DEGREE {
-            for pinch in pinches(map, &minors, control)? {
-                let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
-                for source in 0..self.sources.len() {
-                    control.check()?;
-                    traced.extend(self.arc_at_pinch(source, &p, &traced));
-                }
-            }
-        }
+        self.trace_from_pinches(map, &mut traced, control)?;
         for arc in &traced {
             self.keep_uncovered(arc, &hits, control)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the arcs that begin at real parameters where the rank of the Jacobian drops, if the
+    /// equations of these are of a degree that can be solved.
+    fn trace_from_pinches(
+        &mut self,
+        map: &Map,
+        traced: &mut Vec<Traced>,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let minors = reduced_minors(map, control)?;
+        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) > PINCH_DEGREE {
+            return Ok(());
+        }
+        for pinch in pinches(map, &minors, control)? {
+            let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
+            for source in 0..self.sources.len() {
+                control.check()?;
+                let arc = self.arc_at_pinch(source, &p, traced);
+                traced.extend(arc);
+            }
         }
         Ok(())
     }
@@ -272,16 +286,21 @@ impl Search {
         Traced { source, nodes }
     }
 
-    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
-    /// known.
-    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
-        let first = at_pinch(&self.sources[source], p)?;
-        let (mut start, far) = FROM_PINCH.into_iter().find_map(|far| {
+    /// A solution of the arc at a pinch point, and how far from there it was predicted on the
+    /// tangent.
+    fn start_from_pinch(&self, source: usize, p: &V, first: &State) -> Option<(State, f64)> {
+        FROM_PINCH.into_iter().find_map(|far| {
             let predicted = normalised(&along(p, &first.tangent, far));
             let state = self.sources[source].settle(&predicted)?;
             let is_near = distance(&state.p, &predicted) < OFF_AT_PINCH * far;
             (is_near && state.is_inside()).then_some((state, far))
-        })?;
+        })
+    }
+    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
+    /// known.
+    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
+        let first = at_pinch(&self.sources[source], p)?;
+        let (mut start, far) = self.start_from_pinch(source, p, &first)?;
         let mut of_source = traced.iter().filter(|t| t.source == source);
         if of_source.any(|t| t.ends_at(p, far) || t.place(&start.p).is_some()) {
             return None;

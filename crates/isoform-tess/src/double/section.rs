@@ -106,11 +106,8 @@ fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
 
 /// The points of a curve on the line through two points, by the method of Aberth.
 fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
-    let mut roots = vec![ABERTH_START[0]];
-    while roots.len() < degree {
-        roots.push(roots[roots.len() - 1] * ABERTH_START[1]);
-    }
-    roots.truncate(degree);
+    let start = std::iter::successors(Some(ABERTH_START[0]), |&x| Some(x * ABERTH_START[1]));
+    let mut roots: Vec<C> = start.take(degree).collect();
     let at = |x: C| [0, 1, 2].map(|i| a[i] + b[i] * x);
     for _ in 0..ABERTH_ROUNDS {
         let mut largest = 0.0f64;

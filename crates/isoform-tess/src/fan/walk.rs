@@ -95,8 +95,8 @@ enum Stretch {
 }
 
 impl Fan {
-    /// The sectors, from the marks of all nodes.
-    pub(super) fn arrange(&mut self) {
+    /// The stations of the walk, each with the corners between it and the next.
+    fn stations(&self) -> Vec<(Station, Vec<Direction>)> {
         let mut stations: Vec<(Station, Vec<Direction>)> = Vec::new();
         let mut first = Vec::new();
         for event in self.walk_around() {
@@ -108,6 +108,11 @@ impl Fan {
         if let Some(last) = stations.last_mut() {
             last.1.append(&mut first);
         }
+        stations
+    }
+    /// The sectors, from the marks of all nodes.
+    pub(super) fn arrange(&mut self) {
+        let stations = self.stations();
         let n = stations.len();
         let sector = |k: usize| {
             let ((a, corners), (b, _)) = (&stations[k], &stations[(k + 1) % n]);

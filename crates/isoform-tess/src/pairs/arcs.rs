@@ -215,25 +215,8 @@ pub(crate) fn arcs(
         stream,
         found,
     };
-    for k in 0..6 {
-        control.check()?;
-        let mut normal = [0.0; 3];
-        normal[k / 2] = 1.0;
-        let face = real_plane(normal, [-1.0, 1.0][k % 2]);
-        let here = search.section_by(&face, None);
-        search.look(&here.pairs, true);
-    }
-    let mut before: Option<(Plane, Vec<Pair>)> = None;
-    for k in 0..SLICES {
-        control.check()?;
-        let plane = slice(k);
-        let here = search.section_by(&plane, before.as_ref());
-        search.look(&here.pairs, false);
-        if let Some((from, known)) = &before {
-            search.look_between([from, &plane], known);
-        }
-        before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
-    }
+    search.look_on_faces(control)?;
+    search.look_in_slices(control)?;
     let mut found = search.found;
     found.lost += found.count_doubled(pairs);
     found.unite_ends();
@@ -258,6 +241,33 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
+    /// Looks for arcs where they meet the planes of the faces of the box.
+    fn look_on_faces(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
+        for k in 0..6 {
+            control.check()?;
+            let mut normal = [0.0; 3];
+            normal[k / 2] = 1.0;
+            let face = real_plane(normal, [-1.0, 1.0][k % 2]);
+            let here = self.section_by(&face, None);
+            self.look(&here.pairs, true);
+        }
+        Ok(())
+    }
+    /// Looks for arcs in parallel planes, and between each two of them.
+    fn look_in_slices(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
+        let mut before: Option<(Plane, Vec<Pair>)> = None;
+        for k in 0..SLICES {
+            control.check()?;
+            let plane = slice(k);
+            let here = self.section_by(&plane, before.as_ref());
+            self.look(&here.pairs, false);
+            if let Some((from, known)) = &before {
+                self.look_between([from, &plane], known);
+            }
+            before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
+        }
+        Ok(())
+    }
     /// The section by a plane, from the section by the plane before, if there is one, and if need be
     /// from the general one.
     fn section_by(&mut self, plane: &Plane, before: Option<&(Plane, Vec<Pair>)>) -> Section {

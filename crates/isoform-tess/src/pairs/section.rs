@@ -129,11 +129,8 @@ impl Pairs {
         stream: &mut Stream,
     ) -> bool {
         let weights: [C; 3] = stream.complex();
-        let moved = |far: f64| {
-            let mut plane = *plane;
-            plane[3] = plane[3] + C::new(far, 0.0);
-            plane
-        };
+        let [a, b, c, d] = *plane;
+        let moved = |far: f64| [a, b, c, d + C::new(far, 0.0)];
         let sum = |far: f64| {
             let path = between(*plane, moved(far), C::ONE);
             let mut sum = C::ZERO;

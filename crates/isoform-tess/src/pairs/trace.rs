@@ -2,7 +2,7 @@
 
 use super::Pairs;
 use super::real::{Condition, Place, RealPair, dot7};
-use crate::complex::C;
+use crate::complex::{C, V};
 use isoform_geom::{distance_to_segment, norm};
 
 /// The first step, in the coordinates m, e and λ of a pair.
@@ -227,9 +227,7 @@ impl Pairs {
             if x * side > 0.0 || y * side <= 0.0 {
                 continue;
             }
-            let mut plane = [0.0; 4];
-            plane[i] = 1.0;
-            plane[3] = -side;
+            let plane = face_plane(i, side);
             let t = x / (x - y);
             let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Plane(plane))?;
             let mut place = place.toward(&a.tangent);
@@ -253,18 +251,7 @@ impl Pairs {
     /// the rank 1.
     fn singular_end(&self, here: &Place) -> Option<Place> {
         let m = here.pair.m.map(|x| C::new(x, 0.0));
-        let (_, df) = self.at(&m);
-        // The sum of the squares of the 2 × 2 minors by that of the products.
-        let (mut minors, mut size) = (0.0, 0.0);
-        for i in 0..4 {
-            for j in i + 1..4 {
-                for [a, b] in [[0, 1], [1, 2], [2, 0]] {
-                    let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
-                    minors += minor * minor;
-                }
-            }
-            size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
-        }
+        let (minors, size) = minors_and_size(&self.at(&m).1);
         let snapped = here.pair.m.map(|x| if x.abs() < NEAR { 0.0 } else { x });
         let is_singular = here.pair.l.abs() < ZERO && minors.sqrt() < ZERO * size;
         is_singular.then_some(Place {
@@ -303,4 +290,27 @@ impl Pairs {
         };
         forms.iter().any(|x| is_near(x) && is_on(x))
     }
+}
+
+/// The sum of the squares of the 2 × 2 minors of a real Jacobian, and that of its entries.
+fn minors_and_size(df: &[V; 4]) -> (f64, f64) {
+    let (mut minors, mut size) = (0.0, 0.0);
+    for i in 0..4 {
+        for j in i + 1..4 {
+            for [a, b] in [[0, 1], [1, 2], [2, 0]] {
+                let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
+                minors += minor * minor;
+            }
+        }
+        size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
+    }
+    (minors, size)
+}
+
+/// The plane of the face of the box where coordinate i is `side`, −1 or 1.
+fn face_plane(i: usize, side: f64) -> [f64; 4] {
+    let mut plane = [0.0; 4];
+    plane[i] = 1.0;
+    plane[3] = -side;
+    plane
 }
