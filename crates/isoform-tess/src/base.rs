@@ -266,15 +266,20 @@ pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
             add_to(&mut inner, 0, &Element::rational(&c));
         }
         columns = horner_step(k, &columns, &zero.at[0], &inner);
-        columns.truncate(room + 1);
-        for (i, column) in columns.iter_mut().enumerate() {
-            column.truncate(room + 1 - i);
-        }
+        truncate(&mut columns, room);
     }
     let columns = columns.into_iter().enumerate();
     columns
         .flat_map(|(i, column)| column_terms(i, column))
         .collect()
+}
+
+/// Drops terms above a total degree, which are given by columns of one power of u.
+fn truncate(columns: &mut Vec<Vec<Element>>, degree: usize) {
+    columns.truncate(degree + 1);
+    for (i, column) in columns.iter_mut().enumerate() {
+        column.truncate(degree + 1 - i);
+    }
 }
 
 /// The terms u^i v^j, j = 0, 1, …, with coefficients that are not zero.

@@ -22,6 +22,7 @@ use isoform_algebra::{FactorError, Poly, RBig};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::PI;
 use transformations::transformations;
 
 /// Linear forms of whose products quadratic ones are made: 78 of them, and 6000 quotients, take a
@@ -186,6 +187,21 @@ impl Deck {
     }
 }
 
+/// Coefficients of linear forms: simple ones, and some in no special place.
+const LINEAR: [[i64; 3]; 9] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, 2, 0],
+    [2, -1, 0],
+    [1, 0, -2],
+    [0, 1, 3],
+    [1, 3, -2],
+    [3, -2, 7],
+];
+/// Points that lines through a rational base point lead to.
+const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
+
 /// The line through a point and another one: their cross product.
 fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
     let [a, b, c] = other.map(RBig::from);
@@ -194,20 +210,6 @@ fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
 
 /// Linear forms, also of lines through rational base points.
 fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
-    /// Simple ones, and some in no special place.
-    const LINEAR: [[i64; 3]; 9] = [
-        [1, 0, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-        [1, 2, 0],
-        [2, -1, 0],
-        [1, 0, -2],
-        [0, 1, 3],
-        [1, 3, -2],
-        [3, -2, 7],
-    ];
-    /// Directions of lines through rational base points.
-    const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
     let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
     for p in base_points {
         if let [Some(s), Some(t), Some(w)] = p.point.each_ref().map(Algebraic::as_rational) {
@@ -228,32 +230,35 @@ fn comparison(t: &Transformation, [l, m]: [&Poly; 2]) -> [Poly; 3] {
     [l * &moved_m - m * &moved_l, m.clone(), moved_m]
 }
 
+/// A point beside another one, in the plane in which the largest coordinate is 1, at a distance in
+/// a direction.
+fn beside(at: [f64; 3], largest: usize, angle: f64, distance: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    let mut moved = at.map(|x| x / at[largest]);
+    let others = (0..3).filter(|&i| i != largest);
+    for (i, d) in others.zip([cos, sin]) {
+        moved[i] += distance * d;
+    }
+    moved[largest] = 1.0;
+    moved
+}
+
 /// Pairs of points on both hands of the curve that a base point is blown up to, in several
 /// directions.
 fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
-    /// How far from the base point: farther than it is rounded, nearer than other curves, or else
+    /// The distance from the base point: farther than it is rounded; where other curves are nearer,
     /// a domain is passed over.
     const STEP: f64 = 1e-5;
+    /// Directions from 0 to π.
     const DIRECTIONS: usize = 12;
     let at = p.each_ref().map(Algebraic::to_f64);
-    // The plane that the largest coordinate is 1 in.
-    let largest = (0..3)
-        .max_by(|&i, &j| at[i].abs().total_cmp(&at[j].abs()))
-        .unwrap_or(0);
-    let step = |angle: f64, sign: f64| {
-        let (sin, cos) = angle.sin_cos();
-        let mut moved = at.map(|x| x / at[largest]);
-        let others = (0..3).filter(|&i| i != largest);
-        for (i, d) in others.zip([cos, sin]) {
-            moved[i] += sign * STEP * d;
-        }
-        moved[largest] = 1.0;
-        moved.map(exact)
-    };
-    let angle = |k: usize| (k as f64 + 0.37) * std::f64::consts::PI / DIRECTIONS as f64;
-    (0..DIRECTIONS)
-        .map(|k| [1.0, -1.0].map(|sign| step(angle(k), sign)))
-        .collect()
+    // The plane in which the largest coordinate is 1.
+    let by_size = |i: &usize, j: &usize| at[*i].abs().total_cmp(&at[*j].abs());
+    let largest = (0..3).max_by(by_size).unwrap_or(0);
+    let step = |angle: f64, sign: f64| beside(at, largest, angle, sign * STEP).map(exact);
+    let angle = |k: usize| (k as f64 + 0.37) * PI / DIRECTIONS as f64;
+    let pair = |k: usize| [1.0, -1.0].map(|sign| step(angle(k), sign));
+    (0..DIRECTIONS).map(pair).collect()
 }
 
 /// Whether a transformation leaves a point where it is, and all lines through it: its derivative

@@ -102,14 +102,19 @@ fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
                     let mut to = e;
                     to[i] -= 1;
                     to[j] += 1;
-                    let same = |f: &&([u16; 4], f64)| (0..3).all(|v| usize::from(f.0[v]) == to[v]);
-                    let other = terms.iter().find(same).map_or(0.0, |f| f.1);
+                    let other = coefficient(&terms, &exponents(to));
                     moment[i][j] += c * other * e[i] as f64 * weight(to);
                 }
             }
         }
     }
     (norm, moment.map(|row| row.map(|x| x / norm)))
+}
+
+/// The exponents of a form in s, t and w.
+fn exponents(e: [usize; 3]) -> Exponents {
+    let [i, j, k] = e.map(|n| n as u16);
+    [i, j, k, 0]
 }
 
 /// The coefficient of a monomial.

@@ -201,6 +201,15 @@ struct Shared {
     vertices: Vec<Option<u32>>,
 }
 
+impl Shared {
+    /// A place at which only one of several members has a vertex.
+    fn new(place: f64, members: usize, (member, vertex): (usize, u32)) -> Self {
+        let mut vertices = vec![None; members];
+        vertices[member] = Some(vertex);
+        Self { place, vertices }
+    }
+}
+
 /// A curve that several sides are, with the places at which any of them has a vertex.
 struct Curve {
     members: Vec<Member>,
@@ -221,11 +230,7 @@ impl Curve {
                 Some(last) if place - last.place < SAME && last.vertices[k].is_none() => {
                     last.vertices[k] = Some(v);
                 }
-                _ => {
-                    let mut vertices = vec![None; members.len()];
-                    vertices[k] = Some(v);
-                    places.push(Shared { place, vertices });
-                }
+                _ => places.push(Shared::new(place, members.len(), (k, v))),
             }
         }
         Self { members, places }

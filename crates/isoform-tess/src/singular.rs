@@ -384,20 +384,22 @@ pub fn real_part(curve: &Poly, control: &Control<'_>) -> Result<RealPart, Stoppe
     ))
 }
 
+/// Values of a parameter, as fractions, over which most curves are met: they are tried before
+/// critical values are asked for.
+const SIMPLE: [(i32, u8); 9] = [
+    (0, 1),
+    (1, 1),
+    (-1, 1),
+    (3, 1),
+    (-3, 1),
+    (1, 3),
+    (-1, 3),
+    (10, 1),
+    (-10, 1),
+];
+
 /// Whether an irreducible polynomial in s and t takes both signs.
 fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
-    /// Where most curves are met, as fractions.
-    const SIMPLE: [(i32, u8); 9] = [
-        (0, 1),
-        (1, 1),
-        (-1, 1),
-        (3, 1),
-        (-3, 1),
-        (1, 3),
-        (-1, 3),
-        (10, 1),
-        (-10, 1),
-    ];
     let var = usize::from(f.degree(1) > 0);
     let changes_in = |places: &mut dyn Iterator<Item = RBig>| {
         for at in places {

@@ -175,16 +175,26 @@ impl Proportion<'_> {
     }
 }
 
+/// The series of monomials of one degree at a point.
+fn values(f: &Fp, p: &[Series; 3], list: &[[u16; 3]], degree: usize) -> Vec<Series> {
+    let powers = powers(f, p, degree);
+    list.iter().map(|&e| monomial(f, &powers, e)).collect()
+}
+
 /// The linear conditions on the coefficients of three forms that they take the points of a line to
 /// the points continued from these, one for each pair of forms and each order.
 fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> Vec<Vec<u64>> {
     let n = list.len();
-    let powers = powers(f, p, degree);
-    let values: Vec<Series> = list.iter().map(|&e| monomial(f, &powers, e)).collect();
+    let values = values(f, p, list, degree);
     let mut rows = Vec::new();
     for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-        let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
-        let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
+        let times = |x: &Series| {
+            values
+                .iter()
+                .map(|v| product(f, v, x))
+                .collect::<Vec<Series>>()
+        };
+        let (on_i, on_j) = (times(&q[j]), times(&q[i]));
         for k in 0..TERMS {
             let mut row = vec![0; 3 * n];
             for c in 0..n {

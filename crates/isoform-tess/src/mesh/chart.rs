@@ -40,21 +40,11 @@ const MANY: usize = MAX_DEGREE + 1;
 impl Chart {
     /// `size` is what lengths are compared with.
     pub(super) fn new(map: &Map, quadrant: usize, size: f64) -> Self {
-        let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
-        for (form, f) in map.forms().iter().enumerate() {
-            for (e, c) in f.terms() {
-                let [high, low] = split(RBig::from_parts(c.clone(), f.denominator().clone()));
-                let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
-                (both[0][form], both[1][form]) = (high, low);
-            }
-        }
-        let signs = QUADRANTS[quadrant].map(|s| s as f64);
-        let low = terms.values().map(|both| both[1]).collect();
-        let terms = terms.into_iter().map(|(e, both)| (e, both[0])).collect();
+        let terms = split_terms(map.forms());
         Self {
-            signs,
-            terms,
-            low,
+            signs: QUADRANTS[quadrant].map(|s| s as f64),
+            low: terms.values().map(|both| both[1]).collect(),
+            terms: terms.into_iter().map(|(e, both)| (e, both[0])).collect(),
             degree: map.degree(),
             precision: PRECISION * size,
             w: bernstein_base(&map.forms()[3]),
@@ -105,17 +95,14 @@ impl Chart {
     }
     fn at_precisely(&self, [u, v]: [f64; 2]) -> Point3 {
         let exact = DoubleDouble::from;
-        let x = [
-            exact(self.signs[0] * u),
-            exact(self.signs[1] * v),
-            exact(1.0) + exact(-u) + exact(-v),
-        ];
+        let [s, t] = self.signs;
+        let last = exact(1.0) + exact(-u) + exact(-v);
+        let x = [exact(s * u), exact(t * v), last];
         let powers = x.map(|x| powers_of(x, self.degree));
         let mut sum = [exact(0.0); 4];
-        for (([i, j, k], high), low) in self.terms.iter().zip(&self.low) {
-            let m = powers[0][usize::from(*i)]
-                * powers[1][usize::from(*j)]
-                * powers[2][usize::from(*k)];
+        for ((e, high), low) in self.terms.iter().zip(&self.low) {
+            let [i, j, k] = e.map(usize::from);
+            let m = powers[0][i] * powers[1][j] * powers[2][k];
             for l in (0..4).filter(|&l| high[l] != 0.0) {
                 sum[l] = sum[l] + m * DoubleDouble::new(high[l], low[l]);
             }
@@ -413,6 +400,19 @@ fn powers_of(x: DoubleDouble, degree: usize) -> Vec<DoubleDouble> {
         powers[k] = powers[k - 1] * x;
     }
     powers
+}
+
+/// The coefficients of four forms by exponents, each as the sum of two doubles.
+fn split_terms(forms: &[Poly; 4]) -> BTreeMap<[u8; 3], [[f64; 4]; 2]> {
+    let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
+    for (form, f) in forms.iter().enumerate() {
+        for (e, c) in f.terms() {
+            let [high, low] = split(RBig::from_parts(c.clone(), f.denominator().clone()));
+            let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
+            (both[0][form], both[1][form]) = (high, low);
+        }
+    }
+    terms
 }
 
 /// A number as the sum of two doubles: the nearest one, and what is left.

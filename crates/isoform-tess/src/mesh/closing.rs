@@ -33,15 +33,10 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
-    let crowded = uses
-        .iter()
-        .filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0))
-        .count();
-    let flat = s
-        .triangles
-        .iter()
-        .filter(|t| is_flat(corners(s, t), half_width))
-        .count();
+    let is_crowded = |e: &[u32; 2], n: usize| n > 2 && !(s.is_double(e) && n % 2 == 0);
+    let crowded = uses.iter().filter(|(e, (n, _))| is_crowded(e, *n)).count();
+    let has_no_area = |t: &&[u32; 3]| is_flat(corners(s, t), half_width);
+    let flat = s.triangles.iter().filter(has_no_area).count();
     if glued {
         let twice = upon_each_other(s, uses.keys().flatten().copied(), UPON * half_width);
         if twice > 0 {
@@ -169,20 +164,18 @@ fn hand_on_borders(s: &mut Surface) {
 
 /// Leaves out vertices that no triangle has.
 pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
-    let vertices: Vec<u32> = (0..s.points.len() as u32)
-        .filter(|&v| !left_out[v as usize])
-        .collect();
+    let kept = |v: &usize| !left_out[*v];
+    let vertices: Vec<usize> = (0..s.points.len()).filter(kept).collect();
     let mut new = vec![0; s.points.len()];
     for (n, &v) in vertices.iter().enumerate() {
-        new[v as usize] = n as u32;
+        new[v] = n as u32;
     }
     let corners = s.triangles.iter_mut().flatten();
     corners.for_each(|v| *v = new[*v as usize]);
-    let of = |v: &u32| *v as usize;
-    s.points = vertices.iter().map(|v| s.points[of(v)]).collect();
-    s.kinds = vertices.iter().map(|v| s.kinds[of(v)]).collect();
-    s.faces = vertices.iter().map(|v| s.faces[of(v)]).collect();
-    s.double = vertices.iter().map(|v| s.double[of(v)]).collect();
+    s.points = vertices.iter().map(|&v| s.points[v]).collect();
+    s.kinds = vertices.iter().map(|&v| s.kinds[v]).collect();
+    s.faces = vertices.iter().map(|&v| s.faces[v]).collect();
+    s.double = vertices.iter().map(|&v| s.double[v]).collect();
 }
 
 /// Without the triangles that contracted curves have closed up, and those of no area, as far as

@@ -151,11 +151,9 @@ impl<'a> Drawing<'a> {
     /// Adds rings of vertices around base points. Their edges are there at the beginning only; what
     /// stays, from either end to the other, is returned.
     fn add_rings(&mut self) -> BTreeSet<(u32, u32)> {
-        let mut handles: BTreeMap<[u64; 2], FixedVertexHandle> = self
-            .cdt
-            .vertices()
-            .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
-            .collect();
+        let known = self.cdt.vertices();
+        let known = known.map(|v| (v.data().at.map(f64::to_bits), v.fix()));
+        let mut handles: BTreeMap<[u64; 2], FixedVertexHandle> = known.collect();
         let rings = self.glued.openings.rings_around(self.q);
         for RingVertex { at, .. } in &rings {
             let place = at.map(f64::to_bits);
@@ -164,18 +162,22 @@ impl<'a> Drawing<'a> {
             }
         }
         let fixed = self.fixed_edges();
-        let handle = |at: [f64; 2]| handles.get(&at.map(f64::to_bits)).copied();
         for RingVertex { at, legs } in &rings {
-            for &leg in legs {
-                if let (Some(a), Some(b)) = (handle(*at), handle(leg))
-                    && a != b
-                    && self.cdt.can_add_constraint(a, b)
-                {
-                    self.cdt.add_constraint(a, b);
-                }
+            for leg in legs {
+                let ends = [at, leg].map(|at| handles.get(&at.map(f64::to_bits)).copied());
+                self.add_leg(ends);
             }
         }
         fixed
+    }
+    /// Draws an edge of a ring, unless it crosses one that is drawn.
+    fn add_leg(&mut self, ends: [Option<FixedVertexHandle>; 2]) {
+        if let [Some(a), Some(b)] = ends
+            && a != b
+            && self.cdt.can_add_constraint(a, b)
+        {
+            self.cdt.add_constraint(a, b);
+        }
     }
 
     /// The triangles in the region, those at base points apart.

@@ -16,7 +16,7 @@ use super::strips::{PathVertex, around, between};
 use super::unit::{Joined, Made};
 use crate::fan::{Direction, Fan};
 use crate::region::FOLD;
-use crate::surface::Kind;
+use crate::surface::{Kind, Point3};
 
 /// What lies between two rays of a base point, from the rectangle to the seam.
 pub(super) struct Strip {
@@ -45,8 +45,8 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     // What lies between two rays need not lie in the straight triangle: then all corners of the
     // strip have the parameters of the base point.
     let [a, b] = strip.ends.map(|end| end.1);
-    let is_straight =
-        !fan.is_tree() || glued.atlas.charts[q].keeps_sign([apex, a, b], fan.multiplicity);
+    let chart = &glued.atlas.charts[q];
+    let is_straight = !fan.is_tree() || chart.keeps_sign([apex, a, b], fan.multiplicity);
     let folded = folded(strip, &paths, joined);
     let border = |v: PathVertex| if folded.contains(&v.0) { FOLD } else { 0 };
     let made = |t: [PathVertex; 3]| Made {
@@ -104,12 +104,7 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
     let mut path = vec![strip.ends[i]];
     for &(class, at) in glued.gluing.spoke(strip.fan, ray, at) {
-        let kind = match glued.gluing.is_double(class) {
-            true => Kind::Double,
-            false => Kind::Ordinary,
-        };
-        let image = glued.gluing.image(class);
-        path.push((joined.shared(Name::Double(class), image, 0, kind), at));
+        path.push((joined.class_vertex(class), at));
     }
     let mut directions = glued.openings.fans[strip.fan].directions.iter();
     let d = directions
@@ -159,6 +154,21 @@ fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
     folded
 }
 
+/// The triangles between the vertices of the rectangle, with edges to the first vertices behind it
+/// only: they bound the triangles outside, and must not gain edges to shared vertices. None if the
+/// rectangle has no vertex between the rays.
+fn beside_rectangle(
+    strip: &Strip,
+    [first, second]: [&[PathVertex]; 2],
+    points: &[Point3],
+) -> Vec<[PathVertex; 3]> {
+    if strip.way.is_empty() {
+        return Vec::new();
+    }
+    let way = [&first[..1], strip.way.as_slice(), &second[..1]].concat();
+    around(points, first[1], &way, second[1])
+}
+
 fn triangles(
     strip: &Strip,
     fan: &Fan,
@@ -166,15 +176,8 @@ fn triangles(
     joined: &Joined<'_>,
 ) -> Vec<[PathVertex; 3]> {
     let points = &joined.surface.points;
-    let mut made = Vec::new();
-    let mut start = 0;
-    if !strip.way.is_empty() {
-        // Vertices of the rectangle that bound the triangles outside must not gain edges to shared
-        // vertices.
-        let way = [&first[..1], strip.way.as_slice(), &second[..1]].concat();
-        made = around(points, first[1], &way, second[1]);
-        start = 1;
-    }
+    let mut made = beside_rectangle(strip, [first, second], points);
+    let start = usize::from(!made.is_empty());
     let (first_left, second_left) = (&first[start..], &second[start..]);
     if fan.is_tree() {
         made.extend(between(points, first_left, second_left));

@@ -47,11 +47,7 @@ impl Glued<'_> {
     /// What is claimed of the mesh. Of what had not to be decided nothing is claimed.
     pub(super) fn grades(&self, curves: &Curves) -> Vec<Grade> {
         let is_opened = !self.openings.sites.is_empty();
-        let is_tree = self
-            .openings
-            .sites
-            .values()
-            .any(|s| self.openings.fans[s.fan].is_tree());
+        let is_tree = self.openings.has_trees();
         let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
         let asked = [
             (Claim::Images, self.curves.images().len() > 1),

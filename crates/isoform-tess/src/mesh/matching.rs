@@ -96,11 +96,7 @@ impl Sheets<'_> {
         let surface = self.surface;
         let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
         let quadrant = usize::from(surface.charts[triangle]);
-        let shares = shares(corners, x);
-        let start = [0, 1].map(|i| {
-            let parameters = surface.corners[triangle];
-            (0..3).map(|k| shares[k] * parameters[k][i]).sum::<f64>()
-        });
+        let start = weighted(shares(corners, x), surface.corners[triangle]);
         let at = self.nearest(quadrant, start, x, faces)?;
         let there = in_plane(quadrant, at);
         let (quadrant, at) = (0..4)
@@ -181,4 +177,9 @@ fn shares([p, q, r]: [Point3; 3], x: Point3) -> [f64; 3] {
     let share =
         |a: Point3, b: Point3| dot(cross(sub(a, x), sub(b, x)), normal) / dot(normal, normal);
     [share(q, r), share(r, p), share(p, q)]
+}
+
+/// The sum of parameters by their shares.
+fn weighted(shares: [f64; 3], parameters: [[f64; 2]; 3]) -> [f64; 2] {
+    [0, 1].map(|i| (0..3).map(|k| shares[k] * parameters[k][i]).sum())
 }

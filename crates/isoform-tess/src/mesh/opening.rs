@@ -105,6 +105,11 @@ pub(super) struct Openings<'a> {
 }
 
 impl<'a> Openings<'a> {
+    /// Whether other base points are infinitely near to one in the region.
+    pub(super) fn has_trees(&self) -> bool {
+        let mut sites = self.sites.values();
+        sites.any(|s| self.fans[s.fan].is_tree())
+    }
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn new(
         atlas: &'a Atlas<'a>,

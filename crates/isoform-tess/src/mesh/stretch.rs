@@ -128,11 +128,6 @@ impl Openings<'_> {
         if !stretch.is_open() {
             return vec![stretch.from];
         }
-        let is_drawn_in = |line: &[[f64; 2]]| {
-            line[1..line.len() - 1]
-                .iter()
-                .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
-        };
         let bit = self.atlas.region.side_of_arc(q, over.slab, i);
         let ends = [stretch.from, stretch.to];
         if let Some(line) = self.atlas.border_line(q, bit, ends, self.halvings) {
@@ -222,11 +217,8 @@ impl Openings<'_> {
         while let Some((x, y, depth)) = stack.pop() {
             let m = 0.5 * (x + y);
             let turns = || is_contracted && depth < TURNS && chart.turns([x, m, y].map(|v| [u, v]));
-            if depth < self.halvings
-                && line.len() < VERTICES
-                && !self.atlas.control.is_stopped()
-                && (!self.atlas.is_fine(&at, x, y) || turns())
-            {
+            let is_full = line.len() >= VERTICES || self.atlas.control.is_stopped();
+            if depth < self.halvings && !is_full && (!self.atlas.is_fine(&at, x, y) || turns()) {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
                 line.push([u, y]);
@@ -255,4 +247,10 @@ impl Openings<'_> {
             rays,
         }
     }
+}
+
+/// Whether a polyline stays in the unit triangle between its ends.
+fn is_drawn_in(line: &[[f64; 2]]) -> bool {
+    let mut inner = line[1..line.len() - 1].iter();
+    inner.all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
 }

@@ -39,9 +39,18 @@ pub(super) fn between(
     first: &[PathVertex],
     second: &[PathVertex],
 ) -> Vec<[PathVertex; 3]> {
+    let least = least_areas(points, first, second);
+    walked_back(&least, first, second)
+}
+
+/// The least area of triangles up to each edge from one path to the other, and whether the last of
+/// them has its step on the second path.
+fn least_areas(
+    points: &[Point3],
+    first: &[PathVertex],
+    second: &[PathVertex],
+) -> Vec<Vec<(f64, bool)>> {
     let area = |t: [PathVertex; 3]| norm(normal(points, &t));
-    // The least area up to an edge from one to the other, and whether the last step was on the
-    // second.
     let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
     for i in 0..first.len() {
         for j in 0..second.len() {
@@ -57,14 +66,18 @@ pub(super) fn between(
                     true,
                 )
             });
-            least[i][j] = on_first
-                .into_iter()
-                .chain(on_second)
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((0.0, false));
+            least[i][j] = lesser(on_first, on_second);
         }
     }
-    walked_back(&least, first, second)
+    least
+}
+
+/// The way of less area; nothing where both paths begin.
+#[inline]
+fn lesser(on_first: Option<(f64, bool)>, on_second: Option<(f64, bool)>) -> (f64, bool) {
+    let ways = on_first.into_iter().chain(on_second);
+    ways.min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or((0.0, false))
 }
 
 /// The triangles that lead to the last edge, from whether the step to each edge between the paths

@@ -16,6 +16,7 @@ use super::stretch::Columns;
 use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
+use isoform_control::Stopped;
 use isoform_geom::dot;
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -330,10 +331,8 @@ fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
 }
 
 impl Openings<'_> {
-    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
-    /// it crosses get their places.
-    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
-        let mut gluing = Gluing::default();
+    /// The spots of all arcs that can be drawn, and how many cannot.
+    fn runs(&self, traced: &Traced) -> Result<(Vec<Vec<Spot>>, usize), Stopped> {
         let mut runs: Vec<Vec<Spot>> = Vec::new();
         let mut failed = 0;
         for part in traced.arcs.real_parts() {
@@ -341,12 +340,19 @@ impl Openings<'_> {
                 Some(run) => runs.push(run),
                 None => failed += 1,
             }
-            if self.atlas.control.is_stopped() {
-                gluing.is_stopped = true;
-                gluing.findings.push(Finding::Stopped(Phase::Partners));
-                return gluing;
-            }
+            self.atlas.control.check()?;
         }
+        Ok((runs, failed))
+    }
+    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
+    /// it crosses get their places.
+    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
+        let mut gluing = Gluing::default();
+        let Ok((mut runs, mut failed)) = self.runs(traced) else {
+            gluing.is_stopped = true;
+            gluing.findings.push(Finding::Stopped(Phase::Partners));
+            return gluing;
+        };
         failed += self.cross(&traced.pairs, &mut runs);
         self.classify(&mut gluing, &mut runs);
         for run in &runs {
@@ -366,27 +372,33 @@ impl Openings<'_> {
     fn refined(&self, pairs: &Pairs, part: &[Place]) -> Option<Vec<Spot>> {
         let mut run = vec![Spot::new(part[0])?];
         for w in part.windows(2) {
-            let mut stack = vec![(Spot::new(w[0])?, Spot::new(w[1])?, 0)];
-            while let Some((a, b, depth)) = stack.pop() {
-                if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
-                    return None;
-                }
-                let side = side_between(&a, &b);
-                if side.is_none() && self.is_chord_fine(pairs, &a, &b) {
-                    run.push(b);
-                    continue;
-                }
-                let on_side = side.and_then(|side| spot_on_side(pairs, &a, &b, side));
-                let spot = match on_side {
-                    Some(spot) => spot,
-                    None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
-                };
-                stack.push((spot, b, depth + 1));
-                stack.push((a, spot, depth + 1));
-            }
+            self.halve(pairs, [Spot::new(w[0])?, Spot::new(w[1])?], &mut run)?;
         }
         self.thin(&mut run);
         Some(run)
+    }
+    /// Adds the spots after the first of two places, up to the second, with fine chords between
+    /// them. None if they are too many.
+    fn halve(&self, pairs: &Pairs, [from, to]: [Spot; 2], run: &mut Vec<Spot>) -> Option<()> {
+        let mut stack = vec![(from, to, 0)];
+        while let Some((a, b, depth)) = stack.pop() {
+            if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
+                return None;
+            }
+            let side = side_between(&a, &b);
+            if side.is_none() && self.is_chord_fine(pairs, &a, &b) {
+                run.push(b);
+                continue;
+            }
+            let on_side = side.and_then(|side| spot_on_side(pairs, &a, &b, side));
+            let spot = match on_side {
+                Some(spot) => spot,
+                None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
+            };
+            stack.push((spot, b, depth + 1));
+            stack.push((a, spot, depth + 1));
+        }
+        Some(())
     }
 
     /// Leaves out spots whose images lie upon each other: at singular points the map may be flat.
@@ -550,6 +562,17 @@ impl Openings<'_> {
         }
         failed
     }
+    /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is on,
+    /// and its place there; none on a side, where it is a point of a wall already.
+    fn end_on_arc(&self, end: &Spot, which: usize) -> Option<((usize, usize, usize), [f64; 2])> {
+        let p = end.parameters[which];
+        let on_arc = |q: usize| {
+            let at = place_on(q, p)?;
+            Some((self.arc_at(q, at, end.faces)?, at))
+        };
+        let is_on_side = p.contains(&0.0);
+        (0..4).filter(|_| !is_on_side).find_map(on_arc)
+    }
     /// Makes vertices of the curves of the box's faces where arcs end in them; how often that
     /// failed.
     fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
@@ -557,26 +580,13 @@ impl Openings<'_> {
         let mut on_arcs: BTreeMap<(usize, usize, usize), Vec<[f64; 2]>> = BTreeMap::new();
         let ends = runs.iter().flatten().filter(|s| s.faces > 0);
         for (spot, which) in ends.flat_map(|s| [(s, 0), (s, 1)]) {
-            let p = spot.parameters[which];
-            // On a side it is a point of a wall already.
-            if p.contains(&0.0) {
-                failed += 1;
-                continue;
-            }
-            let found = (0..4).find_map(|q| {
-                let at = place_on(q, p)?;
-                Some((self.arc_at(q, at, spot.faces)?, at))
-            });
-            match found {
+            match self.end_on_arc(spot, which) {
                 Some((arc, at)) => on_arcs.entry(arc).or_default().push(at),
                 None => failed += 1,
             }
         }
         for ((q, slab, i), places) in on_arcs {
-            let stretch = self.stretch(q, slab, i);
-            let a = &self.atlas.region.triangles[q].arrangement;
-            let mut over = Columns::new(a, slab);
-            let mut line = self.polyline(q, &stretch, i, &mut over, &mut true);
+            let mut line = self.line_of_arc(q, slab, i);
             let put = places.into_iter().map(|at| put_on_line(&mut line, at));
             failed += put.filter(|is_put| !is_put).count();
             gluing.set_line(Track::Arc(q, slab, i), line);
@@ -584,6 +594,13 @@ impl Openings<'_> {
         failed
     }
 
+    /// The polyline of an arc of the arrangement, as it is drawn.
+    fn line_of_arc(&self, q: usize, slab: usize, i: usize) -> Vec<[f64; 2]> {
+        let stretch = self.stretch(q, slab, i);
+        let a = &self.atlas.region.triangles[q].arrangement;
+        let mut over = Columns::new(a, slab);
+        self.polyline(q, &stretch, i, &mut over, &mut true)
+    }
     /// The drawn arc on some faces of the box that goes through a place.
     fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<(usize, usize, usize)> {
         let a = &self.atlas.region.triangles[q].arrangement;

@@ -5,7 +5,7 @@ use super::glued::Glued;
 use super::gluing::Gluing;
 use super::in_chart::InChart;
 use super::matching::Place;
-use super::names::{Name, Node, Ray};
+use super::names::{ClassId, Name, Node, Ray};
 use super::plane::{Ended, Measure, Plane};
 use super::{HALVINGS, OPEN_TRIANGLES};
 use crate::finding::Finding;
@@ -76,6 +76,16 @@ impl<'a> Joined<'a> {
     /// The vertex of a name that all unit triangles share.
     pub(super) fn shared(&mut self, name: Name, point: Point3, faces: u8, kind: Kind) -> u32 {
         self.vertex((name, 0, 0), || (point, faces, kind))
+    }
+    /// The vertex of a class of parameters with one image.
+    pub(super) fn class_vertex(&mut self, class: ClassId) -> u32 {
+        let gluing = self.gluing();
+        let kind = match gluing.is_double(class) {
+            true => Kind::Double,
+            false => Kind::Ordinary,
+        };
+        let image = gluing.image(class);
+        self.shared(Name::Double(class), image, 0, kind)
     }
     /// The vertex of a node of a unit triangle.
     fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {

@@ -216,6 +216,19 @@ impl Pairs {
         found.is_some_and(|(place, _)| place.is_inside())
     }
 
+    /// The place near a pair in the plane of the face of the box where coordinate i is `side`, with
+    /// a tangent that goes the way of another one.
+    fn on_face(
+        &self,
+        near: &RealPair,
+        tangent: &[f64; 7],
+        (i, side): (usize, f64),
+    ) -> Option<Place> {
+        let (place, _) = self.correct(near, &Condition::Plane(face_plane(i, side)))?;
+        let mut place = place.toward(tangent);
+        place.image[i] = side * place.image[3];
+        Some(place)
+    }
     /// Where an arc first leaves the box between two places.
     fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
         let d = a.pair.to(&b.pair);
@@ -227,11 +240,8 @@ impl Pairs {
             if x * side > 0.0 || y * side <= 0.0 {
                 continue;
             }
-            let plane = face_plane(i, side);
             let t = x / (x - y);
-            let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Plane(plane))?;
-            let mut place = place.toward(&a.tangent);
-            place.image[i] = side * place.image[3];
+            let place = self.on_face(&a.pair.moved(&d, t), &a.tangent, (i, side))?;
             if place.is_inside() && best.is_none_or(|b| t < b.0) {
                 best = Some((t, place));
             }

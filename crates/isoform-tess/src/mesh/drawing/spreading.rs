@@ -12,11 +12,11 @@ use std::collections::BTreeSet;
 
 /// Rounds in which vertices are put into triangles.
 const ROUNDS: usize = 12;
-/// Triangles of a unit triangle that are enough.
+/// The number of triangles of a unit triangle at which no more vertices are put into them.
 const ENOUGH: usize = 20_000;
-/// Triangles with no edge longer than this, in the parameters, are left to be split in space.
+/// The length of an edge in the parameters up to which a triangle is left to be split in space.
 const LONG: f64 = 0.03;
-/// How far a vertex is put from others at least, in tolerances.
+/// The least distance of a further vertex from the corners of its triangle, in tolerances.
 const APART: f64 = 0.2;
 
 /// The image of a vertex, and what it shares with others.
@@ -66,15 +66,17 @@ impl Drawing<'_> {
     }
 }
 
+/// The distance of two places in the parameters.
+fn length(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
 /// Whether a triangle is large and does not look like the surface.
 fn is_to_be_split(at: [[f64; 2]; 3], [p, q, r]: [Seen; 3], measure: &InChart<'_, '_>) -> bool {
     let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)]
         .iter()
         .any(|(a, b)| a.is_some() && a == b);
-    let is_long = (0..3).any(|i| {
-        let (a, b) = (at[i], at[(i + 1) % 3]);
-        (a[0] - b[0]).hypot(a[1] - b[1]) > LONG
-    });
+    let is_long = (0..3).any(|i| length(at[i], at[(i + 1) % 3]) > LONG);
     // Next to contracted curves what is large in the parameters may be nothing in space.
     let is_apart = || {
         let there = measure.at(center(at));

@@ -97,11 +97,8 @@ impl Pieces<'_> {
                     gluing.arcs.push(DoubleArc { points, sheets });
                 }
             }
-            for knot in &piece.knots {
-                if let Some(class) = knot.class {
-                    gluing.name_class(knot.key, class);
-                }
-            }
+            let named = piece.knots.iter().filter_map(|k| Some((k.key, k.class?)));
+            named.for_each(|(key, class)| gluing.name_class(key, class));
             open.take_spokes(&mut piece, gluing);
             hand_over(&piece, gluing, sides);
         }

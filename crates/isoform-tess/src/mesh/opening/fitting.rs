@@ -183,11 +183,8 @@ impl Openings<'_> {
                 }
             }
         }
-        let widths = self.widths.iter().copied();
-        widths
-            .zip(rises)
-            .map(|(w, rises)| height(w, rises))
-            .collect()
+        let rises = self.widths.iter().zip(rises);
+        rises.map(|(&w, rises)| height(w, rises)).collect()
     }
 
     /// Follows steep arcs to the top or the bottom of their rectangle. False if one gets to

@@ -77,6 +77,28 @@ impl Plane {
             .take(TARGETS)
             .find(|&k| self.may_be_pulled(star, k, least, at, measure))
     }
+    /// The shapes of the triangles after a vertex is pulled onto number k of its ring, if all are
+    /// better than a quality.
+    fn shapes_pulled(
+        &self,
+        star: &Star,
+        k: usize,
+        least: f64,
+        measure: &dyn Measure,
+    ) -> Option<Vec<super::Shape>> {
+        let mut shapes = Vec::new();
+        for t in star.pulled(k) {
+            if !self.has_room(t) || self.least_sine(t) <= least {
+                return None;
+            }
+            let shape = self.shape_of(t, measure);
+            if shape.quality <= least {
+                return None;
+            }
+            shapes.push(shape);
+        }
+        Some(shapes)
+    }
     /// Whether a vertex may be pulled onto number k of its ring: all triangles get better than a
     /// quality, none is far from the surface, and no edge wants to be split.
     fn may_be_pulled(
@@ -88,17 +110,9 @@ impl Plane {
         measure: &dyn Measure,
     ) -> bool {
         let w = star.ring[k];
-        let mut shapes = Vec::new();
-        for t in star.pulled(k) {
-            if !self.has_room(t) || self.least_sine(t) <= least {
-                return false;
-            }
-            let shape = self.shape_of(t, measure);
-            if shape.quality <= least {
-                return false;
-            }
-            shapes.push(shape);
-        }
+        let Some(shapes) = self.shapes_pulled(star, k, least, measure) else {
+            return false;
+        };
         let is_fine = |(x, beside): (u32, &[super::Shape])| {
             let is_free = !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]);
             is_free && self.excess([w, x], [beside[0], beside[1]], measure).0 <= SPLIT

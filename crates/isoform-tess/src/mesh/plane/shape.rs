@@ -235,10 +235,15 @@ impl Plane {
         };
         let [x, y, z] = self.places([a, b, self.triangles[t as usize][i]]);
         let m = measure.beside_chord([x, y], image)?;
-        let above =
-            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let above = |z: [f64; 2]| twice_area([x, y, z]);
         (above(m) > BULGE * above(z)).then_some((m, image))
     }
+}
+
+/// Twice the area of a triangle of the parameters, without its sign.
+#[inline]
+pub(super) fn twice_area([x, y, z]: [[f64; 2]; 3]) -> f64 {
+    ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs()
 }
 
 #[cfg(test)]

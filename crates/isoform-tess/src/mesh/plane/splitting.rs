@@ -1,6 +1,6 @@
 //! Splits: new vertices on edges and in triangles.
 
-use super::shape::NOTHING;
+use super::shape::{NOTHING, twice_area};
 use super::{Measure, NONE, Plane, Quad};
 use crate::mesh::geometry::distance;
 use crate::mesh::names::Node;
@@ -18,8 +18,7 @@ impl Plane {
         let quad = self.quad(t, i);
         let [c, a, d, b] = quad.corners;
         let [x, y, p, q] = [a, b, c, d].map(|v| self.nodes[v as usize].at);
-        let area =
-            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let area = |z: [f64; 2]| twice_area([x, y, z]);
         let toward = if area(p) > area(q) { p } else { q };
         let halfway = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
         let best = self.best_split(t, &quad, halfway, measure);
