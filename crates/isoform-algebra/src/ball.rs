@@ -22,7 +22,7 @@ impl Ball {
     pub(crate) fn integer(n: &IBig, precision: usize) -> Self {
         Self::exact(n << precision)
     }
-    /// The sign if all numbers of the ball have the same.
+    /// The sign, if all numbers of the ball have one sign.
     pub(crate) fn sign(&self) -> Option<Ordering> {
         if self.radius.is_zero() || (&self.middle).abs() > self.radius {
             Some(crate::upoly::sign(&self.middle))
@@ -58,7 +58,7 @@ impl Ball {
             radius: (radius >> precision) + 2,
         }
     }
-    /// The quotient, nothing if the divisor may be zero.
+    /// The quotient; none if the divisor may be zero.
     pub(crate) fn div(&self, o: &Self, precision: usize) -> Option<Self> {
         let far = (&o.middle).abs();
         if far <= o.radius {
@@ -71,14 +71,14 @@ impl Ball {
             radius: error / (far * near) + 2,
         })
     }
-    /// A bound on the absolute values, and one from below.
+    /// A bound on the absolute values from above, and one from below.
     pub(crate) fn magnitude(&self) -> (IBig, IBig) {
         let m = (&self.middle).abs();
         (&m + &self.radius, (m - &self.radius).max(IBig::ZERO))
     }
 }
 
-/// Horner's rule.
+/// The value of a polynomial at a ball, by Horner's rule.
 pub(crate) fn eval(coefficients: &[Ball], x: &Ball, precision: usize) -> Ball {
     let zero = Ball::exact(IBig::ZERO);
     coefficients

@@ -468,8 +468,8 @@ mod tests {
         assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
     }
 
-    /// What is not certain counts as whatever it may be: one coefficient between different signs
-    /// has no choice, two may add two changes.
+    /// An uncertain sign counts as whatever it may be: one coefficient between different signs has
+    /// no choice, two may add two changes.
     #[test]
     fn changes_of_sign() {
         let of = |signs: &str| {
@@ -516,7 +516,7 @@ mod tests {
         let mut rng = fastrand::Rng::with_seed(3);
         let exactly = |x: f64| RBig::try_from(x).expect("finite");
         for _ in 0..20_000 {
-            // With digits beyond those of a double, at about so many bits.
+            // Coefficients have digits beyond a double, at about this number of bits.
             let mut draw = |bits: i32| {
                 let size = 2f64.powi(-bits);
                 exactly((1.0 + rng.f64()) * size) + exactly(rng.f64() * size * 2f64.powi(-53))

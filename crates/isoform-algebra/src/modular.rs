@@ -350,7 +350,7 @@ impl Echelon {
         }
         false
     }
-    /// How many of the rows are independent.
+    /// The number of independent rows.
     pub fn rank(&self) -> usize {
         self.rank
     }

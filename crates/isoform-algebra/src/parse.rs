@@ -1,4 +1,4 @@
-//! Text to polynomials and back.
+//! Reads polynomials from text, and writes them.
 //!
 //! ```text
 //! sum     = term { ("+" | "-") term }
@@ -9,8 +9,8 @@
 //! ```
 //!
 //! A product needs its `*`. Texts may come from anywhere: nesting, degrees, numbers of terms,
-//! lengths of numbers and the work of multiplying out are bounded, and what exceeds a bound is an
-//! error, not a wait.
+//! lengths of numbers and the work of multiplying out are bounded, and a text that exceeds a bound
+//! is an error, not a wait.
 
 use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::Signed;
@@ -18,39 +18,39 @@ use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::fmt;
 
-/// Nesting of parentheses: far more than people write, far less than the stack holds.
+/// The deepest nesting of parentheses: far more than people write, far less than the stack holds.
 const MAX_DEPTH: usize = 200;
-/// Largest total degree at any stage of reading.
+/// The largest total degree at any stage of reading.
 pub const MAX_DEGREE: usize = 1000;
-/// Largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
+/// The largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
 /// variables.
 const MAX_TERMS: usize = 100_000;
-/// Largest number of bits of a coefficient at any stage of reading.
+/// The largest number of bits of a coefficient at any stage of reading.
 const MAX_BITS: usize = 200_000;
-/// Largest absolute decimal exponent, beyond that of any `f64`.
+/// The largest absolute decimal exponent, beyond the exponent of any `f64`.
 const MAX_DECIMAL_EXPONENT: usize = 5000;
-/// Products of machine words that multiplying out may cost altogether: about a second.
+/// The work of multiplying out a text, in products of machine words: about a second.
 const MAX_WORK: usize = 200_000_000;
 
-/// A text that is no polynomial.
+/// The error of a text that is no polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column}: {problem}")]
 pub struct ParseError {
-    /// Where, in characters counted from 1.
+    /// The place, in characters counted from 1.
     pub column: usize,
-    /// What is wrong there.
+    /// The problem there.
     pub problem: ParseProblem,
 }
 
-/// What is wrong with a text that is no polynomial.
+/// The problem of a text that is no polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseProblem {
-    /// Something else should stand here.
+    /// A character where another should be.
     #[error("expected {expected}, found {}", found.map_or("the end".to_owned(), |c| format!("'{}'", c.escape_debug())))]
     Unexpected {
-        /// What should stand here.
+        /// The characters that may stand here.
         expected: &'static str,
-        /// What does; nothing at the end of the text.
+        /// The character that does; none at the end of the text.
         found: Option<char>,
     },
     /// A name that is no variable.
@@ -70,7 +70,7 @@ pub enum ParseProblem {
     /// A bound on the size of polynomials is exceeded.
     #[error("{what} above {limit}")]
     TooLarge {
-        /// Which quantity.
+        /// The quantity.
         what: &'static str,
         /// Its bound.
         limit: usize,

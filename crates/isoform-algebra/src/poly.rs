@@ -16,10 +16,10 @@ use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Largest number of variables.
+/// The largest number of variables.
 pub const MAX_VARS: usize = 4;
 
-/// Exponents of the four variables in a term.
+/// The exponents of the four variables in a term.
 pub type Exponents = [u16; MAX_VARS];
 
 /// A polynomial over Q in the variables x₀ … x₃.
@@ -62,7 +62,7 @@ impl Poly {
     pub fn constant(c: impl Into<RBig>) -> Self {
         Self::term(c, [0; MAX_VARS])
     }
-    /// The variable of that number.
+    /// The variable with a number.
     ///
     /// # Panics
     /// If var is not below [`MAX_VARS`].
@@ -83,7 +83,7 @@ impl Poly {
             }
         }
     }
-    /// The sum of terms in any order, exponents may repeat.
+    /// The sum of terms in any order, in which exponents may repeat.
     pub fn from_terms(terms: impl IntoIterator<Item = (Exponents, RBig)>) -> Self {
         let mut sum: BTreeMap<Exponents, RBig> = BTreeMap::new();
         for (e, c) in terms {
@@ -100,7 +100,7 @@ impl Poly {
         let terms = lifted.filter(|(_, c)| !c.is_zero()).collect();
         Self { terms, denominator }
     }
-    /// The sum of integer terms over a denominator, in any order, exponents may repeat.
+    /// The sum of integer terms over a denominator, in any order, in which exponents may repeat.
     ///
     /// # Panics
     /// If the denominator is zero.
@@ -122,7 +122,7 @@ impl Poly {
     }
     /// The sum of terms with coefficients read as the exact numbers that they are.
     ///
-    /// Nothing if one is infinite or NaN.
+    /// None if one is infinite or NaN.
     pub fn from_f64(terms: impl IntoIterator<Item = (Exponents, f64)>) -> Option<Self> {
         let exact: Option<Vec<_>> = terms
             .into_iter()
@@ -131,8 +131,8 @@ impl Poly {
         exact.map(Self::from_terms)
     }
 
-    /// Terms in descending order, without zeros, over a denominator with which the coefficients
-    /// have no factor in common.
+    /// The polynomial of terms in descending order, without zeros, over a denominator, of which the
+    /// factors that all coefficients have are cancelled.
     pub(crate) fn normalised(mut terms: Vec<(Exponents, IBig)>, mut denominator: UBig) -> Self {
         assert!(!denominator.is_zero(), "a zero denominator");
         if terms.is_empty() {
@@ -196,15 +196,15 @@ impl Poly {
             _ => None,
         }
     }
-    /// Largest sum of exponents; 0 for the zero polynomial.
+    /// The largest sum of exponents; 0 for the zero polynomial.
     pub fn total_degree(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).max().unwrap_or(0)
     }
-    /// Least sum of exponents, the order of vanishing at the origin; 0 for the zero polynomial.
+    /// The least sum of exponents, the order of vanishing at the origin; 0 for the zero polynomial.
     pub fn order(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).min().unwrap_or(0)
     }
-    /// Largest exponent of a variable; 0 for the zero polynomial.
+    /// The largest exponent of a variable; 0 for the zero polynomial.
     pub fn degree(&self, var: usize) -> usize {
         self.terms
             .iter()
@@ -212,7 +212,7 @@ impl Poly {
             .max()
             .unwrap_or(0)
     }
-    /// Largest exponents of all variables.
+    /// The largest exponents of all variables.
     pub fn degrees(&self) -> [usize; MAX_VARS] {
         std::array::from_fn(|v| self.degree(v))
     }
@@ -329,7 +329,8 @@ impl Poly {
         });
         Self::from_integers(moved, self.denominator.clone())
     }
-    /// Every term filled up to the degree by powers of a variable.
+    /// The form of a degree of which this polynomial is left with 1 in place of a variable: each
+    /// term is filled up by a power of the variable.
     ///
     /// # Panics
     /// If the degree is below the total degree.
@@ -348,7 +349,7 @@ impl Poly {
     pub fn dehomogenise(&self, var: usize) -> Self {
         self.set(var, &RBig::ONE)
     }
-    /// Coefficients of the powers of a variable, lowest first; empty for the zero polynomial.
+    /// The coefficients of the powers of a variable, lowest first; empty for the zero polynomial.
     pub fn coefficients_in(&self, var: usize) -> Vec<Self> {
         if self.is_zero() {
             return Vec::new();
@@ -365,8 +366,8 @@ impl Poly {
             .collect()
     }
 
-    /// The positive number by which the coefficients of [`Poly::primitive`] were multiplied, up to
-    /// sign; 0 for the zero polynomial.
+    /// The content: the positive number that [`Poly::primitive`] has to be multiplied by to give
+    /// this polynomial up to sign; 0 for the zero polynomial.
     pub fn content(&self) -> RBig {
         RBig::from_parts(IBig::from(self.integer_content()), self.denominator.clone())
     }
@@ -384,8 +385,8 @@ impl Poly {
         }
         common
     }
-    /// The multiple with integer coefficients without common factor whose leading coefficient is
-    /// positive.
+    /// The primitive part: the multiple with integer coefficients without common factor and with a
+    /// positive leading coefficient.
     pub fn primitive(&self) -> Self {
         let Some((_, lead)) = self.terms.first() else {
             return Self::zero();
@@ -415,7 +416,7 @@ impl Poly {
         if self.is_zero() {
             return Some(Self::zero());
         }
-        // Gauss: primitive parts divide over Z if the polynomials divide over Q.
+        // Primitive parts divide over Z if the polynomials divide over Q (lemma of Gauss).
         let (f, g) = (self.primitive(), divisor.primitive());
         let quotient = f.integer_quotient(&g)?;
         Some(quotient.scale(
@@ -482,7 +483,7 @@ impl Poly {
         }
         Some(UPoly::new(coefficients).primitive())
     }
-    /// A univariate polynomial in the variable of that number.
+    /// The polynomial of a univariate one in a variable.
     pub fn from_upoly(p: &UPoly, var: usize) -> Self {
         let terms = p.coefficients().iter().enumerate().map(|(i, c)| {
             let mut e = [0; MAX_VARS];
@@ -539,7 +540,7 @@ fn lcm(a: &UBig, b: &UBig) -> UBig {
     }
 }
 
-/// n^i d^(degree − i) for i = 0 … degree, where r = n/d.
+/// The products n^i d^(degree − i) for i = 0 … degree, where r = n/d.
 pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     let mut table = vec![IBig::ONE; degree + 1];
     for i in 1..=degree {
@@ -610,7 +611,8 @@ enum Accumulator {
     Sparse(BTreeMap<Exponents, IBig>),
 }
 
-/// Cells of the array per term that will be added; more than that and the map is faster.
+/// The most cells of the array per term that will be added: in an array with more of them most are
+/// empty, and the map is faster.
 const CELLS_PER_TERM: usize = 8;
 
 impl Accumulator {

@@ -271,8 +271,8 @@ impl Pair {
         by_x.min(by_total)
     }
 
-    /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them
-    /// is shorter than 1.
+    /// Twice a bound on the coefficients of Sⱼ: its rows are rows of S₀, and none of them is
+    /// shorter than 1.
     fn modulus_bound(&self, j: usize) -> UBig {
         hadamard(
             &self.norms.0,
@@ -446,7 +446,7 @@ pub struct Subresultants {
     /// Principal coefficients that were asked for. Most chains are asked for S₀ alone, and all the
     /// others cost ten times as much together.
     principal: Mutex<BTreeMap<usize, UPoly>>,
-    /// How many there are: the lower degree in y.
+    /// Their number: the lower degree in y.
     count: usize,
     pair: Pair,
     var: usize,
@@ -479,7 +479,7 @@ impl Subresultants {
             other,
         })
     }
-    /// How many subresultants there are: S₀ … Sₘ₋₁ for the lower degree m.
+    /// The number of subresultants: S₀ … Sₘ₋₁ for the lower degree m.
     pub fn count(&self) -> usize {
         self.count
     }

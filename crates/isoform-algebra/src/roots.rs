@@ -4,7 +4,7 @@
 //! sign changes of (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are
 //! the exact number. Refinement is by quadratic interval refinement (J. Abbott, *Quadratic interval
 //! refinement for real roots*, 2006/2012), which is bisection that becomes as fast as Newton's
-//! iteration. All interval ends are dyadic numbers, all decisions exact.
+//! iteration. All ends of intervals are dyadic numbers, and all decisions are exact.
 
 use crate::modular::bits;
 use crate::precision::MOST_BITS;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its
 /// roots.
 ///
-/// Comparison is exact, also of roots of different polynomials.
+/// Comparisons are exact, also between roots of different polynomials.
 ///
 /// ```
 /// use isoform_algebra::{UPoly, real_roots};
@@ -84,8 +84,8 @@ pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
         .count()
 }
 
-/// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max
-/// |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+/// A number k ≥ 0 for which M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)), taken on bit lengths,
+/// proves all roots below 2^k in absolute value.
 fn root_bound_bits(p: &UPoly) -> usize {
     let c = p.coefficients();
     let n = p.degree();
@@ -99,8 +99,8 @@ fn root_bound_bits(p: &UPoly) -> usize {
         + 1
 }
 
-/// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below
-/// 2^bound; 0 is no root.
+/// The intervals (lo, hi)/2^shift in ascending order that hold one positive root each of a
+/// squarefree polynomial with all roots below 2^bound and none at 0; lo = hi is a root.
 fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     let n = p.degree();
     let coefficients = p.coefficients().iter().enumerate();
@@ -200,7 +200,7 @@ fn drop_common_twos(q: &mut [IBig]) {
     }
 }
 
-/// q(x + 1) in place.
+/// Replaces q(x) by q(x + 1).
 fn shift_by_one(q: &mut [IBig]) {
     let n = q.len();
     for i in 0..n {
@@ -211,7 +211,7 @@ fn shift_by_one(q: &mut [IBig]) {
     }
 }
 
-/// The quotient by x − 1, which divides.
+/// The quotient of q by x − 1, of which it is a multiple.
 fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     let mut quotient = q[1..].to_vec();
     for i in (0..quotient.len().saturating_sub(1)).rev() {
@@ -221,7 +221,7 @@ fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     quotient
 }
 
-/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
+/// The number of sign changes in the coefficients of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
 fn variations_in_unit(q: &[IBig]) -> usize {
     let count = |q: &[IBig]| {
         let mut last = Ordering::Equal;
@@ -257,8 +257,9 @@ fn variations_in_unit(q: &[IBig]) -> usize {
     changes
 }
 
-/// Bits to which no number is refined: [`refine_until`](crate::precision::refine_until) asks for
-/// numbers with some more bits than it computes with. Comparisons refine what is known to differ
+/// The bits to which no number is refined: a number that is asked for to more of them shows an
+/// error of this program. [`refine_until`](crate::precision::refine_until) asks for numbers with
+/// some more bits than it computes with; comparisons refine numbers that are known to differ
 /// without a loop of that kind, and end here, too.
 const MOST_SHIFT: usize = 8 * MOST_BITS;
 
@@ -324,7 +325,7 @@ fn secant_zero(at_lo: IBig, at_hi: IBig, gear: usize) -> IBig {
 }
 
 impl RealRoot {
-    /// The root in an interval that holds exactly one, of which other roots may be end points.
+    /// The root in an open interval that holds exactly one, and may have other roots as ends.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
         let mut root = Self {
             poly: Arc::clone(poly),
@@ -399,7 +400,8 @@ impl RealRoot {
         self.lo == self.hi
     }
     /// Whether two numbers are one, from the overlap of their intervals: a common root lies in both
-    /// intervals, where the common divisor of the polynomials changes its sign there and only there.
+    /// intervals, where the common divisor of the polynomials changes its sign there and only
+    /// there.
     fn is_root_of_both(&self, other: &Self, [lo, hi]: [RBig; 2]) -> bool {
         let common = if Arc::ptr_eq(&self.poly, &other.poly) {
             (*self.poly).clone()
@@ -445,8 +447,8 @@ impl RealRoot {
         (self.lo, self.hi, self.shift) = (lo, hi, shift);
     }
 
-    /// The values at the ends up to a common factor, with certain signs and to more bits than the
-    /// next refinement has parts.
+    /// The values at the ends up to a common factor, whose signs are certain and whose errors are
+    /// smaller than the parts of the next refinement.
     fn at_ends(&self) -> (IBig, IBig) {
         let mut precision = 64 + self.shift + self.gear;
         while precision < self.poly.whole_precision(self.shift) {
@@ -575,11 +577,12 @@ impl RealRoot {
             root.refine(precision);
             let (lo, hi) = root.interval();
             let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
-            // Zeros of both signs are equal.
+            // Zeros of both signs count as one number here.
             if lo == hi {
                 return lo;
             }
-            // A root halfway between two of them: the interval might shrink for ever around it.
+            // The root may be halfway between two doubles: the interval might shrink for ever
+            // around it.
             if lo.next_up() == hi
                 && let (Ok(a), Ok(b)) = (RBig::try_from(lo), RBig::try_from(hi))
             {
@@ -697,8 +700,8 @@ pub fn simplest_between(lo: &RBig, hi: &RBig) -> RBig {
     }
 }
 
-/// 0 ≤ lo < hi. The continued fraction that both begin with, by a loop: it may have as many terms
-/// as the numbers have digits.
+/// The simplest number between 0 ≤ lo < hi: by the continued fraction that both begin with, in a
+/// loop, since it may have as many terms as the numbers have digits.
 fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
     let (mut lo, mut hi) = (lo.clone(), hi.clone());
     let mut wholes = Vec::new();
@@ -708,8 +711,8 @@ fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
         if next < hi {
             break next;
         }
-        // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may
-        // be infinite.
+        // Both numbers are in [whole, whole + 1]: the fractional parts are inverted; the upper end
+        // of the inverse may be infinite.
         let whole = RBig::from(whole);
         let (lo_part, hi_part) = (&lo - &whole, &hi - &whole);
         wholes.push(whole);

@@ -7,7 +7,7 @@ use dashu_ratio::RBig;
 use isoform_control::Control;
 use std::collections::BTreeMap;
 
-/// What a curve consists of.
+/// The components of a real curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurveTopology {
     /// Closed components without branching that do not change the sides of the plane: each bounds a

@@ -99,8 +99,8 @@ pub struct Near {
 }
 
 impl Seam {
-    /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is
-    /// common.
+    /// The number of blow-ups that are needed one after the other beyond the first: 0 if no real
+    /// direction is common.
     pub fn blowups(&self) -> usize {
         self.near
             .iter()
@@ -113,7 +113,8 @@ impl Seam {
 /// A real base point of a map.
 #[derive(Clone, Debug)]
 pub struct BasePoint {
-    /// The chart whose coordinates, less those of the point, are the local coordinates (u, v).
+    /// The chart whose coordinates, less the coordinates of the point, are the local coordinates
+    /// (u, v).
     pub chart: Chart,
     /// Homogeneous coordinates (s : t : w); the chart's one is 1.
     pub point: [Algebraic; 3],

@@ -87,7 +87,7 @@ impl Involution {
 struct Fibre {
     /// A polynomial in y = b/a that vanishes in them, in (1 : m) among them.
     common: Coefficients,
-    /// How often the direction (0 : 1) is one of them.
+    /// The multiplicity of the direction (0 : 1) among them.
     vertical: usize,
 }
 
@@ -110,7 +110,7 @@ impl Fibre {
         }
         Ok(Self { common, vertical })
     }
-    /// How many directions there are, with multiplicities.
+    /// The number of directions, with multiplicities.
     fn degree(&self) -> usize {
         self.common.len() - 1 + self.vertical
     }
@@ -127,7 +127,7 @@ impl Fibre {
     }
 }
 
-/// What satisfies two linear conditions, unless they are one: their cross product.
+/// The form that satisfies two linear conditions, unless they are one: their cross product.
 fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[Element; 3]> {
     let minor = |i: usize, j: usize| {
         let product = field.mul(&first[i], &second[j]);

@@ -60,7 +60,7 @@ pub(crate) struct Deck {
 pub(crate) struct Border {
     /// All but s = 0, t = 0 and w = 0.
     pub(crate) curves: Vec<Poly>,
-    /// Which of these three belong to it.
+    /// Whether each of these three belongs to it.
     pub(crate) sides: [bool; 3],
 }
 
@@ -119,8 +119,8 @@ impl Deck {
         let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
         deck.least(&squares, &around, ENOUGH, control)
     }
-    /// With the quotient of two forms that has the border of least degree, of the first so many
-    /// that have no pair of points around base points on both hands of it.
+    /// The deck with the quotient of two forms that has the border of least degree, among the first
+    /// `most` of them that have no pair of points around base points on both hands.
     fn least(
         &self,
         forms: &[Poly],
@@ -153,7 +153,7 @@ impl Deck {
         }
         Ok(best.map(|b| b.1))
     }
-    /// How many parameters are exchanged.
+    /// The number of parameters that are exchanged.
     pub(crate) fn order(&self) -> usize {
         self.transformations.len() + 1
     }
@@ -358,7 +358,7 @@ mod tests {
         "2*s^2*t + 2*t",
         "s^2*t^2 + s^2 + t^2 + 1",
     ];
-    /// What (s : t : w) -> (t : w : s) leaves as it is.
+    /// The points that (s : t : w) -> (t : w : s) leaves as they are.
     const CYCLIC: [&str; 4] = ["s^3 + t^3 + 1", "s*t", "s^2*t + t^2 + s", "s*t^2 + t + s^2"];
     const FOUR: [&str; 4] = ["s^2", "t^2", "s^2*t^2 + s^4", "1"];
 

@@ -1,5 +1,5 @@
-//! What is known of a double curve beside its equation: by arcs of pairs, or by the search along the
-//! curves of parameters.
+//! The double curve beside its equation: by arcs of pairs, or by the search along the curves of
+//! parameters.
 
 use crate::analysis::Analysis;
 use crate::base::Seam;
@@ -21,7 +21,7 @@ const SHARE: f64 = 0.3;
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
 
-/// What is known of the double curve beside its equation.
+/// The double curve beside its equation.
 #[derive(Default)]
 pub(crate) struct DoubleCurve {
     /// Real parameters at which pairs of them turn into conjugate ones.
@@ -69,8 +69,8 @@ impl DoubleCurve {
         found
     }
 
-    /// What arcs followed in floating point stand for. Where the double curve is known exactly and
-    /// has no component, there are no pinch points and no solitary arcs, exactly.
+    /// Adds the claims that stand on arcs followed in floating point. Where the double curve is
+    /// known exactly and has no component, there are no pinch points and no solitary arcs, exactly.
     fn claim_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
         let may_have_points = !is_known || has_curve;
         let claims = [
@@ -173,7 +173,7 @@ impl DoubleCurve {
     }
 }
 
-/// What the double curve is looked for in.
+/// The setting in which the double curve is looked for.
 struct Given<'a> {
     map: &'a Map,
     analysis: &'a Analysis,
@@ -198,11 +198,11 @@ impl Given<'_> {
         Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
     }
 
-    /// How many parameters a general plane of space has on the double curve, if there are no cuspidal
-    /// edges.
+    /// The number of parameters that a general plane of space has on the double curve, if there are
+    /// no cuspidal edges.
     ///
-    /// Without base points each curve of parameters has its degree times that of the map: then what is
-    /// at infinity, and not drawn, need not be counted.
+    /// Without base points each curve of parameters has its degree times that of the map: then what
+    /// is at infinity, and not drawn, need not be counted.
     fn expected(&self) -> Option<Expected> {
         let (analysis, singular) = (self.analysis, self.singular);
         let is_ramified = |c: &&SingularCurve| matches!(c.kind, CurveKind::Ramified);
@@ -255,11 +255,11 @@ impl Given<'_> {
         Some(found)
     }
 
-    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
-    /// high degree.
+    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and
+    /// of a high degree.
     fn may_stand(&self) -> bool {
-        /// The degree of parameter curves from which their topology takes longer than to trace them:
-        /// those of quadratic maps have 3, of general cubic ones 18.
+        /// The degree of parameter curves from which their topology takes longer than to trace
+        /// them: the curves of quadratic maps have 3, of general cubic ones 18.
         const HIGH: usize = 8;
         // More than two sheets meet, or they touch, along what D vanishes on more than once.
         let is_double =

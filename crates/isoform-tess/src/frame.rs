@@ -4,7 +4,8 @@
 //! Of all maps φ(M·(s, t, w)) with det M = 1 the one of least Bombieri norm is where the moment map
 //! μᵢⱼ = Σ ⟨xⱼ ∂ᵢF, F⟩ is a multiple of the identity (G. Kempf, L. Ness, *The length of vectors in
 //! representation spaces*, 1979); the norm is convex along geodesics, and M ← M·exp(−τ(μ − tr μ/3))
-//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine map.
+//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine
+//! map.
 
 use crate::analysis::Analysis;
 use crate::deck::linear;
@@ -16,18 +17,18 @@ use crate::zeros::Chart;
 use isoform_algebra::{Exponents, Poly, RBig};
 use isoform_geom::Gram;
 
-/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is no
-/// least norm, more steps go farther without end.
+/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is
+/// no least norm, more steps go farther without end.
 const STEPS: usize = 40;
 /// Doublings of a step, as long as the norm falls.
 const DOUBLINGS: usize = 6;
-/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a hundred
-/// times less changes nothing of what is drawn.
+/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a
+/// hundred times less changes nothing of what is drawn.
 const LEVEL: f64 = 0.05;
 /// Length of the shortest step, by the degree: a quarter of what is stable for a single monomial.
 const STEP: f64 = 0.25;
-/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4, maps
-/// as people write them by less than 1.5, and their parameters stay what they are.
+/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4,
+/// maps as people write them by less than 1.5, and their parameters stay what they are.
 const WORTH: f64 = 4.0;
 
 /// The least squared sine of the angle between the slopes by s and t at which both are known, from
@@ -183,7 +184,7 @@ fn rounded(m: &Matrix) -> Option<Frame> {
 }
 
 impl Frame {
-    /// The frame in which a map's coefficients are small, if it is worth while.
+    /// The frame in which a map's coefficients are small, if they get much smaller there.
     pub fn of(map: &Map) -> Option<Self> {
         let start = Self::level(map, &IDENTITY)?.0;
         let centre = centre(map);
@@ -193,8 +194,8 @@ impl Frame {
         let moved = || is_worth(centred.0).then_some(centre);
         found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
     }
-    /// The level and matrix after a step against the gradient, doubled in length as long as the norm
-    /// gets less.
+    /// The level and matrix after a step against the gradient, doubled in length as long as the
+    /// norm gets less.
     fn descend(map: &Map, matrix: &Matrix, gradient: &Matrix) -> Option<((f64, Matrix), Matrix)> {
         let degree = map.degree() as f64;
         let mut best: Option<((f64, Matrix), Matrix)> = None;
@@ -276,8 +277,8 @@ impl Frame {
         let corners = domain.corners().iter().map(moved).collect();
         Domain::polygon(corners).expect("as simple a polygon as before")
     }
-    /// An analysis in the parameters of the frame as one in the map's own; seams of base points keep
-    /// the coordinates of the frame.
+    /// An analysis in the parameters of the frame as one in the map's own; seams of base points
+    /// keep the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
         let back = self.inverse().each_ref().map(linear);
         let curve = |f: &mut Poly| *f = f.compose(&back).primitive();
@@ -368,8 +369,8 @@ mod tests {
         }
     }
 
-    /// What is far away comes back to where its coefficients have few digits, and what is known there
-    /// is known of the map.
+    /// What is far away comes back to where its coefficients have few digits, and what is known
+    /// there is known of the map.
     #[test]
     fn what_is_far_away_comes_back() {
         for (texts, parameters) in [

@@ -17,8 +17,8 @@ use isoform_algebra::RBig;
 use std::collections::BTreeMap;
 use weld::{PatchVertex, weld};
 
-/// Places along a side, and points in half widths of the box, that are nearer to each other are one:
-/// both sides are divided at the same doubles, from which they differ by rounding. Larger, and
+/// Places along a side, and points in half widths of the box, that are nearer to each other are
+/// one: both sides are divided at the same doubles, from which they differ by rounding. Larger, and
 /// vertices are joined over short edges; smaller, and edges stay open, which is counted.
 const SAME: f64 = 1e-9;
 
@@ -298,7 +298,7 @@ pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f6
     weld(patches, surfaces, &seams, half_width)
 }
 
-/// What patches have in common.
+/// The curves and vertices that patches have in common.
 struct Seams {
     /// Vertices that are one.
     pairs: Vec<[PatchVertex; 2]>,

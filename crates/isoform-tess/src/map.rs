@@ -84,7 +84,7 @@ impl MapError {
             _ => None,
         }
     }
-    /// What one can do about it, one sentence.
+    /// The remedy, in one sentence.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::NotAPolynomial { error, .. } => match error.problem {
@@ -113,7 +113,7 @@ impl MapError {
     }
 }
 
-/// What to do about maps that can be repaired.
+/// The options for maps that can be repaired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Remove a common factor instead of refusing the map; [`Map::removed`] then says which.

@@ -121,7 +121,7 @@ fn hull([a, b]: &[RBig; 2], [c, d]: &[RBig; 2]) -> [RBig; 2] {
     [a.min(c).clone(), b.max(d).clone()]
 }
 
-/// From Bernstein coefficients to those of powers.
+/// The coefficients of powers from Bernstein coefficients.
 fn to_powers(line: Vec<RBig>) -> Vec<RBig> {
     // Differences: the k-th power has the k-th difference of the first coefficients, n over k
     // times.

@@ -159,9 +159,9 @@ pub fn singular(
 /// An irreducible factor of D or J.
 struct Factor {
     curve: Poly,
-    /// How often it divides D, if that is known.
+    /// Its multiplicity in D, if that is known.
     in_double: Option<usize>,
-    /// How often it divides J.
+    /// Its multiplicity in J.
     in_minors: usize,
 }
 

@@ -9,7 +9,7 @@ use crate::upoly::UPoly;
 use dashu_ratio::RBig;
 use isoform_control::Control;
 
-/// What happens at a critical value.
+/// An event at a critical value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// A curve has a vertical tangent or a singular point, goes to infinity, or meets the side v =

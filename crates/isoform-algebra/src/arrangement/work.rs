@@ -88,8 +88,8 @@ impl Work {
         }
     }
 
-    /// The roots of the curves over a critical value. Curves that are just crossed there get them in
-    /// floating point, unless `exact`.
+    /// The roots of the curves over a critical value. Curves that are just crossed there get them
+    /// in floating point, unless `exact`.
     fn roots_at(
         &self,
         critical: &Critical,
@@ -121,7 +121,7 @@ impl Work {
         mut critical: Critical,
         control: &Control<'_>,
     ) -> Result<Standing, ArrangementError> {
-        // What all fibres begin with, found once.
+        // The approximation that all fibres begin with, found once.
         critical.u.refine(FIRST_BITS);
         let mut stack = Stack::new(self.roots_at(&critical, false, control)?);
         let common = self.common(&critical, control)?;
@@ -158,7 +158,8 @@ impl Work {
         })
     }
 
-    /// How many numbers each two of the curves and the sides have in common over a critical value.
+    /// The number of points that each two of the curves and the sides have in common over a
+    /// critical value.
     fn common(
         &mut self,
         critical: &Critical,
@@ -234,7 +235,7 @@ impl Work {
         }
     }
 
-    /// What lies between two neighbouring walls.
+    /// The slab between two neighbouring walls.
     pub(super) fn slab(
         &self,
         left: &Standing,
@@ -358,11 +359,13 @@ impl Work {
         side: Ordering,
         control: &Control<'_>,
     ) -> Result<RBig, ResultantError> {
-        /// Share of the way to the wall that is left after the sample, in bits.
+        /// The share of the way to the wall that is left after the first sample, in bits.
         const FIRST: usize = 8;
-        /// How the share shrinks: by steps after which a rough look may do.
+        /// The growth of the bits from one look to the next: by steps after which a rough look may
+        /// do.
         const NEARER: Growth = |bits| bits + bits / 4;
-        /// From these bits on a look is exact: then the place, not the look, is to blame.
+        /// The bits from which on a look is exact: a look that does not decide then shows that the
+        /// place is too far from the wall.
         const ROUGH: usize = 48;
         let mut u = standing.wall.u.clone();
         refine_until(FIRST, NEARER, control, |bits| {

@@ -126,7 +126,7 @@ impl Pullback {
         let r = self.interpolate(&values);
         (r.len() == self.nodes.len()).then_some(r)
     }
-    /// How many points two pullbacks have in common, n².
+    /// The number of points that two pullbacks have in common, n².
     pub(super) fn points(&self) -> usize {
         self.nodes.len() - 1
     }

@@ -9,8 +9,8 @@ use isoform_algebra::modular::{Echelon, Fp, residues};
 /// people write have degree 1 or 2; the next degree costs twice the time of all before.
 pub(super) const MOST: usize = 4;
 /// Lines through a point along which a transformation is continued. Three forms of degree n have
-/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only happen
-/// to agree.
+/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only
+/// happen to agree.
 const LINES: usize = MOST + 3;
 /// Terms of each power series: each settles two coefficients on a line; more refute, too.
 const TERMS: usize = 2 * MOST + 4;

@@ -8,7 +8,7 @@ use isoform_geom::plane::{cross, dot};
 /// origin.
 type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
-/// How much larger the triangles of a proof are than what they have to hold: much more than
+/// The factor by which the triangles of a proof are larger than they have to be: much more than
 /// rounding, and little enough not to spoil the proof.
 const ROOM: f64 = 1.02;
 /// The part of its rays that the triangle of a proof holds at least, in the coordinates of their
@@ -66,7 +66,8 @@ fn cone_around([mut p, mut q]: [[f64; 2]; 2], points: &[[f64; 2]], turn: f64) ->
     [p, q]
 }
 
-/// A triangle with its first corner in the origin that holds the beginnings of two rays, and points.
+/// A triangle with its first corner in the origin that holds the beginnings of two rays, and
+/// points.
 fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[[f64; 2]; 3]> {
     let turn = cross(a, b).signum();
     points.extend([a, b].map(|x| x.map(|x| LEAST * x)));

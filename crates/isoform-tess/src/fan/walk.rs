@@ -29,7 +29,7 @@ struct Neighbour {
     is_inside: bool,
 }
 
-/// What the walk comes to.
+/// An event of the walk.
 enum Event {
     Station(Station),
     Corner(Direction),
@@ -84,7 +84,7 @@ struct Position {
     turn: i64,
 }
 
-/// What is walked of a near point's line.
+/// The part of a near point's line that is walked.
 #[derive(Clone, Copy)]
 enum Stretch {
     Half,
@@ -185,8 +185,8 @@ impl Fan {
             }
         }
     }
-    /// The beginning and the end of the walk along the line of a point that is near in the direction
-    /// of a vector.
+    /// The beginning and the end of the walk along the line of a point that is near in the
+    /// direction of a vector.
     fn detour(
         &self,
         child: usize,

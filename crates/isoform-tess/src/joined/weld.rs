@@ -40,8 +40,8 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
     found
 }
 
-/// The vertices of all surfaces, numbered one surface after the other; those that are one are in one
-/// set.
+/// The vertices of all surfaces, numbered one surface after the other; those that are one are in
+/// one set.
 struct Vertices {
     /// The number of the first vertex of each surface, and how many there are.
     offsets: Vec<u32>,
@@ -166,8 +166,8 @@ pub(super) fn weld(
     joined
 }
 
-/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one curve
-/// at most.
+/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one
+/// curve at most.
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     let uses = s.edges(unshared);
     let open = s.open_edges(&uses);

@@ -13,7 +13,7 @@ pub(super) struct Chart {
     signs: [f64; 2],
     /// Exponents, and the coefficients of X, Y, Z, W.
     terms: Vec<([u8; 3], [f64; 4])>,
-    /// What these coefficients lack.
+    /// The rest that these coefficients lack, as doubles.
     low: Vec<[f64; 4]>,
     degree: usize,
     /// Errors of values above it are not accepted.
@@ -256,8 +256,8 @@ fn bernstein_range(
     }
 }
 
-/// A step of de Casteljau's algorithm on a form of degree d: the coefficients of its polar form with
-/// one argument set, each with the sum of the absolute values of what it is summed up from.
+/// A step of de Casteljau's algorithm on a form of degree d: the coefficients of its polar form
+/// with one argument set, each with the sum of the absolute values of what it is summed up from.
 #[inline]
 fn polar_step(b: &[[f64; 2]], d: usize, p: [f64; 3]) -> Vec<[f64; 2]> {
     let mut out = Vec::with_capacity(d * (d + 1) / 2);
@@ -596,7 +596,7 @@ mod tests {
         assert_eq!(signs, [true, false, true]);
     }
 
-    /// What is no number proves nothing, nor does what underflow has a share in.
+    /// A value that is no number proves nothing, nor does a value in which underflow has a share.
     #[test]
     fn what_is_no_number_proves_nothing() {
         let corners = [[0.5, 0.5, 0.0], [0.25, 0.5, 0.25], [0.5, 0.25, 0.25]];

@@ -7,7 +7,7 @@ use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How far beyond the box vertices may be for rounding, per half its width.
+/// The distance from the box, per half its width, that vertices may have for rounding.
 const OUTSIDE: f64 = 1e-9;
 
 /// Twice the area below which a triangle has none, per squared half width of the box: rounding of
@@ -33,7 +33,7 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
-    let is_crowded = |e: &[u32; 2], n: usize| n > 2 && !(s.is_double(e) && n % 2 == 0);
+    let is_crowded = |e: &[u32; 2], n: usize| n > 2 && !(s.is_double(e) && n.is_multiple_of(2));
     let crowded = uses.iter().filter(|(e, (n, _))| is_crowded(e, *n)).count();
     let has_no_area = |t: &&[u32; 3]| is_flat(corners(s, t), half_width);
     let flat = s.triangles.iter().filter(has_no_area).count();
@@ -55,7 +55,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     s.findings.extend(found.map(|c| c.1));
 }
 
-/// How many pairs of vertices are nearer to each other than a distance.
+/// The number of pairs of vertices that are nearer to each other than a distance.
 fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
     // Sorted along one axis, points that are near to each other are near in the order.
     let used: BTreeSet<u32> = vertices.collect();
@@ -71,8 +71,8 @@ fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64)
     (0..points.len()).map(near).sum()
 }
 
-/// How many vertices have triangles around them that are not connected by edges there: sheets that
-/// do not meet in the parameters.
+/// The number of vertices with triangles around them that are not connected by edges there: sheets
+/// that do not meet in the parameters.
 pub(super) fn pinched(s: &Surface) -> usize {
     let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); s.points.len()];
     for t in &s.triangles {
@@ -178,7 +178,7 @@ pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
     s.double = vertices.iter().map(|&v| s.double[v]).collect();
 }
 
-/// Without the triangles that contracted curves have closed up, and those of no area, as far as
+/// Removes triangles that contracted curves have closed up, and triangles of no area, as far as
 /// their short edges may be contracted. `tolerance` is that of the surface at a point.
 pub(super) fn finish(
     mut s: Surface,

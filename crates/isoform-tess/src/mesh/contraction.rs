@@ -77,9 +77,9 @@ impl Stars {
         }
         Self { of }
     }
-    /// Whether contracting an edge keeps the surface up to homeomorphism: there is a disc around its
-    /// first vertex, two triangles have the edge, and the neighbours that its vertices share are the
-    /// corners of these opposite to it.
+    /// Whether contracting an edge keeps the surface up to homeomorphism: there is a disc around
+    /// its first vertex, two triangles have the edge, and the neighbours that its vertices share
+    /// are the corners of these opposite to it.
     fn keeps_topology(&self, s: &Surface, [from, to]: [u32; 2]) -> bool {
         let around = &self.of[from as usize];
         let opposite: BTreeSet<u32> = around

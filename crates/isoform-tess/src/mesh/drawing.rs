@@ -1,5 +1,5 @@
-//! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation
-//! of the parameters.
+//! The curves that bound and cross the region in a unit triangle, as a constrained Delaunay
+//! triangulation of the parameters.
 
 mod lines;
 mod rectangles;

@@ -18,7 +18,7 @@ use crate::fan::{Direction, Fan};
 use crate::region::FOLD;
 use crate::surface::{Kind, Point3};
 
-/// What lies between two rays of a base point, from the rectangle to the seam.
+/// The part of a unit triangle between two rays of a base point, from the rectangle to the seam.
 pub(super) struct Strip {
     pub(super) fan: usize,
     pub(super) apex: [f64; 2],
@@ -42,7 +42,7 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     let (glued, apex) = (joined.glued, strip.apex);
     let fan = &glued.openings.fans[strip.fan];
     let triangles = triangles(strip, fan, &paths, joined);
-    // What lies between two rays need not lie in the straight triangle: then all corners of the
+    // The part between two rays need not lie in the straight triangle: then all corners of the
     // strip have the parameters of the base point.
     let [a, b] = strip.ends.map(|end| end.1);
     let chart = &glued.atlas.charts[q];

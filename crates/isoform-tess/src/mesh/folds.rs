@@ -13,9 +13,9 @@ impl Openings<'_> {
     /// to itself, with two directions for each point, or it stays as it is. Curves of parameters
     /// that are sent to seams lack a partner, which is noticed when they are joined.
     pub(super) fn folded_seams(&self) -> BTreeSet<(usize, usize)> {
-        /// How far from another seam one of the points of a seam has to be, per half width of the
-        /// box, for the two to be different curves: more than rounding and the distance of the
-        /// other points of the seam.
+        /// The distance from another seam that one of the points of a seam has to have, per half
+        /// width of the box, for the two to be different curves: more than rounding and the
+        /// distance of the other points of the seam.
         const APART: f64 = 1e-2;
         const FEW: usize = 7;
         const MANY: usize = 700;
@@ -45,7 +45,7 @@ impl Openings<'_> {
             };
             a == b || points(a, FEW).iter().any(far)
         };
-        // Of what is not infinitely near it is known.
+        // Of base points that are not infinitely near to others it is known.
         let is_known = |a: (usize, usize)| a.1 == 0 && deck.folded.contains(&a.0);
         let is_folded = |&a: &(usize, usize)| {
             let is_double = || self.fans[a.0].is_double_seam(a.1);

@@ -1,4 +1,4 @@
-//! What is drawn from: the openings of base points, and the vertices that sheets share.
+//! The base of the drawing: the openings of base points, and the vertices that sheets share.
 
 use super::Curves;
 use super::atlas::Atlas;
@@ -44,7 +44,7 @@ impl<'a> Glued<'a> {
     }
 }
 impl Glued<'_> {
-    /// What is claimed of the mesh. Of what had not to be decided nothing is claimed.
+    /// The claims of the mesh: none about a question that had not to be decided.
     pub(super) fn grades(&self, curves: &Curves) -> Vec<Grade> {
         let is_opened = !self.openings.sites.is_empty();
         let is_tree = self.openings.has_trees();

@@ -22,8 +22,9 @@ pub(crate) struct Place {
     pub(super) faces: u8,
 }
 
-/// How far from each other the sheets may be, per longest edge of the triangles that cross: what is
-/// farther apart is not parallel, and vertices of one sheet say nothing about the other.
+/// The distance of sheets up to which they get each other's vertices, per longest edge of the
+/// triangles that cross: sheets farther apart are not parallel, and vertices of one say nothing
+/// about the other.
 const CLOSE: f64 = 0.2;
 /// Steps towards the foot of a perpendicular, each of which gains digits, and the length in the
 /// parameters of the last one: vertices need not be where the foot is to rounding.

@@ -29,21 +29,21 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest half width of a rectangle.
 const WIDTH: f64 = 1.0 / 16.0;
-/// How often rectangles are made smaller, or directions are looked at, before a base point is left
-/// rough.
+/// The number of rounds in which rectangles are made smaller, or directions are looked at, before a
+/// base point is left rough.
 const ROUNDS: usize = 60;
 /// Largest half width where base points are infinitely near: rays differ in high powers of the
 /// width there, which has to be large for them to be told apart.
 const NEAR_WIDTH: f64 = 1.0 / 4.0;
-/// How often such a rectangle is made smaller at most.
+/// The number of times that such a rectangle is made smaller at most.
 const NEAR_ROUNDS: usize = 40;
 
-/// How near to the place of a base point, in a unit triangle, a point of a wall is that base point:
-/// both are known to rounding.
+/// The distance from the place of a base point, in a unit triangle, up to which a point of a wall
+/// is that base point: both are known to rounding.
 const ONE: f64 = 1e-9;
 
-/// How near to the image of a contracted curve, per half width of the box, a point of a seam is
-/// that image, where the curve leads there.
+/// The distance from the image of a contracted curve, per half width of the box, up to which a
+/// point of a seam is that image, where the curve leads there.
 const AT_IMAGE: f64 = 1e-6;
 
 /// The fans of the base points.
@@ -99,7 +99,7 @@ pub(super) struct Openings<'a> {
     pub(super) widths: Vec<f64>,
     /// Seams, by fan and node, that the surface ends in.
     pub(super) folded: BTreeSet<(usize, usize)>,
-    /// How often stretches of curves are halved at most.
+    /// The number of times that stretches of curves are halved at most.
     pub(super) halvings: usize,
     pub(super) findings: Vec<Finding>,
 }

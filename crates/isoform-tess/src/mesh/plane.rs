@@ -44,7 +44,7 @@ const SPLIT: f64 = 1.0;
 /// parameters on a line but for rounding are no triangle.
 const THIN: f64 = 1e-11;
 
-/// How refinement ended.
+/// The end of a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Ended {
     /// Triangles on which the sign of W is not proved.
@@ -67,7 +67,7 @@ pub(super) struct Plane {
     adjacent: Vec<[u32; 3]>,
     /// Whether the edges opposite to the corners stay.
     fixed: Vec<[bool; 3]>,
-    /// What [`Self::shape_of`] says of them, once it is asked.
+    /// The shapes of the triangles, once [`Self::shape_of`] was asked for them.
     shapes: Vec<Cell<Option<Shape>>>,
     /// Whether the pole curve is proved to miss them.
     sound: Vec<bool>,
@@ -79,7 +79,7 @@ pub(super) struct Plane {
     ended: Ended,
 }
 
-/// What is beyond an edge: the triangle, and whether the edge is fixed.
+/// The triangle beyond an edge, and whether the edge is fixed.
 type Beyond = (u32, bool);
 
 /// Two triangles (c, a, b) and (d, b, a).
@@ -192,7 +192,7 @@ impl Plane {
             .position(|&n| n == neighbour)
             .expect("neighbours know each other")
     }
-    /// What is beyond an edge, by the number of the corner opposite, modulo 3.
+    /// The triangle beyond an edge, which is given by the number of the corner opposite, modulo 3.
     #[inline]
     fn beyond(&self, t: u32, i: usize) -> Beyond {
         (
@@ -269,7 +269,7 @@ impl Plane {
         self.triangles.len() as u32 - 1
     }
 
-    /// What is wrong with the triangulation, if anything is: a triangle that is turned over, or
+    /// The defect of the triangulation, if it has one: a triangle that is turned over, or
     /// neighbours that do not agree on their edge. For tests, and where debugging asserts.
     pub(super) fn fault(&self) -> Option<String> {
         let n = self.triangles.len();
@@ -291,7 +291,7 @@ impl Plane {
             (0..3).find_map(|i| self.fault_at(t, i))
         })
     }
-    /// What is wrong with the edge opposite to corner i.
+    /// The defect of the edge opposite to corner i.
     fn fault_at(&self, t: u32, i: usize) -> Option<String> {
         let [a, b] = self.ends(t, i);
         let (n, fixed) = self.beyond(t, i);

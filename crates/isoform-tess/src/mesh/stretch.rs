@@ -8,8 +8,8 @@ use crate::field::exact;
 use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
 
-/// How far the middle of a chord may be from its curve, per tolerance: triangles beside it have to
-/// be within the tolerance.
+/// The distance of the middle of a chord from its curve up to which it is fine, per tolerance:
+/// triangles beside it have to be within the tolerance.
 const SAGITTA: f64 = 0.3;
 
 /// The arcs over a slab at places that are asked for more than once.
@@ -39,7 +39,7 @@ impl<'a> Columns<'a> {
 
 /// A piece of an arc between two walls, from rectangle to rectangle around base points.
 pub(super) struct Stretch {
-    /// What comes before `from` and after `to`: chords in rectangles.
+    /// The chords in rectangles before `from` and after `to`.
     pub(super) before: Vec<[f64; 2]>,
     pub(super) from: [f64; 2],
     pub(super) to: [f64; 2],
@@ -90,8 +90,8 @@ pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
 }
 
 impl Openings<'_> {
-    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base
-    /// points.
+    /// The stretch of an arc over a slab that is to be drawn: without the pieces in rectangles
+    /// around base points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
         let a = &self.atlas.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];

@@ -90,7 +90,7 @@ struct Chord {
     run: usize,
     /// The number of its first spot on the arc.
     at: usize,
-    /// Which of the two parameters it is of.
+    /// The number of its parameter: 0 or 1.
     which: usize,
     /// Its ends in the unit triangle.
     ends: [[f64; 2]; 2],
@@ -139,7 +139,7 @@ fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
 struct ArcPiece<'a> {
     pairs: &'a Pairs,
     ends: [Spot; 2],
-    /// Which of the two parameters.
+    /// The number of the parameter: 0 or 1.
     which: usize,
     /// The unit triangle in whose coordinates the parameter is told.
     q: usize,
@@ -163,7 +163,7 @@ impl ArcPiece<'_> {
     }
 }
 
-/// Which parameter, and which of its coordinates, first changes its sign between two spots.
+/// The first parameter, and the coordinate of it, that changes its sign between two spots.
 fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
     let mut sides = (0..2).flat_map(|which| {
         crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
@@ -234,8 +234,8 @@ impl Spot {
     }
 }
 
-/// Puts a spot into an arc at a part of a chord, in the place of an end that is near, unless the arc
-/// has a spot there.
+/// Puts a spot into an arc at a part of a chord, in the place of an end that is near, unless the
+/// arc has a spot there.
 fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     let is_there = |s: &Spot| s.place.distance(&spot.place) < ONE;
     let around = at.saturating_sub(1)..(at + 3).min(run.len());
@@ -456,7 +456,8 @@ impl Openings<'_> {
             if found.is_empty() || failed > 0 {
                 break;
             }
-            // What is put in moves what comes after it: from the last one to the first.
+            // A spot that is put in moves the spots after it: the last one is the first to be put
+            // in.
             found.sort_by(|x, y| {
                 let of = |f: &(Chord, f64, Spot)| (f.0.run, f.0.at);
                 of(y).cmp(&of(x)).then(y.1.total_cmp(&x.1))
@@ -562,8 +563,8 @@ impl Openings<'_> {
         }
         failed
     }
-    /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is on,
-    /// and its place there; none on a side, where it is a point of a wall already.
+    /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is
+    /// on, and its place there; none on a side, where it is a point of a wall already.
     fn end_on_arc(&self, end: &Spot, which: usize) -> Option<((usize, usize, usize), [f64; 2])> {
         let p = end.parameters[which];
         let on_arc = |q: usize| {

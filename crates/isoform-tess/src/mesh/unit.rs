@@ -177,7 +177,7 @@ impl<'a> Joined<'a> {
     }
 }
 
-/// What is not proved of triangles, by how their refinement ended.
+/// The findings against triangles, by how their refinement ended.
 fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     let all = [
         (ended.unsound, Finding::SignUnproved),
@@ -222,7 +222,7 @@ impl Glued<'_> {
             let control = self.atlas.control;
             u.plane.begin(most / 4, &measure(u.quadrant), control)
         });
-        // Those that need more share what the others leave.
+        // Unit triangles that need more share the triangles that the others leave.
         let (needy, done): (Vec<_>, Vec<_>) =
             (0..units.len()).partition(|&k| units[k].plane.is_waiting());
         for group in [done, needy] {

@@ -20,16 +20,18 @@ const LEAST_COSINE: f64 = 0.95;
 const MOST_OFF: f64 = 0.1;
 /// A prediction as good as this, in steps, lets them grow.
 const LITTLE_OFF: f64 = 0.02;
-/// How much steps grow.
+/// The factor by which steps grow.
 const GROWTH: f64 = 1.5;
 /// Steps shorter than this need not be fine in space: next to a base point images reach far.
 const FREE_STEP: f64 = 1e-7;
-/// How near to a face of the box what is found there is on it: where an arc begins it need not go
-/// on.
+/// The distance from a face of the box up to which a place is on the face: where an arc begins it
+/// need not go on.
 const ON_FACE: f64 = 1e-10;
-/// How far on an arc is looked at that touches a face: farther than rounding, and nearer than steps.
+/// The length at which an arc that touches a face is looked at: farther than rounding, and nearer
+/// than steps.
 const LOOK: f64 = 1e-7;
-/// How far beyond two places, in shares of their distance, what is between them may be found.
+/// The length beyond two places, in shares of their distance, within which a place between them may
+/// be found.
 const BEYOND: f64 = 0.1;
 /// λ, and the second singular value per first, that are taken for zero at a singular end: both
 /// vanish like distances from it, and tracing stops about 1e-9 before it.
@@ -37,14 +39,14 @@ const ZERO: f64 = 1e-5;
 /// Coordinates of a singular end below this are 0: such places are often on the axes of the
 /// parameters.
 pub(super) const NEAR: f64 = 1e-7;
-/// How much longer the way over a pair between two places may be than the straight one: tangents
-/// turn by 18 degrees, an arc of which is 1.004 times its chord.
+/// The most that the way over a pair between two places may be longer by than the straight one:
+/// tangents turn by 18 degrees, an arc of which is 1.004 times its chord.
 const DETOUR: f64 = 1.03;
 /// See [`DETOUR`]: rounding on very short steps.
 const DETOUR_PRECISION: f64 = 1e-9;
 /// Two places that are farther apart are no step, but written in different forms.
 const OTHER_FORM: f64 = 0.3;
-/// How far from the arc a pair on it may be for rounding: steps end with eight digits.
+/// The distance from an arc that a pair on it may have for rounding: steps end with eight digits.
 const OFF_ARC: f64 = 1e-6;
 
 /// Why an arc ends.
@@ -62,12 +64,12 @@ pub(super) enum End {
     Lost,
 }
 
-/// What the chords of an arc may be.
+/// The bounds on the chords of an arc.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fineness {
-    /// How far they may leave it, in half widths of the box.
+    /// The most that they may leave it by, in half widths of the box.
     pub(crate) tolerance: f64,
-    /// How long they may be, in half widths of the box.
+    /// Their greatest length, in half widths of the box.
     pub(crate) longest: f64,
 }
 
@@ -76,7 +78,7 @@ struct Advance {
     /// The places after it: the pinch point that is passed, and the end of the step.
     way: Vec<Place>,
     end: Option<End>,
-    /// How far off the prediction was.
+    /// The error of the prediction.
     error: f64,
 }
 
@@ -110,7 +112,7 @@ impl Pairs {
         let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
         (t > -BEYOND && t < 1.0 + BEYOND).then_some(place)
     }
-    /// A place with signs like those of the place before it on an arc.
+    /// A place with the signs of the place before it on an arc.
     fn like(&self, a: &Place, b: &Place) -> Option<Place> {
         let near = |b: &Place| {
             let d = a.pair.to(&b.pair);

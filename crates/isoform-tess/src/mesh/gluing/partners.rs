@@ -12,10 +12,11 @@ use crate::mesh::stretch::Columns;
 use crate::surface::Point3;
 use isoform_geom::{dot, norm, sub};
 
-/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall
-/// there may be: what is on an arc with a vertical tangent is half the digits from its end.
+/// The distance from the end of an arc, in the parameters, at which a place that rounding puts onto
+/// the wall there may be: what is on an arc with a vertical tangent is half the digits from its
+/// end.
 const AT_END: f64 = 1e-7;
-/// How far from a chord in space a partner is looked for beside it, in tolerances.
+/// The distance from a chord in space up to which a partner is looked for beside it, in tolerances.
 const BESIDE: f64 = 2.0;
 /// Newton's method starts this far from the ends of a segment, per length, and may leave the unit
 /// square by as much as [`OUTSIDE`].
@@ -29,9 +30,10 @@ const FOUND: f64 = 1e-13;
 const STUCK: f64 = 1e-10;
 /// The residual that is enough on folds, where difference quotients take the place of derivatives.
 const FOUND_ON_FOLD: f64 = 1e-12;
-/// How far beyond the ends of a segment, in the parameters, a partner may be for rounding.
+/// The length beyond the ends of a segment, in the parameters, in which a partner may be for
+/// rounding.
 const BEYOND: f64 = 1e-10;
-/// How far from a curve, in the parameters, a place is on it.
+/// The distance from a curve, in the parameters, up to which a place is on it.
 const ON_CURVE: f64 = 1e-8;
 /// A partner that is nearer to a vertex than this, in the parameters, is that vertex.
 const ONE: f64 = 1e-10;

@@ -11,11 +11,12 @@ use crate::mesh::stretch::{Columns, Stretch};
 use crate::surface::Point3;
 use isoform_algebra::Wall;
 
-/// How far from the chord below it, in the parameters, a pinch point may be to lie on a piece.
+/// The distance of a pinch point from the chord below it, in the parameters, up to which it lies on
+/// a piece.
 const ASIDE: f64 = 0.1;
-/// How near to a vertex, in the parameters, a pinch point is that vertex.
+/// The distance from a vertex, in the parameters, up to which a pinch point is that vertex.
 const ONE: f64 = 1e-9;
-/// How near to a place of a side, in the parameters, a base point is there.
+/// The distance from a place of a side, in the parameters, up to which a base point is there.
 const AT_PLACE: f64 = 1e-12;
 
 /// A vertex on a piece of the double curve.
@@ -327,7 +328,7 @@ impl Openings<'_> {
     }
 }
 
-/// What vertices on a side keep to: rectangles of base points, and curves that go through it.
+/// The constraints of vertices on a side: rectangles of base points, and curves that go through it.
 struct SideStops {
     id: SideId,
     quadrants: Vec<usize>,

@@ -19,7 +19,7 @@ fn edge(a: ClassId, b: ClassId) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// How many sheets meet in the edges of the double curve.
+/// The number of sheets that meet in each edge of the double curve.
 struct Sheets {
     of: BTreeMap<Edge, usize>,
     /// The edges that belong to an arc.
@@ -133,7 +133,7 @@ impl Openings<'_> {
             None => self.atlas.charts[piece.q].at(middle(ends)),
         }
     }
-    /// What is said of edges without a partner, if there are any.
+    /// The finding about edges without a partner, if there are any.
     fn partners_missing(&self, edges: usize) -> Option<Finding> {
         let curve = match self.curves.glued {
             true => JoinedCurve::Double,
@@ -141,8 +141,8 @@ impl Openings<'_> {
         };
         (edges > 0).then_some(Finding::PartnersMissing { edges, curve })
     }
-    /// How many edges of a piece have one sheet, if they should have more. Each piece needs two
-    /// sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
+    /// The number of edges of a piece that have one sheet and should have more. Each piece needs
+    /// two sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
     /// complex.
     fn edges_without_partner(
         &self,

@@ -8,8 +8,8 @@ use crate::mesh::names::Ray;
 use crate::surface::Point3;
 use isoform_geom::distance_to_segment;
 
-/// How far on a ray along a side of the unit triangle, from an infinitely near point, its direction
-/// is taken.
+/// The place on a ray along a side of the unit triangle at which, from an infinitely near point,
+/// its direction is taken.
 const ON_SIDE: f64 = 1e-3;
 /// Distances on a ray of an infinitely near point between which its end on the rectangle is looked
 /// for, and bisections in between.
@@ -123,7 +123,7 @@ impl<'a> RayIn<'a> {
         }
     }
 
-    /// How far a ray of an infinitely near point reaches in its rectangle.
+    /// The length of a ray of an infinitely near point in its rectangle.
     pub(super) fn reach(&self) -> Option<f64> {
         let (at, [h, height]) = (self.site.at, self.size());
         let is_out = |distance: f64| {

@@ -16,8 +16,9 @@ use std::collections::BTreeSet;
 
 /// Directions of a base point at most: with more it is left rough.
 const DIRECTIONS: usize = 2000;
-/// How far from the middle of an edge of the rectangle of a tree the image of the middle of its
-/// parameters may be, per length of the edge: farther off, triangles beside it are uneven.
+/// The distance from the middle of an edge of the rectangle of a tree at which the image of the
+/// middle of its parameters may be, per length of the edge: farther off, triangles beside it are
+/// uneven.
 const UNEVEN: f64 = 0.15;
 /// A chord of the seam is split when the seam bulges beyond it by more than this many widths of the
 /// strip: vertices on the rectangle would lie on the wrong side of the chord.
@@ -40,7 +41,7 @@ enum Verdict {
     TooLarge,
 }
 
-/// What is known of a sector while its unit triangles are looked at.
+/// The chords of a sector's seam, as they are seen while its unit triangles are looked at.
 struct Sight {
     /// The pieces of the seam: one, or one to the corner and one from there.
     pieces: Vec<[Point3; 2]>,

@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 const COARSE: f64 = 0.4;
 /// Nearest neighbours that a vertex is tried to be pulled onto.
 const TARGETS: usize = 4;
-/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be
-/// taken off them: new vertices come to lie between the chord and the curve otherwise.
+/// The most that contracted curves may bulge beyond their chords by, per length of these, for
+/// vertices to be taken off them: new vertices come to lie between the chord and the curve
+/// otherwise.
 const STRAIGHT: f64 = 1e-6;
 /// Triangles around a vertex at most that are looked at.
 const MOST_AROUND: usize = 64;
@@ -290,7 +291,7 @@ impl Plane {
             }
         }
     }
-    /// Which corner of a triangle a vertex is.
+    /// The number of the corner of a triangle that a vertex is.
     fn corner_at(&self, t: u32, v: u32) -> usize {
         let mut corners = self.triangles[t as usize].iter();
         corners.position(|&x| x == v).expect("a triangle at v")

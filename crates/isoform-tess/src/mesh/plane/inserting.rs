@@ -10,9 +10,10 @@ use isoform_control::Control;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 
-/// How near to a corner of a triangle no further vertex is put, per longest edge.
+/// The distance from a corner of a triangle within which no further vertex is put, per longest
+/// edge.
 const BESIDE: f64 = 0.005;
-/// How far from the chord of a border in a face of the box a vertex on it may be, per length.
+/// The most that a border in a face of the box may leave its chord by, per length.
 const BOW: f64 = 0.1;
 
 /// Whether an edge lies on a side of the unit triangle.
@@ -40,7 +41,7 @@ impl Plane {
         let near = all.filter(|&t| places.iter().any(|p| self.is_in_bounds(t, p.at)));
         let stack = near.flat_map(|t| around(t).chain([t])).collect();
         self.flip_to_delaunay(stack, measure);
-        // What was made has to be as near to the surface as everything else.
+        // The triangles that were made have to be as near to the surface as all others.
         self.work_off(most, false, measure, control);
         self.tell_apart(most, measure, control)
     }
@@ -130,12 +131,12 @@ impl Plane {
             .iter()
             .all(|&(a, b)| orient2d(a, b, p) > 0.0)
     }
-    /// How far from the edge opposite to corner i a place is, if the edge is a border in a face of
-    /// the box and the place is beside its inside.
+    /// The distance of a place from the edge opposite to corner i, if the edge is a border in a
+    /// face of the box and the place is beside its inside.
     fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
         let v = self.triangles[t as usize];
         let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
-        // Those on sides of the unit triangle have another unit triangle beyond them.
+        // Edges on sides of the unit triangle have another unit triangle beyond them.
         let is_border = self.adjacent[t as usize][i] == NONE
             && !self.is_rim(t, i)
             && !is_on_side(ends.map(|n| n.at))

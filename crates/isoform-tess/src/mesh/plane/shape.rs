@@ -9,8 +9,8 @@ use isoform_geom::{cross, dot, norm, sub};
 
 /// Newton steps to the closest point of the surface.
 const NEARER: usize = 3;
-/// How far the parameters of that point stay from the ends of an edge, in shares; from the corners
-/// of a triangle half as far.
+/// The distance of the parameters of that point from the ends of an edge, in shares; from the
+/// corners of a triangle half as far.
 const MARGIN: f64 = 0.25;
 /// Least cosine between the normals of a triangle and of the surface.
 pub(super) const FACING: f64 = 0.3;
@@ -24,8 +24,8 @@ const EVEN: f64 = 0.5;
 const EMPTY: f64 = 0.02;
 /// The quality of such a triangle.
 pub(super) const NOTHING: f64 = -2.0;
-/// How far contracted curves may bulge beyond their chords, per height of the triangles beside
-/// them.
+/// The most that contracted curves may bulge beyond their chords by, per height of the triangles
+/// beside them.
 const BULGE: f64 = 0.2;
 
 /// The shape of a triangle in space.
@@ -156,9 +156,9 @@ impl Plane {
         })
     }
 
-    /// How much the edge between two vertices wants to be split, and where: in the middle of its
-    /// parameters, or, if these are even, at parameters in the triangles beside it whose image is
-    /// nearest to the middle of the edge.
+    /// The excess of the edge between two vertices, beyond 1 if it is to be split, and the place of
+    /// the split: in the middle of its parameters, or, if these are even, at parameters in the
+    /// triangles beside it whose image is nearest to the middle of the edge.
     pub(super) fn excess(
         &self,
         [a, b]: [u32; 2],
@@ -192,7 +192,7 @@ impl Plane {
             false => (0.0..=MARGIN).contains(&shares[k]),
         })
     }
-    /// How far the middle of a triangle is from the surface, in tolerances.
+    /// The distance of the middle of a triangle from the surface, in tolerances.
     pub(super) fn off(&self, shape: &Shape, measure: &dyn Measure) -> f64 {
         let at = self.places(shape.corners);
         let [p, q, r] = shape.corners.map(|v| self.images[v as usize]);

@@ -5,10 +5,10 @@ use super::{Measure, NONE, Plane, Quad};
 use crate::mesh::geometry::distance;
 use crate::mesh::names::Node;
 
-/// How near to the corners beside it an edge is not split, per length.
+/// The distance from its ends within which an edge is not split, per length.
 const CROWDED: f64 = 0.25;
-/// How far from an edge towards the larger triangle beside it it is split: points on one line would
-/// leave no room for flips.
+/// The shares of the way from an edge towards the larger triangle beside it at which it is split:
+/// points on one line would leave no room for flips.
 const ASIDE: [f64; 2] = [0.1, 0.02];
 
 impl Plane {
