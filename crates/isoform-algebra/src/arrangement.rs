@@ -38,8 +38,9 @@ use isoform_num::Interval;
 use std::collections::BTreeMap;
 use work::{Standing, Work};
 
-/// The variable that varies from wall to wall, and the one along a wall.
+/// The variable that changes from wall to wall.
 const U: usize = 0;
+/// The variable along a wall.
 const V: usize = 1;
 
 /// Why there is no arrangement.

@@ -13,12 +13,14 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
+    /// A number that is known exactly.
     pub(crate) fn exact(middle: IBig) -> Self {
         Self {
             middle,
             radius: IBig::ZERO,
         }
     }
+    /// An integer at a precision.
     pub(crate) fn integer(n: &IBig, precision: usize) -> Self {
         Self::exact(n << precision)
     }
@@ -30,18 +32,22 @@ impl Ball {
             None
         }
     }
+    /// The sum: errors add up.
     pub(crate) fn add(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle + &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
+    /// The difference: errors add up.
     pub(crate) fn sub(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle - &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
+    /// The product, rounded; with one more unit of error for the rounding, and another one where
+    /// the factors have errors.
     pub(crate) fn mul(&self, o: &Self, precision: usize) -> Self {
         let middle = (&self.middle * &o.middle) >> precision;
         if self.radius.is_zero() && o.radius.is_zero() {

@@ -100,9 +100,10 @@ struct Near {
 
 /// Number of bits to begin with; doubled until everything is decided.
 const FIRST_PRECISION: usize = 128;
-/// Bits per degree that Euclid's algorithm begins with beyond those that are asked for, and how
-/// often they are doubled: random curves of degree 18 lose some 10 of them.
+/// The bits per degree that Euclid's algorithm begins with beyond the bits that are asked for:
+/// random curves of degree 18 lose some 10 of them.
 const EUCLID: usize = 16;
+/// The number of attempts of Euclid's algorithm, each with twice the bits of the one before.
 const EUCLID_TRIES: usize = 3;
 /// Bits of α beyond the precision of what is computed with it.
 const GUARD: usize = 4;

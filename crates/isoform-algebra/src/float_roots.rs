@@ -5,9 +5,9 @@ use dashu_ratio::RBig;
 use isoform_num::{DoubleDouble, Interval};
 use std::ops::{Add, Mul};
 
-/// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per
-/// size of the root.
+/// The most halvings of the range in search of roots.
 const HALVINGS: usize = 40;
+/// The width of a bracket that proves a root, per size of the root.
 const WIDTH: f64 = 1e-13;
 
 /// The degree up to which products on the way to binomial coefficients are below 2⁵³, so that these

@@ -156,24 +156,30 @@ impl fmt::Display for Poly {
     }
 }
 
+/// A text while it is read, by recursive descent: each rule of the grammar is a function.
 struct Parser<'a> {
     text: Vec<char>,
+    /// The place of the next character.
     at: usize,
     names: &'a [&'a str],
+    /// The work of multiplying out so far.
     work: usize,
 }
 
 impl Parser<'_> {
+    /// A problem at a place.
     fn error(&self, at: usize, problem: ParseProblem) -> ParseError {
         ParseError {
             column: at + 1,
             problem,
         }
     }
+    /// The error that the next character is not as expected.
     fn unexpected(&mut self, expected: &'static str) -> ParseError {
         let found = self.peek();
         self.error(self.at, ParseProblem::Unexpected { expected, found })
     }
+    /// The error that a quantity is above its bound.
     fn too_large(&self, at: usize, what: &'static str, limit: usize) -> ParseError {
         self.error(at, ParseProblem::TooLarge { what, limit })
     }
@@ -184,12 +190,14 @@ impl Parser<'_> {
         }
         self.text.get(self.at).copied()
     }
+    /// Whether the next character is the wanted one, which is taken then.
     fn take(&mut self, wanted: char) -> bool {
         let found = self.peek() == Some(wanted);
         self.at += usize::from(found);
         found
     }
 
+    /// A sum of terms, at a depth of parentheses.
     fn sum(&mut self, depth: usize) -> Result<Poly, ParseError> {
         // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in
         // the length of the text.
@@ -215,6 +223,7 @@ impl Parser<'_> {
         }
         Ok(parts.pop().map_or(Poly::zero(), |(_, p)| p))
     }
+    /// Adds the last two partial sums up.
     fn merge(&mut self, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
         if let (Some((_, b)), Some((level, a))) = (parts.pop(), parts.pop()) {
             // A sum may bring both to a new denominator.
@@ -228,6 +237,7 @@ impl Parser<'_> {
         Ok(())
     }
 
+    /// A product of factors, or a quotient by constants.
     fn term(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut product = self.factor(depth)?;
         loop {
@@ -255,6 +265,7 @@ impl Parser<'_> {
         }
     }
 
+    /// A power of an atom, with signs before it.
     fn factor(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut negative = false;
         while let Some(sign @ ('+' | '-')) = self.peek() {
@@ -272,6 +283,7 @@ impl Parser<'_> {
         Ok(if negative { -base } else { base })
     }
 
+    /// The exponent of a power.
     fn exponent(&mut self) -> Result<usize, ParseError> {
         self.peek();
         let start = self.at;
@@ -295,6 +307,7 @@ impl Parser<'_> {
         Ok((self.at > start).then_some(n))
     }
 
+    /// A number, a variable, or a sum in parentheses.
     fn atom(&mut self, depth: usize) -> Result<Poly, ParseError> {
         match self.peek() {
             Some('(') => {
@@ -384,6 +397,7 @@ impl Parser<'_> {
         Ok(if negative { [0, n] } else { [n, 0] })
     }
 
+    /// A power by squaring, unless its degree or its coefficients would be too large.
     fn power(&mut self, at: usize, base: &Poly, n: usize) -> Result<Poly, ParseError> {
         if n * base.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -406,6 +420,7 @@ impl Parser<'_> {
         }
         Ok(power)
     }
+    /// A product, unless it would be too large or too much work.
     fn product(&mut self, at: usize, a: &Poly, b: &Poly) -> Result<Poly, ParseError> {
         if a.total_degree() + b.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -418,6 +433,7 @@ impl Parser<'_> {
         self.charge(at, pairs.saturating_mul(words(a) * words(b) + 4))?;
         self.bounded(at, a * b)
     }
+    /// Counts work in, up to its bound.
     fn charge(&mut self, at: usize, work: usize) -> Result<(), ParseError> {
         self.work = self.work.saturating_add(work);
         if self.work > MAX_WORK {
@@ -426,6 +442,7 @@ impl Parser<'_> {
             Ok(())
         }
     }
+    /// A polynomial, unless it has too many terms or too long coefficients.
     fn bounded(&self, at: usize, p: Poly) -> Result<Poly, ParseError> {
         if p.terms().len() > MAX_TERMS {
             return Err(self.too_large(at, "a number of terms", MAX_TERMS));

@@ -371,6 +371,7 @@ impl Poly {
     pub fn content(&self) -> RBig {
         RBig::from_parts(IBig::from(self.integer_content()), self.denominator.clone())
     }
+    /// The greatest common divisor of the integer coefficients; 0 for the zero polynomial.
     fn integer_content(&self) -> UBig {
         let mut common = UBig::ZERO;
         for (_, c) in &self.terms {
@@ -497,6 +498,7 @@ impl Poly {
         (0..MAX_VARS).filter(|&v| self.degree(v) > 0).collect()
     }
 
+    /// The sum with ± another polynomial, over the least common denominator.
     fn add_scaled(&self, other: &Self, sign: i8) -> Self {
         let denominator = lcm(&self.denominator, &other.denominator);
         let one = Scaled {
@@ -510,6 +512,10 @@ impl Poly {
         Self::normalised(one.plus(&two), denominator)
     }
 
+    /// The product, term by term.
+    ///
+    /// # Panics
+    /// If an exponent exceeds 65535.
     fn product(&self, other: &Self) -> Self {
         let degrees: [usize; MAX_VARS] = std::array::from_fn(|v| self.degree(v) + other.degree(v));
         assert!(
@@ -526,10 +532,12 @@ impl Poly {
     }
 }
 
+/// The total degree of a term.
 fn sum(e: &Exponents) -> usize {
     e.iter().map(|&n| usize::from(n)).sum()
 }
 
+/// The least common multiple; denominators are often equal, or 1.
 fn lcm(a: &UBig, b: &UBig) -> UBig {
     if a == b || b.is_one() {
         a.clone()
@@ -616,6 +624,7 @@ enum Accumulator {
 const CELLS_PER_TERM: usize = 8;
 
 impl Accumulator {
+    /// No terms yet, for a number of additions of terms up to some degrees.
     fn new(degrees: &[usize; MAX_VARS], additions: usize) -> Self {
         let mut strides = [0; MAX_VARS];
         let mut size = 1usize;
@@ -632,6 +641,7 @@ impl Accumulator {
             Self::Sparse(BTreeMap::new())
         }
     }
+    /// Adds a term.
     fn add(&mut self, e: Exponents, c: IBig) {
         match self {
             Self::Dense { strides, cells } => {
@@ -642,6 +652,7 @@ impl Accumulator {
             Self::Sparse(map) => *map.entry(e).or_insert(IBig::ZERO) += c,
         }
     }
+    /// The exponents of a cell of the array.
     fn exponents(strides: &[usize; MAX_VARS], mut index: usize) -> Exponents {
         strides.map(|stride| {
             let n = index / stride;
@@ -666,6 +677,7 @@ impl Accumulator {
             },
         }
     }
+    /// The terms that are not zero, highest first.
     fn into_terms(mut self) -> Vec<(Exponents, IBig)> {
         std::iter::from_fn(|| self.pop_highest()).collect()
     }

@@ -141,6 +141,7 @@ struct Cell {
 }
 
 impl Cell {
+    /// Whether this is a root that bisection hit.
     fn is_point(&self) -> bool {
         self.poly.is_empty()
     }
@@ -353,6 +354,7 @@ impl RealRoot {
         }
         root
     }
+    /// Writes the interval with one more binary digit.
     fn double(&mut self) {
         self.lo <<= 1;
         self.hi <<= 1;
@@ -393,9 +395,11 @@ impl RealRoot {
     pub fn interval(&self) -> (RBig, RBig) {
         (self.dyadic(&self.lo), self.dyadic(&self.hi))
     }
+    /// The number n/2^shift.
     fn dyadic(&self, n: &IBig) -> RBig {
         RBig::from_parts(n.clone(), UBig::ONE << self.shift)
     }
+    /// Whether the number is known exactly: it is dyadic then.
     fn is_exact(&self) -> bool {
         self.lo == self.hi
     }

@@ -41,8 +41,10 @@ pub struct Frame {
     matrix: [[RBig; 3]; 3],
 }
 
+/// A matrix in floating point, by rows.
 type Matrix = [[f64; 3]; 3];
 
+/// The matrix that changes nothing.
 const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn times(a: &Matrix, b: &Matrix) -> Matrix {

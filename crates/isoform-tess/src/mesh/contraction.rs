@@ -1,5 +1,5 @@
-//! Triangles of no area: what is left where vertices of curves and of their surroundings fall on
-//! one line, or upon each other.
+//! Triangles of no area are contracted: they are left where vertices of curves and of their
+//! surroundings fall on one line, or upon each other.
 //!
 //! An edge that is short against the tolerance is contracted: an ordinary vertex moves onto its
 //! neighbour. All triangles keep their parameters, so that what is proved of W on them holds as
@@ -70,6 +70,7 @@ struct Stars {
 }
 
 impl Stars {
+    /// The stars of a surface.
     fn new(s: &Surface) -> Self {
         let mut of = vec![Vec::new(); s.points.len()];
         for (k, t) in s.triangles.iter().enumerate() {

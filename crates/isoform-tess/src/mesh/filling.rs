@@ -12,6 +12,7 @@
 //! ```
 
 use super::names::{Name, Ray, key};
+use super::opening::SeamId;
 use super::strips::{PathVertex, around, between};
 use super::unit::{Joined, Made};
 use crate::fan::{Direction, Fan};
@@ -145,7 +146,10 @@ fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
         if openings.is_fold_ray(strip.fan, ray) {
             folded.extend(path.iter().map(|v| v.0));
         }
-        if openings.folded.contains(&(strip.fan, ray.0.0)) {
+        if openings.folded.contains(&SeamId {
+            fan: strip.fan,
+            node: ray.0.0,
+        }) {
             // From its end of the seam to the other one, or to the next seam.
             folded.push(paths.seams[k]);
             folded.extend(paths.first.last().map(|v| v.0));

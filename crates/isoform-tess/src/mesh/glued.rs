@@ -69,8 +69,9 @@ impl Glued<'_> {
         asked.chain(always).map(Grade::from).collect()
     }
 
-    /// The name of a vertex, that of the image if it is on a contracted curve.
+    /// The name of a vertex: the name of the image if it is on a contracted curve.
     pub(super) fn merged(&self, q: usize, node: &Node) -> Name {
+        /// The sides that meet in each corner of the unit triangle.
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
         let first = |sides: &[usize]| sides.iter().find_map(|&s| self.curves.on_side[s]);
         let image = node.image.or_else(|| match node.name {

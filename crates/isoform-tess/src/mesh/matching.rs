@@ -1,7 +1,10 @@
-//! Sheets that nearly touch, along a whole curve or next to a pinch point, closer together than
-//! chords are to the surface: triangles of any size cross there, unless both sheets have their
-//! vertices beside each other's. Where triangles cross, each sheet is given the vertices of the
-//! other.
+//! Sheets that nearly touch, along a whole curve or next to a pinch point, are given each other's
+//! vertices where their triangles cross.
+//!
+//! Such sheets are closer together than chords are to the surface: triangles of any size cross
+//! there, unless both sheets have their vertices beside each other's. The place on one sheet that is
+//! nearest to a vertex x of the other is the foot of a perpendicular: the parameters at which
+//! |f(u, v) − x| is least, by the method of Gauss and Newton.
 
 use super::chart::Chart;
 use super::closing::UPON;
@@ -26,15 +29,15 @@ pub(crate) struct Place {
 /// triangles that cross: sheets farther apart are not parallel, and vertices of one say nothing
 /// about the other.
 const CLOSE: f64 = 0.2;
-/// Steps towards the foot of a perpendicular, each of which gains digits, and the length in the
-/// parameters of the last one: vertices need not be where the foot is to rounding.
+/// The most steps of Newton's method towards the foot of a perpendicular, each of which gains digits.
 const STEPS: usize = 8;
+/// The length in the parameters of the last step: vertices need not be at the foot to rounding.
 const STILL: f64 = 1e-9;
 
 /// Two triangles that cross.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
-    /// Which.
+    /// Their numbers.
     pub triangles: [u32; 2],
     /// Where both sheets get a further vertex, if they are to.
     pub point: Option<Point3>,
@@ -64,6 +67,7 @@ pub(crate) fn matching(
     places.into_iter().map(|p| p.0).collect()
 }
 
+/// A surface with the charts that its sheets are met in.
 struct Sheets<'a> {
     charts: [Chart; 4],
     half_width: f64,

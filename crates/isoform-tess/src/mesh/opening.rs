@@ -88,6 +88,13 @@ pub(super) const FULL: u8 = 0b11_1111;
 /// A point of a wall: quadrant, wall, number on the wall.
 pub(super) type WallPoint = (usize, usize, usize);
 
+/// The seam of a node of a fan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct SeamId {
+    pub(super) fan: usize,
+    pub(super) node: usize,
+}
+
 /// The base points in the region, opened.
 pub(super) struct Openings<'a> {
     pub(super) atlas: &'a Atlas<'a>,
@@ -97,8 +104,8 @@ pub(super) struct Openings<'a> {
     pub(super) sites: BTreeMap<WallPoint, Site>,
     /// Half the widths of the rectangles around them, by fans.
     pub(super) widths: Vec<f64>,
-    /// Seams, by fan and node, that the surface ends in.
-    pub(super) folded: BTreeSet<(usize, usize)>,
+    /// The seams that the surface ends in.
+    pub(super) folded: BTreeSet<SeamId>,
     /// The number of times that stretches of curves are halved at most.
     pub(super) halvings: usize,
     pub(super) findings: Vec<Finding>,

@@ -81,6 +81,16 @@ struct Spot {
     class: ClassId,
 }
 
+/// An arc of the arrangement in a unit triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct ArcId {
+    /// The unit triangle.
+    q: usize,
+    slab: usize,
+    /// The number in the slab, from bottom to top.
+    place: usize,
+}
+
 /// A chord of an arc in a unit triangle.
 #[derive(Clone, Copy, Debug)]
 struct Chord {
@@ -565,7 +575,7 @@ impl Openings<'_> {
     }
     /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is
     /// on, and its place there; none on a side, where it is a point of a wall already.
-    fn end_on_arc(&self, end: &Spot, which: usize) -> Option<((usize, usize, usize), [f64; 2])> {
+    fn end_on_arc(&self, end: &Spot, which: usize) -> Option<(ArcId, [f64; 2])> {
         let p = end.parameters[which];
         let on_arc = |q: usize| {
             let at = place_on(q, p)?;
@@ -578,7 +588,7 @@ impl Openings<'_> {
     /// failed.
     fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
         let mut failed = 0;
-        let mut on_arcs: BTreeMap<(usize, usize, usize), Vec<[f64; 2]>> = BTreeMap::new();
+        let mut on_arcs: BTreeMap<ArcId, Vec<[f64; 2]>> = BTreeMap::new();
         let ends = runs.iter().flatten().filter(|s| s.faces > 0);
         for (spot, which) in ends.flat_map(|s| [(s, 0), (s, 1)]) {
             match self.end_on_arc(spot, which) {
@@ -586,24 +596,24 @@ impl Openings<'_> {
                 None => failed += 1,
             }
         }
-        for ((q, slab, i), places) in on_arcs {
-            let mut line = self.line_of_arc(q, slab, i);
+        for (arc, places) in on_arcs {
+            let mut line = self.line_of_arc(arc);
             let put = places.into_iter().map(|at| put_on_line(&mut line, at));
             failed += put.filter(|is_put| !is_put).count();
-            gluing.set_line(Track::Arc(q, slab, i), line);
+            gluing.set_line(Track::Arc(arc.q, arc.slab, arc.place), line);
         }
         failed
     }
 
     /// The polyline of an arc of the arrangement, as it is drawn.
-    fn line_of_arc(&self, q: usize, slab: usize, i: usize) -> Vec<[f64; 2]> {
-        let stretch = self.stretch(q, slab, i);
+    fn line_of_arc(&self, ArcId { q, slab, place }: ArcId) -> Vec<[f64; 2]> {
+        let stretch = self.stretch(q, slab, place);
         let a = &self.atlas.region.triangles[q].arrangement;
         let mut over = Columns::new(a, slab);
-        self.polyline(q, &stretch, i, &mut over, &mut true)
+        self.polyline(q, &stretch, place, &mut over, &mut true)
     }
     /// The drawn arc on some faces of the box that goes through a place.
-    fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<(usize, usize, usize)> {
+    fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<ArcId> {
         let a = &self.atlas.region.triangles[q].arrangement;
         let walls = &a.walls[1..a.walls.len() - 1];
         let slab = walls.partition_point(|w| w.u.to_f64() < at[0]);
@@ -617,6 +627,6 @@ impl Openings<'_> {
         let (off, i) = drawn
             .map(|i| (far(i, &mut over), i))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (off < ON_ARC).then_some((q, slab, i))
+        (off < ON_ARC).then_some(ArcId { q, slab, place: i })
     }
 }

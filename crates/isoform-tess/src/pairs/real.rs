@@ -13,8 +13,8 @@ pub(super) const REAL: f64 = 1e-6;
 /// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
 /// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
 const NEARLY_REAL: f64 = -0.1;
-/// The multiple of the least |λ| up to which conjugate parameters may have before they get the
-/// phase of that: at a pinch point λ must come to 0. With 1 they would change to and fro.
+/// The multiple of the least |λ| from which on conjugate parameters get the phase of that one: at a
+/// pinch point λ must come to 0. With 1 they would change to and fro.
 const MORE_REAL: f64 = 2.0;
 /// Most Newton steps to a place.
 const STEPS: usize = 8;

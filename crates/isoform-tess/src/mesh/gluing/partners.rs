@@ -18,15 +18,16 @@ use isoform_geom::{dot, norm, sub};
 const AT_END: f64 = 1e-7;
 /// The distance from a chord in space up to which a partner is looked for beside it, in tolerances.
 const BESIDE: f64 = 2.0;
-/// Newton's method starts this far from the ends of a segment, per length, and may leave the unit
-/// square by as much as [`OUTSIDE`].
+/// The least and the greatest share of a segment at which Newton's method starts.
 const START: [f64; 2] = [0.02, 0.98];
+/// The length by which Newton's method may leave the unit square on its way.
 const OUTSIDE: f64 = 0.1;
-/// Steps of Newton's method at most.
+/// The most steps of Newton's method.
 const STEPS: usize = 60;
-/// Residuals, per half width of the box, below which Newton's method has come to its end, and below
-/// which it has if a step no longer halves them.
+/// The residual, per half width of the box, below which Newton's method has come to its end.
 const FOUND: f64 = 1e-13;
+/// The residual, per half width of the box, below which Newton's method has come to its end if a
+/// step no longer halves it.
 const STUCK: f64 = 1e-10;
 /// The residual that is enough on folds, where difference quotients take the place of derivatives.
 const FOUND_ON_FOLD: f64 = 1e-12;

@@ -11,11 +11,12 @@ use isoform_geom::distance_to_segment;
 /// The place on a ray along a side of the unit triangle at which, from an infinitely near point,
 /// its direction is taken.
 const ON_SIDE: f64 = 1e-3;
-/// Distances on a ray of an infinitely near point between which its end on the rectangle is looked
-/// for, and bisections in between.
+/// The distances on a ray of an infinitely near point between which its end on the rectangle is
+/// looked for.
 const REACHES: [f64; 2] = [1e-6, 1e6];
+/// The number of bisections between these distances.
 const BISECTIONS: usize = 60;
-/// Halvings of a ray between a rectangle and a seam.
+/// The most halvings of a ray between a rectangle and a seam.
 const HALVINGS: usize = 12;
 
 /// A ray of a base point in a unit triangle.
