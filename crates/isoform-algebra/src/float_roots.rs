@@ -66,7 +66,7 @@ fn newton_reciprocal<T: Number>(x: f64) -> T {
 
 /// A number that is known within bounds.
 pub(crate) trait Bounded: Number {
-    /// What it is searched with.
+    /// The number without bounds with which roots are searched.
     type Middle: Approximate;
     /// A number within the bounds.
     fn middle(self) -> Self::Middle;

@@ -79,8 +79,8 @@ impl Analysis {
     fn stopped(&mut self, phase: Phase) {
         self.findings.push(Finding::Stopped(phase));
     }
-    /// What it claims. Nothing is claimed of the whole plane where only a region was analysed, nor
-    /// of what there was no time for: findings say that.
+    /// The claims of the analysis. Nothing is claimed of the whole plane where only a region was
+    /// analysed, nor of what there was no time for: findings say that.
     pub(crate) fn grades(&self) -> Vec<Grade> {
         let is_double_known = |s: &Singular| s.double.is_some();
         let asked = [

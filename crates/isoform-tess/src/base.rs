@@ -94,7 +94,7 @@ pub struct Near {
     /// The generator of the field of the point that this is infinitely near to, in that of the
     /// direction.
     pub(crate) theta: Element,
-    /// What the forms, divided by u′^q or v′^q, do there in the local coordinates (u′, v′).
+    /// The forms there, divided by u′^q or v′^q, in the local coordinates (u′, v′).
     pub seam: Seam,
 }
 

@@ -88,7 +88,7 @@ pub enum Claim {
     Sheets,
 }
 
-/// What is to be said of a claim.
+/// The texts about a claim.
 struct Row {
     claim: Claim,
     /// The weakest step by which it is decided.

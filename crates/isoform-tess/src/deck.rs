@@ -50,8 +50,8 @@ pub(crate) struct Deck {
     pub(crate) seams: Border,
     /// Curves all of whose points a transformation leaves where they are.
     pub(crate) folds: Border,
-    /// Which real base points a transformation leaves where they are, and all lines through them:
-    /// the curves that they are blown up to are folds.
+    /// The real base points that a transformation leaves where they are, and all lines through
+    /// them: the curves that they are blown up to are folds.
     pub(crate) folded: BTreeSet<usize>,
 }
 

@@ -24,13 +24,13 @@ pub enum DomainError {
     /// Fewer than three corners.
     #[error("{found} corners are too few: a polygon has three or more")]
     TooFew {
-        /// How many.
+        /// The number that was found.
         found: usize,
     },
     /// More than [`MAX_CORNERS`].
     #[error("{found} corners are too many: there may be {MAX_CORNERS}")]
     TooMany {
-        /// How many.
+        /// The number that was found.
         found: usize,
     },
     /// All corners are on one line.

@@ -26,7 +26,7 @@ type Polylines = Vec<Vec<Point3>>;
 pub(crate) struct DoubleCurve {
     /// Real parameters at which pairs of them turn into conjugate ones.
     pub(crate) pinches: Vec<[f64; 3]>,
-    /// What tells a real parameter alone from one that meets conjugate ones.
+    /// The fibres that tell a real parameter alone from one that meets conjugate ones.
     pub(crate) fibres: Option<Fibres>,
     /// Arcs of real points that only conjugate parameters reach.
     pub(crate) solitary: Polylines,

@@ -197,9 +197,9 @@ pub enum Finding {
     /// Edges of a curve along which sheets are joined have one sheet.
     #[error("{edges} edges of the {curve} have no partner that was found")]
     PartnersMissing {
-        /// How many.
+        /// The number of these edges.
         edges: usize,
-        /// Of which curve.
+        /// The curve of these edges.
         curve: JoinedCurve,
     },
     /// Triangles that may have a pole.

@@ -1,9 +1,9 @@
 //! Triangles of several patches as one mesh, joined along the sides that they have in common.
 //!
-//! Sides with the same control points, in either order, are one curve. Its vertices are those of
-//! all patches at it: where one patch lacks a vertex of another, its triangle there is divided. The
-//! sides of a domain are straight in the parameters, so that what is proved of a triangle holds for
-//! its parts.
+//! Sides with the same control points, in either order, are one curve. Its vertices are the
+//! vertices of all patches at it: where one patch lacks a vertex of another, its triangle there is
+//! divided. The sides of a domain are straight in the parameters, so that what is proved of a
+//! triangle holds for its parts.
 //!
 //! - *member*: a side of a patch that is a given curve.
 //! - *place*: a number from 0 to 1 along a side, or along the curve, which a side may run against.

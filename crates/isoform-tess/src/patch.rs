@@ -159,7 +159,8 @@ mod tests {
         assert_eq!(bounds, [[0.0, 3.0], [0.0, 2.0], [0.0, 5.0]]);
     }
 
-    /// Points and the bits of control points survive; the values are those of the doubles' patch.
+    /// Points and the bits of control points survive; the values are the values of the doubles'
+    /// patch.
     #[test]
     fn patches_of_doubles_are_taken_exactly() {
         let s = 0.5f64.sqrt();

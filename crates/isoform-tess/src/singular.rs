@@ -31,7 +31,7 @@ pub struct SingularCurve {
     pub in_double: Option<usize>,
     /// Its multiplicity in J.
     pub in_minors: usize,
-    /// What the map does on it.
+    /// The effect of the map on it.
     pub kind: CurveKind,
     /// Its real points.
     pub real: RealPart,
@@ -44,7 +44,7 @@ impl SingularCurve {
     }
 }
 
-/// What the map does on a curve of its parameter plane.
+/// The effect of the map on a curve of its parameter plane.
 #[derive(Clone, Debug)]
 pub enum CurveKind {
     /// Every component is mapped to a point.

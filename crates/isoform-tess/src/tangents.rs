@@ -33,7 +33,7 @@ pub(crate) fn tangent_form(
     let whole = curve.total_degree();
     let mut local = Local::new();
     let mut room = if chain.is_empty() { 1 } else { whole };
-    // Terms beyond those of least degree are not needed at the point itself.
+    // Terms of a degree above the least are not needed at the point itself.
     while local.is_empty() {
         control.check()?;
         local = expand(curve, &zero, room.min(whole));

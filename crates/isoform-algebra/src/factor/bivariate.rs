@@ -2,8 +2,8 @@
 //!
 //! A shear makes the leading coefficient in x constant, so that a factor of degree d in x has total
 //! degree d. y is set to a number; the univariate factors on that line are lifted as power series
-//! in y modulo primes, and a product of them counts if its coefficients end where those of a factor
-//! must. It is lifted modulo more primes until it divides.
+//! in y modulo primes, and a product of them counts if its coefficients end where the coefficients
+//! of a factor must. It is lifted modulo more primes until it divides.
 
 use super::FactorError;
 use super::recombination::by_subsets;

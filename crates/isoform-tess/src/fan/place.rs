@@ -98,7 +98,7 @@ impl Fan {
         });
         cross(a, b) > 0.0
     }
-    /// The coordinates of the base point from those of a node.
+    /// The coordinates of the base point from the coordinates of a node.
     pub(super) fn lowered(&self, node: usize, at: [f64; 2]) -> [f64; 2] {
         let steps = self.nodes[node].chain.iter().rev();
         steps.fold(at, |at, step| step.lower(at))

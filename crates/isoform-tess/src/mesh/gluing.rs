@@ -21,7 +21,7 @@ use crate::surface::{DoubleArc, Point3};
 use pieces::{Piece, Pieces};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Where a piece of the double curve is drawn.
+/// The curve in the drawing to which a piece of the double curve belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Track {
     /// Quadrant, slab, place in it.

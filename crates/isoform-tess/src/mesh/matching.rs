@@ -2,8 +2,8 @@
 //! vertices where their triangles cross.
 //!
 //! Such sheets are closer together than chords are to the surface: triangles of any size cross
-//! there, unless both sheets have their vertices beside each other's. The place on one sheet that is
-//! nearest to a vertex x of the other is the foot of a perpendicular: the parameters at which
+//! there, unless both sheets have their vertices beside each other's. The place on one sheet that
+//! is nearest to a vertex x of the other is the foot of a perpendicular: the parameters at which
 //! |f(u, v) − x| is least, by the method of Gauss and Newton.
 
 use super::chart::Chart;
@@ -29,7 +29,8 @@ pub(crate) struct Place {
 /// triangles that cross: sheets farther apart are not parallel, and vertices of one say nothing
 /// about the other.
 const CLOSE: f64 = 0.2;
-/// The most steps of Newton's method towards the foot of a perpendicular, each of which gains digits.
+/// The most steps of Newton's method towards the foot of a perpendicular, each of which gains
+/// digits.
 const STEPS: usize = 8;
 /// The length in the parameters of the last step: vertices need not be at the foot to rounding.
 const STILL: f64 = 1e-9;

@@ -40,7 +40,7 @@ pub(super) use shape::is_turned;
 const NONE: u32 = u32::MAX;
 /// An edge wants to be split when its number is above this one.
 const SPLIT: f64 = 1.0;
-/// Least area of flipped triangles in the parameters, per square of their longest edge: three
+/// The least area of flipped triangles in the parameters, per square of their longest edge: three
 /// parameters on a line but for rounding are no triangle.
 const THIN: f64 = 1e-11;
 
@@ -88,7 +88,7 @@ struct Quad {
     corners: [u32; 4],
     /// The second triangle.
     n: u32,
-    /// Beyond the edges c a, a d, d b, b c.
+    /// The triangles beyond the edges c a, a d, d b, b c.
     outer: [Beyond; 4],
 }
 
@@ -145,12 +145,12 @@ impl Plane {
         }
     }
 
-    /// Where vertices are.
+    /// The places of vertices.
     #[inline]
     fn places<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 2]; N] {
         vertices.map(|v| self.nodes[v as usize].at)
     }
-    /// Where the corners of a triangle are.
+    /// The places of the corners of a triangle.
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
         self.places(self.triangles[t as usize])
     }

@@ -20,8 +20,8 @@ const ZERO: f64 = 1e-7;
 /// The sine of the angle between two parameters (s : t : w) that are one.
 const ONE_PARAMETER: f64 = 1e-9;
 
-/// What the factors of the region, and the lines s = 0, t = 0, w = 0, are beside poles and faces of
-/// the box.
+/// The parts that the factors of the region, and the lines s = 0, t = 0, w = 0, play beside poles
+/// and faces of the box: contracted, double and creased curves.
 pub(super) struct SpecialCurves<'a> {
     atlas: &'a Atlas<'a>,
     /// Images of contracted curves.

@@ -16,7 +16,7 @@ const NEARLY_REAL: f64 = -0.1;
 /// The multiple of the least |λ| from which on conjugate parameters get the phase of that one: at a
 /// pinch point λ must come to 0. With 1 they would change to and fro.
 const MORE_REAL: f64 = 2.0;
-/// Most Newton steps to a place.
+/// The most steps of Newton's method to a place.
 const STEPS: usize = 8;
 /// Newton's method ends with a step below this: the next one would be lost in rounding.
 const DONE: f64 = 1e-8;

@@ -19,7 +19,7 @@ use std::collections::BTreeSet;
 const STEEP: f64 = 4.0;
 /// The height of a rectangle, per rise of the highest arc that leaves it at a side.
 const ROOM: f64 = 1.25;
-/// Steps of the secant method to the place where a steep arc leaves its rectangle.
+/// The most steps of the secant method to the place where a steep arc leaves its rectangle.
 const SECANTS: usize = 12;
 /// The number of times that an arc that does not reach the side of its rectangle is looked at four
 /// times nearer to the base point, before the rectangle counts as too large.

@@ -1,4 +1,4 @@
-//! Where rays and arcs leave the rectangles around base points.
+//! The places where rays and arcs leave the rectangles around base points.
 
 use super::Openings;
 use super::site::{Site, SiteArc};
@@ -84,7 +84,7 @@ impl<'a> RayIn<'a> {
         found
     }
 
-    /// Where it leaves the rectangle.
+    /// The place where it leaves the rectangle.
     pub(super) fn end(&self) -> Option<[f64; 2]> {
         if self.d.node > 0 && !self.fan.is_side(self.d) {
             return self.at(self.reach()?);
@@ -105,8 +105,8 @@ impl<'a> RayIn<'a> {
         let is_along_side = du != 0.0 && u + v == 1.0 && (du + dv).abs() < 1e-15;
         Some([du, if is_along_side { -du } else { dv }])
     }
-    /// Where a straight ray leaves the rectangle: exactly on a side of the unit triangle that it
-    /// lies on.
+    /// The place where a straight ray leaves the rectangle: exactly on a side of the unit triangle
+    /// that it lies on.
     fn straight_end(&self, [du, dv]: [f64; 2]) -> [f64; 2] {
         let ([u, v], [h, height]) = (self.site.at, self.size());
         if du.abs() * height >= h * dv.abs() {

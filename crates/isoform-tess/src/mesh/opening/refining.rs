@@ -32,7 +32,7 @@ const LEAST: f64 = 0.1;
 /// The share of tolerances for trees, where rays of several nodes crowd.
 const LEAST_IN_TREES: f64 = 0.01;
 
-/// What a sector needs.
+/// The verdict on a sector.
 enum Verdict {
     Fine,
     /// Another direction.
@@ -60,7 +60,7 @@ struct Wedge<'a> {
     sector: &'a Sector,
     q: usize,
     site: &'a Site,
-    /// Where its rays leave the rectangle.
+    /// The places where its rays leave the rectangle.
     ends: [[f64; 2]; 2],
 }
 
@@ -285,7 +285,7 @@ impl Openings<'_> {
         }
     }
 
-    /// What a sector needs.
+    /// The verdict on a sector.
     fn judge(&self, fan: &Fan, sector: &Sector, sites: &[(usize, &Site)]) -> Verdict {
         let ends = sector.rays.map(|(k, _)| fan.seam(&fan.directions[k]));
         let wedges: Vec<Wedge<'_>> = sites

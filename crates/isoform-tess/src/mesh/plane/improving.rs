@@ -126,7 +126,7 @@ impl Plane {
         }
         least
     }
-    /// Where a vertex might go.
+    /// The places that a vertex might go to.
     fn smoothing(&self, v: u32, ring: &[u32], measure: &dyn Measure) -> Vec<[f64; 2]> {
         let from = self.nodes[v as usize].at;
         let share = 1.0 / ring.len() as f64;

@@ -18,14 +18,14 @@ const PINCHED: f64 = 1.5;
 /// The shortest edges, per longest allowed, of triangles that are split because they face a wrong
 /// way: where the surface has a cusp no size is small enough.
 const LEAST: f64 = 0.01;
-/// Least area in the parameters, per square of the longest edge, of triangles that are split
+/// The least area in the parameters, per square of the longest edge, of triangles that are split
 /// because they face a wrong way.
 const TURNED: f64 = 1e-6;
 /// Triangles that one split may add: two, and those that flips leave to be split.
 const MOST_MADE: usize = 4;
-/// Steps per triangle allowed: flips queue triangles anew, and might do so for ever.
+/// The most steps per triangle: flips queue triangles anew, and might do so for ever.
 const STEPS: usize = 20;
-/// Steps between two looks at the control.
+/// The number of steps between two looks at the control.
 const BREATH: usize = 256;
 
 /// A wish of a triangle to be split.

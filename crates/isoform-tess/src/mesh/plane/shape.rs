@@ -12,15 +12,15 @@ const NEARER: usize = 3;
 /// The distance of the parameters of that point from the ends of an edge, in shares; from the
 /// corners of a triangle half as far.
 const MARGIN: f64 = 0.25;
-/// Least cosine between the normals of a triangle and of the surface.
+/// The least cosine between the normals of a triangle and of the surface.
 pub(super) const FACING: f64 = 0.3;
-/// Least share of the smaller of the areas of a triangle and of the surface over it in the larger:
-/// points of the parameters that lie nearly on a line may be a fine triangle in space, but one that
-/// stands for nothing.
+/// The least share of the smaller of the areas of a triangle and of the surface over it in the
+/// larger: points of the parameters that lie nearly on a line may be a fine triangle in space, but
+/// one that stands for nothing.
 const SHARE: f64 = 0.2;
-/// Share of areas above which the parameters count as even on a triangle.
+/// The share of areas above which the parameters count as even on a triangle.
 const EVEN: f64 = 0.5;
-/// Share of areas below which a triangle covers none of the surface; flips never make one.
+/// The share of areas below which a triangle covers none of the surface; flips never make one.
 const EMPTY: f64 = 0.02;
 /// The quality of such a triangle.
 pub(super) const NOTHING: f64 = -2.0;

@@ -32,7 +32,7 @@ impl Plane {
         let fitting = self.fitting(&quad, places, measure);
         fitting.is_some_and(|at| self.split_at(t, i, Node::inner(at, 0), measure))
     }
-    /// Where an edge is best split, but not where a corner beside it is already.
+    /// The best place to split an edge, but not one where a corner beside it is already.
     fn best_split(
         &self,
         t: u32,
