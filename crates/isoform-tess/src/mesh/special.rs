@@ -21,7 +21,7 @@ const ZERO: f64 = 1e-7;
 const ONE_PARAMETER: f64 = 1e-9;
 
 /// The parts that the factors of the region, and the lines s = 0, t = 0, w = 0, play beside poles
-/// and faces of the box: contracted, double and creased curves.
+/// and faces of the box: contracted curves, double curves and cuspidal edges.
 pub(super) struct SpecialCurves<'a> {
     atlas: &'a Atlas<'a>,
     /// Images of contracted curves.
@@ -80,7 +80,7 @@ impl<'a> SpecialCurves<'a> {
         }
     }
 
-    /// What the factors are that the curves have become in the region, in the order of
+    /// The factors that the curves have become in the region, in the order of
     /// [`Curves::forms`].
     fn find_factors(&mut self, curves: &Curves) {
         let mut extra = self.atlas.region.extra.iter();
