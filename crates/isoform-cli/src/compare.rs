@@ -118,35 +118,42 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
     }
 }
 
+/// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(
     path: &Path,
     given: Option<&eval::Parameters>,
     args: &Args,
     context: &Context,
 ) -> Result<Loaded, Failure> {
-    if scan::is_mesh(path, None) {
+    if is_model(path) && !scan::is_mesh(path, None) {
+        return load_model(path, given, &args.language, context);
+    }
+    let (cloud, warnings) = if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
-        warn(path, &report.warnings, context);
-        return Ok(Loaded::Cloud(surface_of(&mesh)));
-    }
-    if !is_model(path) {
+        (surface_of(&mesh), report.warnings)
+    } else {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-        warn(path, &report.warnings, context);
-        return Ok(Loaded::Cloud(cloud));
+        (cloud, report.warnings)
+    };
+    for warning in warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
     }
-    let model = gallery::template(path, &args.language, context)?;
+    Ok(Loaded::Cloud(cloud))
+}
+
+/// Reads a model, whose distances are those of its metric reading.
+fn load_model(
+    path: &Path,
+    given: Option<&eval::Parameters>,
+    language: &Language,
+    context: &Context,
+) -> Result<Loaded, Failure> {
+    let model = gallery::template(path, language, context)?;
     let values = eval::values(&model, given.map_or(&[], |p| &p.0))?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
     let template =
         template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;
     Ok(Loaded::Model(Box::new(template), values))
-}
-
-/// Warns of what a file holds, with its name.
-fn warn(path: &Path, warnings: &[String], context: &Context) {
-    for warning in warnings {
-        context.warn(format_args!("{}: {warning}", path.display()));
-    }
 }
 
 fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {

@@ -76,6 +76,29 @@ impl Cell {
             Self::Value(..) | Self::Part(..) => None,
         }
     }
+
+    /// Writes the cell and its attributes, whose fields are empty behind an error, into a row of a
+    /// table.
+    fn write(&self, attributes: usize, text: &mut String) {
+        let values = match self {
+            Self::Value(f, s) => {
+                *text += &format!("{f:?}");
+                s
+            }
+            Self::Part(name, s) => {
+                *text += &quoted(name);
+                s
+            }
+            Self::Error(e) => {
+                *text += &quoted(e);
+                *text += &",".repeat(attributes);
+                return;
+            }
+        };
+        for v in values {
+            *text += &format!(",{v:?}");
+        }
+    }
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
@@ -232,16 +255,14 @@ fn read_otherwise(
     let (mut distances, mut parts) = (vec![0.0; points.len()], vec![0; points.len()]);
     template.metric().values(&points, a, &mut distances);
     template.parts(&points, a, &mut parts);
+    let names = template.part_names();
     for (cell, (distance, part)) in cells.iter_mut().zip(distances.into_iter().zip(parts)) {
-        if let Cell::Value(_, s) = cell {
-            *cell = match reading {
-                Reading::Part => Cell::Part(
-                    template.part_names()[part as usize].clone(),
-                    std::mem::take(s),
-                ),
-                _ => Cell::Value(distance, std::mem::take(s)),
-            };
-        }
+        let Cell::Value(_, s) = cell else { continue };
+        let s = std::mem::take(s);
+        *cell = match reading {
+            Reading::Part => Cell::Part(names[part as usize].clone(), s),
+            _ => Cell::Value(distance, s),
+        };
     }
 }
 
@@ -334,24 +355,7 @@ fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String)
             text += word;
             text.push(',');
         }
-        let values = match cell {
-            Cell::Value(f, s) => {
-                text += &format!("{f:?}");
-                s
-            }
-            Cell::Part(name, s) => {
-                text += &quoted(name);
-                s
-            }
-            Cell::Error(e) => {
-                text += &quoted(e);
-                text += &",".repeat(attributes);
-                &Vec::new()
-            }
-        };
-        for v in values {
-            text += &format!(",{v:?}");
-        }
+        cell.write(attributes, &mut text);
         text.push('\n');
     }
     (columns, text)

@@ -179,39 +179,35 @@ pub(crate) struct Row {
 
 /// The parameters as text.
 pub(crate) fn rows(job: &Job) -> Vec<Row> {
-    let parameters = job.found.template.parameters();
-    let row = |(i, p): (usize, &Estimate)| {
-        let unit = job.unit_of(i).unwrap_or_default();
-        let is_length = matches!(
-            parameters[i].kind,
-            Kind::X | Kind::Y | Kind::Z | Kind::Length
-        );
-        let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
-        let own = scaled(job, i, 1.0, &unit);
-        let shift = job.found.template.shift[i];
-        Row {
-            name: p.name.clone(),
-            value: with_unit(&own.value, &unit),
-            error: own.error,
-            interval: own.interval,
-            mm: scale
-                .map(|s| scaled(job, i, s, "").text())
-                .unwrap_or_default(),
-            status: p.status.as_str(),
-            bounds: format!(
-                "{} to {}",
-                brief(p.bounds.0 + shift),
-                brief(p.bounds.1 + shift)
-            ),
-        }
-    };
-    job.found
-        .fit
-        .parameters
-        .iter()
-        .enumerate()
-        .map(row)
-        .collect()
+    let estimates = job.found.fit.parameters.iter().enumerate();
+    estimates.map(|(i, p)| row(job, i, p)).collect()
+}
+
+/// A parameter as text.
+fn row(job: &Job, i: usize, p: &Estimate) -> Row {
+    let unit = job.unit_of(i).unwrap_or_default();
+    let is_length = matches!(
+        job.found.template.parameters()[i].kind,
+        Kind::X | Kind::Y | Kind::Z | Kind::Length
+    );
+    let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
+    let own = scaled(job, i, 1.0, &unit);
+    let shift = job.found.template.shift[i];
+    Row {
+        name: p.name.clone(),
+        value: with_unit(&own.value, &unit),
+        error: own.error,
+        interval: own.interval,
+        mm: scale
+            .map(|s| scaled(job, i, s, "").text())
+            .unwrap_or_default(),
+        status: p.status.as_str(),
+        bounds: format!(
+            "{} to {}",
+            brief(p.bounds.0 + shift),
+            brief(p.bounds.1 + shift)
+        ),
+    }
 }
 
 /// One sentence: whether the template fits.

@@ -308,16 +308,20 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     )
 }
 
-fn deviations(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.found.fit;
-    let used: Vec<f64> = job
-        .found
+/// The deviations of the points that are no outliers, where they are finite.
+fn used_deviations(job: &Job, scale: f64) -> Vec<f64> {
+    job.found
         .deviation()
         .iter()
-        .zip(&fit.outliers)
+        .zip(&job.found.fit.outliers)
         .filter(|(d, out)| !**out && d.is_finite())
-        .map(|(d, _)| d * lengths.scale)
-        .collect();
+        .map(|(d, _)| d * scale)
+        .collect()
+}
+
+fn deviations(job: &Job, lengths: &Lengths) -> String {
+    let fit = &job.found.fit;
+    let used = used_deviations(job, lengths.scale);
     let limit = round_up((1.4 * fit.data_to_model.p95).max(3.0 * fit.noise)) * lengths.scale;
     let limit = if limit > 0.0 { limit } else { 1.0 };
     let beyond = used.iter().filter(|v| v.abs() > limit).count();

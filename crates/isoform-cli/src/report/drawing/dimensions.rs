@@ -131,14 +131,7 @@ fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) ->
     if moved.is_empty() {
         return Form::Nothing;
     }
-    // The fastest but for 2 %, which lie on edges and tips.
-    let mut speeds: Vec<f64> = moved.iter().map(|m| m.speed.abs()).collect();
-    speeds.sort_by(f64::total_cmp);
-    let top = speeds[(speeds.len() - 1) * 49 / 50];
-    let fast: Vec<&Moved> = moved
-        .iter()
-        .filter(|m| m.speed.abs() > FAST * top)
-        .collect();
+    let fast = fastest(moved);
     let measured = match kind {
         Kind::Length | Kind::Number if value > 0.0 => length(&fast, still, value, size),
         Kind::X => position(moved, 0, value, size),
@@ -151,6 +144,18 @@ fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) ->
         places.sort_by(|a, b| b.speed.abs().total_cmp(&a.speed.abs()));
         Form::Place(places.iter().map(|m| m.sample).collect())
     })
+}
+
+/// The points that move about as fast as the fastest, of which 2 % are left out of account, because
+/// they lie on edges and tips.
+fn fastest(moved: &[Moved]) -> Vec<&Moved> {
+    let mut speeds: Vec<f64> = moved.iter().map(|m| m.speed.abs()).collect();
+    speeds.sort_by(f64::total_cmp);
+    let top = speeds[(speeds.len() - 1) * 49 / 50];
+    moved
+        .iter()
+        .filter(|m| m.speed.abs() > FAST * top)
+        .collect()
 }
 
 /// Speed 1 or ½, if that is what most points have.
@@ -411,6 +416,14 @@ fn axis(fast: &[&Moved]) -> Option<Point3> {
     (about(&best) as f64 > SOME * fast.len() as f64).then_some(best)
 }
 
+/// The middle between the least and the largest of some numbers.
+fn middle(levels: impl Iterator<Item = f64>) -> f64 {
+    let (lo, hi) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    0.5 * (lo + hi)
+}
+
 /// A coordinate: what moves does so as one, and lies there, or its middle does.
 fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form> {
     let wrong = moved
@@ -419,11 +432,8 @@ fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form>
     if wrong.count() as f64 > (1.0 - MOST) * moved.len() as f64 || value.abs() < 0.03 * size {
         return None;
     }
-    let levels = || moved.iter().map(|m| m.sample.at[axis]);
-    let (lo, hi) = levels().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-        (l.min(v), h.max(v))
-    });
-    let is_middle = (0.5 * (lo + hi) - value).abs() < 0.02 * size;
+    let levels = moved.iter().map(|m| m.sample.at[axis]);
+    let is_middle = (middle(levels) - value).abs() < 0.02 * size;
     let far: Vec<Sample> = moved
         .iter()
         .map(|m| m.sample)

@@ -316,34 +316,61 @@ fn corner(points: &[[f64; 2]], pixel: f64) -> Option<[f64; 2]> {
 
 /// Chains of segments, open ones first, each as long as it goes without a fork.
 fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
-    let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
-    for (i, segment) in segments.iter().enumerate() {
-        for node in segment {
-            at.entry(*node).or_default().push(i);
-        }
-    }
-    let mut used = vec![false; segments.len()];
-    let ends = at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
-    let starts: Vec<Node> = ends.chain(at.keys().copied()).collect();
+    let mut web = Web::of(segments);
+    let ends = web.at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
+    let starts: Vec<Node> = ends.chain(web.at.keys().copied()).collect();
     let mut chains = Vec::new();
     for start in starts {
-        while let Some(first) = at[&start].iter().copied().find(|s| !used[*s]) {
-            let (mut chain, mut node, mut segment) = (vec![start], start, first);
-            loop {
-                used[segment] = true;
-                let [a, b] = segments[segment];
-                node = if a == node { b } else { a };
-                chain.push(node);
-                let next = at[&node].iter().copied().find(|s| !used[*s]);
-                match next {
-                    Some(next) if at[&node].len() == 2 => segment = next,
-                    _ => break,
-                }
-            }
-            chains.push(chain);
+        while let Some(first) = web.unused(start) {
+            chains.push(web.chain(start, first));
         }
     }
     chains
+}
+
+/// Segments by the nodes that they join.
+struct Web<'s> {
+    segments: &'s [[Node; 2]],
+    /// The segments at each node.
+    at: BTreeMap<Node, Vec<usize>>,
+    /// Segments that are part of a chain already.
+    used: Vec<bool>,
+}
+
+impl<'s> Web<'s> {
+    fn of(segments: &'s [[Node; 2]]) -> Self {
+        let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
+        for (i, segment) in segments.iter().enumerate() {
+            for node in segment {
+                at.entry(*node).or_default().push(i);
+            }
+        }
+        Self {
+            segments,
+            at,
+            used: vec![false; segments.len()],
+        }
+    }
+
+    /// The first segment at a node that is in no chain yet.
+    fn unused(&self, node: Node) -> Option<usize> {
+        self.at[&node].iter().copied().find(|s| !self.used[*s])
+    }
+
+    /// The chain from a node along a segment, up to an end, a fork or itself.
+    fn chain(&mut self, start: Node, first: usize) -> Vec<Node> {
+        let (mut chain, mut node, mut segment) = (vec![start], start, first);
+        loop {
+            self.used[segment] = true;
+            let [a, b] = self.segments[segment];
+            node = if a == node { b } else { a };
+            chain.push(node);
+            match self.unused(node) {
+                Some(next) if self.at[&node].len() == 2 => segment = next,
+                _ => return chain,
+            }
+        }
+    }
 }
 
 /// Where two straight runs meet within a cell the chain cuts the corner: the corner is put in its
@@ -427,15 +454,7 @@ fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         vec![(0, n - 1)]
     };
     while let Some((i, j)) = open.pop() {
-        let off = |k: usize| {
-            isoform::geom::distance_to_segment(
-                [points[k][0], points[k][1], 0.0],
-                [
-                    [points[i][0], points[i][1], 0.0],
-                    [points[j][0], points[j][1], 0.0],
-                ],
-            )
-        };
+        let off = |k: usize| from_chord(points[k], [points[i], points[j]]);
         let far = (i + 1..j).max_by(|a, b| off(*a).total_cmp(&off(*b)));
         if let Some(k) = far.filter(|k| off(*k) > tolerance) {
             keep[k] = true;
@@ -443,6 +462,12 @@ fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         }
     }
     (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
+}
+
+/// The distance of a point of the paper from a chord.
+fn from_chord(p: [f64; 2], chord: [[f64; 2]; 2]) -> f64 {
+    let lifted = |[x, y]: [f64; 2]| [x, y, 0.0];
+    isoform::geom::distance_to_segment(lifted(p), chord.map(lifted))
 }
 
 #[cfg(test)]

@@ -144,26 +144,15 @@ impl<'a> Subject<'a> {
     /// The box to draw, in the model's frame, and the cells of it that the surface may pass; none
     /// where there is no surface near the data.
     pub(super) fn shell(&self) -> Option<Shell> {
-        let job = self.job;
-        let used = job.found.cloud.points.iter().zip(&job.found.fit.outliers);
-        let points: Vec<Point3> = used
-            .filter(|(_, out)| !**out)
-            .map(|(p, _)| self.framed(*p))
-            .collect();
-        let data = Aabb::of(&points);
+        let data = self.data();
         let longest = longest(&data);
         if !(longest > 0.0 && longest.is_finite()) {
             return None;
         }
         let region = grown(&data, AROUND * longest);
         let coarse = self.cells(region, longest * (1.0 + 2.0 * AROUND) / FEW_CELLS);
-        let seen = Aabb::of(
-            &self
-                .project(&coarse)
-                .iter()
-                .map(|s| s.at)
-                .collect::<Vec<_>>(),
-        );
+        let surface: Vec<Point3> = self.project(&coarse).iter().map(|s| s.at).collect();
+        let seen = Aabb::of(&surface);
         if seen.is_empty() {
             return None;
         }
@@ -180,6 +169,17 @@ impl<'a> Subject<'a> {
         let cells = if self.is_slow { FEW_CELLS } else { CELLS };
         let size = self::longest(&tight);
         (size > 0.0).then(|| self.cells(tight, size / cells))
+    }
+
+    /// The box around the points of the scan that are no outliers, in the model's frame.
+    fn data(&self) -> Aabb {
+        let found = &self.job.found;
+        let used = found.cloud.points.iter().zip(&found.fit.outliers);
+        let points: Vec<Point3> = used
+            .filter(|(_, out)| !**out)
+            .map(|(p, _)| self.framed(*p))
+            .collect();
+        Aabb::of(&points)
     }
 
     /// The cells that the surface may pass. The distance is first order only, so that eight cells at

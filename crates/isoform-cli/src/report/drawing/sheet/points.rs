@@ -26,8 +26,7 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
         for (i, mut placed) in scaled.into_iter().enumerate() {
             let x = AIR + (side + 2.0 * AIR) * (i as f64 + 0.5);
             let middle = y + 22.0 + 0.5 * height;
-            let [l, r, t, b] = placed.bounds();
-            placed.origin = [x - 0.5 * (l + r), middle - 0.5 * (t + b)];
+            center(&mut placed, [x, middle]);
             svg += &placed.shades(GREY);
             svg += &dots(&placed, &points, limit);
             svg += &placed.lines();
@@ -40,6 +39,12 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
         "<svg class=\"sheet\" viewBox=\"0 0 {width:.0} {y:.0}\" role=\"img\" aria-label=\"the points of the scan on the fitted model, coloured by their deviation\">\
          <rect class=\"paper\" width=\"{width:.0}\" height=\"{y:.0}\"/>{svg}</svg>"
     )
+}
+
+/// Moves a view, which stands at the origin, to have its middle at a place on paper.
+fn center(placed: &mut Placed<'_>, [x, y]: [f64; 2]) {
+    let [l, r, t, b] = placed.bounds();
+    placed.origin = [x - 0.5 * (l + r), y - 0.5 * (t + b)];
 }
 
 /// The views in which points are shown.
