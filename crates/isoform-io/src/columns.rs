@@ -13,6 +13,7 @@ pub(crate) struct Names {
 }
 
 impl Names {
+    /// All names in the order of a row: positions, normals, colours, columns.
     pub(crate) fn all(&self) -> Vec<&str> {
         let columns = self.columns.iter().map(String::as_str);
         self.positions

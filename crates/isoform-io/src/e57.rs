@@ -10,6 +10,7 @@ use crate::input::{Input, Result};
 use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
+/// Yes for the signature of E57.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"ASTM-E57") {
         Sniff::Yes
@@ -18,6 +19,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// Refuses, because this build has no reader of E57.
 #[cfg(not(feature = "e57"))]
 pub(crate) fn read(
     input: &mut Input<'_>,
@@ -65,6 +67,7 @@ mod with_crate {
         Other,
     }
 
+    /// The meaning of a field, by its name in the standard or in the extension for normals.
     fn field(name: &RecordName) -> Field {
         match name {
             RecordName::CartesianX => Field::Cartesian(0),
@@ -89,6 +92,7 @@ mod with_crate {
         }
     }
 
+    /// All scans of the file as one cloud in metres. A panic in the crate below becomes an error.
     pub(crate) fn read(
         input: &mut Input<'_>,
         options: &ReadOptions,
@@ -142,6 +146,7 @@ mod with_crate {
         why
     }
 
+    /// The error for a file that contradicts itself.
     fn invalid(desc: &str) -> Error {
         Error::Invalid {
             desc: desc.into(),
@@ -149,6 +154,7 @@ mod with_crate {
         }
     }
 
+    /// Offers the points of all scans, pose applied, to the collector.
     fn scans<T: std::io::Read + std::io::Seek>(
         stream: T,
         collector: &mut Collector,
@@ -220,6 +226,7 @@ mod with_crate {
     }
 
     impl<'s> Scan<'s> {
+        /// The scan with its number in the file.
         fn of((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
             Self {
                 cloud,
@@ -278,6 +285,7 @@ mod with_crate {
     }
 
     impl Rows {
+        /// Rows of a layout, which is announced to the collector.
         fn new(mut layout: Layout, collector: &mut Collector) -> Self {
             layout.announce(collector);
             Self {
@@ -286,6 +294,7 @@ mod with_crate {
                 layout,
             }
         }
+        /// Offers a point; values that the file has for other scans only are NaN.
         fn offer(&mut self, values: &Values, collector: &mut Collector) {
             let columns = [values.intensity, values.scan];
             let mut columns = columns.into_iter().skip(usize::from(!self.has_intensity));
@@ -338,6 +347,7 @@ mod with_crate {
         low.as_ref().map(number).zip(high.as_ref().map(number))
     }
 
+    /// A limit as a number. Those of scaled integers are taken unscaled.
     fn number(v: &RecordValue) -> f64 {
         match v {
             RecordValue::Single(v) => f64::from(*v),
@@ -365,6 +375,7 @@ mod with_crate {
     }
 
     impl Pose {
+        /// The pose of a scan, its quaternion brought to length 1; none for a quaternion of zeros.
         fn of(scan: &e57::PointCloud) -> Self {
             let t = scan.transform.clone().unwrap_or_default();
             let q = &t.rotation;
@@ -395,10 +406,12 @@ mod with_crate {
                 translation: [t.translation.x, t.translation.y, t.translation.z],
             }
         }
+        /// R p, for directions.
         fn rotate(&self, p: Point3) -> Point3 {
             self.rotation
                 .map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
         }
+        /// R p + t.
         fn point(&self, p: Point3) -> Point3 {
             let q = self.rotate(p);
             std::array::from_fn(|k| q[k] + self.translation[k])

@@ -19,7 +19,9 @@ pub(crate) enum Sniff {
     Yes,
 }
 
+/// A reader of points: the cloud, with counts and warnings in the report.
 pub(crate) type ReadFn = fn(&mut Input<'_>, &ReadOptions, &mut ReadReport) -> Result<PointCloud>;
+/// A writer of points.
 pub(crate) type WriteFn = fn(&PointCloud, &mut dyn Write, &WriteOptions) -> io::Result<()>;
 
 /// A file format.

@@ -88,6 +88,7 @@ fn area_vector(mesh: &PointCloud, t: &[u32; 3]) -> Point3 {
     cross(sub(b, a), sub(c, a))
 }
 
+/// The mean of the corners with these weights, which sum to 1.
 fn mix(weights: [f64; 3], corners: [Point3; 3]) -> Point3 {
     std::array::from_fn(|k| {
         weights[0] * corners[0][k] + weights[1] * corners[1][k] + weights[2] * corners[2][k]

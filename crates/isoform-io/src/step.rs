@@ -78,6 +78,7 @@ pub fn write_step_path(
     write_atomic(path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
 }
 
+/// The text of the file, or the refusal with the name of the file.
 fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<String, WriteError> {
     let refuse = |refusal: Refusal| WriteError {
         code: refusal.code,
@@ -109,6 +110,7 @@ struct Refusal {
     hint: &'static str,
 }
 
+/// The unit of length, which must be one that STEP files can state here.
 fn unit(options: &StepOptions) -> Result<&str, Refusal> {
     let unit = options.units.as_deref().unwrap_or("mm");
     if STEP_UNITS.contains(&unit) {
@@ -326,6 +328,7 @@ struct Vertices {
 }
 
 impl Vertices {
+    /// Whether two points are one vertex.
     fn is_same(&self, p: Point3, q: Point3) -> bool {
         distance_squared(p, q) <= self.same * self.same
     }

@@ -13,6 +13,7 @@ use std::io::{self, Write};
 /// Highest number of a node or an element.
 const HIGHEST: usize = 99_999_999;
 
+/// Writes nodes, triangles and tetrahedra as bulk data.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -93,6 +94,7 @@ impl Card<'_> {
     }
 }
 
+/// Triangles, numbered from 1, with the tags of their parts as properties.
 fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
         let (nodes, n) = triangle(mesh, i);

@@ -7,6 +7,7 @@ use std::collections::HashMap;
 /// A face of a tetrahedron: its number, and that of the corner opposite.
 pub(super) type Face = (u32, u8);
 
+/// Numbers in ascending order, by which equal faces and edges are found.
 fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
     nodes.sort_unstable();
     nodes
@@ -162,6 +163,7 @@ pub(super) fn find_curve_parts(mesh: &mut Mesh) {
     }
 }
 
+/// Parts in ascending order.
 fn sorted_vec(mut parts: Vec<u32>) -> Vec<u32> {
     parts.sort_unstable();
     parts

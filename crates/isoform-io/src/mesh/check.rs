@@ -87,6 +87,7 @@ fn wrong_label(m: &Mesh) -> Option<String> {
     })
 }
 
+/// The largest node number among elements; none without elements.
 fn highest<const N: usize>(cells: &[[u32; N]]) -> Option<u32> {
     cells.iter().flatten().max().copied()
 }

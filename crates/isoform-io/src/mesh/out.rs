@@ -21,14 +21,17 @@ impl<'o> Out<'o> {
             buffer: Vec::with_capacity(2 * BLOCK),
         }
     }
+    /// Text as it is.
     pub(super) fn str(&mut self, text: &str) -> &mut Self {
         self.buffer.extend_from_slice(text.as_bytes());
         self
     }
+    /// Bytes as they are.
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.buffer.extend_from_slice(bytes);
         self
     }
+    /// A whole number in decimal digits.
     pub(super) fn int(&mut self, v: impl itoa::Integer) -> &mut Self {
         self.buffer
             .extend_from_slice(itoa::Buffer::new().format(v).as_bytes());

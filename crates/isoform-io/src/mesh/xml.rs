@@ -61,6 +61,7 @@ pub(super) enum Item<'b> {
 /// How a section begins whose characters all stand for themselves.
 const CDATA: &[u8] = b"<![CDATA[";
 
+/// Where a mark begins in bytes.
 fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
     bytes.windows(mark.len()).position(|w| w == mark)
 }
@@ -111,6 +112,7 @@ impl<'b> Items<'b> {
             _ => text,
         }
     }
+    /// Bytes up to the next tag or the end.
     fn until_tag(&self) -> usize {
         let rest = &self.bytes[self.at..];
         find(rest, b"<").unwrap_or(rest.len())

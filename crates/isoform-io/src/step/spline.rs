@@ -76,9 +76,11 @@ impl Spline {
             self.v.degree + self.v.spans - 1,
         )
     }
+    /// The control point in row i and column j, homogeneous.
     pub(super) fn at(&self, i: usize, j: usize) -> [f64; 4] {
         self.control[i * (self.last().1 + 1) + j]
     }
+    /// The knots along u or along v.
     pub(super) fn knots(&self, along_u: bool) -> &Knots {
         if along_u { &self.u } else { &self.v }
     }
@@ -96,6 +98,7 @@ impl Spline {
             });
         if hi > 0.0 { lo / hi } else { f64::NEG_INFINITY }
     }
+    /// Whether the least weight is more than [`LEAST`] of the largest, so that all are positive.
     fn is_positive(&self) -> bool {
         self.worst() > LEAST
     }

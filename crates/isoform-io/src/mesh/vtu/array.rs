@@ -1,4 +1,8 @@
 //! The arrays of a VTK file: text, base64 or raw bytes, as they are or deflated.
+//!
+//! Bytes come behind their size; deflated ones in blocks, behind the number and the sizes of the
+//! blocks. No size of the file is believed: reading ends with the bytes that are there, and
+//! unpacking at the limit of [`Coding`].
 
 use crate::binary::Type;
 use crate::input::parse_number;
@@ -24,6 +28,7 @@ pub(super) struct Array {
 }
 
 impl Array {
+    /// The number of values.
     pub(super) fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
     }
@@ -82,6 +87,7 @@ pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Resul
     })
 }
 
+/// The next size, of 32 or 64 bits.
 fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     let mut bytes = [0; 8];
     let n = if coding.wide_header { 8 } else { 4 };
@@ -92,6 +98,7 @@ fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     Ok(u64::from_le_bytes(bytes))
 }
 
+/// Bytes that are not deflated: as many as the size before them says.
 fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let n = size(&mut source, coding)?;
     let mut bytes = Vec::new();
@@ -194,6 +201,7 @@ impl<'b> Base64<'b> {
 }
 
 impl Read for Base64<'_> {
+    /// Decodes as many bytes as fit.
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         let mut n = 0;
         while n < to.len() && (self.count > 0 || self.refill()) {
