@@ -57,11 +57,13 @@ enum Loaded {
     Model(Box<FrepTemplate>, Vec<f64>),
 }
 
+/// Whether the name of a file is that of a HyperFun program.
 fn is_model(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let of_second = if is_model(&args.first) {
         &args.params_second
@@ -156,6 +158,7 @@ fn load_model(
     Ok(Loaded::Model(Box::new(template), values))
 }
 
+/// A side as the library takes it; a mesh counts as points where vertices are asked for.
 fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
     match loaded {
         Loaded::Cloud(c) if c.triangles.is_empty() || vertices => Side::Points(c),

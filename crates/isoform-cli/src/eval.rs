@@ -40,6 +40,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
+/// What is given for each point.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Reading {
     Algebraic,
@@ -47,9 +48,11 @@ enum Reading {
     Part,
 }
 
+/// Values of the parameters a, in their order.
 #[derive(Clone)]
 pub(crate) struct Parameters(pub(crate) Vec<f64>);
 
+/// Reads values of parameters: numbers with commas.
 pub(crate) fn parameters(text: &str) -> Result<Parameters, String> {
     output::numbers(text).map(Parameters)
 }
@@ -59,10 +62,12 @@ const CHUNK: usize = 2048;
 
 /// A point as written and as numbers.
 struct Row<'t> {
+    /// Its coordinates as they were written; the table repeats them.
     text: Vec<&'t str>,
     x: Vec<f64>,
 }
 
+/// What a point gives: a number or the name of a part, with the attributes behind it, or an error.
 enum Cell {
     Value(f64, Vec<f64>),
     Part(String, Vec<f64>),
@@ -70,6 +75,7 @@ enum Cell {
 }
 
 impl Cell {
+    /// Why there is no value.
     fn error(&self) -> Option<&str> {
         match self {
             Self::Error(error) => Some(error),
@@ -101,6 +107,7 @@ impl Cell {
     }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.model == Path::new("-") && args.points == Path::new("-") {
         return Err(
@@ -170,6 +177,7 @@ struct Failures<'c> {
 }
 
 impl<'c> Failures<'c> {
+    /// The failures among all cells.
     fn of(cells: &'c [Cell]) -> Self {
         let mut errors = cells.iter().filter_map(Cell::error);
         let first = errors.next();
@@ -188,6 +196,7 @@ impl<'c> Failures<'c> {
             ));
         }
     }
+    /// 0 without failures, 4 where every row failed, 3 between.
     fn exit(&self) -> u8 {
         if self.count == 0 {
             DONE
@@ -221,6 +230,7 @@ pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> 
         .collect())
 }
 
+/// The model's own values at some rows; rows that the time limit does not let through are errors.
 fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
     let mut evaluator = model.evaluator::<f64>();
     let cell = |row: &Row<'_>| {
@@ -302,6 +312,7 @@ fn holds_data(line: &str) -> bool {
     !line.trim().is_empty() && !line.trim_start().starts_with('#')
 }
 
+/// Whether the words of a line are the names of the coordinates, in quotes or not.
 fn is_header(words: &[&str], names: &[String]) -> bool {
     let words = words.iter().map(|t| t.trim_matches('"'));
     words.eq(names.iter().map(String::as_str))
@@ -323,6 +334,7 @@ struct Fault {
     message: String,
 }
 
+/// The coordinates of a line, which must be finite numbers; further columns are ignored.
 fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
     let text = words(line, dimension);
     if text.len() < dimension {
@@ -370,6 +382,7 @@ fn quoted(field: &str) -> String {
     }
 }
 
+/// A row of the table in the document: coordinates, value, attributes.
 fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
     let mut values: Vec<Value> = row.x.iter().map(|v| json!(v)).collect();
     match cell {

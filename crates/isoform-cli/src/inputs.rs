@@ -34,6 +34,7 @@ impl Identity {
     }
 }
 
+/// Device and number of a file; other systems tell none.
 #[cfg(unix)]
 fn number(about: &fs::Metadata) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt;
@@ -48,6 +49,7 @@ fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
 /// What a run reads, and whether it may be written over.
 #[derive(Debug, Default)]
 pub(crate) struct Inputs {
+    /// Files that are read, as they were named.
     files: Vec<(PathBuf, Identity)>,
     force: bool,
 }

@@ -89,6 +89,7 @@ pub(crate) fn run(scan: Scan, request: &Request, context: &Context) -> Result<Jo
     run_model(scan, &model, request, context)
 }
 
+/// Fits a model that has been read.
 pub(crate) fn run_model(
     scan: Scan,
     model: &Model,
@@ -192,6 +193,7 @@ fn believed(seen: UnitGuess, template: Option<&str>, name: &Path) -> UnitGuess {
     }
 }
 
+/// Why there is no fit, with the option that may help.
 fn failure(error: &FitScanError, scan: &str, request: &Request) -> Failure {
     let message = error.to_string();
     match error {
@@ -221,6 +223,7 @@ fn failure(error: &FitScanError, scan: &str, request: &Request) -> Failure {
     }
 }
 
+/// Why the search gave nothing.
 fn fit_failure(error: &FitError, scan: &str) -> Failure {
     let message = error.to_string();
     match error {

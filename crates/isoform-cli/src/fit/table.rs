@@ -148,6 +148,8 @@ pub(crate) fn reading(job: &Job, i: usize) -> Reading {
     scaled(job, i, scale, &unit)
 }
 
+/// A parameter times a factor that changes its unit. A fixed one is printed as given, an
+/// undetermined one without an interval.
 fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> Reading {
     let p = &job.found.fit.parameters[i];
     let shift = job.found.template.shift[i];

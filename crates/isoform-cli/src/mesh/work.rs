@@ -95,6 +95,7 @@ impl Phases {
             progress: Progress::new(context),
         }
     }
+    /// A phase begins.
     fn enter(&self, phase: &str) {
         self.started
             .lock()
@@ -186,6 +187,7 @@ fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, F
     })
 }
 
+/// Why a program is no solid.
 fn no_solid(error: &SolidError, name: &str) -> Failure {
     let message = format!("{name}: {error}");
     match error {

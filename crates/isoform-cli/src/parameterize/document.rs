@@ -13,6 +13,7 @@ pub(super) fn patches(made: &Made) -> Vec<u8> {
     write_patches(&records)
 }
 
+/// A patch as an entry of the file, with the bound on its distance.
 fn record(p: &Parameterized) -> PatchRecord {
     PatchRecord {
         patch: p.grown.patch.clone(),

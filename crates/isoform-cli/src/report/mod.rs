@@ -1,4 +1,9 @@
 //! The HTML report of a fit: one file that needs nothing else.
+//!
+//! The page goes from the conclusion to its grounds: the verdict with its evidence, the drawing,
+//! the parameters with their intervals, residuals as a map, a histogram and by part, then the
+//! search itself: convergence, other minima, time, and how to repeat it. Style and pictures are
+//! embedded. Lengths are in millimetres where the unit of the scan is known, see [`Lengths`].
 
 mod drawing;
 pub(crate) mod svg;
@@ -42,6 +47,7 @@ struct Lengths {
 }
 
 impl Lengths {
+    /// The scale of a job, by the unit of its scan.
     fn of(job: &Job) -> Self {
         match millimetres(&job.unit.unit) {
             Some(scale) => Self {
@@ -54,6 +60,7 @@ impl Lengths {
             },
         }
     }
+    /// A length with its unit.
     fn text(&self, v: f64) -> String {
         with_unit(&brief(v * self.scale), &self.unit)
     }
@@ -124,6 +131,7 @@ struct Conclusion {
     evidence: Vec<String>,
 }
 
+/// The verdict of the fit, at best doubtful where the search was cut short, and its evidence.
 fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     let fit = &job.found.fit;
     let least = if fit.complete {
@@ -154,16 +162,19 @@ fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     }
 }
 
+/// A text with a capital first.
 fn capitalized(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().map(char::to_uppercase);
     first.into_iter().flatten().chain(letters).collect()
 }
 
+/// A text as a sentence of the page.
 fn sentence(text: &str) -> String {
     escaped(capitalized(text).trim_end_matches('.')) + "."
 }
 
+/// The conclusion, in the colour of its verdict.
 fn verdict_box(conclusion: &Conclusion) -> String {
     let items: String = conclusion
         .evidence
@@ -177,6 +188,7 @@ fn verdict_box(conclusion: &Conclusion) -> String {
     )
 }
 
+/// The five numbers that sum the fit up.
 fn figures(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.found.fit;
     let figure = |value: String, what: &str| {
@@ -221,6 +233,7 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
     format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
 }
 
+/// The table of parameters; millimetres have a column of their own where the scan has another unit.
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
     let infos = job.found.template.frep.model().params();
@@ -290,6 +303,7 @@ fn notes(job: &Job) -> String {
     format!("<section><h2>What to know</h2><ul>{items}</ul></section>\n")
 }
 
+/// The deviation map with its bar of colours; nothing without a drawing.
 fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     let Some(sheet) = sheet else {
         return String::new();
@@ -319,6 +333,8 @@ fn used_deviations(job: &Job, scale: f64) -> Vec<f64> {
         .collect()
 }
 
+/// The histogram of residuals beside the table of distances both ways. The axis ends at the larger
+/// of 1.4 times the 95 % quantile and three deviations of the noise, rounded up.
 fn deviations(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.found.fit;
     let used = used_deviations(job, lengths.scale);
@@ -349,6 +365,7 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
     )
 }
 
+/// The table of parts; what has neither points nor surface near them stands below it.
 fn parts(job: &Job, lengths: &Lengths) -> String {
     let stats = &job.found.fit.part_statistics;
     let worst = stats
@@ -416,6 +433,7 @@ fn runs(fit: &Fit) -> (Runs<'_>, Runs<'_>) {
     (runs, polish.into_iter().collect())
 }
 
+/// The search and the polish, each as a plot of root mean squares over steps.
 fn convergence(job: &Job) -> String {
     let fit = &job.found.fit;
     let (runs, polish) = runs(fit);
@@ -449,6 +467,7 @@ fn convergence(job: &Job) -> String {
     html
 }
 
+/// The other minima that starts led to, with their parameters; nothing where there is none.
 fn minima(job: &Job) -> String {
     let fit = &job.found.fit;
     if fit.other_minima.is_empty() {
@@ -486,6 +505,7 @@ fn minima(job: &Job) -> String {
     )
 }
 
+/// The time of each phase, as a stacked bar with its key.
 fn seconds(job: &Job) -> String {
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
     let (mut bar, mut key) = (String::new(), String::new());
@@ -507,6 +527,7 @@ fn seconds(job: &Job) -> String {
     )
 }
 
+/// Whatever repeats the fit: method, loss, seed, command line, and the fitted program.
 fn again(job: &Job) -> String {
     let command: Vec<String> = std::env::args()
         .map(|a| if a.contains(' ') { format!("'{a}'") } else { a })

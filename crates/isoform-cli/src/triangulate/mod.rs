@@ -1,4 +1,8 @@
 //! `isoform triangulate`: triangles of a rational surface in a box, with what is proved of them.
+//!
+//! The input is a map of two parameters, or patches. Numbers that decide what is drawn (the box,
+//! the region of parameters) are read as exact rationals, because the analysis of the surface is
+//! exact.
 
 mod document;
 mod domain;
@@ -98,6 +102,7 @@ impl Args {
     }
 }
 
+/// What becomes of sheets that cross.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Sheets {
     /// Cut and joined along the double curve, whose edges have four triangles or more
@@ -113,6 +118,7 @@ struct HalfWidth {
     near: f64,
 }
 
+/// Reads a rational number exactly as it is written.
 fn rational(text: &str) -> Result<RBig, String> {
     let exact = Poly::parse(text.trim(), &[])
         .ok()
@@ -122,6 +128,7 @@ fn rational(text: &str) -> Result<RBig, String> {
     })
 }
 
+/// Reads four bounds of parameters.
 fn rectangle(text: &str) -> Result<Domain, String> {
     let list = text
         .split(',')
@@ -132,6 +139,7 @@ fn rectangle(text: &str) -> Result<Domain, String> {
     Domain::rectangle([s0, s1], [t0, t1]).map_err(|e| e.to_string())
 }
 
+/// Reads the corners of a polygon of parameters.
 fn polygon(text: &str) -> Result<Domain, String> {
     let corner = |c: &str| {
         let list = c.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
@@ -144,6 +152,7 @@ fn polygon(text: &str) -> Result<Domain, String> {
     Domain::polygon(corners).map_err(|e| e.to_string())
 }
 
+/// Reads a positive rational number whose double is neither 0 nor infinite.
 fn half_width(text: &str) -> Result<HalfWidth, String> {
     let exact = rational(text)?;
     let near = exact.to_f64_fast();
@@ -154,6 +163,7 @@ fn half_width(text: &str) -> Result<HalfWidth, String> {
     }
 }
 
+/// Reads a positive whole number.
 fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse()
         .ok()
@@ -218,11 +228,13 @@ impl Made {
         }
         Ok(stdout)
     }
+    /// 0 where every claim holds, 3 where something is open, 130 after Ctrl-C.
     fn exit(&self) -> u8 {
         output::exit(self.is_certified())
     }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let beside = [&args.report, &args.sidecar, &args.domain];
@@ -271,6 +283,7 @@ enum Subject {
 }
 
 impl Subject {
+    /// Whether it is a map, whose parameters are the whole plane.
     fn is_map(&self) -> bool {
         matches!(self, Self::Map(_))
     }
@@ -306,6 +319,7 @@ fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
         .map_err(|e| invalid(&e, path))
 }
 
+/// A patch of a file as the library takes it, with exact control points.
 fn patch(p: FilePatch) -> Patch {
     Patch::new(p.name, p.degree, p.control.exact())
 }
@@ -551,6 +565,7 @@ fn outside(options: &TriangulateOptions) -> String {
     )
 }
 
+/// All findings in one text.
 fn sentences(findings: &[Finding]) -> String {
     let all: Vec<String> = findings.iter().map(ToString::to_string).collect();
     all.join("; ")

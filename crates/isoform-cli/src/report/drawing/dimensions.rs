@@ -1,8 +1,16 @@
 //! Where a parameter is seen: how the surface moves as it grows tells what it measures.
 //!
-//! A point p of the surface with outward normal n moves by w n per unit of a parameter a. If a is a
-//! length and w is 1, then p − a w n is where the length begins: the axis of a radius, the foot of
-//! a height, the other side of a wall. If w is ½ on two sides, a is the distance between them.
+//! A point p of the surface with outward normal n moves by w n per unit of a parameter a; w is
+//! called the speed. If a is a length and w is 1, then p − a w n is where the length begins: the
+//! axis of a radius, the foot of a height, the other side of a wall. If w is ½ on two sides, a is
+//! the distance between them.
+//!
+//! - linear: all fast points move along one direction, by 1 on one side or by ½ on two;
+//! - round: the beginnings p − a w n crowd in few places, the centres;
+//! - offset: the beginnings lie on the other side of a wall, or amid a rod;
+//! - place: none of these; the parameter is only shown where it acts.
+//!
+//! A level is a value of p · direction at which many points lie.
 
 use super::subject::{Sample, Subject};
 use isoform::fit::{Kind, Template};
@@ -58,8 +66,10 @@ const ABOUT: f64 = 0.3;
 /// Most rounds of one kind that are counted.
 const MOST_ROUNDS: usize = 24;
 
+/// A point of the surface that a parameter moves.
 struct Moved {
     sample: Sample,
+    /// Way along the normal per unit of the parameter.
     speed: f64,
 }
 
@@ -123,10 +133,12 @@ fn checked(form: Form, subject: &Subject<'_>) -> Form {
     }
 }
 
+/// The size of the model: the diagonal of its samples.
 fn extent(samples: &[Sample]) -> f64 {
     isoform::geom::Aabb::of(samples.iter().map(|s| &s.at)).diagonal()
 }
 
+/// What a parameter measures, by how it moves the surface.
 fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) -> Form {
     if moved.is_empty() {
         return Form::Nothing;
@@ -166,6 +178,7 @@ fn common_speed(fast: &[&Moved]) -> Option<f64> {
     })
 }
 
+/// A length as the first form that fits: linear, round, offset.
 fn length(fast: &[&Moved], still: &[Sample], value: f64, size: f64) -> Option<Form> {
     let speed = common_speed(fast)?;
     linear(fast, still, value, speed, size)
@@ -272,6 +285,7 @@ fn two_sided(
     })
 }
 
+/// The samples near a level.
 fn at_level(samples: &[Sample], along: Point3, level: f64, size: f64) -> Vec<Sample> {
     let near = |s: &&Sample| (dot(s.at, along) - level).abs() < 2.0 * LEVEL * size;
     samples.iter().filter(near).copied().collect()
@@ -379,6 +393,7 @@ fn are_apart(middles: &[Point3], radius: f64) -> bool {
     (0..middles.len()).all(|i| (0..i).all(|j| is_apart(i, j)))
 }
 
+/// The mean of points.
 fn mean(points: impl ExactSizeIterator<Item = Point3> + Clone) -> Point3 {
     let n = points.len() as f64;
     std::array::from_fn(|k| points.clone().map(|p| p[k]).sum::<f64>() / n)

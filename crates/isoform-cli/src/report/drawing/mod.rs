@@ -1,5 +1,10 @@
 //! The drawing of a fitted model: views of it in its own frame, with its dimensions, and the points
 //! of the scan that can be seen in the views.
+//!
+//! No mesh is made: each view is traced by parallel rays ([`picture`]), lines are found between
+//! rays that meet different faces ([`outline`]), and what a parameter measures is read off the
+//! motion of the surface when it grows ([`dimensions`]). The [`sheet`]s put views, lines and
+//! dimensions on paper.
 
 mod dimensions;
 mod outline;
@@ -94,6 +99,7 @@ pub(crate) fn sheets(job: &Job, limit: f64) -> Option<[String; 2]> {
     ])
 }
 
+/// A view with its lines; none where its rays meet nothing.
 fn drawn(subject: &Subject<'_>, shell: &Shell, view: View) -> Option<Drawn> {
     let tracer = Tracer::new(subject, shell, view);
     let most = if subject.is_slow { FEW_PIXELS } else { PIXELS };

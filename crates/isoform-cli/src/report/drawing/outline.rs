@@ -42,10 +42,12 @@ type Between = (usize, usize, u8);
 /// A point of a line: between two pixels, or (2) amid four.
 type Node = (usize, usize, u8);
 
+/// The slope of a face against the viewer, at most [`STEEPEST`].
 fn slope(h: &Hit) -> f64 {
     steepness(h).min(STEEPEST)
 }
 
+/// The tangent of the angle between a face and the paper.
 fn steepness(h: &Hit) -> f64 {
     let across = (1.0 - h.normal[2] * h.normal[2]).max(0.0).sqrt();
     across / h.normal[2].abs().max(1e-9)
@@ -62,6 +64,7 @@ fn differ(a: Option<Hit>, b: Option<Hit>, apart: f64) -> bool {
     }
 }
 
+/// Whether the depths differ by more than a face of these slopes explains.
 fn is_jump(a: &Hit, b: &Hit, apart: f64) -> bool {
     (a.depth - b.depth).abs() > apart * (1.5 + 2.0 * slope(a).max(slope(b)))
 }
@@ -198,6 +201,7 @@ struct Crossing {
     hits: [Option<Hit>; 2],
 }
 
+/// Whether two pixels see faces at different depths, or one of them sees none.
 fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
     match (a, b) {
         // A steep wall that is seen makes no step to the floor at its foot.
@@ -210,6 +214,7 @@ fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
     }
 }
 
+/// The point half way.
 fn middle([a, b]: [[f64; 2]; 2]) -> [f64; 2] {
     [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
 }
@@ -272,6 +277,8 @@ fn segments(
     segments
 }
 
+/// Where a node lies: where its line passes, or the middle of the nodes around it, or the corner
+/// that they make.
 fn position(
     node: Node,
     nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
@@ -338,6 +345,7 @@ struct Web<'s> {
 }
 
 impl<'s> Web<'s> {
+    /// The web of these segments, none of them used.
     fn of(segments: &'s [[Node; 2]]) -> Self {
         let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
         for (i, segment) in segments.iter().enumerate() {
@@ -414,10 +422,13 @@ fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
     out
 }
 
+/// The distance on the paper.
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+/// Whether the middle one of three points lies on the chord of the others, within 3 % of its
+/// length.
 fn is_straight(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
     let cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let length = distance(a, c);

@@ -1,4 +1,8 @@
 //! The fitted model in its own frame: values, normals, motion under its parameters, and its extent.
+//!
+//! The template may be moved by its pose: world = t + scale · R · p. Drawings show the model in its
+//! own frame, so that points of the scan are moved back ([`Subject::framed`]) and points of the
+//! model moved forth before its function is asked.
 
 use crate::fit::job::Job;
 use isoform::field::Graph;
@@ -49,6 +53,7 @@ const AROUND: f64 = 0.7;
 const SAMPLES: usize = 8000;
 
 impl<'a> Subject<'a> {
+    /// The fitted model of a job, in the place that its pose gives it.
     pub(super) fn of(job: &'a Job) -> Self {
         let values = job.found.fit.values();
         let identity = Placement {
@@ -65,6 +70,7 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// A point of the model's frame where the scan has it.
     fn world(&self, p: Point3) -> Point3 {
         let Placement {
             rotation: r,
@@ -80,6 +86,7 @@ impl<'a> Subject<'a> {
         self.turned_back(moved).map(|v| v / self.place.scale)
     }
 
+    /// A direction of the scan in the model's frame.
     fn turned_back(&self, x: Point3) -> Point3 {
         let r = &self.place.rotation;
         std::array::from_fn(|j| (0..3).map(|i| r[i][j] * x[i]).sum())
@@ -114,6 +121,7 @@ impl<'a> Subject<'a> {
         (out, rows)
     }
 
+    /// The part of the model that is nearest to each point.
     pub(super) fn parts(&self, points: &[Point3]) -> Vec<u32> {
         let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
         let mut out = vec![0; x.len()];
@@ -262,10 +270,12 @@ pub(super) fn outward(gradient: Point3) -> Point3 {
     }
 }
 
+/// The longest side of a box.
 fn longest(region: &Aabb) -> f64 {
     region.size().into_iter().fold(0.0, f64::max)
 }
 
+/// A box with its sides moved outward.
 pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
     Aabb {
         lo: region.lo.map(|v| v - by),
@@ -273,12 +283,14 @@ pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
     }
 }
 
+/// All indices of a grid, the first one fastest.
 fn indices(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     let [nx, ny, nz] = dims;
     (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
 }
 
 impl Shell {
+    /// A shell without cells.
     fn new(region: Aabb, cell: f64) -> Self {
         let dims = region.size().map(|v| ((v / cell).ceil() as usize).max(1));
         Self {
@@ -300,9 +312,11 @@ impl Shell {
     fn at(&self, c: [f64; 3]) -> Point3 {
         std::array::from_fn(|k| self.region.lo[k] + self.cell * c[k])
     }
+    /// The number of a cell.
     fn index(&self, c: [usize; 3]) -> usize {
         (c[2] * self.dims[1] + c[1]) * self.dims[0] + c[0]
     }
+    /// The number of the block of a cell.
     fn block(&self, c: [usize; 3]) -> usize {
         let [nx, ny, _] = self.dims.map(|n| n.div_ceil(BLOCK));
         (c[2] / BLOCK * ny + c[1] / BLOCK) * nx + c[0] / BLOCK

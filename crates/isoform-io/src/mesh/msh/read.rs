@@ -132,7 +132,6 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
         size: 8,
     };
     let mut file = File {
-        /// Nodes and elements so far.
         builder: Builder::new(),
         physical: HashMap::new(),
         version: None,
@@ -156,6 +155,7 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 
 /// What the sections have given so far.
 struct File {
+    /// Nodes and elements so far.
     builder: Builder,
     /// The groups of the entities.
     physical: Physical,

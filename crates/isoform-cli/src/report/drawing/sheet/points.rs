@@ -68,11 +68,13 @@ fn shows_inside(section: &Picture) -> bool {
     behind as f64 > 0.15 * hits.count() as f64
 }
 
+/// Width and height on the paper.
 fn extent(placed: &Placed<'_>) -> [f64; 2] {
     let [l, r, t, b] = placed.bounds();
     [r - l, b - t]
 }
 
+/// A view scaled to a longest side.
 fn fitted(drawn: &Drawn, side: f64) -> Placed<'_> {
     let mut placed = Placed {
         drawn,
@@ -87,6 +89,7 @@ fn fitted(drawn: &Drawn, side: f64) -> Placed<'_> {
 /// A point in the model's frame with its deviation, NaN for an outlier.
 type Point = (Point3, f64);
 
+/// All points of the scan in the model's frame.
 fn points(drawing: &Drawing<'_>) -> Vec<Point> {
     let job = drawing.job;
     let all = job.found.cloud.points.iter().zip(job.found.deviation());
