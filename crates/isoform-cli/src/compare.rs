@@ -57,7 +57,7 @@ enum Loaded {
     Model(Box<FrepTemplate>, Vec<f64>),
 }
 
-/// Whether the name of a file is that of a HyperFun program.
+/// Whether a file is named like a HyperFun program.
 fn is_model(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
@@ -143,7 +143,7 @@ fn load(
     Ok(Loaded::Cloud(cloud))
 }
 
-/// Reads a model, whose distances are those of its metric reading.
+/// Reads a model; its metric reading gives the distances.
 fn load_model(
     path: &Path,
     given: Option<&eval::Parameters>,

@@ -55,7 +55,7 @@ pub(crate) struct Inputs {
 }
 
 impl Inputs {
-    /// Those of a verb. Fails where an output is one of them.
+    /// The files that the arguments of a verb name. Fails where an output is one of them.
     pub(crate) fn of(verb: &ArgMatches, force: bool) -> Result<Self, Failure> {
         let (outputs, files): (Vec<_>, Vec<_>) =
             paths(verb).partition(|(argument, _)| WRITTEN.contains(argument));

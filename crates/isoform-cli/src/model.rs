@@ -28,7 +28,7 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
     )
 }
 
-/// The same from text; the path is for messages.
+/// Reads a program from text; the path is for messages.
 pub(crate) fn parse(
     path: &Path,
     text: &str,

@@ -546,7 +546,7 @@ pub(crate) fn json_of(report: &impl Serialize) -> Value {
     serde_json::to_value(report).expect("reports have texts for keys")
 }
 
-/// Puts the fields of one document behind those of another.
+/// Puts the fields of one document behind another's.
 pub(crate) fn add(json: &mut Value, more: Value) {
     if let (Value::Object(json), Value::Object(more)) = (json, more) {
         json.extend(more);

@@ -76,7 +76,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(told.outcome())
 }
 
-/// The files to write: those of the fit, and those of the mesh.
+/// The files to write: results of the fit, and meshes.
 fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>), Failure> {
     let outputs = if args.output.is_empty() {
         default_outputs(context)?

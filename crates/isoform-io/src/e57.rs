@@ -347,7 +347,7 @@ mod with_crate {
         low.as_ref().map(number).zip(high.as_ref().map(number))
     }
 
-    /// A limit as a number. Those of scaled integers are taken unscaled.
+    /// A limit as a number; a scaled integer is taken unscaled.
     fn number(v: &RecordValue) -> f64 {
         match v {
             RecordValue::Single(v) => f64::from(*v),

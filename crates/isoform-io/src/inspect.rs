@@ -144,7 +144,7 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
 
 /// Extents of parts that are drawn in inches; others are not looked at for it.
 const INCHES: std::ops::Range<f64> = 0.2..120.0;
-/// Vertices of a mesh that lie at one level, as those of a face that is flat do; fewer are chance.
+/// Vertices of a mesh that lie at one level, as a flat face has them; fewer are chance.
 const LEVEL_VERTICES: usize = 6;
 /// Levels at odd fractions of an inch that settle it; among CAD files in millimetres and metres
 /// none was seen to have one.

@@ -138,7 +138,7 @@ impl Header {
         })
     }
 
-    /// Refuses what contradicts itself or the file; `size` is that of the header.
+    /// Refuses what contradicts itself or the file; `size` is the header's length.
     fn check(&self, input: &Input<'_>, size: u16) -> Result<()> {
         let refuse = |at, why: String| Err(corrupt(input, At::Byte(at), why));
         let (format, record) = (self.format, self.record);

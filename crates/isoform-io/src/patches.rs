@@ -101,7 +101,7 @@ pub struct FilePatch {
 }
 
 impl FilePatch {
-    /// The patch in doubles: those of the file, or the nearest ones to what was computed exactly.
+    /// The patch in doubles: as the file has them, or the nearest to the exact results.
     ///
     /// # Errors
     /// [`PatchError`] if a number is too large for a double.
@@ -126,7 +126,7 @@ pub struct PatchRecord {
     pub seed_point: Point3,
 }
 
-/// The file of patches; the same patches give the same bytes.
+/// The file of patches. Equal patches give equal bytes.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -179,7 +179,7 @@ pub fn is_patch_file(json: &Value) -> bool {
         .any(|key| json.get(key).is_some())
 }
 
-/// The patches of a document, those of NURBS surfaces behind the others; never none.
+/// The patches of a document, at least one; patches of NURBS surfaces stand behind the others.
 ///
 /// # Errors
 /// [`PatchFileError`].

@@ -4,8 +4,8 @@ use crate::ReadReport;
 use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
 /// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a +
-/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). Normals are those of the
-/// triangles; colours are interpolated; columns are left out.
+/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). A point has the normal of
+/// its triangle and an interpolated colour; columns are left out.
 pub(crate) fn surface_samples(
     mesh: &PointCloud,
     n: usize,

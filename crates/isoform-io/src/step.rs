@@ -6,7 +6,7 @@
 //! that have a control weight of 0 or less without a word: knots are inserted until all are
 //! positive, which changes no point of the surface.
 //!
-//! The same patches give the same bytes: the time stamp is a fixed one unless another is given.
+//! Equal patches give equal bytes: the time stamp is a fixed one unless another is given.
 
 mod knots;
 mod part21;
@@ -25,7 +25,7 @@ use std::path::Path;
 const SAME: f64 = 1e-9;
 /// What the file states as the accuracy of its lengths, in its unit.
 const UNCERTAINTY: f64 = 1e-7;
-/// The time of files that are to be the same each time.
+/// The time stamp unless another is given: equal patches are to give equal files.
 const EPOCH: &str = "1970-01-01T00:00:00";
 
 /// A patch to be written as a face.

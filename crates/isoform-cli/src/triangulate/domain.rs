@@ -141,7 +141,7 @@ struct Edges {
     double: String,
 }
 
-/// The edges that have one triangle or more than two; those of two are left out.
+/// The paths of the edges that have one triangle or more than two.
 fn edges(surface: &Surface) -> Edges {
     let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for side in surface.triangles.iter().flat_map(|t| sides(*t)) {

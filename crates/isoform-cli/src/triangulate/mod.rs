@@ -468,8 +468,8 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     })
 }
 
-/// What is asked for, as the library takes it. Sheets of a map are glued unless asked otherwise,
-/// those of patches are not.
+/// What is asked for, as the library takes it. Sheets are glued unless asked otherwise; sheets of
+/// patches are not.
 fn options(
     args: &Args,
     in_box: InBox,

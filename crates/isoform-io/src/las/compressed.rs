@@ -200,7 +200,7 @@ fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
     Ok(vlr)
 }
 
-/// Whether the first item is that of the formats from 6 on, whose fields lie in layers.
+/// Whether the first item belongs to the formats from 6 on, whose fields lie in layers.
 fn is_layered(vlr: &LazVlr) -> bool {
     let first = vlr.items().first();
     first.is_some_and(|i| i.item_type() == LazItemType::Point14)

@@ -109,7 +109,7 @@ fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Numbers and properties follow behind those of the triangles.
+/// Tetrahedra, whose numbers and properties follow behind the triangles'.
 fn write_tets(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let parts = match mesh.triangles.is_empty() {
         true => 0,

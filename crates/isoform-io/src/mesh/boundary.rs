@@ -4,7 +4,7 @@
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES};
 use std::collections::HashMap;
 
-/// A face of a tetrahedron: its number, and that of the corner opposite.
+/// A face of a tetrahedron: the number of the tetrahedron, and the corner opposite to the face.
 pub(super) type Face = (u32, u8);
 
 /// Numbers in ascending order, by which equal faces and edges are found.

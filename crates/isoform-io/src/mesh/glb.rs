@@ -16,8 +16,7 @@ use isoform_geom::{Aabb, Column, Mesh, Point3};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
-/// Component type: floats of 32 bits. These numbers are those of OpenGL's constants, which glTF has
-/// taken over.
+/// Component type: floats of 32 bits. glTF has taken these numbers from OpenGL.
 const FLOAT: u32 = 5126;
 /// Component type: unsigned integers of 32 bits.
 const UNSIGNED: u32 = 5125;

@@ -43,7 +43,7 @@ impl<'o> Out<'o> {
             .extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
         self
     }
-    /// As many digits as fit, at most those of [`Out::float`].
+    /// As many digits as fit, at most as many as [`Out::float`] gives.
     pub(super) fn narrow(&mut self, v: f64, width: usize) -> &mut Self {
         narrow(v, width, &mut self.buffer);
         self

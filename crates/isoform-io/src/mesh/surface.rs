@@ -1,4 +1,4 @@
-//! The surface of a mesh for formats that hold nothing else; their readers are those of the points.
+//! The surface of a mesh for formats that hold nothing else; the readers of points read them.
 
 use crate::collect::Parts;
 use crate::input::{Input, Result};

@@ -66,7 +66,7 @@ fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
     bytes.windows(mark.len()).position(|w| w == mark)
 }
 
-/// The length of an item without the mark that ends it, and that of the mark.
+/// The lengths of an item, without the mark that ends it, and of the mark.
 fn end_of_item(rest: &[u8]) -> Option<(usize, usize)> {
     if rest.starts_with(b"<!--") {
         Some((find(rest, b"-->")?, 3))
@@ -102,7 +102,7 @@ impl<'b> Items<'b> {
     pub(super) fn new(bytes: &'b [u8]) -> Self {
         Self { bytes, at: 0 }
     }
-    /// The bytes up to the next tag, or those of the CDATA section that stands there.
+    /// The bytes up to the next tag, or in the CDATA section that stands there.
     pub(super) fn content(&self) -> &'b [u8] {
         let (text, rest) = self.bytes[self.at..].split_at(self.until_tag());
         match rest.strip_prefix(CDATA) {

@@ -50,7 +50,7 @@ impl Element {
     }
     /// The list of the corners of faces.
     pub(super) fn corners(&self) -> Option<usize> {
-        /// Names of the list of corners; the first is that of the format, the others are common.
+        /// Names of the list of corners; the format has the first, and the others are common.
         const NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
         self.properties
             .iter()

@@ -9,7 +9,7 @@ const AWAY: f64 = 0.98;
 /// The cosine of the angle within which a patch on a sphere must stay.
 const NEAR: f64 = 0.17;
 
-/// Axes: an origin, the direction of z, and that of x.
+/// Axes: an origin, and the directions of z and of x.
 pub(super) struct Placement {
     pub(super) origin: Point3,
     pub(super) z: Point3,

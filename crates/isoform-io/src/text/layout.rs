@@ -1,8 +1,9 @@
 //! What the columns are: by their names, or by the values of the first rows.
 //!
-//! Names are those of [`role_named`](crate::roles::role_named), and those of surveyors (easting,
-//! northing, elevation) where these are missing. Values tell colours (whole numbers from 0 to 255)
-//! and normals (triples of length 1) from other columns, which is a guess that the report states.
+//! Names are looked up in [`role_named`](crate::roles::role_named), and among the words of
+//! surveyors (easting, northing, elevation) where a coordinate is missing. Values tell colours
+//! (whole numbers from 0 to 255) and normals (triples of length 1) from other columns, which is a
+//! guess that the report states.
 
 use crate::ReadReport;
 use crate::input::shorten;

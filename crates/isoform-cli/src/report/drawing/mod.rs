@@ -23,7 +23,8 @@ use subject::{Sample, Shell, Subject};
 /// Pixels along the longest side of a view. Lines are found within 1/32 of a pixel; features below
 /// one may be missed. The time grows with the square: 0.1 s for a simple part.
 const PIXELS: f64 = 160.0;
-/// That of programs that run line by line.
+/// Pixels along the longest side for programs that run line by line, which is some hundred times
+/// slower.
 const FEW_PIXELS: f64 = 56.0;
 
 /// A view with its lines.

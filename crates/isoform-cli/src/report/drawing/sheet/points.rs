@@ -174,7 +174,7 @@ fn shade(deviation: f64, limit: f64) -> usize {
     (share * (SHADES - 1) as f64).round() as usize
 }
 
-/// The colours from −limit to +limit, and that of outliers.
+/// The colours from −limit to +limit, and the colour of outliers behind them.
 fn colors(limit: f64) -> Vec<[u8; 3]> {
     let middles: Vec<f64> = (0..SHADES)
         .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))
