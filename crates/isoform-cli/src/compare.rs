@@ -53,7 +53,9 @@ pub(crate) struct Args {
 
 /// A side as read.
 enum Loaded {
+    /// Points, with triangles where there are any.
     Cloud(PointCloud),
+    /// A model with the values of its parameters.
     Model(Box<FrepTemplate>, Vec<f64>),
 }
 

@@ -64,13 +64,17 @@ const CHUNK: usize = 2048;
 struct Row<'t> {
     /// Its coordinates as they were written; the table repeats them.
     text: Vec<&'t str>,
+    /// Its coordinates.
     x: Vec<f64>,
 }
 
 /// What a point gives: a number or the name of a part, with the attributes behind it, or an error.
 enum Cell {
+    /// A number.
     Value(f64, Vec<f64>),
+    /// The name of a part.
     Part(String, Vec<f64>),
+    /// Why there is neither, with line and column in the program.
     Error(String),
 }
 
@@ -169,6 +173,7 @@ fn cells(
 
 /// The rows without a value.
 struct Failures<'c> {
+    /// Rows that failed.
     count: usize,
     /// The number of all rows.
     rows: usize,

@@ -15,6 +15,7 @@ const WRITTEN: [&str; 6] = ["output", "trace", "figure", "report", "sidecar", "d
 /// A file as the system knows it, whatever it was called by.
 #[derive(Debug, PartialEq, Eq)]
 struct Identity {
+    /// Absolute path without links.
     path: PathBuf,
     /// Device and number of the file. Hard links to one file share both, though their paths differ.
     number: Option<(u64, u64)>,
@@ -51,6 +52,7 @@ fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
 pub(crate) struct Inputs {
     /// Files that are read, as they were named.
     files: Vec<(PathBuf, Identity)>,
+    /// Whether outputs may take the place of inputs (--force).
     force: bool,
 }
 

@@ -98,6 +98,7 @@ fn duration(text: &str) -> Result<Duration, String> {
 
 /// The settings of this run.
 pub(crate) struct Context {
+    /// Options that all verbs share.
     pub(crate) global: Global,
     /// When to stop.
     pub(crate) deadline: Option<Instant>,
@@ -160,8 +161,11 @@ fn say(message: impl Display) {
 /// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout
 /// without --json.
 pub(crate) struct Outcome {
+    /// Exit code.
     pub(crate) exit: u8,
+    /// Fields of the JSON document.
     pub(crate) json: Value,
+    /// Bytes for stdout without --json.
     pub(crate) stdout: Vec<u8>,
 }
 
@@ -196,8 +200,11 @@ impl Outcome {
 /// Where something is wrong.
 #[derive(Clone, Default)]
 pub(crate) struct Place {
+    /// File, as it was named.
     pub(crate) file: Option<PathBuf>,
+    /// Line, from 1.
     pub(crate) line: Option<usize>,
+    /// Column, from 1, in characters.
     pub(crate) column: Option<usize>,
     /// The key of a JSON object; then the column is one of its text.
     pub(crate) key: Option<&'static str>,
@@ -209,12 +216,17 @@ pub(crate) struct Place {
 
 /// Why there is no result: what, where, why, and what to try.
 pub(crate) struct Failure {
+    /// Exit code.
     pub(crate) exit: u8,
     /// Short and fixed, for programs.
     pub(crate) code: &'static str,
+    /// What is wrong, in one sentence.
     pub(crate) message: String,
+    /// Where.
     pub(crate) place: Box<Place>,
+    /// Why; may be empty.
     pub(crate) why: String,
+    /// What to try; may be empty.
     pub(crate) hint: String,
 }
 

@@ -17,9 +17,11 @@ const PAUSE: Duration = Duration::from_millis(80);
 
 /// What is on the terminal.
 struct Shown {
+    /// Phase at hand.
     phase: String,
     /// When the bar was drawn last.
     drawn: Option<Instant>,
+    /// When the work began; short work shows no bar.
     started: Instant,
 }
 

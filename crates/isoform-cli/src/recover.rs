@@ -93,8 +93,11 @@ fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>)
 
 /// What is said of the fit, and then of the mesh.
 struct Told {
+    /// Exit code so far.
     exit: u8,
+    /// Document so far.
     json: Value,
+    /// Table so far.
     text: String,
     /// The files that are written.
     files: Vec<String>,

@@ -57,13 +57,19 @@ mod with_crate {
     /// What a field means.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Field {
+        /// x, y or z.
         Cartesian(usize),
+        /// Range, azimuth or elevation.
         Spherical(usize),
         /// Not 0: no coordinates.
         Invalid,
+        /// A component of the normal.
         Normal(usize),
+        /// Red, green or blue.
         Color(usize),
+        /// The strength of the echo.
         Intensity,
+        /// Nothing that a cloud keeps.
         Other,
     }
 
@@ -207,10 +213,13 @@ mod with_crate {
 
     /// A scan of the file with what its points need.
     struct Scan<'s> {
+        /// The scan as the crate below has it.
         cloud: &'s e57::PointCloud,
         /// Number of the scan, from 0.
         number: u32,
+        /// Meaning of each field of a record.
         fields: Vec<Field>,
+        /// From the frame of the scan to the frame of the file.
         pose: Pose,
         /// Darkest and brightest value of each colour.
         colors: [(f64, f64); 3],
@@ -280,7 +289,9 @@ mod with_crate {
     /// Offers points as rows of a layout.
     struct Rows {
         layout: Layout,
+        /// Whether any scan has intensities, which then come before the number of the scan.
         has_intensity: bool,
+        /// The row at hand.
         row: Vec<f64>,
     }
 

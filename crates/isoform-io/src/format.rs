@@ -32,8 +32,11 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
+    /// How sure the first bytes of a file make this format.
     pub(crate) sniff: fn(&[u8]) -> Sniff,
+    /// Its reader.
     pub(crate) read: ReadFn,
+    /// Its writer, if it is written.
     pub(crate) write: Option<WriteFn>,
     /// Whether triangles, normals and colours survive writing; for the warnings of
     /// [`write_path`](crate::write_path).

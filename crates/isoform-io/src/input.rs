@@ -312,8 +312,10 @@ fn ends_in_lone_cr(block: &[u8], left: u64) -> Option<bool> {
 
 /// Blank-separated words, over line ends, each with its place.
 pub(crate) struct Words {
+    /// The line at hand, and its bytes.
     text: String,
     bytes: Vec<u8>,
+    /// Byte of the line behind the word given last.
     at: usize,
     /// Column of the word given last.
     pub(crate) column: usize,

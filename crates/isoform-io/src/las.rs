@@ -238,7 +238,9 @@ struct Fields {
     class: (usize, u8),
     /// Bits of the return number in byte 14.
     returns: u8,
+    /// Offset of the GPS time.
     time: Option<usize>,
+    /// Offset of red, green and blue.
     color: Option<usize>,
 }
 

@@ -127,7 +127,9 @@ pub(crate) fn read_parts(
 /// Lines with their continuations and without comments.
 #[derive(Default)]
 struct Lines {
+    /// The line at hand.
     text: String,
+    /// The line that continues it.
     more: String,
     bytes: Vec<u8>,
 }
@@ -164,7 +166,9 @@ struct Vertex {
 /// Takes line after line. The points are offered at the end, when it is known what they have.
 struct Reader {
     collector: Collector,
+    /// All vertices of the file.
     vertices: Vec<Vertex>,
+    /// All normals, and how faces use them.
     normals: Normals,
     /// Numbers of the parts by name.
     parts: HashMap<String, u32>,

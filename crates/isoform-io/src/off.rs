@@ -32,9 +32,13 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 
 /// Prefixes of the keyword: texture, colour, normal, fourth coordinate, n dimensions.
 struct Keyword {
+    /// ST: texture coordinates follow a vertex.
     texture: bool,
+    /// C: a colour follows a vertex.
     color: bool,
+    /// N: a normal follows a vertex.
     normal: bool,
+    /// 4 or n: a fourth coordinate, or another dimension; neither is read.
     odd: bool,
 }
 

@@ -61,9 +61,11 @@ pub(crate) fn read(
 
 /// Rows of values by field to rows of the layout.
 struct Reader {
+    /// Roles of the values of a row.
     layout: Layout,
     /// Per field: whether its values are in the row, or three out of a packed colour.
     parts: Vec<Part>,
+    /// The row at hand.
     row: Vec<f64>,
 }
 

@@ -130,7 +130,9 @@ fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
 
 /// The parts of faces: the property that holds their tags, and the numbers of the parts by tag.
 struct FaceParts {
+    /// Place of the tag among the properties.
     property: Option<usize>,
+    /// Number of the part in the collector, by tag.
     numbers: BTreeMap<i64, u32>,
 }
 

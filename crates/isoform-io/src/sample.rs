@@ -43,7 +43,9 @@ pub(crate) fn surface_samples(
 
 /// The triangles' areas (twice, which their shares do not see), summed up to each of them.
 struct AreaSums {
+    /// Sum up to and including each triangle.
     sums: Vec<f64>,
+    /// Sum over all triangles.
     total: f64,
 }
 

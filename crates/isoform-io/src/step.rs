@@ -164,8 +164,11 @@ fn size(splines: &[Spline]) -> Result<f64, Refusal> {
 
 /// Instances of the product to which faces are tied.
 struct Product {
+    /// Shape of the product, which the representation defines.
     shape: usize,
+    /// Units and accuracy of the coordinates.
     context: usize,
+    /// Axes at the origin.
     origin: usize,
 }
 
@@ -296,7 +299,9 @@ fn length_unit(doc: &mut Document, unit: &str) -> usize {
 
 /// A border of a face.
 struct Border {
+    /// Its control points, homogeneous.
     control: Vec<[f64; 4]>,
+    /// Whether it runs along u, whose knots it has then.
     along_u: bool,
     /// Whether it runs along the loop around the face.
     forward: bool,
@@ -324,6 +329,7 @@ fn borders(spline: &Spline) -> [Border; 4] {
 struct Vertices {
     /// Points this near are one.
     same: f64,
+    /// Places of the vertices with their numbers.
     written: Vec<(Point3, usize)>,
 }
 

@@ -37,7 +37,9 @@ fn is_ascii(head: &[u8]) -> bool {
 
 /// Numbers corners; equal ones get one number.
 struct Weld<'c> {
+    /// Takes vertices and triangles.
     collector: &'c mut Collector,
+    /// Numbers of the vertices by the bits of their coordinates.
     known: HashMap<[u64; 3], u64>,
 }
 
@@ -151,6 +153,7 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
 /// How far the text of an ASCII file has been taken.
 #[derive(Default)]
 struct Solids {
+    /// Solids that have begun.
     count: u64,
     /// The end of the last one has not come.
     is_open: bool,

@@ -73,11 +73,13 @@ fn plain(value: f64) -> String {
 /// A value as it is printed: to the second significant digit of the half width of its interval.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Reading {
+    /// The value.
     pub(crate) value: String,
     /// The half width, or both sides where the interval is lopsided; empty without an interval.
     pub(crate) error: String,
     /// The 95 % interval; empty without one.
     pub(crate) interval: String,
+    /// The unit; empty where there is none.
     pub(crate) unit: String,
 }
 
@@ -175,7 +177,9 @@ pub(crate) struct Row {
     pub(crate) interval: String,
     /// Value and error in millimetres, where the scan has another unit.
     pub(crate) mm: String,
+    /// What the points say of it: determined, weak and so on.
     pub(crate) status: &'static str,
+    /// Its bounds, in words.
     pub(crate) bounds: String,
 }
 

@@ -30,10 +30,15 @@ pub(crate) struct Subject {
 /// A mesh with all that is known of it.
 pub(crate) struct Made {
     pub(crate) name: String,
+    /// Object of the program that was meshed.
     pub(crate) object: String,
+    /// Values of the parameters.
     pub(crate) values: Vec<f64>,
+    /// Unit of its lengths.
     pub(crate) unit: Option<String>,
+    /// The mesh with its certificate.
     pub(crate) mesh: ModelMesh,
+    /// Files that it went to.
     pub(crate) written: Vec<Written>,
     /// Seconds by phase.
     pub(crate) seconds: Vec<(String, f64)>,
@@ -65,6 +70,7 @@ fn sentence(warning: &Warning) -> String {
 
 /// Phases as they come, each with the time it took.
 struct Phases {
+    /// Phases with the time at which each began.
     started: Mutex<Vec<(String, Instant)>>,
     progress: Progress,
 }

@@ -175,12 +175,17 @@ fn point(text: &str) -> Result<Point3, String> {
 
 /// What was made, and of what.
 struct Made {
+    /// Name of the model's file.
     name: String,
+    /// What was asked for.
     options: Options,
+    /// The patches; one without --cover.
     patches: Vec<Parameterized>,
     /// Of a cover.
     coverage: Option<Coverage>,
+    /// Warnings for stderr and the document.
     warnings: Vec<String>,
+    /// Files that they went to.
     written: Vec<String>,
     /// Seconds by phase.
     seconds: Vec<(&'static str, f64)>,

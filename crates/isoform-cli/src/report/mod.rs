@@ -42,7 +42,9 @@ pub(crate) fn color_limit(fit: &Fit) -> f64 {
 
 /// Lengths as the page shows them: in millimetres where the scan's unit is known, else as they are.
 struct Lengths {
+    /// Factor from the scan's unit.
     scale: f64,
+    /// Unit on the page; empty where it is not known.
     unit: String,
 }
 

@@ -114,7 +114,9 @@ enum Sheets {
 /// A positive rational number and its nearest double.
 #[derive(Clone, Debug)]
 struct HalfWidth {
+    /// The number as it was written.
     exact: RBig,
+    /// Its nearest double.
     near: f64,
 }
 
@@ -173,9 +175,11 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 
 /// A triangulated surface with all that is known of it.
 struct Made {
+    /// Name of the map's file.
     name: String,
     /// One, or one for every patch.
     maps: Vec<Map>,
+    /// What is known of each map.
     analyses: Vec<Analysis>,
     /// The names of patches; none for a map.
     patches: Vec<String>,
@@ -183,8 +187,11 @@ struct Made {
     half_width: f64,
     /// Whether B was not given, but comes from bounds of the surface.
     is_chosen: bool,
+    /// What was asked for.
     options: TriangulateOptions,
+    /// Triangles, with what is claimed of them.
     surface: Surface,
+    /// Topology of the triangles.
     topology: Topology,
     written: Vec<Written>,
     /// Seconds by phase.

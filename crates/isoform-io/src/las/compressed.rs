@@ -74,6 +74,7 @@ pub(super) fn records(
 
 /// Why unpacking stopped, and behind how many points.
 struct Failure {
+    /// Points that were unpacked before.
     done: u64,
     why: String,
     /// Whether the file has ended too early.
@@ -83,6 +84,7 @@ struct Failure {
 /// Refuses to read once the stack below it is deep; see the module's head.
 struct Guard<R> {
     inner: BufReader<R>,
+    /// Address of the stack where the decoder starts.
     base: usize,
 }
 

@@ -67,9 +67,12 @@ fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
 
 /// An element and the property that it belongs to, both from 1.
 struct Card<'n> {
+    /// Kind of the element: CTRIA3, CTRIA6 or CTETRA.
     name: &'static str,
     number: usize,
+    /// Number of the property, which tells part or region.
     property: usize,
+    /// Corners, then mid nodes, as numbers from 0.
     nodes: &'n [u32],
 }
 

@@ -165,9 +165,13 @@ pub(super) struct Builder {
     ids: Vec<u32>,
     /// Coordinates of the nodes.
     points: Vec<Point3>,
+    /// Corners of the model.
     pub(super) corners: Cells<1, 0>,
+    /// Edges on curves.
     pub(super) edges: Cells<2, 1>,
+    /// Triangles.
     pub(super) triangles: Cells<3, 3>,
+    /// Tetrahedra.
     pub(super) tets: Cells<4, 6>,
     /// Names of groups by dimension and tag.
     pub(super) names: [BTreeMap<i64, String>; 4],

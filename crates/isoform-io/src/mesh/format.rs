@@ -41,8 +41,11 @@ pub struct MeshFormat {
     pub(super) columns: Columns,
     /// What is kept, for lists of formats.
     pub about: &'static str,
+    /// How sure the first bytes of a file make this format.
     pub(super) sniff: fn(&[u8]) -> Sniff,
+    /// Its reader, if it is read.
     pub(super) read: Option<ReadFn>,
+    /// Its writer.
     pub(super) write: WriteFn,
 }
 

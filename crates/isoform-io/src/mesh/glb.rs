@@ -259,10 +259,13 @@ fn attribute_name(column: &str) -> String {
 
 /// What lies where in the binary chunk: views are ranges of bytes, accessors their types.
 struct Buffer {
+    /// Ranges of bytes.
     views: Vec<Value>,
+    /// Types and counts of the numbers in the views.
     accessors: Vec<Value>,
     /// Accessors of the values per node by name.
     attributes: serde_json::Map<String, Value>,
+    /// Number of nodes of the surface.
     nodes: usize,
     /// Where the next view begins.
     end: usize,

@@ -66,10 +66,13 @@ fn plain(name: &str) -> String {
 
 /// Names of the groups as they stand in the file, all different.
 struct GroupNames {
+    /// Names of the parts, for node sets, surfaces, and sets of shells.
     parts: Vec<String>,
+    /// Names of the curves, for node sets.
     curves: Vec<String>,
     /// Name of the set of all corners.
     corners: String,
+    /// Names of the regions that have elements, for sets of elements.
     regions: Vec<String>,
 }
 

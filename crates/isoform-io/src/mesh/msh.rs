@@ -38,6 +38,7 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
 
 /// Names of the groups by dimension, all different: Gmsh's readers often know groups by name alone.
 struct Physical {
+    /// By dimension: corners, curves, parts, regions.
     names: [Vec<String>; 4],
 }
 

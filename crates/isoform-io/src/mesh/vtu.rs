@@ -108,6 +108,7 @@ impl Values<'_> {
 /// The cells of one kind.
 #[derive(Clone, Copy)]
 struct Cells {
+    /// Number of cells.
     count: usize,
     /// Nodes of each.
     nodes: usize,
@@ -171,7 +172,9 @@ impl<'m> Grid<'m> {
 
 /// An array as its element declares it.
 struct Declared {
+    /// Name of the array.
     name: &'static str,
+    /// Numbers per tuple.
     components: usize,
     /// VTK's name of the type of number.
     kind: &'static str,

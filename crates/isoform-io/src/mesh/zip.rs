@@ -19,6 +19,7 @@ const DATE: u16 = 1 << 5 | 1;
 /// Counts what passes.
 struct Counted<'o> {
     out: &'o mut dyn Write,
+    /// Bytes that have passed.
     count: u64,
 }
 
@@ -36,7 +37,9 @@ impl Write for Counted<'_> {
 /// A member on its way: checksum and length before it is deflated.
 struct Member<'d, W: Write> {
     deflate: &'d mut DeflateEncoder<W>,
+    /// CRC-32 of the bytes before they are deflated.
     crc: Crc,
+    /// Number of bytes before they are deflated.
     length: u64,
 }
 

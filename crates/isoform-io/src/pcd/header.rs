@@ -104,19 +104,29 @@ fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
 /// The values of the lines, as they stand there.
 #[derive(Default)]
 struct Lines {
+    /// FIELDS, in lower case.
     names: Vec<String>,
+    /// SIZE: bytes per value.
     sizes: Vec<u64>,
+    /// TYPE: F, I or U.
     kinds: Vec<u8>,
+    /// COUNT: values per point.
     counts: Vec<u64>,
+    /// POINTS.
     points: Option<u64>,
+    /// WIDTH: points in a row of the scan.
     width: Option<u64>,
+    /// HEIGHT: rows of the scan; 1 for clouds without order.
     height: Option<u64>,
 }
 
 /// The words of a line behind its key.
 struct Values<'l> {
+    /// First word of the line, for errors.
     key: &'l str,
+    /// The words behind it, at most one more than [`MAX_VALUES`].
     words: Vec<&'l str>,
+    /// The file, for errors.
     input: &'l Input<'l>,
 }
 

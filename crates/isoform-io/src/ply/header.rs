@@ -24,6 +24,7 @@ pub(super) enum Encoding {
 #[derive(Debug)]
 pub(super) struct Property {
     pub(super) name: String,
+    /// Type of the value, or of the items of the list.
     pub(super) kind: Type,
     /// Type of the length, for lists.
     pub(super) list: Option<Type>,
@@ -33,7 +34,9 @@ pub(super) struct Property {
 #[derive(Debug)]
 pub(super) struct Element {
     pub(super) name: String,
+    /// Number of rows.
     pub(super) count: u64,
+    /// Values of a row, in their order.
     pub(super) properties: Vec<Property>,
 }
 
@@ -64,7 +67,9 @@ pub(super) type PartNames = BTreeMap<i64, String>;
 /// The header of a file.
 pub(super) struct Header {
     pub(super) encoding: Encoding,
+    /// Elements in the order of the file.
     pub(super) elements: Vec<Element>,
+    /// Names of parts out of comments.
     pub(super) part_names: PartNames,
 }
 

@@ -1,4 +1,5 @@
-//! The rows of a PLY file, in text and bytes.
+//! The rows of a PLY file, in text and bytes. Rows without lists have one length, which lets them
+//! be read and passed over as a whole; lists are read item by item.
 
 use super::header::{Element, Encoding};
 use crate::ErrorKind;

@@ -1,4 +1,5 @@
-//! The writer of PLY for clouds.
+//! The writer of PLY for clouds: coordinates, normals and columns as doubles, colours as bytes,
+//! triangles as lists of three.
 
 use crate::WriteOptions;
 use crate::columns::{Names, column_names, row};

@@ -12,7 +12,9 @@ const WIDTH: usize = 120;
 /// The data section, instance by instance.
 #[derive(Default)]
 pub(super) struct Document {
+    /// Text of the instances.
     data: String,
+    /// Number of instances.
     count: usize,
 }
 

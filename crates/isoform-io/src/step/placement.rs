@@ -18,7 +18,9 @@ pub(super) struct Placement {
 
 /// A named surface as an entity.
 pub(super) struct Placed {
+    /// Name of the entity in the schema.
     pub(super) entity: &'static str,
+    /// Where it stands.
     pub(super) axes: Placement,
     /// What follows the axes.
     pub(super) numbers: Vec<f64>,

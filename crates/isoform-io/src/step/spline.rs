@@ -1,4 +1,9 @@
 //! A patch as a B-spline whose control weights are positive.
+//!
+//! A Bézier patch is the B-spline over one span in each direction. Its weight may be positive
+//! everywhere while a control weight is not. Inserting knots, equally spaced, brings the control
+//! weights nearer to the weight itself, until all are positive; no point of the surface changes.
+//! New control points are blossoms of the old ones.
 
 use super::knots::Knots;
 use isoform_geom::{Point3, RationalPatch};
@@ -11,8 +16,11 @@ const MOST_SPANS: usize = 64;
 
 /// A rational B-spline surface over [0, 1]² with homogeneous control points.
 pub(super) struct Spline {
+    /// Knots in u.
     u: Knots,
+    /// Knots in v.
     v: Knots,
+    /// Control points, homogeneous, row by row of equal i.
     control: Vec<[f64; 4]>,
 }
 

@@ -17,7 +17,9 @@ const DECADES: f64 = 10.0;
 
 /// One term over all steps.
 struct Line {
+    /// Name of the term, and of its class in the style.
     name: &'static str,
+    /// Its value at each step.
     values: Vec<f64>,
 }
 

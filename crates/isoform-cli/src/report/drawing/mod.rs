@@ -35,16 +35,23 @@ struct Drawn {
 
 /// Everything that is drawn of a model.
 struct Drawing<'a> {
+    /// The fit.
     job: &'a Job,
+    /// The fitted model.
     subject: Subject<'a>,
+    /// Points of its surface.
     samples: Vec<Sample>,
+    /// From above.
     top: Drawn,
+    /// From the front.
     front: Drawn,
     /// None where it shows no more than the view from the front.
     side: Option<Drawn>,
     /// None for a model without holes and hollows in its middle plane.
     section: Option<Drawn>,
+    /// Isometric, from above.
     above: Drawn,
+    /// Isometric, from below and behind.
     below: Drawn,
 }
 

@@ -193,11 +193,14 @@ fn differing(picture: &Picture) -> Vec<Crossing> {
 
 /// A place where a line passes between two pixels, between two rays that come nearer and nearer.
 struct Crossing {
+    /// The pixels that it lies between.
     between: Between,
     /// Whether the pixels see faces at different depths, or one sees none. The rays at the end may
     /// meet a face edge-on between the two, which says nothing.
     is_step: bool,
+    /// Places of the two rays on the paper.
     ends: [[f64; 2]; 2],
+    /// What the two rays meet.
     hits: [Option<Hit>; 2],
 }
 

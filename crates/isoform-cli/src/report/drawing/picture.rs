@@ -11,11 +11,15 @@ use std::borrow::Borrow;
 /// A direction of view: axes of the paper and the direction to the viewer, orthonormal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
+    /// Name in the caption.
     pub(super) name: &'static str,
     /// What runs across and what up, for the caption.
     pub(super) axes: &'static str,
+    /// Direction to the right on the paper.
     pub(super) right: Point3,
+    /// Direction up on the paper.
     pub(super) up: Point3,
+    /// Direction to the viewer.
     pub(super) toward: Point3,
     /// The cut: nothing nearer to the viewer than this is drawn.
     pub(super) cut: Option<f64>,
@@ -319,12 +323,15 @@ impl<'a> Tracer<'a> {
 /// What is seen at each pixel of a view.
 pub(super) struct Picture {
     pub(super) view: View,
+    /// Pixels in a row.
     pub(super) width: usize,
+    /// Rows.
     pub(super) height: usize,
     /// Side of a pixel.
     pub(super) pixel: f64,
     /// The middle of the first pixel, above on the left.
     pub(super) first: [f64; 2],
+    /// What the ray of each pixel meets, row by row from above.
     pub(super) hits: Vec<Option<Hit>>,
 }
 

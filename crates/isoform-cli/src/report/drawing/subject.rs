@@ -12,8 +12,11 @@ use isoform::geom::{Aabb, Point3, dot, norm};
 
 /// The model with its fitted values.
 pub(super) struct Subject<'a> {
+    /// The fit.
     job: &'a Job,
+    /// Fitted values of all parameters.
     values: Vec<f64>,
+    /// Pose of the model in the scan.
     place: Placement,
     /// Whether the program runs line by line for each point, some hundred times slower.
     pub(super) is_slow: bool,
@@ -29,9 +32,13 @@ pub(super) struct Sample {
 
 /// The cells that the surface may pass.
 pub(super) struct Shell {
+    /// Box that is drawn.
     pub(super) region: Aabb,
+    /// Side of a cell.
     pub(super) cell: f64,
+    /// Cells along each axis.
     dims: [usize; 3],
+    /// Whether the surface may pass each cell.
     is_near: Vec<bool>,
     /// Blocks of cells that hold such a cell, so that rays cross empty space fast.
     blocks: Vec<bool>,

@@ -15,6 +15,7 @@ use std::io::{self, Write};
 /// Fields of text or of bytes.
 struct Fields<'o> {
     out: Out<'o>,
+    /// Whether fields are bytes, little endian.
     binary: bool,
 }
 
@@ -70,6 +71,7 @@ impl Fields<'_> {
 struct Entities {
     /// Curves, surfaces, volumes.
     groups: [Groups; 3],
+    /// Nodes by the entity that owns them.
     nodes: Groups,
     /// Number of entities by dimension.
     count: [usize; 4],
@@ -349,8 +351,11 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
 
 /// The elements of an entity.
 struct Block<'m> {
+    /// Dimension of the entity.
     dim: usize,
+    /// Tag of the entity, from 1.
     tag: i32,
+    /// Its elements, at least one.
     elements: &'m [u32],
     /// Number of elements of smaller dimensions, whose numbers come first.
     before: usize,

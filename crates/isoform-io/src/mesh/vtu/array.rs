@@ -12,9 +12,11 @@ use std::io::{self, Read};
 /// How the arrays of a file are kept.
 #[derive(Clone, Copy)]
 pub(super) struct Coding {
+    /// Whether numbers have their greatest byte first.
     pub(super) big_endian: bool,
     /// Sizes of 64 bits instead of 32.
     pub(super) wide_header: bool,
+    /// Whether arrays are deflated in blocks.
     pub(super) zlib: bool,
     /// Most bytes that an array may unpack to.
     pub(super) limit: u64,
@@ -143,9 +145,11 @@ fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
 /// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the
 /// stream.
 pub(super) struct Base64<'b> {
+    /// Characters that are left.
     text: &'b [u8],
     /// Bytes decoded and not taken.
     ready: [u8; 3],
+    /// How many of `ready` are left.
     count: usize,
 }
 

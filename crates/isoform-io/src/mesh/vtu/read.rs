@@ -74,8 +74,11 @@ impl<'b> Piece<'b> {
 struct Cells {
     /// Where the connectivity stands.
     at: usize,
+    /// Nodes of all cells, one cell behind the other.
     connectivity: Array,
+    /// End of each cell in the connectivity.
     offsets: Array,
+    /// VTK's numbers of the kinds.
     types: Array,
     /// Tags of parts, regions and curves.
     tags: [Option<Array>; 3],
@@ -115,7 +118,9 @@ impl Cells {
 /// What is appended behind the grid.
 #[derive(Default)]
 struct Appended<'b> {
+    /// Bytes behind the mark `_`.
     bytes: &'b [u8],
+    /// Whether they are base64.
     base64: bool,
 }
 

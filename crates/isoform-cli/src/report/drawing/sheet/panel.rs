@@ -31,7 +31,9 @@ impl Label {
 
 /// A view with what it shows.
 pub(super) struct Panel<'a> {
+    /// The view.
     pub(super) placed: Placed<'a>,
+    /// Its dimensions with their labels.
     pub(super) shown: Vec<(Shown, Label)>,
 }
 

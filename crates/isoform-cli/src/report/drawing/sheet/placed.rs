@@ -12,7 +12,9 @@ const TONES: usize = 40;
 /// The tones of faces: the lightest, and by how much the darkest is darker in red, green and blue.
 #[derive(Clone, Copy)]
 pub(super) struct Paint {
+    /// Grey of the lightest tone, from 0 to 255.
     light: f64,
+    /// How much darker the darkest tone is in red, green and blue.
     range: [f64; 3],
 }
 

@@ -132,7 +132,9 @@ fn dots(placed: &Placed<'_>, points: &[Point], limit: f64) -> String {
 /// A point as a view shows it.
 #[derive(Clone, Copy)]
 struct Dot {
+    /// Coordinate toward the viewer.
     depth: f64,
+    /// Distance from the model, NaN for an outlier.
     deviation: f64,
     /// The coordinates u and v in the view.
     place: [f64; 2],
