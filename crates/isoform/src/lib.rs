@@ -120,6 +120,7 @@ pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;
+pub use isoform_field::parameter_values;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;

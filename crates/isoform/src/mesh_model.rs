@@ -119,7 +119,8 @@ impl ModelMesh {
 }
 
 /// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
-/// the mesh: topology, shape, distances, feature curves and corners.
+/// the mesh: topology, shape, distances, feature curves and corners. Missing values are those of
+/// [`parameter_values`](crate::parameter_values): a fitted program needs none.
 ///
 /// ```
 /// use isoform::{Control, MeshModelOptions, mesh_model, template};
@@ -213,4 +214,40 @@ fn own_size(
         Some(mesh) => mean_edge(mesh),
         None => default_size_within(solid, options.mesh.region, control)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ImplicitSurface;
+    use isoform_field::hyperfun::Mode;
+
+    #[test]
+    fn a_fitted_program_needs_no_values() {
+        let ball =
+            "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+        let ball = Model::parse(ball, Mode::Default).expect("a program");
+        let fixed = Model::parse(&ball.print_fitted(&[1.5], None), Mode::Default);
+        let fixed = fixed.expect("a program");
+        assert_eq!(fixed.n_params(), 1);
+        let options = MeshModelOptions {
+            size: Some(0.5),
+            ..MeshModelOptions::default()
+        };
+        let made = mesh_model(&fixed, &[], &options, &Control::default()).expect("a mesh");
+        assert!(made.certificate.is_ok());
+        let again = adapt_to_model(
+            &made.meshed.mesh,
+            &fixed,
+            &[],
+            &options,
+            &Control::default(),
+        );
+        assert!(again.is_ok_and(|again| again.certificate.is_ok()));
+        let surface = ImplicitSurface::of_model(&fixed, &[]).expect("a surface");
+        assert_eq!(surface.field.value([1.5, 0.0, 0.0]), 0.0);
+        let many = mesh_model(&fixed, &[1.0, 2.0], &options, &Control::default());
+        let many = many.expect_err("one parameter, which is not used");
+        assert_eq!(many.to_string(), "2 values for 1 parameters");
+    }
 }

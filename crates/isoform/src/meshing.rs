@@ -18,6 +18,10 @@ const TIMES: usize = 6;
 /// statement by statement for that.
 ///
 /// Such a solid has one part, named after the model: no edges are known of it, and no intervals.
+/// Missing values are those of [`parameter_values`](crate::parameter_values).
+///
+/// # Errors
+/// [`SolidError`].
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
     match Pieces::of_model(model, a) {
         Ok(pieces) => Ok((Box::new(pieces), false)),
