@@ -109,7 +109,7 @@ mod template;
 mod topology;
 
 pub use compare::{CompareError, Distances, Side, compare};
-pub use facets::points_on_faces;
+pub use facets::{CornerError, points_on_faces};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use held::{Bounds, HeldTemplate, ParameterError};

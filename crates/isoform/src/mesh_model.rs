@@ -6,7 +6,9 @@ use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
 use isoform_geom::{Mesh, Solid};
-use isoform_mesh::{MeshError, Meshed, Options, Warning, WarningKind, mean_edge, own_sizes};
+use isoform_mesh::{
+    MeshError, Meshed, Options, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
+};
 use std::fmt;
 
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
@@ -166,6 +168,9 @@ fn make(
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
     control.report("model", 0.0);
+    if let Some(mesh) = given {
+        check_nodes(mesh)?;
+    }
     let (solid, is_run) = solid_of(model, a)?;
     let solid = solid.as_ref();
     if is_run && options.mesh.region.is_none() {
@@ -246,6 +251,16 @@ mod tests {
         assert!(again.is_ok_and(|again| again.certificate.is_ok()));
         let surface = ImplicitSurface::of_model(&fixed, &[]).expect("a surface");
         assert_eq!(surface.field.value([1.5, 0.0, 0.0]), 0.0);
+        let mut broken = made.meshed.mesh.clone();
+        broken.tets[1][2] = 1 << 30;
+        let error = adapt_to_model(&broken, &fixed, &[], &options, &Control::default());
+        assert_eq!(
+            error.expect_err("no such node").to_string(),
+            format!(
+                "the mesh given has node 1073741824 in tetrahedron 1, but {} nodes (from 0)",
+                broken.points.len()
+            )
+        );
         let many = mesh_model(&fixed, &[1.0, 2.0], &options, &Control::default());
         let many = many.expect_err("one parameter, which is not used");
         assert_eq!(many.to_string(), "2 values for 1 parameters");

@@ -71,6 +71,9 @@ pub fn default_size_within(
 }
 
 /// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.
+///
+/// # Panics
+/// If a triangle has a node that the mesh has not; meshes that were read or made have them all.
 pub fn surface_of(mesh: &Mesh) -> PointCloud {
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
     for (i, &t) in mesh.triangles.iter().enumerate() {
