@@ -23,12 +23,12 @@ fn main() -> Result<(), Box<dyn Error>> {
 
     // The fitted program is HyperFun in the scan's coordinates, with no parameter left.
     let model = Model::parse(&fitted.program(), Mode::Default)?;
-    let made = mesh_model(
-        &model,
-        &[],
-        &MeshModelOptions::default(),
-        &Control::default(),
-    )?;
+    // The walls are 2 mm thick; by default edges would be 3 mm long, too coarse for the rim.
+    let options = MeshModelOptions {
+        size: Some(0.002),
+        ..MeshModelOptions::default()
+    };
+    let made = mesh_model(&model, &[], &options, &Control::default())?;
     let mesh = &made.meshed.mesh;
     println!(
         "{} tetrahedra, certified: {}",

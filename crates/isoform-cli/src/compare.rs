@@ -22,7 +22,7 @@ Files with triangles count as surfaces (--vertices: as points), tetrahedra by th
 models; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
 agree: nothing is moved.
 
-Exit code: 0; 3 if --tolerance is given and a distance exceeds it.")]
+Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a model is not a number.")]
 pub(crate) struct Args {
     /// Points, a mesh, or a model
     first: PathBuf,
@@ -84,7 +84,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         CompareError::NoRegion => Failure::usage(e.to_string()).hint("--box=-1,-1,-1,1,1,1"),
         CompareError::Empty(_) => Failure::input("empty", e.to_string())
             .hint("isoform inspect; for models, another --box"),
+        _ => Failure::input("compare", e.to_string()),
     })?;
+    warn_undefined("first", &there, context);
+    warn_undefined("second", &back, context);
     let text = line("first to second", &there) + &line("second to first", &back);
     let sides = [(&args.first, &first), (&args.second, &second)];
     let sides = sides.map(|(path, loaded)| SideReport {
@@ -102,6 +105,19 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         json: output::json_of(&report),
         stdout: text.into_bytes(),
     })
+}
+
+/// Warns of points of a side for which the other side's function is not a number.
+fn warn_undefined(side: &str, d: &Distances, context: &Context) {
+    let Distances {
+        samples, undefined, ..
+    } = d;
+    if *undefined > 0 {
+        context.warn(format_args!(
+            "{undefined} of {samples} points of the {side} have no distance: the other one's \
+             function is not a number there"
+        ));
+    }
 }
 
 /// The distances of one direction, for people.

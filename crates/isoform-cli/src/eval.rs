@@ -2,9 +2,9 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
-use isoform::FrepTemplate;
-use isoform::field::hyperfun::{Amount, Model, Pose};
+use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::Template;
+use isoform::{FrepTemplate, parameter_values};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -213,26 +213,16 @@ impl<'c> Failures<'c> {
     }
 }
 
-/// The parameters given, then where annotations start, then 0.
+/// The values of all parameters: those given, then as the library says.
 pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> {
-    if given.len() > model.n_params() {
-        let message = format!(
+    parameter_values(model, given).map_err(|_| {
+        Failure::usage(format!(
             "{} parameters for `{}`, which has {}",
             given.len(),
             model.name(),
             model.n_params()
-        );
-        return Err(Failure::usage(message));
-    }
-    let start = |i: usize| {
-        model.params()[i]
-            .start
-            .and_then(Amount::value)
-            .unwrap_or(0.0)
-    };
-    Ok((0..model.n_params())
-        .map(|i| given.get(i).copied().unwrap_or_else(|| start(i)))
-        .collect())
+        ))
+    })
 }
 
 /// The model's own values at some rows; rows that the time limit does not let through are errors.

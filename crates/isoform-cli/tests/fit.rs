@@ -639,6 +639,35 @@ fn conversions() {
 }
 
 #[test]
+fn points_without_a_distance_are_told_of() {
+    let f = Folder::new("undefined");
+    let half = "my_model(x[3], a[1]) { my_model = 2*sqrt(x[1]) - x[1]^2 - x[2]^2 - x[3]^2; }";
+    let half = f.file("half.hf", half);
+    let scan: String = (0..400)
+        .map(|i| format!("{} {} 0.25\n", i % 2 * 2 - 1, i))
+        .collect();
+    let scan = f.file("scan.xyz", &scan);
+    let of = |more: &[&str]| isoform(&[&["compare", &scan, &half, "--json"], more].concat());
+    let o = of(&["--tolerance", "1e9"]);
+    let d = document(&o);
+    assert_eq!(
+        (code(&o), d["within_tolerance"].as_bool()),
+        (3, Some(false))
+    );
+    let there = &d["first_to_second"];
+    assert_eq!(
+        (there["samples"].as_u64(), there["undefined"].as_u64()),
+        (Some(400), Some(200))
+    );
+    assert!(
+        stderr(&o).contains("200 of 400 points of the first"),
+        "{}",
+        stderr(&o)
+    );
+    assert_eq!(code(&of(&[])), 0);
+}
+
+#[test]
 fn every_verb_has_an_example() {
     for verb in ["fit", "recover", "eval", "inspect", "convert", "compare"] {
         let help = stdout(&isoform(&[verb, "--help"]));

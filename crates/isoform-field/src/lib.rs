@@ -30,5 +30,5 @@ pub use ops::{Binary, Direct, Ops, SetOp, Unary};
 pub use polynomial::Polynomial;
 pub use residual::{Bound, Residual};
 pub use shape::{Join, Part, Shape};
-pub use solid::{Pieces, RunField, SolidError};
+pub use solid::{Pieces, RunField, SolidError, parameter_values};
 pub use tape::Tape;

@@ -6,7 +6,7 @@
 
 use crate::block::{Block, LANES, Row};
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::{Model, NotCompilable};
+use crate::hyperfun::{Amount, Model, NotCompilable, ParamInfo};
 use crate::ops::{Ops, Unary};
 use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
@@ -28,7 +28,8 @@ pub enum SolidError {
         /// Coordinates of the object.
         found: usize,
     },
-    /// There are not as many values as parameters.
+    /// There are more values than parameters ([`parameter_values`]), or fewer than an expression
+    /// uses ([`Pieces::new`]).
     #[error("{found} values for {expected} parameters")]
     Parameters {
         /// Parameters of the model.
@@ -122,14 +123,18 @@ impl Pieces {
         })
     }
 
-    /// The model with the values `a` of its parameters.
+    /// The model with the values `a` of its parameters; missing ones are those of
+    /// [`parameter_values`].
+    ///
+    /// # Errors
+    /// [`SolidError`].
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
-        check(model, a)?;
+        let a = values_in_space(model, a)?;
         let mut graph = Graph::new();
         let root = model
             .compile(&mut graph)
             .map_err(SolidError::NoExpression)?;
-        Self::new(&graph, root, a)
+        Self::new(&graph, root, &a)
     }
 
     /// The functions of all pieces as expressions of the coordinates.
@@ -307,19 +312,38 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     found.into_iter().collect()
 }
 
-fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
-    if model.dimension() != 3 {
-        return Err(SolidError::Dimension {
-            found: model.dimension(),
-        });
+/// The values of all parameters of a model where the first ones are given: the others are where
+/// their annotations start, else 0. The program of a fit, which has a parameter that it does not
+/// use, needs no value.
+///
+/// ```
+/// use isoform_field::{hyperfun::{Mode, Model}, parameter_values};
+/// let text = "-- @param a[2] height start=3
+///     my_model(x[3], a[3]) { my_model = a[1] + a[2] + a[3] - x[1]; }";
+/// let model = Model::parse(text, Mode::Default)?;
+/// assert_eq!(parameter_values(&model, &[1.0]), Ok(vec![1.0, 3.0, 0.0]));
+/// assert!(parameter_values(&model, &[0.0; 4]).is_err());
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
+///
+/// # Errors
+/// [`SolidError::Parameters`] where there are more values than parameters.
+pub fn parameter_values(model: &Model, given: &[f64]) -> Result<Vec<f64>, SolidError> {
+    let (expected, found) = (model.n_params(), given.len());
+    if found > expected {
+        return Err(SolidError::Parameters { expected, found });
     }
-    if model.n_params() != a.len() {
-        return Err(SolidError::Parameters {
-            expected: model.n_params(),
-            found: a.len(),
-        });
+    let start = |info: &ParamInfo| info.start.and_then(Amount::value).unwrap_or(0.0);
+    let missing = model.params()[found..].iter().map(start);
+    Ok(given.iter().copied().chain(missing).collect())
+}
+
+/// The values of all parameters of a model of space.
+fn values_in_space(model: &Model, given: &[f64]) -> Result<Vec<f64>, SolidError> {
+    match model.dimension() {
+        3 => parameter_values(model, given),
+        found => Err(SolidError::Dimension { found }),
     }
-    Ok(())
 }
 
 thread_local! {
@@ -453,12 +477,15 @@ pub struct RunField {
 }
 
 impl RunField {
-    /// The model with the values `a` of its parameters.
+    /// The model with the values `a` of its parameters; missing ones are those of
+    /// [`parameter_values`].
+    ///
+    /// # Errors
+    /// [`SolidError::Dimension`], [`SolidError::Parameters`].
     pub fn new(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
-        check(model, a)?;
         Ok(Self {
             model: model.clone(),
-            a: a.to_vec(),
+            a: values_in_space(model, a)?,
         })
     }
 

@@ -3,7 +3,7 @@
 
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_field::{Pieces, RunField, SolidError};
-use isoform_geom::{Aabb, Csg, OnePiece, Point3, Solid, norm, sub};
+use isoform_geom::{Aabb, Csg, Field, OnePiece, Point3, Solid, norm, sub};
 use isoform_num::Interval;
 
 const PART: &str = "my_model(x[3], a[1])
@@ -395,12 +395,24 @@ fn parameters_are_fixed() {
         matches!(solid(&[-2.0, 1.0]).expect("a solid").tree(), Csg::Max(all) if all.len() == 4)
     );
     assert_eq!(
-        solid(&[1.0]).err(),
+        solid(&[1.0, 2.0, 3.0]).err(),
         Some(SolidError::Parameters {
             expected: 2,
-            found: 1
+            found: 3
         })
     );
+}
+
+#[test]
+fn missing_values_are_as_annotated() {
+    let text = "-- @param a[2] radius start=3
+        my_model(x[3], a[3]) { my_model = a[2] + a[3] - a[1] - abs(x[1]); }";
+    let model = Model::parse(text, Mode::Default).expect("a program");
+    let pieces = Pieces::of_model(&model, &[1.0]).expect("an expression");
+    let run = RunField::new(&model, &[1.0]).expect("a function of space");
+    let mut values = [0.0];
+    pieces.sign_values(&[[0.5, 0.0, 0.0]], &mut values);
+    assert_eq!((values[0], run.value([0.5, 0.0, 0.0])), (1.5, 1.5));
 }
 
 #[test]

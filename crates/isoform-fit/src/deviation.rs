@@ -8,7 +8,7 @@
 
 mod samples;
 
-pub use self::samples::surface_samples;
+pub use self::samples::{MOST_SURFACE_SAMPLES, surface_samples};
 
 use crate::Template;
 use crate::outliers::{Neighbourhood, median};
@@ -199,7 +199,7 @@ pub(crate) fn model_to_data(
         points,
         parts,
         inward,
-    } = places(template, a, data, samples);
+    } = places(template, a, data, samples.min(MOST_SURFACE_SAMPLES));
     let mut found = Vec::new();
     let measured = points.iter().map(|p| data.distance(*p, &mut found));
     let (distances, bare): (Vec<f64>, Vec<bool>) = measured.unzip();

@@ -11,10 +11,10 @@ mod covariance;
 pub(crate) use self::covariance::{product, student95};
 
 use self::covariance::inverse;
-use crate::Loss;
 use crate::objective::{normal_equations, sum_of_squares};
 use crate::polish::weight;
 use crate::space::Space;
+use crate::{Control, Loss};
 use isoform_geom::{ParamField, Point3};
 
 /// Standard deviations that a parameter is moved by.
@@ -81,6 +81,7 @@ pub(crate) struct At<'a> {
     pub(crate) least_scale: f64,
     /// Points that stand for all where a variable is moved: that many, spread over them.
     pub(crate) tested: usize,
+    pub(crate) control: &'a Control<'a>,
 }
 
 /// Variables to be moved, one after the other.
@@ -163,9 +164,19 @@ impl At<'_> {
         tested.share * sum_of_squares(self.field, &tested.points, &tested.weights, &a)
     }
 
+    /// Knowledge without any variable moved: nothing is called open.
+    pub(crate) fn unasked(&self, normal: Option<Vec<f64>>) -> Knowledge {
+        Knowledge {
+            open: Vec::new(),
+            directions: Vec::new(),
+            normal: normal.unwrap_or_else(|| self.weighted_normal()),
+        }
+    }
+
     /// Open directions and the covariance of what is determined. Only variables that `suspect`
     /// names, or that are weak, are moved: each move costs two sums over the points.
-    /// `normal` is the matrix of the normal equations, if it is known.
+    /// `normal` is the matrix of the normal equations, if it is known. What was found so far is all
+    /// once time is over.
     pub(crate) fn knowledge(
         &self,
         suspect: &dyn Fn(usize) -> bool,
@@ -178,7 +189,7 @@ impl At<'_> {
         let mut open = Vec::new();
         let mut directions = Vec::new();
         let mut flat_at_first: Option<Vec<bool>> = None;
-        loop {
+        while !self.control.is_stopped() {
             let flats: Vec<Option<Flat>> = (0..m).map(|k| moving.flat(k, suspect)).collect();
             let first =
                 flat_at_first.get_or_insert_with(|| flats.iter().map(Option::is_some).collect());

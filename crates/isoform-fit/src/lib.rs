@@ -142,7 +142,7 @@ mod vector;
 mod words;
 
 pub use clutter::{Beside, Clutter};
-pub use deviation::{DataToModel, ModelToData, surface_samples};
+pub use deviation::{DataToModel, MOST_SURFACE_SAMPLES, ModelToData, surface_samples};
 pub use evidence::Evidence;
 pub use fit::{Candidate, fit, search, settle};
 pub use isoform_control::Control;

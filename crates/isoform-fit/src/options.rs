@@ -100,7 +100,8 @@ pub struct Options {
     pub refine: bool,
     /// Whether isolated outliers are filtered before the search.
     pub filter_outliers: bool,
-    /// About how many points of the model's surface are compared with the data.
+    /// About how many points of the model's surface are compared with the data, at most
+    /// [`MOST_SURFACE_SAMPLES`](crate::MOST_SURFACE_SAMPLES).
     pub surface_samples: usize,
     /// Most evaluations of the annealing.
     pub annealing_evaluations: usize,

@@ -161,7 +161,8 @@ impl Neighbourhood {
     /// The first `want` points in `order` that are not isolated, and the share of isolated ones
     /// among those looked at.
     pub(crate) fn keep(&self, points: &[Point3], order: &[u32], want: usize) -> (Vec<Point3>, f64) {
-        let (mut kept, mut seen, mut found) = (Vec::with_capacity(want), 0, Vec::new());
+        let (mut kept, mut seen, mut found) =
+            (Vec::with_capacity(want.min(order.len())), 0, Vec::new());
         for (k, p) in order.iter().map(|&i| points[i as usize]).enumerate() {
             if kept.len() == want {
                 break;

@@ -164,6 +164,14 @@ pub struct Fit {
 }
 
 impl Fit {
+    /// Marks the fit as the best so far: something that would have followed was left out.
+    pub fn stop_early(&mut self) {
+        if self.complete {
+            self.complete = false;
+            self.warnings.insert(0, Warning::Stopped);
+        }
+    }
+
     /// The parameter vector.
     pub fn values(&self) -> Vec<f64> {
         self.parameters.iter().map(|p| p.value).collect()

@@ -164,6 +164,9 @@ impl Task<'_> {
         if state.mask.is_empty() {
             return (state, normal);
         }
+        if self.control.is_stopped() {
+            return (state, None);
+        }
         let normal = self.descend(exact, points, &state.mask, found);
         let mask = state.mask;
         let state = self.state(points, found);
@@ -197,13 +200,16 @@ impl Task<'_> {
     fn finish(&self, mut settled: Settled, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
         let most = self.points.len().min(MOST_FITTED);
         let share = settled.points.len() as f64 / most as f64;
-        if settled.points.len() < most && settled.spread.gains(share) {
+        let is_stopped = self.control.is_stopped();
+        if settled.points.len() < most && !is_stopped && settled.spread.gains(share) {
             self.take_more(&mut settled, exact, most);
             settled.spread.scale_independent(share);
         }
         clock.lap("all points");
         let correction = self.unbiased(&mut settled);
         clock.lap("bias");
+        // Stages that were left out for want of time, whichever these are, leave the fit open.
+        settled.found.complete &= !self.control.is_stopped();
         self.fitted(settled, correction)
     }
 
@@ -225,6 +231,9 @@ impl Task<'_> {
         // The bias at the minimum is not quite that at the place which is left when it is taken
         // away: where it is large it is asked for once more, there.
         for _ in 0..ROUNDS {
+            if self.control.is_stopped() {
+                break;
+            }
             let Some(bias) = self.bias(settled, noise) else {
                 break;
             };
@@ -367,6 +376,9 @@ impl Task<'_> {
         state: &State,
         normal: Option<Vec<f64>>,
     ) -> Knowledge {
+        if self.control.is_stopped() {
+            return self.at(points, found, state).unasked(normal);
+        }
         // Variables that move parts with bare surface are asked whether anything holds them.
         let cover = state.surface.cover(self.template.part_names().len());
         let bare: Vec<bool> = cover.iter().map(|c| c.bare > 0).collect();
@@ -388,6 +400,7 @@ impl Task<'_> {
             scale: state.noise,
             least_scale: self.rounding(),
             tested: TESTED,
+            control: self.control,
         }
     }
 

@@ -17,7 +17,7 @@ mod quadric;
 mod solid;
 mod union_find;
 
-pub use cloud::{Column, PointCloud};
+pub use cloud::{Column, PointCloud, far_center};
 pub use field::{
     DistanceField, Edge, Expansion, Field, Foot, Frame, Nearby, NormalEquations, ParamField, Terms,
     add_normal_equations, normal_equations_of,

@@ -8,16 +8,8 @@
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
-use isoform_geom::{Aabb, Column, Point3, PointCloud, dot};
+use isoform_geom::{Aabb, Column, Point3, PointCloud, dot, far_center};
 
-/// A cloud whose centre is further from the origin than this many of its diagonals is moved there.
-/// Squared distances in f64 then still have 2⁵³/1000² ≈ 10¹⁰ steps per diagonal. Smaller would move
-/// scans that merely stand beside their origin, and surprise; larger would let geographic
-/// coordinates eat the digits of a fit.
-const FAR_IN_DIAGONALS: f64 = 1000.0;
-/// An axis is moved only if its centre is this far out; below, the subtraction would not be exact
-/// (see [`recenter`]).
-const AXIS_FAR_IN_DIAGONALS: f64 = 10.0;
 /// Normals whose length is off by more than this are scaled to 1; single precision writes stay as
 /// they are.
 const NORMAL_SLACK: f64 = 1e-3;
@@ -248,8 +240,7 @@ impl Collector {
         finish_normals(&mut self.cloud.normals, report);
         finish_columns(&mut self.cloud.columns, report);
         if options.recenter {
-            self.cloud.origin = far_center(&self.bounds);
-            recenter(&mut self.cloud.points, self.cloud.origin);
+            self.cloud = self.cloud.about(far_center(&self.bounds));
         }
         Ok((self.cloud, self.parts))
     }
@@ -417,28 +408,6 @@ fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
     }
 }
 
-/// Rounded centre of a cloud that is far from the origin, else zero.
-fn far_center(bounds: &Aabb) -> Point3 {
-    let (center, diagonal) = (bounds.center(), bounds.diagonal());
-    let far = center.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-    if bounds.is_empty()
-        || diagonal <= 0.0
-        || !diagonal.is_finite()
-        || far <= FAR_IN_DIAGONALS * diagonal
-    {
-        return [0.0; 3];
-    }
-    let step = 10.0_f64.powf(diagonal.log10().floor());
-    center.map(|c| {
-        let rounded = (c / step).round() * step;
-        if c.abs() > AXIS_FAR_IN_DIAGONALS * diagonal && rounded.is_finite() {
-            rounded
-        } else {
-            0.0
-        }
-    })
-}
-
 /// Turns column values that are not finite into NaN, and warns of columns that have some.
 fn finish_columns(columns: &mut [Column], report: &mut ReadReport) {
     for column in columns {
@@ -451,16 +420,6 @@ fn finish_columns(columns: &mut [Column], report: &mut ReadReport) {
         }
         for v in column.values.iter_mut().filter(|v| !v.is_finite()) {
             *v = f64::NAN;
-        }
-    }
-}
-
-/// Subtracts the origin. Exact by Sterbenz's lemma: on an axis that is moved |p − origin| is at
-/// most 1.5 diagonals and |origin| over 9, so that p lies between origin/2 and 2·origin.
-fn recenter(points: &mut [Point3], origin: Point3) {
-    if origin != [0.0; 3] {
-        for p in points {
-            *p = std::array::from_fn(|k| p[k] - origin[k]);
         }
     }
 }

@@ -29,6 +29,7 @@ use crate::second::raise_order;
 use crate::surface::Surface;
 use align::{align, edges_of};
 use boundary::Boundary;
+pub use given::check_nodes;
 use given::{check_given, distance, place, settled, welded, wrong};
 use isoform_check as check;
 use isoform_control::Control;
@@ -65,6 +66,7 @@ pub fn adapt(
         return Err(wrong("has neither tetrahedra nor triangles"));
     }
     options.check()?;
+    check_nodes(mesh)?;
     control.begin("check")?;
     let bare = welded(mesh);
     let certificate = check::certify(&bare, None, &check::Options::default(), control);

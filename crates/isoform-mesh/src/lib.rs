@@ -45,7 +45,7 @@ mod refine;
 mod second;
 mod surface;
 
-pub use adapt::{adapt, mean_edge, own_sizes};
+pub use adapt::{adapt, check_nodes, mean_edge, own_sizes};
 pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
 pub use mesher::{Meshed, mesh};

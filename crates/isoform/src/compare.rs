@@ -5,9 +5,9 @@
 //! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
 //! reading and asked how far they went. Meshes and models are sampled evenly.
 
-use crate::FrepTemplate;
-use crate::facets::on_triangle;
-use isoform_fit::{Template, surface_samples};
+use crate::facets::{CornerError, check_corners, on_triangle};
+use crate::{FrepTemplate, parameter_values};
+use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use serde::Serialize;
 
@@ -25,11 +25,13 @@ pub enum Side<'a> {
     Points(&'a PointCloud),
     /// The triangles of a cloud.
     Mesh(&'a PointCloud),
-    /// The surface of a model with these values.
+    /// The surface of a model with these values; missing ones are those of [`parameter_values`],
+    /// and no motion for a pose.
     Model(&'a FrepTemplate, &'a [f64]),
 }
 
-/// Distances of one side's points from the other side.
+/// Distances of one side's points from the other side; NaN, in JSON null, where none of them has
+/// one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Distances {
     /// Root of the mean square.
@@ -42,10 +44,13 @@ pub struct Distances {
     pub max: f64,
     /// Points asked.
     pub samples: usize,
+    /// Those of them where the other side's function is not a number: the figures are of the rest.
+    pub undefined: usize,
 }
 
 /// Why there is nothing to compare.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
 pub enum CompareError {
     /// Two models have no box of their own.
     #[error("two models need a box in which to compare them")]
@@ -53,99 +58,192 @@ pub enum CompareError {
     /// No point, or no surface in the box.
     #[error("the {0} has no points there")]
     Empty(&'static str),
+    /// A point is NaN or infinite.
+    #[error("point {point} of the {side} is not finite (from 0)")]
+    NotFinite {
+        /// `first` or `second`.
+        side: &'static str,
+        /// The point, from 0.
+        point: usize,
+    },
+    /// A triangle has a corner that is no point.
+    #[error("the {side}: {error}")]
+    Corner {
+        /// `first` or `second`.
+        side: &'static str,
+        /// Which one.
+        error: CornerError,
+    },
+    /// There are more values than parameters.
+    #[error("{found} values for the {expected} parameters of the {side}")]
+    Parameters {
+        /// `first` or `second`.
+        side: &'static str,
+        /// Parameters of the template.
+        expected: usize,
+        /// Values given.
+        found: usize,
+    },
 }
 
 /// Distances from the first to the second, and from the second to the first. Models are looked at
 /// in `region`, by default the box of the other side (somewhat enlarged); coordinates are those of
-/// the files.
+/// the files. Of meshes and models about `samples` points are taken, two million at most
+/// ([`MOST_SURFACE_SAMPLES`]), of a mesh some of each triangle.
+///
+/// # Errors
+/// [`CompareError`].
 pub fn compare(
     a: Side,
     b: Side,
     region: Option<Aabb>,
     samples: usize,
 ) -> Result<(Distances, Distances), CompareError> {
-    let box_of = |s: &Side| match s {
-        Side::Points(c) | Side::Mesh(c) => Some(Aabb::of(&absolute(c))),
-        Side::Model(..) => None,
-    };
-    let (own_a, own_b) = (box_of(&a), box_of(&b));
-    let from_a = sampled(&a, region.or(own_b), samples)?;
-    let from_b = sampled(&b, region.or(own_a), samples)?;
-    let empty = |points: &[Point3], which| {
-        if points.is_empty() {
-            Err(CompareError::Empty(which))
-        } else {
-            Ok(())
+    let samples = samples.min(MOST_SURFACE_SAMPLES);
+    let (a, b) = (Shape::new(a, "first")?, Shape::new(b, "second")?);
+    let from_a = a.sampled(region.or(b.bounds()), samples)?;
+    let from_b = b.sampled(region.or(a.bounds()), samples)?;
+    for (sampled, side) in [(&from_a, "first"), (&from_b, "second")] {
+        if sampled.points.is_empty() {
+            return Err(CompareError::Empty(side));
         }
-    };
-    empty(&from_a.points, "first")?;
-    empty(&from_b.points, "second")?;
-    let is_mesh = |s: &Side| matches!(s, Side::Mesh(_));
-    let there = distances(&from_a.points, &b, &from_b, is_mesh(&a));
-    let back = distances(&from_b.points, &a, &from_a, is_mesh(&b));
+    }
+    let there = distances(&from_a.points, &b, &from_b, a.is_mesh());
+    let back = distances(&from_b.points, &a, &from_a, b.is_mesh());
     Ok((summary(&there), summary(&back)))
 }
 
-fn absolute(cloud: &PointCloud) -> Vec<Point3> {
-    (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect()
+/// A side that was looked at: points are absolute and finite, their triangles have them, and a
+/// model has a value for each parameter.
+enum Shape<'a> {
+    Points(Vec<Point3>),
+    Mesh(Vec<Point3>, &'a [[u32; 3]]),
+    Model(&'a FrepTemplate, Vec<f64>),
+}
+
+impl<'a> Shape<'a> {
+    fn new(given: Side<'a>, side: &'static str) -> Result<Self, CompareError> {
+        Ok(match given {
+            Side::Points(cloud) => Self::Points(absolute(cloud, side)?),
+            Side::Mesh(mesh) => {
+                check_corners(mesh).map_err(|error| CompareError::Corner { side, error })?;
+                Self::Mesh(absolute(mesh, side)?, &mesh.triangles)
+            }
+            Side::Model(template, given) => {
+                Self::Model(template, all_values(template, given, side)?)
+            }
+        })
+    }
+
+    fn is_mesh(&self) -> bool {
+        matches!(self, Self::Mesh(..))
+    }
+
+    fn bounds(&self) -> Option<Aabb> {
+        match self {
+            Self::Points(points) | Self::Mesh(points, _) => Some(Aabb::of(points)),
+            Self::Model(..) => None,
+        }
+    }
+
+    fn sampled(&self, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
+        Ok(match self {
+            Self::Points(points) => Sampled {
+                points: points.clone(),
+                ..Sampled::default()
+            },
+            Self::Model(template, values) => {
+                let region = region.ok_or(CompareError::NoRegion)?;
+                Sampled {
+                    points: surface_samples(template.metric(), values, region, wanted),
+                    ..Sampled::default()
+                }
+            }
+            Self::Mesh(corners, triangles) => Sampled::of_mesh(corners, triangles, wanted),
+        })
+    }
+}
+
+/// The points of a cloud in the file's coordinates.
+fn absolute(cloud: &PointCloud, side: &'static str) -> Result<Vec<Point3>, CompareError> {
+    let points: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
+    let is_wrong = |p: &Point3| p.iter().any(|v| !v.is_finite());
+    match points.iter().position(is_wrong) {
+        Some(point) => Err(CompareError::NotFinite { side, point }),
+        None => Ok(points),
+    }
+}
+
+/// The values of all parameters of a template, those of its pose included.
+fn all_values(
+    template: &FrepTemplate,
+    given: &[f64],
+    side: &'static str,
+) -> Result<Vec<f64>, CompareError> {
+    let parameters = template.parameters();
+    let (expected, found) = (parameters.len(), given.len());
+    let many = CompareError::Parameters {
+        side,
+        expected,
+        found,
+    };
+    if found > expected {
+        return Err(many);
+    }
+    let own = template.model().n_params();
+    let mut values =
+        parameter_values(template.model(), &given[..found.min(own)]).map_err(|_| many)?;
+    let unmoved = |p: &Parameter| if p.name == "pose_scale" { 1.0 } else { 0.0 };
+    let pose = |i: usize| {
+        given
+            .get(i)
+            .copied()
+            .unwrap_or_else(|| unmoved(&parameters[i]))
+    };
+    values.extend((own..expected).map(pose));
+    Ok(values)
 }
 
 /// Points of a side; of a mesh with the triangle of each.
+#[derive(Default)]
 struct Sampled {
     points: Vec<Point3>,
     triangles: Vec<[Point3; 3]>,
     owner: Vec<u32>,
 }
 
-fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
-    let mut out = Sampled {
-        points: Vec::new(),
-        triangles: Vec::new(),
-        owner: Vec::new(),
-    };
-    match side {
-        Side::Points(cloud) => out.points = absolute(cloud),
-        Side::Model(template, values) => {
-            let region = region.ok_or(CompareError::NoRegion)?;
-            out.points = surface_samples(template.metric(), values, region, wanted);
-        }
-        Side::Mesh(mesh) => {
-            let corners = absolute(mesh);
-            out.triangles = mesh
-                .triangles
-                .iter()
-                .map(|t| t.map(|v| corners[v as usize]))
-                .collect();
-            let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
-            let total: f64 = out.triangles.iter().map(area).sum();
-            let mut owed = 0.0;
-            for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-                // Every triangle has some, so that none is overlooked where nearest ones are
-                // sought.
-                owed += (area(t) / total * wanted as f64).max(LEAST);
-                while owed >= 1.0 {
-                    owed -= 1.0;
-                    out.points.push(on_triangle(out.points.len() as u32, *t));
-                    out.owner.push(i as u32);
-                }
+impl Sampled {
+    fn of_mesh(corners: &[Point3], triangles: &[[u32; 3]], wanted: usize) -> Self {
+        let triangles = triangles.iter().map(|t| t.map(|v| corners[v as usize]));
+        let mut out = Self {
+            triangles: triangles.collect(),
+            ..Self::default()
+        };
+        let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
+        let total: f64 = out.triangles.iter().map(area).sum();
+        let mut owed = 0.0;
+        for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
+            // Every triangle has some, so that none is overlooked where nearest ones are sought.
+            owed += (area(t) / total * wanted as f64).max(LEAST);
+            while owed >= 1.0 {
+                owed -= 1.0;
+                out.points.push(on_triangle(out.points.len() as u32, *t));
+                out.owner.push(i as u32);
             }
         }
+        out
     }
-    Ok(out)
 }
 
-fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> Vec<f64> {
-    if let Side::Model(template, values) = to {
+/// Distance by point; not finite where there is none.
+fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) -> Vec<f64> {
+    if let Shape::Model(template, values) = to {
         if exactly {
             return feet(points, template.metric(), values);
         }
         let mut f = vec![0.0; points.len()];
         template.metric().values(points, values, &mut f);
-        return f
-            .into_iter()
-            .map(f64::abs)
-            .filter(|d| d.is_finite())
-            .collect();
+        return f.into_iter().map(f64::abs).collect();
     }
     let tree = KdTree::new(&sampled.points);
     let mut found = Vec::new();
@@ -190,13 +288,7 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
         let d = norm(sub(*p, *q));
         if d <= 2.0 * f.abs() { d } else { f.abs() }
     };
-    points
-        .iter()
-        .zip(&at)
-        .zip(&first)
-        .map(distance)
-        .filter(|d| d.is_finite())
-        .collect()
+    points.iter().zip(&at).zip(&first).map(distance).collect()
 }
 
 /// Distance of a point from a triangle: to the plane where the foot lies inside, else to the
@@ -221,9 +313,18 @@ fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
 }
 
 fn summary(distances: &[f64]) -> Distances {
-    let mut d: Vec<f64> = distances.to_vec();
+    let finite = distances.iter().copied().filter(|d| d.is_finite());
+    let mut d: Vec<f64> = finite.collect();
+    let (samples, undefined) = (distances.len(), distances.len() - d.len());
     if d.is_empty() {
-        return Distances::default();
+        return Distances {
+            rms: f64::NAN,
+            mean: f64::NAN,
+            p95: f64::NAN,
+            max: f64::NAN,
+            samples,
+            undefined,
+        };
     }
     let n = d.len() as f64;
     let rms = (d.iter().map(|v| v * v).sum::<f64>() / n).sqrt();
@@ -236,7 +337,8 @@ fn summary(distances: &[f64]) -> Distances {
         mean,
         p95,
         max,
-        samples: d.len(),
+        samples,
+        undefined,
     }
 }
 
@@ -326,5 +428,82 @@ mod tests {
         assert_eq!(to_triangle([0.2, 0.2, -3.0], &t), 3.0);
         assert_eq!(to_triangle([-3.0, -4.0, 0.0], &t), 5.0);
         assert_eq!(to_triangle([0.5, -2.0, 0.0], &t), 2.0);
+    }
+
+    fn half() -> FrepTemplate {
+        let text = "my_model(x[3], a[1]) { my_model = 2*sqrt(x[1]) - x[1]^2 - x[2]^2 - x[3]^2; }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        FrepTemplate::with_pose(&model, Pose::None, &[]).expect("a template")
+    }
+
+    #[test]
+    fn points_without_a_distance_are_counted() {
+        let cloud = PointCloud::from_points(
+            (0..400)
+                .map(|i| [f64::from(i % 2) - 0.5, f64::from(i) / 400.0, 0.25])
+                .collect(),
+        );
+        let half = half();
+        let (there, back) =
+            compare(Side::Points(&cloud), Side::Model(&half, &[]), None, 1000).expect("comparable");
+        assert_eq!(
+            (there.samples, there.undefined, back.undefined),
+            (400, 200, 0)
+        );
+        assert!(there.max.is_finite());
+        let beyond = PointCloud::from_points(vec![[-1.0, 0.0, 0.0]]);
+        let region = cloud.bounds();
+        let (none, _) = compare(
+            Side::Points(&beyond),
+            Side::Model(&half, &[]),
+            Some(region),
+            1000,
+        )
+        .expect("comparable");
+        assert!(none.max.is_nan() && (none.samples, none.undefined) == (1, 1));
+    }
+
+    #[test]
+    fn what_cannot_be_compared_is_refused() {
+        let good = square(0.0);
+        let of = |a: &PointCloud| compare(Side::Mesh(&good), Side::Mesh(a), None, 100);
+        for wrong in [f64::NAN, f64::INFINITY] {
+            let mut bad = square(0.0);
+            bad.points[3][1] = wrong;
+            let error = CompareError::NotFinite {
+                side: "second",
+                point: 3,
+            };
+            assert_eq!(of(&bad), Err(error));
+        }
+        let mut bad = square(0.0);
+        bad.triangles[1][0] = 4;
+        let error = CornerError {
+            triangle: 1,
+            corner: 4,
+            points: 4,
+        };
+        let side = "second";
+        assert_eq!(of(&bad), Err(CompareError::Corner { side, error }));
+        let many = compare(
+            Side::Points(&good),
+            Side::Model(&half(), &[1.0, 2.0]),
+            None,
+            100,
+        );
+        let error = CompareError::Parameters {
+            side,
+            expected: 1,
+            found: 2,
+        };
+        assert_eq!(many, Err(error));
+    }
+
+    #[test]
+    fn samples_are_bounded() {
+        let (points, mesh) = (square(0.0), square(0.25));
+        let of = compare(Side::Points(&points), Side::Mesh(&mesh), None, usize::MAX);
+        let (_, back) = of.expect("comparable");
+        assert!(back.samples.abs_diff(MOST_SURFACE_SAMPLES) <= 8);
     }
 }

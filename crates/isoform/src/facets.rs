@@ -17,9 +17,49 @@ const SHARP: f64 = 35.0_f64.to_radians();
 /// A mesh with a smaller share of flat faces and facets along straight lines is no CAD model.
 const LEAST_EXACT: f64 = 0.2;
 
-/// The points of the mesh, with about `wanted` further ones on flat faces and straight lines; and
-/// how many were added.
-pub fn points_on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
+/// Most points that are added on faces.
+const MOST_ADDED: usize = 2_000_000;
+
+/// A triangle with a corner that is no point.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("triangle {triangle} has the corner {corner}, but there are {points} points (from 0)")]
+pub struct CornerError {
+    /// The triangle, from 0.
+    pub triangle: usize,
+    /// The index of its corner.
+    pub corner: u32,
+    /// How many points there are.
+    pub points: usize,
+}
+
+/// Whether the corners of all triangles are points.
+pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
+    let points = mesh.points.len();
+    let corners = mesh.triangles.as_flattened().iter().enumerate();
+    let mut missing = corners.filter(|(_, v)| **v as usize >= points);
+    missing.next().map_or(Ok(()), |(i, &corner)| {
+        Err(CornerError {
+            triangle: i / 3,
+            corner,
+            points,
+        })
+    })
+}
+
+/// The points of the mesh, with about `wanted` further ones (two million at most) on flat faces and
+/// straight lines; and how many were added.
+///
+/// # Errors
+/// [`CornerError`].
+pub fn points_on_faces(
+    mesh: &PointCloud,
+    wanted: usize,
+) -> Result<(PointCloud, usize), CornerError> {
+    check_corners(mesh)?;
+    Ok(with_faces(mesh, wanted.min(MOST_ADDED)))
+}
+
+fn with_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
     let faces = Faces::new(mesh);
     let total: f64 = faces.area.iter().sum();
     let is_flat: Vec<bool> = (0..mesh.triangles.len())
@@ -223,7 +263,7 @@ mod tests {
     #[test]
     fn added_points_lie_on_the_cylinder() {
         let mesh = prism(36);
-        let (cloud, added) = points_on_faces(&mesh, 500);
+        let (cloud, added) = with_faces(&mesh, 500);
         assert_eq!(cloud.points.len(), mesh.points.len() + added);
         let (mut caps, mut lines) = (0, 0);
         for p in &cloud.points[mesh.points.len()..] {
@@ -241,7 +281,7 @@ mod tests {
 
     #[test]
     fn all_faces_of_a_box_are_flat() {
-        let (_, added) = points_on_faces(&prism(4), 1000);
+        let (_, added) = with_faces(&prism(4), 1000);
         assert!((990..=1010).contains(&added), "{added}");
     }
 
@@ -253,6 +293,20 @@ mod tests {
                 v * (1.0 + 0.05 * (7.0 * k as f64).sin()) + 0.01 * (11.0 * k as f64).cos()
             });
         }
-        assert_eq!(points_on_faces(&mesh, 500).1, 0);
+        assert_eq!(with_faces(&mesh, 500).1, 0);
+    }
+
+    #[test]
+    fn corners_are_points() {
+        let mut mesh = prism(5);
+        let points = mesh.points.len();
+        mesh.triangles[2][1] = 99;
+        let error = points_on_faces(&mesh, 100).expect_err("no such point");
+        let expected = CornerError {
+            triangle: 2,
+            corner: 99,
+            points,
+        };
+        assert_eq!(error, expected);
     }
 }

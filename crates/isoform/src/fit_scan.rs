@@ -2,14 +2,14 @@
 //! the scan comes.
 
 use crate::held::{HeldTemplate, ParameterError};
-use crate::{FrepTemplate, TemplateError, points_on_faces};
+use crate::{CornerError, FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
     Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning, fit,
     search, settle,
 };
-use isoform_geom::{Point3, PointCloud};
+use isoform_geom::{Point3, PointCloud, far_center};
 use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
@@ -79,11 +79,14 @@ pub enum FitScanError {
     /// The scan is empty.
     #[error("there is no point to fit to")]
     NoPoints,
+    /// The scan has a triangle with a corner that is no point.
+    #[error(transparent)]
+    Corner(#[from] CornerError),
     /// The program is no template.
     #[error(transparent)]
     Template(#[from] TemplateError),
     /// A parameter cannot be held.
-    #[error("{key}: {error}")]
+    #[error("{}{error}", lead(key))]
     Fixed {
         /// What was said to be held.
         key: String,
@@ -91,7 +94,7 @@ pub enum FitScanError {
         error: ParameterError,
     },
     /// Bounds do not suit the parameters.
-    #[error("{key}: {error}")]
+    #[error("{}{error}", lead(key))]
     Bounds {
         /// What was said to have bounds.
         key: String,
@@ -104,6 +107,14 @@ pub enum FitScanError {
     /// No fit was found.
     #[error(transparent)]
     Fit(#[from] FitError),
+}
+
+/// What precedes an error of a parameter: its name, if it has one.
+fn lead(key: &str) -> String {
+    if key.trim().is_empty() {
+        return String::new();
+    }
+    format!("{key}: ")
 }
 
 /// What a reader should know of how a scan was fitted.
@@ -198,7 +209,8 @@ impl ScanFit {
 /// Where the program does not fit as the scan stands, other ways to stand are tried, its box is
 /// measured along the template's own axes, and bounds that presume a whole part give way. Where a
 /// fit is in doubt and planes or other objects beside the part are seen, it is fitted without them,
-/// too. The flat faces of CAD meshes, which have no vertices inside, get points.
+/// too. The flat faces of CAD meshes, which have no vertices inside, get points. Points far from
+/// the origin are fitted about their centre, as files are read; values are in their coordinates.
 ///
 /// ```
 /// use isoform::{Control, FitOptions, fit_scan, geom::PointCloud, template};
@@ -226,7 +238,8 @@ pub fn fit_scan(
 ) -> Result<ScanFit, FitScanError> {
     let started = Instant::now();
     let mut warnings = Vec::new();
-    let mut cloud = with_faces(scan, &mut warnings);
+    let near = recentred(scan);
+    let mut cloud = with_faces(&near, &mut warnings)?;
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
@@ -264,18 +277,29 @@ pub fn fit_scan(
     })
 }
 
-/// The scan; of a CAD model with points on its flat faces and straight lines.
-fn with_faces<'a>(scan: &'a PointCloud, warnings: &mut Vec<FitScanWarning>) -> Cow<'a, PointCloud> {
-    if scan.triangles.is_empty() {
+/// The scan about the origin that a reader would give it.
+fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
+    if far_center(&scan.bounds()) == [0.0; 3] {
         return Cow::Borrowed(scan);
     }
-    let (with_faces, added) = points_on_faces(scan, ON_FACES);
+    Cow::Owned(scan.clone().recentred())
+}
+
+/// The scan; of a CAD model with points on its flat faces and straight lines.
+fn with_faces<'a>(
+    scan: &'a PointCloud,
+    warnings: &mut Vec<FitScanWarning>,
+) -> Result<Cow<'a, PointCloud>, CornerError> {
+    if scan.triangles.is_empty() {
+        return Ok(Cow::Borrowed(scan));
+    }
+    let (with_faces, added) = points_on_faces(scan, ON_FACES)?;
     if added == 0 {
-        return Cow::Borrowed(scan);
+        return Ok(Cow::Borrowed(scan));
     }
     let vertices = scan.points.len();
     warnings.push(FitScanWarning::FacesAdded { added, vertices });
-    Cow::Owned(with_faces)
+    Ok(Cow::Owned(with_faces))
 }
 
 /// Holds the parameters that the caller holds.
@@ -380,7 +404,11 @@ impl Task<'_> {
                 Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
             )
         };
-        if !whole.fit.findings.iter().any(is_clutter) || self.control.is_stopped() {
+        if !whole.fit.findings.iter().any(is_clutter) {
+            return Ok(whole);
+        }
+        if self.control.is_stopped() {
+            whole.fit.stop_early();
             return Ok(whole);
         }
         let Some(mut part) = self.fit_part(points, &mut whole.fit)? else {
@@ -553,6 +581,10 @@ impl Task<'_> {
             let Some(frep) = best.template.frep.widened(&values, points, near) else {
                 break;
             };
+            if self.control.is_stopped() {
+                best.fit.stop_early();
+                break;
+            }
             let wider = self.held(frep)?;
             let Ok(candidate) = search(scan, &wider, &self.inner, self.control) else {
                 break;

@@ -36,6 +36,24 @@ pub enum ParameterError {
         /// The parameter.
         name: String,
     },
+    /// A parameter is held at a value outside of its bounds.
+    #[error("{name} is held at {value}, which is not from {lo} to {hi}")]
+    HeldOutside {
+        /// The parameter.
+        name: String,
+        /// Where it is held.
+        value: f64,
+        /// Its lower bound.
+        lo: f64,
+        /// Its upper bound.
+        hi: f64,
+    },
+    /// The name of a parameter is empty.
+    #[error("the name of a parameter is empty; there are {}", names.join(", "))]
+    NoName {
+        /// The names of the parameters.
+        names: Vec<String>,
+    },
     /// There are more or fewer start values than parameters.
     #[error(
         "{found} values for {} parameters{}",
@@ -125,8 +143,12 @@ impl HeldTemplate {
     /// The index of a parameter by name (letters fold), 1-based number, or `a[number]`.
     ///
     /// # Errors
-    /// [`ParameterError::NoSuchName`], [`ParameterError::NoSuchIndex`].
+    /// [`ParameterError::NoName`], [`ParameterError::NoSuchName`], [`ParameterError::NoSuchIndex`].
     pub fn index(&self, key: &str) -> Result<usize, ParameterError> {
+        if key.trim().is_empty() {
+            let names = self.names();
+            return Err(ParameterError::NoName { names });
+        }
         let by_name = |p: &Parameter| p.name.eq_ignore_ascii_case(key);
         if let Some(i) = self.parameters.iter().position(by_name) {
             return Ok(i);
@@ -196,7 +218,7 @@ impl HeldTemplate {
     }
 
     /// Bounds by parameter from intervals in the file's coordinates, each with what
-    /// [`Self::index`] takes.
+    /// [`Self::index`] takes. A parameter that is held must lie within its own.
     ///
     /// # Errors
     /// The place in `intervals` of the first that is wrong, and why.
@@ -211,9 +233,28 @@ impl HeldTemplate {
                 let name = self.parameters[i].name.clone();
                 return Err((k, ParameterError::BoundTwice { name }));
             }
+            self.check_held(i, *lo, *hi).map_err(|error| (k, error))?;
             bounds[i] = Some((lo - self.shift[i], hi - self.shift[i]));
         }
         Ok(bounds)
+    }
+
+    /// Whether a parameter is free, or held within these bounds in the file's coordinates.
+    fn check_held(&self, i: usize, lo: f64, hi: f64) -> Result<(), ParameterError> {
+        let p = &self.parameters[i];
+        let Some(relative) = p.fixed else {
+            return Ok(());
+        };
+        let (low, high) = (lo - self.shift[i], hi - self.shift[i]);
+        if relative >= low && relative <= high {
+            return Ok(());
+        }
+        Err(ParameterError::HeldOutside {
+            name: p.name.clone(),
+            value: relative + self.shift[i],
+            lo,
+            hi,
+        })
     }
 }
 
@@ -276,6 +317,18 @@ mod tests {
         let twice = [("1".to_owned(), (0.0, 1.0)), ("1".to_owned(), (0.0, 2.0))];
         let (place, error) = ball.bounds(&twice).expect_err("two intervals");
         assert!(place == 1 && matches!(error, ParameterError::BoundTwice { .. }));
+        let outside = [("1".to_owned(), (2.0, 3.0))];
+        let (_, error) = ball.bounds(&outside).expect_err("held at 1");
+        assert_eq!(
+            error.to_string(),
+            "a[1] is held at 1, which is not from 2 to 3"
+        );
+        let error = ball.index(" ").expect_err("no name");
+        assert!(
+            error
+                .to_string()
+                .starts_with("the name of a parameter is empty; there are ")
+        );
         let error = ball.start(&[1.0]).expect_err("one value");
         assert!(matches!(
             error,

@@ -28,10 +28,11 @@ pub struct ImplicitSurface {
 }
 
 impl ImplicitSurface {
-    /// The surface of a model with the values `a` of its parameters.
+    /// The surface of a model with the values `a` of its parameters; missing ones are those of
+    /// [`parameter_values`](crate::parameter_values).
     ///
     /// # Errors
-    /// If the model is no function of space.
+    /// If the model is no function of space, or there are more values than parameters.
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         let (field, is_run) = field_of(model, a)?;
         Ok(Self {

@@ -109,7 +109,7 @@ mod template;
 mod topology;
 
 pub use compare::{CompareError, Distances, Side, compare};
-pub use facets::points_on_faces;
+pub use facets::{CornerError, points_on_faces};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use held::{Bounds, HeldTemplate, ParameterError};
@@ -120,6 +120,7 @@ pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;
+pub use isoform_field::parameter_values;
 pub use isoform_fit as fit;
 pub use isoform_geom as geom;
 pub use isoform_io as io;

@@ -6,7 +6,9 @@ use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
 use isoform_geom::{Mesh, Solid};
-use isoform_mesh::{MeshError, Meshed, Options, Warning, WarningKind, mean_edge, own_sizes};
+use isoform_mesh::{
+    MeshError, Meshed, Options, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
+};
 use std::fmt;
 
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
@@ -119,7 +121,8 @@ impl ModelMesh {
 }
 
 /// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
-/// the mesh: topology, shape, distances, feature curves and corners.
+/// the mesh: topology, shape, distances, feature curves and corners. Missing values are those of
+/// [`parameter_values`](crate::parameter_values): a fitted program needs none.
 ///
 /// ```
 /// use isoform::{Control, MeshModelOptions, mesh_model, template};
@@ -165,6 +168,9 @@ fn make(
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
     control.report("model", 0.0);
+    if let Some(mesh) = given {
+        check_nodes(mesh)?;
+    }
     let (solid, is_run) = solid_of(model, a)?;
     let solid = solid.as_ref();
     if is_run && options.mesh.region.is_none() {
@@ -213,4 +219,50 @@ fn own_size(
         Some(mesh) => mean_edge(mesh),
         None => default_size_within(solid, options.mesh.region, control)?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::ImplicitSurface;
+    use isoform_field::hyperfun::Mode;
+
+    #[test]
+    fn a_fitted_program_needs_no_values() {
+        let ball =
+            "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }";
+        let ball = Model::parse(ball, Mode::Default).expect("a program");
+        let fixed = Model::parse(&ball.print_fitted(&[1.5], None), Mode::Default);
+        let fixed = fixed.expect("a program");
+        assert_eq!(fixed.n_params(), 1);
+        let options = MeshModelOptions {
+            size: Some(0.5),
+            ..MeshModelOptions::default()
+        };
+        let made = mesh_model(&fixed, &[], &options, &Control::default()).expect("a mesh");
+        assert!(made.certificate.is_ok());
+        let again = adapt_to_model(
+            &made.meshed.mesh,
+            &fixed,
+            &[],
+            &options,
+            &Control::default(),
+        );
+        assert!(again.is_ok_and(|again| again.certificate.is_ok()));
+        let surface = ImplicitSurface::of_model(&fixed, &[]).expect("a surface");
+        assert_eq!(surface.field.value([1.5, 0.0, 0.0]), 0.0);
+        let mut broken = made.meshed.mesh.clone();
+        broken.tets[1][2] = 1 << 30;
+        let error = adapt_to_model(&broken, &fixed, &[], &options, &Control::default());
+        assert_eq!(
+            error.expect_err("no such node").to_string(),
+            format!(
+                "the mesh given has node 1073741824 in tetrahedron 1, but {} nodes (from 0)",
+                broken.points.len()
+            )
+        );
+        let many = mesh_model(&fixed, &[1.0, 2.0], &options, &Control::default());
+        let many = many.expect_err("one parameter, which is not used");
+        assert_eq!(many.to_string(), "2 values for 1 parameters");
+    }
 }

@@ -18,6 +18,10 @@ const TIMES: usize = 6;
 /// statement by statement for that.
 ///
 /// Such a solid has one part, named after the model: no edges are known of it, and no intervals.
+/// Missing values are those of [`parameter_values`](crate::parameter_values).
+///
+/// # Errors
+/// [`SolidError`].
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
     match Pieces::of_model(model, a) {
         Ok(pieces) => Ok((Box::new(pieces), false)),
@@ -67,6 +71,9 @@ pub fn default_size_within(
 }
 
 /// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.
+///
+/// # Panics
+/// If a triangle has a node that the mesh has not; meshes that were read or made have them all.
 pub fn surface_of(mesh: &Mesh) -> PointCloud {
     let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
     for (i, &t) in mesh.triangles.iter().enumerate() {

@@ -3,7 +3,9 @@
 
 use isoform_algebra::{ParseError, Poly};
 use isoform_field::hyperfun::Model;
-use isoform_field::{Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape};
+use isoform_field::{
+    Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape, parameter_values,
+};
 use isoform_geom::{Column, Field, Mesh, Parts, RationalPatch, dot};
 use isoform_io::StepFace;
 use isoform_patch::{Parameterized, foot_distances};
@@ -13,7 +15,10 @@ pub const COORDINATES: [&str; 3] = ["x", "y", "z"];
 
 /// A model with the values `a` of its parameters as a function of space, as the program says it
 /// (the algebraic reading); and whether its program must be run statement by statement for that,
-/// when nothing is proved of it.
+/// when nothing is proved of it. Missing values are those of [`parameter_values`].
+///
+/// # Errors
+/// [`SolidError::Dimension`], [`SolidError::Parameters`].
 pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), SolidError> {
     // Also finds what no evaluation could do with: another dimension than 3, another number of
     // values.
@@ -22,7 +27,8 @@ pub fn field_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Field>, bool), Soli
     match model.compile(&mut graph) {
         Ok(root) => {
             let tape = Tape::new(&graph, &[root], 3, model.n_params());
-            Ok((Box::new(Bound::new(Residual::new(tape), a)), false))
+            let a = parameter_values(model, a)?;
+            Ok((Box::new(Bound::new(Residual::new(tape), &a)), false))
         }
         Err(_) => Ok((Box::new(run), true)),
     }

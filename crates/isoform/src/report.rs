@@ -1,7 +1,9 @@
 //! What the verbs find, as types that serialize: `--json` prints them, a library user reads them.
 //!
 //! Everything but the seconds is the same each time. What does not apply, or was not reached, is
-//! none, and null in JSON; so are numbers that are not finite.
+//! none, and null in JSON; so are numbers that are not finite. The program adds some keys to these
+//! reports: `schema` (the version of the form), `ok` and, of verbs that write, `outputs` (the
+//! files).
 
 mod compare;
 mod fit;

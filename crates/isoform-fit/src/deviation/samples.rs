@@ -3,6 +3,7 @@
 
 use super::MARGIN;
 use isoform_geom::{Aabb, ParamField, Point3, distance_squared, dot};
+use std::ops::Range;
 
 /// Newton steps towards the surface.
 const STEPS: usize = 4;
@@ -15,11 +16,16 @@ const ON_SURFACE: f64 = 1e-2;
 const MOVED: f64 = 1.8;
 /// Two points of a cell that are nearer to each other than this share of it are of one sheet.
 const ONE_SHEET: f64 = 0.5;
+/// Most points that are asked for: their cells still have keys, and fit into memory.
+pub const MOST_SURFACE_SAMPLES: usize = 2_000_000;
+/// About how many middles of cells are looked at together, to bound memory.
+const TOGETHER: usize = 1 << 20;
 /// Cells along an axis that a key tells apart.
 const KEYS: u64 = 1 << 22;
 
 /// Near-uniform points of the zero set of a field that is close to a distance, in a box somewhat
-/// larger than `region`; about `wanted` of them if the surface is like that of the box.
+/// larger than `region`; about `wanted` of them, at most [`MOST_SURFACE_SAMPLES`], if the surface is
+/// like that of the box.
 ///
 /// ```
 /// use isoform_fit::surface_samples;
@@ -56,7 +62,7 @@ pub fn surface_samples(
     region: Aabb,
     wanted: usize,
 ) -> Vec<Point3> {
-    match Grid::around(region, wanted) {
+    match Grid::around(region, wanted.min(MOST_SURFACE_SAMPLES)) {
         Some(grid) => grid.samples(field, a),
         None => Vec::new(),
     }
@@ -105,21 +111,28 @@ impl Grid {
 
     /// Middles of the cells near the surface.
     fn nodes_near(&self, field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
-        let nodes = self.nodes();
-        let mut f = vec![0.0; nodes.len()];
-        field.values(&nodes, a, &mut f);
-        let near = nodes.iter().zip(&f);
-        near.filter(|(_, f)| f.abs() < NEAR * self.cell)
-            .map(|(p, _)| *p)
-            .collect()
+        let [across, along, layers] = self.counts;
+        let step = (TOGETHER / (across * along)).max(1);
+        let mut near = Vec::new();
+        let mut f = Vec::new();
+        for first in (0..layers).step_by(step) {
+            let nodes = self.nodes(first..layers.min(first + step));
+            f.resize(nodes.len(), 0.0);
+            field.values(&nodes, a, &mut f);
+            let is_near = nodes.iter().zip(&f);
+            let is_near = is_near.filter(|(_, f)| f.abs() < NEAR * self.cell);
+            near.extend(is_near.map(|(p, _)| *p));
+        }
+        near
     }
 
-    /// Middles of all cells.
-    fn nodes(&self) -> Vec<Point3> {
-        let mut nodes = Vec::with_capacity(self.counts.iter().product());
-        for k in 0..self.counts[2] {
-            for j in 0..self.counts[1] {
-                for i in 0..self.counts[0] {
+    /// Middles of the cells of some layers.
+    fn nodes(&self, layers: Range<usize>) -> Vec<Point3> {
+        let [across, along, _] = self.counts;
+        let mut nodes = Vec::with_capacity(across * along * layers.len());
+        for k in layers {
+            for j in 0..along {
+                for i in 0..across {
                     nodes.push(self.node([i, j, k]));
                 }
             }

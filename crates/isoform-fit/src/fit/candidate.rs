@@ -196,7 +196,7 @@ impl Task<'_> {
     /// are left for all points.
     fn reweighted_on_some(&self, polish: &Polish<'_>, found: &mut Found) -> usize {
         let count = self.options.confirm_points;
-        if found.loss == Loss::Squares || self.points.len() <= 2 * count {
+        if found.loss == Loss::Squares || self.points.len() <= count.saturating_mul(2) {
             return ROUNDS;
         }
         let x = std::mem::take(&mut found.x);

@@ -114,10 +114,10 @@ impl Task<'_> {
         spread
     }
 
-    /// The correlation of weighted residuals; none for exact points, or where neighbours are as
-    /// good as independent.
+    /// The correlation of weighted residuals; none for exact points, where neighbours are as good
+    /// as independent, or once time is over.
     fn shared_misfit(&self, count: usize, found: &Found, state: &State) -> Option<Correlation> {
-        if state.noise <= self.rounding() || state.noise.is_nan() {
+        if state.noise <= self.rounding() || state.noise.is_nan() || self.control.is_stopped() {
             return None;
         }
         let weighted = self.weighted(found, state);

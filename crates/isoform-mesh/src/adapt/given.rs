@@ -60,6 +60,26 @@ pub(super) fn welded(mesh: &Mesh) -> Mesh {
     }
 }
 
+/// Whether the tetrahedra and triangles of a mesh have nodes that it has.
+///
+/// # Errors
+/// [`MeshError::Input`] names the first that has not.
+pub fn check_nodes(mesh: &Mesh) -> Result<(), MeshError> {
+    let count = mesh.points.len();
+    let missing = |nodes: &[u32]| nodes.iter().copied().find(|&v| v as usize >= count);
+    let tets = mesh.tets.iter().map(|t| ("tetrahedron", &t[..]));
+    let triangles = mesh.triangles.iter().map(|t| ("triangle", &t[..]));
+    let tets = tets.enumerate();
+    for (i, (kind, nodes)) in tets.chain(triangles.enumerate()) {
+        if let Some(node) = missing(nodes) {
+            return Err(wrong(format!(
+                "has node {node} in {kind} {i}, but {count} nodes (from 0)"
+            )));
+        }
+    }
+    Ok(())
+}
+
 /// What cannot be worked on is refused, with a place.
 pub(super) fn check_given(mesh: &Mesh, certificate: &Certificate) -> Result<(), MeshError> {
     if !certificate.malformed.is_empty() {

@@ -24,6 +24,9 @@ const GROWTH: f64 = 0.4;
 /// let size = own_sizes(&mesh).0([0.0; 3]);
 /// assert!((size - 12f64.sqrt()).abs() < 1e-12);
 /// ```
+///
+/// # Panics
+/// If a triangle has a node that the mesh has not ([`check_nodes`](crate::check_nodes)).
 pub fn own_sizes(mesh: &Mesh) -> Sizes {
     // Sums of logarithms with the number of edges.
     let mut sums = vec![(0.0, 0usize); mesh.points.len()];
@@ -61,6 +64,9 @@ pub fn own_sizes(mesh: &Mesh) -> Sizes {
 /// assert_eq!(mean_edge(&mesh), 4.0);
 /// assert_eq!(mean_edge(&Mesh::default()), 0.0);
 /// ```
+///
+/// # Panics
+/// If an element has a node that the mesh has not ([`check_nodes`](crate::check_nodes)).
 pub fn mean_edge(mesh: &Mesh) -> f64 {
     let length = |a: u32, b: u32| norm(sub(mesh.points[a as usize], mesh.points[b as usize]));
     if mesh.tets.is_empty() {

@@ -18,7 +18,7 @@ pub struct CompareReport {
     pub second_to_first: Distances,
     /// The largest distance allowed, if there is one.
     pub tolerance: Option<f64>,
-    /// Whether no distance is larger.
+    /// Whether no distance is larger, and none undefined, where there is a tolerance.
     pub within_tolerance: bool,
 }
 
@@ -47,7 +47,12 @@ impl CompareReport {
             first_to_second: there,
             second_to_first: back,
             tolerance,
-            within_tolerance: tolerance.is_none_or(|t| there.max <= t && back.max <= t),
+            within_tolerance: tolerance.is_none_or(|t| is_within(&there, t) && is_within(&back, t)),
         }
     }
+}
+
+/// Whether all distances are known and at most this.
+fn is_within(distances: &Distances, tolerance: f64) -> bool {
+    distances.undefined == 0 && distances.max <= tolerance
 }
