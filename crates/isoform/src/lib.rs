@@ -134,7 +134,7 @@ pub use mesh_model::{
 pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
-pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
+pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces};
 pub use surface_box::SurfaceBox;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};
