@@ -529,3 +529,19 @@ fn patches_end_near_the_box() {
         }
     }
 }
+
+/// Out of time before there is a patch is told as such, and not as a lack of surface.
+#[test]
+fn without_time_there_is_no_patch() {
+    let folder = Folder::new("parameterize-time");
+    let model = folder.file("sphere.json", SPHERE);
+    let cover = ["--degree", "2,2", "--cover", "--tol", "1e-9"];
+    let single = ["--degree", "2,2", "--paper"];
+    for what in [&cover[..], &single] {
+        let (code, document) = parameterize(&model, &[what, &["--time-limit", "0s"]].concat());
+        let error = &document["error"];
+        assert_eq!((code, &error["code"]), (4, &json!("time-limit")), "{error}");
+        let message = error["message"].as_str().unwrap_or_default();
+        assert!(message.ends_with("the time was over before there was a patch"));
+    }
+}

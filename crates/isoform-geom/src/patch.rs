@@ -157,7 +157,9 @@ fn raised(points: &[[f64; 4]], degree: usize) -> Vec<[f64; 4]> {
 impl RationalPatch {
     /// A patch of degree (m, n) in (u, v); `control[i * (n + 1) + j]` = cᵢⱼ.
     pub fn new(degree: (usize, usize), control: Vec<[f64; 4]>) -> Result<Self, PatchError> {
-        let wanted = (degree.0 + 1) * (degree.1 + 1);
+        // Too large a product is the number of no control points, either.
+        let [m, n] = [degree.0, degree.1].map(|d| d.saturating_add(1));
+        let wanted = m.saturating_mul(n);
         if degree.0 == 0 || degree.1 == 0 {
             return Err(PatchError::Degree(degree.0, degree.1));
         }
@@ -478,6 +480,14 @@ mod tests {
             }
         );
         assert_eq!(error((1, 1), 4, f64::NAN), PatchError::NotFinite(0));
+        let most = usize::MAX;
+        for degree in [(most, 1), (1, most), (most, most), (most / 2, 3)] {
+            let count = PatchError::Count {
+                found: 4,
+                wanted: most,
+            };
+            assert_eq!(error(degree, 4, 0.0), count);
+        }
     }
 
     #[test]

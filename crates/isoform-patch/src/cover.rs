@@ -19,6 +19,7 @@ mod samples;
 
 use crate::options::{Covering, Error, Options};
 use crate::parameterized::Parameterized;
+use crate::progress::Rising;
 use crate::unit::UnitBox;
 use crate::whole::Whole;
 use isoform_control::Control;
@@ -90,7 +91,8 @@ impl Cover {
 ///
 /// Patches grow side by side on the threads of the current rayon pool; the result does not depend
 /// on their number. Once the control ends the work, no patch is started any more: those that there
-/// are cover a part of the surface.
+/// are cover a part of the surface. The control hears of the phases `samples`, `cover` and, with a
+/// margin, `margin`.
 ///
 /// ```
 /// use isoform_control::Control;
@@ -110,7 +112,8 @@ impl Cover {
 /// ```
 ///
 /// # Errors
-/// Options that are out of range or without a tolerance, and surfaces on which no patch is found.
+/// Options that are out of range or without a tolerance, surfaces on which no patch is found, and
+/// [`Error::Stopped`] where the control ended the work before there was one.
 pub fn cover(
     field: &dyn Field,
     options: &Options,
@@ -122,9 +125,12 @@ pub fn cover(
     let unit = UnitBox::of(&options.region);
     let (inside, options) = (unit.field(field), unit.options(options));
     let within = unit.covering(covering);
-    cover_whole(&Whole::of_field(&inside), &options, &within, control)
-        .map(|cover| cover.out(&unit, covering, |_| field))
-        .map_err(|error| unit.error_out(error))
+    let whole = Whole::of_field(&inside);
+    Rising::during(control, |control| {
+        cover_whole(&whole, &options, &within, control)
+    })
+    .map(|cover| cover.out(&unit, covering, |_| field))
+    .map_err(|error| unit.error_out(error))
 }
 
 /// Covers a surface of parts: each patch stays on one, and ends at its edges. Nothing is proved of
@@ -143,12 +149,15 @@ pub fn cover_parts(
     let unit = UnitBox::of(&options.region);
     let (inside, options) = (unit.parts(parts), unit.options(options));
     let whole = Whole::of_parts(&inside, &options.region);
-    cover_whole(&whole, &options, &unit.covering(covering), control)
-        .map(|cover| {
-            let field = |part: usize| parts.parts[part].field.as_ref();
-            cover.out(&unit, covering, field)
-        })
-        .map_err(|error| unit.error_out(error))
+    let within = unit.covering(covering);
+    Rising::during(control, |control| {
+        cover_whole(&whole, &options, &within, control)
+    })
+    .map(|cover| {
+        let field = |part: usize| parts.parts[part].field.as_ref();
+        cover.out(&unit, covering, field)
+    })
+    .map_err(|error| unit.error_out(error))
 }
 
 fn cover_whole(
@@ -160,8 +169,10 @@ fn cover_whole(
     let mut work = Work::new(whole, options, covering, *control)?;
     work.cover_samples(MOST_ROUNDS);
     if work.patches.is_empty() {
+        control.check()?;
         return Err(work.last_error);
     }
+    control.report("cover", 1.0);
     work.keep_needed();
     let depth = covering.margin.map(|margin| {
         if whole.is_single() {

@@ -42,6 +42,8 @@ use edges::OVERLAP;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, norm};
 
+/// The phase in which patches grow, as its progress is told.
+pub(crate) const GROWING: &str = "grow";
 /// A side no longer grows when a place of it is farther beyond the region than this share of that.
 const SPILL: f64 = 0.2;
 /// Places of a side that are looked at for that.
@@ -76,6 +78,8 @@ pub(crate) struct Growth<'f> {
     pub(crate) options: Options,
     /// The control that may end growing.
     pub(crate) control: Control<'f>,
+    /// The shares of the phase from and to which growing counts as its progress.
+    shares: [f64; 2],
     pace: Pace,
     minimiser: Minimiser,
     seed: Seed,

@@ -1,10 +1,15 @@
 //! What a caller asks for, and the errors that say why it cannot be had.
 
 use crate::terms::{Inner, Method, Weights};
+use isoform_control::Stopped;
 use isoform_geom::{Aabb, Point3};
+use std::ops::RangeInclusive;
 
 /// The bound on S of all of the paper's examples.
 pub const PAPER_LIMIT: f64 = 1e-6;
+/// The numbers of quadrature nodes that may be asked for: one node sees no curvature, and more than
+/// these only take time.
+pub const NODES: RangeInclusive<usize> = 2..=64;
 /// Thresholds of the factors ω for a tolerance D, relative to the paper's thresholds for S ≤ D².
 /// With larger ones the shape terms cost as much as errors of size D.
 const RELAXED: f64 = 0.1;
@@ -41,11 +46,12 @@ pub struct Options {
     pub method: Method,
     /// What L measures.
     pub inner: Inner,
-    /// Quadrature nodes in each direction; with none, as many as make J exact.
+    /// Quadrature nodes in each direction, in the range [`NODES`]; with none, as many as make J
+    /// exact.
     pub nodes: Option<usize>,
-    /// The factors ω at the start.
+    /// The factors ω at the start, none of them negative.
     pub start: Weights,
-    /// The thresholds to which the factors ω are lowered.
+    /// The thresholds to which the factors ω are lowered, none of them negative.
     pub floor: Weights,
     /// The largest S, for lengths in units of the largest edge of the region.
     pub limit: f64,
@@ -131,6 +137,11 @@ impl Options {
         }
         positive("the bound on S", Some(self.limit))?;
         positive("the tolerance", self.tolerance)?;
+        if let Some(nodes) = self.nodes.filter(|n| !NODES.contains(n)) {
+            return Err(Error::Nodes(nodes));
+        }
+        self.start.check(START_NAMES)?;
+        self.floor.check(FLOOR_NAMES)?;
         match self.seed_point {
             Some(at) if !at.iter().all(|v| v.is_finite()) => Err(Error::NotFinite { at }),
             _ => Ok(()),
@@ -138,10 +149,38 @@ impl Options {
     }
 }
 
+/// The factors of [`Options::start`] in errors, in the order of [`Weights`].
+const START_NAMES: [&str; 4] = [
+    "the factor of J at the start",
+    "the factor of L at the start",
+    "the factor of R at the start",
+    "the factor of E at the start",
+];
+/// Those of [`Options::floor`].
+const FLOOR_NAMES: [&str; 4] = [
+    "the threshold for the factor of J",
+    "the threshold for the factor of L",
+    "the threshold for the factor of R",
+    "the threshold for the factor of E",
+];
+
+impl Weights {
+    /// Refuses factors that are negative or not finite, by their names.
+    fn check(&self, names: [&'static str; 4]) -> Result<(), Error> {
+        let all = names.into_iter().zip([self.j, self.l, self.r, self.e]);
+        for (name, value) in all {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(Error::Option { name, value });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// How a surface is covered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covering {
-    /// The most patches.
+    /// The most patches, at least 1.
     pub most: usize,
     /// The depth at which every point of the surface in the region shall lie inside of some patch,
     /// which is proved: its straight distance from the patch's border, in model units.
@@ -164,6 +203,7 @@ impl Default for Covering {
 impl Covering {
     /// Refuses what is out of range.
     pub(crate) fn check(&self) -> Result<(), Error> {
+        positive("the number of patches", Some(self.most as f64))?;
         positive("the margin", self.margin)?;
         positive("the distance from singular points", self.apart)
     }
@@ -191,6 +231,13 @@ pub enum Error {
         /// Its value.
         value: f64,
     },
+    /// A number of quadrature nodes that is not in the range [`NODES`].
+    #[error("{0} nodes: there must be from {least} to {most} in each direction",
+        least = NODES.start(), most = NODES.end())]
+    Nodes(usize),
+    /// The control ended the work before there was a patch.
+    #[error("stopped")]
+    Stopped,
     /// The region is empty or not finite.
     #[error("the region is empty or not finite")]
     Region,
@@ -230,4 +277,10 @@ pub enum Error {
         /// The seed.
         at: Point3,
     },
+}
+
+impl From<Stopped> for Error {
+    fn from(Stopped: Stopped) -> Self {
+        Self::Stopped
+    }
 }

@@ -8,6 +8,7 @@ pub(crate) use place::at;
 
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized};
+use crate::progress::Rising;
 use crate::surface::{self, Seed};
 use crate::unit::UnitBox;
 use crate::whole::{NearSingular, On, Whole};
@@ -21,6 +22,8 @@ const OTHER_SEEDS: u64 = 8;
 /// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
 ///
 /// For a surface of parts see [`parameterize_part`], for many patches [`crate::cover`].
+///
+/// The control hears of the phases `seed`, `grow` and `certify`.
 ///
 /// ```
 /// use isoform_control::Control;
@@ -48,8 +51,8 @@ const OTHER_SEEDS: u64 = 8;
 /// ```
 ///
 /// # Errors
-/// Options that are out of range, and places where no patch can start or none keeps what is asked
-/// for.
+/// Options that are out of range, places where no patch can start or none keeps what is asked for,
+/// and [`Error::Stopped`] where the control ended the search for a point to start at.
 pub fn parameterize(
     field: &dyn Field,
     options: &Options,
@@ -57,9 +60,12 @@ pub fn parameterize(
 ) -> Result<Parameterized, Error> {
     options.check()?;
     let unit = UnitBox::of(&options.region);
-    parameterize_in_unit_box(&unit.field(field), &unit.options(options), control)
-        .map(|made| unit.made_out(made, field))
-        .map_err(|error| unit.error_out(error))
+    let (inside, options) = (unit.field(field), unit.options(options));
+    Rising::during(control, |control| {
+        parameterize_in_unit_box(&inside, &options, control)
+    })
+    .map(|made| unit.made_out(made, field))
+    .map_err(|error| unit.error_out(error))
 }
 
 fn parameterize_in_unit_box(
@@ -67,9 +73,11 @@ fn parameterize_in_unit_box(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
+    control.report("seed", 0.0);
     let whole = Whole::of_field(field);
     let attempt = |seed: Seed, mut clock: Clock| {
         clock.phase("seed");
+        control.report("seed", 1.0);
         let on = On {
             whole: &whole,
             part: 0,
@@ -85,7 +93,7 @@ fn parameterize_in_unit_box(
     let mut made = Err(Error::NoSurface);
     for other in 0..OTHER_SEEDS {
         let number = options.seed.wrapping_add(other << 32);
-        let seed = surface::chosen(field, number, &options.region)?;
+        let seed = surface::chosen(field, number, &options.region, control)?;
         made = attempt(seed, std::mem::take(&mut clock));
         // Where the function has an edge projections end on it.
         if !matches!(made, Err(Error::NoPatch { .. })) {
@@ -102,8 +110,8 @@ fn parameterize_in_unit_box(
 /// less than the tolerance.
 ///
 /// # Errors
-/// Options that are out of range, and places where no patch can start or none keeps what is asked
-/// for.
+/// Options that are out of range, places where no patch can start or none keeps what is asked for,
+/// and [`Error::Stopped`] where the control ended the search for a point to start at.
 pub fn parameterize_part(
     parts: &Parts,
     options: &Options,
@@ -112,12 +120,15 @@ pub fn parameterize_part(
     options.check()?;
     let unit = UnitBox::of(&options.region);
     let inside = unit.options(options);
-    parameterize_part_in_unit_box(&unit.parts(parts), &inside, control)
-        .map(|made| {
-            let part = made.part;
-            unit.made_out(made, parts.parts[part].field.as_ref())
-        })
-        .map_err(|error| unit.error_out(error))
+    let moved = unit.parts(parts);
+    Rising::during(control, |control| {
+        parameterize_part_in_unit_box(&moved, &inside, control)
+    })
+    .map(|made| {
+        let part = made.part;
+        unit.made_out(made, parts.parts[part].field.as_ref())
+    })
+    .map_err(|error| unit.error_out(error))
 }
 
 fn parameterize_part_in_unit_box(
@@ -125,10 +136,11 @@ fn parameterize_part_in_unit_box(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Parameterized, Error> {
+    control.report("seed", 0.0);
     let whole = Whole::of_parts(parts, &options.region);
     let place = match options.seed_point {
         Some(p) => place::nearest(&whole, p, options).ok_or(Error::FarSeed { at: p })?,
-        None => place::chosen(&whole, options).ok_or(Error::NoSurface)?,
+        None => place::chosen(&whole, options, control)?,
     };
     let on = On {
         whole: &whole,

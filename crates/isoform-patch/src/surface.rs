@@ -5,6 +5,7 @@
 
 use crate::options::Error;
 use crate::places::{contains, moved};
+use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
 use isoform_num::Jet2;
 
@@ -263,12 +264,20 @@ pub(crate) fn given(field: &dyn Field, near: Point3, region: &Aabb) -> Result<Se
 }
 
 /// The k-th seed: of some random points of the surface the one whose surroundings are least curved,
-/// at a random angle.
-pub(crate) fn chosen(field: &dyn Field, k: u64, region: &Aabb) -> Result<Seed, Error> {
+/// at a random angle. Where the time ends the search, the best so far; none is an error.
+pub(crate) fn chosen(
+    field: &dyn Field,
+    k: u64,
+    region: &Aabb,
+    control: &Control<'_>,
+) -> Result<Seed, Error> {
     let (mut random, scale) = (Random::new(k), region.diagonal());
     let (mut best, mut found): (Option<Seed>, usize) = (None, 0);
     let mut singular = None;
     for _ in 0..PLACES {
+        if control.is_stopped() {
+            return best.ok_or(Error::Stopped);
+        }
         let place = random.place(region);
         let Some(point) = project(field, place, scale).filter(|p| contains(region, *p)) else {
             continue;

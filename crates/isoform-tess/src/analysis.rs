@@ -67,13 +67,37 @@ pub struct Analysis {
     pub seconds: Vec<(&'static str, f64)>,
 }
 
+/// A phase whose time is taken, and whose beginning and end are told.
+pub(crate) struct Running<'a> {
+    phase: &'static str,
+    since: Instant,
+    control: &'a Control<'a>,
+}
+
+impl<'a> Running<'a> {
+    /// Begins a phase.
+    pub(crate) fn new(phase: &'static str, control: &'a Control<'a>) -> Self {
+        control.report(phase, 0.0);
+        Self {
+            phase,
+            since: Instant::now(),
+            control,
+        }
+    }
+}
+
 impl Analysis {
-    /// Adds the seconds from some instant until now to the seconds of a phase.
-    pub(crate) fn took(&mut self, phase: &'static str, since: Instant) {
-        let seconds = since.elapsed().as_secs_f64();
-        match self.seconds.iter_mut().find(|known| known.0 == phase) {
+    /// Ends a phase: adds its seconds to those that it took before.
+    pub(crate) fn took(&mut self, running: Running<'_>) {
+        let seconds = running.since.elapsed().as_secs_f64();
+        running.control.report(running.phase, 1.0);
+        match self
+            .seconds
+            .iter_mut()
+            .find(|known| known.0 == running.phase)
+        {
             Some(known) => known.1 += seconds,
-            None => self.seconds.push((phase, seconds)),
+            None => self.seconds.push((running.phase, seconds)),
         }
     }
     fn stopped(&mut self, phase: Phase) {
@@ -112,7 +136,7 @@ impl Analysis {
 }
 
 /// Analyses a map. Everything but `seconds` is the same each time, unless `control` or
-/// [`Budget::seconds`] intervenes.
+/// [`Budget::seconds`] intervenes. The control hears of the phases of `seconds`.
 ///
 /// ```
 /// use isoform_tess::{Budget, Control, Map, analyse};
@@ -132,13 +156,13 @@ pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
     let mut found = Analysis::default();
     let enough = control.for_seconds(budget.seconds);
 
-    let clock = Instant::now();
+    let running = Running::new("base points", control);
     // Complex ones too: their multiplicities prove the degrees.
     let classes = Classes::new(map, false, control).ok();
     found.find_base_points(classes.as_ref(), control);
-    found.took("base points", clock);
+    found.took(running);
 
-    let clock = Instant::now();
+    let running = Running::new("pole", control);
     match map.forms()[3].factor(control) {
         Ok(factors) => found.pole = Some(factors),
         Err(error) => {
@@ -146,24 +170,24 @@ pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
             found.stopped(Phase::Pole);
         }
     }
-    found.took("pole", clock);
+    found.took(running);
 
-    let clock = Instant::now();
+    let running = Running::new("pole topology", control);
     match curve_topology(&map.forms()[3], control) {
         Ok(topology) => found.pole_topology = Some(topology),
         Err(error) => found.findings.push(Finding::PoleTopology(error)),
     }
-    found.took("pole topology", clock);
+    found.took(running);
 
-    let clock = Instant::now();
+    let running = Running::new("degrees", control);
     found.find_degrees(map, classes.as_ref().map(Classes::multiplicity), control);
     let sum = classes.as_ref().map(|c| c.sum_of_powers(1));
     found.double_section = sum.and_then(|sum| double_section(map, found.degrees?, sum));
-    found.took("degrees", clock);
+    found.took(running);
 
-    let clock = Instant::now();
+    let running = Running::new("implicit equation", control);
     found.find_implicit(map, budget, &enough);
-    found.took("implicit equation", clock);
+    found.took(running);
 
     found.find_singular(map, &enough, Phase::SingularCurves);
     found
@@ -244,12 +268,12 @@ impl Analysis {
     }
     /// The singular curves; `phase` is what a lack of time leaves open.
     fn find_singular(&mut self, map: &Map, control: &Control<'_>, phase: Phase) {
-        let clock = Instant::now();
+        let running = Running::new("singular curves", control);
         match singular(map, self.implicit.as_ref(), control) {
             Ok(curves) => self.singular = Some(curves),
             Err(Stopped) => self.stopped(phase),
         }
-        self.took("singular curves", clock);
+        self.took(running);
     }
 }
 

@@ -4,20 +4,19 @@
 //! tolerance ([`Change`]), until no triangles cross or nothing helps any more; what is left is
 //! said. Triangles that cross are found by the certificate of meshes ([`certify`]), by exact signs.
 
-use crate::analysis::Analysis;
+use crate::analysis::{Analysis, Running};
 use crate::claim::Claim;
 use crate::domain::Domain;
 use crate::finding::Finding;
 use crate::frame::Frame;
 use crate::map::{Map, MapError};
 use crate::patch::Patch;
-use crate::surface::{Mode, Point3, Surface, TriangulateOptions};
+use crate::surface::{Mode, Point3, Surface, TriangulateError, TriangulateOptions};
 use crate::triangulate::{Crossing, Prepared, join_patches};
 use isoform_algebra::RBig;
 use isoform_check::{Place, certify};
-use isoform_control::{Control, Stopped};
+use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh};
-use std::time::Instant;
 
 /// The number of times that the surface is made again, finer where its implicit equation finds
 /// triangles far away.
@@ -57,11 +56,7 @@ impl Crossings {
             pairs: MOST,
             ..isoform_check::Options::default()
         };
-        let silent = Control {
-            progress: None,
-            ..*control
-        };
-        let found = certify(&mesh, None, &options, &silent).intersections?;
+        let found = certify(&mesh, None, &options, &silent(control)).intersections?;
         if control.is_stopped() {
             return None;
         }
@@ -80,6 +75,17 @@ impl Crossings {
     }
     fn are_none(&self) -> bool {
         self.is_complete && self.pairs.is_empty()
+    }
+}
+
+/// The phase in which triangles that cross are looked for and mended, as its progress is told.
+const CROSSINGS: &str = "crossings";
+
+/// The control of work that is a part of a phase, or that is done again: it tells nothing.
+fn silent<'a>(control: &Control<'a>) -> Control<'a> {
+    Control {
+        progress: None,
+        ..*control
     }
 }
 
@@ -135,13 +141,17 @@ impl Change {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
+/// The control hears of the phases in `seconds` of the analysis.
+///
 /// # Errors
-/// [`Stopped`].
+/// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
+/// parameters was found in time.
 pub fn triangulate(
     map: &Map,
     options: &TriangulateOptions,
     control: &Control<'_>,
-) -> Result<(Surface, Analysis), Stopped> {
+) -> Result<(Surface, Analysis), TriangulateError> {
+    options.check()?;
     let Some(frame) = Frame::of(map) else {
         return in_place(map, options, control);
     };
@@ -159,20 +169,22 @@ fn in_place(
     map: &Map,
     options: &TriangulateOptions,
     control: &Control<'_>,
-) -> Result<(Surface, Analysis), Stopped> {
+) -> Result<(Surface, Analysis), TriangulateError> {
     let mut prepared = Prepared::new(map, options, control)?;
     let mut surface = prepared.surface(control);
+    let again = silent(control);
     if prepared.may_decompose()
         && surface.findings.iter().any(is_ill_drawn)
         && prepared.decompose(control).is_ok()
     {
-        surface = prepared.surface(control);
+        surface = prepared.surface(&again);
     }
-    surface = prepared.nearer(surface, control);
+    surface = prepared.nearer(surface, &again);
     let mut is_embedded = surface.triangles.is_empty();
     if options.mode == Mode::Glued && !is_embedded {
         let found;
         (surface, found) = prepared.without_crossings(surface, control);
+        control.report(CROSSINGS, 1.0);
         is_embedded = found.as_ref().is_some_and(Crossings::are_none);
         surface.grades.push(Claim::Crossings.into());
         surface.findings.extend(crossing_finding(found.as_ref()));
@@ -251,6 +263,14 @@ impl Prepared<'_> {
         }
         surface
     }
+    /// The triangles of a surface that cross; none if there was no time to look for all of them.
+    fn crossings(&mut self, surface: &Surface, control: &Control<'_>) -> Option<Crossings> {
+        let control = silent(control);
+        let running = Running::new(CROSSINGS, &control);
+        let found = Crossings::of(surface, &control);
+        self.analysis.took(running);
+        found
+    }
     /// Changes what the next surface is made with, where the triangles of one cross.
     fn change(&mut self, change: Change, tried: &Tried) {
         match change {
@@ -266,10 +286,8 @@ impl Prepared<'_> {
         surface: Surface,
         control: &Control<'_>,
     ) -> (Surface, Option<Crossings>) {
-        let clock = Instant::now();
-        let first = Crossings::of(&surface, control);
-        self.analysis.took("crossings", clock);
-        let Some(crossings) = first else {
+        control.report(CROSSINGS, 0.0);
+        let Some(crossings) = self.crossings(&surface, control) else {
             return (surface, None);
         };
         let mut best = Tried { surface, crossings };
@@ -278,22 +296,22 @@ impl Prepared<'_> {
         let mut last: Option<Tried> = None;
         let mut change = Change::Corners;
         let mut in_vain = 0;
-        for _ in 0..ROUNDS {
+        for round in 1..=ROUNDS {
             let tried = last.as_ref().unwrap_or(&best);
             if tried.is_final(self.options()) || in_vain == IN_VAIN || control.is_stopped() {
                 break;
             }
+            control.report(CROSSINGS, round as f64 / (ROUNDS + 1) as f64);
             self.change(change, tried);
-            let surface = self.surface(control);
+            let surface = self.surface(&silent(control));
             if !surface.is_certified() && change != Change::Finer {
                 // Other vertices did harm.
                 change = Change::Finer;
                 continue;
             }
-            let clock = Instant::now();
-            let found = Crossings::of(&surface, control);
-            self.analysis.took("crossings", clock);
-            let Some(crossings) = found else { break };
+            let Some(crossings) = self.crossings(&surface, control) else {
+                break;
+            };
             let is_fewer = crossings.count < tried.crossings.count;
             let is_better = surface.is_certified() && crossings.count < best.crossings.count;
             in_vain += usize::from(change == Change::Finer && !is_better);
@@ -321,9 +339,26 @@ pub enum PatchesError {
         /// Why it is none.
         error: MapError,
     },
+    /// A number among the options is out of its range.
+    #[error("{name} is {value}, which is out of range")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value, to the nearest double.
+        value: f64,
+    },
     /// The time was over.
     #[error("stopped")]
     Stopped,
+}
+
+impl From<TriangulateError> for PatchesError {
+    fn from(error: TriangulateError) -> Self {
+        match error {
+            TriangulateError::Option { name, value } => Self::Option { name, value },
+            TriangulateError::Stopped => Self::Stopped,
+        }
+    }
 }
 
 /// The options for each of several patches: the unit square as domain, only contracted curves of
@@ -341,7 +376,28 @@ fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
 /// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined along the
 /// sides that they have in common. The domain of the options is not looked at. Of a patch that is
 /// proved to have no pole and to lie in the box only contracted curves are looked for, unless its
-/// sheets are to be joined.
+/// sheets are to be joined. [`TriangulateOptions::of_patches`] are those of the program.
+///
+/// The control hears of the phases in `seconds` of the analyses: each patch is as much of them.
+///
+/// ```
+/// use isoform_geom::RationalPatch;
+/// use isoform_tess::{Control, Patch, SurfaceBox, TriangulateOptions, triangulate_patches};
+///
+/// // Two squares of the hyperbolic paraboloid z = x y, which have a side in common.
+/// let square = |x: f64| {
+///     let corner = |i: f64, j: f64| [x + i, j, (x + i) * j, 1.0];
+///     let corners = [corner(0.0, 0.0), corner(0.0, 1.0), corner(1.0, 0.0), corner(1.0, 1.0)];
+///     RationalPatch::new((1, 1), corners.to_vec())
+/// };
+/// let patches = [Patch::from(&square(0.0)?), Patch::from(&square(1.0)?)];
+/// let around = SurfaceBox::of_patches(&patches).expect("no pole");
+/// let options = TriangulateOptions::of_patches(&around);
+/// let (surface, known) = triangulate_patches(&patches, &options, &Control::default())?;
+/// assert!(surface.is_certified());
+/// assert_eq!(known.len(), 2);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 ///
 /// # Errors
 /// [`PatchesError`].
@@ -350,16 +406,23 @@ pub fn triangulate_patches(
     options: &TriangulateOptions,
     control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
+    options.check()?;
     let is_normalised = options.mode == Mode::Normalised;
     let mut options = of_one_patch(options);
     let (mut surfaces, mut known) = (Vec::new(), Vec::new());
-    for patch in patches {
+    for (k, patch) in patches.iter().enumerate() {
         let map = patch.map().map_err(|error| PatchesError::Map {
             name: patch.name.clone(),
             error,
         })?;
-        let (surface, analysis) =
-            in_place(&map, &options, control).map_err(|Stopped| PatchesError::Stopped)?;
+        let share = |phase: &str, done: f64| {
+            control.report(phase, (k as f64 + done) / patches.len() as f64);
+        };
+        let control = Control {
+            progress: control.progress.is_some().then_some(&share as _),
+            ..*control
+        };
+        let (surface, analysis) = in_place(&map, &options, &control)?;
         let made = surface.triangles.len();
         options.mesh.triangles = options.mesh.triangles.saturating_sub(made);
         surfaces.push(surface);
@@ -368,6 +431,9 @@ pub fn triangulate_patches(
     let mut joined = join_patches(patches, surfaces, options.half_width.to_f64().value());
     if patches.len() > 1 && !is_normalised {
         joined.findings.push(Finding::PatchesNotCut);
+    }
+    if joined.findings.is_empty() {
+        joined.findings.extend(joined.lack());
     }
     Ok((joined, known))
 }

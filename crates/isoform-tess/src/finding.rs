@@ -39,6 +39,9 @@ pub enum Phase {
     /// Finding the partners on the double curve.
     #[error("the double curve")]
     Partners,
+    /// Finding edges that fall together in space.
+    #[error("edges that fall together")]
+    Clashes,
 }
 
 impl Phase {
@@ -56,6 +59,7 @@ impl Phase {
             Self::SolitaryArcs => Claim::SolitaryArcs,
             Self::Tangents => Claim::Tangents,
             Self::Partners => Claim::Partners,
+            Self::Clashes => Claim::Edges,
         }
     }
 }
@@ -194,6 +198,9 @@ pub enum Finding {
          to the end"
     )]
     ArcsNotDrawn,
+    /// Parameters lead into the box, but there is not one triangle.
+    #[error("nothing is drawn of the surface in the box")]
+    NoTriangles,
     /// Edges of a curve along which sheets are joined have one sheet.
     #[error("{edges} edges of the {curve} have no partner that was found")]
     PartnersMissing {
@@ -293,7 +300,7 @@ impl Finding {
             | Self::TangentLost
             | Self::StripsLeftOut => Claim::Tangents,
             Self::BasePointRough => Claim::SignAtBasePoints,
-            Self::ArcsNotDrawn => Claim::Drawing,
+            Self::ArcsNotDrawn | Self::NoTriangles => Claim::Drawing,
             Self::SheetsNotJoined | Self::DoubleCurveNotDrawn(_) | Self::PartnersMissing { .. } => {
                 Claim::Partners
             }

@@ -14,7 +14,7 @@
 //! - [`Claim`], [`Basis`], [`Finding`]: what is claimed of a surface, how it was decided, and what
 //!   stands against it.
 //! - [`triangulate`], [`triangulate_patches`]: the [`Surface`] of a map in a box, or of patches, by
-//!   [`TriangulateOptions`].
+//!   [`TriangulateOptions`]; [`SurfaceBox`] is a box that holds it.
 //! - [`NumberField`], [`Element`], [`Algebraic`]: the exact numbers in which all of this is said.
 #![forbid(unsafe_code)]
 
@@ -45,6 +45,7 @@ mod region;
 mod residues;
 mod singular;
 mod surface;
+mod surface_box;
 mod tangents;
 mod triangulate;
 mod univariate;
@@ -67,6 +68,9 @@ pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
 };
-pub use surface::{DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateOptions};
+pub use surface::{
+    DoubleArc, Kind, MeshOptions, Mode, Point3, Surface, TriangulateError, TriangulateOptions,
+};
+pub use surface_box::SurfaceBox;
 pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};
 pub use zeros::Chart;

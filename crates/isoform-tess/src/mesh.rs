@@ -85,6 +85,11 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use special::SpecialCurves;
 use unit::{Refined, Unit};
 
+/// The phase in which the triangles are made, as its progress is told.
+pub(crate) const TRIANGLES: &str = "triangles";
+/// The shares of that phase which are done when curves are found, base points opened, sheets
+/// matched and unit triangles drawn: what is left is for refinement, which mostly takes longest.
+const SHARES: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
 /// The number of times that a contracted curve is halved because curves that leave it turn: the
 /// turn may be abrupt.
 const TURNS: usize = 10;
@@ -118,6 +123,7 @@ pub(crate) fn mesh(
     changes: &Changes,
     control: &Control<'_>,
 ) -> Surface {
+    let tell = |stage: usize| control.report(TRIANGLES, SHARES[stage]);
     let atlas = Atlas::new(map, region, options, &changes.fineness, control);
     let mut special = SpecialCurves::new(&atlas, map, curves);
     let fans = Fans::new(
@@ -126,12 +132,16 @@ pub(crate) fn mesh(
         &map.forms()[3],
     );
     special.add_images(&fans.contracted());
+    tell(0);
     let openings = Openings::new(&atlas, &special, fans);
+    tell(1);
     let mut glued = Glued::new(&openings, curves);
+    tell(2);
     let drawn: Vec<Unit> = (0..4)
         .into_par_iter()
         .filter_map(|q| drawn_unit(&glued, q))
         .collect();
+    tell(3);
     let refined = Refined::new(&glued, drawn, &changes.matched);
     let mut surface = refined.joined(&glued);
     surface.is_double_curve_known = curves.glued

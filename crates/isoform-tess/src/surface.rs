@@ -4,7 +4,9 @@ use crate::analysis::Budget;
 use crate::claim::{Claim, Grade, graded};
 use crate::domain::Domain;
 use crate::finding::Finding;
+use crate::surface_box::SurfaceBox;
 use isoform_algebra::RBig;
+use isoform_control::Stopped;
 pub use isoform_geom::Point3;
 use std::collections::BTreeMap;
 
@@ -21,9 +23,10 @@ pub enum Mode {
 /// The fineness of the triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
-    /// Largest distance of the middles of triangles and edges from the surface, in units of space.
+    /// Largest distance of the middles of triangles and edges from the surface, in units of space:
+    /// positive.
     pub tolerance: f64,
-    /// Largest length of edges, in units of space.
+    /// Largest length of edges, in units of space: positive.
     pub longest: f64,
     /// Number of triangles at which refinement stops.
     pub triangles: usize,
@@ -51,7 +54,8 @@ impl MeshOptions {
 /// The options of a triangulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriangulateOptions {
-    /// Half the width of the box around the origin, in units of space.
+    /// Half the width of the box around the origin, in units of space: positive, and neither too
+    /// large nor too small for doubles.
     pub half_width: RBig,
     /// The part of the parameter plane to which the surface is restricted: all of it if there is
     /// none.
@@ -95,6 +99,63 @@ impl TriangulateOptions {
             mesh,
             budget,
         }
+    }
+
+    /// All of some patches in the box that holds them, their sheets left as they are: different
+    /// patches are not cut where they cross. With [`MeshOptions::around`] the size of the patches,
+    /// wherever they lie, and [`Self::EXACT_SECONDS`].
+    ///
+    /// ```
+    /// use isoform_tess::{Mode, SurfaceBox, TriangulateOptions};
+    ///
+    /// // Patches of width 2 far from the origin.
+    /// let around = SurfaceBox { half_width: 100.into(), size: 1.0 };
+    /// let options = TriangulateOptions::of_patches(&around);
+    /// assert_eq!((options.mode, options.mesh.longest), (Mode::Normalised, 0.25));
+    /// ```
+    pub fn of_patches(around: &SurfaceBox) -> Self {
+        Self {
+            mode: Mode::Normalised,
+            mesh: MeshOptions::around(around.size),
+            ..Self::around(around.half_width.clone())
+        }
+    }
+
+    /// Refuses what is out of range.
+    pub(crate) fn check(&self) -> Result<(), TriangulateError> {
+        let half_width = self.half_width.to_f64().value();
+        let all = [
+            ("half the width of the box", half_width, f64::MAX),
+            ("the tolerance", self.mesh.tolerance, f64::INFINITY),
+            ("the longest edge", self.mesh.longest, f64::INFINITY),
+        ];
+        let is_wrong = |&(_, value, most): &(_, f64, f64)| !(value > 0.0 && value <= most);
+        match all.into_iter().find(is_wrong) {
+            Some((name, value, _)) => Err(TriangulateError::Option { name, value }),
+            None => Ok(()),
+        }
+    }
+}
+
+/// Why there is no surface.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+pub enum TriangulateError {
+    /// A number among the options is out of its range.
+    #[error("{name} is {value}, which is out of range")]
+    Option {
+        /// The option.
+        name: &'static str,
+        /// Its value, to the nearest double.
+        value: f64,
+    },
+    /// The control ended the work before the region of parameters was found.
+    #[error("stopped")]
+    Stopped,
+}
+
+impl From<Stopped> for TriangulateError {
+    fn from(Stopped: Stopped) -> Self {
+        Self::Stopped
     }
 }
 
@@ -180,9 +241,14 @@ pub struct Surface {
 pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
 
 impl Surface {
-    /// Whether nothing was found against any claim.
+    /// Whether nothing was found against any claim. Without triangles there is nothing to certify,
+    /// unless it is certain that there are none to be had.
     pub fn is_certified(&self) -> bool {
-        self.findings.is_empty()
+        self.findings.is_empty() && (!self.triangles.is_empty() || self.is_outside)
+    }
+    /// The finding against a surface that should have triangles, and has none.
+    pub(crate) fn lack(&self) -> Option<Finding> {
+        (self.triangles.is_empty() && !self.is_outside).then_some(Finding::NoTriangles)
     }
     /// Whether nothing was found against a claim.
     pub fn holds(&self, claim: Claim) -> bool {

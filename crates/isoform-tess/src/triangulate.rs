@@ -1,7 +1,7 @@
 //! The whole way from a map to the triangles of its surface in a box: analysis, deck
 //! transformations, double curve, region, triangles.
 
-use crate::analysis::{Analysis, analyse, analyse_clear};
+use crate::analysis::{Analysis, Running, analyse, analyse_clear};
 use crate::claim::{Basis, Claim, Grade};
 use crate::deck::Deck;
 use crate::double_curve::DoubleCurve;
@@ -11,14 +11,13 @@ use crate::joined::join;
 use crate::map::Map;
 pub use crate::mesh::matching::Crossing;
 use crate::mesh::matching::matching;
-use crate::mesh::{Changes, Curves, mesh};
+use crate::mesh::{Changes, Curves, TRIANGLES, mesh};
 use crate::patch::Patch;
 use crate::region::{Region, Triangle, is_clear};
-use crate::surface::{Mode, Point3, Surface, TriangulateOptions};
+use crate::surface::{Mode, Point3, Surface, TriangulateError, TriangulateOptions};
 use isoform_algebra::ArrangementError;
 use isoform_control::{Control, Stopped};
 use isoform_geom::Aabb;
-use std::time::Instant;
 
 /// The distance of triangles from the surface by its implicit equation up to which they stay, in
 /// tolerances: more than 1, as the equation gives the distance to first order only, and only
@@ -50,12 +49,14 @@ impl<'a> Prepared<'a> {
     /// Analyses a map and finds the parameters of its surface in a box.
     ///
     /// # Errors
-    /// [`Stopped`], if not even the region of parameters was found in time.
+    /// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
+    /// parameters was found in time.
     pub fn new(
         map: &'a Map,
         options: &'a TriangulateOptions,
         control: &Control<'_>,
-    ) -> Result<Self, Stopped> {
+    ) -> Result<Self, TriangulateError> {
+        options.check()?;
         let enough = control.for_seconds(options.budget.seconds);
         let mut analysis = if needs_no_plane(map, options) {
             analyse_clear(map, control)
@@ -68,7 +69,7 @@ impl<'a> Prepared<'a> {
         };
         let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
         let deck = verdict.deck(map, options, &analysis, &enough);
-        let clock = Instant::now();
+        let running = Running::new("double curve", control);
         let double = DoubleCurve::new(map, &analysis, options, &enough);
         if double.needs_no_equation {
             let is_of_double = |f: &Finding| f.claim() == Claim::DoubleCurves;
@@ -76,8 +77,8 @@ impl<'a> Prepared<'a> {
         }
         verdict.findings.extend(double.findings);
         verdict.grades.extend(double.grades);
-        analysis.took("double curve", clock);
-        let clock = Instant::now();
+        analysis.took(running);
+        let running = Running::new("region", control);
         let is_glued = options.mode == Mode::Glued;
         let mut curves = Curves::new(
             &analysis,
@@ -98,9 +99,9 @@ impl<'a> Prepared<'a> {
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
                 within(&curves, control).map_err(|_| Stopped)?
             }
-            Err(_) => return Err(Stopped),
+            Err(_) => return Err(TriangulateError::Stopped),
         };
-        analysis.took("region", clock);
+        analysis.took(running);
         verdict.grades.push(Claim::Region.into());
         if region.is_clear {
             verdict.grades.push(Claim::Weights.into());
@@ -138,9 +139,9 @@ impl<'a> Prepared<'a> {
     /// [`Stopped`]: then nothing is changed.
     pub fn decompose(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
         let traced = self.curves.decompose(&self.analysis);
-        let clock = Instant::now();
+        let running = Running::new("region again", control);
         let found = region(self.map, self.options, &self.curves, None, control);
-        self.analysis.took("region again", clock);
+        self.analysis.took(running);
         match found {
             Ok(region) => {
                 self.region = region;
@@ -155,7 +156,7 @@ impl<'a> Prepared<'a> {
 
     /// The triangles; `findings` repeats what the analysis could not prove.
     pub fn surface(&mut self, control: &Control<'_>) -> Surface {
-        let clock = Instant::now();
+        let running = Running::new(TRIANGLES, control);
         let mut surface = mesh(
             self.map,
             &self.region,
@@ -165,7 +166,7 @@ impl<'a> Prepared<'a> {
             &self.changes,
             control,
         );
-        self.analysis.took("triangles", clock);
+        self.analysis.took(running);
         surface.solitary_arcs.clone_from(&self.solitary);
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.sheets = self.sheets;
@@ -173,6 +174,7 @@ impl<'a> Prepared<'a> {
         surface
             .findings
             .extend(self.verdict.findings.iter().cloned());
+        surface.findings.extend(surface.lack());
         surface.grades.extend(&self.verdict.grades);
         surface
     }
@@ -275,12 +277,13 @@ fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
 /// looked at, as [`triangulate`](crate::triangulate) does.
 ///
 /// # Errors
-/// [`Stopped`], if not even the region of parameters was found in time.
+/// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
+/// parameters was found in time.
 pub fn triangulate_once(
     map: &Map,
     options: &TriangulateOptions,
     control: &Control<'_>,
-) -> Result<(Surface, Analysis), Stopped> {
+) -> Result<(Surface, Analysis), TriangulateError> {
     let mut prepared = Prepared::new(map, options, control)?;
     let surface = prepared.surface(control);
     Ok((surface, prepared.analysis))

@@ -68,6 +68,9 @@ impl fmt::Debug for ImplicitSurface {
 
 /// A rational patch as large as possible on a surface, with a proved bound on its distance.
 ///
+/// The control hears of the phases `seed`, `grow` and `certify`. A patch that has begun to grow when
+/// the time is over is kept, and is said to be late.
+///
 /// ```
 /// use isoform::geom::Aabb;
 /// use isoform::patch::Options;
@@ -82,7 +85,8 @@ impl fmt::Debug for ImplicitSurface {
 /// ```
 ///
 /// # Errors
-/// If there is no patch.
+/// If there is no patch: [`Error`] says why. Options that are out of range; [`Error::Stopped`] where
+/// the control ended the search for a point to start at.
 pub fn parameterize_surface(
     surface: &ImplicitSurface,
     options: &Options,
@@ -98,6 +102,9 @@ pub fn parameterize_surface(
 
 /// Patches on a surface until all of it in the region lies on one.
 ///
+/// The control hears of the phases `samples`, `cover` and, with a margin, `margin`. What there is
+/// when the time is over is kept.
+///
 /// ```
 /// use isoform::geom::Aabb;
 /// use isoform::patch::{Covering, Options};
@@ -111,7 +118,8 @@ pub fn parameterize_surface(
 /// ```
 ///
 /// # Errors
-/// If there is no patch at all.
+/// If there is no patch at all: [`Error`] says why. Options that are out of range;
+/// [`Error::Stopped`] where the control ended the work before there was a patch.
 pub fn cover_surface(
     surface: &ImplicitSurface,
     options: &Options,

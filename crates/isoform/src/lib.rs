@@ -104,7 +104,6 @@ mod mesh_model;
 mod meshing;
 mod patches;
 pub mod report;
-mod surface_box;
 mod template;
 mod topology;
 
@@ -128,14 +127,17 @@ pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
 pub use isoform_tess as tess;
-pub use isoform_tess::{PatchesError, triangulate as triangulate_map, triangulate_patches};
+pub use isoform_tess::{
+    PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
+};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };
 pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
-pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
-pub use surface_box::SurfaceBox;
+pub use patches::{
+    COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,
+};
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

@@ -7,7 +7,7 @@ use isoform_field::{
     Bound, Graph, Polynomial, Residual, RunField, SolidError, Tape, parameter_values,
 };
 use isoform_geom::{Column, Field, Mesh, Parts, RationalPatch, dot};
-use isoform_io::StepFace;
+use isoform_io::{PatchRecord, StepFace};
 use isoform_patch::{Parameterized, foot_distances};
 
 /// The names of the coordinates in polynomials.
@@ -98,6 +98,37 @@ pub fn step_faces(field: &dyn Field, patches: &[Parameterized]) -> Vec<StepFace>
     patches.iter().enumerate().map(face).collect()
 }
 
+/// Patches as records for their file, with what is known of each: it is certified where its
+/// distance and that it does not fold over are proved. Without a bound the largest distance is that
+/// of samples.
+///
+/// ```
+/// use isoform::geom::Aabb;
+/// use isoform::io::write_patches;
+/// use isoform::patch::Options;
+/// use isoform::{Control, ImplicitSurface, parameterize_surface, patch_records};
+///
+/// let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")?.expect("a surface");
+/// let options = Options::new((2, 2), 1e-3, Aabb { lo: [-0.5; 3], hi: [0.5; 3] });
+/// let patch = parameterize_surface(&sphere, &options, &Control::default())?;
+/// let records = patch_records(std::slice::from_ref(&patch));
+/// assert!(records[0].certified);
+/// assert_eq!(Some(records[0].max_distance), patch.distances.bound);
+/// let file = write_patches(&records); // the bytes of patches.json
+/// # assert!(!file.is_empty());
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn patch_records(patches: &[Parameterized]) -> Vec<PatchRecord> {
+    let record = |p: &Parameterized| PatchRecord {
+        patch: p.grown.patch.clone(),
+        max_distance: p.distances.bound.unwrap_or(p.distances.sampled),
+        certified: p.distances.bound.is_some() && p.is_unfolded,
+        rms_distance: p.distances.rms,
+        seed_point: p.grown.seed_point,
+    };
+    patches.iter().map(record).collect()
+}
+
 /// Patches as triangles, two for each of `squares`² squares of the domain, a part for each patch;
 /// with the parameters u and v and the distance from the surface at every node. Counterclockwise
 /// from outside, where the function falls.
@@ -152,4 +183,38 @@ pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) 
 fn is_outward(field: &dyn Field, patch: &RationalPatch) -> bool {
     let middle = patch.tangents(0.5, 0.5);
     dot(middle.normal(), field.jet(middle.point).g) <= 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Control, ImplicitSurface, parameterize_surface};
+    use isoform_geom::Aabb;
+    use isoform_patch::Options;
+
+    /// A record is certified only with a bound and without a fold, and names the largest distance
+    /// that is known.
+    #[test]
+    fn records_say_what_is_proved() {
+        let sphere = ImplicitSurface::of_polynomial("x^2 + y^2 + z^2 - 1/4")
+            .expect("a polynomial")
+            .expect("a surface");
+        let region = Aabb {
+            lo: [-0.5; 3],
+            hi: [0.5; 3],
+        };
+        let options = Options::new((2, 2), 1e-2, region);
+        let made = parameterize_surface(&sphere, &options, &Control::default()).expect("a patch");
+        let (mut folded, mut unbounded) = (made.clone(), made.clone());
+        folded.is_unfolded = false;
+        unbounded.distances.bound = None;
+        let sampled = made.distances.sampled;
+        let bound = made.distances.bound.expect("a bound");
+        let found = patch_records(&[made, folded, unbounded]);
+        let known: Vec<_> = found
+            .iter()
+            .map(|r| (r.certified, r.max_distance))
+            .collect();
+        assert_eq!(known, [(true, bound), (false, bound), (false, sampled)]);
+    }
 }

@@ -2,27 +2,15 @@
 
 use super::Made;
 use crate::output;
-use isoform::io::{PatchRecord, write_patches};
-use isoform::patch::{Grown, Parameterized, Phase};
+use isoform::io::write_patches;
+use isoform::patch::{Grown, Phase};
+use isoform::patch_records;
 use isoform::report::{AboutPatches, PatchesReport};
 use serde_json::Value;
 
 /// The file of the patches. Equal patches give equal bytes.
 pub(super) fn patches(made: &Made) -> Vec<u8> {
-    let records: Vec<PatchRecord> = made.patches.iter().map(record).collect();
-    write_patches(&records)
-}
-
-/// A patch as an entry of the file, with the bound on its distance.
-fn record(p: &Parameterized) -> PatchRecord {
-    PatchRecord {
-        patch: p.grown.patch.clone(),
-        // Without a proof the largest sampled distance, and `certified` says so.
-        max_distance: p.distances.bound.unwrap_or(p.distances.sampled),
-        certified: p.distances.bound.is_some() && p.is_unfolded,
-        rms_distance: p.distances.rms,
-        seed_point: p.grown.seed_point,
-    }
+    write_patches(&patch_records(&made.patches))
 }
 
 /// Every step of a patch.

@@ -8,6 +8,7 @@ mod table;
 
 use self::subject::Subject;
 use crate::eval;
+use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use isoform::geom::{Aabb, Point3};
@@ -361,6 +362,8 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
         Error::Option { .. } | Error::Region => {
             Failure::usage(error.to_string()).hint("a positive number")
         }
+        Error::Nodes(_) => Failure::usage(error.to_string()).hint("--nodes 16"),
+        Error::Stopped => stopped(name),
         Error::NoSurface => none("empty")
             .why("none of some thousand random places in it led to one")
             .hint("another --box, or --seed-point"),
@@ -382,6 +385,23 @@ fn failure(error: &Error, name: &str, options: &Options) -> Failure {
             .hint("another --seed-point, or a smaller --tol"),
         Error::NoPatch { at } => no_patch(none("no-patch").somewhere(at), at, options),
     }
+}
+
+/// Why there is no patch of work that was stopped.
+fn stopped(name: &str) -> Failure {
+    if interrupt::happened() {
+        return Failure::new(
+            interrupt::INTERRUPTED,
+            "interrupted",
+            format!("{name}: stopped before there was a patch"),
+        );
+    }
+    Failure::new(
+        NO_RESULT,
+        "time-limit",
+        format!("{name}: the time was over before there was a patch"),
+    )
+    .hint("a longer --time-limit")
 }
 
 /// What to try where the seed point leads nowhere.

@@ -333,10 +333,7 @@ fn patch(p: FilePatch) -> Patch {
 
 /// The box about the origin in which a surface is drawn.
 struct InBox {
-    /// B.
-    half_width: RBig,
-    /// Half the largest width of the surface in the box, which tolerances are relative to.
-    size: f64,
+    around: SurfaceBox,
     /// Whether it was not asked for, but holds all of the surface.
     is_chosen: bool,
 }
@@ -345,8 +342,10 @@ struct InBox {
 fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
     if let Some(given) = &args.half_width {
         return Ok(InBox {
-            half_width: given.exact.clone(),
-            size: given.near,
+            around: SurfaceBox {
+                half_width: given.exact.clone(),
+                size: given.near,
+            },
             is_chosen: false,
         });
     }
@@ -355,7 +354,7 @@ fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
         Subject::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
         Subject::Patches(patches) => SurfaceBox::of_patches(patches),
     };
-    let Some(SurfaceBox { half_width, size }) = around else {
+    let Some(around) = around else {
         let why = match (subject, domain) {
             (Subject::Map(_), None) => "the parameters are the whole plane",
             (Subject::Map(_), Some(_)) => "W is not proved to keep its sign over the region",
@@ -366,8 +365,7 @@ fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
             .hint("--box B, half the width of a box around the origin"));
     };
     Ok(InBox {
-        half_width,
-        size,
+        around,
         is_chosen: true,
     })
 }
@@ -422,7 +420,7 @@ fn triangles(
     match subject {
         Subject::Map(map) => isoform::triangulate_map(&map, options, control)
             .map(|(surface, analysis)| (surface, vec![(*map, analysis)]))
-            .map_err(|_| PatchesError::Stopped),
+            .map_err(PatchesError::from),
         Subject::Patches(list) => isoform::triangulate_patches(&list, options, control),
     }
 }
@@ -437,7 +435,12 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     }
     let in_box = find_box(args, &subject)?;
     let is_chosen = in_box.is_chosen;
-    let options = options(args, in_box, subject.is_map(), context.global.time_limit);
+    let options = options(
+        args,
+        &in_box.around,
+        subject.is_map(),
+        context.global.time_limit,
+    );
     let name = args.map.display().to_string();
     let control = context.control();
     let progress = Progress::new(context);
@@ -450,6 +453,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
             PatchesError::Map { name: which, error } => {
                 Failure::input(error.code(), format!("{name}: {which}: {error}")).hint(error.hint())
             }
+            PatchesError::Option { .. } => Failure::usage(e.to_string()),
             PatchesError::Stopped => nothing(&name, None, context),
         })?;
     drop(progress);
@@ -479,24 +483,26 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
 /// patches are not.
 fn options(
     args: &Args,
-    in_box: InBox,
+    around: &SurfaceBox,
     is_map: bool,
     time_limit: Option<Duration>,
 ) -> TriangulateOptions {
-    let usual = MeshOptions::around(in_box.size);
+    let of_patches = TriangulateOptions::of_patches(around);
+    let usual = of_patches.mesh;
     let mut options = TriangulateOptions {
         domain: args.region().cloned(),
         mode: match args.mode {
             Some(Sheets::Glued) => Mode::Glued,
+            Some(Sheets::Normalised) => Mode::Normalised,
             None if is_map => Mode::Glued,
-            _ => Mode::Normalised,
+            None => of_patches.mode,
         },
         mesh: MeshOptions {
             tolerance: args.tol.unwrap_or(usual.tolerance),
             longest: args.longest.unwrap_or(usual.longest),
             triangles: args.triangles,
         },
-        ..TriangulateOptions::around(in_box.half_width)
+        ..of_patches
     };
     if let Some(limit) = time_limit {
         options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();

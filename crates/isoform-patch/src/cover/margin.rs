@@ -16,8 +16,11 @@ const CORNER: f64 = 1e-9;
 impl Work<'_> {
     /// Proves that all of the surface lies as deep; adds patches where that fails.
     pub(super) fn prove_margin(&mut self, margin: f64) -> Depth {
+        self.control.report("margin", 0.0);
         let mut proof = self.proof(margin);
-        for _ in 1..MOST_PROOFS {
+        for round in 1..MOST_PROOFS {
+            self.control
+                .report("margin", round as f64 / MOST_PROOFS as f64);
             let before = self.patches.len();
             let fresh = self.points_of(&proof.open);
             if fresh.is_empty() || self.control.is_stopped() {
@@ -30,6 +33,7 @@ impl Work<'_> {
             }
             proof = self.proof(margin);
         }
+        self.control.report("margin", 1.0);
         Depth {
             margin,
             distance: proof.open.is_empty().then_some(proof.distance),

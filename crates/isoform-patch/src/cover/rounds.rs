@@ -95,8 +95,11 @@ impl<'w> Work<'w> {
             failures: 0,
             last_error: Error::NoSurface,
         };
+        control.report("samples", 0.0);
         work.more_samples();
+        control.report("samples", 1.0);
         if work.samples.is_empty() {
+            control.check()?;
             return Err(Error::NoSurface);
         }
         if whole.is_single() {
@@ -112,6 +115,7 @@ impl<'w> Work<'w> {
     pub(super) fn cover_samples(&mut self, rounds: usize) {
         let mut round = 1;
         while !self.is_over() {
+            self.tell();
             if self.samples.iter().any(|s| s.is_open) {
                 self.grow_some();
                 continue;
@@ -129,6 +133,13 @@ impl<'w> Work<'w> {
                 break;
             }
         }
+    }
+
+    /// Tells which share of the samples is done with.
+    fn tell(&self) {
+        let open = self.samples.iter().filter(|s| s.is_open).count();
+        let done = 1.0 - open as f64 / self.samples.len().max(1) as f64;
+        self.control.report("cover", done);
     }
 
     /// Whether no more patches may be tried.
@@ -151,6 +162,9 @@ impl<'w> Work<'w> {
         let mut fresh = Vec::new();
         for part in relevant {
             for _ in 0..places {
+                if self.control.is_stopped() {
+                    break;
+                }
                 let place = self.random.place(&self.region);
                 let foot = project(whole.field(part), place, scale)
                     .filter(|p| contains(&self.region, *p))
@@ -253,7 +267,11 @@ impl<'w> Work<'w> {
             part: sample.part,
             near_singular: self.near_singular(),
         };
-        let made = single::at(on, sample.point, &self.options, &self.control)?;
+        let silent = Control {
+            progress: None,
+            ..self.control
+        };
+        let made = single::at(on, sample.point, &self.options, &silent)?;
         let covers = self.covers(&made, 0);
         Ok(Covered { made, covers })
     }

@@ -1,6 +1,6 @@
 //! Growing until the bound is reached: what each extrapolation is followed by.
 
-use super::{Growth, LEAST_WEIGHT, Side};
+use super::{GROWING, Growth, LEAST_WEIGHT, Side};
 use crate::fold;
 use crate::objective::Objective;
 use crate::terms::{Method, Terms};
@@ -95,6 +95,7 @@ impl Growth<'_> {
                 break;
             }
             let load = self.descend_near_bound();
+            self.tell(load);
             let edges = self.objective.targets.edges();
             course.note(edges, load);
             let left = if self.is_good(load) {
@@ -111,6 +112,13 @@ impl Growth<'_> {
         if let Some(best) = self.good.take() {
             self.settle(best);
         }
+    }
+
+    /// Tells how far it is: the load is what grows with the patch.
+    fn tell(&self, load: f64) {
+        let [from, to] = self.shares;
+        let done = from + (to - from) * load.clamp(0.0, 1.0);
+        self.control.report(GROWING, done);
     }
 
     /// What follows an extrapolation: near the bound more Newton steps, more nodes where quadrature

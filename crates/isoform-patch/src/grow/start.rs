@@ -29,6 +29,8 @@ pub(crate) struct Start<'f> {
     pub(crate) edge: Option<&'f dyn Field>,
     pub(crate) pace: Pace,
     pub(crate) control: Control<'f>,
+    /// The shares of the phase from and to which growing counts as its progress.
+    pub(crate) shares: [f64; 2],
 }
 
 impl<'f> Growth<'f> {
@@ -71,6 +73,7 @@ impl<'f> Growth<'f> {
             seed,
             pace,
             control,
+            shares,
             ..
         } = start;
         let [u, v] = seed.tangents;
@@ -84,6 +87,7 @@ impl<'f> Growth<'f> {
             good: None,
             options: *options,
             control,
+            shares,
             pace,
             minimiser: Minimiser::new(options.floor),
             seed,

@@ -3,7 +3,7 @@
 
 use super::certify::certified;
 use crate::exact::make_exact;
-use crate::grow::{Growth, Pace, Start};
+use crate::grow::{GROWING, Growth, Pace, Start};
 use crate::objective::Objective;
 use crate::options::{Error, Options};
 use crate::parameterized::{Clock, Parameterized, both_times};
@@ -36,6 +36,7 @@ pub(super) fn turned(
         edge: None,
         pace,
         control: *control,
+        shares: [0.0, 1.0],
     };
     if options.tolerance.is_none() || options.exact {
         return grown(start(seed, Pace::of(options)), options, clock);
@@ -51,8 +52,16 @@ pub(super) fn turned(
         Some((seed, Pace::STEADY)),
         Some((seed, Pace::QUICK)),
     ];
-    let starts = starts.into_iter().flatten();
-    let mut candidates = Candidates::grown(starts.map(|(seed, pace)| start(seed, pace)), options);
+    let starts: Vec<_> = starts.into_iter().flatten().collect();
+    let count = starts.len() as f64;
+    let starts = starts
+        .into_iter()
+        .enumerate()
+        .map(|(k, (seed, pace))| Start {
+            shares: [k as f64 / count, (k + 1) as f64 / count],
+            ..start(seed, pace)
+        });
+    let mut candidates = Candidates::grown(starts, options);
     clock.phase("grow");
     let none = Err(Error::NoPatch { at: seed.point });
     candidates.largest(none, options, clock)
@@ -179,6 +188,7 @@ fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> 
     )?;
     growth.grow_to_limit();
     growth.control = start.control;
+    growth.control.report(GROWING, start.shares[1]);
     if to_be_exact {
         make_exact(&mut growth, |degree, share| {
             grow_another(start, degree, share, asked)

@@ -65,7 +65,8 @@ impl Known {
 /// Proves how far from the surface a patch is, and that it does not fold over; it is made smaller
 /// where that fails.
 pub(super) fn certified(mut growth: Growth<'_>, mut clock: Clock) -> Result<Parameterized, Error> {
-    let seed_point = growth.seed_point();
+    let (seed_point, control) = (growth.seed_point(), growth.control);
+    control.report("certify", 0.0);
     let proved = growth.keep_tolerance();
     if proved.is_none() && matches!(growth.on().near_singular, NearSingular::Try) {
         return Err(Error::NoPatch { at: seed_point });
@@ -76,6 +77,7 @@ pub(super) fn certified(mut growth: Growth<'_>, mut clock: Clock) -> Result<Para
         return Err(Error::Folded { at: seed_point });
     }
     clock.phase("certify");
+    control.report("certify", 1.0);
     Ok(finished(growth, &known, clock))
 }
 

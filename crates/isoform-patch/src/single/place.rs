@@ -47,13 +47,21 @@ pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option
     best.map(|b| b.1)
 }
 
-/// A random point of the surface, far from edges.
-pub(super) fn chosen(whole: &Whole<'_>, options: &Options) -> Option<Place> {
+/// A random point of the surface, far from edges. Where the time ends the search, the best so far;
+/// none is an error.
+pub(super) fn chosen(
+    whole: &Whole<'_>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Place, Error> {
     let mut random = surface::Random::new(options.seed);
     let scale = options.region.diagonal();
     let mut best: Option<(f64, Place)> = None;
     let mut found = 0;
     for _ in 0..PLACES {
+        if control.is_stopped() {
+            return best.map(|b| b.1).ok_or(Error::Stopped);
+        }
         let Some(place) = nearest(whole, random.place(&options.region), options) else {
             continue;
         };
@@ -67,7 +75,7 @@ pub(super) fn chosen(whole: &Whole<'_>, options: &Options) -> Option<Place> {
             break;
         }
     }
-    best.map(|b| b.1)
+    best.map(|b| b.1).ok_or(Error::NoSurface)
 }
 
 /// How a patch starts about a point.
@@ -136,12 +144,14 @@ pub(crate) fn at(
     let own = surface::frame(on.field(), point, 0.0, options.region.diagonal())?;
     let approach = Approach::new(on, point, own, options)?;
     clock.phase("seed");
+    control.report("seed", 1.0);
     let start = Start {
         on,
         seed: approach.seed,
         edge: approach.edge,
         pace: Pace::of(options),
         control: *control,
+        shares: [0.0, 1.0],
     };
     let made = grown(start, options, clock);
     let serves = |p: &Parameterized| p.keeps(options) && comes_to(p, point, options);

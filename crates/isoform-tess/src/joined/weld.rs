@@ -137,7 +137,7 @@ pub(super) fn weld(
     let mut welding = Welding {
         joined: Surface {
             is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
-            is_outside: surfaces.iter().all(|s| s.is_outside),
+            is_outside: !surfaces.is_empty() && surfaces.iter().all(|s| s.is_outside),
             sheets: surfaces.iter().map(|s| s.sheets).max().unwrap_or(0),
             ..Surface::default()
         },

@@ -22,6 +22,7 @@ use shape::Shape;
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
 
+mod breath;
 mod collapsing;
 mod flipping;
 mod improving;
@@ -53,6 +54,8 @@ pub(super) struct Ended {
     pub(super) coarse: usize,
     /// Edges that fall together in space.
     pub(super) clashes: usize,
+    /// Whether the time was over before all of these were found.
+    pub(super) is_stopped: bool,
 }
 
 /// A triangulation of parameters.

@@ -8,7 +8,7 @@ use super::matching::Place;
 use super::names::{ClassId, Name, Node, Ray};
 use super::plane::{Ended, Measure, Plane};
 use super::{HALVINGS, OPEN_TRIANGLES};
-use crate::finding::Finding;
+use crate::finding::{Finding, Phase};
 use crate::surface::{Kind, Point3, Surface};
 use rayon::iter::{IndexedParallelIterator, IntoParallelRefMutIterator, ParallelIterator};
 use std::collections::BTreeMap;
@@ -183,6 +183,10 @@ fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
         (ended.unsound, Finding::SignUnproved),
         (ended.clashes, Finding::EdgesClash),
         (ended.coarse, Finding::TooCoarse),
+        (
+            usize::from(ended.is_stopped),
+            Finding::Stopped(Phase::Clashes),
+        ),
     ];
     all.into_iter().filter(|c| c.0 > 0).map(|c| c.1)
 }

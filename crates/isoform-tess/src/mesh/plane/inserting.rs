@@ -1,5 +1,6 @@
 //! Further vertices at given places, so that sheets beside each other have them in common.
 
+use super::breath::Breath;
 use super::shape::Shape;
 use super::{Ended, Measure, NONE, Plane, SPLIT};
 use crate::mesh::geometry::{distance, longest};
@@ -33,12 +34,17 @@ impl Plane {
         measure: &dyn Measure,
         control: &Control<'_>,
     ) -> Ended {
+        let breath = Breath::new(control);
         for place in places {
+            if control.is_stopped() {
+                break;
+            }
             self.insert_one(place, measure);
         }
         let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
         let all = 0..self.triangles.len() as u32;
-        let near = all.filter(|&t| places.iter().any(|p| self.is_in_bounds(t, p.at)));
+        let is_near = |t: u32| places.iter().any(|p| self.is_in_bounds(t, p.at));
+        let near = all.filter(|&t| !breath.is_over() && is_near(t));
         let stack = near.flat_map(|t| around(t).chain([t])).collect();
         self.flip_to_delaunay(stack, measure);
         // The triangles that were made have to be as near to the surface as all others.

@@ -1,11 +1,12 @@
 //! Refinement: edges and triangles are split until all are near the surface, W keeps its sign on
 //! them, and no two edges fall together in space.
 
+use super::breath::Breath;
 use super::shape::FACING;
 use super::{Ended, Measure, Plane, SPLIT, Shared};
 use crate::mesh::geometry::{distance, longest};
 use crate::mesh::names::Node;
-use isoform_control::Control;
+use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
 /// Rounds of improvement.
@@ -25,8 +26,6 @@ const TURNED: f64 = 1e-6;
 const MOST_MADE: usize = 4;
 /// The most steps per triangle: flips queue triangles anew, and might do so for ever.
 const STEPS: usize = 20;
-/// The number of steps between two looks at the control.
-const BREATH: usize = 256;
 
 /// A wish of a triangle to be split.
 struct Wish {
@@ -64,7 +63,10 @@ impl Plane {
     ) -> Ended {
         self.work_off(most, false, measure, control);
         for _ in 0..IMPROVEMENTS {
-            if self.ended != Ended::default() || self.coarsen(measure) + self.smooth(measure) == 0 {
+            if self.ended != Ended::default()
+                || control.is_stopped()
+                || self.coarsen(measure) + self.smooth(measure) == 0
+            {
                 break;
             }
             self.legalise_all(measure);
@@ -79,23 +81,42 @@ impl Plane {
         measure: &dyn Measure,
         control: &Control<'_>,
     ) -> Ended {
-        for _ in 0..CLASHES {
-            let clashes = self.clashes();
-            if clashes.is_empty() || self.ended != Ended::default() {
-                break;
-            }
-            self.split_all(clashes, measure);
-            self.work_off(most, false, measure, control);
-        }
+        let left = self.split_clashes(most, measure, control);
         debug_assert_eq!(self.fault(), None);
         Ended {
-            clashes: self.clashes().len(),
+            clashes: left.unwrap_or(0),
+            is_stopped: left.is_err(),
             ..self.ended
         }
     }
+    /// Splits edges that fall together in space, for some rounds: how many are left.
+    fn split_clashes(
+        &mut self,
+        most: usize,
+        measure: &dyn Measure,
+        control: &Control<'_>,
+    ) -> Result<usize, Stopped> {
+        let mut clashes = self.clashes(control)?;
+        for _ in 0..CLASHES {
+            if clashes.is_empty() || self.ended != Ended::default() {
+                break;
+            }
+            self.split_all(clashes, measure, control)?;
+            self.work_off(most, false, measure, control);
+            clashes = self.clashes(control)?;
+        }
+        Ok(clashes.len())
+    }
     /// Splits edges by their ends, in the order of a triangle that has them.
-    fn split_all(&mut self, edges: Vec<[u32; 2]>, measure: &dyn Measure) {
+    fn split_all(
+        &mut self,
+        edges: Vec<[u32; 2]>,
+        measure: &dyn Measure,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
         for edge in edges {
+            // Each is looked for among all triangles.
+            control.check()?;
             let found = (0..self.triangles.len() as u32).find_map(|t| {
                 let i = (0..3).find(|&i| self.ends(t, i) == edge)?;
                 Some((t, i))
@@ -104,6 +125,7 @@ impl Plane {
                 self.split_edge(t, i, measure);
             }
         }
+        Ok(())
     }
 
     /// Splits what is queued. Where there are too many triangles already, it waits, or is given up.
@@ -115,18 +137,19 @@ impl Plane {
         control: &Control<'_>,
     ) {
         let mut steps = 0usize;
-        let mut late = false;
+        let breath = Breath::new(control);
+        let most_steps = most.saturating_mul(STEPS);
         while let Some(t) = self.queue.pop_front() {
             self.queued[t as usize] = false;
             steps += 1;
-            late |= steps.is_multiple_of(BREATH) && control.is_stopped();
+            let late = breath.is_over();
             if self.triangles.len() + MOST_MADE <= most && self.split_bulge(t, measure) {
                 continue;
             }
             let Some(wish) = self.wish(t, measure) else {
                 continue;
             };
-            let is_full = self.triangles.len() + MOST_MADE > most || steps > STEPS * most || late;
+            let is_full = self.triangles.len() + MOST_MADE > most || steps > most_steps || late;
             if is_full && waits {
                 self.queue.push_front(t);
                 self.queued[t as usize] = true;
@@ -229,31 +252,38 @@ impl Plane {
 
     /// Edges from a vertex to two others that have one image, which would be one edge with four
     /// triangles in space.
-    fn clashes(&self) -> Vec<[u32; 2]> {
+    fn clashes(&self, control: &Control<'_>) -> Result<Vec<[u32; 2]>, Stopped> {
+        let breath = Breath::new(control);
         let mut found = Vec::new();
-        for (c, near) in self.neighbours_with_images() {
+        for (c, near) in self.neighbours_with_images(&breath)? {
             for (k, &v) in near.shared.iter().enumerate() {
+                breath.check()?;
                 let is_same = |u: u32| self.have_one_image([u, v]);
                 let before = near.shared[..k].iter().copied().filter(|&u| is_same(u));
-                if !before.clone().any(|u| !near.are_joined(u, v)) || is_same(c) {
+                let is_apart = |u: u32| breath.is_over() || !near.are_joined(u, v);
+                if !before.clone().any(is_apart) || is_same(c) {
                     continue;
                 }
                 // Through a chain of joined ones the surface is closed up as it should be.
                 let others: Vec<u32> = before.chain([v]).collect();
-                if !near.reaches(&others) {
+                if !near.reaches(&others, &breath)? {
                     found.extend(others.iter().flat_map(|&u| [[c, u], [u, c]]));
                 }
             }
         }
         found.sort_unstable();
         found.dedup();
-        found
+        Ok(found)
     }
     /// The neighbours with shared images of each vertex. Vertices of the double curve have none:
     /// edges between them may fall together, and others are split anyway.
-    fn neighbours_with_images(&self) -> BTreeMap<u32, Neighbours> {
+    fn neighbours_with_images(
+        &self,
+        breath: &Breath<'_>,
+    ) -> Result<BTreeMap<u32, Neighbours>, Stopped> {
         let mut around: BTreeMap<u32, Neighbours> = BTreeMap::new();
         for t in &self.triangles {
+            breath.check()?;
             for i in 0..3 {
                 let (c, a, b) = (t[i], t[(i + 1) % 3], t[(i + 2) % 3]);
                 if matches!(self.shared[c as usize], Some(Shared::Double(_))) {
@@ -269,7 +299,7 @@ impl Plane {
                 }
             }
         }
-        around
+        Ok(around)
     }
 }
 
@@ -291,16 +321,21 @@ impl Neighbours {
         self.joined.contains(&[u, v]) || self.joined.contains(&[v, u])
     }
     /// Whether a chain of joined ones leads from the first of some neighbours to the last.
-    fn reaches(&self, others: &[u32]) -> bool {
+    fn reaches(&self, others: &[u32], breath: &Breath<'_>) -> Result<bool, Stopped> {
         let mut reached = vec![others[0]];
+        // What is over is found at once, and is looked at in the loop.
         let next = |reached: &[u32]| {
-            let near =
-                |u: u32| !reached.contains(&u) && reached.iter().any(|&r| self.are_joined(u, r));
-            others.iter().copied().find(|&u| near(u))
+            let joins = |u: u32| move |&r: &u32| breath.is_over() || self.are_joined(u, r);
+            let near = |u: u32| !reached.contains(&u) && reached.iter().any(joins(u));
+            others
+                .iter()
+                .copied()
+                .find(|&u| breath.is_over() || near(u))
         };
         while let Some(next) = next(&reached) {
+            breath.check()?;
             reached.push(next);
         }
-        reached.contains(&others[others.len() - 1])
+        Ok(reached.contains(&others[others.len() - 1]))
     }
 }

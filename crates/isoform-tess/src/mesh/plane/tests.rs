@@ -272,3 +272,68 @@ fn faults_are_found() {
     assert!(spoilt(&|p| p.nodes[4].at = [3.0, 3.0]));
     assert!(spoilt(&|p| p.sound.truncate(1)));
 }
+
+/// A paraboloid on which the border of a square is said to have one image.
+struct OneImage(Paraboloid);
+
+impl Measure for OneImage {
+    fn image(&self, node: &Node) -> Point3 {
+        self.0.image(node)
+    }
+    fn shared(&self, node: &Node) -> Option<Shared> {
+        let [u, v] = node.at;
+        let is_border = [u, v].iter().any(|x| *x == 0.0 || *x == 1.0);
+        is_border.then_some(Shared::Contracted(ImageId(0)))
+    }
+    fn at(&self, at: [f64; 2]) -> Point3 {
+        self.0.at(at)
+    }
+    fn beside_chord(&self, chord: [[f64; 2]; 2], image: ImageId) -> Option<[f64; 2]> {
+        self.0.beside_chord(chord, image)
+    }
+    fn turns(&self, at: [[f64; 2]; 3]) -> bool {
+        self.0.turns(at)
+    }
+    fn step(&self, at: [f64; 2], to: Point3) -> Option<[f64; 2]> {
+        self.0.step(at, to)
+    }
+    fn tangents(&self, at: [f64; 2]) -> [Point3; 2] {
+        self.0.tangents(at)
+    }
+    fn is_sound(&self, at: [[f64; 2]; 3]) -> bool {
+        self.0.is_sound(at)
+    }
+    fn tolerance(&self, near: Point3) -> f64 {
+        self.0.tolerance(near)
+    }
+    fn longest(&self) -> f64 {
+        self.0.longest()
+    }
+}
+
+/// A vertex with 1600 neighbours that have one image: whether they are joined takes the fourth
+/// power of that. Out of time the search ends at once, and says so; few of them are looked at to
+/// the end.
+#[test]
+fn a_search_for_edges_that_fall_together_can_be_stopped() {
+    let flag = std::sync::atomic::AtomicBool::new(true);
+    let stopped = Control {
+        cancelled: Some(&flag),
+        ..Control::default()
+    };
+    let measure = OneImage(Paraboloid::new(10.0, 10.0));
+    let fan_of = |n: u32| {
+        let plane = fan(n, &measure.0);
+        Plane {
+            shared: plane.nodes.iter().map(|n| measure.shared(n)).collect(),
+            ..plane
+        }
+    };
+    let clock = std::time::Instant::now();
+    let ended = fan_of(400).tell_apart(100_000, &measure, &stopped);
+    assert!(ended.is_stopped);
+    assert!(clock.elapsed().as_secs_f64() < 0.2, "{:?}", clock.elapsed());
+    // The chain of neighbours joins all of them.
+    let ended = fan_of(8).tell_apart(100_000, &measure, &Control::default());
+    assert_eq!(ended, Ended::default());
+}

@@ -1,7 +1,9 @@
 //! The box around a rational surface that is proved to be bounded.
 
+use crate::domain::{Domain, bounds_over};
+use crate::map::Map;
+use crate::patch::{Patch, patch_bounds};
 use isoform_algebra::{Poly, RBig};
-use isoform_tess::{Domain, Map, Patch, bounds_over, patch_bounds};
 
 /// The room between a surface and its box, as a factor: without any, its extreme points would lie
 /// on faces of the box; with much more, the default tolerance would be coarse.
@@ -21,12 +23,12 @@ impl SurfaceBox {
     /// where the surface is too large or too small for doubles.
     ///
     /// ```
-    /// use isoform::algebra::RBig;
-    /// use isoform::tess::{Domain, Map, Options};
+    /// use isoform_algebra::RBig;
+    /// use isoform_tess::{Domain, Map, Options, SurfaceBox};
     /// let paraboloid = Map::parse(["s", "t", "s^2 + t^2", "1"], Options::default())?;
     /// let square = || [RBig::ZERO, RBig::ONE];
     /// let domain = Domain::rectangle(square(), square())?;
-    /// let around = isoform::SurfaceBox::of_map(&paraboloid, &domain).expect("no pole");
+    /// let around = SurfaceBox::of_map(&paraboloid, &domain).expect("no pole");
     /// assert_eq!((around.half_width.to_string(), around.size), ("21/10".to_owned(), 1.0));
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
