@@ -9,6 +9,7 @@ mod field;
 mod gram;
 mod kdtree;
 mod mesh;
+mod normals;
 mod parts;
 mod patch;
 pub mod plane;
@@ -25,6 +26,7 @@ pub use field::{
 pub use gram::Gram;
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
+pub use normals::{Agreement, agreement, estimate_normals, orient_normals, vertex_normals};
 pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use plane::Point2;
