@@ -16,6 +16,7 @@ pub mod plane;
 mod point;
 mod quadric;
 mod solid;
+mod spline;
 mod union_find;
 
 pub use cloud::{Column, PointCloud};
@@ -34,5 +35,6 @@ pub use point::{
     Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
+pub use spline::{LevelData, SplineData};
 pub use solid::{Csg, OnePiece, Solid};
 pub use union_find::UnionFind;

@@ -18,4 +18,4 @@ pub use bspline::MAX_DEGREE;
 pub use components::Components;
 pub use implicitize::{Distances, Error, Fineness, Implicitized, Options, implicitize};
 pub use sides::{Normals, Sides, Source};
-pub use surface::{DataError, ImplicitSpline, LevelData, SplineData};
+pub use surface::{DataError, ImplicitSpline};

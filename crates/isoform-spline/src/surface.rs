@@ -3,7 +3,7 @@
 use crate::bspline::{self, MAX_DEGREE, Row};
 use crate::keys::{MOST, Place, key};
 use crate::level::{CELL, Level, block};
-use isoform_geom::{Aabb, Field, Point3, norm, sub};
+use isoform_geom::{Aabb, Field, LevelData, Point3, SplineData, norm, sub};
 use isoform_num::{Interval, Jet2};
 
 /// A truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
@@ -23,31 +23,6 @@ pub struct ImplicitSpline {
     ranges: Vec<Vec<[f64; 2]>>,
     /// Per level and cell whether it holds data, finer levels included.
     data: Vec<Vec<bool>>,
-}
-
-/// A level in numbers, for files.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LevelData {
-    /// Cells that hold data and are refined to this level.
-    pub cells: Vec<[i32; 3]>,
-    /// Coefficients of the B-splines that touch one of them, of the first level those of all,
-    /// ordered by z, then y, then x.
-    pub coefficients: Vec<f64>,
-}
-
-/// An implicit spline in numbers, for files.
-#[derive(Clone, Debug, PartialEq)]
-pub struct SplineData {
-    /// The tri-degree.
-    pub degree: usize,
-    /// The lower corner of the lattice.
-    pub corner: Point3,
-    /// Edge length of the first level's cells.
-    pub spacing: f64,
-    /// Cells of the first level along the axes.
-    pub count: [i32; 3],
-    /// The levels, coarse to fine.
-    pub levels: Vec<LevelData>,
 }
 
 /// Why numbers are no implicit spline.
