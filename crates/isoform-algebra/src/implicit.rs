@@ -51,7 +51,8 @@ pub enum MapError {
     Stopped,
 }
 
-/// Counts of degrees before giving up; two suffice unless a point is not general.
+/// The most counts of the degrees, each at a random point, before giving up. Two in a row that
+/// agree suffice; nearly always the first two do.
 const COUNTS: usize = 64;
 
 /// Degrees of a rational map onto a surface.

@@ -76,8 +76,8 @@ pub struct TetQuality {
 
 /// The Jacobian of tetrahedra with mid nodes.
 ///
-/// It is a cubic polynomial; scaled means over its largest absolute value at the eleven samples
-/// (corners, middles of edges, centre).
+/// It is a cubic polynomial. Scaled values are divided by its largest absolute value at the eleven
+/// samples (corners, middles of edges, centre).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvedQuality {
     /// Number of tetrahedra that are not straight.

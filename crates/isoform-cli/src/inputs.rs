@@ -1,8 +1,8 @@
 //! The files that a run reads, which nothing may be written over without --force.
 //!
 //! Inputs and outputs are found among the arguments by their type, for all verbs at once: an
-//! argument that is a path is an input, unless it is one of [`WRITTEN`]. So a new verb is covered
-//! without a word of its own.
+//! argument that is a path is an input, unless it is one of [`WRITTEN`]. So a new verb is covered;
+//! only an argument with a new name must be added to that list, or to `READ` of the test.
 
 use crate::output::Failure;
 use clap::ArgMatches;

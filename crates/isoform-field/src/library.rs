@@ -1,9 +1,10 @@
 //! The first-class functions of the HyperFun library: primitives, blends, signed distances.
 //!
-//! A new primitive is one variant here and one arm in each of [`Library::algebraic`] and
-//! [`Library::metric`]; its HyperFun name and the shape of its arguments stand in the table of
-//! `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md; u =
-//! x − c throughout.
+//! A new primitive is one variant here, with arms in [`Library::arity`], [`Library::algebraic`]
+//! and, if its distance has a closed form, [`Library::metric`]; if it has kinks, `has_kink` of
+//! `split::nodes` must name it. Its HyperFun name and the shape of its arguments stand in the table
+//! of `hyperfun::functions`. Formulas: HyperFun library (f ≥ 0 inside), ../../../docs/hyperfun.md;
+//! u = x − c throughout.
 
 use crate::native;
 use crate::ops::{Ops, SetOp};

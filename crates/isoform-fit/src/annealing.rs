@@ -256,7 +256,7 @@ impl<'a> Walk<'a> {
         is_taken
     }
 
-    /// Puts the trial a random move of variable i off; the value there.
+    /// Moves variable i of the trial at random. Returns the value at the trial.
     fn propose(&mut self, i: usize) -> f64 {
         self.trial.copy_from_slice(&self.x);
         self.trial[i] += self.step[i] * (2.0 * self.random.f64() - 1.0);

@@ -145,7 +145,8 @@ impl<'a> Descent<'a> {
         self.is_fresh = true;
     }
 
-    /// One line search, and what it tells of the curvature; the reason to stop, if there is one.
+    /// Makes one line search, and updates the curvature by it. Returns the reason to stop, if there
+    /// is one.
     fn advance(&mut self) -> Option<Stop> {
         let held = self.held();
         if self.is_stationary(&held) {

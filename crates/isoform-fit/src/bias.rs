@@ -31,15 +31,15 @@ use isoform_geom::{Aabb, DistanceField, Edge, Foot, Frame, Nearby, Point3, dista
 const MOST_FEET: usize = 4000;
 /// Faces within this many deviations of the noise of a place are near it.
 const REACH: f64 = 6.0;
-/// Feet within this many deviations of an edge stand for its length at most: the more of them, the
-/// surer is the length.
+/// The length of an edge is told from the feet within at most this many deviations of it: the more
+/// feet, the surer the length.
 const STRIP: f64 = 18.0;
 /// The strip's width times its curvature stays below this: faces beside a curved edge are wider or
 /// narrower than planes by half that share.
 const BENT: f64 = 0.2;
-/// Share of the feet near more than an edge below which these feet themselves are the places that
-/// noise is simulated at. Noise has moved them, towards edges above all, which is of no account
-/// where they are few.
+/// Where a smaller share of the feet than this lies near more than one edge, noise is simulated at
+/// these feet themselves. Noise has moved them, mostly towards edges; as they are few, that does
+/// not matter.
 const FEW: f64 = 0.02;
 /// Curvature × noise of faces that are neither flat nor round on the scale of the noise: there it
 /// is simulated.

@@ -49,7 +49,7 @@ pub struct ModelToData {
     pub p95: f64,
     /// Share of the samples that no data support.
     pub share_uncovered: f64,
-    /// Distance from which a sample counts as such.
+    /// The distance from the data at which a sample begins to count as unsupported.
     pub uncovered_from: f64,
     /// Samples of the surface.
     pub samples: usize,

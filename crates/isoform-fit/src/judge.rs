@@ -22,8 +22,8 @@ const BAD_RMS: f64 = 0.02;
 /// Systematic misfit above this share of the diagonal is doubtful. Right models of real objects
 /// show up to 0.0035 (stitches of a baseball, soft foam), wrong ones 0.0042 and more.
 const SYSTEMATIC: f64 = 0.0039;
-/// Systematic misfit above this share of the thinnest wall is doubtful: it may be on its other
-/// side.
+/// A systematic misfit above this share of the thinnest wall is doubtful: the model's wall may lie
+/// on the other side of the points.
 const OF_WALL: f64 = 0.3;
 /// Root mean square over robust deviation below which distances are split: 1 for normal noise, 0.78
 /// for even spread, 0.67 for two places alike on either side.

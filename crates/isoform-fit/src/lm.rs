@@ -199,7 +199,7 @@ struct Descent<'a> {
     region: Region,
     /// Values at the places taken so far.
     past: Vec<f64>,
-    /// Whether the last step fell by what the model foretold.
+    /// Whether the last step lowered the sum by about what the model foretold.
     is_trusted: bool,
     iterations: usize,
 }
@@ -227,7 +227,7 @@ impl<'a> Descent<'a> {
         }
     }
 
-    /// Goes on by one step that lowers the value; the reason to stop, if there is one.
+    /// Goes on by one step that lowers the value. Returns the reason to stop, if there is one.
     fn advance(&mut self) -> Option<Stop> {
         let slope = self.region.set(&self.here, self.bounds);
         if self.here.value == 0.0 || self.region.is_stationary(&self.here, self.options.gradient) {
@@ -269,7 +269,8 @@ impl<'a> Descent<'a> {
         self.compare(predicted)
     }
 
-    /// Puts the trial one step ahead, strictly inside the bounds; the largest move of a variable.
+    /// Puts the trial one step ahead, strictly inside the bounds. Returns the largest move of a
+    /// variable.
     fn set_trial(&mut self) -> f64 {
         let x = &self.here.x;
         let limit = self.objective.step_limit(x, &self.region.step);

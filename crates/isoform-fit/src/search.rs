@@ -30,7 +30,7 @@ const CUBE: usize = 16;
 /// 1e-6, distinct minima of the noise differ by more than 2 % on 512 points, and the near-equal
 /// ones of nested R-functions (1e-4) are meant to count as one.
 const SAME: f64 = 5e-3;
-/// Sums below this share of the typical first one are all nought (clean data).
+/// Sums below this share of the typical first one all count as zero: the data have no noise.
 const NOUGHT: f64 = 1e-10;
 /// Candidates within this factor of the best sum are compared on more points.
 const RIVAL: f64 = 2.0;

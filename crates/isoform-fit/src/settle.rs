@@ -150,9 +150,9 @@ impl Task<'_> {
         self.fitted(settled, None)
     }
 
-    /// The state at a minimum; where it has a mask, the minimum without the points on the rims of
-    /// open parts, which would hold these. With the matrix of the normal equations, if that is
-    /// known there.
+    /// The state at a minimum. Points on the rims of open parts would hold these: if there are such
+    /// points, they are masked, and the minimum is sought again without them. Also the matrix of
+    /// the normal equations, if it is known there.
     fn masked(
         &self,
         exact: &Polish<'_>,

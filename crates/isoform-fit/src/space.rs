@@ -310,7 +310,7 @@ impl Space {
         lm::minimize(objective, x, &self.lo, &self.hi, options, monitor)
     }
 
-    /// Greatest share of the step p from x that keeps bounded tied parameters within bounds.
+    /// The greatest share of the step `p` from `x` that leaves tied parameters within their bounds.
     pub fn step_limit(&self, x: &[f64], p: &[f64]) -> f64 {
         let mut limit: f64 = 1.0;
         for (i, row) in &self.rows {

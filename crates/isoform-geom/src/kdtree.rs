@@ -130,8 +130,8 @@ impl KdTree {
     }
 }
 
-/// Puts an item to its place among the least ones, of which the greatest is dropped; gives the
-/// distance of the greatest one left.
+/// Inserts an item into the sorted list of the nearest ones and drops the farthest. Returns the
+/// distance of the farthest one left.
 fn insert(found: &mut [(f64, u32)], item: (f64, u32)) -> f64 {
     let is_before = |other: (f64, u32)| item.0 < other.0 || (item.0 == other.0 && item.1 < other.1);
     let last = found.len() - 1;

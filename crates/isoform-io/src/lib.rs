@@ -19,8 +19,9 @@
 //! No size that a file announces is believed before the bytes are there, and NaN ends here: points
 //! with one are dropped and counted.
 //!
-//! A new format is one file with `sniff` and `read` (and `write`), and one line in `registry.rs`;
-//! for meshes in `mesh/`.
+//! A new format is one file with `sniff` and `read` (and `write`), its `mod` here, and one line in
+//! `registry.rs`; for meshes it is a file in `mesh/`, its `mod` in `mesh.rs`, and a line in
+//! `mesh/registry.rs`.
 //!
 //! ```
 //! use isoform_io::{ReadOptions, Source, WriteOptions, inspect, read, write};

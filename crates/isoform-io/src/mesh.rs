@@ -6,7 +6,8 @@
 //! says what it cannot. Tags of groups count from 1 in the order of the mesh's lists, 0 is no
 //! group.
 //!
-//! A new format is one file in `mesh/` with `write` or `read`, and one line in `mesh/registry.rs`.
+//! A new format is one file in `mesh/` with `write` or `read`, its `mod` here, and one line in
+//! `mesh/registry.rs`.
 
 mod bdf;
 mod boundary;

@@ -131,7 +131,7 @@ impl Faces<'_> {
 /// Numbers of lattice points in the order in which they are met.
 struct Vertices<'l> {
     lattice: &'l Lattice,
-    /// Corners of cells, then their centres.
+    /// The numbers of the corners of cells, then those of their centres.
     number: Vec<u32>,
     points: Vec<Point3>,
 }

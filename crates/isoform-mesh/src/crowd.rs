@@ -32,7 +32,7 @@ pub(crate) struct Crowd {
 struct Wishes {
     places: Vec<Point3>,
     sizes: Vec<f64>,
-    /// The edge length elsewhere; beyond this distance no place matters.
+    /// The edge length away from all places; a place farther off than this does not matter.
     size: f64,
 }
 
@@ -149,10 +149,9 @@ impl Crowd {
         self.wishes.sizes.is_empty()
     }
 
-    /// Edge length wanted at a point; infinite away from crowded places. Sizes grow as fast as the
-    /// distance to a place does.
-    /// `last` keeps the place that decided: points asked for one after the other are near each
-    /// other, as a rule.
+    /// The edge length wanted at a point; infinite away from crowded places. At the distance d from
+    /// a place it is at least d. `last` keeps the place that decided, as the next point asked for
+    /// mostly lies nearby.
     pub(crate) fn size_at(&self, p: Point3, last: &mut Vec<(f64, u32)>) -> f64 {
         let (reach, wishes) = (self.wishes.size, &self.wishes);
         let size = |d: f64, i: u32| wishes.sizes[i as usize].max(d.sqrt());

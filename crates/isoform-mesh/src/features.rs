@@ -83,14 +83,16 @@ pub struct Corner {
 /// A curve where two pieces meet at an angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureCurve {
-    /// The pieces, ascending; of pieces that coincide along the curve the first.
+    /// The pieces, ascending. Where several coincide along the curve, the first of them stands for
+    /// all.
     pub pieces: [u32; 2],
-    /// Points in order, on both pieces to rounding; of a closed curve the last is the first again.
+    /// Points in order, on both pieces up to rounding. The last point of a closed curve repeats the
+    /// first.
     pub points: Vec<Point3>,
     /// Whether it ends where it began.
     pub closed: bool,
-    /// The corners at its ends: none of a closed curve without a corner and where it leaves the
-    /// region.
+    /// The corners at the ends of the curve: none if it is closed without a corner, and none where
+    /// it leaves the region.
     pub corners: [Option<u32>; 2],
     /// Least and greatest angle between the pieces' normals (radians): 0 is smooth, π a knife's
     /// edge or a slit.

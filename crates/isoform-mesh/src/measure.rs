@@ -117,7 +117,7 @@ pub(crate) struct Around {
     faces: Vec<[Point3; 2]>,
     /// Measures that are not far above the worst one, with their gradients.
     terms: Vec<(f64, Point3)>,
-    /// The gradients of those next to the worst one.
+    /// The gradients of the measures that are nearly as bad as the worst one.
     active: Vec<Point3>,
 }
 
@@ -216,8 +216,8 @@ impl Around {
         Some((d, step))
     }
 
-    /// Collects the terms that are not far above the worst one, with their gradients, and those
-    /// next to it. Returns the length of the shortest edge at the vertex.
+    /// Collects the terms that are not far above the worst one, and the gradients of those that are
+    /// nearly as bad. Returns the length of the shortest edge at the vertex.
     fn collect_terms(&mut self, p: Point3, worst: f64, tangent: impl Fn(Point3) -> Point3) -> f64 {
         let Self {
             tets,

@@ -215,7 +215,7 @@ fn undecided(places: &[Point3]) -> Option<Warning> {
     places.first().map(|&at| Warning::at(kind, at))
 }
 
-/// Optimises what is inside and makes the mesh of it.
+/// Optimises the tetrahedra inside the solid, and makes the mesh of them.
 pub(crate) fn improve(
     inside: Inside,
     surface: &Surface<'_>,

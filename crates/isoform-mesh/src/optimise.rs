@@ -51,8 +51,8 @@ pub(crate) struct Optimiser<'s> {
     control: &'s Control<'s>,
     pub(crate) complex: Complex,
     hold: Vec<Hold>,
-    /// Labels of the faces at each vertex of the surface, where they are more than the pieces that
-    /// hold it.
+    /// Labels of the faces at each vertex of the surface; there may be more labels than pieces that
+    /// hold the vertex.
     labels: Vec<On>,
     /// Edge length wanted.
     size: f64,
@@ -150,7 +150,8 @@ impl Optimiser<'_> {
             .fold(f64::INFINITY, f64::min)
     }
 
-    /// Cosine between a face of the surface and its piece; 1 on no single piece.
+    /// Cosine between the normals of a face of the surface and of its piece; 1 if the face lies on
+    /// no single piece.
     fn facing(&self, p: [Point3; 3], label: u32) -> f64 {
         if label >= crate::complex::STRAY {
             return 1.0;
@@ -186,8 +187,8 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Puts tetrahedra in the place of others; new faces on the boundary get the label given by
-    /// their vertices.
+    /// Replaces the tetrahedra `old` by `new`. `label` gives the label of each new face on the
+    /// boundary, from its vertices.
     fn replace(&mut self, old: &[u32], new: &[[u32; 4]], label: impl FnMut([u32; 3]) -> u32) {
         let mut made = std::mem::take(&mut self.scratch.made);
         self.complex.replace(old, new, label, &mut made);

@@ -170,7 +170,7 @@ fn smooth_piece(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> u32
 /// Tetrahedra with curved edges.
 struct Curved<'m> {
     mesh: &'m Mesh,
-    /// The middles of each tetrahedron's edges, by number.
+    /// The numbers of the nodes in the middles of each tetrahedron's edges.
     mids: &'m [[u32; 6]],
     /// Whether each middle is on the surface.
     fixed: &'m [bool],

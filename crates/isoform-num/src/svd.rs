@@ -71,8 +71,8 @@ impl<C: AsRef<[f64]> + AsMut<[f64]> + Default, const N: usize> Svd<C, N> {
     }
 }
 
-/// Rotates every pair of columns that is not orthogonal, and the rows of V with them; whether there
-/// was one.
+/// Rotates every pair of columns that is not orthogonal, and the rows of V with them. Returns
+/// whether there was such a pair.
 fn sweep<C: AsRef<[f64]> + AsMut<[f64]>, const N: usize>(
     columns: &mut [C; N],
     right: &mut [[f64; N]; N],

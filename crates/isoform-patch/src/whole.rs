@@ -33,7 +33,8 @@ struct Part<'f> {
 }
 
 impl Part<'_> {
-    /// The least of its limits at a place; infinite if there are none.
+    /// The smallest value of the part's limits at `p`; infinite if it has none. Where it is
+    /// negative the part does not count.
     fn least_limit(&self, p: Point3) -> f64 {
         let limits = self.limits.iter().map(|l| l.value(p));
         limits.fold(f64::INFINITY, f64::min)

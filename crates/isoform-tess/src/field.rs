@@ -352,7 +352,8 @@ impl NumberField {
     }
 }
 
-/// The monic polynomial xⁿ − cₙ₋₁xⁿ⁻¹ − … − c₀, times its denominator.
+/// The polynomial xⁿ − cₙ₋₁xⁿ⁻¹ − … − c₀ times the common denominator of the c, so that it is monic
+/// no longer.
 pub(crate) fn monic(c: &[RBig]) -> UPoly {
     let terms = c
         .iter()

@@ -7,13 +7,14 @@
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
-//! | two of points, meshes, models | distances both ways | [`compare()`] |
+//! | any two of: points, a mesh, a model | distances both ways | [`compare()`] |
 //! | a file | points or a mesh, and what is in it | [`io::read`], [`io::read_mesh`], [`io::inspect`] |
 //!
-//! Each takes what cannot be guessed, options with a default for the rest, and a [`Control`] that
-//! cancels, ends at a deadline and tells of progress; each returns what it made with what is known
-//! of it. The module [`report`] turns that into types that serialize. Everything is in f64, and the
-//! same on every machine, for any number of threads: those of rayon's pool.
+//! Each takes what cannot be guessed and options for the rest; those that may take long also take a
+//! [`Control`] that cancels, ends at a deadline and tells of progress. Each returns its result
+//! together with a report, which the module [`report`] turns into types that serialize. Coordinates
+//! are f64; what is decided exactly is decided over Q. Results are the same on every machine, for
+//! any number of threads in rayon's pool.
 //!
 //! # From a scan to a model
 //!

@@ -99,8 +99,8 @@ impl Cells {
     }
 }
 
-/// Data points per place, about each place: both are counted in the cells of a grid and those
-/// next to them.
+/// The number of data points per place, near each place. Points and places are counted in the
+/// place's cell of a grid and in the cells next to it.
 fn densities(places: &[Point3], points: &[Point3], data: Aabb) -> Vec<f64> {
     let cells = Cells::new(data, places.len());
     let (there, met) = (cells.counted(places), cells.counted(points));

@@ -125,15 +125,16 @@ impl Plane {
     }
 }
 
-/// A vector across the triangle of a point and two of its neighbours, not all of which are near.
+/// A vector across the triangle of a point and two of its neighbours, one of them the farthest
+/// known.
 fn rough_normal(seed: Point3, points: &[Point3], found: &[(f64, u32)]) -> Point3 {
     let at = |k: usize| points[found[k].1 as usize];
     let (u, v) = (at(NEIGHBOURS / 3), at(NEIGHBOURS - 1));
     cross(sub(u, seed), sub(v, seed))
 }
 
-/// The side of a plane (±1) on which the points off it are, all but few of them; none where they
-/// are few, or on both sides.
+/// The side of a plane (±1) on which nearly all points off the plane lie; none if few points are
+/// off it, or if they lie on both sides.
 fn side_of(heights: impl ExactSizeIterator<Item = f64>, thick: f64) -> Option<f64> {
     let all = heights.len() as f64;
     let (mut above, mut below) = (0.0, 0.0);

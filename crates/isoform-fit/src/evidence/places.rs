@@ -22,7 +22,8 @@ const OFF_RMS: f64 = 1.5;
 const OFF_SURE: f64 = 5.0;
 /// A point is far off the model from this many robust deviations on: one of 16,000 by noise alone.
 pub(crate) const FAR: f64 = 4.0;
-/// Neighbours to its side that are as far make a point one of a group.
+/// A point belongs to a group if this many neighbours lie as far off, on the same side of the
+/// model.
 const ALIKE: usize = 2;
 /// This many such points make a feature: chance makes none, and dust has fewer.
 const LEAST_TOGETHER: usize = 9;

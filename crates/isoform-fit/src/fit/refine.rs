@@ -1,8 +1,8 @@
 //! The search once more, by distances: the pieces of a minimum are thrown elsewhere one by one, and
 //! led back by the metric residual on more points than the search sees.
 //!
-//! Sums of squares of R-functions are ruled by the large pieces of a part; a hole or a sink of a
-//! few points decides little there, but shows in distances.
+//! In sums of squares of R-functions large pieces outweigh small ones: a hole or a countersink with
+//! few points hardly changes such a sum, but it changes distances.
 
 use crate::Loss;
 use crate::fit::candidate::Found;

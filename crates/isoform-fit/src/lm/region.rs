@@ -240,7 +240,7 @@ impl Region {
         }
     }
 
-    /// The direct step with the components turned round that meet a bound at `stride`.
+    /// The direct step, reflected: the components that meet a bound at `stride` change their sign.
     fn reflected(&self, inside: &Inside<'_>, direct: &[f64], stride: f64) -> Vec<f64> {
         let meets = |i: usize| {
             let gap = inside.bounds.gap(inside.x, i, direct[i]);

@@ -23,7 +23,7 @@ const FEWEST: usize = 6;
 const ACCIDENTAL: usize = 2;
 /// Least probability of so few points on a part for which chance is believed.
 const CHANCE: f64 = 1e-4;
-/// Deviations of the noise within which points on an edge are taken for those of either face.
+/// Points within this many deviations of the noise from an edge may belong to either of its faces.
 const RIM: f64 = 3.0;
 /// A derivative above this moves the surface.
 const MOVES: f64 = 1e-6;

@@ -18,7 +18,8 @@ const LEAST_LENGTH: f64 = 1e-6;
 const ONES: f64 = 10.0;
 /// Lengths of starts, as shares of the longest side of the data's box.
 const START_LENGTHS: (f64, f64) = (0.02, 0.75);
-/// Starts stay within this share of the range about a start that the template's author gives.
+/// Where the template's author gives a start, starts drawn by the data stay within this share of
+/// the range about it.
 const AUTHORS_SHARE: f64 = 0.25;
 /// Where bounds and data share less of the range than this, the bounds alone decide.
 const LEAST_OVERLAP: f64 = 1e-3;

@@ -63,8 +63,8 @@ pub(super) struct SurfaceNodes {
 }
 
 impl SurfaceNodes {
-    /// The corners of the triangles; of a mesh with nothing else all nodes, so that reading gives
-    /// the same numbers.
+    /// The corners of the triangles. If the mesh has neither tetrahedra nor mid-edge nodes, all
+    /// nodes: then node numbers survive writing and reading.
     pub(super) fn of(mesh: &Mesh) -> Self {
         let mut used =
             vec![mesh.tets.is_empty() && mesh.triangle_mids.is_empty(); mesh.points.len()];

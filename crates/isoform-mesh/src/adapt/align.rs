@@ -102,7 +102,7 @@ struct Aligner<'a, M> {
     lost: Vec<Point3>,
 }
 
-/// Gives every face the piece that it lies on, with edges along those of the solid.
+/// Cuts the mesh along the edges of the solid, and finds the piece that each face lies on.
 pub(super) fn align<M: Cuttable>(
     mesh: &mut M,
     surface: &Surface<'_>,

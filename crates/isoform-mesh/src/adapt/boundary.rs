@@ -17,7 +17,8 @@ const APPROACH: usize = 40;
 const SHARES: [f64; 4] = [1.0, 0.6, 0.3, 0.1];
 /// Worst biased sine that a step of it may leave; the optimiser mends from there.
 const TIGHT: f64 = 0.02;
-/// Steps to the sides that an inner vertex gives way by, in lengths of an edge at it.
+/// Sideways steps that are tried for an inner vertex in the way, in units of the length of one of
+/// its edges.
 const ASIDE: [f64; 2] = [0.1, -0.1];
 /// Shares of the way onto the surface that are tried for a new vertex. What is left of the way is
 /// the optimiser's, which makes room first.

@@ -54,7 +54,7 @@ pub(super) struct Remesher<'s> {
     control: &'s Control<'s>,
 }
 
-/// The middle of an edge on the surface.
+/// The middle of an edge, moved onto the surface.
 struct Middle {
     at: Point3,
     /// What holds it.
@@ -168,7 +168,7 @@ impl Remesher<'_> {
         facing.is_nan() || (facing < FACING && facing < self.facing(old, label))
     }
 
-    /// The middle of an edge on the surface.
+    /// The middle of an edge, moved onto the surface; none where that is far off.
     fn middle(&self, a: u32, b: u32) -> Option<Middle> {
         let sides = self.skin.sides(a, b)?.map(|f| self.skin.label_of(f));
         let on = match self.sharp(a, b) {

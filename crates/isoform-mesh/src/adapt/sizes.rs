@@ -4,11 +4,12 @@ use super::align::edges_of;
 use crate::options::Sizes;
 use isoform_geom::{Mesh, Point3, TET_EDGES, norm, sub};
 
-/// By how much sizes may grow per length, where those that a surface has are kept.
+/// By how much sizes may grow per unit of length where the edge lengths of a given surface are
+/// kept.
 const GROWTH: f64 = 0.4;
 
-/// The edge lengths that a surface has, by place: at each vertex the geometric mean of its edges,
-/// growing slowly away from it.
+/// The edge lengths of a surface by place: at each vertex the geometric mean of its edges' lengths,
+/// growing slowly with the distance from the vertex.
 ///
 /// ```
 /// use isoform_geom::Mesh;

@@ -100,8 +100,8 @@ impl Complex {
         self.cavity = cavity;
     }
 
-    /// The faces between the tetrahedra given and what is around them, with the neighbour or label
-    /// there. Those of boundary labels are found again by their vertices.
+    /// Lists the outer faces of the tetrahedra `old`, each with the neighbour behind it or, on the
+    /// boundary, its label.
     fn list_outer_faces(&mut self, old: &[u32], outer: &mut Faces) {
         outer.clear();
         let epoch = self.next_epoch();
@@ -176,8 +176,7 @@ impl Complex {
         }
     }
 
-    /// A neighbour of the cavity that is left behind: its face is on the boundary from now on.
-    /// Boundary faces that vanish leave nothing behind.
+    /// Marks `face` of the neighbour `n` as boundary, as the tetrahedron behind it is gone.
     fn open(&mut self, n: u32, face: [u32; 3], label: u32) {
         let back = self.place_opposite(n, face);
         self.adjacent[n as usize][back] = label | BOUNDARY;

@@ -25,9 +25,9 @@ pub(super) fn of(vertices: usize, tets: &[[u32; 4]], control: &Control<'_>) -> V
     adjacent
 }
 
-/// All faces in the order of their lowest vertices (a counting sort): few have the same one, so
-/// that partners are found by comparing them all. With the place in the list where the faces of
-/// each vertex begin.
+/// All faces in the order of their lowest vertices (a counting sort), and where in this list the
+/// faces of each vertex begin. Few faces share a lowest vertex, so partners are found by comparing
+/// all of those.
 fn by_lowest_vertex(vertices: usize, tets: &[[u32; 4]]) -> (Vec<u32>, Vec<HalfFace>) {
     let mut from = vec![0u32; vertices + 1];
     for v in tets {

@@ -12,12 +12,13 @@ use std::collections::VecDeque;
 /// on the surface all the same: cuts closer than that would go on for ever where pieces touch, and
 /// where three meet along a curve.
 const SHALLOW: f64 = 1e-2;
-/// Tetrahedra of the lattice per cut allowed; ordinary solids need a cut for every ten or more.
+/// One cut is allowed for this many tetrahedra of the lattice; ordinary solids need one for ten or
+/// more.
 const BUDGET: usize = 2;
 /// Cuts that are allowed however few tetrahedra there are.
 const LEAST_BUDGET: usize = 10_000;
-/// Cuts of edges at one vertex after which the lattice is too coarse there; regular ones see a few
-/// dozen.
+/// After this many cuts of edges at one vertex the lattice counts as too coarse there; ordinary
+/// vertices see a few dozen.
 const TIRED: u16 = 200;
 /// Share of an edge next to an end within which the end is moved instead of cutting, if it can be.
 const SLIDE: f64 = 0.3;
@@ -135,8 +136,8 @@ impl Cutter<'_> {
         which
     }
 
-    /// Cuts the edge where the surface (or one piece) crosses it, or moves an end there. Returns
-    /// the tetrahedra that changed.
+    /// Cuts an edge where the surface (or one piece) crosses it, or moves an end of the edge onto
+    /// the crossing. Returns the tetrahedra that changed.
     fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
         let [u, w] = crossing.ends;
         let found = self.root(crossing);
@@ -170,7 +171,8 @@ impl Cutter<'_> {
         changed
     }
 
-    /// Where the edge is crossed: the share of the way, and the piece that vanishes there.
+    /// Where the edge is crossed: the share of the way along the edge, and the piece that is zero
+    /// there.
     fn root(&mut self, crossing: Crossing) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
         let [a, b] = crossing.ends.map(|v| self.complex.point(v));

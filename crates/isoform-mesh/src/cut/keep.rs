@@ -50,8 +50,8 @@ impl Cutter<'_> {
         }
     }
 
-    /// The vertices of tetrahedra, in their old order: those shared with the core keep their places
-    /// in the list of the frozen.
+    /// The vertices of the tetrahedra `live`, in their old order, so that those shared with the
+    /// core keep their places in the list of frozen vertices.
     fn kept(&self, live: &[u32]) -> Kept {
         let mut used = vec![false; self.complex.points.len()];
         for &t in live {

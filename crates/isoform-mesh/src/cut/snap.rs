@@ -21,14 +21,14 @@ const NEAR: f64 = 0.5;
 const WARP: [f64; 2] = [0.25, 0.41];
 /// Length in cells from which an edge is a long one: between √3/2 of the short ones and 1.
 const LONG: f64 = 0.94;
-/// An infinite value is at least this many cells away.
+/// Values of more than this many cells, infinite ones too, count as this many.
 const DECIDED: f64 = 2.0;
 /// Distance, in cells, below which two corners are one.
 const SAME_CORNER: f64 = 1e-6;
-/// Distance, in cells, that neighbours on one curve keep.
+/// The least distance, in cells, between neighbours on one curve.
 const APART: f64 = 0.5;
-/// Pieces near a vertex beyond which corners are left to the cutting: their number grows with the
-/// third power.
+/// With more pieces than this near a vertex, corners are left to the cutting: the number of triples
+/// to try grows with the third power.
 const CROWDED: usize = 6;
 
 /// A corner or a point of a curve within reach of a vertex.
@@ -40,7 +40,7 @@ struct Candidate {
 }
 
 impl Cutter<'_> {
-    /// Corners first, then curves, nearest vertices first.
+    /// Moves vertices onto corners, then onto curves; of each kind the nearest vertices first.
     pub(super) fn snap_features(&mut self) {
         let mut corners: Vec<Point3> = Vec::new();
         for (k, found) in self.candidates().into_iter().enumerate() {

@@ -171,7 +171,7 @@ struct Search<'a> {
     /// Hull of the points known to be inside.
     inside: Aabb,
     control: &'a Control<'a>,
-    /// Where the function was met not to be a number.
+    /// A place at which the function gave no number, if one was met.
     not_a_number: Option<Point3>,
 }
 
@@ -273,7 +273,8 @@ impl Search<'_> {
         (inner, known)
     }
 
-    /// Searches a slab of a shell; nearer to what is there but was met by no sample.
+    /// Searches a slab of a shell. If no sample meets what is there, searches again, with a smaller
+    /// tolerance and a smaller slab.
     fn look_into(&mut self, slab: Aabb, tolerance: f64) -> Found {
         let fine = FINE * self.size;
         let mut task = Task {

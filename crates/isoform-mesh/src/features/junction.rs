@@ -96,7 +96,7 @@ struct Face {
 type Vanishing = (u32, Point3);
 
 impl Search<'_> {
-    /// The solid about `p`; none where no feature can be.
+    /// The solid near `p`; none if no feature can pass there.
     pub(crate) fn touch(&self, p: Point3) -> Option<Touch<'_>> {
         let local = self.octree.at(p)?;
         let mut vanishing: Vec<Vanishing> = Vec::with_capacity(4);
@@ -124,8 +124,8 @@ impl Search<'_> {
         Some(touch)
     }
 
-    /// What the curve of the pieces `pair` is at a point of it, seen in the direction `t` of
-    /// travel; none if it is no feature.
+    /// The state of the curve of the pieces `pair` at one of its points, seen in the direction `t`
+    /// of travel; none if the curve is no feature there.
     pub(crate) fn state(&self, p: Point3, pair: [u32; 2], t: Point3) -> Option<State> {
         let touch = self.touch(p)?;
         let (a, b) = (touch.sheet_of(pair[0])?, touch.sheet_of(pair[1])?);
@@ -217,7 +217,7 @@ impl Search<'_> {
     }
 }
 
-/// Drops the vanishing pieces whose signs do not matter where the others have theirs.
+/// Drops those vanishing pieces whose signs do not matter, given the signs of the other pieces.
 fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanishing>) {
     let range = |k: u32| {
         if vanishing.iter().any(|v| v.0 == k) {
@@ -234,7 +234,8 @@ fn keep_decisive(local: &Local, roles: &[(u32, Role)], vanishing: &mut Vec<Vanis
 }
 
 impl Touch<'_> {
-    /// Puts a piece into the sheet with its normal, up to this sine, or into one of its own.
+    /// Puts a piece into the sheet whose normal differs from `n` by less than `sine`, else into a
+    /// new sheet.
     fn add(&mut self, piece: u32, n: Point3, sine: f64) {
         let known = self.sheets.iter().position(|s| norm(cross(s.n, n)) < sine);
         let at = known.unwrap_or(self.sheets.len());

@@ -13,22 +13,24 @@ use isoform_geom::{Point3, Solid, cross, dot, norm, sub};
 
 /// Steps of every iteration, at most; a handful is usual.
 const STEPS: usize = 40;
-/// Sine below which two pieces are parallel: the step along their curve's normal plane would be
-/// rounding over this.
+/// Two pieces are parallel if the sine between them is below this: a step in the normal plane of
+/// their curve would be rounding errors divided by the sine.
 const PARALLEL: f64 = 1e-7;
-/// Determinant of three normals below which their pieces touch: a step would be rounding over it.
+/// Three pieces touch if the determinant of their normals is below this: a step would be rounding
+/// errors divided by it.
 const TOUCHING: f64 = 1e-9;
-/// Distance, in shares of the reach, within which three pieces meet where they touch. Newton's
-/// method gets to half the digits there, and the distances, of second order, to all but a few.
+/// Distance, as a share of the reach, within which three pieces that touch count as meeting. There
+/// Newton's method finds places to half the digits, and distances, being of second order, to nearly
+/// all of them.
 const MEETING: f64 = 1e-10;
 /// Steps after which an iteration onto two pieces may end with steps of a few roundings.
 const PATIENCE_TWO: usize = 8;
-/// Steps after which an iteration onto three pieces may.
+/// Steps after which an iteration onto three pieces may end with steps of a few roundings.
 const PATIENCE_THREE: usize = 12;
-/// Roundings that the last step may be long after many steps onto two pieces: it goes back and
-/// forth.
+/// After many steps onto two pieces the last step may be this many roundings long, as it goes back
+/// and forth.
 const LOOSE_TWO: f64 = 32.0;
-/// Roundings that it may be long after many steps onto three pieces.
+/// After many steps onto three pieces the last step may be this many roundings long.
 const LOOSE_THREE: f64 = 64.0;
 
 /// A piece near its zero set, to first order.

@@ -29,14 +29,15 @@ pub(crate) const PROBES: [Point3; 4] = [
     [0.31, -0.73, 0.41],
     [-0.61, -0.29, -0.67],
 ];
-/// Sine below which surfaces of a small cell do not meet in a corner, 3.4 degrees.
+/// In a small cell, surfaces do not meet in a corner if the sine between them is below this (3.4
+/// degrees).
 const PARALLEL: f64 = 0.06;
 /// Sine of the normals at a cell's centre above which two pieces are surely not one surface.
 const DIFFERENT: f64 = 0.3;
 /// Pieces nearer than this part of a cell at all probes are one surface.
 const SAME: f64 = 1e-8;
-/// Part of the largest coordinate that is rounding, and how many times that two pieces of one
-/// surface may differ.
+/// Rounding, as a part of the largest coordinate; and how many such roundings two pieces of one
+/// surface may differ by.
 const ROUNDING: [f64; 2] = [1e-15, 64.0];
 /// Sides of a cell longer than this part of its longest one are halved.
 const LONG: f64 = 0.6;
@@ -56,10 +57,10 @@ pub(crate) struct Node {
 pub(crate) struct Leaf {
     pub(crate) cell: Aabb,
     pub(crate) local: Local,
-    /// Pieces of different surfaces; of coinciding ones the first.
+    /// The pieces in the cell; of pieces that coincide only the first.
     pub(crate) surfaces: Vec<u32>,
-    /// Whether the surfaces are nearly flat here: two of them then have one curve in common at
-    /// most.
+    /// Whether the surfaces are nearly flat here, so that two of them have at most one curve in
+    /// common.
     pub(crate) simple: bool,
 }
 
@@ -279,8 +280,8 @@ fn parts(solid: &dyn Solid, node: &Node, scratch: &mut Scratch) -> Vec<Part> {
     parts
 }
 
-/// Whether pieces have the same range and the same values in a cell: where blends are not at work,
-/// the pieces they distribute over are one and the same function.
+/// Whether pieces have equal ranges and equal values in a cell. Away from a blend, the pieces that
+/// the blend was distributed over are one function.
 pub(crate) fn is_one_function(
     solid: &dyn Solid,
     pieces: &[u32],

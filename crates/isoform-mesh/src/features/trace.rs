@@ -104,7 +104,7 @@ impl Tracer<'_> {
         (0..27).map(move |k| [b[0] + k % 3 - 1, b[1] + k / 3 % 3 - 1, b[2] + k / 9 - 1])
     }
 
-    /// Adds a corner, if `p` is one; its number if it is or was.
+    /// Adds a corner, if `p` is one that is not yet known. Returns the number of the corner at `p`.
     pub(crate) fn add_corner(&mut self, p: Point3, kind: CornerKind) -> Option<usize> {
         if let Some(known) = self.corner_at(p, SAME * self.search.size()) {
             return Some(known);

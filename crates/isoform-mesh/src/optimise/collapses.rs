@@ -159,8 +159,7 @@ impl Optimiser<'_> {
         is_free(u) && !is_free(w) && new.iter().any(|v| v.iter().all(|&k| !is_free(k)))
     }
 
-    /// Whether a new edge would leave the surface too far: such edges were split before, and would
-    /// be again.
+    /// Whether a new edge would be too far from the surface: such an edge would be split again.
     fn leaves_surface(&self, pull: Pull, faces: &[Face]) -> bool {
         let curve = match self.hold[pull.u as usize] {
             Hold::On(on) if on.len() == 2 => Some([on.slice()[0], on.slice()[1]]),
@@ -182,8 +181,8 @@ impl Optimiser<'_> {
         })
     }
 
-    /// Open faces of the band (towards the lattice beyond) stay: their vertices are fixed, so `u`
-    /// is on none.
+    /// Collapses `u` into `w`. Open faces of the band, those towards the lattice beyond, stay as
+    /// they are: their vertices are fixed, so `u` is on none of them.
     fn apply_collapse(&mut self, Pull { u, w }: Pull, star: &[u32], left: &Collapsed) {
         self.replace(star, &left.tets, |face| label_in(&left.labels, face));
         self.complex.tet_of[u as usize] = NONE;
@@ -196,8 +195,8 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Collapses edges that are far shorter than any wanted, as cuts leave them where pieces nearly
-    /// touch.
+    /// Collapses edges that are far shorter than any edge wanted; cuts leave such edges where
+    /// pieces nearly touch.
     pub(super) fn collapse_micro(&mut self) {
         let mut ring = Ring::default();
         for (k, ends) in self.micro_edges().into_iter().enumerate() {

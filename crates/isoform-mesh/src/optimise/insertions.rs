@@ -19,17 +19,17 @@ const REACH: f64 = 0.3;
 const TURN: f64 = 0.08;
 /// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
 const CURVE: f64 = 0.08;
-/// Share of the largest sagitta below which one step of Newton's method is enough to know that the
-/// edge is well within it.
+/// If one step of Newton's method gives less than this share of the largest sagitta allowed, the
+/// edge is surely near enough to the surface.
 const WELL: f64 = 0.6;
-/// Share of an edge's length from which its middle is not near the surface at all: an edge across
-/// the solid, or a failed iteration.
+/// If the middle of an edge is farther from the surface than this share of the edge's length, it is
+/// not near it at all: the edge runs across the solid, or an iteration failed.
 const LOST: f64 = 0.4;
 /// Worst measure that a split for the sake of the surface may leave.
 const LEAST: f64 = 0.02;
 /// Rounds of splits for the sake of the surface.
 const ROUNDS: usize = 8;
-/// Rounds of mending after each of them.
+/// Rounds of mending after each round of splits.
 const MENDING: usize = 12;
 /// Share of the measure of bad tetrahedra that a split of an ear must keep.
 const KEEP: f64 = 0.9;

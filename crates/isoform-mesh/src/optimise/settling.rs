@@ -35,8 +35,8 @@ impl Optimiser<'_> {
             .collect()
     }
 
-    /// Brings vertices that the cutting had to leave off their pieces onto them, making room by
-    /// mending. Returns those left.
+    /// Moves vertices that the cutting could not put on their pieces onto these, making room by
+    /// mending. Returns the places of those that are still off.
     pub(super) fn settle(&mut self, goal: f64) -> Vec<Point3> {
         let mut left = std::mem::take(&mut self.first_off);
         let mut fewest = usize::MAX;
@@ -65,8 +65,8 @@ impl Optimiser<'_> {
             .collect()
     }
 
-    /// Brings vertices onto the surface, as far as the tetrahedra allow. Returns the vertices that
-    /// are not there.
+    /// Moves vertices onto the surface, as far as the tetrahedra allow. Returns those that are not
+    /// on it.
     fn bring_all(&mut self, off: Vec<u32>, least: f64) -> Vec<u32> {
         let mut left = Vec::new();
         for (k, v) in off.into_iter().enumerate() {
@@ -80,7 +80,7 @@ impl Optimiser<'_> {
         left
     }
 
-    /// Brings a vertex nearer to what holds it; says whether it is there.
+    /// Moves a vertex towards the pieces that hold it. Returns whether it is on them.
     fn bring(&mut self, v: u32, least: f64) -> bool {
         if self.is_hidden(v) {
             self.hold[v as usize] = Hold::On(On::of(&[SKIN]));

@@ -12,19 +12,19 @@ use rayon::prelude::*;
 /// Places on an edge where the sign is looked at: a wall or gap as thin as a quarter of the edge is
 /// seen.
 const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
-/// Share of the edge that the surface must reach across it to count; less is the sagitta of a
-/// curved surface.
+/// The surface counts if it reaches across an edge by this share of the edge's length; less is the
+/// sagitta of a curved surface.
 const DEPTH: f64 = 0.08;
 /// Times that edges are halved in search of what hides between lattice points.
 const ROUNDS: usize = 4;
 
-/// Share of the sum of the sagittas of two pieces within which two sheets that face each other are
-/// too close to tell whether they meet.
+/// Two sheets that face each other may meet if they are nearer to each other than this many times
+/// the sum of their sagittas.
 const CLOSE: f64 = 2.0;
-/// Distance from the middle of a tetrahedron, in lengths of its edges, within which a piece may
-/// pass through it.
+/// A piece may pass through a tetrahedron if its distance from the tetrahedron's middle is less
+/// than this many lengths of the edges.
 const NEAR: f64 = 0.7;
-/// Cosine of the normals of two pieces below which they face each other.
+/// Two pieces face each other if the cosine between their normals is below this.
 const FACING: f64 = -0.8;
 
 /// A piece that passes near the middle of a tetrahedron.

@@ -263,8 +263,8 @@ impl Source {
         }
         Ok(false)
     }
-    /// The section by a plane, from the section by the plane before and if need be from the general
-    /// one.
+    /// The points of the section by `plane`, tracked from the section `before`; if some are lost on
+    /// the way, tracked from the general section.
     pub(super) fn section_by(&self, plane: &Plane, before: Option<(&Plane, &[V])>) -> Vec<V> {
         let mut stream = Stream::new(BETWEEN_SEED);
         let general = general_plane();

@@ -6,8 +6,8 @@ use crate::points::centroid;
 use crate::surface::SKIN;
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// Cosine between a face and the piece that decides at its middle, above which no other piece is
-/// looked at.
+/// A face takes the piece that decides at its middle, without a look at others, if the cosine of
+/// the angle between their normals is above this.
 const CLEARLY: f64 = 0.7;
 
 impl<M: Cuttable> Aligner<'_, M> {

@@ -90,8 +90,8 @@ impl Remesher<'_> {
         is_better && facing(new) >= FACING.min(before)
     }
 
-    /// Moves every vertex towards the middle of its neighbours, within what holds it. `freely` also
-    /// where angles suffer.
+    /// Moves every vertex towards the middle of its neighbours, on the pieces that hold it. With
+    /// `freely` it is also moved where angles get worse.
     pub(super) fn relax(&mut self, freely: bool) {
         for _ in 0..MOVES[usize::from(!freely)] {
             for v in 0..self.skin.points.len() as u32 {
@@ -238,7 +238,8 @@ impl Remesher<'_> {
         moved
     }
 
-    /// Two directions that span those in which a vertex may move; on a curve the second one is 0.
+    /// Two directions that span all directions in which a vertex may move; on a curve the second is
+    /// 0.
     fn directions(&self, on: On, p: Point3) -> Option<[Point3; 2]> {
         let gradient = |i: u32| self.surface.gradient(i, p).1;
         match *on.slice() {

@@ -82,8 +82,8 @@ impl Remesher<'_> {
         short.len()
     }
 
-    /// Moves all of vertex `u` into `w`, if what holds it and the shape of the faces allow it;
-    /// where `better` only if the worst angle grows.
+    /// Collapses the edge from `u` to `w` into `w`, if the pieces that hold `u` and the shape of
+    /// the faces allow it. With `better` the worst angle must grow, too.
     pub(super) fn collapse(&mut self, u: u32, w: u32, better: bool) -> bool {
         let Hold::On(on) = self.hold[u as usize] else {
             return false;
@@ -122,8 +122,8 @@ impl Remesher<'_> {
         true
     }
 
-    /// Whether a collapse leaves a manifold: vertices that are neighbours of both must be those of
-    /// the two faces, else the surface would close upon itself.
+    /// Whether a collapse leaves a manifold: the common neighbours of `u` and `w` must be the third
+    /// vertices of the two faces at their edge, else the surface would close upon itself.
     fn keeps_topology(&self, u: u32, w: u32, sides: [u32; 2]) -> bool {
         let others = self.skin.neighbours(w);
         let mine = self.skin.neighbours(u).into_iter();

@@ -2,12 +2,12 @@
 
 use isoform_geom::Aabb;
 
-/// How thin slabs over a face of the solid may get. Larger suits flat faces along the axes, smaller
-/// suits oblique ones.
+/// How thin slabs over a face of the solid may get: larger values suit faces along the axes,
+/// smaller ones oblique faces.
 const OUTWARD: f64 = 16.0;
 /// A cut leaves at least this part of the longest side on both sides.
 const LEAST: f64 = 1e-3;
-/// Least half side of a box that is doubled.
+/// The least half side of a box, so that doubling it makes it grow.
 const LEAST_HALF: f64 = 1e-3;
 
 /// Two parts of a cell, cut where a face of `known` passes well through it, else in the middle of

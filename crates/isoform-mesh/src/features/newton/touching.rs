@@ -11,9 +11,10 @@ const TOUCHES: f64 = 1e-9;
 const ON_BOTH: f64 = 1e-10;
 /// Sine within which their normals are parallel there.
 const PARALLEL: f64 = 1e-6;
-/// Share of the larger relative curvature by which both must differ from 0, with different signs.
+/// The two relative curvatures must have different signs, and each must differ from 0 by more than
+/// this share of the larger.
 const INDEFINITE: f64 = 1e-3;
-/// Relative curvature, times the reach, below which the pieces are one surface.
+/// Two pieces are one surface if their relative curvature times the reach is below this.
 const CURVED: f64 = 1e-6;
 
 /// A point of a curve, its tangent, and the slope of a third piece along it.
@@ -23,8 +24,8 @@ struct Slope {
     slope: f64,
 }
 
-/// Where a piece `k` touches the curve of `i` and `j`: there its distance along the curve has an
-/// extremum that is 0. None if it is not.
+/// Where a piece `k` touches the curve of `i` and `j`: the distance from `k` along the curve has an
+/// extremum there, and is 0. None if the extremum is not 0.
 pub(crate) fn onto_touching(
     solid: &dyn Solid,
     pair: [u32; 2],

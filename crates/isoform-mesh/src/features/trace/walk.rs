@@ -27,22 +27,25 @@ const DEPARTURE: f64 = 0.125;
 const FIRST: f64 = 0.25;
 /// Longest step, in sizes.
 const LONGEST: f64 = 0.5;
-/// Step, in sizes, from which on the curve's change within it is looked for by a shorter one first.
+/// If the curve changes within a step longer than this, in sizes, a shorter step is tried before
+/// the change is looked for.
 const LONG: f64 = 0.3;
 /// Steps ahead within which the curve may end in a known point.
 const SIGHT: f64 = 1.5;
-/// Part of a step that the curve must go forward along its tangent.
+/// The least part of a step by which the curve must advance along its tangent.
 const FORWARD: f64 = 0.5;
-/// Cosine of the directions in which a closed curve leaves its beginning and comes back there.
+/// Least cosine between the directions in which a closed curve leaves its beginning and comes back
+/// to it.
 const HOMEWARD: f64 = 0.5;
-/// Angle by which the next step is to turn the curve, 8 degrees, and the least turn that it is
-/// compared with.
+/// The angle that the curve shall turn by in the next step (8 degrees), and the least turn that
+/// this is compared with.
 const NEXT_TURN: [f64; 2] = [0.14, 0.035];
 /// A target nearer than this part of the size is reached.
 const REACHED: f64 = 1e-6;
 /// Distance, in lengths of the way, by which the curve may miss the middle of a straight way.
 const BULGE: f64 = 0.15;
-/// Angle between the pieces, in smallest angles of a feature, below which a curve may be fading.
+/// A curve may be fading where the angle between its pieces is below this many times the smallest
+/// angle of a feature.
 const FADING: f64 = 4.0;
 /// Distance, in sizes, within which a branch point is sought where a curve becomes singular.
 const BRANCH_REACH: f64 = 0.1;
