@@ -100,7 +100,9 @@ mod fit_scan;
 mod gallery;
 mod held;
 mod implicit_surface;
+mod implicitize_scan;
 mod mesh_model;
+mod mesh_spline;
 mod meshing;
 mod patches;
 pub mod report;
@@ -116,6 +118,9 @@ pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
+pub use implicitize_scan::{
+    ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan,
+};
 pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
@@ -126,11 +131,13 @@ pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
+pub use isoform_spline as spline;
 pub use isoform_tess as tess;
 pub use isoform_tess::{PatchesError, triangulate as triangulate_map, triangulate_patches};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };
+pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };

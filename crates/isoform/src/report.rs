@@ -5,6 +5,7 @@
 
 mod compare;
 mod fit;
+mod implicitize;
 mod inspect;
 mod mesh;
 mod patches;
@@ -16,6 +17,7 @@ pub use fit::{
     ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided, loss_name,
     method_name,
 };
+pub use implicitize::{ImplicitizeReport, NormalsReport};
 pub use inspect::{ColumnReport, InspectReport, UnitReport};
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,
