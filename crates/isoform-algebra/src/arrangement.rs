@@ -38,8 +38,9 @@ use isoform_num::Interval;
 use std::collections::BTreeMap;
 use work::{Standing, Work};
 
-/// The variable that varies from wall to wall, and the one along a wall.
+/// The variable that changes from wall to wall.
 const U: usize = 0;
+/// The variable along a wall.
 const V: usize = 1;
 
 /// Why there is no arrangement.
@@ -91,7 +92,7 @@ pub struct Arc {
     pub right: usize,
 }
 
-/// What lies between two neighbouring walls: wall k is on the left of slab k.
+/// The part of the triangle between two neighbouring walls: wall k is on the left of slab k.
 #[derive(Clone, Debug)]
 pub struct Slab {
     /// A rational u strictly between the walls.
@@ -123,7 +124,7 @@ pub struct Arrangement {
     /// The curves' terms with coefficients known to rounding, and to twice as many digits.
     terms: Vec<Terms<Interval>>,
     wide: Vec<Terms<Wide>>,
-    /// Which curves contain the sides u = 0, v = 0, u + v = 1.
+    /// Whether each curve contains the sides u = 0, v = 0, u + v = 1.
     pub sides: Vec<[bool; 3]>,
     /// The walls from u = 0 to u = 1, both included.
     pub walls: Vec<Wall>,

@@ -13,16 +13,18 @@ pub(crate) struct Ball {
 }
 
 impl Ball {
+    /// A number that is known exactly.
     pub(crate) fn exact(middle: IBig) -> Self {
         Self {
             middle,
             radius: IBig::ZERO,
         }
     }
+    /// An integer at a precision.
     pub(crate) fn integer(n: &IBig, precision: usize) -> Self {
         Self::exact(n << precision)
     }
-    /// The sign if all numbers of the ball have the same.
+    /// The sign, if all numbers of the ball have one sign.
     pub(crate) fn sign(&self) -> Option<Ordering> {
         if self.radius.is_zero() || (&self.middle).abs() > self.radius {
             Some(crate::upoly::sign(&self.middle))
@@ -30,18 +32,22 @@ impl Ball {
             None
         }
     }
+    /// The sum: errors add up.
     pub(crate) fn add(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle + &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
+    /// The difference: errors add up.
     pub(crate) fn sub(&self, o: &Self) -> Self {
         Self {
             middle: &self.middle - &o.middle,
             radius: &self.radius + &o.radius,
         }
     }
+    /// The product, rounded; with one more unit of error for the rounding, and another one where
+    /// the factors have errors.
     pub(crate) fn mul(&self, o: &Self, precision: usize) -> Self {
         let middle = (&self.middle * &o.middle) >> precision;
         if self.radius.is_zero() && o.radius.is_zero() {
@@ -58,7 +64,7 @@ impl Ball {
             radius: (radius >> precision) + 2,
         }
     }
-    /// The quotient, nothing if the divisor may be zero.
+    /// The quotient; none if the divisor may be zero.
     pub(crate) fn div(&self, o: &Self, precision: usize) -> Option<Self> {
         let far = (&o.middle).abs();
         if far <= o.radius {
@@ -71,14 +77,14 @@ impl Ball {
             radius: error / (far * near) + 2,
         })
     }
-    /// A bound on the absolute values, and one from below.
+    /// A bound on the absolute values from above, and one from below.
     pub(crate) fn magnitude(&self) -> (IBig, IBig) {
         let m = (&self.middle).abs();
         (&m + &self.radius, (m - &self.radius).max(IBig::ZERO))
     }
 }
 
-/// Horner's rule.
+/// The value of a polynomial at a ball, by Horner's rule.
 pub(crate) fn eval(coefficients: &[Ball], x: &Ball, precision: usize) -> Ball {
     let zero = Ball::exact(IBig::ZERO);
     coefficients

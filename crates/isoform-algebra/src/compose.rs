@@ -123,8 +123,8 @@ fn inner_terms(p: &Poly, variables: &[usize], common: &UBig) -> Vec<(usize, usiz
         .collect()
 }
 
-/// How many coefficients of powers of v the composition may have beside each power of u: from
-/// bounds on its degrees in u, in v, and in both.
+/// The number of coefficients of powers of v that the composition may have beside each power of u:
+/// from bounds on its degrees in u, in v, and in both.
 fn rows(outer: &Poly, inner: &[Poly; MAX_VARS], variables: &[usize]) -> Vec<usize> {
     let bound = |of: &dyn Fn(usize) -> usize| {
         let of_parts: [usize; MAX_VARS] = std::array::from_fn(of);

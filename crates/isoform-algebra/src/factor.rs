@@ -13,7 +13,7 @@ use bivariate::factor_bivariate;
 use isoform_control::{Control, Stopped};
 use univariate::factor_univariate;
 
-/// Why there is no factorisation.
+/// The reason why there is no factorisation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum FactorError {
     /// More than two variables, or three in a polynomial that is no form.
@@ -96,7 +96,7 @@ impl UPoly {
     }
 }
 
-/// Primitive, squarefree, not constant.
+/// The irreducible factors of a polynomial that is primitive, squarefree and not constant.
 fn factor_squarefree(p: &Poly, control: &Control<'_>) -> Result<Vec<Poly>, FactorError> {
     let variables = p.variables();
     match variables[..] {

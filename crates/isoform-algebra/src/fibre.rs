@@ -100,9 +100,10 @@ struct Near {
 
 /// Number of bits to begin with; doubled until everything is decided.
 const FIRST_PRECISION: usize = 128;
-/// Bits per degree that Euclid's algorithm begins with beyond those that are asked for, and how
-/// often they are doubled: random curves of degree 18 lose some 10 of them.
+/// The bits per degree that Euclid's algorithm begins with beyond the bits that are asked for:
+/// random curves of degree 18 lose some 10 of them.
 const EUCLID: usize = 16;
+/// The number of attempts of Euclid's algorithm, each with twice the bits of the one before.
 const EUCLID_TRIES: usize = 3;
 /// Bits of α beyond the precision of what is computed with it.
 const GUARD: usize = 4;
@@ -199,6 +200,15 @@ impl Fibres {
         Ok(fibre)
     }
 
+    /// The common divisor over a rational number, by univariate polynomials, and its degree.
+    fn rational_divisor(&self, x: &RBig) -> (Divisor, usize) {
+        let over = self.f.set(self.other, x).to_upoly(self.var);
+        let over = over.expect("one variable is left");
+        let common = over.gcd(&over.derivative());
+        let coefficients = common.coefficients().iter();
+        let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
+        (Divisor::Whole(divisor), common.degree())
+    }
     /// The common divisor over a point where the resultant vanishes, and its degree.
     fn divisor(
         &self,
@@ -207,12 +217,7 @@ impl Fibres {
         control: &Control<'_>,
     ) -> Result<(Divisor, usize), ResultantError> {
         if let Some(x) = known(alpha) {
-            let over = self.f.set(self.other, &x).to_upoly(self.var);
-            let over = over.expect("one variable is left");
-            let common = over.gcd(&over.derivative());
-            let coefficients = common.coefficients().iter();
-            let divisor = coefficients.map(|c| UPoly::new(vec![c.clone()])).collect();
-            return Ok((Divisor::Whole(divisor), common.degree()));
+            return Ok(self.rational_divisor(&x));
         }
         for k in 1..chain.count() {
             let whole = self.subresultant(chain, k, control)?;

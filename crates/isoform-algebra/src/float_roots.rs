@@ -5,9 +5,9 @@ use dashu_ratio::RBig;
 use isoform_num::{DoubleDouble, Interval};
 use std::ops::{Add, Mul};
 
-/// Halvings of the range in search of roots, and how wide a bracket that proves one may be, per
-/// size of the root.
+/// The most halvings of the range in search of roots.
 const HALVINGS: usize = 40;
+/// The width of a bracket that proves a root, per size of the root.
 const WIDTH: f64 = 1e-13;
 
 /// The degree up to which products on the way to binomial coefficients are below 2⁵³, so that these
@@ -66,7 +66,7 @@ fn newton_reciprocal<T: Number>(x: f64) -> T {
 
 /// A number that is known within bounds.
 pub(crate) trait Bounded: Number {
-    /// What it is searched with.
+    /// The number without bounds with which roots are searched.
     type Middle: Approximate;
     /// A number within the bounds.
     fn middle(self) -> Self::Middle;
@@ -337,11 +337,8 @@ fn halves<T: Number>(b: Vec<T>) -> (Vec<T>, Vec<T>) {
 /// Intervals in (0, `top`) with one sign variation of the Bernstein coefficients each, ascending;
 /// None if they are not `count`.
 fn isolate<T: Approximate>(near: &[T], top: f64, count: usize) -> Option<Vec<(f64, f64)>> {
-    let variations = |b: &[T]| {
-        b.windows(2)
-            .filter(|w| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0))
-            .count()
-    };
+    let changes_sign = |w: &&[T]| (w[0].rounded() < 0.0) != (w[1].rounded() < 0.0);
+    let variations = |b: &[T]| b.windows(2).filter(changes_sign).count();
     let bernstein = in_bernstein(&stretched(near, T::exact(top)));
     let mut found = Vec::new();
     let mut stack = vec![(0.0, top, bernstein, 0)];
@@ -471,8 +468,8 @@ mod tests {
         assert_eq!(roots(&[0.1, -0.6, 0.9]), None);
     }
 
-    /// What is not certain counts as whatever it may be: one coefficient between different signs
-    /// has no choice, two may add two changes.
+    /// An uncertain sign counts as whatever it may be: one coefficient between different signs has
+    /// no choice, two may add two changes.
     #[test]
     fn changes_of_sign() {
         let of = |signs: &str| {
@@ -519,7 +516,7 @@ mod tests {
         let mut rng = fastrand::Rng::with_seed(3);
         let exactly = |x: f64| RBig::try_from(x).expect("finite");
         for _ in 0..20_000 {
-            // With digits beyond those of a double, at about so many bits.
+            // Coefficients have digits beyond a double, at about this number of bits.
             let mut draw = |bits: i32| {
                 let size = 2f64.powi(-bits);
                 exactly((1.0 + rng.f64()) * size) + exactly(rng.f64() * size * 2f64.powi(-53))

@@ -1,4 +1,4 @@
-//! Greatest common divisors and squarefree parts.
+//! Greatest common divisors and squarefree parts of polynomials over Q.
 //!
 //! Brown's modular algorithm (W. S. Brown, J. ACM 18, 1971, pages 478–504): modulo primes, then at
 //! points in all variables but one, where Euclid's algorithm decides; back by interpolation and
@@ -52,7 +52,7 @@ impl Poly {
     pub fn content_in(&self, var: usize) -> Self {
         let mut common = Self::zero();
         let mut coefficients = self.coefficients_in(var);
-        // The smallest first: the content is often 1, and seen there.
+        // The smallest coefficients come first: the content is often 1, which is seen there.
         coefficients.sort_by_key(|c| c.terms().len());
         for c in &coefficients {
             common = common.gcd(c);
@@ -114,8 +114,8 @@ fn quotient(a: &Poly, b: &Poly) -> Poly {
     a.div_exact(b).expect("a divisor found before")
 }
 
-/// Forms lose a variable: their common divisor is that of what is left at 1, made homogeneous,
-/// times the common power of it.
+/// Forms lose a variable: their common divisor is the common divisor of the polynomials at the
+/// value 1 of the variable, made homogeneous, times its common power.
 fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
     let power = |p: &Poly| p.terms().iter().map(|(e, _)| e[var]).min().unwrap_or(0);
     let flat = a.dehomogenise(var).gcd(&b.dehomogenise(var));
@@ -123,7 +123,7 @@ fn gcd_of_forms(a: &Poly, b: &Poly, var: usize) -> Poly {
     flat.homogenise(var, flat.total_degree()) * Poly::var(var).pow(common)
 }
 
-/// Both primitive over Z, not constant.
+/// The greatest common divisor of two polynomials that are primitive over Z and not constant.
 fn gcd_primitive(a: &Poly, b: &Poly, variables: &[usize]) -> Poly {
     let (lead_a, lead_b) = (&a.terms()[0].1, &b.terms()[0].1);
     let lead = IBig::from(lead_a.gcd(lead_b));
@@ -172,7 +172,7 @@ struct Images {
 }
 
 impl Images {
-    /// No image yet, but the exponents of the first one.
+    /// The start: no image yet, but the exponents of the first one.
     fn new(image: &Terms) -> Self {
         Self {
             exponents: image.iter().map(|t| t.0).collect(),
@@ -180,8 +180,8 @@ impl Images {
         }
     }
 
-    /// Adds an image; whether the coefficients may be known: at the first prime, and where a prime
-    /// changes nothing.
+    /// Adds an image, and says whether the coefficients may be known: at the first prime, and where
+    /// a prime changes nothing.
     fn push(&mut self, f: &Fp, image: &Terms) -> bool {
         let exponents = image.iter().map(|t| &t.0);
         if !exponents.eq(&self.exponents) {
@@ -198,8 +198,8 @@ impl Images {
         !changed || first
     }
 
-    /// Where terms vanish modulo one of the primes: without images, with zeros for the terms that
-    /// only this one lacks.
+    /// The images with the terms of one in which some vanish: other terms are left out, and terms
+    /// that only this one lacks have the coefficient 0.
     fn begin_again(&mut self, image: &Terms) {
         let known = self.exponents.iter().copied();
         let all: BTreeSet<Exponents> = known.chain(image.iter().map(|t| t.0)).collect();
@@ -312,8 +312,8 @@ fn gcd_modular(
     }
 }
 
-/// Where the sequence of points begins at which polynomials are evaluated. It goes on by x ↦ x² + x,
-/// without pattern: at small integers polynomials that people write agree by design.
+/// The first point at which polynomials are evaluated. It goes on by x ↦ x² + x, without pattern:
+/// at small integers polynomials that people write agree by design.
 const FIRST_POINT: u64 = 0x9e37_79b9_7f4a_7c15;
 
 /// The greatest common divisor modulo a prime from those at points of the last variable.
@@ -372,7 +372,7 @@ impl Interpolated {
         }
     }
 
-    /// Adds the value `image` · `scale` at a point; whether that changes the polynomial.
+    /// Adds the value `image` · `scale` at a point, and says whether that changes the polynomial.
     fn push(&mut self, f: &Fp, point: u64, image: Terms, scale: u64) -> bool {
         let inverse = f.inv(modpoly::eval(f, &self.nodes, point));
         let mut image: BTreeMap<Exponents, u64> = image.into_iter().collect();
@@ -494,8 +494,9 @@ impl UPoly {
     }
 }
 
-/// Squarefree polynomials, pairwise coprime, of which those given are products up to multiplicities
-/// and constants; and for each given one which of them divide it, ascending. Constants have none.
+/// The squarefree polynomials, pairwise coprime, of which given ones are products up to
+/// multiplicities and constants; and for each given one the numbers of its divisors among them,
+/// ascending. Constants have none.
 ///
 /// ```
 /// use isoform_algebra::{Poly, coprime_base};
@@ -532,12 +533,11 @@ pub fn coprime_base(given: &[Poly]) -> (Vec<Poly>, Vec<Vec<usize>>) {
         }
         base = next;
     }
-    let divisors = (0..given.len())
-        .map(|k| {
-            (0..base.len())
-                .filter(|&b| base[b].1.contains(&k))
-                .collect()
-        })
-        .collect();
+    let divisors_of = |k: usize| {
+        (0..base.len())
+            .filter(|&b| base[b].1.contains(&k))
+            .collect()
+    };
+    let divisors = (0..given.len()).map(divisors_of).collect();
     (base.into_iter().map(|b| b.0).collect(), divisors)
 }

@@ -1,6 +1,6 @@
 //! Dense univariate polynomials modulo a prime: `Vec<u64>` of Montgomery residues, lowest
-//! coefficient first, without zeros at the top (the zero polynomial is empty). The functions of the
-//! textbook (von zur Gathen, Gerhard, *Modern Computer Algebra*).
+//! coefficient first, without zeros at the top (the zero polynomial is empty). The algorithms are
+//! in the textbook (J. von zur Gathen, J. Gerhard, *Modern Computer Algebra*).
 
 use crate::modular::Fp;
 
@@ -101,7 +101,8 @@ pub(crate) fn gcd(f: &Fp, a: &[u64], b: &[u64]) -> Vec<u64> {
     monic(f, &a)
 }
 
-/// (g, u, v) with u·a + v·b = g, the monic greatest common divisor.
+/// The extended Euclidean algorithm: (g, u, v) with u·a + v·b = g, the monic greatest common
+/// divisor.
 pub(crate) fn gcd_extended(f: &Fp, a: &[u64], b: &[u64]) -> (Vec<u64>, Vec<u64>, Vec<u64>) {
     let (mut r0, mut r1) = (a.to_vec(), b.to_vec());
     let (mut u0, mut u1) = (vec![f.one()], Vec::new());
@@ -109,16 +110,13 @@ pub(crate) fn gcd_extended(f: &Fp, a: &[u64], b: &[u64]) -> (Vec<u64>, Vec<u64>,
     while !r1.is_empty() {
         let q = div_rem(f, &mut r0, &r1);
         std::mem::swap(&mut r0, &mut r1);
-        u0 = sub(f, &u0, &mul(f, &q, &u1));
-        std::mem::swap(&mut u0, &mut u1);
-        v0 = sub(f, &v0, &mul(f, &q, &v1));
-        std::mem::swap(&mut v0, &mut v1);
+        for (x0, x1) in [(&mut u0, &mut u1), (&mut v0, &mut v1)] {
+            *x0 = sub(f, x0, &mul(f, &q, x1));
+            std::mem::swap(x0, x1);
+        }
     }
     match r0.last() {
-        Some(&lead) => {
-            let c = f.inv(lead);
-            (scale(f, &r0, c), scale(f, &u0, c), scale(f, &v0, c))
-        }
+        Some(&lead) => [r0, u0, v0].map(|p| scale(f, &p, f.inv(lead))).into(),
         None => (r0, u0, v0),
     }
 }
@@ -134,7 +132,7 @@ pub(crate) fn derivative(f: &Fp, a: &[u64]) -> Vec<u64> {
     d
 }
 
-/// base^n modulo `modulus`.
+/// The power base^n modulo `modulus`, by squaring.
 pub(crate) fn pow_mod(f: &Fp, base: &[u64], mut n: u64, modulus: &[u64]) -> Vec<u64> {
     let mut result = rem(f, vec![f.one()], modulus);
     let mut base = rem(f, base.to_vec(), modulus);
@@ -212,7 +210,7 @@ pub(crate) fn resultant(f: &Fp, a: &[u64], b: &[u64]) -> u64 {
     }
 }
 
-/// 1/k for k = 1 … n at index k (index 0 is unused).
+/// The inverses 1/k for k = 1 … n, at index k; index 0 is unused.
 pub(crate) fn small_inverses(f: &Fp, n: usize) -> Vec<u64> {
     let mut factorials = vec![f.one(); n + 1];
     for k in 1..=n {
@@ -228,8 +226,8 @@ pub(crate) fn small_inverses(f: &Fp, n: usize) -> Vec<u64> {
 }
 
 /// The polynomial of degree below n with the values at the increasing integers `nodes`; `inverses`
-/// from [`small_inverses`] up to the largest difference of nodes. Newton's divided differences,
-/// then Horner.
+/// from [`small_inverses`] up to the largest difference of nodes. By Newton's divided differences,
+/// then Horner's rule.
 pub(crate) fn interpolate(f: &Fp, nodes: &[usize], values: &[u64], inverses: &[u64]) -> Vec<u64> {
     let n = values.len();
     let mut c = values.to_vec();

@@ -180,6 +180,7 @@ impl Fp {
 /// Whether n is prime: Miller–Rabin with the first twelve primes as bases, which is a proof below
 /// 3.3·10²⁴ (J. Sorenson, J. Webster, Math. Comp. 86, 2017, pages 985–1003).
 pub fn is_prime(n: u64) -> bool {
+    /// The first twelve primes.
     const BASES: [u64; 12] = [2, 3, 5, 7, 11, 13, 17, 19, 23, 29, 31, 37];
     if n < 2 {
         return false;
@@ -350,7 +351,7 @@ impl Echelon {
         }
         false
     }
-    /// How many of the rows are independent.
+    /// The number of independent rows.
     pub fn rank(&self) -> usize {
         self.rank
     }

@@ -1,4 +1,4 @@
-//! Text to polynomials and back.
+//! Reads polynomials from text, and writes them.
 //!
 //! ```text
 //! sum     = term { ("+" | "-") term }
@@ -9,48 +9,48 @@
 //! ```
 //!
 //! A product needs its `*`. Texts may come from anywhere: nesting, degrees, numbers of terms,
-//! lengths of numbers and the work of multiplying out are bounded, and what exceeds a bound is an
-//! error, not a wait.
+//! lengths of numbers and the work of multiplying out are bounded, and a text that exceeds a bound
+//! is an error, not a wait.
 
-use crate::poly::{MAX_VARS, Poly};
+use crate::poly::{Exponents, MAX_VARS, Poly};
 use dashu_base::Signed;
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
 use std::fmt;
 
-/// Nesting of parentheses: far more than people write, far less than the stack holds.
+/// The deepest nesting of parentheses: far more than people write, far less than the stack holds.
 const MAX_DEPTH: usize = 200;
-/// Largest total degree at any stage of reading.
+/// The largest total degree at any stage of reading.
 pub const MAX_DEGREE: usize = 1000;
-/// Largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
+/// The largest number of terms at any stage of reading: a dense polynomial of degree 400 in two
 /// variables.
 const MAX_TERMS: usize = 100_000;
-/// Largest number of bits of a coefficient at any stage of reading.
+/// The largest number of bits of a coefficient at any stage of reading.
 const MAX_BITS: usize = 200_000;
-/// Largest absolute decimal exponent, beyond that of any `f64`.
+/// The largest absolute decimal exponent, beyond the exponent of any `f64`.
 const MAX_DECIMAL_EXPONENT: usize = 5000;
-/// Products of machine words that multiplying out may cost altogether: about a second.
+/// The work of multiplying out a text, in products of machine words: about a second.
 const MAX_WORK: usize = 200_000_000;
 
-/// A text that is no polynomial.
+/// The error of a text that is no polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("column {column}: {problem}")]
 pub struct ParseError {
-    /// Where, in characters counted from 1.
+    /// The place, in characters counted from 1.
     pub column: usize,
-    /// What is wrong there.
+    /// The problem there.
     pub problem: ParseProblem,
 }
 
-/// What is wrong with a text that is no polynomial.
+/// The problem of a text that is no polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum ParseProblem {
-    /// Something else should stand here.
+    /// A character where another should be.
     #[error("expected {expected}, found {}", found.map_or("the end".to_owned(), |c| format!("'{}'", c.escape_debug())))]
     Unexpected {
-        /// What should stand here.
+        /// The characters that may stand here.
         expected: &'static str,
-        /// What does; nothing at the end of the text.
+        /// The character that does; none at the end of the text.
         found: Option<char>,
     },
     /// A name that is no variable.
@@ -70,7 +70,7 @@ pub enum ParseProblem {
     /// A bound on the size of polynomials is exceeded.
     #[error("{what} above {limit}")]
     TooLarge {
-        /// Which quantity.
+        /// The quantity.
         what: &'static str,
         /// Its bound.
         limit: usize,
@@ -119,23 +119,34 @@ impl Poly {
                     (_, false) => " + ",
                     (_, true) => " - ",
                 })?;
-                let mut first = true;
-                if !magnitude.is_one() || *exponents == [0; MAX_VARS] {
-                    write!(f, "{magnitude}")?;
-                    first = false;
-                }
-                for (v, &n) in exponents.iter().enumerate().filter(|(_, n)| **n > 0) {
-                    f.write_str(if first { "" } else { "*" })?;
-                    f.write_str(names[v])?;
-                    if n > 1 {
-                        write!(f, "^{n}")?;
-                    }
-                    first = false;
-                }
+                write_term(f, &magnitude, exponents, names)?;
             }
             Ok(())
         })
     }
+}
+
+/// Writes a term with a positive coefficient, which is left out where it is 1.
+fn write_term(
+    f: &mut fmt::Formatter<'_>,
+    coefficient: &RBig,
+    exponents: &Exponents,
+    names: &[&str],
+) -> fmt::Result {
+    let mut first = true;
+    if !coefficient.is_one() || *exponents == [0; MAX_VARS] {
+        write!(f, "{coefficient}")?;
+        first = false;
+    }
+    for (v, &n) in exponents.iter().enumerate().filter(|(_, n)| **n > 0) {
+        f.write_str(if first { "" } else { "*" })?;
+        f.write_str(names[v])?;
+        if n > 1 {
+            write!(f, "^{n}")?;
+        }
+        first = false;
+    }
+    Ok(())
 }
 
 impl fmt::Display for Poly {
@@ -145,24 +156,30 @@ impl fmt::Display for Poly {
     }
 }
 
+/// A text while it is read, by recursive descent: each rule of the grammar is a function.
 struct Parser<'a> {
     text: Vec<char>,
+    /// The place of the next character.
     at: usize,
     names: &'a [&'a str],
+    /// The work of multiplying out so far.
     work: usize,
 }
 
 impl Parser<'_> {
+    /// A problem at a place.
     fn error(&self, at: usize, problem: ParseProblem) -> ParseError {
         ParseError {
             column: at + 1,
             problem,
         }
     }
+    /// The error that the next character is not as expected.
     fn unexpected(&mut self, expected: &'static str) -> ParseError {
         let found = self.peek();
         self.error(self.at, ParseProblem::Unexpected { expected, found })
     }
+    /// The error that a quantity is above its bound.
     fn too_large(&self, at: usize, what: &'static str, limit: usize) -> ParseError {
         self.error(at, ParseProblem::TooLarge { what, limit })
     }
@@ -173,12 +190,14 @@ impl Parser<'_> {
         }
         self.text.get(self.at).copied()
     }
+    /// Whether the next character is the wanted one, which is taken then.
     fn take(&mut self, wanted: char) -> bool {
         let found = self.peek() == Some(wanted);
         self.at += usize::from(found);
         found
     }
 
+    /// A sum of terms, at a depth of parentheses.
     fn sum(&mut self, depth: usize) -> Result<Poly, ParseError> {
         // Partial sums of 1, 2, 4, … terms as in merge sort: adding up one by one is quadratic in
         // the length of the text.
@@ -204,6 +223,7 @@ impl Parser<'_> {
         }
         Ok(parts.pop().map_or(Poly::zero(), |(_, p)| p))
     }
+    /// Adds the last two partial sums up.
     fn merge(&mut self, parts: &mut Vec<(u32, Poly)>) -> Result<(), ParseError> {
         if let (Some((_, b)), Some((level, a))) = (parts.pop(), parts.pop()) {
             // A sum may bring both to a new denominator.
@@ -217,6 +237,7 @@ impl Parser<'_> {
         Ok(())
     }
 
+    /// A product of factors, or a quotient by constants.
     fn term(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut product = self.factor(depth)?;
         loop {
@@ -244,6 +265,7 @@ impl Parser<'_> {
         }
     }
 
+    /// A power of an atom, with signs before it.
     fn factor(&mut self, depth: usize) -> Result<Poly, ParseError> {
         let mut negative = false;
         while let Some(sign @ ('+' | '-')) = self.peek() {
@@ -261,6 +283,7 @@ impl Parser<'_> {
         Ok(if negative { -base } else { base })
     }
 
+    /// The exponent of a power.
     fn exponent(&mut self) -> Result<usize, ParseError> {
         self.peek();
         let start = self.at;
@@ -284,6 +307,7 @@ impl Parser<'_> {
         Ok((self.at > start).then_some(n))
     }
 
+    /// A number, a variable, or a sum in parentheses.
     fn atom(&mut self, depth: usize) -> Result<Poly, ParseError> {
         match self.peek() {
             Some('(') => {
@@ -299,30 +323,51 @@ impl Parser<'_> {
                 }
             }
             Some('0'..='9' | '.') => self.number(),
-            Some(c) if c.is_alphabetic() || c == '_' => {
-                let start = self.at;
-                while self
-                    .text
-                    .get(self.at)
-                    .is_some_and(|c| c.is_alphanumeric() || *c == '_')
-                {
-                    self.at += 1;
-                }
-                let name: String = self.text[start..self.at].iter().collect();
-                match self.names.iter().position(|n| *n == name) {
-                    Some(v) => Ok(Poly::var(v)),
-                    None => {
-                        let known = self.names.iter().map(|&n| n.to_owned()).collect();
-                        Err(self.error(start, ParseProblem::UnknownName { name, known }))
-                    }
-                }
-            }
+            Some(c) if c.is_alphabetic() || c == '_' => self.variable(),
             _ => Err(self.unexpected("a number, a variable or '('")),
         }
     }
 
+    /// The variable whose name, of letters, digits and underscores, begins here.
+    fn variable(&mut self) -> Result<Poly, ParseError> {
+        let start = self.at;
+        while self
+            .text
+            .get(self.at)
+            .is_some_and(|c| c.is_alphanumeric() || *c == '_')
+        {
+            self.at += 1;
+        }
+        let name: String = self.text[start..self.at].iter().collect();
+        match self.names.iter().position(|n| *n == name) {
+            Some(v) => Ok(Poly::var(v)),
+            None => {
+                let known = self.names.iter().map(|&n| n.to_owned()).collect();
+                Err(self.error(start, ParseProblem::UnknownName { name, known }))
+            }
+        }
+    }
+
+    /// A number, exact: its digits as an integer, times a power of ten.
     fn number(&mut self) -> Result<Poly, ParseError> {
         let start = self.at;
+        let (digits, decimals) = self.digits();
+        if digits.is_empty() {
+            return Err(self.unexpected("a digit"));
+        }
+        // log2 of 10 is below 4.
+        if digits.len() > MAX_BITS / 4 {
+            return Err(self.too_large(start, "digits of a number", MAX_BITS / 4));
+        }
+        let [up, down] = self.decimal_exponent()?;
+        let ten = UBig::from(10u8);
+        let mantissa: IBig = digits.parse().expect("digits only");
+        let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(decimals + down));
+        self.bounded(start, Poly::constant(value))
+    }
+    /// The digits from here on, with a decimal point among them or none, and how many of them are
+    /// behind the point.
+    fn digits(&mut self) -> (String, usize) {
         let mut digits = String::new();
         let mut decimals = 0usize;
         let mut point = false;
@@ -337,29 +382,22 @@ impl Parser<'_> {
             }
             self.at += 1;
         }
-        if digits.is_empty() {
-            return Err(self.unexpected("a digit"));
-        }
-        // log2 of 10 is below 4.
-        if digits.len() > MAX_BITS / 4 {
-            return Err(self.too_large(start, "digits of a number", MAX_BITS / 4));
-        }
-        let mut up = 0;
-        let mut down = decimals;
-        if let Some('e' | 'E') = self.text.get(self.at) {
-            self.at += 1;
-            let negative = self.text.get(self.at) == Some(&'-');
-            self.at += usize::from(matches!(self.text.get(self.at), Some('+' | '-')));
-            let n = self.integer(MAX_DECIMAL_EXPONENT, "a decimal exponent")?;
-            let n = n.ok_or_else(|| self.unexpected("a digit of the decimal exponent"))?;
-            if negative { down += n } else { up = n }
-        }
-        let ten = UBig::from(10u8);
-        let mantissa: IBig = digits.parse().expect("digits only");
-        let value = RBig::from_parts(mantissa * ten.pow(up), ten.pow(down));
-        self.bounded(start, Poly::constant(value))
+        (digits, decimals)
+    }
+    /// The powers of ten that a decimal exponent multiplies and divides by; 0 where there is none.
+    fn decimal_exponent(&mut self) -> Result<[usize; 2], ParseError> {
+        let Some('e' | 'E') = self.text.get(self.at) else {
+            return Ok([0, 0]);
+        };
+        self.at += 1;
+        let negative = self.text.get(self.at) == Some(&'-');
+        self.at += usize::from(matches!(self.text.get(self.at), Some('+' | '-')));
+        let n = self.integer(MAX_DECIMAL_EXPONENT, "a decimal exponent")?;
+        let n = n.ok_or_else(|| self.unexpected("a digit of the decimal exponent"))?;
+        Ok(if negative { [0, n] } else { [n, 0] })
     }
 
+    /// A power by squaring, unless its degree or its coefficients would be too large.
     fn power(&mut self, at: usize, base: &Poly, n: usize) -> Result<Poly, ParseError> {
         if n * base.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -382,6 +420,7 @@ impl Parser<'_> {
         }
         Ok(power)
     }
+    /// A product, unless it would be too large or too much work.
     fn product(&mut self, at: usize, a: &Poly, b: &Poly) -> Result<Poly, ParseError> {
         if a.total_degree() + b.total_degree() > MAX_DEGREE {
             return Err(self.too_large(at, "a degree", MAX_DEGREE));
@@ -394,6 +433,7 @@ impl Parser<'_> {
         self.charge(at, pairs.saturating_mul(words(a) * words(b) + 4))?;
         self.bounded(at, a * b)
     }
+    /// Counts work in, up to its bound.
     fn charge(&mut self, at: usize, work: usize) -> Result<(), ParseError> {
         self.work = self.work.saturating_add(work);
         if self.work > MAX_WORK {
@@ -402,6 +442,7 @@ impl Parser<'_> {
             Ok(())
         }
     }
+    /// A polynomial, unless it has too many terms or too long coefficients.
     fn bounded(&self, at: usize, p: Poly) -> Result<Poly, ParseError> {
         if p.terms().len() > MAX_TERMS {
             return Err(self.too_large(at, "a number of terms", MAX_TERMS));

@@ -12,13 +12,14 @@ use crate::UPoly;
 use dashu_base::{Gcd, Signed, UnsignedAbs};
 use dashu_int::{IBig, UBig};
 use dashu_ratio::RBig;
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 use std::ops::{Add, Mul, Neg, Sub};
 
-/// Largest number of variables.
+/// The largest number of variables.
 pub const MAX_VARS: usize = 4;
 
-/// Exponents of the four variables in a term.
+/// The exponents of the four variables in a term.
 pub type Exponents = [u16; MAX_VARS];
 
 /// A polynomial over Q in the variables x₀ … x₃.
@@ -61,7 +62,7 @@ impl Poly {
     pub fn constant(c: impl Into<RBig>) -> Self {
         Self::term(c, [0; MAX_VARS])
     }
-    /// The variable of that number.
+    /// The variable with a number.
     ///
     /// # Panics
     /// If var is not below [`MAX_VARS`].
@@ -82,7 +83,7 @@ impl Poly {
             }
         }
     }
-    /// The sum of terms in any order, exponents may repeat.
+    /// The sum of terms in any order, in which exponents may repeat.
     pub fn from_terms(terms: impl IntoIterator<Item = (Exponents, RBig)>) -> Self {
         let mut sum: BTreeMap<Exponents, RBig> = BTreeMap::new();
         for (e, c) in terms {
@@ -99,7 +100,7 @@ impl Poly {
         let terms = lifted.filter(|(_, c)| !c.is_zero()).collect();
         Self { terms, denominator }
     }
-    /// The sum of integer terms over a denominator, in any order, exponents may repeat.
+    /// The sum of integer terms over a denominator, in any order, in which exponents may repeat.
     ///
     /// # Panics
     /// If the denominator is zero.
@@ -121,7 +122,7 @@ impl Poly {
     }
     /// The sum of terms with coefficients read as the exact numbers that they are.
     ///
-    /// Nothing if one is infinite or NaN.
+    /// None if one is infinite or NaN.
     pub fn from_f64(terms: impl IntoIterator<Item = (Exponents, f64)>) -> Option<Self> {
         let exact: Option<Vec<_>> = terms
             .into_iter()
@@ -130,8 +131,8 @@ impl Poly {
         exact.map(Self::from_terms)
     }
 
-    /// Terms in descending order, without zeros, over a denominator with which the coefficients
-    /// have no factor in common.
+    /// The polynomial of terms in descending order, without zeros, over a denominator, of which the
+    /// factors that all coefficients have are cancelled.
     pub(crate) fn normalised(mut terms: Vec<(Exponents, IBig)>, mut denominator: UBig) -> Self {
         assert!(!denominator.is_zero(), "a zero denominator");
         if terms.is_empty() {
@@ -195,15 +196,15 @@ impl Poly {
             _ => None,
         }
     }
-    /// Largest sum of exponents; 0 for the zero polynomial.
+    /// The largest sum of exponents; 0 for the zero polynomial.
     pub fn total_degree(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).max().unwrap_or(0)
     }
-    /// Least sum of exponents, the order of vanishing at the origin; 0 for the zero polynomial.
+    /// The least sum of exponents, the order of vanishing at the origin; 0 for the zero polynomial.
     pub fn order(&self) -> usize {
         self.terms.iter().map(|(e, _)| sum(e)).min().unwrap_or(0)
     }
-    /// Largest exponent of a variable; 0 for the zero polynomial.
+    /// The largest exponent of a variable; 0 for the zero polynomial.
     pub fn degree(&self, var: usize) -> usize {
         self.terms
             .iter()
@@ -211,7 +212,7 @@ impl Poly {
             .max()
             .unwrap_or(0)
     }
-    /// Largest exponents of all variables.
+    /// The largest exponents of all variables.
     pub fn degrees(&self) -> [usize; MAX_VARS] {
         std::array::from_fn(|v| self.degree(v))
     }
@@ -328,7 +329,8 @@ impl Poly {
         });
         Self::from_integers(moved, self.denominator.clone())
     }
-    /// Every term filled up to the degree by powers of a variable.
+    /// The form of a degree of which this polynomial is left with 1 in place of a variable: each
+    /// term is filled up by a power of the variable.
     ///
     /// # Panics
     /// If the degree is below the total degree.
@@ -347,7 +349,7 @@ impl Poly {
     pub fn dehomogenise(&self, var: usize) -> Self {
         self.set(var, &RBig::ONE)
     }
-    /// Coefficients of the powers of a variable, lowest first; empty for the zero polynomial.
+    /// The coefficients of the powers of a variable, lowest first; empty for the zero polynomial.
     pub fn coefficients_in(&self, var: usize) -> Vec<Self> {
         if self.is_zero() {
             return Vec::new();
@@ -364,11 +366,12 @@ impl Poly {
             .collect()
     }
 
-    /// The positive number by which the coefficients of [`Poly::primitive`] were multiplied, up to
-    /// sign; 0 for the zero polynomial.
+    /// The content: the positive number that [`Poly::primitive`] has to be multiplied by to give
+    /// this polynomial up to sign; 0 for the zero polynomial.
     pub fn content(&self) -> RBig {
         RBig::from_parts(IBig::from(self.integer_content()), self.denominator.clone())
     }
+    /// The greatest common divisor of the integer coefficients; 0 for the zero polynomial.
     fn integer_content(&self) -> UBig {
         let mut common = UBig::ZERO;
         for (_, c) in &self.terms {
@@ -383,8 +386,8 @@ impl Poly {
         }
         common
     }
-    /// The multiple with integer coefficients without common factor whose leading coefficient is
-    /// positive.
+    /// The primitive part: the multiple with integer coefficients without common factor and with a
+    /// positive leading coefficient.
     pub fn primitive(&self) -> Self {
         let Some((_, lead)) = self.terms.first() else {
             return Self::zero();
@@ -414,20 +417,30 @@ impl Poly {
         if self.is_zero() {
             return Some(Self::zero());
         }
-        // Gauss: primitive parts divide over Z if the polynomials divide over Q.
+        // Primitive parts divide over Z if the polynomials divide over Q (lemma of Gauss).
         let (f, g) = (self.primitive(), divisor.primitive());
-        let (f_degrees, g_degrees) = (f.degrees(), g.degrees());
-        let mut rest = Accumulator::new(&f_degrees, f.terms.len());
-        for (e, c) in &f.terms {
+        let quotient = f.integer_quotient(&g)?;
+        Some(quotient.scale(
+            &(self.leading_coefficient()
+                / divisor.leading_coefficient()
+                / quotient.leading_coefficient()),
+        ))
+    }
+    /// The quotient of two polynomials with integer coefficients, if it is one, by long division in
+    /// the order of the terms.
+    fn integer_quotient(&self, divisor: &Self) -> Option<Self> {
+        let (degrees, divisor_degrees) = (self.degrees(), divisor.degrees());
+        let mut rest = Accumulator::new(&degrees, self.terms.len());
+        for (e, c) in &self.terms {
             rest.add(*e, c.clone());
         }
-        let (lead, lead_coefficient) = g.terms.first()?;
-        let mut quotient = Vec::new();
+        let (lead, lead_coefficient) = divisor.terms.first()?;
+        let mut terms = Vec::new();
         while let Some((e, c)) = rest.pop_highest() {
             let mut q = [0; MAX_VARS];
             for v in 0..MAX_VARS {
                 q[v] = e[v].checked_sub(lead[v])?;
-                if usize::from(q[v]) + g_degrees[v] > f_degrees[v] {
+                if usize::from(q[v]) + divisor_degrees[v] > degrees[v] {
                     return None;
                 }
             }
@@ -435,20 +448,15 @@ impl Poly {
             if !remainder.is_zero() {
                 return None;
             }
-            for (ge, gc) in &g.terms[1..] {
-                rest.add(std::array::from_fn(|v| q[v] + ge[v]), -(&ratio * gc));
+            for (e, c) in &divisor.terms[1..] {
+                rest.add(std::array::from_fn(|v| q[v] + e[v]), -(&ratio * c));
             }
-            quotient.push((q, ratio));
+            terms.push((q, ratio));
         }
-        let quotient = Self {
-            terms: quotient,
+        Some(Self {
+            terms,
             denominator: UBig::ONE,
-        };
-        Some(quotient.scale(
-            &(self.leading_coefficient()
-                / divisor.leading_coefficient()
-                / quotient.leading_coefficient()),
-        ))
+        })
     }
     /// Whether `divisor` divides this polynomial over Q.
     pub fn is_multiple_of(&self, divisor: &Self) -> bool {
@@ -476,7 +484,7 @@ impl Poly {
         }
         Some(UPoly::new(coefficients).primitive())
     }
-    /// A univariate polynomial in the variable of that number.
+    /// The polynomial of a univariate one in a variable.
     pub fn from_upoly(p: &UPoly, var: usize) -> Self {
         let terms = p.coefficients().iter().enumerate().map(|(i, c)| {
             let mut e = [0; MAX_VARS];
@@ -490,38 +498,24 @@ impl Poly {
         (0..MAX_VARS).filter(|&v| self.degree(v) > 0).collect()
     }
 
+    /// The sum with ± another polynomial, over the least common denominator.
     fn add_scaled(&self, other: &Self, sign: i8) -> Self {
         let denominator = lcm(&self.denominator, &other.denominator);
-        let (a, b) = (
-            IBig::from(&denominator / &self.denominator),
-            IBig::from(&denominator / &other.denominator) * sign,
-        );
-        let lift = |c: &IBig, by: &IBig| if by.is_one() { c.clone() } else { c * by };
-        let mut terms = Vec::with_capacity(self.terms.len() + other.terms.len());
-        let (mut i, mut j) = (0, 0);
-        while i < self.terms.len() || j < other.terms.len() {
-            let order = match (self.terms.get(i), other.terms.get(j)) {
-                (Some((e, _)), Some((f, _))) => f.cmp(e),
-                (Some(_), None) => std::cmp::Ordering::Less,
-                _ => std::cmp::Ordering::Greater,
-            };
-            let (e, c) = match order {
-                std::cmp::Ordering::Less => (self.terms[i].0, lift(&self.terms[i].1, &a)),
-                std::cmp::Ordering::Greater => (other.terms[j].0, lift(&other.terms[j].1, &b)),
-                std::cmp::Ordering::Equal => (
-                    self.terms[i].0,
-                    lift(&self.terms[i].1, &a) + lift(&other.terms[j].1, &b),
-                ),
-            };
-            i += usize::from(order.is_le());
-            j += usize::from(order.is_ge());
-            if !c.is_zero() {
-                terms.push((e, c));
-            }
-        }
-        Self::normalised(terms, denominator)
+        let one = Scaled {
+            terms: &self.terms,
+            by: IBig::from(&denominator / &self.denominator),
+        };
+        let two = Scaled {
+            terms: &other.terms,
+            by: IBig::from(&denominator / &other.denominator) * sign,
+        };
+        Self::normalised(one.plus(&two), denominator)
     }
 
+    /// The product, term by term.
+    ///
+    /// # Panics
+    /// If an exponent exceeds 65535.
     fn product(&self, other: &Self) -> Self {
         let degrees: [usize; MAX_VARS] = std::array::from_fn(|v| self.degree(v) + other.degree(v));
         assert!(
@@ -538,10 +532,12 @@ impl Poly {
     }
 }
 
+/// The total degree of a term.
 fn sum(e: &Exponents) -> usize {
     e.iter().map(|&n| usize::from(n)).sum()
 }
 
+/// The least common multiple; denominators are often equal, or 1.
 fn lcm(a: &UBig, b: &UBig) -> UBig {
     if a == b || b.is_one() {
         a.clone()
@@ -552,7 +548,7 @@ fn lcm(a: &UBig, b: &UBig) -> UBig {
     }
 }
 
-/// n^i d^(degree − i) for i = 0 … degree, where r = n/d.
+/// The products n^i d^(degree − i) for i = 0 … degree, where r = n/d.
 pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     let mut table = vec![IBig::ONE; degree + 1];
     for i in 1..=degree {
@@ -568,6 +564,51 @@ pub(crate) fn fraction_powers(r: &RBig, degree: usize) -> Vec<IBig> {
     table
 }
 
+/// Terms, highest first, of which each coefficient is to be multiplied by an integer.
+struct Scaled<'a> {
+    terms: &'a [(Exponents, IBig)],
+    by: IBig,
+}
+
+impl Scaled<'_> {
+    /// The coefficient of the term at a place.
+    #[inline]
+    fn coefficient(&self, place: usize) -> IBig {
+        let c = &self.terms[place].1;
+        if self.by.is_one() {
+            c.clone()
+        } else {
+            c * &self.by
+        }
+    }
+    /// The terms of the sum, highest first, by merging.
+    fn plus(&self, other: &Self) -> Vec<(Exponents, IBig)> {
+        let mut sum = Vec::with_capacity(self.terms.len() + other.terms.len());
+        let (mut i, mut j) = (0, 0);
+        while i < self.terms.len() || j < other.terms.len() {
+            let order = match (self.terms.get(i), other.terms.get(j)) {
+                (Some((e, _)), Some((f, _))) => f.cmp(e),
+                (Some(_), None) => Ordering::Less,
+                _ => Ordering::Greater,
+            };
+            let (e, c) = match order {
+                Ordering::Less => (self.terms[i].0, self.coefficient(i)),
+                Ordering::Greater => (other.terms[j].0, other.coefficient(j)),
+                Ordering::Equal => {
+                    let c = self.coefficient(i) + other.coefficient(j);
+                    (self.terms[i].0, c)
+                }
+            };
+            i += usize::from(order.is_le());
+            j += usize::from(order.is_ge());
+            if !c.is_zero() {
+                sum.push((e, c));
+            }
+        }
+        sum
+    }
+}
+
 /// Terms being summed up: an array over the box of exponents where that is not much larger than the
 /// number of terms, a sorted map otherwise.
 enum Accumulator {
@@ -578,10 +619,12 @@ enum Accumulator {
     Sparse(BTreeMap<Exponents, IBig>),
 }
 
-/// Cells of the array per term that will be added; more than that and the map is faster.
+/// The most cells of the array per term that will be added: in an array with more of them most are
+/// empty, and the map is faster.
 const CELLS_PER_TERM: usize = 8;
 
 impl Accumulator {
+    /// No terms yet, for a number of additions of terms up to some degrees.
     fn new(degrees: &[usize; MAX_VARS], additions: usize) -> Self {
         let mut strides = [0; MAX_VARS];
         let mut size = 1usize;
@@ -598,6 +641,7 @@ impl Accumulator {
             Self::Sparse(BTreeMap::new())
         }
     }
+    /// Adds a term.
     fn add(&mut self, e: Exponents, c: IBig) {
         match self {
             Self::Dense { strides, cells } => {
@@ -608,6 +652,7 @@ impl Accumulator {
             Self::Sparse(map) => *map.entry(e).or_insert(IBig::ZERO) += c,
         }
     }
+    /// The exponents of a cell of the array.
     fn exponents(strides: &[usize; MAX_VARS], mut index: usize) -> Exponents {
         strides.map(|stride| {
             let n = index / stride;
@@ -632,6 +677,7 @@ impl Accumulator {
             },
         }
     }
+    /// The terms that are not zero, highest first.
     fn into_terms(mut self) -> Vec<(Exponents, IBig)> {
         std::iter::from_fn(|| self.pop_highest()).collect()
     }

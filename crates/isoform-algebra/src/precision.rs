@@ -4,22 +4,22 @@ use isoform_control::{Control, Stopped};
 
 /// Bits beyond which nothing is looked at more closely.
 ///
-/// What is refined here differs, and is known to: numbers without a common polynomial, roots whose
-/// number is known. Roots of a polynomial of degree d with coefficients of τ bits are more than
-/// about 2^−d(τ + log d) apart (K. Mahler, Michigan Math. J. 11, 1964), and resultants of the curves
-/// that anybody draws decide within some thousand bits. A million bits mean an error of this
+/// The numbers refined here differ, and are known to: numbers without a common polynomial, roots
+/// whose number is known. Roots of a polynomial of degree d with coefficients of τ bits are more
+/// than about 2^−d(τ + log d) apart (K. Mahler, Michigan Math. J. 11, 1964), and resultants of the
+/// curves that anybody draws decide within some thousand bits. A million bits mean an error of this
 /// program. A lower bound could stop what only is hard; a higher one would let an error run for
 /// hours before it is said.
 pub(crate) const MOST_BITS: usize = 1 << 20;
 
-/// How the number of bits grows from one attempt to the next.
+/// The growth of the number of bits from one attempt to the next.
 pub type Growth = fn(usize) -> usize;
 
 /// Twice as many bits: the last attempt costs about as much as all before.
 pub const DOUBLED: Growth = |bits| 2 * bits;
 
-/// What the first attempt that decides finds, with `bits` bits and more. `control` is asked before
-/// each attempt.
+/// The result of the first attempt that decides, with `bits` bits and more. `control` is asked
+/// before each attempt.
 ///
 /// ```
 /// use isoform_algebra::{DOUBLED, RBig, real_roots, refine_until, Poly};

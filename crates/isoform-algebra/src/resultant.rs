@@ -227,7 +227,15 @@ fn coefficients(p: &Poly, var: usize, other: usize) -> Vec<UPoly> {
     rows.into_iter().map(UPoly::new).collect()
 }
 
+/// Σ‖cᵢ‖₁² over the coefficients.
+fn squared_norm(p: &[UPoly]) -> UBig {
+    let absolute = |c: &IBig| c.clone().unsigned_abs();
+    let norm = |c: &UPoly| c.coefficients().iter().map(absolute).sum::<UBig>();
+    p.iter().map(|c| norm(c).pow(2)).sum()
+}
+
 impl Pair {
+    /// The variable beside `var`, and the coefficients of both polynomials in it.
     fn new(f: &Poly, g: &Poly, var: usize) -> Result<(usize, Self), ResultantError> {
         let mut others: Vec<usize> = f
             .variables()
@@ -243,16 +251,7 @@ impl Pair {
         let other = others.first().copied().unwrap_or(usize::from(var == 0));
         let total = (f.total_degree(), g.total_degree());
         let (f, g) = (coefficients(f, var, other), coefficients(g, var, other));
-        let norm = |p: &[UPoly]| -> UBig {
-            let one = |c: &UPoly| {
-                c.coefficients()
-                    .iter()
-                    .map(|c| c.clone().unsigned_abs())
-                    .sum::<UBig>()
-            };
-            p.iter().map(|c| one(c).pow(2)).sum()
-        };
-        let norms = (norm(&f), norm(&g));
+        let norms = (squared_norm(&f), squared_norm(&g));
         Ok((other, Self { f, g, total, norms }))
     }
 
@@ -272,8 +271,8 @@ impl Pair {
         by_x.min(by_total)
     }
 
-    /// Twice a bound on the coefficients of Sⱼ: its rows are some of those of S₀, and none of them
-    /// is shorter than 1.
+    /// Twice a bound on the coefficients of Sⱼ: its rows are rows of S₀, and none of them is
+    /// shorter than 1.
     fn modulus_bound(&self, j: usize) -> UBig {
         hadamard(
             &self.norms.0,
@@ -447,7 +446,7 @@ pub struct Subresultants {
     /// Principal coefficients that were asked for. Most chains are asked for S₀ alone, and all the
     /// others cost ten times as much together.
     principal: Mutex<BTreeMap<usize, UPoly>>,
-    /// How many there are: the lower degree in y.
+    /// Their number: the lower degree in y.
     count: usize,
     pair: Pair,
     var: usize,
@@ -480,7 +479,7 @@ impl Subresultants {
             other,
         })
     }
-    /// How many subresultants there are: S₀ … Sₘ₋₁ for the lower degree m.
+    /// The number of subresultants: S₀ … Sₘ₋₁ for the lower degree m.
     pub fn count(&self) -> usize {
         self.count
     }

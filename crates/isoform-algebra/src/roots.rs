@@ -4,7 +4,7 @@
 //! sign changes of (1 + x)ⁿ q(1/(1 + x)) bound the number of roots of q in (0, 1), and 0 and 1 are
 //! the exact number. Refinement is by quadratic interval refinement (J. Abbott, *Quadratic interval
 //! refinement for real roots*, 2006/2012), which is bisection that becomes as fast as Newton's
-//! iteration. All interval ends are dyadic numbers, all decisions exact.
+//! iteration. All ends of intervals are dyadic numbers, and all decisions are exact.
 
 use crate::modular::bits;
 use crate::precision::MOST_BITS;
@@ -19,7 +19,7 @@ use std::sync::Arc;
 /// A real algebraic number: a squarefree polynomial and an interval that holds exactly one of its
 /// roots.
 ///
-/// Comparison is exact, also of roots of different polynomials.
+/// Comparisons are exact, also between roots of different polynomials.
 ///
 /// ```
 /// use isoform_algebra::{UPoly, real_roots};
@@ -56,15 +56,8 @@ pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
     let bound = root_bound_bits(&poly);
     let zero_is_root = poly.coefficients()[0].is_zero();
     let rest = UPoly::new(poly.coefficients()[usize::from(zero_is_root)..].to_vec());
-    let mirrored = UPoly::new(
-        rest.coefficients()
-            .iter()
-            .enumerate()
-            .map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() })
-            .collect(),
-    );
     let mut roots = Vec::new();
-    for (lo, hi, shift) in isolate_positive(&mirrored, bound).into_iter().rev() {
+    for (lo, hi, shift) in isolate_positive(&mirrored(&rest), bound).into_iter().rev() {
         roots.push(RealRoot::isolated(&poly, -hi, -lo, shift));
     }
     if zero_is_root {
@@ -76,6 +69,13 @@ pub fn real_roots(p: &UPoly) -> Vec<RealRoot> {
     roots
 }
 
+/// The polynomial p(−x).
+fn mirrored(p: &UPoly) -> UPoly {
+    let coefficients = p.coefficients().iter().enumerate();
+    let signed = coefficients.map(|(i, c)| if i % 2 == 1 { -c } else { c.clone() });
+    UPoly::new(signed.collect())
+}
+
 /// The number of distinct real roots in the open interval.
 pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
     real_roots(p)
@@ -84,8 +84,8 @@ pub fn count_roots_between(p: &UPoly, lo: &RBig, hi: &RBig) -> usize {
         .count()
 }
 
-/// k ≥ 0 such that all roots have absolute values below 2^k: M. Fujiwara's bound 2 max
-/// |aᵢ/aₙ|^(1/(n−i)) on bit lengths.
+/// A number k ≥ 0 for which M. Fujiwara's bound 2 max |aᵢ/aₙ|^(1/(n−i)), taken on bit lengths,
+/// proves all roots below 2^k in absolute value.
 fn root_bound_bits(p: &UPoly) -> usize {
     let c = p.coefficients();
     let n = p.degree();
@@ -99,61 +99,28 @@ fn root_bound_bits(p: &UPoly) -> usize {
         + 1
 }
 
-/// Intervals (lo, hi, shift) in ascending order that hold one root each of the positive ones below
-/// 2^bound; 0 is no root.
+/// The intervals (lo, hi)/2^shift in ascending order that hold one positive root each of a
+/// squarefree polynomial with all roots below 2^bound and none at 0; lo = hi is a root.
 fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     let n = p.degree();
-    let scaled: Vec<IBig> = p
-        .coefficients()
-        .iter()
-        .enumerate()
-        .map(|(i, c)| c << (bound * i))
-        .collect();
+    let coefficients = p.coefficients().iter().enumerate();
     let mut found = Vec::new();
-    // Polynomials whose roots in (0, 1) are those of p in 2^bound (c, c + 1)/2^depth.
-    let mut stack = vec![(scaled, IBig::ZERO, 0usize)];
-    let place = |c: IBig, depth: usize| {
-        if depth >= bound {
-            (c, depth - bound)
-        } else {
-            (c << (bound - depth), 0)
-        }
-    };
-    while let Some((mut q, c, depth)) = stack.pop() {
-        if q.is_empty() {
-            // A mark for the root c/2^depth that bisection hit.
-            let (at, shift) = place(c, depth);
-            found.push((at.clone(), at, shift));
+    let mut stack = vec![Cell {
+        poly: coefficients.map(|(i, c)| c << (bound * i)).collect(),
+        number: IBig::ZERO,
+        depth: 0,
+    }];
+    while let Some(mut cell) = stack.pop() {
+        let depth = cell.depth;
+        if cell.is_point() {
+            found.push(cell.scaled(bound));
             continue;
         }
-        drop_common_twos(&mut q);
-        match variations_in_unit(&q) {
+        drop_common_twos(&mut cell.poly);
+        match variations_in_unit(&cell.poly) {
             0 => {}
-            1 => {
-                let (lo, shift) = place(c.clone(), depth);
-                let (hi, _) = place(c + 1, depth);
-                found.push((lo, hi, shift));
-            }
-            _ => {
-                let degree = q.len() - 1;
-                for (i, v) in q.iter_mut().enumerate() {
-                    *v <<= degree - i;
-                }
-                let mut right = q.clone();
-                shift_by_one(&mut right);
-                let middle: IBig = (c.clone() << 1usize) + IBig::ONE;
-                let hit = right[0].is_zero();
-                if hit {
-                    // Both halves lose the root between them.
-                    right.remove(0);
-                    q = divide_by_x_minus_one(&q);
-                }
-                stack.push((right, middle.clone(), depth + 1));
-                if hit {
-                    stack.push((Vec::new(), middle, depth + 1));
-                }
-                stack.push((q, c << 1, depth + 1));
-            }
+            1 => found.push(cell.scaled(bound)),
+            _ => stack.extend(cell.halves()),
         }
         debug_assert!(
             stack.len() <= 64 * (n + 1) + depth * 3,
@@ -163,6 +130,68 @@ fn isolate_positive(p: &UPoly, bound: usize) -> Vec<(IBig, IBig, usize)> {
     found
 }
 
+/// The cell (c, c + 1)/2^depth of the bisection of the unit interval, or its point c/2^depth.
+struct Cell {
+    /// A polynomial with roots in (0, 1) where the bisected one has roots in the cell; without
+    /// coefficients for a root that bisection hit.
+    poly: Vec<IBig>,
+    /// The integer c.
+    number: IBig,
+    depth: usize,
+}
+
+impl Cell {
+    /// Whether this is a root that bisection hit.
+    fn is_point(&self) -> bool {
+        self.poly.is_empty()
+    }
+    /// The interval (lo, hi, shift) that the cell is in the interval (0, 2^bound).
+    fn scaled(self, bound: usize) -> (IBig, IBig, usize) {
+        let end = match self.is_point() {
+            true => self.number.clone(),
+            false => &self.number + IBig::ONE,
+        };
+        if self.depth >= bound {
+            (self.number, end, self.depth - bound)
+        } else {
+            let up = bound - self.depth;
+            (self.number << up, end << up, 0)
+        }
+    }
+    /// The right half, the middle if it is a root, and the left half.
+    fn halves(self) -> impl Iterator<Item = Self> {
+        let mut left = self.poly;
+        let depth = self.depth + 1;
+        let degree = left.len() - 1;
+        for (i, v) in left.iter_mut().enumerate() {
+            *v <<= degree - i;
+        }
+        let mut right = left.clone();
+        shift_by_one(&mut right);
+        let middle: IBig = (self.number.clone() << 1usize) + IBig::ONE;
+        let is_hit = right[0].is_zero();
+        if is_hit {
+            // Both halves lose the root between them.
+            right.remove(0);
+            left = divide_by_x_minus_one(&left);
+        }
+        let cell = |poly, number| Self {
+            poly,
+            number,
+            depth,
+        };
+        let hit = is_hit.then(|| cell(Vec::new(), middle.clone()));
+        [
+            Some(cell(right, middle)),
+            hit,
+            Some(cell(left, self.number << 1usize)),
+        ]
+        .into_iter()
+        .flatten()
+    }
+}
+
+/// Divides all coefficients by the largest power of two that divides them.
 fn drop_common_twos(q: &mut [IBig]) {
     let common = q.iter().filter_map(IBig::trailing_zeros).min().unwrap_or(0);
     if common > 0 {
@@ -172,7 +201,7 @@ fn drop_common_twos(q: &mut [IBig]) {
     }
 }
 
-/// q(x + 1) in place.
+/// Replaces q(x) by q(x + 1).
 fn shift_by_one(q: &mut [IBig]) {
     let n = q.len();
     for i in 0..n {
@@ -183,7 +212,7 @@ fn shift_by_one(q: &mut [IBig]) {
     }
 }
 
-/// The quotient by x − 1, which divides.
+/// The quotient of q by x − 1, of which it is a multiple.
 fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     let mut quotient = q[1..].to_vec();
     for i in (0..quotient.len().saturating_sub(1)).rev() {
@@ -193,7 +222,7 @@ fn divide_by_x_minus_one(q: &[IBig]) -> Vec<IBig> {
     quotient
 }
 
-/// Sign changes of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
+/// The number of sign changes in the coefficients of (1 + x)ⁿ q(1/(1 + x)), counted up to two.
 fn variations_in_unit(q: &[IBig]) -> usize {
     let count = |q: &[IBig]| {
         let mut last = Ordering::Equal;
@@ -229,13 +258,75 @@ fn variations_in_unit(q: &[IBig]) -> usize {
     changes
 }
 
-/// Bits to which no number is refined: [`refine_until`](crate::precision::refine_until) asks for
-/// numbers with some more bits than it computes with. Comparisons refine what is known to differ
+/// The bits to which no number is refined: a number that is asked for to more of them shows an
+/// error of this program. [`refine_until`](crate::precision::refine_until) asks for numbers with
+/// some more bits than it computes with; comparisons refine numbers that are known to differ
 /// without a loop of that kind, and end here, too.
 const MOST_SHIFT: usize = 8 * MOST_BITS;
 
+/// The largest gear: 2^16 bits are gained in one step, and beyond that nothing is saved.
+const MOST_GEAR: usize = 1 << 16;
+
+/// The isolating interval of a root, divided into 2^gear parts for a step of quadratic interval
+/// refinement; numbers are in units of 2^−shift.
+struct Grid {
+    lo: IBig,
+    hi: IBig,
+    /// The width of a part.
+    part: IBig,
+    shift: usize,
+    /// The sign of the polynomial at the lower end.
+    left: Ordering,
+}
+
+impl Grid {
+    /// The part beside an inner point of the grid on the hand where the sign changes, and whether
+    /// it holds the root; otherwise the rest of the interval beyond that part.
+    fn narrowed(self, point: IBig, poly: &UPoly) -> (IBig, IBig, bool) {
+        let Self {
+            lo,
+            hi,
+            part,
+            shift,
+            left,
+        } = self;
+        let at_point = poly.sign_dyadic(&point, shift);
+        if at_point.is_eq() {
+            return (point.clone(), point, true);
+        }
+        let neighbour = if at_point == left {
+            &point + &part
+        } else {
+            &point - &part
+        };
+        let at_neighbour = if neighbour == lo {
+            left
+        } else if neighbour == hi {
+            left.reverse()
+        } else {
+            poly.sign_dyadic(&neighbour, shift)
+        };
+        match (at_neighbour, at_point == left) {
+            (Ordering::Equal, _) => (neighbour.clone(), neighbour, true),
+            (s, true) if s != left => (point, neighbour, true),
+            (s, false) if s == left => (neighbour, point, true),
+            (_, true) => (neighbour, hi, false),
+            (_, false) => (lo, neighbour, false),
+        }
+    }
+}
+
+/// The zero of the secant through the values at the ends of an interval of 2^gear parts, as the
+/// number of the nearest point of the grid inside the interval.
+fn secant_zero(at_lo: IBig, at_hi: IBig, gear: usize) -> IBig {
+    let parts = IBig::ONE << gear;
+    let slope = &at_lo - at_hi;
+    let doubled: IBig = (at_lo << (gear + 1)) / slope;
+    ((doubled + IBig::ONE) >> 1usize).clamp(IBig::ONE, parts - IBig::ONE)
+}
+
 impl RealRoot {
-    /// The root in an interval that holds exactly one, of which other roots may be end points.
+    /// The root in an open interval that holds exactly one, and may have other roots as ends.
     fn isolated(poly: &Arc<UPoly>, lo: IBig, hi: IBig, shift: usize) -> Self {
         let mut root = Self {
             poly: Arc::clone(poly),
@@ -263,6 +354,7 @@ impl RealRoot {
         }
         root
     }
+    /// Writes the interval with one more binary digit.
     fn double(&mut self) {
         self.lo <<= 1;
         self.hi <<= 1;
@@ -303,11 +395,24 @@ impl RealRoot {
     pub fn interval(&self) -> (RBig, RBig) {
         (self.dyadic(&self.lo), self.dyadic(&self.hi))
     }
+    /// The number n/2^shift.
     fn dyadic(&self, n: &IBig) -> RBig {
         RBig::from_parts(n.clone(), UBig::ONE << self.shift)
     }
+    /// Whether the number is known exactly: it is dyadic then.
     fn is_exact(&self) -> bool {
         self.lo == self.hi
+    }
+    /// Whether two numbers are one, from the overlap of their intervals: a common root lies in both
+    /// intervals, where the common divisor of the polynomials changes its sign there and only
+    /// there.
+    fn is_root_of_both(&self, other: &Self, [lo, hi]: [RBig; 2]) -> bool {
+        let common = if Arc::ptr_eq(&self.poly, &other.poly) {
+            (*self.poly).clone()
+        } else {
+            self.poly.gcd(&other.poly)
+        };
+        common.degree() > 0 && common.sign_at(&lo) != common.sign_at(&hi)
     }
 
     /// Narrows the interval to a width of at most 2^−bits.
@@ -325,54 +430,29 @@ impl RealRoot {
             self.shift < MOST_SHIFT,
             "a number is asked for to {MOST_SHIFT} bits: an error of the exact kernel"
         );
-        let width = &self.hi - &self.lo;
         let gear = self.gear;
-        let shift = self.shift + gear;
-        let (lo, hi) = (&self.lo << gear, &self.hi << gear);
         let (at_lo, at_hi) = self.at_ends();
-        let left = sign(&at_lo);
-        // The secant's zero, rounded to a point of the grid inside the interval.
-        let parts = IBig::ONE << gear;
-        let slope = &at_lo - at_hi;
-        let doubled: IBig = (at_lo << (gear + 1)) / slope;
-        let guess = ((doubled + IBig::ONE) >> 1usize).clamp(IBig::ONE, parts - IBig::ONE);
-        let point = &lo + &guess * &width;
-        let at_point = self.poly.sign_dyadic(&point, shift);
-        let (new_lo, new_hi, success) = if at_point.is_eq() {
-            (point.clone(), point, true)
-        } else {
-            let neighbour = if at_point == left {
-                &point + &width
-            } else {
-                &point - &width
-            };
-            let at_neighbour = if neighbour == lo {
-                left
-            } else if neighbour == hi {
-                left.reverse()
-            } else {
-                self.poly.sign_dyadic(&neighbour, shift)
-            };
-            match (at_neighbour, at_point == left) {
-                (Ordering::Equal, _) => (neighbour.clone(), neighbour, true),
-                (s, true) if s != left => (point, neighbour, true),
-                (s, false) if s == left => (neighbour, point, true),
-                (_, true) => (neighbour, hi, false),
-                (_, false) => (lo, neighbour, false),
-            }
+        let grid = Grid {
+            lo: &self.lo << gear,
+            hi: &self.hi << gear,
+            part: &self.hi - &self.lo,
+            shift: self.shift + gear,
+            left: sign(&at_lo),
         };
-        // In the lowest gear the two parts are always decided; beyond 2^16 parts at once nothing is
-        // gained.
-        self.gear = if success {
-            (2 * gear).min(1 << 16)
+        let shift = grid.shift;
+        let point = &grid.lo + secant_zero(at_lo, at_hi, gear) * &grid.part;
+        let (lo, hi, is_hit) = grid.narrowed(point, &self.poly);
+        // In the lowest gear the two parts are always decided.
+        self.gear = if is_hit {
+            (2 * gear).min(MOST_GEAR)
         } else {
             (gear / 2).max(1)
         };
-        (self.lo, self.hi, self.shift) = (new_lo, new_hi, shift);
+        (self.lo, self.hi, self.shift) = (lo, hi, shift);
     }
 
-    /// The values at the ends up to a common factor, with certain signs and to more bits than the
-    /// next refinement has parts.
+    /// The values at the ends up to a common factor, whose signs are certain and whose errors are
+    /// smaller than the parts of the next refinement.
     fn at_ends(&self) -> (IBig, IBig) {
         let mut precision = 64 + self.shift + self.gear;
         while precision < self.poly.whole_precision(self.shift) {
@@ -501,11 +581,12 @@ impl RealRoot {
             root.refine(precision);
             let (lo, hi) = root.interval();
             let (lo, hi) = (lo.to_f64().value(), hi.to_f64().value());
-            // Zeros of both signs are equal.
+            // Zeros of both signs count as one number here.
             if lo == hi {
                 return lo;
             }
-            // A root halfway between two of them: the interval might shrink for ever around it.
+            // The root may be halfway between two doubles: the interval might shrink for ever
+            // around it.
             if lo.next_up() == hi
                 && let (Ok(a), Ok(b)) = (RBig::try_from(lo), RBig::try_from(hi))
             {
@@ -586,15 +667,7 @@ impl Ord for RealRoot {
                 return Ordering::Greater;
             }
             if !distinct && round > 0 {
-                // A common root lies in both intervals; there the common divisor changes sign, and
-                // only there.
-                let h = if Arc::ptr_eq(&a.poly, &b.poly) {
-                    (*a.poly).clone()
-                } else {
-                    a.poly.gcd(&b.poly)
-                };
-                let (lo, hi) = (a_lo.max(b_lo), a_hi.min(b_hi));
-                if h.degree() > 0 && h.sign_at(&lo) != h.sign_at(&hi) {
+                if a.is_root_of_both(&b, [a_lo.max(b_lo), a_hi.min(b_hi)]) {
                     return Ordering::Equal;
                 }
                 distinct = true;
@@ -631,8 +704,8 @@ pub fn simplest_between(lo: &RBig, hi: &RBig) -> RBig {
     }
 }
 
-/// 0 ≤ lo < hi. The continued fraction that both begin with, by a loop: it may have as many terms
-/// as the numbers have digits.
+/// The simplest number between 0 ≤ lo < hi: by the continued fraction that both begin with, in a
+/// loop, since it may have as many terms as the numbers have digits.
 fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
     let (mut lo, mut hi) = (lo.clone(), hi.clone());
     let mut wholes = Vec::new();
@@ -642,8 +715,8 @@ fn simplest_positive(lo: &RBig, hi: &RBig) -> RBig {
         if next < hi {
             break next;
         }
-        // Both in [whole, whole + 1]: invert the fractional parts; the upper end of the inverse may
-        // be infinite.
+        // Both numbers are in [whole, whole + 1]: the fractional parts are inverted; the upper end
+        // of the inverse may be infinite.
         let whole = RBig::from(whole);
         let (lo_part, hi_part) = (&lo - &whole, &hi - &whole);
         wholes.push(whole);

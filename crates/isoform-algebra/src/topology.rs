@@ -7,7 +7,7 @@ use dashu_ratio::RBig;
 use isoform_control::Control;
 use std::collections::BTreeMap;
 
-/// What a curve consists of.
+/// The components of a real curve.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurveTopology {
     /// Closed components without branching that do not change the sides of the plane: each bounds a
@@ -209,16 +209,25 @@ impl Graph {
         }
     }
 
+    /// The component that each node belongs to, by the number of one of its nodes.
+    fn component_of_nodes(&self) -> Vec<usize> {
+        let mut of: Vec<usize> = (0..self.nodes.len()).collect();
+        for &(a, b, _) in &self.edges {
+            let (from, to) = (of[a], of[b]);
+            of.iter_mut()
+                .for_each(|c| *c = if *c == from { to } else { *c });
+        }
+        of
+    }
+    /// The components by kind: a component of nodes with two edges each is a closed curve, an oval
+    /// if it crosses the line at infinity an even number of times.
     fn components(&self) -> CurveTopology {
         let n = self.nodes.len();
-        let mut of: Vec<usize> = (0..n).collect();
+        let of = self.component_of_nodes();
         let mut degree = vec![0usize; n];
         for &(a, b, _) in &self.edges {
             degree[a] += 1;
             degree[b] += 1;
-            let (from, to) = (of[a], of[b]);
-            of.iter_mut()
-                .for_each(|c| *c = if *c == from { to } else { *c });
         }
         let mut out = CurveTopology::default();
         for c in 0..n {

@@ -159,7 +159,8 @@ impl UPoly {
         }
         sum
     }
-    /// How many bits coefficients lose, or gain, when written in units of 2^(t − precision).
+    /// The numbers of bits that coefficients lose, or gain, when written in units of 2^(t −
+    /// precision).
     fn unit(&self, precision: usize) -> (usize, usize) {
         let top = self.coefficients.iter().map(bits).max().unwrap_or(0);
         (top.saturating_sub(precision), precision.saturating_sub(top))

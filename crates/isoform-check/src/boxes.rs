@@ -7,18 +7,22 @@
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
-/// Boxes per leaf; 2 to 8 differ by less than a third in time.
+/// Number of boxes in a leaf. Values from 2 to 8 differ by less than a third in time.
 const LEAF: usize = 4;
+/// The largest coordinate in a Morton key: 21 bits, so that three of them fit 64 bits.
+const KEY_MAX: u64 = 0x1f_ffff;
 
-/// The tree.
+/// The tree over an array of boxes.
 #[derive(Debug)]
 pub(super) struct BoxTree {
     /// Indices of the boxes in the order of the curve.
     order: Vec<u32>,
-    /// The boxes in that order.
+    /// The boxes in the order of the curve.
     boxes: Vec<Aabb>,
-    /// Node k has the children 2k and 2k + 1; the leaves are the last `leaves` nodes.
+    /// The box around each node's boxes: node k has the children 2k and 2k + 1, and the leaves are
+    /// the last `leaves` nodes.
     nodes: Vec<Aabb>,
+    /// Number of leaves, a power of two; the last ones may be empty.
     leaves: usize,
 }
 
@@ -27,6 +31,7 @@ fn meet(a: &Aabb, b: &Aabb) -> bool {
     (0..3).all(|i| a.lo[i] <= b.hi[i]) && (0..3).all(|i| b.lo[i] <= a.hi[i])
 }
 
+/// The smallest box around two boxes.
 fn join(a: &Aabb, b: &Aabb) -> Aabb {
     Aabb {
         lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
@@ -36,7 +41,7 @@ fn join(a: &Aabb, b: &Aabb) -> Aabb {
 
 /// The lowest 21 bits of `v`, two zeros after each.
 fn spread(v: u64) -> u64 {
-    let mut x = v & 0x1f_ffff;
+    let mut x = v & KEY_MAX;
     for (shift, mask) in [
         (32, 0x1f_0000_0000_ffff),
         (16, 0x1f_0000_ff00_00ff),
@@ -49,32 +54,33 @@ fn spread(v: u64) -> u64 {
     x
 }
 
+/// Indices of the boxes, sorted along the Morton curve of their centres.
+fn morton_order(boxes: &[Aabb]) -> Vec<u32> {
+    let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
+    let all = Aabb::of(&centers);
+    let scale = all
+        .size()
+        .map(|s| if s > 0.0 { KEY_MAX as f64 / s } else { 0.0 });
+    // Clamping to integers makes a valid key of any number, infinite ones too.
+    let key = |p: &Point3| {
+        (0..3).fold(0, |k, i| {
+            k | spread(((p[i] - all.lo[i]) * scale[i]) as u64) << i
+        })
+    };
+    let mut keys: Vec<(u64, u32)> = centers
+        .par_iter()
+        .enumerate()
+        .map(|(i, p)| (key(p), i as u32))
+        .collect();
+    keys.par_sort_unstable();
+    keys.into_iter().map(|(_, i)| i).collect()
+}
+
 impl BoxTree {
-    /// Over these boxes, fewer than 2³² and none with coordinates that are no numbers; empty ones
-    /// are met by nothing.
+    /// Builds the tree over fewer than 2³² boxes. None may have coordinates that are no numbers;
+    /// an empty box is met by nothing.
     pub(super) fn new(boxes: &[Aabb]) -> Self {
-        let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
-        let all = Aabb::of(&centers);
-        let scale = all.size().map(|s| {
-            if s > 0.0 {
-                f64::from(0x1f_ffff) / s
-            } else {
-                0.0
-            }
-        });
-        // Clamping to integers makes a valid key of any number, infinite ones too.
-        let key = |p: &Point3| {
-            (0..3).fold(0, |k, i| {
-                k | spread(((p[i] - all.lo[i]) * scale[i]) as u64) << i
-            })
-        };
-        let mut keys: Vec<(u64, u32)> = centers
-            .par_iter()
-            .enumerate()
-            .map(|(i, p)| (key(p), i as u32))
-            .collect();
-        keys.par_sort_unstable();
-        let order: Vec<u32> = keys.into_iter().map(|(_, i)| i).collect();
+        let order = morton_order(boxes);
         let boxes: Vec<Aabb> = order.iter().map(|&i| boxes[i as usize]).collect();
         let leaves = boxes.len().div_ceil(LEAF).next_power_of_two();
         let mut nodes = vec![Aabb::EMPTY; 2 * leaves];
@@ -116,6 +122,7 @@ impl BoxTree {
         }
     }
 
+    /// Places of the boxes of a leaf in `boxes`.
     fn run(&self, leaf: usize) -> std::ops::Range<usize> {
         let from = (leaf * LEAF).min(self.boxes.len());
         from..(from + LEAF).min(self.boxes.len())

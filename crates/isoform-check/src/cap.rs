@@ -1,4 +1,7 @@
-//! A solid cut off at a box.
+//! A solid cut off at a box: the intersection of the solid with six half spaces.
+//!
+//! In the representation by functions it is the minimum of the solid's function and of x − x_min,
+//! x_max − x, and so on. A side is linear, so its gradient and its bounds are exact.
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::{Interval, Jet2};
@@ -58,7 +61,8 @@ impl<'s> Capped<'s> {
         }
     }
 
-    /// The axis of a side, +1 for its lower and −1 for its upper end, and where it stands.
+    /// The axis of a side, the sign +1 of its lower or −1 of its upper end, and its coordinate;
+    /// `None` for a piece of the solid.
     fn side(&self, piece: u32) -> Option<(usize, f64, f64)> {
         let k = piece.checked_sub(self.n)? as usize;
         let axis = k / 2;

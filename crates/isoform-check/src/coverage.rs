@@ -6,9 +6,9 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, distance_squared, dot, norm, sub};
 use rayon::prelude::*;
 
-/// How far from a curve, as a share of the size of the elements, an edge still counts as along it:
-/// more than the chord error of edges on the curve, less than the distance of the next edges beside
-/// it.
+/// The distance from a curve, as a share of the size of the elements, within which an edge counts
+/// as along it. It has to be larger than the chord error of edges on the curve and smaller than the
+/// distance of the next edges beside it.
 const NEAR: f64 = 0.15;
 
 /// How much of the features a mesh has.
@@ -68,15 +68,25 @@ pub(super) fn measure(
     out
 }
 
+/// The nodes at which corners are looked for: the corners of the mesh, or all nodes of the surface
+/// if it lists none.
+fn corner_nodes(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<u32> {
+    if !mesh.corners.is_empty() {
+        return mesh.corners.clone();
+    }
+    let mut nodes = triangles.as_flattened().to_vec();
+    nodes.sort_unstable();
+    nodes.dedup();
+    nodes
+}
+
 impl Coverage {
     /// Looks for a node at each corner.
     fn look_for_corners(&mut self, mesh: &Mesh, triangles: &[[u32; 3]], options: &Options<'_>) {
-        let mut nodes = mesh.corners.clone();
-        if nodes.is_empty() && !options.corners.is_empty() {
-            nodes = triangles.as_flattened().to_vec();
-            nodes.sort_unstable();
-            nodes.dedup();
+        if options.corners.is_empty() {
+            return;
         }
+        let nodes = corner_nodes(mesh, triangles);
         let at_nodes: Vec<Point3> = nodes.iter().map(|&i| mesh.points[i as usize]).collect();
         let tree = KdTree::new(&at_nodes);
         let limit = options.limits.corner_distance * mesh.bounds().diagonal();
@@ -101,19 +111,25 @@ impl Coverage {
 
 /// The feature edges of a mesh, halved at their mid nodes.
 struct Edges {
+    /// The ends of each half.
     segments: Vec<[Point3; 2]>,
+    /// The tree of the boxes around the segments.
     tree: BoxTree,
 }
 
-/// What part of one curve has edges.
+/// The part of one curve that has edges.
 #[derive(Default)]
 struct Stretches {
+    /// Length of the curve.
     length: f64,
+    /// Length of the part with edges.
     found: f64,
+    /// The stretches without an edge.
     uncovered: Defects,
 }
 
 impl Edges {
+    /// Collects the segments of the mesh's feature edges.
     fn new(mesh: &Mesh) -> Self {
         let mut segments = Vec::with_capacity(mesh.edges.len() + mesh.edge_mids.len());
         for (k, e) in mesh.edges.iter().enumerate() {
@@ -130,6 +146,7 @@ impl Edges {
         }
     }
 
+    /// Whether a segment is no farther from the point than the tolerance.
     fn is_near(&self, p: Point3, tolerance: f64) -> bool {
         let around = Aabb {
             lo: p.map(|v| v - tolerance),
@@ -177,13 +194,13 @@ impl Edges {
     }
 }
 
-/// The share of a step that counts: half for each of its ends.
+/// The share of a step that counts, half for each end that does.
 fn half_by_each(a: bool, b: bool) -> f64 {
     0.5 * (f64::from(u8::from(a)) + f64::from(u8::from(b)))
 }
 
-/// Parts of a step no longer than the tolerance. Not more than a million: beyond that the tolerance
-/// has no meaning for the curve.
+/// Number of parts of a step that are no longer than the tolerance, a million at most: a finer
+/// tolerance has no meaning for the curve.
 fn parts(length: f64, tolerance: f64) -> usize {
     if tolerance > 0.0 {
         (length / tolerance).ceil().clamp(1.0, 1e6) as usize

@@ -1,15 +1,15 @@
-//! What is found, and where.
+//! Findings: how many there are of a kind, and the places of the first or the worst of them.
 
 use isoform_geom::Point3;
 
-/// Where something is found.
+/// The place of a finding.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Place {
-    /// A point of it.
+    /// A point at or near the finding.
     pub at: Point3,
-    /// The nodes that it is made of.
+    /// The nodes of the vertex, edge, face or element that was found.
     pub nodes: Vec<u32>,
-    /// The elements that have it: triangles or tetrahedra, as the kind says.
+    /// The elements that have a share in it: triangles or tetrahedra, as the kind says.
     pub elements: Vec<u32>,
     /// The measured value where the kind has one, else 0.
     pub value: f64,
@@ -18,10 +18,10 @@ pub struct Place {
 /// All findings of one kind: how many, and where the first (or worst) of them are.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
-    /// How many there are.
+    /// Number of findings.
     pub count: usize,
-    /// Places of some of them, no more than [`Options::places`](super::Options::places); in the
-    /// order of the mesh.
+    /// Places of the first findings in the order of the mesh, no more than
+    /// [`Options::places`](super::Options::places).
     pub places: Vec<Place>,
 }
 
@@ -45,14 +45,15 @@ impl Defects {
     }
 }
 
-/// The `room` items with the lowest values; equal ones by index.
+/// The `room` items with the lowest values; of equal values the earlier item comes first.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lowest {
+    /// Value and index of each item, in ascending order.
     pub(super) items: Vec<(f64, u32)>,
 }
 
 impl Lowest {
-    /// Takes the item up where it belongs among them. NaN counts as the lowest.
+    /// Inserts an item at its place in the order. NaN counts as the lowest value.
     pub(super) fn add(&mut self, room: usize, value: f64, index: u32) {
         let value = if value.is_nan() {
             f64::NEG_INFINITY

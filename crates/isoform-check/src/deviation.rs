@@ -1,10 +1,10 @@
-//! How truly a mesh follows a solid.
+//! Distances of a mesh from a solid.
 //!
 //! The distance of a point to the surface of a piece g is the length of two Newton steps p ← p − g
 //! ∇g/|∇g|² (the first order distance, iterated twice). Over the faces the steps go along the
-//! gradient at the centre of the face, the second one with the slope that the first has met: one
-//! gradient and two rounds of values in blocks for all samples of a face, and what is measured is
-//! still the distance to a point of the surface, never less than the true one by more than the
+//! gradient at the centre of the face, the second one with the slope that the first has met, so
+//! that all samples of a face need one gradient and two rounds of values in blocks. The length is
+//! still the distance to a point of the surface, never less than the true distance by more than the
 //! error of the iteration (relatively of the order of the angle that a face subtends to the power
 //! of four).
 
@@ -14,10 +14,10 @@ use isoform_control::Control;
 use isoform_geom::{Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Nodes or triangles per task.
+/// Number of nodes or triangles in a task.
 const TASK: usize = 256;
-/// Where faces are sampled, by barycentric coordinates times 3: the centre, the middles of the
-/// edges, and between.
+/// Samples of a face, as barycentric coordinates times 3: the centre, the middles of the edges, and
+/// three points between.
 const SAMPLES: [Point3; 7] = [
     [1.0, 1.0, 1.0],
     [1.5, 1.5, 0.0],
@@ -27,7 +27,8 @@ const SAMPLES: [Point3; 7] = [
     [0.5, 2.0, 0.5],
     [0.5, 0.5, 2.0],
 ];
-/// Share of the first value below which the second step has got near.
+/// Share of the first value below which the second value must be; else the secant is not trusted,
+/// and the sample gets gradients of its own.
 const NEARER: f64 = 0.5;
 /// No piece: a label whose name the solid does not know.
 const UNKNOWN: u32 = u32::MAX;
@@ -56,6 +57,22 @@ pub struct Deviation {
     pub unknown_parts: Vec<String>,
 }
 
+impl Deviation {
+    /// The deviation of a mesh with these labels, before anything is measured.
+    fn new(diagonal: f64, labels: &Labels<'_>) -> Self {
+        let named = |part: &String| PartDeviation {
+            part: part.clone(),
+            ..PartDeviation::default()
+        };
+        Self {
+            diagonal,
+            parts: labels.names.iter().map(named).collect(),
+            unknown_parts: labels.unknown.clone(),
+            ..Self::default()
+        }
+    }
+}
+
 /// Distances of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartDeviation {
@@ -67,10 +84,10 @@ pub struct PartDeviation {
     pub faces: Distances,
 }
 
-/// Some distances.
+/// The distances of some points from a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Distances {
-    /// How many.
+    /// Number of points.
     pub count: usize,
     /// The largest; infinite where there is no way to the surface.
     pub max: f64,
@@ -83,14 +100,20 @@ pub struct Distances {
 /// Sums towards [`Distances`], joined in a fixed order.
 #[derive(Default)]
 struct Sums {
+    /// Number of points.
     count: usize,
+    /// Sum of the weights.
     weight: f64,
+    /// Sum of the weighted squares of the distances.
     squares: f64,
+    /// The largest distance.
     max: f64,
+    /// The place of the largest distance.
     worst: Option<Place>,
 }
 
 impl Sums {
+    /// Adds a distance with its weight; NaN counts as infinite.
     fn add(&mut self, distance: f64, weight: f64, place: impl FnOnce() -> Place) {
         let distance = if distance.is_nan() {
             f64::INFINITY
@@ -110,6 +133,7 @@ impl Sums {
             );
         }
     }
+    /// Joins the sums over later points.
     fn append(&mut self, later: &Self) {
         self.count += later.count;
         self.weight += later.weight;
@@ -118,6 +142,7 @@ impl Sums {
             (self.max, self.worst) = (later.max, later.worst.clone());
         }
     }
+    /// The distances that were summed.
     fn distances(self) -> Distances {
         let rms = if self.weight > 0.0 {
             (self.squares / self.weight).sqrt()
@@ -142,12 +167,8 @@ pub(super) fn measure(
     control: &Control<'_>,
 ) -> Deviation {
     let diagonal = mesh.bounds().diagonal();
-    let mut out = Deviation {
-        diagonal,
-        ..Deviation::default()
-    };
     let labels = Labels::new(mesh, triangles, solid, control);
-    out.unknown_parts.clone_from(&labels.unknown);
+    let mut out = Deviation::new(diagonal, &labels);
     let compared = Compared {
         mesh,
         triangles,
@@ -155,69 +176,72 @@ pub(super) fn measure(
         labels: &labels,
         enough: options.limits.node_distance * diagonal,
     };
-    let named = |part: &String| PartDeviation {
-        part: part.clone(),
-        ..PartDeviation::default()
-    };
-    out.parts = labels.names.iter().map(named).collect();
     let nodes = labelled_nodes(triangles, &labels.of_triangles);
-    let mut all = Sums::default();
-    for (label, sums) in compared.nodes(&nodes) {
-        all.append(&sums);
-        out.parts[label as usize].nodes = sums.distances();
-    }
-    out.nodes = all.distances();
+    let parts = &mut out.parts;
+    out.nodes = joined(compared.nodes(&nodes), |k, found| parts[k].nodes = found);
     if !mesh.triangle_mids.is_empty() {
         let mids = labelled_nodes(&mesh.triangle_mids, &labels.of_triangles);
-        out.mids = joined(compared.nodes(&mids));
+        out.mids = joined(compared.nodes(&mids), |_, _| {});
     }
     // Feature edges are on both of their parts, whatever the angle.
     let on_curves = Compared {
         enough: f64::INFINITY,
         ..compared
     };
-    out.curves = joined(on_curves.nodes(&curve_nodes(mesh)));
-    let mut all = Sums::default();
-    for (label, sums) in compared.faces() {
-        all.append(&sums);
-        out.parts[label as usize].faces = sums.distances();
-    }
-    out.faces = all.distances();
+    out.curves = joined(on_curves.nodes(&curve_nodes(mesh)), |_, _| {});
+    out.faces = joined(compared.faces(), |k, found| parts[k].faces = found);
     out.misclassified = compared.misclassified(&nodes, options.places);
     out
 }
 
 /// The labels of the triangles, and the pieces of the solid that they mean.
 struct Labels<'c> {
+    /// The name of each label.
     names: Vec<String>,
     /// The piece of each label, or [`UNKNOWN`].
     pieces: Vec<u32>,
+    /// The label of each triangle.
     of_triangles: Vec<u32>,
+    /// The names of labels in use that are no pieces of the solid.
     unknown: Vec<String>,
     control: &'c Control<'c>,
 }
 
 impl<'c> Labels<'c> {
-    /// Those of the mesh, found among the solid's by name. Without labels, the piece that decides
-    /// at the centre of each triangle.
+    /// The labels of the mesh, or labels by place if it has none.
     fn new(
         mesh: &Mesh,
         triangles: &[[u32; 3]],
         solid: &dyn Solid,
         control: &'c Control<'c>,
     ) -> Self {
-        if mesh.triangle_parts.len() != triangles.len() {
-            let names = solid.names().to_vec();
-            let pieces = (0..names.len() as u32).collect();
-            let of_triangles = deciding(mesh, triangles, solid, control);
-            return Self {
-                names,
-                pieces,
-                of_triangles,
-                unknown: Vec::new(),
-                control,
-            };
+        if mesh.triangle_parts.len() == triangles.len() {
+            Self::by_name(mesh, solid, control)
+        } else {
+            Self::by_place(mesh, triangles, solid, control)
         }
+    }
+
+    /// The pieces of the solid; each triangle is labelled with the piece that decides at its
+    /// centre.
+    fn by_place(
+        mesh: &Mesh,
+        triangles: &[[u32; 3]],
+        solid: &dyn Solid,
+        control: &'c Control<'c>,
+    ) -> Self {
+        let names = solid.names().to_vec();
+        Self {
+            pieces: (0..names.len() as u32).collect(),
+            names,
+            of_triangles: deciding(mesh, triangles, solid, control),
+            unknown: Vec::new(),
+            control,
+        }
+    }
+
+    /// The labels of the mesh, found among the solid's pieces by name.
+    fn by_name(mesh: &Mesh, solid: &dyn Solid, control: &'c Control<'c>) -> Self {
         let piece = |name: &String| {
             solid
                 .names()
@@ -314,13 +338,17 @@ fn curve_nodes(mesh: &Mesh) -> Vec<(u32, u32)> {
     pairs
 }
 
-fn joined(by_label: Vec<(u32, Sums)>) -> Distances {
+/// The distances of all labels together; `each` takes the distances of one label.
+fn joined(by_label: Vec<(u32, Sums)>, mut each: impl FnMut(usize, Distances)) -> Distances {
     let mut all = Sums::default();
-    by_label.iter().for_each(|(_, sums)| all.append(sums));
+    for (label, sums) in by_label {
+        all.append(&sums);
+        each(label as usize, sums.distances());
+    }
     all.distances()
 }
 
-/// Two Newton steps to the surface of a piece: how far.
+/// The distance to the surface of a piece: the length of two Newton steps.
 fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let mut q = p;
     for _ in 0..2 {
@@ -335,13 +363,13 @@ fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     if d.is_nan() { f64::INFINITY } else { d }
 }
 
-/// Cosine of the largest angle between pieces at a node that count as one smooth surface: next to
-/// the seam of pieces that touch tangentially a node of a face may lie on the neighbouring piece.
-/// At half an edge from the seam that is the angle an edge may turn.
+/// Cosine of the largest angle, 20 degrees, between two pieces that count as one smooth surface:
+/// next to the seam of pieces that touch tangentially a node of a face may lie on the neighbouring
+/// piece. At half an edge from the seam the angle is the turn of an edge.
 const SMOOTH: f64 = 0.94;
 
-/// Distance of a node to a piece, or to the one that is the solid's surface there if both make one
-/// smooth surface.
+/// Distance of a node to its piece; where the solid's surface is another piece and both make one
+/// smooth surface, the lesser of the two distances.
 fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     let d = distance(solid, piece, p);
     if d <= enough {
@@ -377,8 +405,13 @@ fn by_label<T: Sync>(
             false => (label, work(labels.pieces[label as usize], chunk)),
         })
         .collect();
+    joined_by_label(done)
+}
+
+/// Joins the sums of chunks that stand together and have one label.
+fn joined_by_label(chunks: Vec<(u32, Sums)>) -> Vec<(u32, Sums)> {
     let mut out: Vec<(u32, Sums)> = Vec::new();
-    for (label, sums) in done {
+    for (label, sums) in chunks {
         match out.last_mut() {
             Some(last) if last.0 == label => last.1.append(&sums),
             _ => out.push((label, sums)),
@@ -409,7 +442,7 @@ struct Approach {
 
 impl Compared<'_> {
     /// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted;
-    /// those with unknown labels are left out.
+    /// pairs with unknown labels are left out.
     fn nodes(&self, pairs: &[(u32, u32)]) -> Vec<(u32, Sums)> {
         let distances = |piece: u32, chunk: &[(u32, u32)]| {
             let mut sums = Sums::default();
@@ -506,6 +539,7 @@ impl Compared<'_> {
         all
     }
 
+    /// The misclassified nodes among some, in their order.
     fn misclassified_among(&self, nodes: &[u32], room: usize) -> Defects {
         let (solid, tree) = (self.solid, self.solid.tree());
         let points: Vec<Point3> = nodes
@@ -534,7 +568,7 @@ impl Compared<'_> {
 }
 
 impl Approach {
-    /// The distance of a sample by the secant through both values; none where the first step has
+    /// The distance of a sample by the secant through both values; `None` where the first step has
     /// not got near, so that the sample needs gradients of its own.
     fn distance(&self, i: usize) -> Option<f64> {
         let [v, w] = [&self.values[0], &self.values[1]].map(|values| values[i]);
@@ -557,15 +591,21 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
         .map(|m| m.map(|i| mesh.points[i as usize]));
     SAMPLES.map(|s| {
         let l = s.map(|v| v / 3.0);
-        std::array::from_fn(|i| match &mids {
-            None => l[0] * p[0][i] + l[1] * p[1][i] + l[2] * p[2][i],
-            Some(m) => {
-                let corners: f64 = (0..3).map(|c| l[c] * (2.0 * l[c] - 1.0) * p[c][i]).sum();
-                TRIANGLE_EDGES
-                    .iter()
-                    .zip(m)
-                    .fold(corners, |sum, (&[a, b], m)| sum + 4.0 * l[a] * l[b] * m[i])
-            }
-        })
+        match mids {
+            None => std::array::from_fn(|i| l[0] * p[0][i] + l[1] * p[1][i] + l[2] * p[2][i]),
+            Some(m) => curved_point(p, m, l),
+        }
+    })
+}
+
+/// The point of a triangle of second order at the barycentric coordinates λ: X = Σ λᵢ(2λᵢ − 1)Pᵢ +
+/// 4 Σ λₐλᵦMₐᵦ.
+fn curved_point(p: [Point3; 3], m: [Point3; 3], l: Point3) -> Point3 {
+    std::array::from_fn(|i| {
+        let corners: f64 = (0..3).map(|c| l[c] * (2.0 * l[c] - 1.0) * p[c][i]).sum();
+        TRIANGLE_EDGES
+            .iter()
+            .zip(m)
+            .fold(corners, |sum, (&[a, b], m)| sum + 4.0 * l[a] * l[b] * m[i])
     })
 }

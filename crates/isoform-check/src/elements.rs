@@ -7,14 +7,13 @@ use crate::quality::{OBTUSE_WEIGHT, Shape, cosines, degrees, sines, triangle_cos
 use isoform_geom::{Mesh, Point3, TET_EDGES, cross, distance_squared, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Elements per task.
+/// Number of elements in a task.
 const TASK: usize = 4096;
-/// A mid node is in the middle of its edge if it is nearer to it than this share of the edge. It
-/// only saves time: a straight tetrahedron's Jacobian is constant, and so it is within the same
-/// share for those taken to be straight.
+/// The distance of a mid node from the middle of its edge, as a share of the edge, up to which the
+/// edge counts as straight. It only saves time: the Jacobian of a straight tetrahedron is constant,
+/// and that of a nearly straight one varies by a share of this order.
 const STRAIGHT: f64 = 1e-12;
-/// Where the Jacobian is sampled: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the
-/// centre.
+/// Samples of the Jacobian: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the centre.
 #[rustfmt::skip]
 const SAMPLES: [Point3; 11] = [
     [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
@@ -97,18 +96,26 @@ pub struct CurvedQuality {
 /// Sums over elements, joined in the order of the mesh.
 #[derive(Default)]
 struct Sums {
+    /// Number of elements.
     elements: usize,
     /// Largest and smallest cosine.
     cosine: (f64, f64),
+    /// Number of dihedral angles in each ten degrees.
     histogram: [u64; 18],
+    /// Smallest biased minimum sine, and the sum over the elements.
     sine: (f64, f64),
+    /// Smallest radius ratio, and the sum over the elements.
     ratio: (f64, f64),
+    /// Largest aspect.
     aspect: f64,
+    /// Shortest edge, sum of the edges, longest edge.
     edge: (f64, f64, f64),
+    /// The elements with the lowest values.
     worst: Lowest,
 }
 
 impl Sums {
+    /// The sums over no elements.
     fn new() -> Self {
         Self {
             cosine: (f64::NEG_INFINITY, f64::INFINITY),
@@ -118,6 +125,7 @@ impl Sums {
             ..Self::default()
         }
     }
+    /// Joins the sums over later elements.
     fn append(&mut self, room: usize, later: Self) {
         self.elements += later.elements;
         self.cosine = (
@@ -140,6 +148,7 @@ impl Sums {
         );
         self.worst.append(room, later.worst);
     }
+    /// The edge lengths of elements with `edges` edges each.
     fn lengths(&self, edges: usize) -> Lengths {
         Lengths {
             min: self.edge.0,
@@ -167,10 +176,12 @@ fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
     all
 }
 
+/// The mean of some points.
 fn middle<const N: usize>(p: [Point3; N]) -> Point3 {
     std::array::from_fn(|i| p.iter().map(|p| p[i]).sum::<f64>() / N as f64)
 }
 
+/// The places of the worst elements; `value` turns the sorted value into the reported one.
 fn places<const N: usize>(
     worst: &Lowest,
     points: &[Point3],
@@ -189,17 +200,23 @@ fn places<const N: usize>(
     worst.items.iter().map(place).collect()
 }
 
+/// Lengths of the edges of a triangle.
+#[inline]
+fn edge_lengths(p: [Point3; 3]) -> [f64; 3] {
+    [
+        norm(sub(p[1], p[0])),
+        norm(sub(p[2], p[1])),
+        norm(sub(p[0], p[2])),
+    ]
+}
+
 impl Sums {
     /// Adds the shape of a triangle.
     fn add_triangle(&mut self, room: usize, k: u32, p: [Point3; 3]) {
         let c = triangle_cosines(p);
         let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
         self.cosine = (self.cosine.0.max(high), self.cosine.1.min(low));
-        let e = [
-            norm(sub(p[1], p[0])),
-            norm(sub(p[2], p[1])),
-            norm(sub(p[0], p[2])),
-        ];
+        let e = edge_lengths(p);
         let longest = e[0].max(e[1]).max(e[2]);
         let perimeter = e[0] + e[1] + e[2];
         let area2 = norm(cross(sub(p[1], p[0]), sub(p[2], p[0])));
@@ -297,6 +314,7 @@ fn columns(p: [Point3; 4], m: [Point3; 6]) -> [[Point3; 3]; 4] {
     g.map(|g| [1, 2, 3].map(|k| sub(g[k], g[0])))
 }
 
+/// The determinant of three columns.
 fn determinant([a, b, c]: [Point3; 3]) -> f64 {
     dot(a, cross(b, c))
 }
@@ -358,10 +376,7 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
     let (mut all, mut worst) = (CurvedQuality::none(), Lowest::default());
     for (part, low) in parts {
         worst.append(room, low);
-        all.curved += part.curved;
-        all.scaled_jacobian_min = all.scaled_jacobian_min.min(part.scaled_jacobian_min);
-        all.negative.append(room, part.negative);
-        all.unproved.append(room, part.unproved);
+        all.append(room, part);
     }
     all.worst = places(&worst, &mesh.points, &mesh.tets, |v| v);
     Some(all)
@@ -376,7 +391,15 @@ fn is_straight(p: [Point3; 4], m: [Point3; 6]) -> bool {
 }
 
 impl CurvedQuality {
-    /// Of no tetrahedra.
+    /// Joins the counts and defects of later tetrahedra.
+    fn append(&mut self, room: usize, later: Self) {
+        self.curved += later.curved;
+        self.scaled_jacobian_min = self.scaled_jacobian_min.min(later.scaled_jacobian_min);
+        self.negative.append(room, later.negative);
+        self.unproved.append(room, later.unproved);
+    }
+
+    /// The quality of no tetrahedra.
     fn none() -> Self {
         Self {
             curved: 0,

@@ -27,6 +27,7 @@ fn area_sign(axis: usize, a: Point3, b: Point3, c: Point3) -> i8 {
     sign(robust::orient2d(of(a), of(b), of(c)))
 }
 
+/// −1, 0 or +1.
 fn sign(v: f64) -> i8 {
     i8::from(v > 0.0) - i8::from(v < 0.0)
 }
@@ -45,7 +46,7 @@ fn largest(v: Point3) -> usize {
 
 /// An axis along which the triangle is seen with an area; `None` if its corners lie on a line.
 fn seen_along([a, b, c]: [Point3; 3]) -> Option<usize> {
-    // The largest first: it is nearly always the answer.
+    // The axis nearest to the normal comes first: it is nearly always the answer.
     let first = largest(cross(sub(b, a), sub(c, a)));
     (first..first + 3)
         .map(|k| k % 3)
@@ -62,9 +63,8 @@ pub(super) fn is_flat(t: [Point3; 3]) -> bool {
 /// This is the definition of CGAL's and libigl's `remesh_self_intersections`, but for coincident
 /// nodes with different indices: those are contact here. (libigl's `detect_only` misses folds,
 /// pairs with a common edge in one plane, where the plane is not along the axes; rational
-/// arithmetic confirms those found here.) Triangles with the same three corners and triangles
-/// without area (see [`is_flat`]) are other defects; the first give `false` here, the second must
-/// not be asked about.
+/// arithmetic confirms the folds found here.) Two triangles with one set of corners are another
+/// defect and give `false`. Triangles without area (see [`is_flat`]) must not be asked about.
 pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
     let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
     let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
@@ -153,15 +153,15 @@ fn disjoint_meet(a: [Point3; 3], b: [Point3; 3]) -> bool {
         });
     }
     let sb = sides(a, b);
-    if one_side(sb) {
-        return false;
-    }
-    let edges = |s: [i8; 3], of: [Point3; 3], t: [Point3; 3]| {
-        (0..3).map(|k| (k, (k + 1) % 3)).any(|(k, l)| {
-            s[k] * s[l] <= 0 && (s[k] != 0 || s[l] != 0) && pierces([of[k], of[l]], t)
-        })
-    };
-    edges(sa, a, b) || edges(sb, b, a)
+    !one_side(sb) && (crossing_edge_pierces(sa, a, b) || crossing_edge_pierces(sb, b, a))
+}
+
+/// Whether an edge of `of` that is not within the plane of `t` meets `t`; `sides` are the sides of
+/// that plane on which the corners lie.
+fn crossing_edge_pierces(sides: [i8; 3], of: [Point3; 3], t: [Point3; 3]) -> bool {
+    (0..3).map(|k| (k, (k + 1) % 3)).any(|(k, l)| {
+        sides[k] * sides[l] <= 0 && (sides[k] != 0 || sides[l] != 0) && pierces([of[k], of[l]], t)
+    })
 }
 
 /// Whether a segment, not within the plane of `t` and with ends on different sides of it or one end
@@ -208,9 +208,9 @@ fn flat_segments_meet(axis: usize, [p, q]: [Point3; 2], [r, s]: [Point3; 2]) -> 
         .all(|i| p[i].min(q[i]) <= r[i].max(s[i]) && r[i].min(s[i]) <= p[i].max(q[i]))
 }
 
-/// Bound of the error of a sum of three products, relative to the sum of their absolute values: two
-/// roundings of each difference and product and two of the sum are 4 ε/2; twice that, for the
-/// rounding of the bound itself.
+/// Bound of the error of a sum of three products, relative to the sum of their absolute values. The
+/// roundings of a difference and its product and two of the sum make 4 ε/2; the bound is twice as
+/// large, because it is rounded itself.
 const DOT_ERROR: f64 = 4.0 * f64::EPSILON;
 
 /// A lower and an upper bound of d · x, where the components of x are rounded differences of
@@ -222,41 +222,56 @@ fn dot_bounds(d: Point3, x: Point3) -> (f64, f64) {
     (v - error, v + error)
 }
 
+/// A vector over its length, rounded.
+#[inline]
+fn unit(v: Point3) -> Point3 {
+    let s = 1.0 / dot(v, v).sqrt();
+    v.map(|c| c * s)
+}
+
+/// The two edges of a triangle at its first corner.
+#[inline]
+fn edges_at_corner(t: [Point3; 3]) -> [Point3; 2] {
+    [sub(t[1], t[0]), sub(t[2], t[0])]
+}
+
+/// Whether the plane through the common corner with the normal `d` certainly has the vectors `a`
+/// above and the vectors `b` below.
+#[inline]
+fn is_between(d: Point3, a: [Point3; 2], b: [Point3; 2]) -> bool {
+    a.iter().all(|&x| dot_bounds(d, x).0 > 0.0) && b.iter().all(|&x| dot_bounds(d, x).1 < 0.0)
+}
+
 /// Whether a plane between two triangles with the common first corner is found by a few quick
 /// guesses. Any direction will do as a guess, however it was rounded: only the signs must be
 /// certain.
 fn corner_apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
-    let (a1, a2, b1, b2) = (
-        sub(a[1], a[0]),
-        sub(a[2], a[0]),
-        sub(b[1], b[0]),
-        sub(b[2], b[0]),
-    );
-    let unit = |v: Point3| {
-        let s = 1.0 / dot(v, v).sqrt();
-        v.map(|c| c * s)
-    };
-    let (u1, u2, v1, v2) = (unit(a1), unit(a2), unit(b1), unit(b2));
-    // From the bisector of one to the bisector of the other.
+    let (a, b) = (edges_at_corner(a), edges_at_corner(b));
+    let ([u1, u2], [v1, v2]) = (a.map(unit), b.map(unit));
+    // The direction from the bisector of one to the bisector of the other.
     let d = std::array::from_fn(|i| (u1[i] + u2[i]) - (v1[i] + v2[i]));
-    let above = |d, x| dot_bounds(d, x).0 > 0.0;
-    let below = |d, x| dot_bounds(d, x).1 < 0.0;
-    let parts = |d| above(d, a1) && above(d, a2) && below(d, b1) && below(d, b2);
-    if parts(d) {
+    if is_between(d, a, b) {
         return true;
     }
-    let (na, nb) = (cross(a1, a2), cross(b1, b2));
+    let (na, nb) = (cross(a[0], a[1]), cross(b[0], b[1]));
     // Planes through the middle of a gap between them: x and y are the edges at the gap.
     [(na, u2, v1), (na, u1, v2), (nb, u2, v1), (nb, u1, v2)]
         .into_iter()
         .any(|(n, x, y)| {
             let middle = [x[0] + y[0], x[1] + y[1], x[2] + y[2]];
             let d = cross(n, middle);
-            let (p, q) = (dot_bounds(d, a1), dot_bounds(d, a2));
-            let (r, s) = (dot_bounds(d, b1), dot_bounds(d, b2));
-            (p.0 > 0.0 && q.0 > 0.0 && r.1 < 0.0 && s.1 < 0.0)
-                || (p.1 < 0.0 && q.1 < 0.0 && r.0 > 0.0 && s.0 > 0.0)
+            is_between(d, a, b) || is_between(d, b, a)
         })
+}
+
+/// A lower bound of the least and an upper bound of the greatest d · x over the corners.
+#[inline]
+fn range_along(d: Point3, corners: [Point3; 3]) -> (f64, f64) {
+    let s = corners.map(|x| dot_bounds(d, x));
+    (
+        s[0].0.min(s[1].0).min(s[2].0),
+        s[0].1.max(s[1].1).max(s[2].1),
+    )
 }
 
 /// Whether a plane between two triangles is found by quick guesses: along the normals, and across
@@ -268,14 +283,7 @@ fn apart(a: [Point3; 3], b: [Point3; 3]) -> bool {
     let (ea, eb) = (edges(ra), edges(rb));
     let (na, nb) = (cross(ea[0], ea[1]), cross(eb[0], eb[1]));
     let separates = |d: Point3| {
-        let range = |r: [Point3; 3]| {
-            let s = r.map(|x| dot_bounds(d, x));
-            (
-                s[0].0.min(s[1].0).min(s[2].0),
-                s[0].1.max(s[1].1).max(s[2].1),
-            )
-        };
-        let (x, y) = (range(ra), range(rb));
+        let (x, y) = (range_along(d, ra), range_along(d, rb));
         x.1 < y.0 || y.1 < x.0
     };
     separates(na)

@@ -1,4 +1,4 @@
-//! What in a certificate is not acceptable.
+//! The failures of a certificate: findings that no mesh may have, and measures beyond their limits.
 
 use super::{Certificate, Defects, Distances, Place};
 
@@ -6,9 +6,9 @@ use super::{Certificate, Defects, Distances, Place};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct Failure {
-    /// The kind, in words with hyphens; kinds keep their names.
+    /// The kind, in words with hyphens; a kind keeps its name from version to version.
     pub code: &'static str,
-    /// What it is, for people.
+    /// The failure in a sentence.
     pub message: String,
     /// How many findings of the kind there are.
     pub count: usize,
@@ -37,6 +37,7 @@ impl List {
             });
         }
     }
+    /// Adds one failure.
     fn add(&mut self, code: &'static str, message: String, place: Option<Place>) {
         self.0.push(Failure {
             code,
@@ -45,7 +46,7 @@ impl List {
             place,
         });
     }
-    /// A measure that must be at least `limit`; not so is one that is no number.
+    /// A measure that must be at least `limit`; NaN is a failure.
     fn at_least(
         &mut self,
         code: &'static str,
@@ -78,7 +79,9 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
         list.add("malformed", malformed.to_string(), None);
     }
     surface(c, &mut list);
+    intersections(c, &mut list);
     volume(c, &mut list);
+    dihedral_angles(c, &mut list);
     shape(c, &mut list);
     deviation(c, &mut list);
     coverage(c, &mut list);
@@ -95,6 +98,7 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     list.0
 }
 
+/// Findings of the surface's topology.
 fn surface(c: &Certificate, list: &mut List) {
     if let Some(s) = &c.surface {
         list.none(
@@ -148,23 +152,27 @@ fn surface(c: &Certificate, list: &mut List) {
         );
         list.none("misplaced-shell", &s.misplaced_shells, one, many);
     }
-    if let Some(i) = &c.intersections {
-        list.none(
-            "self-intersection",
-            &i.pairs,
-            "pair of triangles that intersect",
-            "pairs of triangles that intersect",
+}
+
+/// Self-intersections of the surface.
+fn intersections(c: &Certificate, list: &mut List) {
+    let Some(i) = &c.intersections else { return };
+    list.none(
+        "self-intersection",
+        &i.pairs,
+        "pair of triangles that intersect",
+        "pairs of triangles that intersect",
+    );
+    if !i.complete && c.complete {
+        list.add(
+            "self-intersections-uncounted",
+            "too many self-intersections to find them all".to_owned(),
+            None,
         );
-        if !i.complete && c.complete {
-            list.add(
-                "self-intersections-uncounted",
-                "too many self-intersections to find them all".to_owned(),
-                None,
-            );
-        }
     }
 }
 
+/// Findings of the tetrahedra.
 fn volume(c: &Certificate, list: &mut List) {
     if let Some(v) = &c.volume {
         list.none(
@@ -220,6 +228,7 @@ fn volume(c: &Certificate, list: &mut List) {
     }
 }
 
+/// Distances from the solid beyond their limits, and labels or nodes that are not the solid's.
 fn deviation(c: &Certificate, list: &mut List) {
     let Some(d) = &c.deviation else { return };
     if !d.unknown_parts.is_empty() {
@@ -261,6 +270,7 @@ fn deviation(c: &Certificate, list: &mut List) {
     list.none("misclassified-node", &d.misclassified, one, many);
 }
 
+/// Feature curves without edges, and corners without nodes.
 fn coverage(c: &Certificate, list: &mut List) {
     let Some(f) = &c.coverage else { return };
     let what = "the share of the feature curves that has edges";
@@ -279,24 +289,28 @@ fn coverage(c: &Certificate, list: &mut List) {
     );
 }
 
-fn shape(c: &Certificate, list: &mut List) {
-    if let Some(q) = &c.tets {
-        let place = q.worst.first();
-        list.at_least(
-            "small-dihedral-angle",
-            "the smallest dihedral angle",
-            q.dihedral_min,
-            c.limits.dihedral_min,
-            place,
+/// Dihedral angles beyond their limits.
+fn dihedral_angles(c: &Certificate, list: &mut List) {
+    let Some(q) = &c.tets else { return };
+    let place = q.worst.first();
+    list.at_least(
+        "small-dihedral-angle",
+        "the smallest dihedral angle",
+        q.dihedral_min,
+        c.limits.dihedral_min,
+        place,
+    );
+    if q.dihedral_max.is_nan() || q.dihedral_max > c.limits.dihedral_max {
+        let message = format!(
+            "the largest dihedral angle is {:.6}, above {}",
+            q.dihedral_max, c.limits.dihedral_max
         );
-        if q.dihedral_max.is_nan() || q.dihedral_max > c.limits.dihedral_max {
-            let message = format!(
-                "the largest dihedral angle is {:.6}, above {}",
-                q.dihedral_max, c.limits.dihedral_max
-            );
-            list.add("large-dihedral-angle", message, place.cloned());
-        }
+        list.add("large-dihedral-angle", message, place.cloned());
     }
+}
+
+/// Angles of triangles and Jacobians of curved tetrahedra below their limits.
+fn shape(c: &Certificate, list: &mut List) {
     if let Some(q) = &c.triangles {
         list.at_least(
             "small-angle",

@@ -33,7 +33,7 @@ pub enum Malformed {
         array: &'static str,
         /// Its length.
         found: usize,
-        /// That of its elements.
+        /// The number of the elements that it goes with.
         wanted: usize,
     },
     /// More items than 32-bit numbers can count.
@@ -64,6 +64,14 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
     ] {
         indices(&mut found, array, flat, width, limit);
     }
+    curves(mesh, &mut found);
+    lengths(mesh, &mut found);
+    found
+}
+
+/// Looks for feature curves between parts that the mesh does not have, each a finding of its own.
+fn curves(mesh: &Mesh, found: &mut Vec<Malformed>) {
+    let parts = mesh.parts.len();
     for (k, curve) in mesh.curves.iter().enumerate() {
         if curve.parts.iter().any(|&i| i as usize >= parts) {
             found.push(Malformed::Index {
@@ -73,8 +81,6 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
             });
         }
     }
-    lengths(mesh, &mut found);
-    found
 }
 
 /// Looks for coordinates that are no numbers, and for more nodes than fit 32 bits.

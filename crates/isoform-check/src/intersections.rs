@@ -12,11 +12,13 @@ use isoform_geom::Aabb;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Leaves that are worked on between two looks at the clock and at the number of pairs found.
+/// Number of leaves between two looks at the clock and at the number of pairs found. A larger round
+/// stops later after a cancellation, a smaller one joins the threads more often.
 const ROUND: usize = 1 << 12;
-/// Leaves per task: enough work (some ten microseconds) to be worth a task.
+/// Number of leaves in a task, some ten microseconds of work. Smaller tasks cost more to hand out
+/// than they take.
 const TASK: usize = 64;
-/// Pairs that a task decides between two looks at the clock.
+/// Number of pairs that a task decides between two looks at the clock.
 const LOOKS: usize = 256;
 
 /// Where the surface meets itself.
@@ -35,7 +37,7 @@ pub struct Intersections {
 /// A pair of triangles, the lower number first.
 type Pair = (u32, u32);
 
-/// All pairs of triangles of the surface that meet wrongly. Those with `skip` are left out.
+/// All pairs of triangles of the surface that meet wrongly. Triangles with `skip` are left out.
 pub(super) fn find(
     of: Triangles<'_>,
     skip: &[bool],
@@ -81,8 +83,10 @@ fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
     }
 }
 
+/// The search for pairs of triangles that meet.
 struct Search<'m> {
     of: Triangles<'m>,
+    /// The triangles that are left out, being without area.
     skip: &'m [bool],
     tree: &'m BoxTree,
     /// The search ends when more pairs than this were found.
@@ -135,6 +139,7 @@ impl Search<'_> {
         (found, !over)
     }
 
+    /// Whether a pair meets and neither of its triangles is left out.
     fn meet(&self, (a, b): Pair) -> bool {
         let (i, j) = (a as usize, b as usize);
         let triangles = self.of.triangles;

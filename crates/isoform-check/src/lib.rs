@@ -3,9 +3,9 @@
 //! [`certify`] decides topology by indices and geometry by exact signs, never by a tolerance: a
 //! mesh without [`failures`] has a surface that is closed, oriented, manifold and free of
 //! self-intersections, and tetrahedra that fill its inside exactly once (the argument is in the
-//! module of [`Volume`]). Shape and distances are measured in doubles. Places are kept of
-//! everything that is found, up to [`Options::places`] of each kind; counts are always full. The
-//! same mesh gives the same certificate for any number of threads.
+//! module of [`Volume`]). Shape and distances are measured in doubles. Each kind of finding keeps
+//! its first places, up to [`Options::places`]; counts are always full. A mesh gives one and the
+//! same certificate for any number of threads.
 //!
 //! ```
 //! use isoform_geom::Mesh;
@@ -67,10 +67,10 @@ pub struct Options<'a> {
     pub curves: &'a [Vec<Point3>],
     /// Corners that the mesh must have nodes at.
     pub corners: &'a [Point3],
-    /// The size of elements that was asked for, which tells how near edges must be to feature
-    /// curves; the mean edge length of the surface if not given.
+    /// The size of elements that was asked for; it tells how near edges must be to feature curves.
+    /// Without it the mean edge length of the surface serves.
     pub size: Option<f64>,
-    /// The box that the solid was cut off at, if it was: its sides are parts of the solid then.
+    /// The box at which the solid was cut off, if it was: its sides are parts of the solid then.
     pub region: Option<Aabb>,
     /// What is acceptable.
     pub limits: Limits,
@@ -122,7 +122,8 @@ impl Default for Limits {
             dihedral_max: 180.0,
             angle_min: 0.0,
             scaled_jacobian_min: 0.0,
-            // Far above what iterations in doubles leave, far below what anything is made to.
+            // An iteration in doubles ends far nearer to the surface, and no part is made to such a
+            // tolerance.
             node_distance: 1e-9,
             chord: f64::INFINITY,
             covered: 0.999,
@@ -219,14 +220,26 @@ fn examine(
         control.check().ok()?;
         certificate.deviation = Some(deviation);
     }
-    if !options.curves.is_empty() || !options.corners.is_empty() {
-        control.begin("looking for features").ok()?;
-        let mean = certificate.triangles.as_ref().map(|t| t.edges.mean);
-        let size = options.size.or(mean).unwrap_or(0.0);
-        let coverage = coverage::measure(mesh, triangles, size, options, control);
-        control.check().ok()?;
-        certificate.coverage = Some(coverage);
+    examine_features(mesh, triangles, options, control, certificate)
+}
+
+/// The search for feature curves and corners, if there are some to look for; `None` if stopped.
+fn examine_features(
+    mesh: &Mesh,
+    triangles: &[[u32; 3]],
+    options: &Options<'_>,
+    control: &Control<'_>,
+    certificate: &mut Certificate,
+) -> Option<()> {
+    if options.curves.is_empty() && options.corners.is_empty() {
+        return Some(());
     }
+    control.begin("looking for features").ok()?;
+    let mean = certificate.triangles.as_ref().map(|t| t.edges.mean);
+    let size = options.size.or(mean).unwrap_or(0.0);
+    let coverage = coverage::measure(mesh, triangles, size, options, control);
+    control.check().ok()?;
+    certificate.coverage = Some(coverage);
     Some(())
 }
 

@@ -1,19 +1,18 @@
-//! Measures of one tetrahedron or triangle, without branches: angles, volumes, shape.
+//! Measures of one tetrahedron or triangle: angles, volumes, shape.
 //!
 //! With the area vectors nᵢ (outward, twice the area) of the faces opposite to the corners, the
 //! dihedral angle θ between the faces i and j has cos θ = −nᵢ·nⱼ/(|nᵢ||nⱼ|) and sin θ =
-//! 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted tetrahedra give no
-//! special case: their sines are ≤ 0. Lengths whose squares leave the range of doubles are not
-//! looked after.
+//! 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted tetrahedra need no
+//! special case: their sines are ≤ 0. Lengths must have squares within the range of doubles.
 
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
 /// The two faces, by the corners opposite to them, of each of the six dihedral angles; their edge
 /// joins the other two corners.
 pub const DIHEDRALS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-/// What an obtuse angle's sine is multiplied by in the biased minimum sine (Klingner and Shewchuk,
-/// 2008, "Aggressive Tetrahedral Mesh Improvement"): large angles harm the interpolation, small
-/// ones only the condition number.
+/// The factor of an obtuse angle's sine in the biased minimum sine (Klingner and Shewchuk, 2008,
+/// "Aggressive Tetrahedral Mesh Improvement"): large angles harm the interpolation, small ones only
+/// the condition number.
 pub const OBTUSE_WEIGHT: f64 = 0.7;
 
 /// Six times the signed volume: (b − a) · ((c − a) × (d − a)), rounded.
@@ -54,7 +53,7 @@ pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
     sines(&Shape::of(p))
 }
 
-/// What all measures of a tetrahedron are made of.
+/// The quantities that all measures of a tetrahedron are made of.
 ///
 /// ```
 /// use isoform_check::quality::{Shape, degrees, dihedral_cosines};
@@ -82,7 +81,7 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Of the tetrahedron with these corners.
+    /// The shape of the tetrahedron with these corners.
     pub fn of(p: [Point3; 4]) -> Self {
         let normals = face_normals(p);
         let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
@@ -155,7 +154,7 @@ pub fn triangle_cosines([a, b, c]: [Point3; 3]) -> [f64; 3] {
         .map(|[j, k]| -dot(e[j], e[k]) / (length[j] * length[k]).max(f64::MIN_POSITIVE))
 }
 
-/// The angle of a cosine in degrees, of rounded cosines beyond ±1, too.
+/// The angle of a cosine in degrees; a cosine beyond ±1 by rounding counts as ±1.
 pub fn degrees(cosine: f64) -> f64 {
     cosine.clamp(-1.0, 1.0).acos().to_degrees()
 }

@@ -3,14 +3,15 @@
 /// For each node, the elements that it is a corner of, in ascending order.
 #[derive(Debug)]
 pub(super) struct Stars {
-    /// Where the elements of each node begin; one more than there are nodes.
+    /// The place in `elements` at which the elements of each node begin, and at last their number.
     offsets: Vec<u32>,
+    /// The elements, node by node.
     elements: Vec<u32>,
 }
 
 impl Stars {
-    /// Of elements with `N` corners. Indices must be below `nodes`, and there must be fewer than
-    /// 2³² corners.
+    /// The stars of elements with `N` corners. Indices must be below `nodes`, and there must be
+    /// fewer than 2³² corners.
     pub(super) fn new<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Self {
         let mut offsets = vec![0u32; nodes + 1];
         for i in elements.iter().flatten() {
@@ -27,7 +28,7 @@ impl Stars {
                 *slot += 1;
             }
         }
-        // Each offset now is the next one's: move them back.
+        // Each offset has moved to the next node's: a rotation brings them back.
         offsets.rotate_right(1);
         offsets[0] = 0;
         Self {
@@ -36,14 +37,14 @@ impl Stars {
         }
     }
 
-    /// Elements around a node; an element that has the node more than once comes as often.
+    /// Elements around a node; an element that has the node twice comes twice.
     pub(super) fn of(&self, node: usize) -> &[u32] {
         &self.elements[self.offsets[node] as usize..self.offsets[node + 1] as usize]
     }
 }
 
-/// Ranges of `0..n` for tasks of about `size` each. The ranges, and so the order of sums, depend on
-/// nothing else.
+/// Ranges of `0..n` for tasks of `size` each, the last one shorter. The ranges depend on `n` and
+/// `size` alone, and so does the order of sums.
 pub(super) fn blocks(n: usize, size: usize) -> Vec<std::ops::Range<usize>> {
     (0..n)
         .step_by(size)

@@ -17,7 +17,7 @@ use isoform_geom::Point3;
 use rayon::prelude::*;
 use shells::{Shells, misplaced};
 
-/// Nodes or triangles per task.
+/// Number of nodes or triangles in a task.
 const TASK: usize = 8192;
 
 /// Topology and measure of the surface.
@@ -107,9 +107,11 @@ pub(super) struct Triangles<'m> {
 }
 
 impl Triangles<'_> {
+    /// The point of a node.
     fn point(&self, node: u32) -> Point3 {
         self.points[node as usize]
     }
+    /// The points of a triangle's corners.
     pub(super) fn corners(&self, t: [u32; 3]) -> [Point3; 3] {
         t.map(|i| self.point(i))
     }
@@ -178,7 +180,7 @@ pub(super) fn examine(
 }
 
 impl Surface {
-    /// Triangles without an area.
+    /// Adds the triangles without area: degenerate by index, or flat by exact sign.
     fn add_without_area(&mut self, of: Triangles<'_>, flat: &[bool], room: usize) {
         for (k, t) in of.triangles.iter().enumerate().filter(|&(k, _)| flat[k]) {
             let defects = if is_degenerate(t) {
@@ -195,7 +197,7 @@ impl Surface {
         }
     }
 
-    /// Feature edges that are no edges of triangles.
+    /// Adds the feature edges that are no edges of triangles.
     fn add_loose_edges(&mut self, around: &Surroundings<'_>, features: &[[u32; 2]]) {
         for &[a, b] in features {
             if a == b || !around.has_edge(a, b) {
@@ -208,7 +210,7 @@ impl Surface {
         }
     }
 
-    /// Joins what the runs of nodes have, and completes the shells by it.
+    /// Joins the findings of the runs of nodes, and completes the shells by their edges.
     fn add_runs(&mut self, runs: Vec<Run>, shells: &mut [Shell], room: usize) {
         let mut broken = vec![false; shells.len()];
         for run in runs {
@@ -228,15 +230,21 @@ impl Surface {
         }
         for (shell, broken) in shells.iter_mut().zip(broken) {
             shell.euler += shell.triangles as i64;
-            shell.genus = if broken {
-                None
-            } else {
-                u64::try_from((2 - shell.euler) / 2).ok()
-            };
-            self.euler += shell.euler;
-            self.volume += shell.volume;
-            self.area += shell.area;
-            self.components += usize::from(shell.volume > 0.0);
+            shell.genus = if broken { None } else { genus(shell.euler) };
+            self.add_shell(shell);
         }
     }
+
+    /// Adds the measure of a shell.
+    fn add_shell(&mut self, shell: &Shell) {
+        self.euler += shell.euler;
+        self.volume += shell.volume;
+        self.area += shell.area;
+        self.components += usize::from(shell.volume > 0.0);
+    }
+}
+
+/// Number of handles of a closed orientable surface: χ = 2 − 2g.
+fn genus(euler: i64) -> Option<u64> {
+    u64::try_from((2 - euler) / 2).ok()
 }

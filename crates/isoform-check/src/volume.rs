@@ -4,8 +4,8 @@
 //! other faces form a surface that is closed, embedded and oriented outward with no component
 //! inside another one, then the tetrahedra fill the inside of the surface exactly once. For the
 //! number of tetrahedra over a point changes only across faces of one tetrahedron, there by the
-//! sense of the face; so it is the number of times that the surface winds around the point, 1
-//! inside and 0 outside. No geometric test of overlap is needed.
+//! sense of the face. It equals the number of times that the surface winds around the point, 1
+//! inside and 0 outside, so that no geometric test of overlap is needed.
 //!
 //! Everything is read off the elements around each node (`faces`): a face or an edge belongs to its
 //! lowest node.
@@ -21,7 +21,7 @@ use faces::{Elements, Run, Work};
 use isoform_geom::Mesh;
 use rayon::prelude::*;
 
-/// Nodes or tetrahedra per task.
+/// Number of nodes or tetrahedra in a task.
 const TASK: usize = 4096;
 /// The share of inner faces that [`Volume::size_ratio`] is about.
 const MOST: f64 = 0.999;
@@ -47,7 +47,7 @@ pub struct Volume {
     pub folded_faces: Defects,
     /// Whether the mesh has triangles of its own; if not, the surface is taken from the tetrahedra.
     pub has_surface: bool,
-    /// Faces of one tetrahedron that are no triangle of the surface. None are looked for without
+    /// Faces of one tetrahedron that are no triangle of the surface; looked for only with
     /// [`Self::has_surface`].
     pub uncovered_faces: Defects,
     /// Triangles of the surface that are the face of one tetrahedron, but turned inward.
@@ -121,7 +121,7 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
 }
 
 impl Volume {
-    /// Joins what a later run of nodes has.
+    /// Joins the counts and defects of a later run of nodes.
     fn append(&mut self, room: usize, run: Self) {
         self.nodes += run.nodes;
         self.faces += run.faces;

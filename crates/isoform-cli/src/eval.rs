@@ -88,28 +88,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
     let table = output::text(output::read_file(&args.points)?);
     let rows = points(&args.points, &table, model.dimension())?;
-    let template = (args.reading != Reading::Algebraic)
-        .then(|| template(&args.model, &model))
-        .transpose()?;
-    let cells: Vec<Cell> = rows
-        .par_chunks(CHUNK)
-        .flat_map_iter(|rows| {
-            let mut cells = evaluate(&model, rows, &a, context);
-            if let Some(template) = &template {
-                read_otherwise(template, args.reading, rows, &a, &mut cells);
-            }
-            cells
-        })
-        .collect();
+    let cells = cells(args, &model, &rows, &a, context)?;
 
     let failures = Failures::of(&cells);
-    if let Some(first) = failures.first {
-        context.warn(format_args!(
-            "{} of {} rows failed, the first with {first}",
-            failures.count,
-            cells.len()
-        ));
-    }
+    failures.warn(context);
     context.note(format_args!(
         "{} rows of `{}` with a = {a:?}",
         cells.len(),
@@ -134,6 +116,27 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(Outcome { exit, json, stdout })
 }
 
+/// The cell of every row, in the reading that is asked for; chunks of rows run in parallel.
+fn cells(
+    args: &Args,
+    model: &Model,
+    rows: &[Row<'_>],
+    a: &[f64],
+    context: &Context,
+) -> Result<Vec<Cell>, Failure> {
+    let template = (args.reading != Reading::Algebraic)
+        .then(|| template(&args.model, model))
+        .transpose()?;
+    let of_chunk = |rows: &[Row<'_>]| {
+        let mut cells = evaluate(model, rows, a, context);
+        if let Some(template) = &template {
+            read_otherwise(template, args.reading, rows, a, &mut cells);
+        }
+        cells
+    };
+    Ok(rows.par_chunks(CHUNK).flat_map_iter(of_chunk).collect())
+}
+
 /// The rows without a value.
 struct Failures<'c> {
     count: usize,
@@ -151,6 +154,15 @@ impl<'c> Failures<'c> {
             count: errors.count() + usize::from(first.is_some()),
             rows: cells.len(),
             first,
+        }
+    }
+    /// Says how many rows failed.
+    fn warn(&self, context: &Context) {
+        if let Some(first) = self.first {
+            context.warn(format_args!(
+                "{} of {} rows failed, the first with {first}",
+                self.count, self.rows
+            ));
         }
     }
     fn exit(&self) -> u8 {

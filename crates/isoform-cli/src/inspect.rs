@@ -4,7 +4,7 @@ use crate::mesh::table;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
 use isoform::check::{Options, certify};
-use isoform::io::{Inspection, MeshPoints, inspect};
+use isoform::io::{ColumnRange, Inspection, MeshPoints, inspect};
 use isoform::mesh::Control;
 use isoform::report::{CertificateReport, ContentsReport, InspectReport, brief};
 use serde_json::json;
@@ -128,15 +128,7 @@ fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str,
         ("unit", format!("{unit} ({})", seen.unit.reason)),
         ("with", with(seen)),
     ]);
-    lines.extend(seen.columns.iter().map(|c| {
-        let missing = if c.missing > 0 {
-            format!(", {} missing", c.missing)
-        } else {
-            String::new()
-        };
-        let (min, max) = (brief(c.min), brief(c.max));
-        ("column", format!("{} from {min} to {max}{missing}", c.name))
-    }));
+    lines.extend(seen.columns.iter().map(|c| ("column", column(c))));
     if seen.dropped_points > 0 {
         let count = seen.dropped_points;
         lines.push(("dropped", format!("{count} points that are not finite")));
@@ -145,6 +137,17 @@ fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str,
         lines.push(("duplicates", seen.duplicates.to_string()));
     }
     lines
+}
+
+/// The name of a column and the range of its values.
+fn column(c: &ColumnRange) -> String {
+    let missing = if c.missing > 0 {
+        format!(", {} missing", c.missing)
+    } else {
+        String::new()
+    };
+    let (min, max) = (brief(c.min), brief(c.max));
+    format!("{} from {min} to {max}{missing}", c.name)
 }
 
 /// What there is beside positions.

@@ -47,16 +47,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     // What the template says wrong is said before a folder is made.
     let request = args.options.request(&template);
     let model = gallery::template(&template, &request.language, context)?;
-    let outputs = if args.output.is_empty() {
-        default_outputs(context)?
-    } else {
-        args.output.clone()
-    };
-    let (outputs, meshes): (Vec<PathBuf>, Vec<PathBuf>) = outputs
-        .into_iter()
-        .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
-    files::check(&outputs)?;
-    let targets = mesh::files::targets(&meshes, None, context)?;
+    let (outputs, targets) = outputs(args, context)?;
     let scan = match &args.scan {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded(),
@@ -80,6 +71,21 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
     }
     Ok(told.outcome())
+}
+
+/// The files to write: those of the fit, and those of the mesh.
+fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>), Failure> {
+    let outputs = if args.output.is_empty() {
+        default_outputs(context)?
+    } else {
+        args.output.clone()
+    };
+    let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = outputs
+        .into_iter()
+        .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
+    files::check(&results)?;
+    let targets = mesh::files::targets(&meshes, None, context)?;
+    Ok((results, targets))
 }
 
 /// What is said of the fit, and then of the mesh.

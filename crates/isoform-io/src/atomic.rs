@@ -14,54 +14,63 @@ pub fn write_atomic(
     write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
 ) -> Result<(), WriteError> {
     let fail = |what, e: &io::Error| WriteError::io(what, path.display().to_string(), e);
+    let cannot_write = |e: io::Error| fail("cannot write the file", &e);
     // Through a link, the file it points to is replaced, not the link.
     let target = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
     let old = fs::metadata(&target).ok();
-    if old.as_ref().is_some_and(|m| m.is_dir()) {
-        return Err(fail(
-            "cannot write the file",
-            &io::Error::from(io::ErrorKind::IsADirectory),
-        ));
-    }
-    if old.as_ref().is_some_and(|m| !m.is_file()) {
-        let file = fs::OpenOptions::new()
-            .write(true)
-            .open(&target)
-            .map_err(|e| fail("cannot open the file for writing", &e))?;
-        let mut out = BufWriter::new(file);
-        return write(&mut out)
-            .and_then(|()| out.flush())
-            .map_err(|e| fail("cannot write the file", &e));
-    }
-    // A rename would replace a file that its owner has protected.
-    if old.as_ref().is_some_and(|m| m.permissions().readonly()) {
-        return Err(fail(
-            "cannot write the file",
-            &io::Error::new(
-                io::ErrorKind::PermissionDenied,
+    if let Some(old) = &old {
+        if old.is_dir() {
+            return Err(cannot_write(io::ErrorKind::IsADirectory.into()));
+        }
+        if !old.is_file() {
+            let file = fs::OpenOptions::new()
+                .write(true)
+                .open(&target)
+                .map_err(|e| fail("cannot open the file for writing", &e))?;
+            let mut out = BufWriter::new(file);
+            return write(&mut out)
+                .and_then(|()| out.flush())
+                .map_err(cannot_write);
+        }
+        // A rename would replace a file that its owner has protected.
+        if old.permissions().readonly() {
+            let kind = io::ErrorKind::PermissionDenied;
+            return Err(cannot_write(io::Error::new(
+                kind,
                 "the file is write-protected",
-            ),
-        ));
+            )));
+        }
     }
     let (file, temporary) =
         temporary_beside(&target).map_err(|e| fail("cannot make a file in the folder", &e))?;
-    let mut out = BufWriter::with_capacity(1 << 18, file);
-    let done = write(&mut out)
-        .and_then(|()| out.flush())
-        .and_then(|()| match &old {
-            Some(m) => out.get_ref().set_permissions(m.permissions()),
-            None => Ok(()),
+    write_whole(file, old.map(|old| old.permissions()), write)
+        .and_then(|()| fs::rename(&temporary, &target))
+        .map_err(|e| {
+            // The first error is the one to tell; a temporary file that cannot be removed is litter
+            // at worst.
+            let _ = fs::remove_file(&temporary);
+            cannot_write(e)
         })
-        .and_then(|()| out.get_ref().sync_all())
-        .and_then(|()| fs::rename(&temporary, &target));
-    done.map_err(|e| {
-        // The first error is the one to tell; a temporary file that cannot be removed is litter at
-        // worst.
-        let _ = fs::remove_file(&temporary);
-        fail("cannot write the file", &e)
-    })
 }
 
+/// Writes a new file, gives it the permissions of the file that it is to replace, and waits until
+/// it is on the disk.
+fn write_whole(
+    file: File,
+    permissions: Option<fs::Permissions>,
+    write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+) -> io::Result<()> {
+    let mut out = BufWriter::with_capacity(1 << 18, file);
+    write(&mut out)?;
+    out.flush()?;
+    if let Some(permissions) = permissions {
+        out.get_ref().set_permissions(permissions)?;
+    }
+    out.get_ref().sync_all()
+}
+
+/// A new, hidden file in the folder of a file, and its path. Its name holds the process and a
+/// number, so that neither other processes nor other threads take it.
 fn temporary_beside(target: &Path) -> io::Result<(File, PathBuf)> {
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target

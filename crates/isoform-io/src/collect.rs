@@ -206,37 +206,60 @@ impl Collector {
             .map(|(cloud, _)| cloud)
     }
 
-    /// The same, with the groups of triangles.
+    /// The cloud and the groups of its triangles, all rows being offered; the counts and whatever
+    /// was odd go into the report.
     pub(crate) fn finish_with_parts(
         mut self,
         input: &Input<'_>,
         options: &ReadOptions,
         report: &mut ReadReport,
     ) -> Result<(PointCloud, Parts)> {
-        if let Some((index, at)) = self.highest
-            && (index >= self.rows || index > u64::from(u32::MAX))
-        {
-            return Err(ReadError {
-                kind: if index >= self.rows {
-                    ErrorKind::Index
-                } else {
-                    ErrorKind::TooLarge
-                },
-                what: "a face names a point that is not there",
-                place: Place {
-                    file: input.name.clone(),
-                    at,
-                },
-                why: format!(
-                    "index {index} (from 0) where the file has {} points",
-                    self.rows
-                ),
-                hint: "export the mesh again; if only the points matter, remove the faces",
-            });
-        }
+        self.check_corners(input)?;
         report.rows = self.rows;
         report.dropped_points = self.dropped;
         report.subsampled = self.is_sampled();
+        self.finish_triangles(report);
+        self.tell_dropped(report);
+        self.finish_colors(report);
+        finish_normals(&mut self.cloud.normals, report);
+        finish_columns(&mut self.cloud.columns, report);
+        if options.recenter {
+            self.cloud.origin = far_center(&self.bounds);
+            recenter(&mut self.cloud.points, self.cloud.origin);
+        }
+        Ok((self.cloud, self.parts))
+    }
+
+    /// Refuses triangles with a corner that no row gave.
+    fn check_corners(&self, input: &Input<'_>) -> Result<()> {
+        let Some((index, at)) = self.highest else {
+            return Ok(());
+        };
+        let kind = if index >= self.rows {
+            ErrorKind::Index
+        } else if index > u64::from(u32::MAX) {
+            ErrorKind::TooLarge
+        } else {
+            return Ok(());
+        };
+        Err(ReadError {
+            kind,
+            what: "a face names a point that is not there",
+            place: Place {
+                file: input.name.clone(),
+                at,
+            },
+            why: format!(
+                "index {index} (from 0) where the file has {} points",
+                self.rows
+            ),
+            hint: "export the mesh again; if only the points matter, remove the faces",
+        })
+    }
+
+    /// Puts a sample into the order of the file, without triangles; else numbers the triangles'
+    /// corners as the rows that were kept.
+    fn finish_triangles(&mut self, report: &mut ReadReport) {
         if self.is_sampled() {
             self.sort_by_row();
             if self.highest.is_some() {
@@ -249,6 +272,10 @@ impl Collector {
         } else if !self.dropped_rows.is_empty() {
             report.dropped_triangles += self.renumber();
         }
+    }
+
+    /// Warns of dropped points and triangles.
+    fn tell_dropped(&self, report: &mut ReadReport) {
         if self.dropped > 0 {
             report.warnings.push(format!(
                 "{} of {} points have coordinates that are not finite and were dropped",
@@ -261,27 +288,6 @@ impl Collector {
                 report.dropped_triangles
             ));
         }
-        self.finish_colors(report);
-        finish_normals(&mut self.cloud.normals, report);
-        for column in &self.cloud.columns {
-            let bad = column.values.iter().filter(|v| !v.is_finite()).count();
-            if bad > 0 {
-                report.warnings.push(format!(
-                    "column \"{}\" has {bad} values that are not finite; they are kept as NaN",
-                    column.name
-                ));
-            }
-        }
-        for v in self.cloud.columns.iter_mut().flat_map(|c| &mut c.values) {
-            if !v.is_finite() {
-                *v = f64::NAN;
-            }
-        }
-        if options.recenter {
-            self.cloud.origin = far_center(&self.bounds);
-            recenter(&mut self.cloud.points, self.cloud.origin);
-        }
-        Ok((self.cloud, self.parts))
     }
 
     /// The reservoir has no order; the file has.
@@ -403,6 +409,22 @@ fn far_center(bounds: &Aabb) -> Point3 {
             0.0
         }
     })
+}
+
+/// Turns column values that are not finite into NaN, and warns of columns that have some.
+fn finish_columns(columns: &mut [Column], report: &mut ReadReport) {
+    for column in columns {
+        let bad = column.values.iter().filter(|v| !v.is_finite()).count();
+        if bad > 0 {
+            report.warnings.push(format!(
+                "column \"{}\" has {bad} values that are not finite; they are kept as NaN",
+                column.name
+            ));
+        }
+        for v in column.values.iter_mut().filter(|v| !v.is_finite()) {
+            *v = f64::NAN;
+        }
+    }
 }
 
 /// Subtracts the origin. Exact by Sterbenz's lemma: on an axis that is moved |p − origin| is at

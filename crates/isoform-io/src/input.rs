@@ -45,17 +45,39 @@ pub(crate) struct Input<'a> {
     lone_cr: Option<bool>,
 }
 
+/// A stream, and its length in bytes.
+type Opened<'a> = (Box<dyn Stream + 'a>, u64);
+
+/// Bytes in memory as a stream.
+fn held<'a>(bytes: impl AsRef<[u8]> + Send + Sync + 'a) -> Opened<'a> {
+    let size = bytes.as_ref().len() as u64;
+    (Box::new(Cursor::new(bytes)), size)
+}
+
+/// A file as a stream. A pipe or a device, which has no length and cannot be sought in, is read
+/// into memory.
+fn open_file<'a>(path: &Path) -> std::io::Result<Opened<'a>> {
+    let mut file = std::fs::File::open(path)?;
+    let meta = file.metadata()?;
+    if meta.is_dir() {
+        return Err(std::io::Error::other("it is a folder, not a file"));
+    }
+    if meta.is_file() {
+        let stream = BufReader::with_capacity(BLOCK, file);
+        return Ok((Box::new(stream), meta.len()));
+    }
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes)?;
+    Ok(held(bytes))
+}
+
 impl<'a> Input<'a> {
     pub(crate) fn open(source: Source<'a>) -> Result<Self> {
-        let (name, stream, size): (String, Box<dyn Stream + 'a>, u64) = match source {
-            Source::Bytes { name, bytes } => (
-                name.to_owned(),
-                Box::new(Cursor::new(bytes)),
-                bytes.len() as u64,
-            ),
+        let (name, (stream, size)) = match source {
+            Source::Bytes { name, bytes } => (name.to_owned(), held(bytes)),
             Source::Path(path) => {
                 let name = path.display().to_string();
-                let fail = |e: std::io::Error| ReadError {
+                let stream = open_file(path).map_err(|e| ReadError {
                     kind: ErrorKind::Unreadable,
                     what: "cannot open the file",
                     place: Place {
@@ -64,25 +86,8 @@ impl<'a> Input<'a> {
                     },
                     why: e.to_string(),
                     hint: "check the name and the permissions",
-                };
-                let mut file = std::fs::File::open(path).map_err(fail)?;
-                let meta = file.metadata().map_err(fail)?;
-                if meta.is_dir() {
-                    return Err(fail(std::io::Error::other("it is a folder, not a file")));
-                }
-                if meta.is_file() {
-                    (
-                        name,
-                        Box::new(BufReader::with_capacity(BLOCK, file)),
-                        meta.len(),
-                    )
-                } else {
-                    // A pipe or a device: no length and no seeking, so it is held.
-                    let mut bytes = Vec::new();
-                    file.read_to_end(&mut bytes).map_err(fail)?;
-                    let size = bytes.len() as u64;
-                    (name, Box::new(Cursor::new(bytes)), size)
-                }
+                })?;
+                (name, stream)
             }
         };
         Ok(Self {
@@ -203,61 +208,11 @@ impl<'a> Input<'a> {
     }
 
     /// Reads a line without its end into `text`; false at the end of the file. Bytes that are not
-    /// UTF-8 become U+FFFD.
+    /// UTF-8 become U+FFFD, and a byte order mark at the start of the file is left out.
     pub(crate) fn read_line(&mut self, text: &mut String, bytes: &mut Vec<u8>) -> Result<bool> {
         bytes.clear();
         text.clear();
-        let mut ended = false;
-        let mut any = false;
-        while !ended {
-            let block = match self.stream.fill_buf() {
-                Ok(block) => block,
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
-                Err(e) => return Err(self.unreadable(&e)),
-            };
-            if block.is_empty() {
-                break;
-            }
-            any = true;
-            if self.lone_cr.is_none()
-                && let Some(at) = block.iter().position(|&b| b == b'\n' || b == b'\r')
-            {
-                // The last byte of a block cannot tell; the next call then decides, at worst by one
-                // odd line.
-                self.lone_cr = match (block[at], block.get(at + 1)) {
-                    (b'\n', _) | (_, Some(b'\n')) => Some(false),
-                    (_, None) if (self.offset + at as u64 + 1) < self.size => None,
-                    _ => Some(true),
-                };
-            }
-            let end = if self.lone_cr == Some(true) {
-                b'\r'
-            } else {
-                b'\n'
-            };
-            let at = block.iter().position(|&b| b == end);
-            let used = at.map_or(block.len(), |at| at + 1);
-            bytes.extend_from_slice(&block[..at.unwrap_or(block.len())]);
-            ended = at.is_some();
-            self.stream.consume(used);
-            self.offset += used as u64;
-            if bytes.len() > MAX_LINE {
-                let why = format!(
-                    "line {} is longer than {} MiB",
-                    self.line + 1,
-                    MAX_LINE >> 20
-                );
-                let hint = "this is probably not a text file; name the format";
-                return Err(self.error(
-                    ErrorKind::Corrupt,
-                    self.at_byte(),
-                    "cannot read the text",
-                    why,
-                    hint,
-                ));
-            }
-        }
-        if !any {
+        if !self.read_to_line_end(bytes)? {
             return Ok(false);
         }
         self.line += 1;
@@ -274,6 +229,71 @@ impl<'a> Input<'a> {
             Err(_) => text.push_str(&String::from_utf8_lossy(bytes)),
         }
         Ok(true)
+    }
+
+    /// Consumes the bytes up to the next line end and appends them without it; false at the end of
+    /// the file.
+    fn read_to_line_end(&mut self, bytes: &mut Vec<u8>) -> Result<bool> {
+        let mut any = false;
+        loop {
+            let block = match self.stream.fill_buf() {
+                Ok(block) => block,
+                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => continue,
+                Err(e) => return Err(self.unreadable(&e)),
+            };
+            if block.is_empty() {
+                return Ok(any);
+            }
+            any = true;
+            if self.lone_cr.is_none() {
+                self.lone_cr = ends_in_lone_cr(block, self.size.saturating_sub(self.offset));
+            }
+            let end = if self.lone_cr == Some(true) {
+                b'\r'
+            } else {
+                b'\n'
+            };
+            let at = block.iter().position(|&b| b == end);
+            let used = at.map_or(block.len(), |at| at + 1);
+            bytes.extend_from_slice(&block[..at.unwrap_or(block.len())]);
+            self.stream.consume(used);
+            self.offset += used as u64;
+            if bytes.len() > MAX_LINE {
+                return Err(self.line_too_long());
+            }
+            if at.is_some() {
+                return Ok(true);
+            }
+        }
+    }
+
+    /// The error for a line of more than [`MAX_LINE`] bytes.
+    fn line_too_long(&self) -> ReadError {
+        let why = format!(
+            "line {} is longer than {} MiB",
+            self.line + 1,
+            MAX_LINE >> 20
+        );
+        let hint = "this is probably not a text file; name the format";
+        self.error(
+            ErrorKind::Corrupt,
+            self.at_byte(),
+            "cannot read the text",
+            why,
+            hint,
+        )
+    }
+}
+
+/// Whether the first line end in a block is a lone carriage return, with `left` bytes from the
+/// start of the block to the end of the file; nothing where the block does not tell.
+fn ends_in_lone_cr(block: &[u8], left: u64) -> Option<bool> {
+    let at = block.iter().position(|&b| b == b'\n' || b == b'\r')?;
+    match (block[at], block.get(at + 1)) {
+        (b'\n', _) | (_, Some(b'\n')) => Some(false),
+        // The last byte of a block cannot tell; the next block decides, at worst by one odd line.
+        (_, None) if at as u64 + 1 < left => None,
+        _ => Some(true),
     }
 }
 

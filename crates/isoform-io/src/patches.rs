@@ -294,10 +294,7 @@ impl Net {
                 let p: Point3 = point(p, || format!("{at}, point {place}"))?;
                 let w = match &weights {
                     None => 1.0,
-                    Some(w) => number(&w[i][j]).map_or_else(
-                        || wrong(format!("{at}, weight {place}"), "a number is expected"),
-                        Ok,
-                    )?,
+                    Some(w) => weight(&w[i][j], || format!("{at}, weight {place}"))?,
                 };
                 let (p, w) = (p.map(exact), exact(w));
                 control.push([&p[0] * &w, &p[1] * &w, &p[2] * &w, w]);
@@ -324,6 +321,11 @@ fn rows<'a>(value: &'a Value, key: &str, at: &str) -> Result<Vec<&'a [Value]>> {
         return wrong(format!("{at}, {key}"), "rows of one length are expected");
     }
     Ok(rows)
+}
+
+/// A number.
+fn weight(value: &Value, at: impl Fn() -> String) -> Result<f64> {
+    number(value).map_or_else(|| wrong(at(), "a number is expected"), Ok)
 }
 
 /// N numbers.

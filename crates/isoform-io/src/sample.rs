@@ -12,28 +12,12 @@ pub(crate) fn surface_samples(
     seed: u64,
     report: &mut ReadReport,
 ) -> PointCloud {
-    let corner = |t: &[u32; 3], k: usize| mesh.points[t[k] as usize];
-    let area_vector = |t: &[u32; 3]| {
-        cross(
-            sub(corner(t, 1), corner(t, 0)),
-            sub(corner(t, 2), corner(t, 0)),
-        )
-    };
-    let mut total = 0.0;
-    let sums: Vec<f64> = mesh
-        .triangles
-        .iter()
-        .map(|t| {
-            let area = norm(area_vector(t));
-            total += if area.is_finite() { area } else { 0.0 };
-            total
-        })
-        .collect();
+    let areas = AreaSums::of(mesh);
     let mut out = PointCloud {
         origin: mesh.origin,
         ..PointCloud::default()
     };
-    if total <= 0.0 || !total.is_finite() {
+    if areas.total <= 0.0 || !areas.total.is_finite() {
         report.warn("the triangles have no area, so that no points could be sampled on them");
         return out;
     }
@@ -42,29 +26,66 @@ pub(crate) fn surface_samples(
     }
     let mut rng = fastrand::Rng::with_seed(seed);
     for _ in 0..n {
-        let at = rng.f64() * total;
-        // Rounding can give `total` itself, which belongs to the last triangle that has an area.
-        let i = if at < total {
-            sums.partition_point(|&s| s <= at)
-        } else {
-            sums.partition_point(|&s| s < total)
-        };
-        let t = &mesh.triangles[i];
+        let t = &mesh.triangles[areas.triangle_at(rng.f64() * areas.total)];
         let (r, s) = (rng.f64().sqrt(), rng.f64());
         let weights = [1.0 - r, r * (1.0 - s), r * s];
-        out.points
-            .push(mix(weights, std::array::from_fn(|k| corner(t, k))));
-        let v = area_vector(t);
+        out.points.push(mix(weights, corners(mesh, t)));
+        let v = area_vector(mesh, t);
         out.normals.push(v.map(|x| x / norm(v)));
         if !mesh.colors.is_empty() {
-            let c = mix(
-                weights,
-                std::array::from_fn(|k| mesh.colors[t[k] as usize].map(f64::from)),
-            );
-            out.colors.push(c.map(|x| x.round() as u8));
+            let colors = t.map(|c| mesh.colors[c as usize].map(f64::from));
+            out.colors
+                .push(mix(weights, colors).map(|x| x.round() as u8));
         }
     }
     out
+}
+
+/// The triangles' areas (twice, which their shares do not see), summed up to each of them.
+struct AreaSums {
+    sums: Vec<f64>,
+    total: f64,
+}
+
+impl AreaSums {
+    /// The sums of a mesh; a triangle whose area is not finite counts as one without area.
+    fn of(mesh: &PointCloud) -> Self {
+        let mut total = 0.0;
+        let sums = mesh
+            .triangles
+            .iter()
+            .map(|t| {
+                let area = norm(area_vector(mesh, t));
+                total += if area.is_finite() { area } else { 0.0 };
+                total
+            })
+            .collect();
+        Self { sums, total }
+    }
+
+    /// The triangle at `at` of the total area. Rounding can give `total` itself, which belongs to
+    /// the last triangle that has an area.
+    #[inline]
+    fn triangle_at(&self, at: f64) -> usize {
+        if at < self.total {
+            self.sums.partition_point(|&s| s <= at)
+        } else {
+            self.sums.partition_point(|&s| s < self.total)
+        }
+    }
+}
+
+/// The corners a, b and c of a triangle.
+#[inline]
+fn corners(mesh: &PointCloud, t: &[u32; 3]) -> [Point3; 3] {
+    t.map(|c| mesh.points[c as usize])
+}
+
+/// The normal (b − a) × (c − a) of a triangle, whose length is twice the area.
+#[inline]
+fn area_vector(mesh: &PointCloud, t: &[u32; 3]) -> Point3 {
+    let [a, b, c] = corners(mesh, t);
+    cross(sub(b, a), sub(c, a))
 }
 
 fn mix(weights: [f64; 3], corners: [Point3; 3]) -> Point3 {

@@ -14,7 +14,7 @@ use crate::collect::Collector;
 use crate::format::{Sniff, extension};
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::roles::{Layout, Role};
-use crate::{ErrorKind, ReadOptions, ReadReport, WriteOptions};
+use crate::{ErrorKind, ReadError, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
 use layout::{by_names, by_values};
 use separator::Separator;
@@ -51,6 +51,24 @@ fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
 
+/// Whether a line starts the header of an ESRI ASCII grid.
+fn starts_a_raster(line: &str) -> bool {
+    let line = line.to_ascii_lowercase();
+    ["ncols", "nrows"].iter().any(|w| line.starts_with(w))
+}
+
+/// A field as a number, whose comma is the decimal point where `decimal` says so; `scratch` holds
+/// the field with a point.
+#[inline]
+fn number(field: &str, decimal: bool, scratch: &mut String) -> Option<f64> {
+    if !(decimal && field.contains(',')) {
+        return parse_number(field);
+    }
+    scratch.clear();
+    scratch.extend(field.chars().map(|c| if c == ',' { '.' } else { c }));
+    parse_number(scratch)
+}
+
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
     text: String,
@@ -70,6 +88,8 @@ struct Reader<'i, 'a> {
     unit: Option<String>,
 }
 
+/// Reads a table of points: the rows up to [`PROBE`] decide which column is which, then all are
+/// taken.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -92,14 +112,7 @@ pub(crate) fn read(
         words: 0,
         unit: None,
     };
-    let mut probe: Vec<Vec<f64>> = Vec::new();
-    if reader.next()? {
-        reader.take_names();
-        probe.push(reader.values.clone());
-        while reader.names.is_none() && reader.width > 3 && probe.len() < PROBE && reader.next()? {
-            probe.push(reader.values.clone());
-        }
-    }
+    let probe = reader.probe()?;
     let mut layout = match &reader.names {
         Some(names) => by_names(names, report),
         None => by_values(&probe, is_pts, report),
@@ -113,37 +126,48 @@ pub(crate) fn read(
     while reader.next()? {
         layout.offer(&mut collector, &reader.values);
     }
-    let Reader {
-        declared,
-        longer,
-        words,
-        unit,
-        ..
-    } = reader;
-    report.declared = declared;
-    report.units = unit;
-    if let Some(n) = declared
-        && n != collector.rows
-    {
-        report.warn(format!(
-            "the file announces {n} points and has {}",
-            collector.rows
-        ));
-    }
-    if longer > 0 {
-        report.warn(format!(
-            "{longer} lines have more columns than the first; what was beyond was not read"
-        ));
-    }
-    if words > 0 {
-        report.warn(format!(
-            "{words} fields are not numbers; they are NaN in the columns"
-        ));
-    }
+    reader.tell(collector.rows, report);
     collector.finish(input, options, report)
 }
 
 impl Reader<'_, '_> {
+    /// The first rows: one where the columns have names or are the coordinates alone, else up to
+    /// [`PROBE`], from whose values the columns are told.
+    fn probe(&mut self) -> Result<Vec<Vec<f64>>> {
+        let mut probe: Vec<Vec<f64>> = Vec::new();
+        if self.next()? {
+            self.take_names();
+            probe.push(self.values.clone());
+            while self.names.is_none() && self.width > 3 && probe.len() < PROBE && self.next()? {
+                probe.push(self.values.clone());
+            }
+        }
+        Ok(probe)
+    }
+
+    /// Puts into the report what the file said of its points and what was odd in its `rows` rows.
+    fn tell(self, rows: u64, report: &mut ReadReport) {
+        report.declared = self.declared;
+        report.units = self.unit;
+        if let Some(n) = self.declared
+            && n != rows
+        {
+            report.warn(format!("the file announces {n} points and has {rows}"));
+        }
+        if self.longer > 0 {
+            report.warn(format!(
+                "{} lines have more columns than the first; what was beyond was not read",
+                self.longer
+            ));
+        }
+        if self.words > 0 {
+            report.warn(format!(
+                "{} fields are not numbers; they are NaN in the columns",
+                self.words
+            ));
+        }
+    }
+
     /// Reads the next row of numbers into `values`; false at the end.
     fn next(&mut self) -> Result<bool> {
         loop {
@@ -191,19 +215,8 @@ impl Reader<'_, '_> {
             line.truncate(line[..at].trim_end().len());
         }
         let line = line.trim_end_matches([' ', '\r']);
-        if is_first
-            && ["ncols", "nrows"]
-                .iter()
-                .any(|w| line.to_ascii_lowercase().starts_with(w))
-        {
-            let why = "it is an ESRI ASCII grid: heights on a raster, not points";
-            return Err(self.input.error(
-                ErrorKind::UnsupportedFormat,
-                self.input.at_line(0),
-                WHAT,
-                why,
-                "convert it to XYZ",
-            ));
+        if is_first && starts_a_raster(line) {
+            return Err(self.is_raster());
         }
         if (is_first || self.is_pts)
             && let Ok(n) = line.trim().parse::<u64>()
@@ -216,6 +229,17 @@ impl Reader<'_, '_> {
             return Ok(false);
         }
         self.row(line)
+    }
+
+    /// The error for an ESRI ASCII grid, which has heights and no coordinates.
+    fn is_raster(&self) -> ReadError {
+        self.input.error(
+            ErrorKind::UnsupportedFormat,
+            self.input.at_line(0),
+            WHAT,
+            "it is an ESRI ASCII grid: heights on a raster, not points",
+            "convert it to XYZ",
+        )
     }
 
     /// Whether the line is names; then they are kept.
@@ -236,46 +260,22 @@ impl Reader<'_, '_> {
         is_header
     }
 
+    /// Takes a line of fields as a row of numbers; the first row sets the width.
     fn row(&mut self, line: &str) -> Result<bool> {
         let is_first = self.width == 0;
         let (separator, decimal) = *self.separator.get_or_insert_with(|| Separator::of(line));
         self.values.clear();
         let mut commas = String::new();
-        let wrong = |input: &Input<'_>, at: usize, why: String| {
-            let hint = "correct or remove the line; comments start with #";
-            Err(input.error(ErrorKind::Number, input.at_line(at + 1), WHAT, why, hint))
-        };
         for (at, field) in separator.split(line) {
-            let i = self.values.len();
-            if !is_first && i == self.width {
+            if !is_first && self.values.len() == self.width {
                 self.longer += 1;
                 break;
             }
-            let number = match decimal && field.contains(',') {
-                true => {
-                    commas.clear();
-                    commas.extend(field.chars().map(|c| if c == ',' { '.' } else { c }));
-                    parse_number(&commas)
-                }
-                false => parse_number(field),
-            };
-            self.values.push(match number {
+            let value = match number(field, decimal, &mut commas) {
                 Some(v) => v,
-                None if field.is_empty() => f64::NAN,
-                None if self.coordinates.contains(&i)
-                    && (!is_first || i < 3 || self.names.is_none()) =>
-                {
-                    return wrong(
-                        self.input,
-                        at,
-                        format!("\"{}\" is not a number", shorten(field)),
-                    );
-                }
-                None => {
-                    self.words += 1;
-                    f64::NAN
-                }
-            });
+                None => self.other_field(field, at)?,
+            };
+            self.values.push(value);
         }
         // An empty last field looks like an end mark; whether it counts, the width tells.
         let width = if is_first {
@@ -289,27 +289,48 @@ impl Reader<'_, '_> {
         {
             self.values.push(f64::NAN);
         }
+        self.take_width(line)?;
+        Ok(true)
+    }
+
+    /// The value of a field that is no number, at byte `at` of its line: NaN, and an error where a
+    /// coordinate should stand.
+    fn other_field(&mut self, field: &str, at: usize) -> Result<f64> {
+        if field.is_empty() {
+            return Ok(f64::NAN);
+        }
+        let i = self.values.len();
+        let may_be_named = self.width == 0 && i >= 3 && self.names.is_some();
+        if self.coordinates.contains(&i) && !may_be_named {
+            let why = format!("\"{}\" is not a number", shorten(field));
+            return Err(self.wrong(at, why));
+        }
+        self.words += 1;
+        Ok(f64::NAN)
+    }
+
+    /// Sets the width by the first row, and refuses later rows that are shorter.
+    fn take_width(&mut self, line: &str) -> Result<()> {
         let n = self.values.len();
-        if is_first {
+        if self.width == 0 {
             if !(3..=MAX_COLUMNS).contains(&n) {
-                return wrong(
-                    self.input,
-                    0,
-                    format!("a point needs three numbers; the line has {n} columns"),
-                );
+                let why = format!("a point needs three numbers; the line has {n} columns");
+                return Err(self.wrong(0, why));
             }
             self.width = n;
         } else if n < self.width {
-            return wrong(
-                self.input,
-                line.len(),
-                format!(
-                    "the line has {n} columns where the first has {}",
-                    self.width
-                ),
-            );
+            let width = self.width;
+            let why = format!("the line has {n} columns where the first has {width}");
+            return Err(self.wrong(line.len(), why));
         }
-        Ok(true)
+        Ok(())
+    }
+
+    /// The error for a row, at a byte of its line.
+    fn wrong(&self, at: usize, why: String) -> ReadError {
+        let hint = "correct or remove the line; comments start with #";
+        let at = self.input.at_line(at + 1);
+        self.input.error(ErrorKind::Number, at, WHAT, why, hint)
     }
 
     /// Names out of the last comment, if they fit the first row.

@@ -13,7 +13,7 @@ use isoform_algebra::{
 use isoform_control::{Control, Stopped};
 use std::time::Instant;
 
-/// What an analysis may cost.
+/// The limits of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
     /// Largest degree of an implicit equation; beyond it self-intersections are not looked for.
@@ -50,7 +50,7 @@ pub struct Analysis {
     /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole
     /// curve.
     pub pole: Option<Vec<(Poly, usize)>>,
-    /// What the real pole curve consists of, the line at infinity included where W vanishes on it.
+    /// The components of the real pole curve, the line at infinity included where W vanishes on it.
     pub pole_topology: Option<CurveTopology>,
     /// Double, ramified and contracted curves.
     pub singular: Option<Singular>,
@@ -59,7 +59,7 @@ pub struct Analysis {
     pub double_section: Option<usize>,
     /// Real lines that conjugate base points are blown up to.
     pub seam_lines: Vec<SeamLine>,
-    /// What could not be proven; empty if everything was.
+    /// The findings: questions that could not be decided; empty if all were.
     pub findings: Vec<Finding>,
     /// Whether only what a region without poles needs was looked for.
     pub(crate) is_local: bool,
@@ -68,7 +68,7 @@ pub struct Analysis {
 }
 
 impl Analysis {
-    /// Adds the seconds from some instant until now to those of a phase.
+    /// Adds the seconds from some instant until now to the seconds of a phase.
     pub(crate) fn took(&mut self, phase: &'static str, since: Instant) {
         let seconds = since.elapsed().as_secs_f64();
         match self.seconds.iter_mut().find(|known| known.0 == phase) {
@@ -79,8 +79,8 @@ impl Analysis {
     fn stopped(&mut self, phase: Phase) {
         self.findings.push(Finding::Stopped(phase));
     }
-    /// What it claims. Nothing is claimed of the whole plane where only a region was analysed, nor
-    /// of what there was no time for: findings say that.
+    /// The claims of the analysis. Nothing is claimed of the whole plane where only a region was
+    /// analysed, nor of what there was no time for: findings say that.
     pub(crate) fn grades(&self) -> Vec<Grade> {
         let is_double_known = |s: &Singular| s.double.is_some();
         let asked = [
@@ -253,7 +253,7 @@ impl Analysis {
     }
 }
 
-/// What a general plane of space has on the double curve of a proper map.
+/// The points of a general plane of space on the double curve of a proper map.
 ///
 /// Of a surface of degree d, the image of a map of degree n with base points of multiplicities mᵢ,
 /// infinitely near ones included, the double curve of parameters is (d − 4)·H − K by adjunction for

@@ -94,13 +94,13 @@ pub struct Near {
     /// The generator of the field of the point that this is infinitely near to, in that of the
     /// direction.
     pub(crate) theta: Element,
-    /// What the forms, divided by u′^q or v′^q, do there in the local coordinates (u′, v′).
+    /// The forms there, divided by u′^q or v′^q, in the local coordinates (u′, v′).
     pub seam: Seam,
 }
 
 impl Seam {
-    /// How many blow-ups are needed one after the other beyond the first: 0 if no real direction is
-    /// common.
+    /// The number of blow-ups that are needed one after the other beyond the first: 0 if no real
+    /// direction is common.
     pub fn blowups(&self) -> usize {
         self.near
             .iter()
@@ -113,7 +113,8 @@ impl Seam {
 /// A real base point of a map.
 #[derive(Clone, Debug)]
 pub struct BasePoint {
-    /// The chart whose coordinates, less those of the point, are the local coordinates (u, v).
+    /// The chart whose coordinates, less the coordinates of the point, are the local coordinates
+    /// (u, v).
     pub chart: Chart,
     /// Homogeneous coordinates (s : t : w); the chart's one is 1.
     pub point: [Algebraic; 3],
@@ -266,18 +267,30 @@ pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
             add_to(&mut inner, 0, &Element::rational(&c));
         }
         columns = horner_step(k, &columns, &zero.at[0], &inner);
-        columns.truncate(room + 1);
-        for (i, column) in columns.iter_mut().enumerate() {
-            column.truncate(room + 1 - i);
-        }
+        truncate(&mut columns, room);
     }
-    let mut terms = Local::new();
-    for (i, column) in columns.into_iter().enumerate() {
-        let column = column.into_iter().enumerate();
-        let column = column.filter(|(_, c)| !c.is_zero());
-        terms.extend(column.map(|(j, c)| ([i, j], c)));
+    let columns = columns.into_iter().enumerate();
+    columns
+        .flat_map(|(i, column)| column_terms(i, column))
+        .collect()
+}
+
+/// Drops terms above a total degree, which are given by columns of one power of u.
+fn truncate(columns: &mut Vec<Vec<Element>>, degree: usize) {
+    columns.truncate(degree + 1);
+    for (i, column) in columns.iter_mut().enumerate() {
+        column.truncate(degree + 1 - i);
     }
-    terms
+}
+
+/// The terms u^i v^j, j = 0, 1, …, with coefficients that are not zero.
+fn column_terms(
+    i: usize,
+    coefficients: Vec<Element>,
+) -> impl Iterator<Item = ([usize; 2], Element)> {
+    let terms = coefficients.into_iter().enumerate();
+    let terms = terms.filter(|(_, c)| !c.is_zero());
+    terms.map(move |(j, c)| ([i, j], c))
 }
 
 /// p·(u + a) + q, for p by columns of powers of u, and q in v alone.
@@ -414,12 +427,7 @@ impl Leading {
         let vertical = (0..=q)
             .take_while(|&i| forms.iter().all(|f| f[q - i].is_zero()))
             .count();
-        let mut common: Coefficients = Vec::new();
-        for f in &forms {
-            let mut f = f.clone();
-            univariate::trim(&mut f);
-            common = univariate::gcd(k, &common, &f, control)?;
-        }
+        let common = common_divisor(k, &forms, control)?;
         let curve = forms.each_ref().map(|f| {
             let (mut quotient, rest) = univariate::divide(k, f, &common);
             assert!(rest.is_empty(), "a common divisor divides");
@@ -466,6 +474,21 @@ pub(crate) fn order(f: &Local) -> Option<usize> {
     f.keys().map(|[i, j]| i + j).min()
 }
 
+/// The greatest common divisor of binary forms that are given by their coefficients.
+fn common_divisor(
+    k: &NumberField,
+    forms: &[Coefficients; 4],
+    control: &Control<'_>,
+) -> Result<Coefficients, Stopped> {
+    let mut common: Coefficients = Vec::new();
+    for f in forms {
+        let mut f = f.clone();
+        univariate::trim(&mut f);
+        common = univariate::gcd(k, &common, &f, control)?;
+    }
+    Ok(common)
+}
+
 /// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
 fn along_direction(
     k: &NumberField,
@@ -480,19 +503,22 @@ fn along_direction(
     }
     let mut result = Local::new();
     for (i, row) in rows {
-        let top = *row.keys().next_back().expect("a row with terms");
-        let mut shifted: Vec<Element> = Vec::new();
-        for j in (0..=top).rev() {
-            shifted = times_linear(k, &shifted, v0);
-            if let Some(c) = row.get(&j) {
-                add_to(&mut shifted, 0, c);
-            }
-        }
-        let terms = shifted.into_iter().enumerate();
-        let terms = terms.filter(|(_, c)| !c.is_zero());
-        result.extend(terms.map(|(j, c)| ([i, j], c)));
+        result.extend(column_terms(i, shifted(k, &row, v0)));
     }
     result
+}
+
+/// The coefficients of Σ cⱼ (v₀ + v)^j in v, by Horner's rule.
+fn shifted(k: &NumberField, terms: &BTreeMap<usize, Element>, v0: &Element) -> Vec<Element> {
+    let top = *terms.keys().next_back().expect("a row with terms");
+    let mut sum: Vec<Element> = Vec::new();
+    for j in (0..=top).rev() {
+        sum = times_linear(k, &sum, v0);
+        if let Some(c) = terms.get(&j) {
+            add_to(&mut sum, 0, c);
+        }
+    }
+    sum
 }
 
 /// u^i v^j becomes u′^i v′^(i+j−q).
@@ -546,22 +572,10 @@ impl Class {
         let form = |f: &Coefficients| BinaryForm {
             coefficients: f.iter().map(number).collect(),
         };
-        let mut near = Vec::new();
-        for below in &self.near {
-            for above in 0..below.class.field.real_roots().len() {
-                if below.lies_over(&self.field, above) == root {
-                    let direction = below
-                        .direction
-                        .each_ref()
-                        .map(|e| Algebraic::new(&below.class.field, above, e.clone()));
-                    near.push(Near {
-                        direction,
-                        theta: below.theta.clone(),
-                        seam: below.class.at(above),
-                    });
-                }
-            }
-        }
+        let near = self.near.iter();
+        let near = near
+            .flat_map(|class| class.over(&self.field, root))
+            .collect();
         Seam {
             multiplicity: self.multiplicity,
             leading: self.leading.each_ref().map(form),
@@ -577,6 +591,21 @@ impl Class {
 }
 
 impl NearClass {
+    /// The blow-ups of the points of this class that are infinitely near to a real point of the
+    /// class below, given by its root.
+    fn over(&self, below: &Arc<NumberField>, root: usize) -> Vec<Near> {
+        let field = &self.class.field;
+        let above = (0..field.real_roots().len()).filter(|&k| self.lies_over(below, k) == root);
+        let near = above.map(|k| Near {
+            direction: self
+                .direction
+                .each_ref()
+                .map(|e| Algebraic::new(field, k, e.clone())),
+            theta: self.theta.clone(),
+            seam: self.class.at(k),
+        });
+        near.collect()
+    }
     /// The root of the field below at which a root of the field above lies.
     fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
         /// The bits by which θ gets closer from one attempt to the next.

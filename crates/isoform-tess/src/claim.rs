@@ -1,11 +1,11 @@
-//! What a certificate claims of a surface, and on what basis.
+//! The claims of a certificate about a surface, and their basis.
 //!
 //! A certificate is as good as its weakest step, so each claim says how it was decided: a reader
 //! who needs a proof knows which of them to check by other means.
 
 use std::fmt;
 
-/// How a claim is decided, the strongest first.
+/// The basis on which a claim is decided, the strongest first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Basis {
     /// By exact arithmetic, or by counting and comparing doubles that are given: a proof.
@@ -31,7 +31,7 @@ impl fmt::Display for Basis {
     }
 }
 
-/// What is claimed of a surface, in the order in which it is found out.
+/// A claim about a surface, in the order in which they are decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Claim {
     /// The real base points with their trees of infinitely near ones.
@@ -40,7 +40,7 @@ pub enum Claim {
     ComplexSeams,
     /// The factors and the topology of W = 0.
     Pole,
-    /// How many parameters reach a general point.
+    /// The number of parameters that reach a general point.
     MapDegree,
     /// The cuspidal and contracted curves of the parameters.
     CriticalCurves,
@@ -58,7 +58,7 @@ pub enum Claim {
     Weights,
     /// The cells of the parameters that are sent into the box.
     Region,
-    /// Which contracted curves have one image, and what passes through it.
+    /// The contracted curves with one image, and the curves that pass through it.
     Images,
     /// The directions in which base points are opened, and what lies in the rectangles around them.
     Tangents,
@@ -68,13 +68,13 @@ pub enum Claim {
     SignAtBasePoints,
     /// The seams of base points that the surface of an improper map ends in.
     Folds,
-    /// What is drawn in the parameters is the region up to isotopy.
+    /// The drawing in the parameters is the region up to isotopy.
     Drawing,
-    /// Which parameters are sent to one point of a double curve, or of a border that is joined.
+    /// The parameters that are sent to one point of a double curve, or of a border that is joined.
     Partners,
     /// W keeps its sign on the triangles of the parameters.
     SignOfW,
-    /// How far the triangles are from the surface.
+    /// The distances of the triangles from the surface.
     Distances,
     /// Triangles have areas, vertices are apart and in the box.
     Shapes,
@@ -88,7 +88,7 @@ pub enum Claim {
     Sheets,
 }
 
-/// What is to be said of a claim.
+/// The texts about a claim.
 struct Row {
     claim: Claim,
     /// The weakest step by which it is decided.
@@ -103,8 +103,8 @@ struct Row {
 /// - *Exact* are number fields, exact division, factors and resultants over Q, signs of rational
 ///   numbers; counting of triangles; exact predicates on the vertices.
 /// - *Bounded* is the region: which curves meet over a wall is exact, but where they do not, their
-///   roots are isolated in floating point with bounds on its errors, if that decides. So is the sign
-///   of W: by Bernstein coefficients in doubles, with a bound on their rounding.
+///   roots are isolated in floating point with bounds on its errors, if that decides. So is the
+///   sign of W: by Bernstein coefficients in doubles, with a bound on their rounding.
 /// - *Floating* are sections and paths in doubles; Newton's method to a tolerance; samples; base
 ///   points rounded to doubles, with thresholds for what is zero; and that sheets upon each other
 ///   have triangles that cross, which is so as a rule only.
@@ -321,7 +321,7 @@ impl fmt::Display for Claim {
 /// A claim, and how it was decided of this surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Grade {
-    /// What is claimed.
+    /// The claim.
     pub claim: Claim,
     /// By what.
     pub basis: Basis,

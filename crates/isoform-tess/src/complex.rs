@@ -157,7 +157,7 @@ pub(crate) struct Form(Vec<Row>);
 /// A power of the first variable, with the terms in the others.
 pub(crate) type Row = (usize, Vec<([usize; 2], f64)>);
 
-/// Monomials at a point: powers of the first variable and products of those of the others.
+/// Monomials at a point: powers of the first variable and products of powers of the others.
 pub(crate) struct Monomials {
     width: usize,
     first: Vec<C>,

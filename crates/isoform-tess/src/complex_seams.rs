@@ -84,19 +84,25 @@ fn on_plane(curve: &[Coefficients; 4], plane: [i64; 4]) -> Coefficients {
         .collect()
 }
 
-/// The resultant of two binary forms of one degree: the determinant of Sylvester's matrix, by
-/// elimination.
-fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element {
+/// Sylvester's matrix of two binary forms of one degree d: d shifted rows of each.
+fn sylvester(p: &Coefficients, q: &Coefficients) -> Vec<Vec<Element>> {
     let d = p.len() - 1;
     let row = |f: &Coefficients, shift: usize| -> Vec<Element> {
         let place = |k: usize| f.get(k.checked_sub(shift)?).cloned();
         (0..2 * d).map(|k| place(k).unwrap_or_default()).collect()
     };
     let both = [p, q].into_iter();
-    let mut rows: Vec<Vec<Element>> = both.flat_map(|f| (0..d).map(move |s| row(f, s))).collect();
+    both.flat_map(|f| (0..d).map(move |s| row(f, s))).collect()
+}
+
+/// The resultant of two binary forms of one degree: the determinant of Sylvester's matrix, by
+/// elimination.
+fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element {
+    let mut rows = sylvester(p, q);
+    let n = rows.len();
     let mut determinant = Element::rational(&RBig::ONE);
-    for k in 0..2 * d {
-        let Some(pivot) = (k..2 * d).find(|&i| !rows[i][k].is_zero()) else {
+    for k in 0..n {
+        let Some(pivot) = (k..n).find(|&i| !rows[i][k].is_zero()) else {
             return Element::zero();
         };
         if pivot != k {
@@ -225,22 +231,29 @@ impl SeamLine {
         let along = |i: usize| (&other[i] - &other[3] * &at[i] / &at[3]).to_f64().value();
         let (at, along): (Point3, Point3) =
             (std::array::from_fn(affine), std::array::from_fn(along));
-        let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
-        for k in 0..3 {
-            if along[k] == 0.0 {
-                if at[k].abs() > half_width {
-                    return None;
-                }
-                continue;
-            }
-            let ends = [-half_width, half_width].map(|face| (face - at[k]) / along[k]);
-            lo = lo.max(ends[0].min(ends[1]));
-            hi = hi.min(ends[0].max(ends[1]));
-        }
+        let [lo, hi] = clipped(at, along, half_width)?;
         let end =
             |t: f64| std::array::from_fn(|k| (at[k] + t * along[k]).clamp(-half_width, half_width));
-        (lo < hi).then(|| [end(lo), end(hi)])
+        Some([end(lo), end(hi)])
     }
+}
+
+/// The parameters between which a line `at` + t·`along` is in the box |x|, |y|, |z| ≤ `half_width`;
+/// none if it misses the box, or touches it in a point.
+fn clipped(at: Point3, along: Point3, half_width: f64) -> Option<[f64; 2]> {
+    let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
+    for k in 0..3 {
+        if along[k] == 0.0 {
+            if at[k].abs() > half_width {
+                return None;
+            }
+            continue;
+        }
+        let ends = [-half_width, half_width].map(|face| (face - at[k]) / along[k]);
+        lo = lo.max(ends[0].min(ends[1]));
+        hi = hi.min(ends[0].max(ends[1]));
+    }
+    (lo < hi).then_some([lo, hi])
 }
 
 #[cfg(test)]

@@ -57,9 +57,7 @@ impl Involution {
             return Ok(None);
         };
         let number = |e: Element| Algebraic::new(field, root, e);
-        let [alpha, beta, gamma] = &form;
-        let discriminant = field.mul(beta, beta).sub(&field.mul(alpha, gamma));
-        let folds = number(discriminant).sign() == Ordering::Greater;
+        let folds = number(discriminant(field, &form)).sign() == Ordering::Greater;
         Ok(Some(Self {
             form: form.map(|e| number(e).to_f64()),
             folds,
@@ -89,7 +87,7 @@ impl Involution {
 struct Fibre {
     /// A polynomial in y = b/a that vanishes in them, in (1 : m) among them.
     common: Coefficients,
-    /// How often the direction (0 : 1) is one of them.
+    /// The multiplicity of the direction (0 : 1) among them.
     vertical: usize,
 }
 
@@ -103,13 +101,7 @@ impl Fibre {
         let q = curve[0].degree();
         let (mut common, mut vertical) = (Coefficients::new(), q);
         for (i, j) in (0..4).flat_map(|i| (0..i).map(move |j| (i, j))) {
-            let terms = curve[i].coefficients.iter().zip(&curve[j].coefficients);
-            let mut minor: Coefficients = terms
-                .map(|(x, y)| {
-                    let product = field.mul(x.element(), &at[j]);
-                    product.sub(&field.mul(y.element(), &at[i]))
-                })
-                .collect();
+            let mut minor = minor([&curve[i], &curve[j]], [&at[i], &at[j]]);
             trim(&mut minor);
             if !minor.is_empty() {
                 vertical = vertical.min(q + 1 - minor.len());
@@ -118,7 +110,7 @@ impl Fibre {
         }
         Ok(Self { common, vertical })
     }
-    /// How many directions there are, with multiplicities.
+    /// The number of directions, with multiplicities.
     fn degree(&self) -> usize {
         self.common.len() - 1 + self.vertical
     }
@@ -135,7 +127,7 @@ impl Fibre {
     }
 }
 
-/// What satisfies two linear conditions, unless they are one: their cross product.
+/// The form that satisfies two linear conditions, unless they are one: their cross product.
 fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[Element; 3]> {
     let minor = |i: usize, j: usize| {
         let product = field.mul(&first[i], &second[j]);
@@ -143,6 +135,22 @@ fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[E
     };
     let form = [minor(1, 2), minor(2, 0), minor(0, 1)];
     form.iter().any(|e| !e.is_zero()).then_some(form)
+}
+
+/// The minor c₁(x)·a₂ − c₂(x)·a₁ of two coordinates of a curve and their values at a point.
+fn minor(coordinates: [&BinaryForm; 2], values: [&Element; 2]) -> Coefficients {
+    let [first, second] = coordinates.map(|c| &c.coefficients);
+    let field = first[0].field();
+    let terms = first.iter().zip(second).map(|(x, y)| {
+        let product = field.mul(x.element(), values[1]);
+        product.sub(&field.mul(y.element(), values[0]))
+    });
+    terms.collect()
+}
+
+/// β² − αγ of the form α, β, γ.
+fn discriminant(field: &NumberField, [alpha, beta, gamma]: &[Element; 3]) -> Element {
+    field.mul(beta, beta).sub(&field.mul(alpha, gamma))
 }
 
 #[cfg(test)]

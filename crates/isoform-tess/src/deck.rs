@@ -22,6 +22,7 @@ use isoform_algebra::{FactorError, Poly, RBig};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
+use std::f64::consts::PI;
 use transformations::transformations;
 
 /// Linear forms of whose products quadratic ones are made: 78 of them, and 6000 quotients, take a
@@ -49,8 +50,8 @@ pub(crate) struct Deck {
     pub(crate) seams: Border,
     /// Curves all of whose points a transformation leaves where they are.
     pub(crate) folds: Border,
-    /// Which real base points a transformation leaves where they are, and all lines through them:
-    /// the curves that they are blown up to are folds.
+    /// The real base points that a transformation leaves where they are, and all lines through
+    /// them: the curves that they are blown up to are folds.
     pub(crate) folded: BTreeSet<usize>,
 }
 
@@ -59,7 +60,7 @@ pub(crate) struct Deck {
 pub(crate) struct Border {
     /// All but s = 0, t = 0 and w = 0.
     pub(crate) curves: Vec<Poly>,
-    /// Which of these three belong to it.
+    /// Whether each of these three belongs to it.
     pub(crate) sides: [bool; 3],
 }
 
@@ -118,8 +119,8 @@ impl Deck {
         let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
         deck.least(&squares, &around, ENOUGH, control)
     }
-    /// With the quotient of two forms that has the border of least degree, of the first so many
-    /// that have no pair of points around base points on both hands of it.
+    /// The deck with the quotient of two forms that has the border of least degree, among the first
+    /// `most` of them that have no pair of points around base points on both hands.
     fn least(
         &self,
         forms: &[Poly],
@@ -152,7 +153,7 @@ impl Deck {
         }
         Ok(best.map(|b| b.1))
     }
-    /// How many parameters are exchanged.
+    /// The number of parameters that are exchanged.
     pub(crate) fn order(&self) -> usize {
         self.transformations.len() + 1
     }
@@ -186,30 +187,33 @@ impl Deck {
     }
 }
 
+/// Coefficients of linear forms: simple ones, and some in no special place.
+const LINEAR: [[i64; 3]; 9] = [
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [1, 2, 0],
+    [2, -1, 0],
+    [1, 0, -2],
+    [0, 1, 3],
+    [1, 3, -2],
+    [3, -2, 7],
+];
+/// Points that lines through a rational base point lead to.
+const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
+
+/// The line through a point and another one: their cross product.
+fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
+    let [a, b, c] = other.map(RBig::from);
+    [&b * *w - &c * *t, &c * *s - &a * *w, &a * *t - &b * *s]
+}
+
 /// Linear forms, also of lines through rational base points.
 fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
-    /// Simple ones, and some in no special place.
-    const LINEAR: [[i64; 3]; 9] = [
-        [1, 0, 0],
-        [0, 1, 0],
-        [0, 0, 1],
-        [1, 2, 0],
-        [2, -1, 0],
-        [1, 0, -2],
-        [0, 1, 3],
-        [1, 3, -2],
-        [3, -2, 7],
-    ];
-    /// Directions of lines through rational base points.
-    const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
     let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
     for p in base_points {
         if let [Some(s), Some(t), Some(w)] = p.point.each_ref().map(Algebraic::as_rational) {
-            let line = |d: [i64; 3]| {
-                let [a, b, c] = d.map(RBig::from);
-                [&b * &w - &c * &t, &c * &s - &a * &w, &a * &t - &b * &s]
-            };
-            forms.extend(THROUGH.map(line));
+            forms.extend(THROUGH.map(|d| line_through(&[&s, &t, &w], d)));
         }
     }
     forms.iter().map(linear).collect()
@@ -226,34 +230,35 @@ fn comparison(t: &Transformation, [l, m]: [&Poly; 2]) -> [Poly; 3] {
     [l * &moved_m - m * &moved_l, m.clone(), moved_m]
 }
 
+/// A point beside another one, in the plane in which the largest coordinate is 1, at a distance in
+/// a direction.
+fn beside(at: [f64; 3], largest: usize, angle: f64, distance: f64) -> [f64; 3] {
+    let (sin, cos) = angle.sin_cos();
+    let mut moved = at.map(|x| x / at[largest]);
+    let others = (0..3).filter(|&i| i != largest);
+    for (i, d) in others.zip([cos, sin]) {
+        moved[i] += distance * d;
+    }
+    moved[largest] = 1.0;
+    moved
+}
+
 /// Pairs of points on both hands of the curve that a base point is blown up to, in several
 /// directions.
 fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
-    /// How far from the base point: farther than it is rounded, nearer than other curves, or else
+    /// The distance from the base point: farther than it is rounded; where other curves are nearer,
     /// a domain is passed over.
     const STEP: f64 = 1e-5;
+    /// Directions from 0 to π.
     const DIRECTIONS: usize = 12;
     let at = p.each_ref().map(Algebraic::to_f64);
-    // The plane that the largest coordinate is 1 in.
-    let largest = (0..3)
-        .max_by(|&i, &j| at[i].abs().total_cmp(&at[j].abs()))
-        .unwrap_or(0);
-    let step = |angle: f64, sign: f64| {
-        let (sin, cos) = angle.sin_cos();
-        let mut d = [cos, sin].into_iter();
-        let moved = |i: usize| match i == largest {
-            true => 1.0,
-            false => {
-                let d = d.next().expect("two coordinates beside the largest one");
-                at[i] / at[largest] + sign * STEP * d
-            }
-        };
-        [0, 1, 2].map(moved).map(exact)
-    };
-    let angle = |k: usize| (k as f64 + 0.37) * std::f64::consts::PI / DIRECTIONS as f64;
-    (0..DIRECTIONS)
-        .map(|k| [1.0, -1.0].map(|sign| step(angle(k), sign)))
-        .collect()
+    // The plane in which the largest coordinate is 1.
+    let by_size = |i: &usize, j: &usize| at[*i].abs().total_cmp(&at[*j].abs());
+    let largest = (0..3).max_by(by_size).unwrap_or(0);
+    let step = |angle: f64, sign: f64| beside(at, largest, angle, sign * STEP).map(exact);
+    let angle = |k: usize| (k as f64 + 0.37) * PI / DIRECTIONS as f64;
+    let pair = |k: usize| [1.0, -1.0].map(|sign| step(angle(k), sign));
+    (0..DIRECTIONS).map(pair).collect()
 }
 
 /// Whether a transformation leaves a point where it is, and all lines through it: its derivative
@@ -353,7 +358,7 @@ mod tests {
         "2*s^2*t + 2*t",
         "s^2*t^2 + s^2 + t^2 + 1",
     ];
-    /// What (s : t : w) -> (t : w : s) leaves as it is.
+    /// The points that (s : t : w) -> (t : w : s) leaves as they are.
     const CYCLIC: [&str; 4] = ["s^3 + t^3 + 1", "s*t", "s^2*t + t^2 + s", "s*t^2 + t + s^2"];
     const FOUR: [&str; 4] = ["s^2", "t^2", "s^2*t^2 + s^4", "1"];
 

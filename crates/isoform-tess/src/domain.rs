@@ -24,13 +24,13 @@ pub enum DomainError {
     /// Fewer than three corners.
     #[error("{found} corners are too few: a polygon has three or more")]
     TooFew {
-        /// How many.
+        /// The number that was found.
         found: usize,
     },
     /// More than [`MAX_CORNERS`].
     #[error("{found} corners are too many: there may be {MAX_CORNERS}")]
     TooMany {
-        /// How many.
+        /// The number that was found.
         found: usize,
     },
     /// All corners are on one line.
@@ -107,20 +107,15 @@ impl Domain {
             return Err(DomainError::NoArea);
         }
         let polygon = Self { corners };
-        let pairs = (0..n).flat_map(|first| (first + 1..n).map(move |second| (first, second)));
-        for (first, second) in pairs {
-            if polygon.do_sides_meet(first, second) {
-                return Err(DomainError::Crossing {
-                    first: first + 1,
-                    second: second + 1,
-                });
-            }
+        let mut pairs = (0..n).flat_map(|first| (first + 1..n).map(move |second| (first, second)));
+        if let Some((first, second)) = pairs.find(|&(k, l)| polygon.do_sides_meet(k, l)) {
+            return Err(DomainError::Crossing {
+                first: first + 1,
+                second: second + 1,
+            });
         }
         let mut corners = polygon.corners;
-        let turn: RBig = (1..n - 1)
-            .map(|k| area(&corners[0], &corners[k], &corners[k + 1]))
-            .fold(RBig::ZERO, |a, b| a + b);
-        if turn < RBig::ZERO {
+        if signed_area(&corners) < RBig::ZERO {
             corners.reverse();
         }
         Ok(Self { corners })
@@ -321,6 +316,13 @@ const HALVINGS: usize = 4;
 /// around it: the least and greatest coordinates.
 pub fn bounds_over(map: &Map, domain: &Domain) -> Option<[[RBig; 2]; 3]> {
     image_bounds(map.affine(), &domain.bounds())
+}
+
+/// Twice the signed area of a polygon: positive if its corners go around it counterclockwise.
+fn signed_area(corners: &[Parameters]) -> RBig {
+    (1..corners.len() - 1)
+        .map(|k| area(&corners[0], &corners[k], &corners[k + 1]))
+        .fold(RBig::ZERO, |a, b| a + b)
 }
 
 /// The least and greatest x/w, y/w and z/w of control points over a rectangle of the parameters, if

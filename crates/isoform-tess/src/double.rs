@@ -17,8 +17,8 @@
 //! line c = 0 in a plane (a : b : c).
 //!
 //! Curves are found by sections (`section`): the points of f = 0 in a general complex plane of
-//! space, from those on lines of the parameter plane by homotopy, are carried to planes that cut the
-//! box into slices, and to its faces. From there they are followed (`trace`).
+//! space, from those on lines of the parameter plane by homotopy, are carried to planes that cut
+//! the box into slices, and to its faces. From there they are followed (`trace`).
 //!
 //! - *source*: a curve of parameters with a map into space: a factor f with φ, or a seam.
 //! - *section*: the points of a source whose images lie in a plane.
@@ -86,7 +86,7 @@ pub fn solitary_arcs(
 pub(crate) struct Fibres {
     search: Search,
     half_width: f64,
-    /// How many of the sources are curves of parameters: the rest are seams.
+    /// The number of sources that are curves of parameters: the rest are seams.
     curves: usize,
 }
 

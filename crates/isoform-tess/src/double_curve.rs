@@ -1,5 +1,5 @@
-//! What is known of a double curve beside its equation: by arcs of pairs, or by the search along the
-//! curves of parameters.
+//! The double curve beside its equation: by arcs of pairs, or by the search along the curves of
+//! parameters.
 
 use crate::analysis::Analysis;
 use crate::base::Seam;
@@ -21,12 +21,12 @@ const SHARE: f64 = 0.3;
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
 
-/// What is known of the double curve beside its equation.
+/// The double curve beside its equation.
 #[derive(Default)]
 pub(crate) struct DoubleCurve {
     /// Real parameters at which pairs of them turn into conjugate ones.
     pub(crate) pinches: Vec<[f64; 3]>,
-    /// What tells a real parameter alone from one that meets conjugate ones.
+    /// The fibres that tell a real parameter alone from one that meets conjugate ones.
     pub(crate) fibres: Option<Fibres>,
     /// Arcs of real points that only conjugate parameters reach.
     pub(crate) solitary: Polylines,
@@ -69,6 +69,20 @@ impl DoubleCurve {
         found
     }
 
+    /// Adds the claims that stand on arcs followed in floating point. Where the double curve is
+    /// known exactly and has no component, there are no pinch points and no solitary arcs, exactly.
+    fn claim_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
+        let may_have_points = !is_known || has_curve;
+        let claims = [
+            (Claim::DoubleCurves, !is_known),
+            (Claim::PinchPoints, may_have_points && is_glued),
+            (Claim::SolitaryArcs, may_have_points),
+        ];
+        let basis = Basis::Floating;
+        let claimed = claims.into_iter().filter(|c| c.1);
+        self.grades
+            .extend(claimed.map(|(claim, _)| Grade { claim, basis }));
+    }
     /// All by arcs.
     fn take_arcs(
         &mut self,
@@ -85,20 +99,7 @@ impl DoubleCurve {
         } = given;
         let glued = given.options.mode == Mode::Glued;
         let is_known = singular.double.is_some();
-        let mut claim = |claim| {
-            let basis = Basis::Floating;
-            self.grades.push(Grade { claim, basis });
-        };
-        if !is_known {
-            claim(Claim::DoubleCurves);
-        }
-        // Without a double curve there are no such points, exactly.
-        if !is_known || curves_of(map, singular).next().is_some() {
-            if glued {
-                claim(Claim::PinchPoints);
-            }
-            claim(Claim::SolitaryArcs);
-        }
+        self.claim_arcs(is_known, glued, curves_of(map, singular).next().is_some());
         self.pinches = traced.arcs.pinches();
         let scale = |x: Point3| x.map(|x| x * half_width);
         self.solitary = solitary
@@ -114,6 +115,17 @@ impl DoubleCurve {
         self.add_seam_lines(given);
     }
 
+    /// The pinch points, exactly.
+    fn search_pinches(&mut self, map: &Map, control: &Control<'_>) {
+        match pinch_points(map, control) {
+            Ok(points) => {
+                let rounded = |p: &[Algebraic; 3]| p.each_ref().map(Algebraic::to_f64);
+                self.pinches = points.iter().map(rounded).collect();
+            }
+            Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
+        }
+        self.grades.push(Claim::PinchPoints.into());
+    }
     /// Pinch points exactly, solitary arcs by sections of the curves of parameters.
     fn search(&mut self, given: &Given, control: &Control<'_>) {
         let &Given {
@@ -128,16 +140,7 @@ impl DoubleCurve {
         let map_degree = degrees.map_or(0, |d| d.map_degree);
         let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
         if glued && singular.curves.iter().any(is_double) {
-            match pinch_points(map, control) {
-                Ok(points) => {
-                    self.pinches = points
-                        .iter()
-                        .map(|p| p.each_ref().map(Algebraic::to_f64))
-                        .collect()
-                }
-                Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
-            }
-            self.grades.push(Claim::PinchPoints.into());
+            self.search_pinches(map, control);
             self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
         // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
@@ -170,7 +173,7 @@ impl DoubleCurve {
     }
 }
 
-/// What the double curve is looked for in.
+/// The setting in which the double curve is looked for.
 struct Given<'a> {
     map: &'a Map,
     analysis: &'a Analysis,
@@ -195,11 +198,11 @@ impl Given<'_> {
         Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
     }
 
-    /// How many parameters a general plane of space has on the double curve, if there are no cuspidal
-    /// edges.
+    /// The number of parameters that a general plane of space has on the double curve, if there are
+    /// no cuspidal edges.
     ///
-    /// Without base points each curve of parameters has its degree times that of the map: then what is
-    /// at infinity, and not drawn, need not be counted.
+    /// Without base points each curve of parameters has its degree times that of the map: then what
+    /// is at infinity, and not drawn, need not be counted.
     fn expected(&self) -> Option<Expected> {
         let (analysis, singular) = (self.analysis, self.singular);
         let is_ramified = |c: &&SingularCurve| matches!(c.kind, CurveKind::Ramified);
@@ -252,11 +255,11 @@ impl Given<'_> {
         Some(found)
     }
 
-    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and of a
-    /// high degree.
+    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and
+    /// of a high degree.
     fn may_stand(&self) -> bool {
-        /// The degree of parameter curves from which their topology takes longer than to trace them:
-        /// those of quadratic maps have 3, of general cubic ones 18.
+        /// The degree of parameter curves from which their topology takes longer than to trace
+        /// them: the curves of quadratic maps have 3, of general cubic ones 18.
         const HIGH: usize = 8;
         // More than two sheets meet, or they touch, along what D vanishes on more than once.
         let is_double =

@@ -1,8 +1,8 @@
 //! Surfaces whose triangles do not cross: where they do, the surface is made again.
 //!
 //! Both sheets get each other's vertices there, then further vertices in between, then a finer
-//! tolerance ([`Change`]), until no triangles cross or nothing helps any more; what is left is said.
-//! Triangles that cross are found by the certificate of meshes ([`certify`]), by exact signs.
+//! tolerance ([`Change`]), until no triangles cross or nothing helps any more; what is left is
+//! said. Triangles that cross are found by the certificate of meshes ([`certify`]), by exact signs.
 
 use crate::analysis::Analysis;
 use crate::claim::Claim;
@@ -19,11 +19,13 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Mesh};
 use std::time::Instant;
 
-/// How often the surface is made again, finer where its implicit equation finds triangles far away.
+/// The number of times that the surface is made again, finer where its implicit equation finds
+/// triangles far away.
 const NEARER: usize = 2;
-/// How often the surface is made again where triangles cross, by all changes together.
+/// The number of times that the surface is made again where triangles cross, by all changes
+/// together.
 const ROUNDS: usize = 12;
-/// How many times a finer tolerance may be no better than what was there before.
+/// The number of times that a finer tolerance may be no better than the tolerance before.
 const IN_VAIN: usize = 2;
 
 /// More pairs of triangles that cross than this are no accident of sheets that are close together.
@@ -31,7 +33,7 @@ const MOST: usize = 2000;
 
 /// The triangles of a surface that cross.
 struct Crossings {
-    /// How many pairs were found.
+    /// The number of pairs that were found.
     count: usize,
     /// Whether these are all.
     is_complete: bool,
@@ -81,7 +83,7 @@ impl Crossings {
     }
 }
 
-/// What is changed where triangles cross.
+/// A change where triangles cross.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
     /// Both sheets get the corners of the other's triangles.
@@ -93,7 +95,7 @@ enum Change {
 }
 
 impl Change {
-    /// What comes after it, if fewer triangles crossed, or not.
+    /// The next change, if fewer triangles crossed, or not.
     fn next(self, is_fewer: bool) -> Self {
         match self {
             _ if is_fewer => Self::Corners,
@@ -108,12 +110,12 @@ impl Change {
 /// the triangulation took, too; the surface repeats in `findings` what the analysis could not
 /// prove.
 ///
-/// Where sheets are joined, triangles that cross all the same are found exactly. The surface is made
-/// again with the vertices of both sheets in both of them, or with a finer tolerance there; pairs
-/// that are left are findings.
+/// Where sheets are joined, triangles that cross all the same are found exactly. The surface is
+/// made again with the vertices of both sheets in both of them, or with a finer tolerance there;
+/// pairs that are left are findings.
 ///
-/// Parameters far from their place are brought there first ([`Frame`]): what is said of them is said
-/// of the map's own, but for the corners of triangles, whose frame the surface names.
+/// Parameters far from their place are brought there first ([`Frame`]): what is said of them is
+/// said of the map's own, but for the corners of triangles, whose frame the surface names.
 ///
 /// ```
 /// use isoform_tess::{Claim, Control, Map, TriangulateOptions, triangulate};
@@ -190,7 +192,7 @@ fn is_ill_drawn(finding: &Finding) -> bool {
     claims.contains(&finding.claim())
 }
 
-/// What crossings, or that there was no time to look for them, stand against.
+/// The finding about crossings, or about no time to look for them.
 fn crossing_finding(found: Option<&Crossings>) -> Option<Finding> {
     match found {
         Some(c) if !c.is_complete => Some(Finding::CrossingsAbove(c.pairs.len())),
@@ -271,8 +273,8 @@ impl Prepared<'_> {
             return (surface, None);
         };
         let mut best = Tried { surface, crossings };
-        // What was changed so far is changed in the next round, too, whatever came of it: what is
-        // kept is the best. The last one is kept beside it where it is not the best.
+        // Changes so far are made in the next round, too, whatever came of them: what is kept is
+        // the best. The last one is kept beside it where it is not the best.
         let mut last: Option<Tried> = None;
         let mut change = Change::Corners;
         let mut in_vain = 0;
@@ -324,10 +326,22 @@ pub enum PatchesError {
     Stopped,
 }
 
-/// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined
-/// along the sides that they have in common. The domain of the options is not looked at. Of a patch
-/// that is proved to have no pole and to lie in the box only contracted curves are looked for, unless
-/// its sheets are to be joined.
+/// The options for each of several patches: the unit square as domain, only contracted curves of
+/// what is proved clear, and no equation where sheets are not looked at.
+fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
+    let mut options = options.clone();
+    options.domain = Domain::rectangle([RBig::ZERO, RBig::ONE], [RBig::ZERO, RBig::ONE]).ok();
+    options.budget.everywhere = false;
+    if options.mode == Mode::Normalised {
+        options.budget.implicit_degree = 0;
+    }
+    options
+}
+
+/// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined along the
+/// sides that they have in common. The domain of the options is not looked at. Of a patch that is
+/// proved to have no pole and to lie in the box only contracted curves are looked for, unless its
+/// sheets are to be joined.
 ///
 /// # Errors
 /// [`PatchesError`].
@@ -337,12 +351,7 @@ pub fn triangulate_patches(
     control: &Control<'_>,
 ) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
     let is_normalised = options.mode == Mode::Normalised;
-    let mut options = options.clone();
-    options.domain = Domain::rectangle([RBig::ZERO, RBig::ONE], [RBig::ZERO, RBig::ONE]).ok();
-    options.budget.everywhere = false;
-    if is_normalised {
-        options.budget.implicit_degree = 0;
-    }
+    let mut options = of_one_patch(options);
     let (mut surfaces, mut known) = (Vec::new(), Vec::new());
     for patch in patches {
         let map = patch.map().map_err(|error| PatchesError::Map {

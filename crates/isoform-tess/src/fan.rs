@@ -8,12 +8,13 @@
 //! Where other base points are infinitely near, each of them is a node of a tree, with directions
 //! of its own. A small circle around the base point, lifted to the blow-ups, walks along all
 //! exceptional lines, on both sides of each: along the first line to the direction of a near point,
-//! from there along half of that point's line, and on (`walk`). The stations of this walk are
-//! rays from the base point, straight or bent in the coordinates of their node; where the walk goes
-//! from one exceptional line to the next, it passes the point in which the two meet: a corner, which
+//! from there along half of that point's line, and on (`walk`). The stations of this walk are rays
+//! from the base point, straight or bent in the coordinates of their node; where the walk goes from
+//! one exceptional line to the next, it passes the point in which the two meet: a corner, which
 //! belongs to both seams.
 //!
-//! - *node*: the base point, or a base point infinitely near to it; it has local coordinates (u, v).
+//! - *node*: the base point, or a base point infinitely near to it; it has local coordinates (u,
+//!   v).
 //! - *exceptional line*: the projective line of directions that a node is blown up to; its image
 //!   under the map is the *seam*, a curve of the surface or a point.
 //! - *ray*: a curve from the node in a direction, forward or *backward*.
@@ -67,9 +68,9 @@ pub(crate) struct Fan {
     pub(crate) problem: Option<Finding>,
     /// Homogeneous coordinates (s, t, w).
     pub(crate) point: [f64; 3],
-    /// Which of (s, t, w) the local coordinates are.
+    /// The variables among (s, t, w) that the local coordinates are.
     variables: [usize; 2],
-    /// Which of (s, t, w) is 1.
+    /// The variable among (s, t, w) that is 1.
     one: usize,
     /// Of W at the base point where other nodes are near to it, else of the base point.
     pub(crate) multiplicity: usize,
@@ -117,7 +118,7 @@ impl Fan {
         fan.leave_out(region);
         fan.is_tree = fan.opens_several_nodes();
         fan.directions = fan.directions.iter().map(|d| fan.bent(d.clone())).collect();
-        // What is outside of the box need not be opened.
+        // A base point with all of its seam outside of the box need not be opened.
         if !fan.sectors.iter().any(|s| s.inside) {
             fan.problem = None;
         }
@@ -178,11 +179,11 @@ impl Fan {
             sector.inside = is_held;
         }
     }
-    /// A parameter (s : t : w) next to the seam, or to one of the two seams, of a sector: in it, or on
-    /// the other hand of the seam.
+    /// A parameter (s : t : w) next to the seam, or to one of the two seams, of a sector: in it, or
+    /// on the other hand of the seam.
     fn beside(&self, sector: &Sector, piece: usize, within: bool) -> [RBig; 3] {
-        /// How far from the seam, in the coordinates of its node: farther than rounding, nearer than
-        /// where what borders the sector turns.
+        /// The distance from the seam, in the coordinates of its node: farther than rounding,
+        /// nearer than where the borders of the sector turn.
         const NEAR: f64 = 1e-5;
         let (d, backward) = self.middle(sector, piece);
         let off = self.lowered(d.node, d.at_distance(backward == within, NEAR, 0.0));

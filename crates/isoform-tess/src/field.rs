@@ -327,17 +327,7 @@ impl NumberField {
         for k in 0..n {
             let pivot = (k..degree).find(|&i| rows[i][k] != RBig::ZERO)?;
             rows.swap(k, pivot);
-            let inverse = RBig::ONE / &rows[k][k];
-            let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();
-            for (i, row) in rows.iter_mut().enumerate() {
-                if i != k && row[k] != RBig::ZERO {
-                    let factor = row[k].clone();
-                    for j in k..=n {
-                        row[j] -= &factor * &top[j];
-                    }
-                }
-            }
-            rows[k] = top;
+            eliminate(&mut rows, k);
         }
         let is_in_span = rows[n..].iter().all(|row| row[n] == RBig::ZERO);
         is_in_span.then(|| rows[..n].iter().map(|row| row[n].clone()).collect())
@@ -518,4 +508,19 @@ impl fmt::Display for Algebraic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Debug::fmt(self, f)
     }
+}
+
+/// Gauss–Jordan elimination of column k by row k, which has no zero there.
+fn eliminate(rows: &mut [Vec<RBig>], k: usize) {
+    let inverse = RBig::ONE / &rows[k][k];
+    let top: Vec<RBig> = rows[k].iter().map(|c| c * &inverse).collect();
+    for (i, row) in rows.iter_mut().enumerate() {
+        if i != k && row[k] != RBig::ZERO {
+            let factor = row[k].clone();
+            for j in k..top.len() {
+                row[j] -= &factor * &top[j];
+            }
+        }
+    }
+    rows[k] = top;
 }

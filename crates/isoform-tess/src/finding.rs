@@ -1,9 +1,9 @@
-//! What stands against a claim: where a proof, a check or the time came to an end.
+//! The findings against claims: a proof, a check or the time came to an end.
 
 use crate::claim::Claim;
 use isoform_algebra::{ArrangementError, MapError};
 
-/// What was not done in the time there was.
+/// A phase that was not done in the time there was.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Phase {
     /// Finding the base points.
@@ -42,7 +42,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// What is left open with it.
+    /// The claim that is left open with it.
     pub fn claim(self) -> Claim {
         match self {
             Self::BasePoints => Claim::BasePoints,
@@ -174,7 +174,7 @@ pub enum Finding {
     /// All forms vanish in a point of the region that is none of the base points to rounding.
     #[error("a base point was not recognised and is left open")]
     BasePointUnrecognised,
-    /// The arcs at a base point are not those of its tangents.
+    /// The arcs at a base point do not match its tangents.
     #[error("arcs and tangents in a base point do not agree")]
     TangentsDisagree,
     /// An arc at a base point has none of its tangents.
@@ -185,7 +185,7 @@ pub enum Finding {
         "the surface next to base points is not near enough to it, or W may change its sign there"
     )]
     BasePointRough,
-    /// What is next to a base point has no vertices on its rectangle.
+    /// The strips next to a base point have no vertices on its rectangle.
     #[error("triangles at base points are left out")]
     StripsLeftOut,
     /// The order of arcs is lost to rounding.
@@ -197,9 +197,9 @@ pub enum Finding {
     /// Edges of a curve along which sheets are joined have one sheet.
     #[error("{edges} edges of the {curve} have no partner that was found")]
     PartnersMissing {
-        /// How many.
+        /// The number of these edges.
         edges: usize,
-        /// Of which curve.
+        /// The curve of these edges.
         curve: JoinedCurve,
     },
     /// Triangles that may have a pole.
@@ -270,7 +270,7 @@ pub enum Finding {
 }
 
 impl Finding {
-    /// What it stands against.
+    /// The claim that it stands against.
     pub fn claim(&self) -> Claim {
         match self {
             Self::Stopped(phase) => phase.claim(),

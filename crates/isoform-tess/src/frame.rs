@@ -4,7 +4,8 @@
 //! Of all maps φ(M·(s, t, w)) with det M = 1 the one of least Bombieri norm is where the moment map
 //! μᵢⱼ = Σ ⟨xⱼ ∂ᵢF, F⟩ is a multiple of the identity (G. Kempf, L. Ness, *The length of vectors in
 //! representation spaces*, 1979); the norm is convex along geodesics, and M ← M·exp(−τ(μ − tr μ/3))
-//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine map.
+//! descends to it. A rotation leaves the norm as it is, so M is taken upper triangular: an affine
+//! map.
 
 use crate::analysis::Analysis;
 use crate::deck::linear;
@@ -13,21 +14,21 @@ use crate::field::{Algebraic, Element};
 use crate::map::Map;
 use crate::singular::RealPart;
 use crate::zeros::Chart;
-use isoform_algebra::{Poly, RBig};
+use isoform_algebra::{Exponents, Poly, RBig};
 use isoform_geom::Gram;
 
-/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is no
-/// least norm, more steps go farther without end.
+/// Steps of the descent at most: parameters off by a factor of 10⁶ take about ten. Where there is
+/// no least norm, more steps go farther without end.
 const STEPS: usize = 40;
 /// Doublings of a step, as long as the norm falls.
 const DOUBLINGS: usize = 6;
-/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a hundred
-/// times less changes nothing of what is drawn.
+/// The largest entry of μ without its trace, per squared norm and degree, at which it ends: a
+/// hundred times less changes nothing of what is drawn.
 const LEVEL: f64 = 0.05;
 /// Length of the shortest step, by the degree: a quarter of what is stable for a single monomial.
 const STEP: f64 = 0.25;
-/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4, maps
-/// as people write them by less than 1.5, and their parameters stay what they are.
+/// By how much the logarithm of the norm has to fall: a torus with s scaled by 10³ falls by 4.4,
+/// maps as people write them by less than 1.5, and their parameters stay what they are.
 const WORTH: f64 = 4.0;
 
 /// The least squared sine of the angle between the slopes by s and t at which both are known, from
@@ -40,8 +41,10 @@ pub struct Frame {
     matrix: [[RBig; 3]; 3],
 }
 
+/// A matrix in floating point, by rows.
 type Matrix = [[f64; 3]; 3];
 
+/// The matrix that changes nothing.
 const IDENTITY: Matrix = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
 fn times(a: &Matrix, b: &Matrix) -> Matrix {
@@ -102,14 +105,29 @@ fn moment(forms: &[Poly; 4]) -> (f64, Matrix) {
                     let mut to = e;
                     to[i] -= 1;
                     to[j] += 1;
-                    let same = |f: &&([u16; 4], f64)| (0..3).all(|v| usize::from(f.0[v]) == to[v]);
-                    let other = terms.iter().find(same).map_or(0.0, |f| f.1);
+                    let other = coefficient(&terms, &exponents(to));
                     moment[i][j] += c * other * e[i] as f64 * weight(to);
                 }
             }
         }
     }
     (norm, moment.map(|row| row.map(|x| x / norm)))
+}
+
+/// The exponents of a form in s, t and w.
+fn exponents(e: [usize; 3]) -> Exponents {
+    let [i, j, k] = e.map(|n| n as u16);
+    [i, j, k, 0]
+}
+
+/// The coefficient of a monomial.
+fn coefficient(terms: &[(Exponents, f64)], e: &Exponents) -> f64 {
+    terms.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1)
+}
+
+/// The sum of the products of coefficients of one monomial.
+fn inner(a: &[(Exponents, f64)], b: &[(Exponents, f64)]) -> f64 {
+    a.iter().map(|(e, c)| c * coefficient(b, e)).sum()
 }
 
 /// The translation after which the terms of second highest degree of the four polynomials are
@@ -121,16 +139,13 @@ fn centre(map: &Map) -> Matrix {
         let top = p.homogeneous_part(p.total_degree());
         let next = p.homogeneous_part(p.total_degree() - 1).to_f64();
         let slopes = [0, 1].map(|v| top.derivative(v).to_f64());
-        let product = |a: &[([u16; 4], f64)], b: &[([u16; 4], f64)]| -> f64 {
-            let other = |e: &[u16; 4]| b.iter().find(|t| t.0 == *e).map_or(0.0, |t| t.1);
-            a.iter().map(|(e, c)| c * other(e)).sum()
-        };
-        let size: f64 = top.to_f64().iter().map(|(_, c)| c * c).sum();
+        let top = top.to_f64();
+        let size = inner(&top, &top);
         for i in 0..2 {
             for j in 0..2 {
-                normal[i][j] += product(&slopes[i], &slopes[j]) / size;
+                normal[i][j] += inner(&slopes[i], &slopes[j]) / size;
             }
-            right[i] -= product(&slopes[i], &next) / size;
+            right[i] -= inner(&slopes[i], &next) / size;
         }
     }
     let [x, y] = least_squares(normal, right);
@@ -171,7 +186,7 @@ fn rounded(m: &Matrix) -> Option<Frame> {
 }
 
 impl Frame {
-    /// The frame in which a map's coefficients are small, if it is worth while.
+    /// The frame in which a map's coefficients are small, if they get much smaller there.
     pub fn of(map: &Map) -> Option<Self> {
         let start = Self::level(map, &IDENTITY)?.0;
         let centre = centre(map);
@@ -180,6 +195,23 @@ impl Frame {
         let found = Self::least(map, centre, centred).filter(|found| is_worth(found.0));
         let moved = || is_worth(centred.0).then_some(centre);
         found.map(|f| f.1).or_else(moved).and_then(|m| rounded(&m))
+    }
+    /// The level and matrix after a step against the gradient, doubled in length as long as the
+    /// norm gets less.
+    fn descend(map: &Map, matrix: &Matrix, gradient: &Matrix) -> Option<((f64, Matrix), Matrix)> {
+        let degree = map.degree() as f64;
+        let mut best: Option<((f64, Matrix), Matrix)> = None;
+        for k in 0..=DOUBLINGS {
+            let length = STEP / degree * f64::from(1 << k);
+            let step = exponential(&gradient.map(|row| row.map(|x| -length * x)));
+            let next = triangular(&times(matrix, &step));
+            let there = Self::level(map, &next)?;
+            if best.as_ref().is_some_and(|b| b.0.0 <= there.0) {
+                break;
+            }
+            best = Some((there, next));
+        }
+        best
     }
     /// The level and matrix of the least norm, from one of them, if there is one.
     fn least(map: &Map, mut matrix: Matrix, mut here: (f64, Matrix)) -> Option<(f64, Matrix)> {
@@ -193,18 +225,7 @@ impl Frame {
             if largest < LEVEL * degree {
                 return Some((here.0, matrix));
             }
-            let mut best: Option<((f64, Matrix), Matrix)> = None;
-            for k in 0..=DOUBLINGS {
-                let length = STEP / degree * f64::from(1 << k);
-                let step = exponential(&rest.map(|row| row.map(|x| -length * x)));
-                let next = triangular(&times(&matrix, &step));
-                let there = Self::level(map, &next)?;
-                if best.as_ref().is_some_and(|b| b.0.0 <= there.0) {
-                    break;
-                }
-                best = Some((there, next));
-            }
-            (here, matrix) = best?;
+            (here, matrix) = Self::descend(map, &matrix, &rest)?;
         }
         None
     }
@@ -258,8 +279,8 @@ impl Frame {
         let corners = domain.corners().iter().map(moved).collect();
         Domain::polygon(corners).expect("as simple a polygon as before")
     }
-    /// An analysis in the parameters of the frame as one in the map's own; seams of base points keep
-    /// the coordinates of the frame.
+    /// An analysis in the parameters of the frame as one in the map's own; seams of base points
+    /// keep the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
         let back = self.inverse().each_ref().map(linear);
         let curve = |f: &mut Poly| *f = f.compose(&back).primitive();
@@ -285,20 +306,23 @@ impl Frame {
         }
         found
     }
-    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
-    fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
-        // One of the coordinates is 1, the others are of one field.
-        let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
-        let (field, root) = (of.field().clone(), of.root());
+    /// The product of the matrix and a column.
+    fn moved(&self, p: &[Algebraic; 3]) -> [Element; 3] {
         let element = |x: &Algebraic| match x.as_rational() {
             Some(r) => Element::rational(&r),
             None => x.element().clone(),
         };
         let p = p.each_ref().map(element);
-        let moved = self
-            .matrix
+        self.matrix
             .each_ref()
-            .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))));
+            .map(|row| (0..3).fold(Element::zero(), |sum, v| sum.add(&p[v].scaled(&row[v]))))
+    }
+    /// A point (s′ : t′ : w′) as (s : t : w) in the first chart that holds it.
+    fn point(&self, p: &[Algebraic; 3]) -> (Chart, [Algebraic; 3]) {
+        // One of the coordinates is 1, the others are of one field.
+        let of = p.iter().find(|x| x.field().degree() > 1).unwrap_or(&p[0]);
+        let (field, root) = (of.field().clone(), of.root());
+        let moved = self.moved(p);
         let chart = [Chart::Affine, Chart::Infinite, Chart::Corner]
             .into_iter()
             .find(|c| !moved[c.variables().1].is_zero())
@@ -347,8 +371,8 @@ mod tests {
         }
     }
 
-    /// What is far away comes back to where its coefficients have few digits, and what is known there
-    /// is known of the map.
+    /// What is far away comes back to where its coefficients have few digits, and what is known
+    /// there is known of the map.
     #[test]
     fn what_is_far_away_comes_back() {
         for (texts, parameters) in [

@@ -2,8 +2,8 @@
 
 use crate::complex::C;
 
-/// How far off a prediction may be, by the first step of Newton's method: other solutions are
-/// further away, so that paths are not confused.
+/// The most that a prediction may be off by, told by the first step of Newton's method: other
+/// solutions are further away, so that paths are not confused.
 const MOST_OFF: f64 = 1e-4;
 /// A prediction as good as this lets steps grow.
 const LITTLE_OFF: f64 = 2e-6;
@@ -48,8 +48,8 @@ pub(crate) fn follow<T: Copy>(
     Ok(at)
 }
 
-/// What a solution moves by over a span, by the classical method of Runge and Kutta:
-/// `slope` is asked for at a time, moved from the start by a vector times a factor.
+/// The step of a solution over a span, by the classical method of Runge and Kutta: `slope` is asked
+/// for at a time, moved from the start by a vector times a factor.
 pub(crate) fn runge_kutta<const N: usize>(
     span: Span,
     slope: impl Fn(f64, &[C; N], f64) -> Option<[C; N]>,

@@ -1,9 +1,9 @@
 //! Triangles of several patches as one mesh, joined along the sides that they have in common.
 //!
-//! Sides with the same control points, in either order, are one curve. Its vertices are those of
-//! all patches at it: where one patch lacks a vertex of another, its triangle there is divided. The
-//! sides of a domain are straight in the parameters, so that what is proved of a triangle holds for
-//! its parts.
+//! Sides with the same control points, in either order, are one curve. Its vertices are the
+//! vertices of all patches at it: where one patch lacks a vertex of another, its triangle there is
+//! divided. The sides of a domain are straight in the parameters, so that what is proved of a
+//! triangle holds for its parts.
 //!
 //! - *member*: a side of a patch that is a given curve.
 //! - *place*: a number from 0 to 1 along a side, or along the curve, which a side may run against.
@@ -17,8 +17,8 @@ use isoform_algebra::RBig;
 use std::collections::BTreeMap;
 use weld::{PatchVertex, weld};
 
-/// Places along a side, and points in half widths of the box, that are nearer to each other are one:
-/// both sides are divided at the same doubles, from which they differ by rounding. Larger, and
+/// Places along a side, and points in half widths of the box, that are nearer to each other are
+/// one: both sides are divided at the same doubles, from which they differ by rounding. Larger, and
 /// vertices are joined over short edges; smaller, and edges stay open, which is counted.
 const SAME: f64 = 1e-9;
 
@@ -143,6 +143,15 @@ impl Surface {
         (self.triangles[t][i], self.corners[t][i], self.borders[t][i])
     }
 
+    /// Adds a vertex of a border, on faces of the box: its number.
+    fn add_border_vertex(&mut self, p: Point3, faces: u8) -> u32 {
+        let number = self.points.len() as u32;
+        self.points.push(p);
+        self.kinds.push(Kind::Border);
+        self.faces.push(faces);
+        self.double.push(false);
+        number
+    }
     /// Divides the triangle at a side between two vertices next to each other in further vertices,
     /// given by place along the curve and position: their numbers. None if there is no such
     /// triangle.
@@ -152,11 +161,7 @@ impl Surface {
         let mut way: Vec<Corner> = Vec::new();
         for &(x, p) in new {
             let at = parameters(m.side, m.turned(x));
-            way.push((self.points.len() as u32, at, 1 << m.side));
-            self.points.push(p);
-            self.kinds.push(Kind::Border);
-            self.faces.push(faces);
-            self.double.push(false);
+            way.push((self.add_border_vertex(p, faces), at, 1 << m.side));
         }
         let made = way.iter().map(|c| c.0).collect();
         if !edge.is_forward {
@@ -196,6 +201,15 @@ struct Shared {
     vertices: Vec<Option<u32>>,
 }
 
+impl Shared {
+    /// A place at which only one of several members has a vertex.
+    fn new(place: f64, members: usize, (member, vertex): (usize, u32)) -> Self {
+        let mut vertices = vec![None; members];
+        vertices[member] = Some(vertex);
+        Self { place, vertices }
+    }
+}
+
 /// A curve that several sides are, with the places at which any of them has a vertex.
 struct Curve {
     members: Vec<Member>,
@@ -206,8 +220,8 @@ impl Curve {
     fn new(members: Vec<Member>, surfaces: &[Surface]) -> Self {
         let mut all: Vec<(f64, usize, u32)> = Vec::new();
         for (k, m) in members.iter().enumerate() {
-            let list = surfaces[m.patch].along(*m);
-            all.extend(list.into_iter().map(|(x, v)| (x, k, v)));
+            let vertices = surfaces[m.patch].along(*m).into_iter();
+            all.extend(vertices.map(|(x, v)| (x, k, v)));
         }
         all.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
         let mut places: Vec<Shared> = Vec::new();
@@ -216,11 +230,7 @@ impl Curve {
                 Some(last) if place - last.place < SAME && last.vertices[k].is_none() => {
                     last.vertices[k] = Some(v);
                 }
-                _ => {
-                    let mut vertices = vec![None; members.len()];
-                    vertices[k] = Some(v);
-                    places.push(Shared { place, vertices });
-                }
+                _ => places.push(Shared::new(place, members.len(), (k, v))),
             }
         }
         Self { members, places }
@@ -288,7 +298,7 @@ pub(crate) fn join(patches: &[Patch], mut surfaces: Vec<Surface>, half_width: f6
     weld(patches, surfaces, &seams, half_width)
 }
 
-/// What patches have in common.
+/// The curves and vertices that patches have in common.
 struct Seams {
     /// Vertices that are one.
     pairs: Vec<[PatchVertex; 2]>,

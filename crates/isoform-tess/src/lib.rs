@@ -4,7 +4,7 @@
 //! - [`Map`]: four polynomials with rational coefficients, checked, as forms of one degree in (s :
 //!   t : w).
 //! - [`Region`]: the parameters that a map sends into a box; a [`Domain`] restricts them.
-//! - [`Patch`]: rational Bézier patches, and those of NURBS surfaces, as maps over [0, 1]².
+//! - [`Patch`]: rational Bézier patches, and the patches of NURBS surfaces, as maps over [0, 1]².
 //! - [`base_points`]: where the four vanish together, with the seam curves of every level of
 //!   blowing up.
 //! - [`singular`]: curves over which the surface crosses itself, has cusps, or to which a point

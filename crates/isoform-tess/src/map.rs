@@ -84,7 +84,7 @@ impl MapError {
             _ => None,
         }
     }
-    /// What one can do about it, one sentence.
+    /// The remedy, in one sentence.
     pub fn hint(&self) -> &'static str {
         match self {
             Self::NotAPolynomial { error, .. } => match error.problem {
@@ -113,7 +113,7 @@ impl MapError {
     }
 }
 
-/// What to do about maps that can be repaired.
+/// The options for maps that can be repaired.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Remove a common factor instead of refusing the map; [`Map::removed`] then says which.
@@ -173,15 +173,10 @@ impl Map {
             return Err(MapError::NotASurface { dimension });
         }
         let factor = polynomials.iter().fold(Poly::zero(), |g, p| g.gcd(p));
-        let mut removed = None;
-        let mut affine = polynomials;
-        if !factor.is_constant() {
-            if !options.reduce {
-                return Err(MapError::CommonFactor { factor });
-            }
-            affine = affine.map(|p| p.div_exact(&factor).expect("a common divisor divides"));
-            removed = Some(factor);
+        if !factor.is_constant() && !options.reduce {
+            return Err(MapError::CommonFactor { factor });
         }
+        let (affine, removed) = without_factor(polynomials, factor);
         let factor = RBig::ONE / joint_content(&affine);
         let affine = affine.map(|p| p.scale(&factor));
         let degree = degree_of(&affine);
@@ -238,6 +233,15 @@ impl Map {
     pub fn removed(&self) -> Option<&Poly> {
         self.removed.as_ref()
     }
+}
+
+/// Polynomials divided by a common factor, and the factor, unless it is a constant.
+fn without_factor(polynomials: [Poly; 4], factor: Poly) -> ([Poly; 4], Option<Poly>) {
+    if factor.is_constant() {
+        return (polynomials, None);
+    }
+    let quotient = |p: Poly| p.div_exact(&factor).expect("a common divisor divides");
+    (polynomials.map(quotient), Some(factor))
 }
 
 /// The largest total degree.

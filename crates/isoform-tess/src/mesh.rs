@@ -85,20 +85,21 @@ use rayon::iter::{IntoParallelIterator, ParallelIterator};
 use special::SpecialCurves;
 use unit::{Refined, Unit};
 
-/// How often a contracted curve is halved because what leaves it turns: the turn may be abrupt.
+/// The number of times that a contracted curve is halved because curves that leave it turn: the
+/// turn may be abrupt.
 const TURNS: usize = 10;
-/// How often a stretch of an arc or side is halved: ends with vertical tangents are approached to
-/// 2⁻⁴⁰ of the stretch.
+/// The number of times that a stretch of an arc or side is halved: ends with vertical tangents are
+/// approached to 2⁻⁴⁰ of the stretch.
 const HALVINGS: usize = 40;
-/// How often a stretch is halved where a base point is left open: nothing gets fine enough there,
-/// and the result is not certified anyway.
+/// The number of times that a stretch is halved where a base point is left open: nothing gets fine
+/// enough there, and the result is not certified anyway.
 const OPEN_HALVINGS: usize = 12;
 /// Triangles where a base point is left open, since more of them would not help, either.
 const OPEN_TRIANGLES: usize = 100_000;
 /// Vertices of a stretch at most: more has one along which the map is not continuous.
 const VERTICES: usize = 1 << 14;
 
-/// What is made another way than at first, where triangles crossed.
+/// The changes against the first mesh, where triangles crossed.
 #[derive(Default)]
 pub(crate) struct Changes {
     pub(crate) fineness: Fineness,

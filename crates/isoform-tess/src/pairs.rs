@@ -1,11 +1,11 @@
 //! Pairs of parameters with one image, as points of a smooth curve.
 //!
-//! A pair of parameters p = m + h e, q = m − h e, scaled to φ(p) = φ(q), is written by m, e and
-//! λ = h²: with the even part E and the odd part h O of the polynomial h ↦ φ(m + h e), both
-//! polynomials in m, e and λ, it is a solution of O(m, e, λ) = 0, and E(m, e, λ) is the image. Pairs
-//! and their two orders are one then, and nothing is singular at a pinch point of Whitney, where
-//! λ = 0 and e is in the kernel of the differential: there a pair of real parameters (λ > 0) turns
-//! into one of conjugate ones (λ < 0).
+//! A pair of parameters p = m + h e, q = m − h e, scaled to φ(p) = φ(q), is written by m, e and λ =
+//! h²: with the even part E and the odd part h O of the polynomial h ↦ φ(m + h e), both polynomials
+//! in m, e and λ, it is a solution of O(m, e, λ) = 0, and E(m, e, λ) is the image. Pairs and their
+//! two orders are one then, and nothing is singular at a pinch point of Whitney, where λ = 0 and e
+//! is in the kernel of the differential: there a pair of real parameters (λ > 0) turns into one of
+//! conjugate ones (λ < 0).
 //!
 //! The double curve is known by its sections: the pairs in a general complex plane of space are
 //! found from one of them by monodromy, and are all of them if the sum of their images moves on a
@@ -106,8 +106,8 @@ impl Circle {
             angle,
         }
     }
-    /// The coefficients of a power of h, of the forms and of their gradients: the mean of the values,
-    /// each times a power of its place.
+    /// The coefficients of a power of h, of the forms and of their gradients: the mean of the
+    /// values, each times a power of its place.
     fn coefficient(&self, k: usize) -> ([C; 4], [V; 4]) {
         let n = self.values.len();
         let scale = 1.0 / (n as f64 * RADIUS.powi(k as i32));
@@ -194,7 +194,7 @@ impl Pair {
             l: self.l + d[6].times(h),
         }
     }
-    /// How far two pairs are apart, in either order.
+    /// The distance of two pairs, in either order.
     fn distance(&self, other: &Self) -> f64 {
         let [p, q] = self.parameters().map(|p| normalised(&p));
         let [a, b] = other.parameters().map(|p| normalised(&p));
@@ -367,7 +367,7 @@ impl Pairs {
                 let at = pair.moved(d, h);
                 let parts = self.parts(&at);
                 let [plane, speed] = plane(time);
-                // The norms are those of the start.
+                // The norms at the start are kept.
                 let mut rows = self.rows(pair, &parts.odd);
                 rows[4] = Self::plane_row(&parts.even, &plane);
                 for row in &mut rows {
@@ -528,9 +528,9 @@ mod tests {
         }
     }
 
-    /// At (0 : 1 : 0), which leads to (0, 0, −1), this map is like a cube: the branches of the curve
-    /// of pairs of cube roots of one number cross there, and tracing does not know which one goes
-    /// on.
+    /// At (0 : 1 : 0), which leads to (0, 0, −1), this map is like a cube: the branches of the
+    /// curve of pairs of cube roots of one number cross there, and tracing does not know which one
+    /// goes on.
     #[test]
     fn arcs_that_change_branches_are_lost() {
         let map = map([
@@ -546,7 +546,7 @@ mod tests {
         assert!(found.lost > 0);
     }
 
-    /// What a plane holds of the pairs of a map.
+    /// The pairs of a map in a plane.
     fn with_parameters(parameters: usize) -> Expected {
         Expected {
             parameters,
@@ -554,8 +554,8 @@ mod tests {
         }
     }
 
-    /// (s, t) to (t, 0.99995 + 4 t² + s² − 1, s (s² − 1)): the parameters (±1, t) lead to a parabola of
-    /// which a piece of the length 0.007 is in the box, shorter than a step.
+    /// (s, t) to (t, 0.99995 + 4 t² + s² − 1, s (s² − 1)): the parameters (±1, t) lead to a
+    /// parabola of which a piece of the length 0.007 is in the box, shorter than a step.
     #[test]
     fn an_arc_that_hardly_comes_into_the_box() {
         let map = map(["t", "19999/20000 + 4*t^2 + s^2 - 1", "s^3 - s", "1"]);
@@ -592,7 +592,8 @@ mod tests {
             assert_eq!(2 * section.pairs.len(), expected.parameters, "{n}");
             assert_eq!(section.parameters(&pairs, false), expected.parameters);
             assert!(pairs.passes_trace_test(&plane, &section.pairs, &mut stream));
-            // Without one of them the sum of the images is not linear, unless there are three lines.
+            // Without one of them the sum of the images is not linear, unless there are three
+            // lines.
             let less = &section.pairs[1..];
             let is_linear = pairs.passes_trace_test(&plane, less, &mut stream);
             assert_eq!(is_linear, n == 2);

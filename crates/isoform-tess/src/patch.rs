@@ -121,7 +121,7 @@ fn hull([a, b]: &[RBig; 2], [c, d]: &[RBig; 2]) -> [RBig; 2] {
     [a.min(c).clone(), b.max(d).clone()]
 }
 
-/// From Bernstein coefficients to those of powers.
+/// The coefficients of powers from Bernstein coefficients.
 fn to_powers(line: Vec<RBig>) -> Vec<RBig> {
     // Differences: the k-th power has the k-th difference of the first coefficients, n over k
     // times.
@@ -159,7 +159,8 @@ mod tests {
         assert_eq!(bounds, [[0.0, 3.0], [0.0, 2.0], [0.0, 5.0]]);
     }
 
-    /// Points and the bits of control points survive; the values are those of the doubles' patch.
+    /// Points and the bits of control points survive; the values are the values of the doubles'
+    /// patch.
     #[test]
     fn patches_of_doubles_are_taken_exactly() {
         let s = 0.5f64.sqrt();

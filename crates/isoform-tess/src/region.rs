@@ -1,17 +1,17 @@
 //! The part of the parameter plane that a map sends into a box, exactly.
 //!
 //! The box |X|, |Y|, |Z| ≤ B|W| is bounded by the six curves X ± B W, Y ± B W, Z ± B W. In each of
-//! the four unit triangles their arrangement has finitely many cells, on each of which the map stays
-//! inside the box or outside of it. A cell inside does not meet the pole curve: where W vanishes
-//! inside, all four forms do, and that is a base point.
+//! the four unit triangles their arrangement has finitely many cells, on each of which the map
+//! stays inside the box or outside of it. A cell inside does not meet the pole curve: where W
+//! vanishes inside, all four forms do, and that is a base point.
 //!
 //! The sides of a domain are lines that enter the same arrangement; cells outside of the domain are
 //! treated like cells outside the box. Where the map is proved to send the closed domain into the
 //! open box ([`Region::is_clear`]), the six curves are left out.
 //!
 //! - *factor*: an irreducible or at least squarefree form, a piece of one or more of these curves.
-//! - *wall*, *slab*, *arc*: the parts of an [`Arrangement`]; points, arcs and cells have numbers from
-//!   bottom to top.
+//! - *wall*, *slab*, *arc*: the parts of an [`Arrangement`]; points, arcs and cells have numbers
+//!   from bottom to top.
 //! - *fold*: a curve of parameters at which the surface turns back and ends.
 
 mod topology;
@@ -257,7 +257,7 @@ fn face_curves(map: &Map, half_width: &RBig) -> Vec<Poly> {
     forms.iter().flat_map(|x| [x + &far, x - &far]).collect()
 }
 
-/// Which of the lists contain a number.
+/// The places of the lists that contain a number.
 fn having(lists: &[Vec<usize>], number: usize) -> Vec<usize> {
     let found = (0..lists.len()).filter(|&k| lists[k].contains(&number));
     found.collect()
@@ -282,7 +282,7 @@ fn on_line(line: &Poly, u: &RBig) -> Option<RBig> {
     (!slope.is_zero()).then(|| -rest.coefficient([0; 4]) / slope)
 }
 
-/// What decides whether a cell belongs to the region.
+/// The conditions on a cell of the region.
 struct Limits<'a> {
     /// The curves of [`face_curves`], or none where the map is proved to stay in the box.
     faces: &'a [Poly],
@@ -291,8 +291,8 @@ struct Limits<'a> {
 }
 
 impl Limits<'_> {
-    /// Of the cells of a slab from bottom to top, whether they belong to the region; `faces` are the
-    /// curves of the box's faces in the unit triangle.
+    /// Of the cells of a slab from bottom to top, whether they belong to the region; `faces` are
+    /// the curves of the box's faces in the unit triangle.
     fn cells_held(&self, slab: &Slab, faces: &[Poly], quadrant: usize) -> Vec<bool> {
         let faces: Vec<Poly> = faces.iter().map(|f| f.set(0, &slab.u)).collect();
         let is_held = |v: &RBig| {
@@ -323,7 +323,7 @@ fn is_between(low: &Poly, high: &Poly, v: &RBig) -> bool {
     low.sign() != high.sign() || low.is_zero() || high.is_zero()
 }
 
-/// Which end of an arc is on a wall.
+/// The end of an arc that is on a wall.
 #[derive(Clone, Copy)]
 enum Hand {
     /// The slab is on the left of the wall: arcs end on it.

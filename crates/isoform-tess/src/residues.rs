@@ -199,10 +199,10 @@ fn residue_gcd(
 struct Lift {
     /// The degree of the field.
     degree: usize,
-    /// How many coefficients the divisor has: the fewest of all primes so far.
+    /// The number of coefficients of the divisor: the fewest of all primes so far.
     count: usize,
     remainders: Crt,
-    /// How many primes there are.
+    /// The number of primes.
     used: usize,
     /// With how many the divisor is tried next: 1, 2, 3, 4, 6, 9, …
     next_try: usize,

@@ -31,7 +31,7 @@ pub struct SingularCurve {
     pub in_double: Option<usize>,
     /// Its multiplicity in J.
     pub in_minors: usize,
-    /// What the map does on it.
+    /// The effect of the map on it.
     pub kind: CurveKind,
     /// Its real points.
     pub real: RealPart,
@@ -44,7 +44,7 @@ impl SingularCurve {
     }
 }
 
-/// What the map does on a curve of its parameter plane.
+/// The effect of the map on a curve of its parameter plane.
 #[derive(Clone, Debug)]
 pub enum CurveKind {
     /// Every component is mapped to a point.
@@ -159,9 +159,9 @@ pub fn singular(
 /// An irreducible factor of D or J.
 struct Factor {
     curve: Poly,
-    /// How often it divides D, if that is known.
+    /// Its multiplicity in D, if that is known.
     in_double: Option<usize>,
-    /// How often it divides J.
+    /// Its multiplicity in J.
     in_minors: usize,
 }
 
@@ -197,6 +197,12 @@ fn factors(
     Ok(factors)
 }
 
+/// The determinant of three rows, by the first of them.
+fn determinant(r: &[&[Poly; 3]]) -> Poly {
+    let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
+    &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1)
+}
+
 /// (M₀, −M₁, M₂, −M₃), Mᵢ the determinant of the Jacobian's rows without row i.
 pub(crate) fn signed_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4], Stopped> {
     let rows = map
@@ -207,8 +213,7 @@ pub(crate) fn signed_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 4
     for (i, minor) in minors.iter_mut().enumerate() {
         control.check()?;
         let r: Vec<&[Poly; 3]> = (0..4).filter(|&k| k != i).map(|k| &rows[k]).collect();
-        let two = |a: usize, b: usize| &r[1][a] * &r[2][b] - &r[1][b] * &r[2][a];
-        let determinant = &r[0][0] * two(1, 2) - &r[0][1] * two(0, 2) + &r[0][2] * two(0, 1);
+        let determinant = determinant(&r);
         *minor = if i % 2 == 1 {
             -determinant
         } else {
@@ -272,6 +277,17 @@ fn kind_of_critical(map: &Map, curve: &Poly, control: &Control<'_>) -> Result<Cu
     )?))
 }
 
+/// The line number k as (s, t, w) = A + x·B, with B on another conic than A, so that no curve
+/// contains all lines.
+fn rational_line(k: i64) -> [Poly; 3] {
+    let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
+    [
+        linear(k, 1),
+        linear(1 - k * k, k + 2),
+        linear(1 + k, k * k - 3),
+    ]
+}
+
 /// The image of a contracted curve, from where a rational line meets it.
 fn contraction(
     map: &Map,
@@ -281,13 +297,7 @@ fn contraction(
 ) -> Result<Contraction, Stopped> {
     for line in 0i64.. {
         control.check()?;
-        // (s, t, w) = A + x·B with B on another conic than A, so that no curve contains all lines.
-        let linear = |a: i64, b: i64| Poly::constant(a) + Poly::var(0).scale(&RBig::from(b));
-        let parts = [
-            linear(line, 1),
-            linear(1 - line * line, line + 2),
-            linear(1 + line, line * line - 3),
-        ];
+        let parts = rational_line(line);
         let section = curve.compose(&parts).to_upoly(0).expect("one variable");
         if section.degree() < curve.total_degree()
             || section.squarefree_part().degree() < section.degree()
@@ -299,10 +309,8 @@ fn contraction(
             continue;
         };
         let (field, x) = NumberField::new(h);
-        let values = map
-            .forms()
-            .each_ref()
-            .map(|f| field.eval(&f.compose(&parts), 0, &x));
+        let value = |f: &Poly| field.eval(&f.compose(&parts), 0, &x);
+        let values = map.forms().each_ref().map(value);
         // A base point.
         if values[pivot].is_zero() {
             continue;
@@ -311,6 +319,18 @@ fn contraction(
         return Ok(least_field(&field, &ratios));
     }
     unreachable!("all but finitely many lines meet the curve in simple points")
+}
+
+/// A combination of four numbers, another one in each trial.
+fn mixed(numbers: &[Element; 4], trial: i64) -> Element {
+    let weights = [
+        1,
+        trial - 1,
+        (trial - 1) * (trial - 2) / 2,
+        trial * trial - 2,
+    ];
+    let terms = numbers.iter().zip(weights.map(RBig::from));
+    terms.fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(&c)))
 }
 
 /// Numbers in the field that they generate.
@@ -322,24 +342,9 @@ fn least_field(field: &NumberField, numbers: &[Element; 4]) -> Contraction {
         };
     }
     for trial in 1i64.. {
-        let weights = [
-            1,
-            trial - 1,
-            (trial - 1) * (trial - 2) / 2,
-            trial * trial - 2,
-        ]
-        .map(RBig::from);
-        let lambda = numbers
-            .iter()
-            .zip(&weights)
-            .fold(Element::zero(), |sum, (e, c)| sum.add(&e.scaled(c)));
-        let (powers, relation) = field.powers(&lambda);
-        let Some(coordinates) = numbers
-            .each_ref()
-            .map(|e| field.combination(&powers, e))
-            .into_iter()
-            .collect::<Option<Vec<_>>>()
-        else {
+        let (powers, relation) = field.powers(&mixed(numbers, trial));
+        let coordinates = numbers.iter().map(|e| field.combination(&powers, e));
+        let Some(coordinates) = coordinates.collect::<Option<Vec<_>>>() else {
             // The combination lies in a smaller field.
             continue;
         };
@@ -379,20 +384,22 @@ pub fn real_part(curve: &Poly, control: &Control<'_>) -> Result<RealPart, Stoppe
     ))
 }
 
+/// Values of a parameter, as fractions, over which most curves are met: they are tried before
+/// critical values are asked for.
+const SIMPLE: [(i32, u8); 9] = [
+    (0, 1),
+    (1, 1),
+    (-1, 1),
+    (3, 1),
+    (-3, 1),
+    (1, 3),
+    (-1, 3),
+    (10, 1),
+    (-10, 1),
+];
+
 /// Whether an irreducible polynomial in s and t takes both signs.
 fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
-    /// Where most curves are met, as fractions.
-    const SIMPLE: [(i32, u8); 9] = [
-        (0, 1),
-        (1, 1),
-        (-1, 1),
-        (3, 1),
-        (-3, 1),
-        (1, 3),
-        (-1, 3),
-        (10, 1),
-        (-10, 1),
-    ];
     let var = usize::from(f.degree(1) > 0);
     let changes_in = |places: &mut dyn Iterator<Item = RBig>| {
         for at in places {
@@ -410,7 +417,16 @@ fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
     if f.degree(1 - var) == 0 {
         return Ok(false);
     }
-    // Between critical values the number of real zeros is the same.
+    changes_in(&mut between_critical_values(f, var, control)?.into_iter())
+}
+
+/// A number between each two critical values of a curve next to each other, and one on either hand
+/// of all of them: the number of real zeros in the variable `var` does not change between these.
+fn between_critical_values(
+    f: &Poly,
+    var: usize,
+    control: &Control<'_>,
+) -> Result<Vec<RBig>, Stopped> {
     let lead = f.coefficients_in(var).swap_remove(f.degree(var));
     let discriminant = discriminant(f, var, control).map_err(ResultantError::only_stopped)?;
     let critical = (discriminant * lead).to_upoly(1 - var);
@@ -421,7 +437,7 @@ fn changes_sign(f: &Poly, control: &Control<'_>) -> Result<bool, Stopped> {
         between.push(first.interval().0 - RBig::ONE);
         between.push(last.interval().1 + RBig::ONE);
     }
-    changes_in(&mut between.into_iter())
+    Ok(between)
 }
 
 /// Whether a polynomial in s and t changes its sign along a line on which one of them, the other

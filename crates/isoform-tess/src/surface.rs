@@ -1,4 +1,4 @@
-//! What is made of a map: the options, and the triangles of a surface in a box.
+//! The surface of a map in a box: the options, and the triangles.
 
 use crate::analysis::Budget;
 use crate::claim::{Claim, Grade, graded};
@@ -18,7 +18,7 @@ pub enum Mode {
     Glued,
 }
 
-/// How fine the triangles are.
+/// The fineness of the triangles.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MeshOptions {
     /// Largest distance of the middles of triangles and edges from the surface, in units of space.
@@ -48,7 +48,7 @@ impl MeshOptions {
     }
 }
 
-/// What to make of a map.
+/// The options of a triangulation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TriangulateOptions {
     /// Half the width of the box around the origin, in units of space.
@@ -58,15 +58,15 @@ pub struct TriangulateOptions {
     pub domain: Option<Domain>,
     /// Whether sheets that cross are joined.
     pub mode: Mode,
-    /// How fine.
+    /// The fineness.
     pub mesh: MeshOptions,
-    /// What the exact analysis may cost.
+    /// The limits of the exact analysis.
     pub budget: Budget,
 }
 
 impl TriangulateOptions {
-    /// The seconds of the exact analysis: surfaces that take longer mostly take hours, and are drawn
-    /// without what would be found then. With less, surfaces of degree 8 are cut off on slow
+    /// The seconds of the exact analysis: surfaces that take longer mostly take hours, and are
+    /// drawn without what would be found then. With less, surfaces of degree 8 are cut off on slow
     /// machines; with twice as much, a glued surface may take more than two minutes.
     pub const EXACT_SECONDS: f64 = 60.0;
 
@@ -98,7 +98,7 @@ impl TriangulateOptions {
     }
 }
 
-/// What a vertex is.
+/// The kind of a vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// Of the surface, nothing special.
@@ -122,7 +122,7 @@ pub enum Kind {
 pub struct DoubleArc {
     /// Its vertices.
     pub points: Vec<Point3>,
-    /// How many sheets meet in it.
+    /// The number of sheets that meet in it.
     pub sheets: usize,
 }
 
@@ -134,11 +134,12 @@ pub struct DoubleArc {
 pub struct Surface {
     /// Vertices.
     pub points: Vec<Point3>,
-    /// What each vertex is.
+    /// The kind of each vertex.
     pub kinds: Vec<Kind>,
     /// The vertices of each triangle.
     pub triangles: Vec<[u32; 3]>,
-    /// The unit triangle of parameters that each triangle lies in, as in [`isoform_algebra::QUADRANTS`].
+    /// The unit triangle of parameters that each triangle lies in, as in
+    /// [`isoform_algebra::QUADRANTS`].
     pub charts: Vec<u8>,
     /// u and v of the corners of each triangle there.
     pub corners: Vec<[[f64; 2]; 3]>,
@@ -151,9 +152,9 @@ pub struct Surface {
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.
     pub solitary_arcs: Vec<Vec<Point3>>,
-    /// What is not proved; empty if everything is. A claim with a finding does not hold.
+    /// The findings; empty if everything is proved. A claim with a finding does not hold.
     pub findings: Vec<Finding>,
-    /// What is claimed of the surface as far as it was made: [`Surface::claims`] has all of it.
+    /// The claims about the surface as far as it was made: [`Surface::claims`] has all of it.
     pub grades: Vec<Grade>,
     /// Whether the double curve was looked for and drawn to the end, as sheets that are to be
     /// joined need it.
@@ -161,9 +162,9 @@ pub struct Surface {
     /// Whether it is certain that the map sends no parameters into the box: then there are no
     /// triangles to be had.
     pub is_outside: bool,
-    /// How many of the parameters that are drawn lead to a general point, complex ones included: 1
-    /// for a proper map, and for an improper one of which a fundamental domain is drawn; 0 if it is
-    /// unknown.
+    /// The number of parameters that are drawn and lead to one general point, complex ones
+    /// included: 1 for a proper map, and for an improper one of which a fundamental domain is
+    /// drawn; 0 if it is unknown.
     pub sheets: usize,
     /// The faces of the box that each vertex is on, as bits.
     pub(crate) faces: Vec<u8>,
@@ -187,14 +188,13 @@ impl Surface {
     pub fn holds(&self, claim: Claim) -> bool {
         self.findings.iter().all(|f| f.claim() != claim)
     }
-    /// What is claimed, each claim once, with the basis on which it was decided: also those that
-    /// do not hold.
+    /// The claims, each once, with the basis on which it was decided: also those that do not hold.
     pub fn claims(&self) -> Vec<Grade> {
         let open = self.findings.iter().map(|f| f.claim().into());
         graded(self.grades.iter().copied().chain(open))
     }
-    /// The edges of the triangles; `borders` has the sides of the domain that count for the corners of each
-    /// triangle, as bits.
+    /// The edges of the triangles; `borders` has the sides of the domain that count for the corners
+    /// of each triangle, as bits.
     pub(crate) fn edges(&self, borders: &[[u64; 3]]) -> Edges {
         let mut edges = Edges::new();
         for (t, bits) in self.triangles.iter().zip(borders) {
@@ -206,8 +206,8 @@ impl Surface {
         }
         edges
     }
-    /// How many edges have one triangle, and lie neither in a face of the box nor on a side of the
-    /// domain.
+    /// The number of edges that have one triangle, and lie neither in a face of the box nor on a
+    /// side of the domain.
     pub(crate) fn open_edges(&self, edges: &Edges) -> usize {
         let same_face = |e: &[u32; 2]| self.faces[e[0] as usize] & self.faces[e[1] as usize] != 0;
         edges

@@ -9,8 +9,8 @@ use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 use std::sync::Arc;
 
-/// The terms of least degree of a curve in the local coordinates of a base point, or of the last one
-/// of `chain`, each of which is infinitely near to the one before: without what vanishes on the
+/// The terms of least degree of a curve in the local coordinates of a base point, or of the last
+/// one of `chain`, each of which is infinitely near to the one before: without what vanishes on the
 /// exceptional lines. The degree is the multiplicity of the point on the curve, the zeros are the
 /// tangents.
 ///
@@ -33,7 +33,7 @@ pub(crate) fn tangent_form(
     let whole = curve.total_degree();
     let mut local = Local::new();
     let mut room = if chain.is_empty() { 1 } else { whole };
-    // What is beyond the terms of least degree is not needed at the point itself.
+    // Terms of a degree above the least are not needed at the point itself.
     while local.is_empty() {
         control.check()?;
         local = expand(curve, &zero, room.min(whole));
@@ -110,7 +110,7 @@ fn roots_nearly(
     near.to_upoly(0).map(|p| real_roots(&p.squarefree_part()))
 }
 
-/// How many real roots a squarefree polynomial has, by the theorem of Sturm.
+/// The number of real roots of a squarefree polynomial, by the theorem of Sturm.
 fn count_real_roots(
     k: &Arc<NumberField>,
     root: usize,

@@ -20,11 +20,12 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::Aabb;
 use std::time::Instant;
 
-/// How far triangles may be from the surface by its implicit equation, in tolerances: more than 1, as
-/// the equation gives the distance to first order only, and only middles of triangles are held to it.
+/// The distance of triangles from the surface by its implicit equation up to which they stay, in
+/// tolerances: more than 1, as the equation gives the distance to first order only, and only
+/// middles of triangles are held to it.
 const FAR: f64 = 1.5;
 
-/// What stands against a surface, and what is claimed of it.
+/// The findings against a surface, and the claims about it.
 #[derive(Default)]
 struct Verdict {
     findings: Vec<Finding>,
@@ -35,7 +36,7 @@ struct Verdict {
 pub struct Prepared<'a> {
     map: &'a Map,
     options: &'a TriangulateOptions,
-    /// What is known of the map; `seconds` of the triangles, too.
+    /// The analysis of the map; its `seconds` are of the triangles, too.
     pub analysis: Analysis,
     curves: Curves,
     region: Region,
@@ -119,7 +120,7 @@ impl<'a> Prepared<'a> {
     fn half_width(&self) -> f64 {
         self.options.half_width.to_f64().value()
     }
-    /// What the surface is made with.
+    /// The options that the surface is made with.
     pub(crate) fn options(&self) -> &TriangulateOptions {
         self.options
     }
@@ -256,11 +257,12 @@ impl Verdict {
     }
 }
 
-/// What is claimed of the deck transformations of a map with so many real base points.
+/// The claims about the deck transformations of a map with a number of real base points.
 fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
     let domain = Grade {
         claim: Claim::FundamentalDomain,
-        // What is blown up to a fold is known exactly; at other base points directions are tried.
+        // Base points that are blown up to a fold are known exactly; at other base points
+        // directions are tried.
         basis: match base_points == deck.folded.len() {
             true => Basis::Exact,
             false => Claim::FundamentalDomain.basis(),
@@ -269,8 +271,8 @@ fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
     [Claim::DeckTransformations.into(), domain]
 }
 
-/// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not looked
-/// at, as [`triangulate`](crate::triangulate) does.
+/// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not
+/// looked at, as [`triangulate`](crate::triangulate) does.
 ///
 /// # Errors
 /// [`Stopped`], if not even the region of parameters was found in time.

@@ -164,8 +164,8 @@ fn rational_roots(
     Ok(wanted.map(extension).collect())
 }
 
-/// The fields of the roots of a polynomial over a field of degree 2 or more: by factors of its norm,
-/// after a shift.
+/// The fields of the roots of a polynomial over a field of degree 2 or more: by factors of its
+/// norm, after a shift.
 fn extensions(
     k: &Arc<NumberField>,
     p: &Coefficients,

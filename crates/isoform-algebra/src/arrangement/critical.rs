@@ -9,7 +9,7 @@ use crate::upoly::UPoly;
 use dashu_ratio::RBig;
 use isoform_control::Control;
 
-/// What happens at a critical value.
+/// An event at a critical value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// A curve has a vertical tangent or a singular point, goes to infinity, or meets the side v =
@@ -106,15 +106,11 @@ impl Base {
         let mut rest = p.squarefree_part();
         let mut next = Vec::new();
         for (b, events) in std::mem::take(&mut self.0) {
-            let g = if rest.degree() > 0 {
-                b.gcd(&rest)
-            } else {
-                UPoly::one()
-            };
-            if g.degree() == 0 {
+            let common = (rest.degree() > 0).then(|| b.gcd(&rest));
+            let Some(g) = common.filter(|g| g.degree() > 0) else {
                 next.push((b, events));
                 continue;
-            }
+            };
             let without = b.div_exact(&g).expect("a common divisor divides");
             rest = rest.div_exact(&g).expect("a common divisor divides");
             let both = events.iter().copied().chain([event]).collect();
@@ -129,12 +125,9 @@ impl Base {
 
     /// The roots in \[0, 1\], ascending, their intervals disjoint.
     fn roots(&self, control: &Control<'_>) -> Result<Vec<Critical>, ResultantError> {
-        let within = |r: &RealRoot| {
-            r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le()
-        };
         let mut roots: Vec<Critical> = Vec::new();
         for (p, events) in &self.0 {
-            let inside = real_roots(p).into_iter().filter(within);
+            let inside = real_roots(p).into_iter().filter(is_in_unit);
             roots.extend(inside.map(|u| Critical {
                 u,
                 events: events.clone(),
@@ -150,4 +143,9 @@ impl Base {
         })?;
         Ok(roots)
     }
+}
+
+/// Whether a number is in \[0, 1\].
+fn is_in_unit(r: &RealRoot) -> bool {
+    r.cmp_rational(&RBig::ZERO).is_ge() && r.cmp_rational(&RBig::ONE).is_le()
 }

@@ -23,7 +23,7 @@ enum Origin {
 pub(super) enum Roots {
     /// The curve has none, as it does not depend on v.
     None,
-    /// Those between the sides, proved in floating point: all of them are simple.
+    /// The roots between the sides, proved in floating point: all of them are simple.
     Near(Vec<[RBig; 2]>),
     /// All real ones.
     Exact(Fibre),
@@ -61,8 +61,8 @@ impl Roots {
     }
 }
 
-/// How many numbers each two of the curves and the sides have in common, for j < k. After the n
-/// curves, the side v = 0 has the number n, the side u + v = 1 the number n + 1.
+/// The number of points that each two of the curves and the sides have in common, for j < k. After
+/// the n curves, the side v = 0 has the number n, the side u + v = 1 the number n + 1.
 pub(super) type Common = Vec<Vec<usize>>;
 
 /// The numbers over a critical value.
@@ -129,8 +129,8 @@ impl Stack {
         self.origins.iter().map(range).collect()
     }
 
-    /// How many numbers of each two curves and sides may be equal, and for each number the group of
-    /// those that it may be equal to. Roots of one curve differ, but may still touch.
+    /// The most numbers that each two curves and sides may have in common, and for each number the
+    /// group of those that it may be equal to. Roots of one curve differ, but may still touch.
     fn meetings(&self, ranges: &[(RBig, RBig)]) -> (Common, Vec<usize>) {
         let n = self.fibres.len();
         let all = &self.origins;

@@ -11,6 +11,7 @@ use crate::poly::Poly;
 use crate::precision::{DOUBLED, Growth, refine_until};
 use crate::resultant::{ResultantError, Subresultants};
 use crate::roots::{RealRoot, real_roots, simplest_between};
+use crate::upoly::UPoly;
 use dashu_int::IBig;
 use dashu_ratio::RBig;
 use isoform_control::Control;
@@ -87,8 +88,8 @@ impl Work {
         }
     }
 
-    /// The roots of the curves over a critical value. Curves that are just crossed there get them in
-    /// floating point, unless `exact`.
+    /// The roots of the curves over a critical value. Curves that are just crossed there get them
+    /// in floating point, unless `exact`.
     fn roots_at(
         &self,
         critical: &Critical,
@@ -120,7 +121,7 @@ impl Work {
         mut critical: Critical,
         control: &Control<'_>,
     ) -> Result<Standing, ArrangementError> {
-        // What all fibres begin with, found once.
+        // The approximation that all fibres begin with, found once.
         critical.u.refine(FIRST_BITS);
         let mut stack = Stack::new(self.roots_at(&critical, false, control)?);
         let common = self.common(&critical, control)?;
@@ -157,7 +158,8 @@ impl Work {
         })
     }
 
-    /// How many numbers each two of the curves and the sides have in common over a critical value.
+    /// The number of points that each two of the curves and the sides have in common over a
+    /// critical value.
     fn common(
         &mut self,
         critical: &Critical,
@@ -171,9 +173,9 @@ impl Work {
                 continue;
             }
             if critical.has(Event::Alone(k)) {
-                let [lower, upper] = [&curve.on_lower, &curve.on_upper]
-                    .map(|on| usize::from(critical.u.sign_of(on).is_eq()));
-                (common[k][n], common[k][n + 1]) = (lower, upper);
+                let meets = |on: &UPoly| usize::from(critical.u.sign_of(on).is_eq());
+                common[k][n] = meets(&curve.on_lower);
+                common[k][n + 1] = meets(&curve.on_upper);
             }
             for j in 0..k {
                 if critical.has(Event::Pair(j, k)) {
@@ -233,7 +235,7 @@ impl Work {
         }
     }
 
-    /// What lies between two neighbouring walls.
+    /// The slab between two neighbouring walls.
     pub(super) fn slab(
         &self,
         left: &Standing,
@@ -357,11 +359,13 @@ impl Work {
         side: Ordering,
         control: &Control<'_>,
     ) -> Result<RBig, ResultantError> {
-        /// Share of the way to the wall that is left after the sample, in bits.
+        /// The share of the way to the wall that is left after the first sample, in bits.
         const FIRST: usize = 8;
-        /// How the share shrinks: by steps after which a rough look may do.
+        /// The growth of the bits from one look to the next: by steps after which a rough look may
+        /// do.
         const NEARER: Growth = |bits| bits + bits / 4;
-        /// From these bits on a look is exact: then the place, not the look, is to blame.
+        /// The bits from which on a look is exact: a look that does not decide then shows that the
+        /// place is too far from the wall.
         const ROUGH: usize = 48;
         let mut u = standing.wall.u.clone();
         refine_until(FIRST, NEARER, control, |bits| {

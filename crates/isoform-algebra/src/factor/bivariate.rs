@@ -1,9 +1,9 @@
 //! Factors of polynomials in two variables.
 //!
 //! A shear makes the leading coefficient in x constant, so that a factor of degree d in x has total
-//! degree d. y is set to a number; the univariate factors on that line are lifted as power series in
-//! y modulo primes, and a product of them counts if its coefficients end where those of a factor
-//! must. It is lifted modulo more primes until it divides.
+//! degree d. y is set to a number; the univariate factors on that line are lifted as power series
+//! in y modulo primes, and a product of them counts if its coefficients end where the coefficients
+//! of a factor must. It is lifted modulo more primes until it divides.
 
 use super::FactorError;
 use super::recombination::by_subsets;
@@ -101,17 +101,12 @@ fn factors_from_line(
         if !first.is_plausible(chosen) {
             return None;
         }
-        let groups: Vec<UPoly> = [true, false]
-            .map(|inside| {
-                (0..lines.len())
-                    .filter(|i| {
-                        chosen.contains(i) == inside && divides_line(&rest, x, y, &lines[*i])
-                    })
-                    .map(|i| &lines[i])
-                    .fold(UPoly::one(), |a, b| &a * b)
-            })
-            .into();
-        let candidate = reconstruct(&rest, x, y, &groups)?;
+        let is_left = |i: &usize| divides_line(&rest, x, y, &lines[*i]);
+        let (chosen, others): (Vec<usize>, Vec<usize>) = (0..lines.len())
+            .filter(is_left)
+            .partition(|i| chosen.contains(i));
+        let product = |of: Vec<usize>| of.iter().fold(UPoly::one(), |a, &i| &a * &lines[i]);
+        let candidate = reconstruct(&rest, x, y, &[product(chosen), product(others)])?;
         rest = rest.div_exact(&candidate)?;
         Some(candidate)
     })?;
@@ -133,6 +128,23 @@ fn small_numbers() -> impl Iterator<Item = RBig> {
     (0i64..).map(|i| RBig::from(if i % 2 == 1 { (i + 1) / 2 } else { -i / 2 }))
 }
 
+/// The coefficients of y⁰, y¹, … as polynomials in x, modulo a prime and monic in x; none if the
+/// prime divides the leading coefficient in x.
+fn monic_rows(field: &Fp, f: &Poly, x: usize, y: usize) -> Option<Vec<Vec<u64>>> {
+    let degree = f.total_degree();
+    let mut rows = vec![vec![0; degree + 1]; degree + 1];
+    for (e, c) in f.terms() {
+        rows[usize::from(e[y])][usize::from(e[x])] = field.of_ibig(c);
+    }
+    let lead = rows[0][degree];
+    if lead == 0 {
+        return None;
+    }
+    let inverse = field.inv(lead);
+    let monic = |row: &Vec<u64>| modpoly::scale(field, row, inverse);
+    Some(rows.iter().map(monic).collect())
+}
+
 /// Factors of a polynomial f(x, y)/lc as power series in y modulo a prime, monic in x.
 struct Lifted {
     field: Fp,
@@ -144,21 +156,8 @@ impl Lifted {
     /// The lifts modulo one prime after the other; the lines are coprime and their product is f(x,
     /// 0) up to a constant.
     fn new(f: &Poly, x: usize, y: usize, lines: &[UPoly]) -> impl Iterator<Item = Self> {
-        let degree = f.total_degree();
         primes().filter_map(move |field| {
-            let mut rows = vec![vec![0; degree + 1]; degree + 1];
-            for (e, c) in f.terms() {
-                rows[usize::from(e[y])][usize::from(e[x])] = field.of_ibig(c);
-            }
-            let lead = rows[0][degree];
-            if lead == 0 {
-                return None;
-            }
-            let inverse = field.inv(lead);
-            let rows: Vec<Vec<u64>> = rows
-                .iter()
-                .map(|r| modpoly::scale(&field, r, inverse))
-                .collect();
+            let rows = monic_rows(&field, f, x, y)?;
             let bases: Vec<Vec<u64>> = lines
                 .iter()
                 .map(|l| modpoly::monic(&field, &l.residues(&field)))
@@ -194,6 +193,16 @@ impl Lifted {
             .all(|(k, row)| row.is_empty() || row.len() + k <= d + 1)
     }
 
+    /// The coefficients of the first factor up to a total degree, in the order of
+    /// [`places_up_to`].
+    fn of_first(&self, degree: usize) -> Vec<u64> {
+        let series = &self.series[0];
+        let at = |[i, k]: [usize; 2]| series.get(k)?.get(i).copied();
+        places_up_to(degree)
+            .map(|place| at(place).unwrap_or(0))
+            .collect()
+    }
+    /// The product of chosen factors as a power series in y, to the precision of the lifts.
     fn product(&self, chosen: &[usize]) -> Vec<Vec<u64>> {
         let f = &self.field;
         let precision = self.series[0].len();
@@ -288,6 +297,21 @@ impl PartialProducts {
     }
 }
 
+/// The exponents (i, k) of x and y up to a total degree, by rows of one k.
+fn places_up_to(degree: usize) -> impl Iterator<Item = [usize; 2]> {
+    (0..=degree).flat_map(move |k| (0..=degree - k).map(move |i| [i, k]))
+}
+
+/// Bits of a modulus that determines every monic factor of f. The heights of factors multiply up to
+/// at most 2^(sum of degrees) times the height of the product (A. O. Gelfond), which bounds
+/// numerators and denominators of the monic factor, too.
+fn enough_bits(f: &Poly) -> usize {
+    let sizes = f.terms().iter();
+    let sizes = sizes.map(|(_, c)| bit_len(&c.clone().abs().unsigned_abs()));
+    let height = sizes.max().unwrap_or(0);
+    2 * (height + 2 * f.total_degree() + 2) + 2
+}
+
 /// The factor of f whose line is the first group, from lifts modulo more and more primes; nothing
 /// if coefficients as large as a factor can have do not give one.
 fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
@@ -295,35 +319,14 @@ fn reconstruct(f: &Poly, x: usize, y: usize, groups: &[UPoly]) -> Option<Poly> {
     if groups[1].degree() == 0 {
         return Some(f.primitive());
     }
-    // A. O. Gelfond: the heights of factors multiply up to at most 2^(sum of degrees) times the
-    // height of the product; numerators and denominators of the monic factor are bounded so too.
-    let height = f
-        .terms()
-        .iter()
-        .map(|(_, c)| bit_len(&c.clone().abs().unsigned_abs()))
-        .max()
-        .unwrap_or(0);
-    let enough = 2 * (height + 2 * f.total_degree() + 2) + 2;
+    let enough = enough_bits(f);
     let mut crt: Option<Crt> = None;
     for lifted in Lifted::new(f, x, y, groups) {
-        let series = &lifted.series[0];
-        let mut residues = Vec::new();
-        for k in 0..=d {
-            for i in 0..=d - k {
-                residues.push(
-                    series
-                        .get(k)
-                        .and_then(|row| row.get(i))
-                        .copied()
-                        .unwrap_or(0),
-                );
-            }
-        }
+        let residues = lifted.of_first(d);
         let crt = crt.get_or_insert_with(|| Crt::new(residues.len()));
         crt.push(&lifted.field, &residues);
         if let Some((numerators, _)) = crt.rational() {
-            let places = (0..=d).flat_map(|k| (0..=d - k).map(move |i| (k, i)));
-            let terms = places.zip(numerators).map(|((k, i), c)| {
+            let terms = places_up_to(d).zip(numerators).map(|([i, k], c)| {
                 let mut e = [0; MAX_VARS];
                 (e[x], e[y]) = (i as u16, k as u16);
                 (e, c)

@@ -1,8 +1,8 @@
 //! Factors of polynomials in one variable.
 //!
-//! D. G. Cantor and H. Zassenhaus (Math. Comp. 36, 1981, pages 587–592) modulo a small prime, Hensel
-//! lifting (J. von zur Gathen, J. Gerhard, *Modern Computer Algebra*, algorithm 15.10) beyond
-//! M. Mignotte's bound, recombination by trial.
+//! D. G. Cantor and H. Zassenhaus (Math. Comp. 36, 1981, pages 587–592) modulo a small prime,
+//! Hensel lifting (J. von zur Gathen, J. Gerhard, *Modern Computer Algebra*, algorithm 15.10)
+//! beyond M. Mignotte's bound, recombination by trial.
 
 use super::FactorError;
 use super::recombination::by_subsets;
@@ -135,12 +135,8 @@ fn best_small_prime(p: &UPoly, control: &Control<'_>) -> Result<Option<Modular>,
             continue;
         };
         let factors = factor_modular(&field, &image);
-        for (a, b) in possible
-            .iter_mut()
-            .zip(sums_of_degrees(&factors, p.degree()))
-        {
-            *a &= b;
-        }
+        let sums = sums_of_degrees(&factors, p.degree());
+        possible.iter_mut().zip(sums).for_each(|(a, b)| *a &= b);
         if possible[1..p.degree()].iter().all(|d| !d) {
             return Ok(None);
         }
@@ -166,7 +162,7 @@ fn squarefree_image(field: &Fp, p: &UPoly) -> Option<Vec<u64>> {
     (common.len() == 1).then_some(image)
 }
 
-/// Which degrees up to n products of the factors have.
+/// Whether products of the factors have each of the degrees up to n.
 fn sums_of_degrees(factors: &[Vec<u64>], n: usize) -> Vec<bool> {
     let mut sums = vec![false; n + 1];
     sums[0] = true;

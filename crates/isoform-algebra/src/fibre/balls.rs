@@ -319,6 +319,24 @@ fn predicted(
     })
 }
 
+/// Bounds from above and below of the absolute values cₖ·radius^k, where cₖ are the coefficients of
+/// the expansion around a centre.
+fn sizes_on_circle(
+    p: &[Ball],
+    centre: &Ball,
+    radius: &Ball,
+    precision: usize,
+) -> Vec<(IBig, IBig)> {
+    let mut scale = Ball::exact(IBig::ONE << precision);
+    let expanded = ball::shift(p, centre, precision);
+    let scaled = expanded.iter().map(|c| {
+        let term = c.mul(&scale, precision);
+        scale = scale.mul(radius, precision);
+        term.magnitude()
+    });
+    scaled.collect()
+}
+
 /// The number of roots of f in a disk that holds the interval and exactly one root of the
 /// polynomial with simple roots.
 pub(super) fn pellet(
@@ -332,18 +350,8 @@ pub(super) fn pellet(
     // 64 times the distance of the root from the centre: its power of the largest multiplicity then
     // dominates.
     let radius = Ball::exact((hi - lo + IBig::ONE) << 5usize);
-    let terms = |p: &[Ball]| -> Vec<(IBig, IBig)> {
-        let mut scale = Ball::exact(IBig::ONE << precision);
-        let expanded = ball::shift(p, &centre, precision);
-        let scaled = expanded.iter().map(|c| {
-            let t = c.mul(&scale, precision);
-            scale = scale.mul(&radius, precision);
-            t.magnitude()
-        });
-        scaled.collect()
-    };
     let dominant = |p: &[Ball]| {
-        let t = terms(p);
+        let t = sizes_on_circle(p, &centre, &radius, precision);
         let total: IBig = t.iter().map(|(above, _)| above).sum();
         // The lower bound of one exceeds the sum of the others' upper bounds.
         t.iter().position(|(above, below)| *below > &total - above)

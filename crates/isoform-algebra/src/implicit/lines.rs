@@ -1,16 +1,16 @@
 //! The equation of a map by its values on lines.
 //!
-//! The lines go through a point (1 : a : b : c) off the surface. With x′ = x, y′ = y − ax,
-//! z′ = z − bx, w′ = w − cx the equation is monic in x′. On the line y′ = ηw′, z′ = ζw′ its roots are
-//! the values of X/W′ at the n² − e points that Y′ − ηW′ and Z′ − ζW′ have in common besides base
+//! The lines go through a point (1 : a : b : c) off the surface. With x′ = x, y′ = y − ax, z′ = z −
+//! bx, w′ = w − cx the equation is monic in x′. On the line y′ = ηw′, z′ = ζw′ its roots are the
+//! values of X/W′ at the n² − e points that Y′ − ηW′ and Z′ − ζW′ have in common besides base
 //! points. These points are
 //!
 //! ```text
 //!   s : the roots of the resultant S₀(s)    t = −S₁₀(s)/S₁₁(s) of the first subresultant
 //! ```
 //!
-//! Traces of powers of X/W′ modulo the resultant and Newton's identities give the coefficients on the
-//! line, and values on a triangle of pairs (η, ζ) give these as polynomials in η and ζ.
+//! Traces of powers of X/W′ modulo the resultant and Newton's identities give the coefficients on
+//! the line, and values on a triangle of pairs (η, ζ) give these as polynomials in η and ζ.
 
 use super::pullback::{Pullback, Residues};
 use super::{MapDegrees, MapError};
@@ -182,7 +182,7 @@ fn residues_by_lines(
     }))
 }
 
-/// What all lines through (1 : 0 : 0 : 0) share.
+/// The values that all lines through (1 : 0 : 0 : 0) share.
 struct Lines<'p> {
     pullback: &'p Pullback,
     /// A polynomial in s whose roots are the base points.

@@ -72,17 +72,20 @@ impl Pullback {
             inverses: modpoly::small_inverses(f, n * n + 1),
             lines: Vec::new(),
         };
-        for &s in &pullback.nodes {
-            let values: Vec<[u64; 4]> = (0..=n)
-                .map(|t| pullback.image(f.of_u64(s as u64), f.of_u64(t as u64)))
-                .collect();
-            let line = std::array::from_fn(|i| {
-                let column: Vec<u64> = values.iter().map(|v| v[i]).collect();
-                modpoly::interpolate(f, &pullback.nodes[..=n], &column, &pullback.inverses)
-            });
-            pullback.lines.push(line);
-        }
+        let lines = pullback.nodes.iter().map(|&s| pullback.line(s)).collect();
+        pullback.lines = lines;
         pullback
+    }
+    /// The four forms in t on the line of a value of s, from their values at the first nodes.
+    fn line(&self, s: usize) -> [Vec<u64>; 4] {
+        let f = &self.field;
+        let values: Vec<[u64; 4]> = (0..=self.n)
+            .map(|t| self.image(f.of_u64(s as u64), f.of_u64(t as u64)))
+            .collect();
+        std::array::from_fn(|i| {
+            let column: Vec<u64> = values.iter().map(|v| v[i]).collect();
+            modpoly::interpolate(f, &self.nodes[..=self.n], &column, &self.inverses)
+        })
     }
     fn image(&self, s: u64, t: u64) -> [u64; 4] {
         let f = &self.field;
@@ -123,7 +126,7 @@ impl Pullback {
         let r = self.interpolate(&values);
         (r.len() == self.nodes.len()).then_some(r)
     }
-    /// How many points two pullbacks have in common, n².
+    /// The number of points that two pullbacks have in common, n².
     pub(super) fn points(&self) -> usize {
         self.nodes.len() - 1
     }

@@ -1,18 +1,27 @@
-//! What is around one node: its edges, and the fans of its triangles.
+//! Edges and fans of triangles around one node.
+//!
+//! A fan is a part of a node's triangles that hang together across edges of exactly two triangles.
+//! A surface is a manifold at a node if its triangles are one fan, closed or open.
 
 use super::shells::{Shells, root};
 use super::{Triangles, is_degenerate, middle};
 use crate::stars::Stars;
 use crate::{Defects, Place};
 
-/// What one run of nodes has.
+/// The findings of one run of nodes; the defects are explained at [`Surface`](super::Surface).
 #[derive(Default)]
 pub(super) struct Run {
+    /// Number of nodes in triangles.
     pub(super) nodes: usize,
+    /// Edges of one triangle.
     pub(super) open: Defects,
+    /// Edges of more than two triangles.
     pub(super) crowded: Defects,
+    /// Edges of two triangles that run along them in the same direction.
     pub(super) misoriented: Defects,
+    /// Nodes with more than one fan.
     pub(super) pinched: Defects,
+    /// Triangles with the corners of another one.
     pub(super) repeated: Defects,
     /// Number of edges at each node of the run that belong to it, by shells.
     pub(super) edges: Vec<(u32, u32)>,
@@ -24,6 +33,9 @@ pub(super) struct Run {
 /// node to the other end.
 type Spoke = (u32, u32, bool);
 
+/// A triangle at its lowest corner: its other corners in ascending order, and its number.
+type Apex = ([u32; 2], u32);
+
 /// Memory that is used again for each node.
 #[derive(Default)]
 pub(super) struct Work {
@@ -31,8 +43,8 @@ pub(super) struct Work {
     spokes: Vec<Spoke>,
     /// Union-find over the triangles around the node.
     fan: Vec<u32>,
-    /// The other corners, ascending, of triangles of which the node is the lowest corner.
-    apexes: Vec<([u32; 2], u32)>,
+    /// Triangles of which the node is the lowest corner.
+    apexes: Vec<Apex>,
 }
 
 impl Work {
@@ -112,18 +124,25 @@ impl Surroundings<'_> {
                 value: fans as f64,
             });
         }
-        for pair in work.apexes.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
-            whole = false;
-            run.repeated.add(self.room, || Place {
+        whole &= !self.add_repeated(node, &work.apexes, &mut run.repeated);
+        if !whole {
+            run.broken.push(shell);
+        }
+    }
+
+    /// Adds the triangles with this lowest node whose other corners another one has, too. Returns
+    /// whether there are any.
+    fn add_repeated(&self, node: usize, apexes: &[Apex], repeated: &mut Defects) -> bool {
+        let before = repeated.count;
+        for pair in apexes.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+            repeated.add(self.room, || Place {
                 at: self.of.points[node],
                 nodes: vec![node as u32, pair[0].0[0], pair[0].0[1]],
                 elements: vec![pair[0].1, pair[1].1],
                 value: 0.0,
             });
         }
-        if !whole {
-            run.broken.push(shell);
-        }
+        repeated.count > before
     }
 
     /// The number of edges to nodes above, and whether each has two triangles that run along it in

@@ -8,12 +8,14 @@ use crate::{Defects, Place};
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Directions that are tried for a ray that meets no edge; each fails only by a coincidence.
+/// Number of directions that are tried for a ray that meets no edge. Each fails only by a
+/// coincidence; if all fail, the shell has no winding number.
 const RAYS: u32 = 32;
-/// Tilt of the first ray, in shares of the diagonal; the others are tilted farther.
+/// Tilt of the first ray, as a share of the diagonal; the others are tilted farther. A larger tilt
+/// makes the box around the ray thicker, and more triangles are asked.
 const TILT: f64 = 1e-3;
-/// Steps of two sequences of low discrepancy (golden ratio and √2), as far from rational slopes as
-/// numbers get.
+/// Steps of two sequences of low discrepancy: 1/φ and √2 − 1. Both are badly approximated by
+/// fractions, so that rays do not come back to the slopes of a regular mesh.
 const TURNS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
 
 /// The representative of a number's set in a union-find; paths are halved on the way.
@@ -34,7 +36,7 @@ pub(super) struct Shells {
     lowest: Vec<u32>,
 }
 
-/// What the triangles of one shell have together.
+/// Sums over triangles of one shell.
 struct Sum {
     shell: u32,
     triangles: usize,
@@ -43,6 +45,7 @@ struct Sum {
 }
 
 impl Shells {
+    /// Joins the corners of every triangle that is not degenerate.
     pub(super) fn new(of: Triangles<'_>) -> Self {
         let nodes = of.points.len();
         let mut parent: Vec<u32> = (0..nodes as u32).collect();
@@ -58,24 +61,28 @@ impl Shells {
                 used[i as usize] = true;
             }
         }
-        // The root is the lowest node, so its number is known when the others are met.
-        let (mut shell_of, mut lowest) = (vec![0; nodes], Vec::new());
-        for i in 0..nodes {
-            let r = root(&mut parent, i as u32) as usize;
-            if r == i && used[i] {
-                shell_of[i] = lowest.len() as u32;
-                lowest.push(i as u32);
-            } else {
-                shell_of[i] = shell_of[r];
-            }
-        }
-        Self {
-            of: shell_of,
-            lowest,
-        }
+        Self::numbered(&mut parent, &used)
     }
 
-    /// Triangles, volume and area of each; volumes about the middle of all, against cancellation.
+    /// Numbers the sets of a union-find whose roots are the lowest nodes; sets of unused nodes get
+    /// no number of their own.
+    fn numbered(parent: &mut [u32], used: &[bool]) -> Self {
+        let (mut of, mut lowest) = (vec![0; parent.len()], Vec::new());
+        for i in 0..parent.len() {
+            // The root is the lowest node, so its number is known when the others are met.
+            let r = root(parent, i as u32) as usize;
+            if r == i && used[i] {
+                of[i] = lowest.len() as u32;
+                lowest.push(i as u32);
+            } else {
+                of[i] = of[r];
+            }
+        }
+        Self { of, lowest }
+    }
+
+    /// Triangles, volume and area of each shell. Volumes are taken about the centre of all shells,
+    /// which keeps cancellation small.
     pub(super) fn measure(&self, of: Triangles<'_>) -> Vec<Shell> {
         let o = bounds(of).center();
         let parts: Vec<Vec<Sum>> = blocks(of.triangles.len(), TASK)
@@ -125,6 +132,7 @@ impl Shells {
     }
 }
 
+/// The box around the corners of all triangles.
 fn bounds(of: Triangles<'_>) -> Aabb {
     Aabb::of(
         of.triangles
@@ -134,8 +142,8 @@ fn bounds(of: Triangles<'_>) -> Aabb {
     )
 }
 
-/// Shells that the others wind around another number of times than their orientation wants: 0 for a
-/// component, 1 for a cavity.
+/// Shells in the wrong place: the other shells should wind 0 times around a component and once
+/// around a cavity.
 ///
 /// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge
 /// is given up for another one. A shell that touches others has no such number; touching is an
@@ -171,8 +179,8 @@ pub(super) fn misplaced(
     defects
 }
 
-/// A point beyond the bounds, nearly along +x so that the ray's box is thin; another one for each
-/// k.
+/// The end of the ray number `k`: a point beyond the bounds, nearly along +x so that the box around
+/// the ray is thin.
 fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     let reach = bounds.diagonal();
     let [s, t] = TURNS.map(|turn| f64::from(k + 1) * turn);
@@ -219,6 +227,7 @@ fn winding(
     certain.then_some(count)
 }
 
+/// How the segment passes the triangle, by exact signs of volumes.
 fn passage(from: Point3, end: Point3, [a, b, c]: [Point3; 3]) -> Passage {
     let (s, e) = (volume_sign(a, b, c, from), volume_sign(a, b, c, end));
     if s * e > 0 {

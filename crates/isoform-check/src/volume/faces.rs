@@ -1,14 +1,19 @@
-//! What is around one node of the tetrahedra: faces and edges of which it is the lowest node.
+//! Faces and edges of the tetrahedra around one node, of which it is the lowest node.
+//!
+//! Every face and every edge belongs to exactly one node that way, so that nodes can be looked at
+//! independently and nothing is counted twice.
 
 use super::Volume;
 use crate::Place;
 use crate::stars::Stars;
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 
-/// What one run of nodes has.
+/// The findings of one run of nodes.
 #[derive(Default)]
 pub(super) struct Run {
+    /// Counts and defects.
     pub(super) volume: Volume,
+    /// Faces of one tetrahedron, counterclockwise seen from outside.
     pub(super) boundary: Vec<[u32; 3]>,
     /// Ratios of the mean edge lengths of neighbours.
     pub(super) ratios: Vec<f64>,
@@ -24,11 +29,13 @@ pub(super) struct Work {
     edges: Vec<(u32, u32)>,
 }
 
-/// A face at its lowest corner: the other two corners in ascending order, then what has it.
+/// A face at its lowest corner, as one tetrahedron or one triangle of the surface has it.
 struct Face {
+    /// The other two corners in ascending order.
     others: [u32; 2],
-    /// Tetrahedron or triangle.
+    /// Number of the tetrahedron or triangle.
     element: u32,
+    /// Whether the element is a triangle of the surface.
     is_triangle: bool,
     /// Whether it runs from the lowest corner to the lower of the others, seen from outside of its
     /// tetrahedron.
@@ -36,10 +43,11 @@ struct Face {
 }
 
 impl Face {
+    /// The order of faces: one face after the other, its tetrahedra before its triangles.
     fn key(&self) -> ([u32; 2], bool, u32) {
         (self.others, self.is_triangle, self.element)
     }
-    /// As seen from outside.
+    /// The corners, counterclockwise seen from outside.
     fn corners(&self, lowest: u32) -> [u32; 3] {
         let [a, b] = self.others;
         if self.ascending {
@@ -97,6 +105,7 @@ impl Elements<'_> {
         }
     }
 
+    /// Collects the faces and edges that the tetrahedra have at their lowest node `node`.
     fn collect_tetrahedra(&self, node: usize, work: &mut Work) {
         let u = node as u32;
         for &k in self.tets.of(node) {
@@ -114,6 +123,8 @@ impl Elements<'_> {
         }
     }
 
+    /// Collects the triangles of the surface at their lowest node `node`, and their edges if the
+    /// mesh is of second order.
     fn collect_triangles(&self, node: usize, work: &mut Work) {
         let u = node as u32;
         for &k in self.triangles.of(node) {
@@ -132,7 +143,7 @@ impl Elements<'_> {
         }
     }
 
-    /// The mid nodes of edges on which all elements agree; the others are findings.
+    /// Collects the mid nodes of edges on which all elements agree; the other edges are findings.
     fn mids(&self, node: usize, edges: &mut Vec<(u32, u32)>, run: &mut Run) {
         let u = node as u32;
         edges.sort_unstable();
@@ -152,43 +163,45 @@ impl Elements<'_> {
         }
     }
 
-    /// Looks at one face: the tetrahedra that have it, then the triangles.
+    /// Looks at one face, by the tetrahedra and the triangles of the surface that have it.
     fn face(&self, lowest: u32, group: &[Face], run: &mut Run) {
-        let room = self.room;
         let (tets, triangles) = group.split_at(group.partition_point(|f| !f.is_triangle));
-        let place = |elements: &[Face]| self.place(lowest, elements);
-        let one = |t: &Face| self.place(lowest, std::slice::from_ref(t));
+        let place = || self.place(lowest, tets);
         let volume = &mut run.volume;
         volume.faces += usize::from(!tets.is_empty());
         match tets {
-            [] => {
-                for t in triangles {
-                    volume.loose_triangles.add(room, || one(t));
-                }
-            }
+            [] => {}
             [face] => {
                 run.boundary.push(face.corners(lowest));
                 if triangles.is_empty() && !self.mesh.triangles.is_empty() {
-                    volume.uncovered_faces.add(room, || place(tets));
-                }
-                for t in triangles.iter().filter(|t| t.ascending != face.ascending) {
-                    volume.inward_triangles.add(room, || one(t));
+                    volume.uncovered_faces.add(self.room, place);
                 }
             }
             [a, b] => {
                 let [x, y] = [a, b].map(|f| self.lengths[f.element as usize]);
                 run.ratios.push((x / y).max(y / x));
                 if a.ascending == b.ascending {
-                    volume.folded_faces.add(room, || place(tets));
+                    volume.folded_faces.add(self.room, place);
                 }
             }
-            _ => volume.crowded_faces.add(room, || place(tets)),
+            _ => volume.crowded_faces.add(self.room, place),
         }
-        if tets.len() > 1 {
-            for t in triangles {
-                volume.inner_triangles.add(room, || one(t));
-            }
+        for t in triangles {
+            self.triangle(lowest, tets, t, volume);
         }
+    }
+
+    /// Looks at a triangle of the surface at the face of these tetrahedra: it should cover the face
+    /// of exactly one and be turned outward.
+    fn triangle(&self, lowest: u32, tets: &[Face], triangle: &Face, volume: &mut Volume) {
+        let defects = match tets {
+            [] => &mut volume.loose_triangles,
+            [face] if face.ascending == triangle.ascending => return,
+            [_] => &mut volume.inward_triangles,
+            _ => &mut volume.inner_triangles,
+        };
+        let place = || self.place(lowest, std::slice::from_ref(triangle));
+        defects.add(self.room, place);
     }
 
     /// The middle of a face, with the elements that have it.

@@ -1,13 +1,16 @@
 //! Mid nodes that several edges share, or that are corners as well.
+//!
+//! A mesh of second order is conforming only if each edge has a mid node of its own.
 
 use super::faces::Run;
 use crate::{Defects, Place};
 use isoform_geom::Mesh;
 
-/// Nodes that are listed of one finding.
+/// Number of nodes that are listed of one finding: a node that very many edges share would fill the
+/// report.
 const LISTED: usize = 16;
 
-/// Edges that share a mid node, and those whose mid node is a corner.
+/// Looks for edges that share a mid node, and for edges whose mid node is a corner.
 pub(super) fn examine(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
     if !mesh.tet_mids.is_empty() && is_any_shared(mesh, runs) {
         list_shared(mesh, runs, room, defects);
@@ -25,6 +28,7 @@ fn is_any_shared(mesh: &Mesh, runs: &[Run]) -> bool {
     mesh.tets.iter().flatten().any(|&i| used[i as usize])
 }
 
+/// Lists the shared mid nodes, each with the ends of its edges.
 fn list_shared(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
     let mids = runs.iter().flat_map(|run| run.mids.iter().copied());
     let mut mids: Vec<(u32, [u32; 2])> = mids.collect();
@@ -33,16 +37,15 @@ fn list_shared(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
     for &i in mesh.tets.iter().flatten() {
         is_corner[i as usize] = true;
     }
-    for group in mids.chunk_by(|a, b| a.0 == b.0) {
+    let is_wrong = |group: &&[(u32, [u32; 2])]| group.len() > 1 || is_corner[group[0].0 as usize];
+    for group in mids.chunk_by(|a, b| a.0 == b.0).filter(is_wrong) {
         let mid = group[0].0;
-        if group.len() > 1 || is_corner[mid as usize] {
-            let ends = group.iter().flat_map(|m| m.1);
-            defects.add(room, || Place {
-                at: mesh.points[mid as usize],
-                nodes: std::iter::once(mid).chain(ends).take(LISTED).collect(),
-                elements: Vec::new(),
-                value: group.len() as f64,
-            });
-        }
+        let ends = group.iter().flat_map(|m| m.1);
+        defects.add(room, || Place {
+            at: mesh.points[mid as usize],
+            nodes: std::iter::once(mid).chain(ends).take(LISTED).collect(),
+            elements: Vec::new(),
+            value: group.len() as f64,
+        });
     }
 }

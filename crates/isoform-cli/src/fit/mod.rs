@@ -127,58 +127,76 @@ enum UnitName {
     Ft,
 }
 
-impl Settings {
-    pub(crate) fn request(&self, template: &Path) -> Request {
-        let method = match self.method {
-            MethodName::Default => Method::Default,
-            MethodName::Hybrid => Method::Hybrid {
+impl MethodName {
+    fn method(self) -> Method {
+        match self {
+            Self::Default => Method::Default,
+            Self::Hybrid => Method::Hybrid {
                 local: Local::Lm,
                 threshold: None,
             },
-            MethodName::Local => Method::Local(Local::Lm),
-            MethodName::Bfgs => Method::Local(Local::Bfgs),
-            MethodName::Annealing => Method::Annealing,
-        };
-        let loss = match self.loss {
-            LossName::Auto => Loss::Auto,
-            LossName::Squares => Loss::Squares,
-            LossName::Cauchy => Loss::Cauchy,
-            LossName::Tukey => Loss::Tukey,
-        };
-        let pose = self.pose.map(|p| match p {
-            PoseName::None => Pose::None,
-            PoseName::Translate => Pose::Translate,
-            PoseName::Axis => Pose::Axis,
-            PoseName::Rigid => Pose::Rigid,
-            PoseName::Similarity => Pose::Similarity,
-        });
-        let unit = |u| match u {
-            UnitName::Mm => "mm",
-            UnitName::Cm => "cm",
-            UnitName::M => "m",
-            UnitName::In => "in",
-            UnitName::Ft => "ft",
-        };
+            Self::Local => Method::Local(Local::Lm),
+            Self::Bfgs => Method::Local(Local::Bfgs),
+            Self::Annealing => Method::Annealing,
+        }
+    }
+}
+
+impl LossName {
+    fn loss(self) -> Loss {
+        match self {
+            Self::Auto => Loss::Auto,
+            Self::Squares => Loss::Squares,
+            Self::Cauchy => Loss::Cauchy,
+            Self::Tukey => Loss::Tukey,
+        }
+    }
+}
+
+impl PoseName {
+    fn pose(self) -> Pose {
+        match self {
+            Self::None => Pose::None,
+            Self::Translate => Pose::Translate,
+            Self::Axis => Pose::Axis,
+            Self::Rigid => Pose::Rigid,
+            Self::Similarity => Pose::Similarity,
+        }
+    }
+}
+
+impl UnitName {
+    fn symbol(self) -> &'static str {
+        match self {
+            Self::Mm => "mm",
+            Self::Cm => "cm",
+            Self::M => "m",
+            Self::In => "in",
+            Self::Ft => "ft",
+        }
+    }
+}
+
+impl Settings {
+    /// The request that these options make of a template.
+    pub(crate) fn request(&self, template: &Path) -> Request {
+        let kept = [
+            (self.keep_planes, Beside::Plane),
+            (self.keep_apart, Beside::Apart),
+            (self.no_outlier_filter, Beside::Stray),
+        ];
         Request {
             template: template.to_owned(),
             language: self.language.clone(),
             start: self.start.clone(),
             bounds: self.bounds.clone(),
-            method,
-            loss,
+            method: self.method.method(),
+            loss: self.loss.loss(),
             fixed: self.fix.clone(),
-            pose,
+            pose: self.pose.map(PoseName::pose),
             filter_outliers: !self.no_outlier_filter,
-            keep: [
-                (self.keep_planes, Beside::Plane),
-                (self.keep_apart, Beside::Apart),
-                (self.no_outlier_filter, Beside::Stray),
-            ]
-            .into_iter()
-            .filter(|k| k.0)
-            .map(|k| k.1)
-            .collect(),
-            units: self.units.map(|u| unit(u).to_owned()),
+            keep: kept.into_iter().filter(|k| k.0).map(|k| k.1).collect(),
+            units: self.units.map(|u| u.symbol().to_owned()),
         }
     }
 }

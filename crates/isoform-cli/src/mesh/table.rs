@@ -135,6 +135,14 @@ fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
             },
         ));
     }
+    lines.extend(shapes(c));
+    lines.extend(fidelity(c));
+    lines
+}
+
+/// The shapes of the elements: angles, radius ratios and Jacobians.
+fn shapes(c: &Certificate) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
     if let Some(q) = &c.tets {
         let angles = format!(
             "dihedral {:.2} to {:.2} degrees",
@@ -160,6 +168,12 @@ fn figures(c: &Certificate) -> Vec<(&'static str, String)> {
             format!("angles {:.2} to {:.2} degrees", t.angle_min, t.angle_max),
         ));
     }
+    lines
+}
+
+/// How far the mesh is from the model, and how much of the model's edges and corners it has.
+fn fidelity(c: &Certificate) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
     if let Some(d) = &c.deviation {
         let nodes = d.nodes.max.max(d.curves.max).max(d.mids.max);
         lines.push((

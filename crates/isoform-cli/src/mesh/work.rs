@@ -218,14 +218,14 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
     }
 }
 
-/// Why there is no mesh.
-fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
+/// Why there is no mesh of a model in which no region to be meshed was found.
+fn no_extent(error: &ExtentError, name: &str, has_box: bool) -> Failure {
     let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
     match error {
-        MeshError::Extent(ExtentError::Empty { .. }) if settings.region.is_some() => none("empty")
+        ExtentError::Empty { .. } if has_box => none("empty")
             .why("nothing of it lies in the --box")
             .hint("another --box, or none"),
-        MeshError::Extent(ExtentError::Empty { certified }) => {
+        ExtentError::Empty { certified } => {
             let why = if *certified {
                 "intervals prove f < 0 within a million units"
             } else {
@@ -235,12 +235,34 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
                 .why(why)
                 .hint("other --params, or isoform eval to see values; inside is where f >= 0")
         }
-        MeshError::Extent(ExtentError::Unbounded { .. }) => {
+        ExtentError::Unbounded { .. } => {
             none("unbounded").hint("--box=-1,-1,-1,1,1,1 to cut it off there")
         }
-        MeshError::Extent(ExtentError::Start { .. }) => {
-            Failure::usage(format!("{name}: {error}")).hint("a smaller --box")
+        _ => Failure::usage(format!("{name}: {error}")).hint("a smaller --box"),
+    }
+}
+
+/// Why there is no mesh of work that was stopped.
+fn stopped(error: &MeshError, name: &str) -> Failure {
+    if interrupt::happened() {
+        return Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string());
+    }
+    Failure::new(NO_RESULT, "time-limit", format!("{name}: {error}"))
+        .why("the time limit was over before there was a mesh")
+        .hint("a longer --time-limit, or a larger --size")
+}
+
+/// Why there is no mesh.
+fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
+    let none = |code| Failure::new(NO_RESULT, code, format!("{name}: {error}"));
+    match error {
+        MeshError::Extent(ExtentError::Stopped) | MeshError::Stopped => stopped(error, name),
+        MeshError::NotANumber { at } | MeshError::Extent(ExtentError::NotANumber { at }) => {
+            none("not-a-number")
+                .somewhere(*at)
+                .hint("--box around the part where it is one")
         }
+        MeshError::Extent(extent) => no_extent(extent, name, settings.region.is_some()),
         MeshError::Option { name, .. } => {
             Failure::usage(error.to_string()).hint(format!("--{name}"))
         }
@@ -252,21 +274,10 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
             none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
         }
-        MeshError::NotANumber { at } | MeshError::Extent(ExtentError::NotANumber { at }) => {
-            none("not-a-number")
-                .somewhere(*at)
-                .hint("--box around the part where it is one")
-        }
         MeshError::TooCoarse { size } => none("too-coarse").hint(format!("--size {}", 0.5 * size)),
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
         MeshError::Internal { what } => Failure::internal("mesh").why(what),
-        MeshError::Stopped | MeshError::Extent(ExtentError::Stopped) if interrupt::happened() => {
-            Failure::new(interrupt::INTERRUPTED, "interrupted", error.to_string())
-        }
-        MeshError::Stopped | MeshError::Extent(ExtentError::Stopped) => none("time-limit")
-            .why("the time limit was over before there was a mesh")
-            .hint("a longer --time-limit, or a larger --size"),
     }
 }
 

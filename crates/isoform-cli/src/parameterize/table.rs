@@ -3,7 +3,7 @@
 use super::Made;
 use crate::mesh::table::line;
 use isoform::Coverage;
-use isoform::patch::{NormalForm, Parameterized, Phase, Quadric};
+use isoform::patch::{Grown, NormalForm, Parameterized, Phase, Quadric};
 use isoform::report::{brief, solver_name};
 
 /// The patches, what is proved of them, and where they went.
@@ -67,7 +67,7 @@ fn margin(c: &Coverage) -> String {
 }
 
 fn patch(p: &Parameterized, made: &Made) -> String {
-    let (g, t) = (&p.grown, &p.grown.terms);
+    let g = &p.grown;
     let [x, y, z] = g.seed_point.map(brief);
     let bound = p.distances.bound.map_or("not proved".to_owned(), |b| {
         format!("at most {}, proved", brief(b))
@@ -78,15 +78,6 @@ fn patch(p: &Parameterized, made: &Made) -> String {
         g.count(Phase::Grow),
         g.count(Phase::Newton)
     );
-    let terms = format!(
-        "{} with I {}, J {}, L {}, R {}, E {}",
-        brief(g.sum()),
-        brief(t.i),
-        brief(t.j),
-        brief(t.l),
-        brief(t.r),
-        brief(t.e)
-    );
     let area = format!("{} in the box", brief(g.area(&made.options.region)));
     let distance = format!("{bound}; root mean square {}", brief(p.distances.rms));
     let (least, most) = (brief(least), brief(most));
@@ -94,7 +85,7 @@ fn patch(p: &Parameterized, made: &Made) -> String {
     let mut lines = vec![
         ("seed", format!("({x}, {y}, {z})")),
         ("steps", steps),
-        ("S", terms),
+        ("S", terms(g)),
         ("distance", distance),
         ("area", area),
         ("weights", weights),
@@ -108,6 +99,20 @@ fn patch(p: &Parameterized, made: &Made) -> String {
         .into_iter()
         .map(|(name, text)| line(name, text))
         .collect()
+}
+
+/// The objective S and its terms.
+fn terms(g: &Grown) -> String {
+    let t = &g.terms;
+    format!(
+        "{} with I {}, J {}, L {}, R {}, E {}",
+        brief(g.sum()),
+        brief(t.i),
+        brief(t.j),
+        brief(t.l),
+        brief(t.r),
+        brief(t.e)
+    )
 }
 
 /// The name of the quadric or torus that the patch lies on, with its measures.

@@ -61,29 +61,8 @@ impl Lengths {
 
 /// The page; without a drawing where the time is up.
 pub(crate) fn page(job: &Job, is_late: bool) -> String {
-    let info = job.found.template.frep.model().info();
-    let title = info
-        .title
-        .clone()
-        .unwrap_or_else(|| job.template_name.clone());
     let lengths = Lengths::of(job);
-    let mut html = format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
-         <title>{0} fitted to {1}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p class=\"lead\">fitted to {1}, {3} points{4}</p>\n",
-        escaped(&title),
-        escaped(&job.scan),
-        include_str!("style.css"),
-        job.found.fit.n_points,
-        if job.unit.unit.is_empty() {
-            String::new()
-        } else {
-            format!(
-                ", in {} ({})",
-                escaped(in_words(&job.unit.unit)),
-                escaped(&job.unit.reason)
-            )
-        },
-    );
+    let mut html = head(job);
     html += &verdict_box(&verdict(job, &lengths));
     let sheets = (!is_late)
         .then(|| drawing::sheets(job, color_limit(&job.found.fit)))
@@ -101,6 +80,32 @@ pub(crate) fn page(job: &Job, is_late: bool) -> String {
     html += &again(job);
     html += "</main>\n</body>\n</html>\n";
     html
+}
+
+/// The page down to its title and the line below, which names the scan and its unit.
+fn head(job: &Job) -> String {
+    let info = job.found.template.frep.model().info();
+    let title = info
+        .title
+        .clone()
+        .unwrap_or_else(|| job.template_name.clone());
+    let unit = if job.unit.unit.is_empty() {
+        String::new()
+    } else {
+        format!(
+            ", in {} ({})",
+            escaped(in_words(&job.unit.unit)),
+            escaped(&job.unit.reason)
+        )
+    };
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+         <title>{0} fitted to {1}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p class=\"lead\">fitted to {1}, {3} points{unit}</p>\n",
+        escaped(&title),
+        escaped(&job.scan),
+        include_str!("style.css"),
+        job.found.fit.n_points,
+    )
 }
 
 /// Units whose symbol is a word of its own.

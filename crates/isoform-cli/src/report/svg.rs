@@ -282,15 +282,7 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
     }
     columns(&mut svg, &counts, x, y);
     if has_curve {
-        let curve = (0..=120)
-            .map(|k| -limit + 2.0 * limit * f64::from(k) / 120.0)
-            .map(|v| format!("{:.1},{:.1}", x.at(v), y.at(normal(v))));
-        let points: Vec<String> = curve.collect();
-        let _ = write!(
-            svg,
-            "<polyline class=\"curve\" points=\"{}\"/>",
-            points.join(" ")
-        );
+        curve(&mut svg, normal, x, y);
     }
     let _ = write!(
         svg,
@@ -306,6 +298,20 @@ pub(crate) fn histogram(values: &[f64], noise: f64, limit: f64, unit: &str) -> S
     };
     x_axis(&mut svg, x, &format!("deviation{unit}, outside positive"));
     frame("Histogram of deviations", &svg)
+}
+
+/// Draws a function over an axis that is symmetric about 0, in 120 steps.
+fn curve(svg: &mut String, f: impl Fn(f64) -> f64, x: Scale, y: Scale) {
+    let limit = x.hi;
+    let points: Vec<String> = (0..=120)
+        .map(|k| -limit + 2.0 * limit * f64::from(k) / 120.0)
+        .map(|v| format!("{:.1},{:.1}", x.at(v), y.at(f(v))))
+        .collect();
+    let _ = write!(
+        svg,
+        "<polyline class=\"curve\" points=\"{}\"/>",
+        points.join(" ")
+    );
 }
 
 fn columns(svg: &mut String, counts: &[usize; COLUMNS], x: Scale, y: Scale) {

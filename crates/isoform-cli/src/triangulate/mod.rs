@@ -5,8 +5,8 @@ mod domain;
 mod table;
 
 use crate::interrupt;
-use crate::mesh::files::{self, Written};
-use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::mesh::files::{self, Target, Written};
+use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use isoform::algebra::{Poly, RBig};
 use isoform::geom::Mesh;
@@ -18,7 +18,7 @@ use isoform::tess::{
 use isoform::{Control, PatchesError, SurfaceBox, Topology, topology};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
@@ -89,6 +89,13 @@ pub(crate) struct Args {
     /// Draw the triangles in the plane of parameters as SVG
     #[arg(long, value_name = "FILE")]
     domain: Option<PathBuf>,
+}
+
+impl Args {
+    /// The region of parameters that is asked for.
+    fn region(&self) -> Option<&Domain> {
+        self.rectangle.as_ref().or(self.polygon.as_ref())
+    }
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
@@ -175,59 +182,57 @@ struct Made {
 }
 
 impl Made {
+    /// Whether every claim about the surface holds.
     fn is_certified(&self) -> bool {
         self.surface.is_certified()
     }
-    fn exit(&self) -> u8 {
-        match () {
-            () if interrupt::happened() => interrupt::INTERRUPTED,
-            () if self.is_certified() => DONE,
-            () => PARTIAL,
+    /// Warns of the common factor that a map was divided by.
+    fn warn_of_factors(&self, context: &Context) {
+        if !self.patches.is_empty() {
+            return;
         }
+        for factor in self.maps.iter().filter_map(Map::removed) {
+            context.warn(format_args!(
+                "X, Y, Z and W were divided by their common factor {}",
+                factor.display(&VARIABLES)
+            ));
+        }
+    }
+    /// Writes the mesh, then the sidecar, the drawing of the parameters and the report; the bytes
+    /// of the mesh that is for stdout.
+    fn write(&mut self, targets: &[Target], args: &Args) -> Result<Vec<u8>, Failure> {
+        let surface = &self.surface;
+        let mut mesh = Mesh::from_triangles(surface.points.clone(), surface.triangles.clone());
+        mesh.triangle_parts.clone_from(&surface.patches);
+        mesh.parts.clone_from(&self.patches);
+        let (written, stdout) = files::write_mesh_files(&mesh, None, targets)?;
+        self.written = written;
+        if let Some(path) = &args.sidecar {
+            output::write_file(path, &document::sidecar(&self.surface))?;
+        }
+        if let Some(path) = &args.domain {
+            output::write_file(path, domain::svg(self).as_bytes())?;
+        }
+        if let Some(path) = &args.report {
+            output::write_file(path, &document::file(self))?;
+        }
+        Ok(stdout)
+    }
+    fn exit(&self) -> u8 {
+        output::exit(self.is_certified())
     }
 }
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let beside = [&args.report, &args.sidecar, &args.domain];
-    for path in beside.into_iter().flatten() {
-        if path == Path::new("-") {
-            return Err(
-                Failure::usage("only a mesh goes to stdout").hint("--json prints the report")
-            );
-        }
-        output::check_folder(path)?;
-    }
+    check_beside(beside)?;
     let subject = read(&args.map, args.reduce)?;
     let mut made = make(args, subject, context)?;
-    for factor in made
-        .maps
-        .iter()
-        .filter_map(Map::removed)
-        .filter(|_| made.patches.is_empty())
-    {
-        context.warn(format_args!(
-            "X, Y, Z and W were divided by their common factor {}",
-            factor.display(&VARIABLES)
-        ));
-    }
+    made.warn_of_factors(context);
 
     let clock = Instant::now();
-    let mut mesh =
-        Mesh::from_triangles(made.surface.points.clone(), made.surface.triangles.clone());
-    mesh.triangle_parts.clone_from(&made.surface.patches);
-    mesh.parts.clone_from(&made.patches);
-    let (written, stdout) = files::write_mesh_files(&mesh, None, &targets)?;
-    made.written = written;
-    if let Some(path) = &args.sidecar {
-        output::write_file(path, &document::sidecar(&made.surface))?;
-    }
-    if let Some(path) = &args.domain {
-        output::write_file(path, domain::svg(&made).as_bytes())?;
-    }
-    if let Some(path) = &args.report {
-        output::write_file(path, &document::file(&made))?;
-    }
+    let file = made.write(&targets, args)?;
     if !targets.is_empty() || beside.iter().any(|path| path.is_some()) {
         made.seconds.push(("write", clock.elapsed().as_secs_f64()));
     }
@@ -241,25 +246,41 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             .as_ref()
             .map_or(Value::Null, |p| p.display().to_string().into());
     }
-    if !stdout.is_empty() {
-        json["text"] = String::from_utf8_lossy(&stdout).into();
+    Ok(Outcome::of(made.exit(), json, file, || {
+        table::text(&made, &beside)
+    }))
+}
+
+/// Finds out before the work whether the files beside the mesh can be written.
+fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
+    for path in files.into_iter().flatten() {
+        if path == Path::new("-") {
+            return Err(
+                Failure::usage("only a mesh goes to stdout").hint("--json prints the report")
+            );
+        }
+        output::check_folder(path)?;
     }
-    let stdout = if stdout.is_empty() {
-        table::text(&made, &beside).into_bytes()
-    } else {
-        stdout
-    };
-    Ok(Outcome {
-        exit: made.exit(),
-        json,
-        stdout,
-    })
+    Ok(())
 }
 
 /// What there is to draw.
 enum Subject {
     Map(Box<Map>),
     Patches(Vec<Patch>),
+}
+
+impl Subject {
+    fn is_map(&self) -> bool {
+        matches!(self, Self::Map(_))
+    }
+    /// The names of patches; none for a map.
+    fn patch_names(&self) -> Vec<String> {
+        match self {
+            Self::Map(_) => Vec::new(),
+            Self::Patches(list) => list.iter().map(|p| p.name.clone()).collect(),
+        }
+    }
 }
 
 /// Reads and checks a map, or patches.
@@ -289,13 +310,26 @@ fn patch(p: FilePatch) -> Patch {
     Patch::new(p.name, p.degree, p.control.exact())
 }
 
-/// The box: as asked for, or, where the surface is proved to have bounds, around it; half the
-/// largest width of the surface in the box; whether it was not asked for.
-fn find_box(args: &Args, subject: &Subject) -> Result<(RBig, f64, bool), Failure> {
+/// The box about the origin in which a surface is drawn.
+struct InBox {
+    /// B.
+    half_width: RBig,
+    /// Half the largest width of the surface in the box, which tolerances are relative to.
+    size: f64,
+    /// Whether it was not asked for, but holds all of the surface.
+    is_chosen: bool,
+}
+
+/// The box as asked for, or around the surface where that is proved to have bounds.
+fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
     if let Some(given) = &args.half_width {
-        return Ok((given.exact.clone(), given.near, false));
+        return Ok(InBox {
+            half_width: given.exact.clone(),
+            size: given.near,
+            is_chosen: false,
+        });
     }
-    let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
+    let domain = args.region();
     let around = match subject {
         Subject::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
         Subject::Patches(patches) => SurfaceBox::of_patches(patches),
@@ -310,7 +344,11 @@ fn find_box(args: &Args, subject: &Subject) -> Result<(RBig, f64, bool), Failure
             .why(why.to_owned())
             .hint("--box B, half the width of a box around the origin"));
     };
-    Ok((half_width, size, true))
+    Ok(InBox {
+        half_width,
+        size,
+        is_chosen: true,
+    })
 }
 
 /// Why a text is no file of a map, and where.
@@ -370,40 +408,19 @@ fn triangles(
 
 /// Triangulates a map or patches, or says why there is no triangle.
 fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failure> {
-    let domain = args.rectangle.as_ref().or(args.polygon.as_ref());
-    let is_map = matches!(subject, Subject::Map(_));
-    if !is_map && domain.is_some() {
+    if !subject.is_map() && args.region().is_some() {
         return Err(
             Failure::usage("patches are drawn over their own parameters")
                 .hint("without --rectangle and --polygon"),
         );
     }
-    let (half_width, size, is_chosen) = find_box(args, &subject)?;
-    let usual = MeshOptions::around(size);
-    let mut options = TriangulateOptions {
-        domain: domain.cloned(),
-        mode: match args.mode {
-            Some(Sheets::Glued) => Mode::Glued,
-            None if is_map => Mode::Glued,
-            _ => Mode::Normalised,
-        },
-        mesh: MeshOptions {
-            tolerance: args.tol.unwrap_or(usual.tolerance),
-            longest: args.longest.unwrap_or(usual.longest),
-            triangles: args.triangles,
-        },
-        ..TriangulateOptions::around(half_width)
-    };
-    if let Some(limit) = context.global.time_limit {
-        options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
-    }
+    let in_box = find_box(args, &subject)?;
+    let is_chosen = in_box.is_chosen;
+    let options = options(args, in_box, subject.is_map(), context.global.time_limit);
     let name = args.map.display().to_string();
     let control = context.control();
     let progress = Progress::new(context);
-    let patches = match &subject {
-        Subject::Map(_) => Vec::new(),
-        Subject::Patches(list) => list.iter().map(|p| p.name.clone()).collect(),
-    };
+    let patches = subject.patch_names();
     let (surface, known) = progress
         .during("triangulation", context.global.time_limit, || {
             triangles(subject, &options, &control)
@@ -419,13 +436,7 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         return Err(nothing(&name, Some((&surface, &options)), context));
     }
     let topology = topology(&surface.triangles);
-    let mut seconds: Vec<(&'static str, f64)> = Vec::new();
-    for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
-        match seconds.iter_mut().find(|known| known.0 == phase) {
-            Some(known) => known.1 += s,
-            None => seconds.push((phase, s)),
-        }
-    }
+    let seconds = seconds_by_phase(&known);
     let (maps, analyses) = known.into_iter().unzip();
     let half_width = options.half_width.to_f64_fast();
     Ok(Made {
@@ -441,6 +452,47 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         written: Vec::new(),
         seconds,
     })
+}
+
+/// What is asked for, as the library takes it. Sheets of a map are glued unless asked otherwise,
+/// those of patches are not.
+fn options(
+    args: &Args,
+    in_box: InBox,
+    is_map: bool,
+    time_limit: Option<Duration>,
+) -> TriangulateOptions {
+    let usual = MeshOptions::around(in_box.size);
+    let mut options = TriangulateOptions {
+        domain: args.region().cloned(),
+        mode: match args.mode {
+            Some(Sheets::Glued) => Mode::Glued,
+            None if is_map => Mode::Glued,
+            _ => Mode::Normalised,
+        },
+        mesh: MeshOptions {
+            tolerance: args.tol.unwrap_or(usual.tolerance),
+            longest: args.longest.unwrap_or(usual.longest),
+            triangles: args.triangles,
+        },
+        ..TriangulateOptions::around(in_box.half_width)
+    };
+    if let Some(limit) = time_limit {
+        options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
+    }
+    options
+}
+
+/// Seconds that each phase took over all maps, in the order in which phases first come.
+fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
+    let mut seconds: Vec<(&'static str, f64)> = Vec::new();
+    for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
+        match seconds.iter_mut().find(|known| known.0 == phase) {
+            Some(known) => known.1 += s,
+            None => seconds.push((phase, s)),
+        }
+    }
+    seconds
 }
 
 /// Why there is no triangle; of a surface and what it was to be, if the analysis came to its end.

@@ -9,7 +9,6 @@ use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
 pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
-    let (surface, topology) = (&made.surface, &made.topology);
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     let mut text = line("map", map(made));
     if let Some(domain) = made.options.domain.as_ref() {
@@ -22,31 +21,41 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("double curve", double_curve(made));
     }
     text += &contracted_curves(made);
-    let parts = [
-        format!("Euler number {}", topology.euler),
-        count(topology.components, "component"),
-        count(topology.boundary_loops, "boundary loop"),
-    ];
-    text += &line("topology", parts.join(", "));
-    let triangles = count(surface.triangles.len(), "triangle");
-    let vertices = surface.points.len();
-    text += &line("mesh", format!("{triangles}, {vertices} vertices"));
-    let verdict = if made.is_certified() {
-        "certified"
-    } else {
-        "not certified:"
-    };
-    text += &line("certificate", verdict.to_owned());
-    for finding in &surface.findings {
-        text += &line("", finding.to_string());
-    }
-    text += &line("claims", claims(surface));
+    text += &mesh(made);
+    text += &certificate(made);
     text += &line("time", format!("{} s", brief(seconds)));
     text += &wrote(&made.written);
     for path in beside.iter().copied().flatten() {
         text += &line("wrote", path.display().to_string());
     }
     text
+}
+
+/// The topology of the triangles and their number.
+fn mesh(made: &Made) -> String {
+    let (surface, topology) = (&made.surface, &made.topology);
+    let parts = [
+        format!("Euler number {}", topology.euler),
+        count(topology.components, "component"),
+        count(topology.boundary_loops, "boundary loop"),
+    ];
+    let triangles = count(surface.triangles.len(), "triangle");
+    let vertices = surface.points.len();
+    line("topology", parts.join(", ")) + &line("mesh", format!("{triangles}, {vertices} vertices"))
+}
+
+/// Whether the surface is certified, each finding that stands against it, and the claims.
+fn certificate(made: &Made) -> String {
+    let verdict = if made.is_certified() {
+        "certified"
+    } else {
+        "not certified:"
+    };
+    let mut text = line("certificate", verdict.to_owned());
+    for finding in &made.surface.findings {
+        text += &line("", finding.to_string());
+    }
+    text + &line("claims", claims(&made.surface))
 }
 
 /// The degrees of the map, or how many patches there are.

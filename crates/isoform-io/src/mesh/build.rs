@@ -121,6 +121,24 @@ enum Nodes {
 }
 
 impl Nodes {
+    /// The smallest form for ascending numbers, which are taken out where they are needed.
+    fn of(ids: &mut Vec<u32>) -> Self {
+        let n = ids.len();
+        let (Some(&first), Some(&last)) = (ids.first(), ids.last()) else {
+            return Self::Row(0, 0);
+        };
+        if (last - first) as usize == n - 1 {
+            Self::Row(first, n)
+        } else if (last as usize) < SPARSE * n {
+            let mut table = vec![u32::MAX; last as usize + 1];
+            for (row, &id) in ids.iter().enumerate() {
+                table[id as usize] = row as u32;
+            }
+            Self::Table(table)
+        } else {
+            Self::Sorted(std::mem::take(ids))
+        }
+    }
     fn row(&self, id: u32) -> Option<u32> {
         match self {
             Self::Row(first, n) => id.checked_sub(*first).filter(|row| (*row as usize) < *n),
@@ -187,7 +205,8 @@ impl Builder {
         }
     }
 
-    /// Nodes in the order of their numbers.
+    /// Puts the nodes into the order of their numbers, of which none may come twice, and tells
+    /// where each is.
     fn nodes(&mut self, input: &Input<'_>) -> Result<Nodes> {
         if !self.ids.is_sorted_by(|a, b| a < b) {
             let mut order: Vec<usize> = (0..self.ids.len()).collect();
@@ -205,24 +224,11 @@ impl Builder {
                 ));
             }
         }
-        let n = self.ids.len();
-        let (Some(&first), Some(&last)) = (self.ids.first(), self.ids.last()) else {
-            return Ok(Nodes::Row(0, 0));
-        };
-        Ok(if (last - first) as usize == n - 1 {
-            Nodes::Row(first, n)
-        } else if (last as usize) < SPARSE * n {
-            let mut table = vec![u32::MAX; last as usize + 1];
-            self.ids
-                .iter()
-                .enumerate()
-                .for_each(|(row, &id)| table[id as usize] = row as u32);
-            Nodes::Table(table)
-        } else {
-            Nodes::Sorted(std::mem::take(&mut self.ids))
-        })
+        Ok(Nodes::of(&mut self.ids))
     }
 
+    /// The mesh of all that was taken. The numbers of the file become places in lists; elements
+    /// stand in the order of their numbers, and no tetrahedron is inside out.
     pub(super) fn finish(mut self, input: &Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
         let nodes = self.nodes(input)?;
         self.ids = Vec::new();
@@ -240,11 +246,28 @@ impl Builder {
                 self.others
             ));
         }
+        let mut mesh = self.mesh();
+        let turned = turn_inverted(&mut mesh);
+        if turned > 0 {
+            report.warn(format!(
+                "{turned} tetrahedra were inside out and were turned"
+            ));
+        }
+        find_curve_parts(&mut mesh);
+        Ok(mesh)
+    }
+
+    /// The settled elements and their groups as a mesh, whose curves lie on no parts yet.
+    fn mesh(self) -> Mesh {
         let [_, curve_names, part_names, region_names] = self.names;
         let (edge_curves, curves) = labels(self.edges.tags, curve_names, "curve");
         let (triangle_parts, parts) = labels(self.triangles.tags, part_names, "part");
         let (tet_regions, regions) = labels(self.tets.tags, region_names, "region");
-        let mut mesh = Mesh {
+        let curve = |name| Curve {
+            name,
+            parts: [0; 2],
+        };
+        Mesh {
             points: self.points,
             triangles: self.triangles.corners,
             triangle_mids: self.triangles.mids,
@@ -257,24 +280,10 @@ impl Builder {
             edges: self.edges.corners,
             edge_mids: self.edges.mids.into_iter().map(|[m]| m).collect(),
             edge_curves,
-            curves: curves
-                .into_iter()
-                .map(|name| Curve {
-                    name,
-                    parts: [0; 2],
-                })
-                .collect(),
+            curves: curves.into_iter().map(curve).collect(),
             corners: self.corners.corners.into_iter().map(|[c]| c).collect(),
             columns: Vec::new(),
-        };
-        let turned = turn_inverted(&mut mesh);
-        if turned > 0 {
-            report.warn(format!(
-                "{turned} tetrahedra were inside out and were turned"
-            ));
         }
-        find_curve_parts(&mut mesh);
-        Ok(mesh)
     }
 }
 

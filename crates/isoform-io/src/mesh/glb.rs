@@ -151,15 +151,11 @@ impl<'m> Model<'m> {
             primitives.push(buffer.primitive(materials.len(), 3 * triangles.len()));
             materials.push(self.material(i));
         }
-        let half = std::f64::consts::FRAC_1_SQRT_2;
         let mut document = json!({
             "asset": asset(),
             "scene": 0,
             "scenes": [{ "nodes": [0] }],
-            "nodes": [
-                { "name": "isoform", "rotation": [-half, 0.0, 0.0, half], "scale": [scale, scale, scale], "children": [1] },
-                { "name": "shape", "translation": self.center, "mesh": 0 },
-            ],
+            "nodes": self.scene_nodes(scale),
             "meshes": [{ "name": "shape", "primitives": primitives }],
             "materials": materials,
             "accessors": buffer.accessors,
@@ -167,13 +163,20 @@ impl<'m> Model<'m> {
         });
         if !self.texture.is_empty() {
             let view = buffer.image(self.texture.len());
-            document["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
-            document["samplers"] =
-                json!([{ "magFilter": NEAREST, "wrapS": REPEAT, "wrapT": REPEAT }]);
-            document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+            add_texture(&mut document, view);
         }
         document["bufferViews"] = json!(buffer.views);
         document
+    }
+
+    /// The nodes of the scene: one turns the model's z upwards, which glTF has for y, and scales it
+    /// to metres; its child moves the shape back from the origin.
+    fn scene_nodes(&self, scale: f64) -> Value {
+        let half = std::f64::consts::FRAC_1_SQRT_2;
+        json!([
+            { "name": "isoform", "rotation": [-half, 0.0, 0.0, half], "scale": [scale, scale, scale], "children": [1] },
+            { "name": "shape", "translation": self.center, "mesh": 0 },
+        ])
     }
 
     /// The material of a part, with its colour and name.
@@ -188,6 +191,14 @@ impl<'m> Model<'m> {
     }
 }
 
+/// Adds the texture whose image is a view of the binary chunk.
+fn add_texture(document: &mut Value, view: usize) {
+    document["images"] = json!([{ "bufferView": view, "mimeType": "image/png" }]);
+    document["samplers"] = json!([{ "magFilter": NEAREST, "wrapS": REPEAT, "wrapT": REPEAT }]);
+    document["textures"] = json!([{ "source": 0, "sampler": 0 }]);
+}
+
+/// Writes numbers in single precision.
 fn write_floats(values: impl Iterator<Item = f64>, out: &mut Out<'_>) -> io::Result<()> {
     for v in values {
         out.bytes(&(v as f32).to_le_bytes());

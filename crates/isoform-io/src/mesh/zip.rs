@@ -86,25 +86,10 @@ impl<'o> Zip<'o> {
         self.out.write_all(&name_length)?;
         self.out.write_all(&[0; 2])?;
         self.out.write_all(name.as_bytes())?;
-        let before = self.out.count;
-        let mut deflate = DeflateEncoder::new(&mut self.out, Compression::fast());
-        let mut member = Member {
-            deflate: &mut deflate,
-            crc: Crc::new(),
-            length: 0,
-        };
-        write(&mut member)?;
-        let (crc, length) = (member.crc.sum(), member.length);
-        deflate.finish()?;
-        let packed = u32::try_from(self.out.count - before).map_err(too_large)?;
-        let length = u32::try_from(length).map_err(too_large)?;
-        let sizes: Vec<u8> = [crc, packed, length]
-            .iter()
-            .flat_map(|v| v.to_le_bytes())
-            .collect();
+        let sizes = self.deflated(write)?;
         self.out.write_all(b"PK\x07\x08")?;
         self.out.write_all(&sizes)?;
-        // The same in the directory, with no extra fields, comment, disk and attributes.
+        // The directory repeats it all, with no extra fields, comment, disk and attributes.
         for bytes in [
             b"PK\x01\x02\x14\0",
             &common[..],
@@ -118,6 +103,30 @@ impl<'o> Zip<'o> {
         }
         self.members += 1;
         Ok(())
+    }
+
+    /// Writes the bytes of a member, deflated. The data descriptor of it: CRC-32, packed and
+    /// unpacked length.
+    fn deflated(
+        &mut self,
+        write: impl FnOnce(&mut dyn Write) -> io::Result<()>,
+    ) -> io::Result<Vec<u8>> {
+        let before = self.out.count;
+        let mut deflate = DeflateEncoder::new(&mut self.out, Compression::fast());
+        let mut member = Member {
+            deflate: &mut deflate,
+            crc: Crc::new(),
+            length: 0,
+        };
+        write(&mut member)?;
+        let (crc, length) = (member.crc.sum(), member.length);
+        deflate.finish()?;
+        let packed = u32::try_from(self.out.count - before).map_err(too_large)?;
+        let length = u32::try_from(length).map_err(too_large)?;
+        Ok([crc, packed, length]
+            .iter()
+            .flat_map(|v| v.to_le_bytes())
+            .collect())
     }
 
     /// Writes the directory.

@@ -108,6 +108,31 @@ struct Lines {
     height: Option<u64>,
 }
 
+/// The words of a line behind its key.
+struct Values<'l> {
+    key: &'l str,
+    words: Vec<&'l str>,
+    input: &'l Input<'l>,
+}
+
+impl Values<'_> {
+    fn first(&self) -> Option<&str> {
+        self.words.first().copied()
+    }
+    fn each<T>(&self, value: impl Fn(&str) -> T) -> Vec<T> {
+        self.words.iter().map(|w| value(w)).collect()
+    }
+    /// The first word as a number, which has to be there.
+    fn number(&self) -> Result<u64> {
+        number(self.input, self.key, self.first())
+    }
+    /// All words as numbers.
+    fn numbers(&self) -> Result<Vec<u64>> {
+        let number = |w: &&str| number(self.input, self.key, Some(w));
+        self.words.iter().map(number).collect()
+    }
+}
+
 impl Lines {
     /// Takes a line; how the data are kept, if it says so and ends the header.
     fn take(
@@ -122,25 +147,22 @@ impl Lines {
             return Ok(None);
         };
         let words: Vec<&str> = words.take(MAX_VALUES as usize + 1).collect();
-        let one = || number(input, key, words.first().copied());
-        let all =
-            || -> Result<Vec<u64>> { words.iter().map(|w| number(input, key, Some(w))).collect() };
-        let kind = |w: &&str| w.as_bytes()[0].to_ascii_uppercase();
+        let values = Values { key, words, input };
         match key {
             "FIELDS" | "COLUMNS" => {
-                self.names = words.iter().map(|w| w.to_ascii_lowercase()).collect();
+                self.names = values.each(str::to_ascii_lowercase);
             }
-            "SIZE" => self.sizes = all()?,
-            "TYPE" => self.kinds = words.iter().map(kind).collect(),
-            "COUNT" => self.counts = all()?,
-            "WIDTH" => self.width = Some(one()?),
-            "HEIGHT" => self.height = Some(one()?),
-            "POINTS" => self.points = Some(one()?),
-            "VIEWPOINT" if words != NO_VIEWPOINT => {
+            "SIZE" => self.sizes = values.numbers()?,
+            "TYPE" => self.kinds = values.each(|w| w.as_bytes()[0].to_ascii_uppercase()),
+            "COUNT" => self.counts = values.numbers()?,
+            "WIDTH" => self.width = Some(values.number()?),
+            "HEIGHT" => self.height = Some(values.number()?),
+            "POINTS" => self.points = Some(values.number()?),
+            "VIEWPOINT" if values.words != NO_VIEWPOINT => {
                 report.warn("the VIEWPOINT is not applied to the points");
             }
             "VIEWPOINT" | "VERSION" => {}
-            "DATA" => return data(input, words.first().copied()).map(Some),
+            "DATA" => return data(input, values.first()).map(Some),
             _ => report.warn(format!(
                 "line {}: unknown header word \"{}\" was passed over",
                 input.line,

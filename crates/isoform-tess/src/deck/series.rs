@@ -9,8 +9,8 @@ use isoform_algebra::modular::{Echelon, Fp, residues};
 /// people write have degree 1 or 2; the next degree costs twice the time of all before.
 pub(super) const MOST: usize = 4;
 /// Lines through a point along which a transformation is continued. Three forms of degree n have
-/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only happen
-/// to agree.
+/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only
+/// happen to agree.
 const LINES: usize = MOST + 3;
 /// Terms of each power series: each settles two coefficients on a line; more refute, too.
 const TERMS: usize = 2 * MOST + 4;
@@ -86,6 +86,13 @@ impl Forms {
 /// The points on a line, and the points of their fibres.
 pub(super) type Continued = [[Series; 3]; 2];
 
+/// The series of a constant.
+fn constant(x: u64) -> Series {
+    let mut series = [0; TERMS];
+    series[0] = x;
+    series
+}
+
 /// Points on lines through a point, and the points of their fibres that continue another one:
 /// nothing where the prime, or the point, is special.
 pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<Continued>> {
@@ -95,11 +102,6 @@ pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<V
         Some([a?, b?, c?])
     };
     let (from, to) = (residues(from)?, residues(to)?);
-    let constant = |x: u64| {
-        let mut series = [0; TERMS];
-        series[0] = x;
-        series
-    };
     let along = |k: usize| {
         let mut p = from.map(constant);
         (p[0][1], p[1][1]) = (f.one(), f.of_u64(k as u64));
@@ -112,36 +114,22 @@ pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<V
 /// The series of which the forms are proportional to given ones, from its first term: by Newton's
 /// method, one term after the other.
 fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Option<[Series; 3]> {
-    let pivot = (0..4).find(|&i| source[i][0] != 0)?;
     let fixed = (0..3).find(|&v| q[v][0] != 0)?;
     let free = [[1, 2], [0, 2], [0, 1]][fixed];
-    // What is left of the proportions at an order.
-    let residual = |q: &[Series; 3], order: usize| {
-        let values = forms.at(f, q);
-        let rows = (0..4).filter(|&i| i != pivot);
-        let rows = rows.map(|i| {
-            let a = product(f, &values[i], &source[pivot]);
-            let b = product(f, &values[pivot], &source[i]);
-            f.sub(a[order], b[order])
-        });
-        rows.collect::<Vec<u64>>()
+    let proportion = Proportion {
+        f,
+        forms,
+        source,
+        pivot: (0..4).find(|&i| source[i][0] != 0)?,
     };
-    // The derivatives by the two free coordinates, read off the first order.
-    let at_rest = residual(&q, 1);
-    let slopes = free.map(|v| {
-        let mut moved = q;
-        moved[v][1] = f.one();
-        let by = residual(&moved, 1);
-        let slopes = by.iter().zip(&at_rest).map(|(a, b)| f.sub(*a, *b));
-        slopes.collect::<Vec<u64>>()
-    });
+    let slopes = proportion.slopes(&q, free);
     let minor =
         |a: &[u64], b: &[u64], [i, j]: [usize; 2]| f.sub(f.mul(a[i], b[j]), f.mul(a[j], b[i]));
     let mut pairs = [[0, 1], [0, 2], [1, 2]].into_iter();
     let rows = pairs.find(|&rows| minor(&slopes[0], &slopes[1], rows) != 0)?;
     let inverse = f.inv(minor(&slopes[0], &slopes[1], rows));
     for order in 1..TERMS {
-        let r = residual(&q, order);
+        let r = proportion.residual(&q, order);
         let by_0 = minor(&r, &slopes[1], rows);
         let by_1 = minor(&slopes[0], &r, rows);
         q[free[0]][order] = f.neg(f.mul(by_0, inverse));
@@ -150,28 +138,83 @@ fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Op
     Some(q)
 }
 
+/// The condition that the forms at a point are proportional to given series, of which one, the
+/// pivot, is not zero at first.
+struct Proportion<'a> {
+    f: &'a Fp,
+    forms: &'a Forms,
+    source: &'a [Series; 4],
+    pivot: usize,
+}
+
+impl Proportion<'_> {
+    /// The minors of forms and given series with the pivot, at an order.
+    fn residual(&self, q: &[Series; 3], order: usize) -> Vec<u64> {
+        let Self {
+            f, source, pivot, ..
+        } = *self;
+        let values = self.forms.at(f, q);
+        let rows = (0..4).filter(|&i| i != pivot);
+        let rows = rows.map(|i| {
+            let a = product(f, &values[i], &source[pivot]);
+            let b = product(f, &values[pivot], &source[i]);
+            f.sub(a[order], b[order])
+        });
+        rows.collect()
+    }
+    /// The derivatives of the residual by two coordinates, read off the first order.
+    fn slopes(&self, q: &[Series; 3], free: [usize; 2]) -> [Vec<u64>; 2] {
+        let at_rest = self.residual(q, 1);
+        free.map(|v| {
+            let mut moved = *q;
+            moved[v][1] = self.f.one();
+            let by = self.residual(&moved, 1);
+            let slopes = by.iter().zip(&at_rest);
+            slopes.map(|(a, b)| self.f.sub(*a, *b)).collect()
+        })
+    }
+}
+
+/// The series of monomials of one degree at a point.
+fn values(f: &Fp, p: &[Series; 3], list: &[[u16; 3]], degree: usize) -> Vec<Series> {
+    let powers = powers(f, p, degree);
+    list.iter().map(|&e| monomial(f, &powers, e)).collect()
+}
+
+/// The linear conditions on the coefficients of three forms that they take the points of a line to
+/// the points continued from these, one for each pair of forms and each order.
+fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> Vec<Vec<u64>> {
+    let n = list.len();
+    let values = values(f, p, list, degree);
+    let mut rows = Vec::new();
+    for [i, j] in [[0, 1], [1, 2], [2, 0]] {
+        let times = |x: &Series| {
+            values
+                .iter()
+                .map(|v| product(f, v, x))
+                .collect::<Vec<Series>>()
+        };
+        let (on_i, on_j) = (times(&q[j]), times(&q[i]));
+        for k in 0..TERMS {
+            let mut row = vec![0; 3 * n];
+            for c in 0..n {
+                row[i * n + c] = on_i[c][k];
+                row[j * n + c] = f.neg(on_j[c][k]);
+            }
+            rows.push(row);
+        }
+    }
+    rows
+}
+
 /// The place of a coefficient that is 1, and all coefficients, of the three forms of a degree that
 /// take the points of all lines to the points continued from them; none if there are no such forms.
 pub(super) fn agreeing(f: &Fp, lines: &[Continued], degree: usize) -> Option<(usize, Vec<u64>)> {
     let list = monomials(degree);
     let n = list.len();
-    let mut rows: Vec<Vec<u64>> = Vec::new();
-    for [p, q] in lines {
-        let powers = powers(f, p, degree);
-        let values: Vec<Series> = list.iter().map(|&e| monomial(f, &powers, e)).collect();
-        for [i, j] in [[0, 1], [1, 2], [2, 0]] {
-            let on_i: Vec<Series> = values.iter().map(|v| product(f, v, &q[j])).collect();
-            let on_j: Vec<Series> = values.iter().map(|v| product(f, v, &q[i])).collect();
-            for k in 0..TERMS {
-                let mut row = vec![0; 3 * n];
-                for c in 0..n {
-                    row[i * n + c] = on_i[c][k];
-                    row[j * n + c] = f.neg(on_j[c][k]);
-                }
-                rows.push(row);
-            }
-        }
-    }
+    let rows = lines
+        .iter()
+        .flat_map(|line| conditions(f, line, &list, degree));
     let mut echelon = Echelon::new(3 * n);
     for row in rows {
         echelon.insert(f, row);

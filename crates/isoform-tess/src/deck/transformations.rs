@@ -34,6 +34,19 @@ pub(super) fn transformations(
     Ok(found)
 }
 
+/// The forms that vanish where the image is a given point, of which the coordinate `pivot` is not
+/// zero.
+fn planes_through(forms: &[Poly; 4], image: &[RBig; 4], pivot: usize) -> Vec<Poly> {
+    let plane = |i: usize| forms[i].scale(&image[pivot]) - forms[pivot].scale(&image[i]);
+    let planes = (0..4).filter(|&i| i != pivot).map(plane);
+    planes.filter(|f| !f.is_zero()).collect()
+}
+
+/// Whether homogeneous coordinates are proportional.
+fn are_one_point(p: &Point, q: &Point) -> bool {
+    (0..3).all(|i| (0..i).all(|j| &p[i] * &q[j] == &p[j] * &q[i]))
+}
+
 /// The other rational points with the image of a rational point; nothing if it is a base point or
 /// on a contracted curve.
 fn rational_fibre(
@@ -46,9 +59,7 @@ fn rational_fibre(
     let Some(pivot) = image.iter().position(|x| !x.is_zero()) else {
         return Ok(None);
     };
-    let plane = |i: usize| forms[i].scale(&image[pivot]) - forms[pivot].scale(&image[i]);
-    let planes = (0..4).filter(|&i| i != pivot).map(plane);
-    let planes: Vec<Poly> = planes.filter(|f| !f.is_zero()).collect();
+    let planes = planes_through(forms, &image, pivot);
     let common = planes.iter().fold(Poly::zero(), |g, p| g.gcd(p));
     if !common.is_constant() {
         return Ok(None);
@@ -60,8 +71,7 @@ fn rational_fibre(
             continue;
         };
         let p = [s, t, w];
-        let is_at = (0..3).all(|i| (0..i).all(|j| &p[i] * &at[j] == &p[j] * &at[i]));
-        if !is_at && !forms[pivot].eval(&p).is_zero() {
+        if !are_one_point(&p, at) && !forms[pivot].eval(&p).is_zero() {
             points.push(p);
         }
     }

@@ -18,23 +18,23 @@ use isoform_control::{Control, Stopped};
 
 /// The fewest and the most slices of the box in each of three directions.
 const SLICES: [usize; 2] = [7, 17];
-/// How many points are followed from one plane to the next: there are about as many slices as that
-/// allows.
+/// The number of points that are followed from one plane to the next: there are about as many
+/// slices as that allows.
 const POINTS: usize = 500;
 /// Slices are shifted by this share of half their number's inverse, so that no plane goes through
 /// the centre of the box, in which surfaces are symmetric.
 const SHIFT: f64 = 0.013;
 /// The quaternion of the rotation to the slices' directions, without pattern.
 const DIRECTIONS: [f64; 4] = [5.0, 1.0, -2.0, 3.0];
-/// A point of space is real if the imaginary part of its coordinates is at most this: paths end with
-/// nine digits, some of which are lost in images.
+/// A point of space is real if the imaginary part of its coordinates is at most this: paths end
+/// with nine digits, some of which are lost in images.
 const REAL_IMAGE: f64 = 1e-7;
-/// A parameter is real if its distance from its conjugate, as twice the length of a vector, is below
-/// this: half of the digits are lost where both come together.
+/// A parameter is real if its distance from its conjugate, as twice the length of a vector, is
+/// below this: half of the digits are lost where both come together.
 const REAL_PARAMETER: f64 = 1e-6;
 /// A solution that is farther from its section's point is another one.
 const SAME_SOLUTION: f64 = 1e-6;
-/// How far out of the box, in half widths, points of a section may be.
+/// The distance from the box, in half widths, up to which points of a section are kept.
 const OUTSIDE: f64 = 1e-9;
 /// Degree of the forms up to which pinch points are computed as ends of short arcs: 24 conjugates,
 /// a fraction of a second.
@@ -43,10 +43,11 @@ const PINCH_DEGREE: usize = 6;
 const NO_GRADIENT: f64 = 1e-12;
 /// A curve goes through a pinch point if its form is below this there, in shares of the gradient.
 const ON_CURVE: f64 = 1e-6;
-/// How far from a pinch point an arc is looked for: far enough for the equations to be regular, near
-/// enough for other pinch points not to interfere.
+/// The distances from a pinch point at which an arc is looked for: far enough for the equations to
+/// be regular, near enough for other pinch points not to interfere.
 const FROM_PINCH: [f64; 3] = [1e-3, 1e-4, 1e-5];
-/// How far from its prediction the arc may be there, in these distances.
+/// The distance of the arc from its prediction there, in these distances, up to which it is the
+/// arc.
 const OFF_AT_PINCH: f64 = 0.2;
 /// Bisections between two nodes, where a real parameter joins: to the rounding of parameters.
 const BISECTIONS: usize = 30;
@@ -115,7 +116,8 @@ fn directions() -> [[f64; 3]; 3] {
     .map(|row| row.map(|v| v / n))
 }
 
-/// Planes that cut the box into slices, one list for each direction, and each face of the box alone.
+/// Planes that cut the box into slices, one list for each direction, and each face of the box
+/// alone.
 fn pencils(slices: usize) -> Vec<Vec<Plane>> {
     let diagonal = 3f64.sqrt();
     let offset = |i: usize| diagonal * ((2 * i + 1) as f64 / slices as f64 - 1.0 + SHIFT);
@@ -194,18 +196,32 @@ impl Search {
                 traced.push(self.both_ways(hit.source, &hit.state));
             }
         }
-        let minors = reduced_minors(map, control)?;
-        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) <= PINCH_DEGREE {
-            for pinch in pinches(map, &minors, control)? {
-                let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
-                for source in 0..self.sources.len() {
-                    control.check()?;
-                    traced.extend(self.arc_at_pinch(source, &p, &traced));
-                }
-            }
-        }
+        self.trace_from_pinches(map, &mut traced, control)?;
         for arc in &traced {
             self.keep_uncovered(arc, &hits, control)?;
+        }
+        Ok(())
+    }
+
+    /// Adds the arcs that begin at real parameters where the rank of the Jacobian drops, if the
+    /// equations of these are of a degree that can be solved.
+    fn trace_from_pinches(
+        &mut self,
+        map: &Map,
+        traced: &mut Vec<Traced>,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let minors = reduced_minors(map, control)?;
+        if minors.iter().map(Poly::total_degree).max().unwrap_or(0) > PINCH_DEGREE {
+            return Ok(());
+        }
+        for pinch in pinches(map, &minors, control)? {
+            let p = normalised(&pinch.map(|x| C::new(x.to_f64(), 0.0)));
+            for source in 0..self.sources.len() {
+                control.check()?;
+                let arc = self.arc_at_pinch(source, &p, traced);
+                traced.extend(arc);
+            }
         }
         Ok(())
     }
@@ -272,16 +288,21 @@ impl Search {
         Traced { source, nodes }
     }
 
-    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
-    /// known.
-    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
-        let first = at_pinch(&self.sources[source], p)?;
-        let (mut start, far) = FROM_PINCH.into_iter().find_map(|far| {
+    /// A solution of the arc at a pinch point, and how far from there it was predicted on the
+    /// tangent.
+    fn start_from_pinch(&self, source: usize, p: &V, first: &State) -> Option<(State, f64)> {
+        FROM_PINCH.into_iter().find_map(|far| {
             let predicted = normalised(&along(p, &first.tangent, far));
             let state = self.sources[source].settle(&predicted)?;
             let is_near = distance(&state.p, &predicted) < OFF_AT_PINCH * far;
             (is_near && state.is_inside()).then_some((state, far))
-        })?;
+        })
+    }
+    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
+    /// known.
+    fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
+        let first = at_pinch(&self.sources[source], p)?;
+        let (mut start, far) = self.start_from_pinch(source, p, &first)?;
         let mut of_source = traced.iter().filter(|t| t.source == source);
         if of_source.any(|t| t.ends_at(p, far) || t.place(&start.p).is_some()) {
             return None;
@@ -368,8 +389,8 @@ impl Search {
         known.sort_unstable();
         known
     }
-    /// Where a curve begins or ceases to be covered: real parameters come and go in pairs, at points
-    /// that are found by bisection, between nodes and between two of them.
+    /// Where a curve begins or ceases to be covered: real parameters come and go in pairs, at
+    /// points that are found by bisection, between nodes and between two of them.
     fn change(
         &self,
         arc: &Traced,

@@ -19,7 +19,8 @@ const DONE: f64 = 1e-9;
 /// Where Aberth's method starts: the first number, and what leads from one to the next. The numbers
 /// have no symmetry that a real polynomial could share, and different absolute values.
 const ABERTH_START: [C; 2] = [C::new(0.8, 0.3), C::new(0.4, 0.9)];
-/// Most rounds of Aberth's method. Multiple roots converge slowly, and are found to some digits only.
+/// Most rounds of Aberth's method. Multiple roots converge slowly, and are found to some digits
+/// only.
 const ABERTH_ROUNDS: usize = 300;
 /// Changes of the roots, in shares of their size, that end Aberth's method: rounding is not much
 /// less.
@@ -66,7 +67,7 @@ fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     (x.norm() + y.norm()).is_finite().then_some([x, y])
 }
 
-/// How f and the second equation change along the vectors of a basis.
+/// The derivatives of f and of the second equation along the vectors of a basis.
 #[inline]
 fn rows(basis: &[V; 2], v: &Values, dq: &V) -> [[C; 2]; 2] {
     [
@@ -106,11 +107,8 @@ fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
 
 /// The points of a curve on the line through two points, by the method of Aberth.
 fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
-    let mut roots = vec![ABERTH_START[0]];
-    while roots.len() < degree {
-        roots.push(roots[roots.len() - 1] * ABERTH_START[1]);
-    }
-    roots.truncate(degree);
+    let start = std::iter::successors(Some(ABERTH_START[0]), |&x| Some(x * ABERTH_START[1]));
+    let mut roots: Vec<C> = start.take(degree).collect();
     let at = |x: C| [0, 1, 2].map(|i| a[i] + b[i] * x);
     for _ in 0..ABERTH_ROUNDS {
         let mut largest = 0.0f64;
@@ -129,8 +127,8 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
     roots.into_iter().map(|x| normalised(&at(x))).collect()
 }
 
-/// What Aberth's method takes from a root, by the value and the derivative there: Newton's step,
-/// repelled by the other roots.
+/// The step that Aberth's method takes from a root, by the value and the derivative there: Newton's
+/// step, repelled by the other roots.
 fn aberth_step(roots: &[C], k: usize, value: C, slope: C) -> Option<C> {
     if value.norm2() == 0.0 || slope.norm2() == 0.0 {
         return None;

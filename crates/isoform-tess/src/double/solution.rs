@@ -10,7 +10,7 @@ const STEPS: usize = 12;
 const ROUNDING: f64 = 1e-15;
 /// The largest residual of a solution, before what rounding adds to it.
 const RESIDUAL: f64 = 1e-11;
-/// How many times the rounding errors a residual may be.
+/// The most that a residual may be, in rounding errors.
 const ROUNDINGS: f64 = 4.0;
 /// Singular values below this are zero: nothing is divided by them.
 const NO_VALUE: f64 = 1e-300;
@@ -64,8 +64,8 @@ fn largest_of(x: &[f64]) -> usize {
     found.expect("coordinates")
 }
 
-/// Three vectors orthogonal to a unit vector: all columns but one of the reflection that takes it to
-/// ∓ a coordinate vector.
+/// Three vectors orthogonal to a unit vector: all columns but one of the reflection that takes it
+/// to ∓ a coordinate vector.
 fn across(image: &Image) -> [Image; 3] {
     let m = largest_of(image);
     let mut n = *image;

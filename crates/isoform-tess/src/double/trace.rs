@@ -20,7 +20,7 @@ const LEAST_COSINE: f64 = 0.95;
 const MOST_OFF: f64 = 0.25;
 /// A prediction as good as this, in steps, lets them grow.
 const LITTLE_OFF: f64 = 0.05;
-/// How much steps grow.
+/// The factor by which steps grow.
 const GROWTH: f64 = 1.5;
 /// Steps shorter than this need not be near to their chord: parameters next to a base point reach
 /// far in space.
@@ -40,7 +40,7 @@ const ON_STEP_PRECISION: f64 = 1e-9;
 
 /// The most halvings of the distance from a real parameter.
 const HALVINGS: usize = 12;
-/// What a halved distance may be, in distances before.
+/// The bounds of a halved distance, in distances before.
 const HALVED: std::ops::Range<f64> = 0.4..0.6;
 /// The farthest that a point may move while its distance from the real parameter, 1, is halved.
 const FARTHEST_HALVED: f64 = 2.0;
@@ -68,7 +68,7 @@ pub(super) enum End {
 struct Advance {
     next: State,
     end: Option<End>,
-    /// How far off the prediction was.
+    /// The error of the prediction.
     error: f64,
 }
 
@@ -102,7 +102,7 @@ pub(super) fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<Stat
     (nodes, End::Lost)
 }
 
-/// What is followed, and how finely: the tolerance is in half widths of the box.
+/// The curve that is followed, and how finely: the tolerance is in half widths of the box.
 struct Tracer<'a> {
     source: &'a Source,
     tolerance: f64,

@@ -5,8 +5,9 @@ use isoform_geom::plane::{cross, dot};
 /// The name of a point of a seam: its node, and the direction.
 pub(crate) type Key = (usize, [u64; 2]);
 
-/// Directions are one if the sine of their angle is below this, which is well above the rounding of a
-/// direction. Larger, and two tangents become one; smaller, and one tangent found in two ways is two.
+/// Directions are one if the sine of their angle is below this, which is well above the rounding of
+/// a direction. Larger, and two tangents become one; smaller, and one tangent found in two ways is
+/// two.
 const SAME_DIRECTION: f64 = 1e-12;
 
 /// A direction (a, b) of length 1 in the local coordinates of a node, b > 0 or b = 0 < a.
@@ -49,7 +50,7 @@ impl Direction {
     pub(super) fn angle(&self) -> f64 {
         self.at[1].atan2(self.at[0])
     }
-    /// What names the point of the seam.
+    /// The name of the point of the seam.
     pub(crate) fn key(&self) -> Key {
         (self.node, self.at.map(f64::to_bits))
     }

@@ -1,4 +1,5 @@
-//! What is in which direction of a node: rays, points infinitely near, and other exceptional lines.
+//! The marks of the directions of a node: rays, points infinitely near, and other exceptional
+//! lines.
 
 use super::direction::Direction;
 use super::node::{Line, lifts, steps_of};
@@ -17,10 +18,10 @@ use std::f64::consts::PI;
 /// the two sides of a seam apart, which takes three; none is an axis or a diagonal, on which
 /// something else may well be.
 const GENERAL: [f64; 2] = [0.13, 0.25];
-/// How many general directions there are.
+/// The number of general directions.
 const GENERAL_COUNT: u32 = 4;
 
-/// What is in a direction of a node.
+/// The target of a direction of a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Target {
     /// A ray: the direction's number.
@@ -47,14 +48,14 @@ impl Mark {
     }
 }
 
-/// What decides which directions of a base point matter.
+/// The setting that decides which directions of a base point matter.
 pub(super) struct Around<'a> {
     pub(super) base: &'a BasePoint,
     pub(super) region: &'a Region,
     pub(super) control: &'a Control<'a>,
 }
 
-/// What is in the directions of one node.
+/// The marks of the directions of one node.
 pub(super) struct Marked {
     /// Ascending by angle in [0, π).
     pub(super) marks: Vec<Mark>,

@@ -129,7 +129,7 @@ pub(super) struct Node {
     pub(super) cover: Option<Involution>,
     /// Whether two directions have one image everywhere.
     pub(super) is_double: bool,
-    /// What is in which direction, ascending by angle in [0, π).
+    /// The marks of directions, ascending by angle in [0, π).
     pub(super) marks: Vec<Mark>,
     /// X, Y, Z and W there, without what vanishes on exceptional lines; empty if there is no other
     /// node.

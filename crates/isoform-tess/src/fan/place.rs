@@ -1,4 +1,4 @@
-//! The coordinates of a base point's nodes, and those of the unit triangles.
+//! The coordinates of a base point's nodes, and of the unit triangles.
 
 use super::Fan;
 use super::direction::{Direction, Key};
@@ -98,7 +98,7 @@ impl Fan {
         });
         cross(a, b) > 0.0
     }
-    /// From the coordinates of a node to those of the base point.
+    /// The coordinates of the base point from the coordinates of a node.
     pub(super) fn lowered(&self, node: usize, at: [f64; 2]) -> [f64; 2] {
         let steps = self.nodes[node].chain.iter().rev();
         steps.fold(at, |at, step| step.lower(at))

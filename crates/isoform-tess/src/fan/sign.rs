@@ -8,7 +8,7 @@ use isoform_geom::plane::{cross, dot};
 /// origin.
 type Proof<'a> = &'a dyn Fn(&Form, [[f64; 2]; 3], bool) -> bool;
 
-/// How much larger the triangles of a proof are than what they have to hold: much more than
+/// The factor by which the triangles of a proof are larger than they have to be: much more than
 /// rounding, and little enough not to spoil the proof.
 const ROOM: f64 = 1.02;
 /// The part of its rays that the triangle of a proof holds at least, in the coordinates of their
@@ -51,12 +51,10 @@ impl Fan {
     }
 }
 
-/// A triangle with its first corner in the origin that holds the beginnings of two rays, and points.
-fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[[f64; 2]; 3]> {
-    let turn = cross(a, b).signum();
-    let (mut p, mut q) = (a, b);
-    points.extend([a, b].map(|x| x.map(|x| LEAST * x)));
-    for x in &points {
+/// The directions of the least cone that holds two directions and points, on the hand on which the
+/// second one is of the first.
+fn cone_around([mut p, mut q]: [[f64; 2]; 2], points: &[[f64; 2]], turn: f64) -> [[f64; 2]; 2] {
+    for x in points {
         let x = x.map(|c| c / x[0].hypot(x[1]));
         if turn * cross(x, p) > 0.0 {
             p = x;
@@ -65,6 +63,15 @@ fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[
             q = x;
         }
     }
+    [p, q]
+}
+
+/// A triangle with its first corner in the origin that holds the beginnings of two rays, and
+/// points.
+fn triangle_around([a, b]: [[f64; 2]; 2], mut points: Vec<[f64; 2]>) -> Option<[[f64; 2]; 3]> {
+    let turn = cross(a, b).signum();
+    points.extend([a, b].map(|x| x.map(|x| LEAST * x)));
+    let [p, q] = cone_around([a, b], &points, turn);
     let area = cross(p, q);
     let height = |&x: &[f64; 2]| cross(x, q) / area + cross(p, x) / area;
     let reach = points.iter().map(height).fold(0.0, f64::max) * ROOM;

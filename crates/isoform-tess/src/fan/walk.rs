@@ -29,7 +29,7 @@ struct Neighbour {
     is_inside: bool,
 }
 
-/// What the walk comes to.
+/// An event of the walk.
 enum Event {
     Station(Station),
     Corner(Direction),
@@ -84,7 +84,7 @@ struct Position {
     turn: i64,
 }
 
-/// What is walked of a near point's line.
+/// The part of a near point's line that is walked.
 #[derive(Clone, Copy)]
 enum Stretch {
     Half,
@@ -95,8 +95,8 @@ enum Stretch {
 }
 
 impl Fan {
-    /// The sectors, from the marks of all nodes.
-    pub(super) fn arrange(&mut self) {
+    /// The stations of the walk, each with the corners between it and the next.
+    fn stations(&self) -> Vec<(Station, Vec<Direction>)> {
         let mut stations: Vec<(Station, Vec<Direction>)> = Vec::new();
         let mut first = Vec::new();
         for event in self.walk_around() {
@@ -108,6 +108,11 @@ impl Fan {
         if let Some(last) = stations.last_mut() {
             last.1.append(&mut first);
         }
+        stations
+    }
+    /// The sectors, from the marks of all nodes.
+    pub(super) fn arrange(&mut self) {
+        let stations = self.stations();
         let n = stations.len();
         let sector = |k: usize| {
             let ((a, corners), (b, _)) = (&stations[k], &stations[(k + 1) % n]);
@@ -180,8 +185,8 @@ impl Fan {
             }
         }
     }
-    /// The beginning and the end of the walk along the line of a point that is near in the direction
-    /// of a vector.
+    /// The beginning and the end of the walk along the line of a point that is near in the
+    /// direction of a vector.
     fn detour(
         &self,
         child: usize,

@@ -6,7 +6,7 @@ use crate::finding::Finding;
 use crate::patch::Patch;
 use crate::surface::Surface;
 use isoform_algebra::RBig;
-use isoform_geom::UnionFind;
+use isoform_geom::{UnionFind, sub};
 use std::collections::BTreeMap;
 
 /// A vertex of the surface of a patch.
@@ -27,8 +27,10 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
         let exact = [x, y, z].map(|x| x / w);
         let at = exact.each_ref().map(|x| x.to_f64().value());
         let bits = 1u64 << side | 1 << ((side + 3) % 4);
-        let is_near =
-            |v: u32| (0..3).all(|k| (s.points[v as usize][k] - at[k]).abs() <= SAME * half_width);
+        let is_near = |v: u32| {
+            let off = sub(s.points[v as usize], at);
+            off.iter().all(|x| x.abs() <= SAME * half_width)
+        };
         for (t, borders) in s.triangles.iter().zip(&s.borders) {
             for k in (0..3).filter(|&k| borders[k] & bits != 0 && is_near(t[k])) {
                 found.push((exact.clone(), t[k]));
@@ -38,8 +40,8 @@ fn corner_vertices(patch: &Patch, s: &Surface, half_width: f64) -> Vec<([RBig; 3
     found
 }
 
-/// The vertices of all surfaces, numbered one surface after the other; those that are one are in one
-/// set.
+/// The vertices of all surfaces, numbered one surface after the other; those that are one are in
+/// one set.
 struct Vertices {
     /// The number of the first vertex of each surface, and how many there are.
     offsets: Vec<u32>,
@@ -63,6 +65,17 @@ impl Vertices {
     }
     fn unite(&mut self, [a, b]: [PatchVertex; 2]) {
         self.sets.unite(self.number(a), self.number(b));
+    }
+    /// Unites the vertices at corners of patches that are one point of space.
+    fn unite_corners(&mut self, patches: &[Patch], surfaces: &[Surface], half_width: f64) {
+        let mut corners: BTreeMap<[RBig; 3], PatchVertex> = BTreeMap::new();
+        for (patch, s) in surfaces.iter().enumerate() {
+            for (point, vertex) in corner_vertices(&patches[patch], s, half_width) {
+                let here = PatchVertex { patch, vertex };
+                let first = *corners.entry(point).or_insert(here);
+                self.unite([first, here]);
+            }
+        }
     }
 }
 
@@ -120,14 +133,7 @@ pub(super) fn weld(
     for pair in &seams.pairs {
         vertices.unite(*pair);
     }
-    let mut corners: BTreeMap<[RBig; 3], PatchVertex> = BTreeMap::new();
-    for (patch, s) in surfaces.iter().enumerate() {
-        for (point, vertex) in corner_vertices(&patches[patch], s, half_width) {
-            let here = PatchVertex { patch, vertex };
-            let first = *corners.entry(point).or_insert(here);
-            vertices.unite([first, here]);
-        }
-    }
+    vertices.unite_corners(patches, &surfaces, half_width);
     let mut welding = Welding {
         joined: Surface {
             is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
@@ -160,8 +166,8 @@ pub(super) fn weld(
     joined
 }
 
-/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one curve
-/// at most.
+/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one
+/// curve at most.
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     let uses = s.edges(unshared);
     let open = s.open_edges(&uses);

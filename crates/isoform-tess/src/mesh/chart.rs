@@ -13,7 +13,7 @@ pub(super) struct Chart {
     signs: [f64; 2],
     /// Exponents, and the coefficients of X, Y, Z, W.
     terms: Vec<([u8; 3], [f64; 4])>,
-    /// What these coefficients lack.
+    /// The rest that these coefficients lack, as doubles.
     low: Vec<[f64; 4]>,
     degree: usize,
     /// Errors of values above it are not accepted.
@@ -40,23 +40,11 @@ const MANY: usize = MAX_DEGREE + 1;
 impl Chart {
     /// `size` is what lengths are compared with.
     pub(super) fn new(map: &Map, quadrant: usize, size: f64) -> Self {
-        let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
-        for (form, f) in map.forms().iter().enumerate() {
-            for (e, c) in f.terms() {
-                let c = RBig::from_parts(c.clone(), f.denominator().clone());
-                let high = c.to_f64().value();
-                let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
-                let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
-                (both[0][form], both[1][form]) = (high, low);
-            }
-        }
-        let signs = QUADRANTS[quadrant].map(|s| s as f64);
-        let low = terms.values().map(|both| both[1]).collect();
-        let terms = terms.into_iter().map(|(e, both)| (e, both[0])).collect();
+        let terms = split_terms(map.forms());
         Self {
-            signs,
-            terms,
-            low,
+            signs: QUADRANTS[quadrant].map(|s| s as f64),
+            low: terms.values().map(|both| both[1]).collect(),
+            terms: terms.into_iter().map(|(e, both)| (e, both[0])).collect(),
             degree: map.degree(),
             precision: PRECISION * size,
             w: bernstein_base(&map.forms()[3]),
@@ -107,23 +95,14 @@ impl Chart {
     }
     fn at_precisely(&self, [u, v]: [f64; 2]) -> Point3 {
         let exact = DoubleDouble::from;
-        let x = [
-            exact(self.signs[0] * u),
-            exact(self.signs[1] * v),
-            exact(1.0) + exact(-u) + exact(-v),
-        ];
-        let powers = x.map(|x| {
-            let mut powers = vec![exact(1.0); self.degree + 1];
-            for k in 1..=self.degree {
-                powers[k] = powers[k - 1] * x;
-            }
-            powers
-        });
+        let [s, t] = self.signs;
+        let last = exact(1.0) + exact(-u) + exact(-v);
+        let x = [exact(s * u), exact(t * v), last];
+        let powers = x.map(|x| powers_of(x, self.degree));
         let mut sum = [exact(0.0); 4];
-        for (([i, j, k], high), low) in self.terms.iter().zip(&self.low) {
-            let m = powers[0][usize::from(*i)]
-                * powers[1][usize::from(*j)]
-                * powers[2][usize::from(*k)];
+        for ((e, high), low) in self.terms.iter().zip(&self.low) {
+            let [i, j, k] = e.map(usize::from);
+            let m = powers[0][i] * powers[1][j] * powers[2][k];
             for l in (0..4).filter(|&l| high[l] != 0.0) {
                 sum[l] = sum[l] + m * DoubleDouble::new(high[l], low[l]);
             }
@@ -277,6 +256,23 @@ fn bernstein_range(
     }
 }
 
+/// A step of de Casteljau's algorithm on a form of degree d: the coefficients of its polar form
+/// with one argument set, each with the sum of the absolute values of what it is summed up from.
+#[inline]
+fn polar_step(b: &[[f64; 2]], d: usize, p: [f64; 3]) -> Vec<[f64; 2]> {
+    let mut out = Vec::with_capacity(d * (d + 1) / 2);
+    for i in 0..d {
+        for j in 0..d - i {
+            let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
+            out.push([
+                x[0] * p[0] + y[0] * p[1] + z[0] * p[2],
+                x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs(),
+            ]);
+        }
+    }
+    out
+}
+
 /// Bernstein coefficients, each with the sum of the absolute values of what it is summed up from:
 /// by the polar form, one argument at a time.
 fn each_coefficient(
@@ -286,35 +282,22 @@ fn each_coefficient(
     multiplicity: usize,
     mut look: impl FnMut(f64, f64),
 ) {
-    let step = |b: &[[f64; 2]], d: usize, p: [f64; 3]| -> Vec<[f64; 2]> {
-        let mut out = Vec::with_capacity(d * (d + 1) / 2);
-        for i in 0..d {
-            for j in 0..d - i {
-                let [x, y, z] = [b[slot(d, i + 1, j)], b[slot(d, i, j + 1)], b[slot(d, i, j)]];
-                out.push([
-                    x[0] * p[0] + y[0] * p[1] + z[0] * p[2],
-                    x[1] * p[0].abs() + y[1] * p[1].abs() + z[1] * p[2].abs(),
-                ]);
-            }
-        }
-        out
-    };
     let mut first: Vec<[f64; 2]> = base.iter().map(|&b| [b, b.abs()]).collect();
     for i in 0..=n.saturating_sub(multiplicity) {
         let mut second = first.clone();
         for j in 0..=n - i {
             let mut third = second.clone();
             for d in (1..=n - i - j).rev() {
-                third = step(&third, d, corners[2]);
+                third = polar_step(&third, d, corners[2]);
             }
             let [value, magnitude] = third[0];
             look(value, magnitude);
             if j < n - i {
-                second = step(&second, n - i - j, corners[1]);
+                second = polar_step(&second, n - i - j, corners[1]);
             }
         }
         if i < n.saturating_sub(multiplicity) {
-            first = step(&first, n - i, corners[0]);
+            first = polar_step(&first, n - i, corners[0]);
         }
     }
 }
@@ -349,12 +332,7 @@ impl Part {
                 part([p, c, q], false),
             ];
         }
-        let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
-        let (a, b, c) = match [long(a, b), long(b, c), long(c, a)] {
-            [x, y, z] if x >= y && x >= z => (a, b, c),
-            [_, y, z] if y >= z => (b, c, a),
-            _ => (c, a, b),
-        };
+        let [a, b, c] = longest_first(self.corners);
         let m = half(a, b);
         vec![part([a, m, c], false), part([m, b, c], false)]
     }
@@ -401,6 +379,47 @@ pub(super) fn keeps_sign_on(form: &Form, corners: [[f64; 2]; 3], at_origin: bool
         }
     }
     true
+}
+
+/// The corners of a triangle from the longest of its edges on.
+#[inline]
+fn longest_first([a, b, c]: [[f64; 2]; 3]) -> [[f64; 2]; 3] {
+    let long = |a: [f64; 2], b: [f64; 2]| (a[0] - b[0]).hypot(a[1] - b[1]);
+    match [long(a, b), long(b, c), long(c, a)] {
+        [x, y, z] if x >= y && x >= z => [a, b, c],
+        [_, y, z] if y >= z => [b, c, a],
+        _ => [c, a, b],
+    }
+}
+
+/// The powers of a number from 1 up to a degree.
+#[inline]
+fn powers_of(x: DoubleDouble, degree: usize) -> Vec<DoubleDouble> {
+    let mut powers = vec![DoubleDouble::from(1.0); degree + 1];
+    for k in 1..=degree {
+        powers[k] = powers[k - 1] * x;
+    }
+    powers
+}
+
+/// The coefficients of four forms by exponents, each as the sum of two doubles.
+fn split_terms(forms: &[Poly; 4]) -> BTreeMap<[u8; 3], [[f64; 4]; 2]> {
+    let mut terms: BTreeMap<[u8; 3], [[f64; 4]; 2]> = BTreeMap::new();
+    for (form, f) in forms.iter().enumerate() {
+        for (e, c) in f.terms() {
+            let [high, low] = split(RBig::from_parts(c.clone(), f.denominator().clone()));
+            let both = terms.entry([0, 1, 2].map(|k| e[k] as u8)).or_default();
+            (both[0][form], both[1][form]) = (high, low);
+        }
+    }
+    terms
+}
+
+/// A number as the sum of two doubles: the nearest one, and what is left.
+fn split(c: RBig) -> [f64; 2] {
+    let high = c.to_f64().value();
+    let low = RBig::try_from(high).map_or(0.0, |high| (c - high).to_f64().value());
+    [high, low]
 }
 
 #[cfg(test)]
@@ -577,7 +596,7 @@ mod tests {
         assert_eq!(signs, [true, false, true]);
     }
 
-    /// What is no number proves nothing, nor does what underflow has a share in.
+    /// A value that is no number proves nothing, nor does a value in which underflow has a share.
     #[test]
     fn what_is_no_number_proves_nothing() {
         let corners = [[0.5, 0.5, 0.0], [0.25, 0.5, 0.25], [0.5, 0.25, 0.25]];

@@ -7,7 +7,7 @@ use crate::surface::{Point3, Surface};
 use isoform_geom::{cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// How far beyond the box vertices may be for rounding, per half its width.
+/// The distance from the box, per half its width, that vertices may have for rounding.
 const OUTSIDE: f64 = 1e-9;
 
 /// Twice the area below which a triangle has none, per squared half width of the box: rounding of
@@ -33,41 +33,29 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
-    let crowded = uses
-        .iter()
-        .filter(|(e, (n, _))| *n > 2 && !(s.is_double(e) && *n % 2 == 0))
-        .count();
-    let flat = s
-        .triangles
-        .iter()
-        .filter(|t| is_flat(corners(s, t), half_width))
-        .count();
+    let is_crowded = |e: &[u32; 2], n: usize| n > 2 && !(s.is_double(e) && n.is_multiple_of(2));
+    let crowded = uses.iter().filter(|(e, (n, _))| is_crowded(e, *n)).count();
+    let has_no_area = |t: &&[u32; 3]| is_flat(corners(s, t), half_width);
+    let flat = s.triangles.iter().filter(has_no_area).count();
     if glued {
         let twice = upon_each_other(s, uses.keys().flatten().copied(), UPON * half_width);
         if twice > 0 {
             s.findings.push(Finding::UponEachOther(twice));
         }
     }
-    let outside = s
-        .points
-        .iter()
-        .filter(|p| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width))
-        .count();
-    if outside > 0 {
-        s.findings.push(Finding::OutsideBox(outside));
-    }
-    if flat > 0 {
-        s.findings.push(Finding::NoArea(flat));
-    }
-    if open > 0 {
-        s.findings.push(Finding::OpenEdges(open));
-    }
-    if crowded > 0 {
-        s.findings.push(Finding::CrowdedEdges(crowded));
-    }
+    let is_outside = |p: &&Point3| p.iter().any(|x| x.abs() > (1.0 + OUTSIDE) * half_width);
+    let outside = s.points.iter().filter(is_outside).count();
+    let counts = [
+        (outside, Finding::OutsideBox(outside)),
+        (flat, Finding::NoArea(flat)),
+        (open, Finding::OpenEdges(open)),
+        (crowded, Finding::CrowdedEdges(crowded)),
+    ];
+    let found = counts.into_iter().filter(|c| c.0 > 0);
+    s.findings.extend(found.map(|c| c.1));
 }
 
-/// How many pairs of vertices are nearer to each other than a distance.
+/// The number of pairs of vertices that are nearer to each other than a distance.
 fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64) -> usize {
     // Sorted along one axis, points that are near to each other are near in the order.
     let used: BTreeSet<u32> = vertices.collect();
@@ -83,8 +71,8 @@ fn upon_each_other(s: &Surface, vertices: impl Iterator<Item = u32>, close: f64)
     (0..points.len()).map(near).sum()
 }
 
-/// How many vertices have triangles around them that are not connected by edges there: sheets that
-/// do not meet in the parameters.
+/// The number of vertices with triangles around them that are not connected by edges there: sheets
+/// that do not meet in the parameters.
 pub(super) fn pinched(s: &Surface) -> usize {
     let mut around: Vec<Vec<[u32; 2]>> = vec![Vec::new(); s.points.len()];
     for t in &s.triangles {
@@ -136,25 +124,38 @@ fn is_closed_up(t: &[u32; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
 }
 
-/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
-/// that these lie on.
-fn hand_on_borders(s: &mut Surface) {
+/// The edges of a triangle, by corners.
+const EDGES: [[usize; 2]; 3] = [[0, 1], [1, 2], [2, 0]];
+
+/// The vertices of an edge, the lower number first.
+fn edge(t: &[u32; 3], [i, j]: [usize; 2]) -> [u32; 2] {
+    [t[i].min(t[j]), t[i].max(t[j])]
+}
+
+/// The sides of the domain that edges of triangles lie on which contracted curves have closed up.
+fn borders_closed_up(s: &Surface) -> BTreeMap<[u32; 2], u64> {
     let mut borders: BTreeMap<[u32; 2], u64> = BTreeMap::new();
-    let edges = [[0, 1], [1, 2], [2, 0]];
-    let name = |t: &[u32; 3], [i, j]: [usize; 2]| [t[i].min(t[j]), t[i].max(t[j])];
-    for (t, bits) in s.triangles.iter().zip(&s.borders) {
-        for [i, j] in edges.into_iter().filter(|_| is_closed_up(t)) {
+    let triangles = s.triangles.iter().zip(&s.borders);
+    for (t, bits) in triangles.filter(|(t, _)| is_closed_up(t)) {
+        for [i, j] in EDGES {
             if t[i] != t[j] && bits[i] & bits[j] != 0 {
-                *borders.entry(name(t, [i, j])).or_default() |= bits[i] & bits[j];
+                *borders.entry(edge(t, [i, j])).or_default() |= bits[i] & bits[j];
             }
         }
     }
+    borders
+}
+
+/// The triangles beside those that contracted curves have closed up lie on the sides of the domain
+/// that these lie on.
+fn hand_on_borders(s: &mut Surface) {
+    let borders = borders_closed_up(s);
     if borders.is_empty() {
         return;
     }
     for (t, bits) in s.triangles.iter().zip(&mut s.borders) {
-        for [i, j] in edges {
-            let side = borders.get(&name(t, [i, j])).copied().unwrap_or(0);
+        for [i, j] in EDGES {
+            let side = borders.get(&edge(t, [i, j])).copied().unwrap_or(0);
             bits[i] |= side;
             bits[j] |= side;
         }
@@ -163,26 +164,21 @@ fn hand_on_borders(s: &mut Surface) {
 
 /// Leaves out vertices that no triangle has.
 pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
-    let vertices: Vec<u32> = (0..s.points.len() as u32)
-        .filter(|&v| !left_out[v as usize])
-        .collect();
+    let kept = |v: &usize| !left_out[*v];
+    let vertices: Vec<usize> = (0..s.points.len()).filter(kept).collect();
     let mut new = vec![0; s.points.len()];
-    vertices
-        .iter()
-        .enumerate()
-        .for_each(|(n, &v)| new[v as usize] = n as u32);
-    s.triangles
-        .iter_mut()
-        .flatten()
-        .for_each(|v| *v = new[*v as usize]);
-    let of = |v: &u32| *v as usize;
-    s.points = vertices.iter().map(|v| s.points[of(v)]).collect();
-    s.kinds = vertices.iter().map(|v| s.kinds[of(v)]).collect();
-    s.faces = vertices.iter().map(|v| s.faces[of(v)]).collect();
-    s.double = vertices.iter().map(|v| s.double[of(v)]).collect();
+    for (n, &v) in vertices.iter().enumerate() {
+        new[v] = n as u32;
+    }
+    let corners = s.triangles.iter_mut().flatten();
+    corners.for_each(|v| *v = new[*v as usize]);
+    s.points = vertices.iter().map(|&v| s.points[v]).collect();
+    s.kinds = vertices.iter().map(|&v| s.kinds[v]).collect();
+    s.faces = vertices.iter().map(|&v| s.faces[v]).collect();
+    s.double = vertices.iter().map(|&v| s.double[v]).collect();
 }
 
-/// Without the triangles that contracted curves have closed up, and those of no area, as far as
+/// Removes triangles that contracted curves have closed up, and triangles of no area, as far as
 /// their short edges may be contracted. `tolerance` is that of the surface at a point.
 pub(super) fn finish(
     mut s: Surface,

@@ -1,5 +1,5 @@
-//! Triangles of no area: what is left where vertices of curves and of their surroundings fall on
-//! one line, or upon each other.
+//! Triangles of no area are contracted: they are left where vertices of curves and of their
+//! surroundings fall on one line, or upon each other.
 //!
 //! An edge that is short against the tolerance is contracted: an ordinary vertex moves onto its
 //! neighbour. All triangles keep their parameters, so that what is proved of W on them holds as
@@ -42,15 +42,19 @@ pub(super) fn contract_flat(s: &mut Surface, half_width: f64, tolerance: &dyn Fn
         if dead.is_empty() {
             break;
         }
-        for k in &dead {
-            // Marked by a corner that occurs twice.
-            s.triangles[*k][1] = s.triangles[*k][0];
-        }
-        keep(s, |_, t| t[0] != t[1]);
+        remove(s, &dead);
     }
     if gone.contains(&true) {
         leave_out(s, &gone);
     }
+}
+
+/// Removes triangles, which are marked by a corner that occurs twice.
+fn remove(s: &mut Surface, dead: &BTreeSet<usize>) {
+    for &k in dead {
+        s.triangles[k][1] = s.triangles[k][0];
+    }
+    keep(s, |_, t| t[0] != t[1]);
 }
 
 /// Whether a triangle has no area, or two of its corners lie upon each other.
@@ -66,6 +70,7 @@ struct Stars {
 }
 
 impl Stars {
+    /// The stars of a surface.
     fn new(s: &Surface) -> Self {
         let mut of = vec![Vec::new(); s.points.len()];
         for (k, t) in s.triangles.iter().enumerate() {
@@ -73,6 +78,26 @@ impl Stars {
         }
         Self { of }
     }
+    /// Whether contracting an edge keeps the surface up to homeomorphism: there is a disc around
+    /// its first vertex, two triangles have the edge, and the neighbours that its vertices share
+    /// are the corners of these opposite to it.
+    fn keeps_topology(&self, s: &Surface, [from, to]: [u32; 2]) -> bool {
+        let around = &self.of[from as usize];
+        let opposite: BTreeSet<u32> = around
+            .iter()
+            .map(|&k| s.triangles[k])
+            .filter(|t| t.contains(&to))
+            .flatten()
+            .filter(|&v| v != from && v != to)
+            .collect();
+        let neighbours = self.neighbours(s, from);
+        let shared: BTreeSet<u32> = neighbours
+            .intersection(&self.neighbours(s, to))
+            .copied()
+            .collect();
+        opposite.len() == 2 && shared == opposite && neighbours.len() == around.len()
+    }
+    /// The vertices that have an edge with a vertex.
     fn neighbours(&self, s: &Surface, v: u32) -> BTreeSet<u32> {
         let all = self.of[v as usize].iter().flat_map(|&k| s.triangles[k]);
         all.filter(|&w| w != v).collect()
@@ -87,41 +112,64 @@ fn contract_one(
     dead: &mut BTreeSet<usize>,
     limits: (f64, &dyn Fn(Point3) -> f64),
 ) -> Option<u32> {
-    let t = s.triangles[k];
-    let at = |v: u32| s.points[v as usize];
-    let mut edges = [(0, 1), (1, 2), (2, 0)].map(|(i, j)| (t[i], t[j]));
-    edges.sort_by(|a, b| distance(at(a.0), at(a.1)).total_cmp(&distance(at(b.0), at(b.1))));
-    let ways = edges.iter().flat_map(|&(a, b)| [(a, b), (b, a)]);
-    let (from, to) = ways
+    let ways = edges_by_length(s, s.triangles[k])
         .into_iter()
-        .find(|&(from, to)| may_move(s, stars, from, to, limits))?;
+        .flat_map(|[a, b]| [[a, b], [b, a]]);
+    let mut ways = ways.filter(|&[from, to]| may_move(s, stars, from, to, limits));
+    let way = ways.next()?;
+    let borders = move_onto(s, way, stars, dead);
+    put_on_sides(s, way[1], stars, &borders);
+    Some(way[0])
+}
+
+/// The edges of a triangle, the shortest first.
+fn edges_by_length(s: &Surface, t: [u32; 3]) -> [[u32; 2]; 3] {
+    let at = |v: u32| s.points[v as usize];
+    let length = |[a, b]: [u32; 2]| distance(at(a), at(b));
+    let mut edges = [[t[0], t[1]], [t[1], t[2]], [t[2], t[0]]];
+    edges.sort_by(|&a, &b| length(a).total_cmp(&length(b)));
+    edges
+}
+
+/// Puts one vertex in place of another in all triangles; those with both are dead, and two edges of
+/// each, to its third corner, become one. Returns the third corners, with the sides of the domain
+/// that these triangles lie on with one of the two edges.
+fn move_onto(
+    s: &mut Surface,
+    [from, to]: [u32; 2],
+    stars: &mut Stars,
+    dead: &mut BTreeSet<usize>,
+) -> Vec<(u32, u64)> {
     let moved = std::mem::take(&mut stars.of[from as usize]);
     let mut borders: Vec<(u32, u64)> = Vec::new();
     for k in moved {
-        if s.triangles[k].contains(&to) {
+        let t = s.triangles[k];
+        if t.contains(&to) {
             dead.insert(k);
-            let (t, bits) = (s.triangles[k], s.borders[k]);
-            let other = (0..3).find(|&i| t[i] != from && t[i] != to);
-            // The sides that it lies on with one of two edges, which become one.
-            borders.extend(other.map(|i| (t[i], edge_bits(bits, i))));
-            for v in s.triangles[k] {
+            let third = (0..3).find(|&i| t[i] != from && t[i] != to);
+            borders.extend(third.map(|i| (t[i], edge_bits(s.borders[k], i))));
+            for v in t {
                 stars.of[v as usize].retain(|&other| other != k);
             }
         } else {
-            s.triangles[k] = s.triangles[k].map(|v| if v == from { to } else { v });
+            s.triangles[k] = t.map(|v| if v == from { to } else { v });
             stars.of[to as usize].push(k);
         }
     }
-    for (v, bits) in borders.into_iter().filter(|b| b.1 != 0) {
-        for &k in &stars.of[to as usize] {
+    borders
+}
+
+/// Puts edges from a vertex to others onto sides of the domain, in all triangles that have them.
+fn put_on_sides(s: &mut Surface, vertex: u32, stars: &Stars, borders: &[(u32, u64)]) {
+    for &(other, bits) in borders.iter().filter(|b| b.1 != 0) {
+        for &k in &stars.of[vertex as usize] {
             let t = s.triangles[k];
-            if t.contains(&v) {
-                let on_edge = (0..3).filter(|&i| t[i] == v || t[i] == to);
+            if t.contains(&other) {
+                let on_edge = (0..3).filter(|&i| t[i] == other || t[i] == vertex);
                 on_edge.for_each(|i| s.borders[k][i] |= bits);
             }
         }
     }
-    Some(from)
 }
 
 /// The sides of the domain that a triangle lies on with an edge at a corner.
@@ -144,24 +192,10 @@ fn may_move(
     {
         return false;
     }
-    let around = &stars.of[from as usize];
-    let opposite: BTreeSet<u32> = around
-        .iter()
-        .map(|&k| s.triangles[k])
-        .filter(|t| t.contains(&to))
-        .flatten()
-        .filter(|&v| v != from && v != to)
-        .collect();
-    let shared: BTreeSet<u32> = stars
-        .neighbours(s, from)
-        .intersection(&stars.neighbours(s, to))
-        .copied()
-        .collect();
-    // A disc around the vertex, two triangles at the edge.
-    if opposite.len() != 2 || shared != opposite || stars.neighbours(s, from).len() != around.len()
-    {
+    if !stars.keeps_topology(s, [from, to]) {
         return false;
     }
+    let around = &stars.of[from as usize];
     around.iter().map(|&k| s.triangles[k]).all(|t| {
         let before = corners(s, &t);
         let after = [0, 1, 2].map(|i| if t[i] == from { target } else { before[i] });

@@ -26,7 +26,7 @@ pub(crate) struct Curves {
     pub(super) pinches: Vec<[f64; 3]>,
     /// Isolated real points of singular curves.
     pub(super) isolated: Vec<[f64; 3]>,
-    /// What tells a real parameter alone from one that meets conjugate ones.
+    /// The fibres that tell a real parameter alone from one that meets conjugate ones.
     pub(super) fibres: Option<Fibres>,
     /// The double curve, if it was traced and is not to be decomposed.
     pub(super) traced: Option<Traced>,

@@ -1,5 +1,5 @@
-//! What bounds and crosses the region in a unit triangle, as a constrained Delaunay triangulation
-//! of the parameters.
+//! The curves that bound and cross the region in a unit triangle, as a constrained Delaunay
+//! triangulation of the parameters.
 
 mod lines;
 mod rectangles;
@@ -139,14 +139,21 @@ impl<'a> Drawing<'a> {
         }
         !crossing
     }
+    /// The edges that are drawn, from either end to the other.
+    fn fixed_edges(&self) -> BTreeSet<(u32, u32)> {
+        self.cdt
+            .undirected_edges()
+            .filter(|e| e.is_constraint_edge())
+            .map(|e| e.vertices().map(|v| v.index() as u32))
+            .flat_map(|[a, b]| [(a, b), (b, a)])
+            .collect()
+    }
     /// Adds rings of vertices around base points. Their edges are there at the beginning only; what
     /// stays, from either end to the other, is returned.
     fn add_rings(&mut self) -> BTreeSet<(u32, u32)> {
-        let mut handles: BTreeMap<[u64; 2], FixedVertexHandle> = self
-            .cdt
-            .vertices()
-            .map(|v| (v.data().at.map(f64::to_bits), v.fix()))
-            .collect();
+        let known = self.cdt.vertices();
+        let known = known.map(|v| (v.data().at.map(f64::to_bits), v.fix()));
+        let mut handles: BTreeMap<[u64; 2], FixedVertexHandle> = known.collect();
         let rings = self.glued.openings.rings_around(self.q);
         for RingVertex { at, .. } in &rings {
             let place = at.map(f64::to_bits);
@@ -154,25 +161,23 @@ impl<'a> Drawing<'a> {
                 handles.extend(self.vertex(Node::inner(*at, 0)).map(|v| (place, v)));
             }
         }
-        let fixed = self
-            .cdt
-            .undirected_edges()
-            .filter(|e| e.is_constraint_edge())
-            .map(|e| e.vertices().map(|v| v.index() as u32))
-            .flat_map(|[a, b]| [(a, b), (b, a)])
-            .collect();
-        let handle = |at: [f64; 2]| handles.get(&at.map(f64::to_bits)).copied();
+        let fixed = self.fixed_edges();
         for RingVertex { at, legs } in &rings {
-            for &leg in legs {
-                if let (Some(a), Some(b)) = (handle(*at), handle(leg))
-                    && a != b
-                    && self.cdt.can_add_constraint(a, b)
-                {
-                    self.cdt.add_constraint(a, b);
-                }
+            for leg in legs {
+                let ends = [at, leg].map(|at| handles.get(&at.map(f64::to_bits)).copied());
+                self.add_leg(ends);
             }
         }
         fixed
+    }
+    /// Draws an edge of a ring, unless it crosses one that is drawn.
+    fn add_leg(&mut self, ends: [Option<FixedVertexHandle>; 2]) {
+        if let [Some(a), Some(b)] = ends
+            && a != b
+            && self.cdt.can_add_constraint(a, b)
+        {
+            self.cdt.add_constraint(a, b);
+        }
     }
 
     /// The triangles in the region, those at base points apart.

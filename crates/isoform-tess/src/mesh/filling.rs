@@ -12,13 +12,14 @@
 //! ```
 
 use super::names::{Name, Ray, key};
+use super::opening::SeamId;
 use super::strips::{PathVertex, around, between};
 use super::unit::{Joined, Made};
 use crate::fan::{Direction, Fan};
 use crate::region::FOLD;
-use crate::surface::Kind;
+use crate::surface::{Kind, Point3};
 
-/// What lies between two rays of a base point, from the rectangle to the seam.
+/// The part of a unit triangle between two rays of a base point, from the rectangle to the seam.
 pub(super) struct Strip {
     pub(super) fan: usize,
     pub(super) apex: [f64; 2],
@@ -42,11 +43,11 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     let (glued, apex) = (joined.glued, strip.apex);
     let fan = &glued.openings.fans[strip.fan];
     let triangles = triangles(strip, fan, &paths, joined);
-    // What lies between two rays need not lie in the straight triangle: then all corners of the
+    // The part between two rays need not lie in the straight triangle: then all corners of the
     // strip have the parameters of the base point.
     let [a, b] = strip.ends.map(|end| end.1);
-    let is_straight =
-        !fan.is_tree() || glued.atlas.charts[q].keeps_sign([apex, a, b], fan.multiplicity);
+    let chart = &glued.atlas.charts[q];
+    let is_straight = !fan.is_tree() || chart.keeps_sign([apex, a, b], fan.multiplicity);
     let folded = folded(strip, &paths, joined);
     let border = |v: PathVertex| if folded.contains(&v.0) { FOLD } else { 0 };
     let made = |t: [PathVertex; 3]| Made {
@@ -73,37 +74,45 @@ fn paths(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Paths {
     }
 }
 
+/// The vertices on a ray, in a direction of the fan, between the rectangle and the seam where base
+/// points are infinitely near.
+fn on_ray(
+    q: usize,
+    strip: &Strip,
+    i: usize,
+    d: &Direction,
+    joined: &mut Joined<'_>,
+) -> Vec<PathVertex> {
+    let openings = joined.glued.openings;
+    let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
+    let mut sites = openings.sites_in(q).map(|s| s.1);
+    let Some(site) = sites.find(|s| s.fan == strip.fan) else {
+        return Vec::new();
+    };
+    let faces = joined.surface.faces[vertex as usize];
+    let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
+    let points = openings.ray(q, site, d, ray.1).points_to_seam(at);
+    let names = (0..).map(|k| Name::Ray(strip.fan, ray, k));
+    let named = names.zip(points);
+    named
+        .map(|(name, x)| (joined.shared(name, x, faces, kind), strip.apex))
+        .collect()
+}
+
 /// A ray from the rectangle to the seam, with what lies between on a double curve.
 fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathVertex> {
     let glued = joined.glued;
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
     let mut path = vec![strip.ends[i]];
     for &(class, at) in glued.gluing.spoke(strip.fan, ray, at) {
-        let kind = match glued.gluing.is_double(class) {
-            true => Kind::Double,
-            false => Kind::Ordinary,
-        };
-        let image = glued.gluing.image(class);
-        path.push((joined.shared(Name::Double(class), image, 0, kind), at));
+        path.push((joined.class_vertex(class), at));
     }
     let mut directions = glued.openings.fans[strip.fan].directions.iter();
     let d = directions
         .find(|d| d.key() == ray.0)
         .expect("a direction of the fan");
     if path.len() == 1 && joined.surface.kinds[vertex as usize] != Kind::Contracted {
-        let mut sites = glued.openings.sites_in(q).map(|s| s.1);
-        let on_ray = sites
-            .find(|s| s.fan == strip.fan)
-            .map_or_else(Vec::new, |site| {
-                let ray = glued.openings.ray(q, site, d, ray.1);
-                ray.points_to_seam(at)
-            });
-        let faces = joined.surface.faces[vertex as usize];
-        let kind = if faces > 0 { Kind::Box } else { Kind::Ordinary };
-        for (k, x) in on_ray.into_iter().enumerate() {
-            let name = Name::Ray(strip.fan, ray, k);
-            path.push((joined.shared(name, x, faces, kind), strip.apex));
-        }
+        path.extend(on_ray(q, strip, i, d, joined));
     }
     path.push(seam_end(strip, d, at, joined));
     path
@@ -137,13 +146,31 @@ fn folded(strip: &Strip, paths: &Paths, joined: &Joined<'_>) -> Vec<u32> {
         if openings.is_fold_ray(strip.fan, ray) {
             folded.extend(path.iter().map(|v| v.0));
         }
-        if openings.folded.contains(&(strip.fan, ray.0.0)) {
+        if openings.folded.contains(&SeamId {
+            fan: strip.fan,
+            node: ray.0.0,
+        }) {
             // From its end of the seam to the other one, or to the next seam.
             folded.push(paths.seams[k]);
             folded.extend(paths.first.last().map(|v| v.0));
         }
     }
     folded
+}
+
+/// The triangles between the vertices of the rectangle, with edges to the first vertices behind it
+/// only: they bound the triangles outside, and must not gain edges to shared vertices. None if the
+/// rectangle has no vertex between the rays.
+fn beside_rectangle(
+    strip: &Strip,
+    [first, second]: [&[PathVertex]; 2],
+    points: &[Point3],
+) -> Vec<[PathVertex; 3]> {
+    if strip.way.is_empty() {
+        return Vec::new();
+    }
+    let way = [&first[..1], strip.way.as_slice(), &second[..1]].concat();
+    around(points, first[1], &way, second[1])
 }
 
 fn triangles(
@@ -153,15 +180,8 @@ fn triangles(
     joined: &Joined<'_>,
 ) -> Vec<[PathVertex; 3]> {
     let points = &joined.surface.points;
-    let mut made = Vec::new();
-    let mut start = 0;
-    if !strip.way.is_empty() {
-        // Vertices of the rectangle that bound the triangles outside must not gain edges to shared
-        // vertices.
-        let way = [&first[..1], strip.way.as_slice(), &second[..1]].concat();
-        made = around(points, first[1], &way, second[1]);
-        start = 1;
-    }
+    let mut made = beside_rectangle(strip, [first, second], points);
+    let start = usize::from(!made.is_empty());
     let (first_left, second_left) = (&first[start..], &second[start..]);
     if fan.is_tree() {
         made.extend(between(points, first_left, second_left));

@@ -13,7 +13,7 @@ const CELLS: f64 = 128.0;
 /// Divisions by four at most.
 const MOST: u8 = 6;
 
-/// How often the tolerance is divided by four, by cells of space.
+/// The number of times that the tolerance is divided by four, by cells of space.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Fineness {
     levels: BTreeMap<[i32; 3], u8>,
@@ -42,7 +42,7 @@ impl Fineness {
             *level = (*level + 1).min(MOST);
         }
     }
-    /// What the tolerance is multiplied by at a point.
+    /// The factor of the tolerance at a point.
     pub(crate) fn factor(&self, p: Point3, half_width: f64) -> f64 {
         if self.levels.is_empty() {
             return 1.0;

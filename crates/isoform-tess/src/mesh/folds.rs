@@ -2,22 +2,25 @@
 
 use super::geometry::distance;
 use super::names::Ray;
-use super::opening::Openings;
+use super::opening::{Openings, SeamId};
 use crate::surface::Point3;
 use std::collections::BTreeSet;
 
 impl Openings<'_> {
-    /// The seams, by fan and node, along which a transformation of even order folds the surface.
+    /// The seams along which a transformation of even order folds the surface.
     ///
     /// A seam on the border of the fundamental domain is sent to one on the border: to another one,
     /// to itself, with two directions for each point, or it stays as it is. Curves of parameters
     /// that are sent to seams lack a partner, which is noticed when they are joined.
-    pub(super) fn folded_seams(&self) -> BTreeSet<(usize, usize)> {
-        /// How far from another seam one of the points of a seam has to be, per half width of the
-        /// box, for the two to be different curves: more than rounding and the distance of the
-        /// other points of the seam.
+    pub(super) fn folded_seams(&self) -> BTreeSet<SeamId> {
+        /// The distance from another seam that one of the points of a seam has to have, per half
+        /// width of the box, for the two to be different curves: more than rounding and the
+        /// distance of the other points of the seam.
         const APART: f64 = 1e-2;
+        /// The number of points of a seam whose distances from another seam are taken.
         const FEW: usize = 7;
+        /// The number of points that stand for the other seam: close enough together for a point
+        /// between two of them not to be apart.
         const MANY: usize = 700;
         let Some(deck) = self
             .atlas
@@ -28,15 +31,15 @@ impl Openings<'_> {
         else {
             return BTreeSet::new();
         };
-        let borders: Vec<(usize, usize)> = (0..self.fans.len())
+        let borders: Vec<SeamId> = (0..self.fans.len())
             .flat_map(|f| {
                 self.fans[f]
                     .border_nodes(self.atlas.region)
                     .into_iter()
-                    .map(move |n| (f, n))
+                    .map(move |node| SeamId { fan: f, node })
             })
             .collect();
-        let points = |(f, n): (usize, usize), count| self.fans[f].seam_points(n, count);
+        let points = |s: SeamId, count| self.fans[s.fan].seam_points(s.node, count);
         let is_apart = |a, b| {
             let all = points(b, MANY);
             let far = |p: &Point3| {
@@ -45,10 +48,10 @@ impl Openings<'_> {
             };
             a == b || points(a, FEW).iter().any(far)
         };
-        // Of what is not infinitely near it is known.
-        let is_known = |a: (usize, usize)| a.1 == 0 && deck.folded.contains(&a.0);
-        let is_folded = |&a: &(usize, usize)| {
-            let is_double = || self.fans[a.0].is_double_seam(a.1);
+        // Of base points that are not infinitely near to others it is known.
+        let is_known = |a: SeamId| a.node == 0 && deck.folded.contains(&a.fan);
+        let is_folded = |&a: &SeamId| {
+            let is_double = || self.fans[a.fan].is_double_seam(a.node);
             is_known(a) || !is_double() && borders.iter().all(|&b| is_apart(a, b))
         };
         borders.iter().copied().filter(is_folded).collect()

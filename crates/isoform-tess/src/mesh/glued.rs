@@ -1,4 +1,4 @@
-//! What is drawn from: the openings of base points, and the vertices that sheets share.
+//! The base of the drawing: the openings of base points, and the vertices that sheets share.
 
 use super::Curves;
 use super::atlas::Atlas;
@@ -44,14 +44,10 @@ impl<'a> Glued<'a> {
     }
 }
 impl Glued<'_> {
-    /// What is claimed of the mesh. Of what had not to be decided nothing is claimed.
+    /// The claims of the mesh: none about a question that had not to be decided.
     pub(super) fn grades(&self, curves: &Curves) -> Vec<Grade> {
         let is_opened = !self.openings.sites.is_empty();
-        let is_tree = self
-            .openings
-            .sites
-            .values()
-            .any(|s| self.openings.fans[s.fan].is_tree());
+        let is_tree = self.openings.has_trees();
         let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
         let asked = [
             (Claim::Images, self.curves.images().len() > 1),
@@ -73,8 +69,9 @@ impl Glued<'_> {
         asked.chain(always).map(Grade::from).collect()
     }
 
-    /// The name of a vertex, that of the image if it is on a contracted curve.
+    /// The name of a vertex: the name of the image if it is on a contracted curve.
     pub(super) fn merged(&self, q: usize, node: &Node) -> Name {
+        /// The sides that meet in each corner of the unit triangle.
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
         let first = |sides: &[usize]| sides.iter().find_map(|&s| self.curves.on_side[s]);
         let image = node.image.or_else(|| match node.name {

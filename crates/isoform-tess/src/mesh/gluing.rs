@@ -21,7 +21,7 @@ use crate::surface::{DoubleArc, Point3};
 use pieces::{Piece, Pieces};
 use std::collections::{BTreeMap, BTreeSet};
 
-/// Where a piece of the double curve is drawn.
+/// The curve in the drawing to which a piece of the double curve belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Track {
     /// Quadrant, slab, place in it.
@@ -34,17 +34,17 @@ pub(super) enum Track {
     Seam(usize, usize),
 }
 
-/// How near to its neighbours on a piece a vertex is left out, per distance at which vertices lie
-/// upon each other.
+/// The distance from its neighbours on a piece within which a vertex is left out, per distance at
+/// which vertices lie upon each other.
 pub(super) const CROWDED: f64 = 8.0;
-/// How near to each other images are one, per half width of the box: Newton's method brings
+/// The distance up to which two images are one, per half width of the box: Newton's method brings
 /// partners closer by a digit, and sheets that are nearer than this are no two sheets.
 const CLOSE: f64 = 1e-9;
 
 /// A vertex between a rectangle and a seam: its class and parameters.
 type SpokeVertex = (ClassId, [f64; 2]);
 
-/// What is glued: classes of vertices that are one in space.
+/// The gluing: classes of vertices that are one in space.
 #[derive(Default)]
 pub(super) struct Gluing {
     /// The class of each vertex on the double curve.

@@ -1,11 +1,11 @@
-//! What refinement is told about the map on a unit triangle.
+//! The map on a unit triangle, as refinement measures it.
 
 use super::glued::Glued;
 use super::names::{ImageId, Name, Node};
 use super::plane::{Measure, Shared};
 use crate::surface::Point3;
 
-/// What the triangles of one unit triangle have to be like.
+/// The measure of the triangles of one unit triangle.
 pub(super) struct InChart<'a, 'b> {
     pub(super) glued: &'a Glued<'b>,
     pub(super) q: usize,

@@ -1,7 +1,10 @@
-//! Sheets that nearly touch, along a whole curve or next to a pinch point, closer together than
-//! chords are to the surface: triangles of any size cross there, unless both sheets have their
-//! vertices beside each other's. Where triangles cross, each sheet is given the vertices of the
-//! other.
+//! Sheets that nearly touch, along a whole curve or next to a pinch point, are given each other's
+//! vertices where their triangles cross.
+//!
+//! Such sheets are closer together than chords are to the surface: triangles of any size cross
+//! there, unless both sheets have their vertices beside each other's. The place on one sheet that
+//! is nearest to a vertex x of the other is the foot of a perpendicular: the parameters at which
+//! |f(u, v) − x| is least, by the method of Gauss and Newton.
 
 use super::chart::Chart;
 use super::closing::UPON;
@@ -22,18 +25,20 @@ pub(crate) struct Place {
     pub(super) faces: u8,
 }
 
-/// How far from each other the sheets may be, per longest edge of the triangles that cross: what is
-/// farther apart is not parallel, and vertices of one sheet say nothing about the other.
+/// The distance of sheets up to which they get each other's vertices, per longest edge of the
+/// triangles that cross: sheets farther apart are not parallel, and vertices of one say nothing
+/// about the other.
 const CLOSE: f64 = 0.2;
-/// Steps towards the foot of a perpendicular, each of which gains digits, and the length in the
-/// parameters of the last one: vertices need not be where the foot is to rounding.
+/// The most steps of Newton's method towards the foot of a perpendicular, each of which gains
+/// digits.
 const STEPS: usize = 8;
+/// The length in the parameters of the last step: vertices need not be at the foot to rounding.
 const STILL: f64 = 1e-9;
 
 /// Two triangles that cross.
 #[derive(Clone, Copy, Debug)]
 pub struct Crossing {
-    /// Which.
+    /// Their numbers.
     pub triangles: [u32; 2],
     /// Where both sheets get a further vertex, if they are to.
     pub point: Option<Point3>,
@@ -52,26 +57,8 @@ pub(crate) fn matching(
         half_width,
         surface,
     };
-    let mut found: Vec<(Place, Point3)> = Vec::new();
-    for &Crossing {
-        triangles: [a, b],
-        point,
-    } in pairs
-    {
-        for t in [a, b] {
-            found.extend(point.and_then(|x| sheets.foot(t as usize, x, 0)));
-        }
-        for (of, onto) in [(a, b), (b, a)] {
-            let beside = &surface.triangles[onto as usize];
-            for v in surface.triangles[of as usize] {
-                let (x, faces) = (surface.points[v as usize], surface.faces[v as usize]);
-                if !beside.contains(&v) {
-                    found.extend(sheets.foot(onto as usize, x, faces));
-                }
-            }
-        }
-    }
-    // One vertex of those that lie upon each other.
+    let found = pairs.iter().flat_map(|pair| sheets.feet(pair));
+    // Of places that lie upon each other one is enough.
     let mut places: Vec<(Place, Point3)> = Vec::new();
     for (place, image) in found {
         if places.iter().all(|p| sheets.are_apart(p.1, image)) {
@@ -81,6 +68,7 @@ pub(crate) fn matching(
     places.into_iter().map(|p| p.0).collect()
 }
 
+/// A surface with the charts that its sheets are met in.
 struct Sheets<'a> {
     charts: [Chart; 4],
     half_width: f64,
@@ -88,18 +76,51 @@ struct Sheets<'a> {
 }
 
 impl Sheets<'_> {
+    /// The feet of perpendiculars from the corners of two triangles to each other's sheet, and from
+    /// the further vertex that both sheets are to get.
+    fn feet(&self, crossing: &Crossing) -> Vec<(Place, Point3)> {
+        let surface = self.surface;
+        let [a, b] = crossing.triangles;
+        let mut found = Vec::new();
+        for t in [a, b] {
+            found.extend(crossing.point.and_then(|x| self.foot(t as usize, x, 0)));
+        }
+        for (of, onto) in [(a, b), (b, a)] {
+            let beside = &surface.triangles[onto as usize];
+            for v in surface.triangles[of as usize] {
+                let (x, faces) = (surface.points[v as usize], surface.faces[v as usize]);
+                if !beside.contains(&v) {
+                    found.extend(self.foot(onto as usize, x, faces));
+                }
+            }
+        }
+        found
+    }
     /// The place of the sheet of a triangle that is nearest to a point, if it is close; on the same
     /// face of the box if the point is on one.
     fn foot(&self, triangle: usize, x: Point3, faces: u8) -> Option<(Place, Point3)> {
         let surface = self.surface;
         let corners = surface.triangles[triangle].map(|v| surface.points[v as usize]);
         let quadrant = usize::from(surface.charts[triangle]);
-        let mut at = [0, 1].map(|i| {
-            let shares = shares(corners, x);
-            (0..3)
-                .map(|k| shares[k] * surface.corners[triangle][k][i])
-                .sum::<f64>()
-        });
+        let start = weighted(shares(corners, x), surface.corners[triangle]);
+        let at = self.nearest(quadrant, start, x, faces)?;
+        let there = in_plane(quadrant, at);
+        let (quadrant, at) = (0..4)
+            .map(|k| (quadrant + k) % 4)
+            .find_map(|q| Some((q, place_in(q, there)?)))?;
+        let image = self.charts[quadrant].at(at);
+        let place = Place {
+            quadrant,
+            at,
+            faces,
+        };
+        let is_close = distance(image, x) <= CLOSE * longest(corners);
+        (is_close && self.has_room(&place, image)).then_some((place, image))
+    }
+    /// The parameters of the place nearest to a point, in a quadrant or beyond its sides; none if
+    /// steps get longer.
+    fn nearest(&self, quadrant: usize, start: [f64; 2], x: Point3, faces: u8) -> Option<[f64; 2]> {
+        let mut at = start;
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
             let step = self.step(quadrant, at, x, faces)?;
@@ -113,24 +134,20 @@ impl Sheets<'_> {
             }
             last = length;
         }
-        let there = in_plane(quadrant, at);
-        let (quadrant, at) = (0..4)
-            .map(|k| (quadrant + k) % 4)
-            .find_map(|q| Some((q, place_in(q, there)?)))?;
-        let image = self.charts[quadrant].at(at);
+        Some(at)
+    }
+    /// Whether a vertex may be put at a place: in the unit triangle, in the box, and upon no other
+    /// vertex.
+    fn has_room(&self, &Place { at, faces, .. }: &Place, image: Point3) -> bool {
         let is_inside = at[0] > 0.0 && at[1] > 0.0 && at[0] + at[1] < 1.0;
         let is_in_box = faces > 0 || image.iter().all(|x| x.abs() < self.half_width);
-        let close = CLOSE * longest(corners);
-        let fits = is_inside
+        is_inside
             && is_in_box
-            && distance(image, x) <= close
-            && surface.points.iter().all(|&p| self.are_apart(image, p));
-        let place = Place {
-            quadrant,
-            at,
-            faces,
-        };
-        fits.then_some((place, image))
+            && self
+                .surface
+                .points
+                .iter()
+                .all(|&p| self.are_apart(image, p))
     }
     /// Whether two points are no vertices upon each other, which would be worse than triangles that
     /// cross.
@@ -166,4 +183,9 @@ fn shares([p, q, r]: [Point3; 3], x: Point3) -> [f64; 3] {
     let share =
         |a: Point3, b: Point3| dot(cross(sub(a, x), sub(b, x)), normal) / dot(normal, normal);
     [share(q, r), share(r, p), share(p, q)]
+}
+
+/// The sum of parameters by their shares.
+fn weighted(shares: [f64; 3], parameters: [[f64; 2]; 3]) -> [f64; 2] {
+    [0, 1].map(|i| (0..3).map(|k| shares[k] * parameters[k][i]).sum())
 }

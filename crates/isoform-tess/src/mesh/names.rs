@@ -1,4 +1,4 @@
-//! What vertices are called: a vertex on a side, a seam, a contracted or a double curve is met from
+//! The names of vertices: a vertex on a side, a seam, a contracted or a double curve is met from
 //! several unit triangles, or several parameters of one, and has one name in all of them.
 
 use super::places::{side_of, sides_of};

@@ -29,21 +29,21 @@ use std::collections::{BTreeMap, BTreeSet};
 
 /// Largest half width of a rectangle.
 const WIDTH: f64 = 1.0 / 16.0;
-/// How often rectangles are made smaller, or directions are looked at, before a base point is left
-/// rough.
+/// The number of rounds in which rectangles are made smaller, or directions are looked at, before a
+/// base point is left rough.
 const ROUNDS: usize = 60;
 /// Largest half width where base points are infinitely near: rays differ in high powers of the
 /// width there, which has to be large for them to be told apart.
 const NEAR_WIDTH: f64 = 1.0 / 4.0;
-/// How often such a rectangle is made smaller at most.
+/// The number of times that such a rectangle is made smaller at most.
 const NEAR_ROUNDS: usize = 40;
 
-/// How near to the place of a base point, in a unit triangle, a point of a wall is that base point:
-/// both are known to rounding.
+/// The distance from the place of a base point, in a unit triangle, up to which a point of a wall
+/// is that base point: both are known to rounding.
 const ONE: f64 = 1e-9;
 
-/// How near to the image of a contracted curve, per half width of the box, a point of a seam is
-/// that image, where the curve leads there.
+/// The distance from the image of a contracted curve, per half width of the box, up to which a
+/// point of a seam is that image, where the curve leads there.
 const AT_IMAGE: f64 = 1e-6;
 
 /// The fans of the base points.
@@ -88,6 +88,13 @@ pub(super) const FULL: u8 = 0b11_1111;
 /// A point of a wall: quadrant, wall, number on the wall.
 pub(super) type WallPoint = (usize, usize, usize);
 
+/// The seam of a node of a fan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) struct SeamId {
+    pub(super) fan: usize,
+    pub(super) node: usize,
+}
+
 /// The base points in the region, opened.
 pub(super) struct Openings<'a> {
     pub(super) atlas: &'a Atlas<'a>,
@@ -97,14 +104,19 @@ pub(super) struct Openings<'a> {
     pub(super) sites: BTreeMap<WallPoint, Site>,
     /// Half the widths of the rectangles around them, by fans.
     pub(super) widths: Vec<f64>,
-    /// Seams, by fan and node, that the surface ends in.
-    pub(super) folded: BTreeSet<(usize, usize)>,
-    /// How often stretches of curves are halved at most.
+    /// The seams that the surface ends in.
+    pub(super) folded: BTreeSet<SeamId>,
+    /// The number of times that stretches of curves are halved at most.
     pub(super) halvings: usize,
     pub(super) findings: Vec<Finding>,
 }
 
 impl<'a> Openings<'a> {
+    /// Whether other base points are infinitely near to one in the region.
+    pub(super) fn has_trees(&self) -> bool {
+        let mut sites = self.sites.values();
+        sites.any(|s| self.fans[s.fan].is_tree())
+    }
     /// Finds the base points in the region and the rectangles around them.
     pub(super) fn new(
         atlas: &'a Atlas<'a>,

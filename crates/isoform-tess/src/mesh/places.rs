@@ -1,6 +1,5 @@
-//! Points of the projective plane of parameters as places in the four unit triangles: the point
-//! (s : t : w) is (u, v) with (s : t : w) = (±u : ±v : 1 − u − v), the signs being those of the
-//! quadrant.
+//! Points of the projective plane of parameters as places in the four unit triangles: the point (s
+//! : t : w) is (u, v) with (s : t : w) = (±u : ±v : 1 − u − v), with the signs of the quadrant.
 
 use isoform_algebra::QUADRANTS;
 

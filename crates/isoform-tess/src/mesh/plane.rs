@@ -40,11 +40,11 @@ pub(super) use shape::is_turned;
 const NONE: u32 = u32::MAX;
 /// An edge wants to be split when its number is above this one.
 const SPLIT: f64 = 1.0;
-/// Least area of flipped triangles in the parameters, per square of their longest edge: three
+/// The least area of flipped triangles in the parameters, per square of their longest edge: three
 /// parameters on a line but for rounding are no triangle.
 const THIN: f64 = 1e-11;
 
-/// How refinement ended.
+/// The end of a refinement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Ended {
     /// Triangles on which the sign of W is not proved.
@@ -67,7 +67,7 @@ pub(super) struct Plane {
     adjacent: Vec<[u32; 3]>,
     /// Whether the edges opposite to the corners stay.
     fixed: Vec<[bool; 3]>,
-    /// What [`Self::shape_of`] says of them, once it is asked.
+    /// The shapes of the triangles, once [`Self::shape_of`] was asked for them.
     shapes: Vec<Cell<Option<Shape>>>,
     /// Whether the pole curve is proved to miss them.
     sound: Vec<bool>,
@@ -79,7 +79,7 @@ pub(super) struct Plane {
     ended: Ended,
 }
 
-/// What is beyond an edge: the triangle, and whether the edge is fixed.
+/// The triangle beyond an edge, and whether the edge is fixed.
 type Beyond = (u32, bool);
 
 /// Two triangles (c, a, b) and (d, b, a).
@@ -88,7 +88,7 @@ struct Quad {
     corners: [u32; 4],
     /// The second triangle.
     n: u32,
-    /// Beyond the edges c a, a d, d b, b c.
+    /// The triangles beyond the edges c a, a d, d b, b c.
     outer: [Beyond; 4],
 }
 
@@ -145,12 +145,12 @@ impl Plane {
         }
     }
 
-    /// Where vertices are.
+    /// The places of vertices.
     #[inline]
     fn places<const N: usize>(&self, vertices: [u32; N]) -> [[f64; 2]; N] {
         vertices.map(|v| self.nodes[v as usize].at)
     }
-    /// Where the corners of a triangle are.
+    /// The places of the corners of a triangle.
     fn corners(&self, t: u32) -> [[f64; 2]; 3] {
         self.places(self.triangles[t as usize])
     }
@@ -192,7 +192,7 @@ impl Plane {
             .position(|&n| n == neighbour)
             .expect("neighbours know each other")
     }
-    /// What is beyond an edge, by the number of the corner opposite, modulo 3.
+    /// The triangle beyond an edge, which is given by the number of the corner opposite, modulo 3.
     #[inline]
     fn beyond(&self, t: u32, i: usize) -> Beyond {
         (
@@ -269,7 +269,7 @@ impl Plane {
         self.triangles.len() as u32 - 1
     }
 
-    /// What is wrong with the triangulation, if anything is: a triangle that is turned over, or
+    /// The defect of the triangulation, if it has one: a triangle that is turned over, or
     /// neighbours that do not agree on their edge. For tests, and where debugging asserts.
     pub(super) fn fault(&self) -> Option<String> {
         let n = self.triangles.len();
@@ -291,7 +291,7 @@ impl Plane {
             (0..3).find_map(|i| self.fault_at(t, i))
         })
     }
-    /// What is wrong with the edge opposite to corner i.
+    /// The defect of the edge opposite to corner i.
     fn fault_at(&self, t: u32, i: usize) -> Option<String> {
         let [a, b] = self.ends(t, i);
         let (n, fixed) = self.beyond(t, i);

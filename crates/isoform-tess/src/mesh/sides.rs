@@ -71,22 +71,22 @@ impl<'a> Division<'a> {
     fn on(&self, x: f64) -> [f64; 2] {
         on_side(self.side, x)
     }
+    /// Whether a place of the side is on the border of the region in one of the unit triangles.
+    fn is_inside(&self, x: f64) -> bool {
+        let mut quadrants = self.quadrants.iter();
+        quadrants.any(|&q| self.open.atlas.side_is_inside(q, self.side, x))
+    }
     /// Adds the places of a stretch, but for its end.
     fn divide(&mut self, [from, to]: [f64; 2]) {
         let (open, side, q) = (self.open, self.side, self.quadrants[0]);
-        let middle = 0.5 * (from + to);
-        let inside = self
-            .quadrants
-            .iter()
-            .any(|&q| open.atlas.side_is_inside(q, side, middle));
+        let inside = self.is_inside(0.5 * (from + to));
         if self.bases.contains(&from) || self.bases.contains(&to) {
             self.places.push((from, inside));
             return;
         }
-        let bit = if inside {
-            open.atlas.side_bit(q, side, from, to)
-        } else {
-            0
+        let bit = match inside {
+            true => open.atlas.side_bit(q, side, from, to),
+            false => 0,
         };
         let ends = [from, to].map(|x| self.on(x));
         if let Some(line) = open.atlas.border_line(q, bit, ends, open.halvings) {
@@ -95,6 +95,10 @@ impl<'a> Division<'a> {
                 .extend(inner.map(|&at| (along(side, at), inside)));
             return;
         }
+        self.halve([from, to], inside);
+    }
+    /// Adds the places of a stretch, but for its end, that halving it gives.
+    fn halve(&mut self, [from, to]: [f64; 2], inside: bool) {
         let mut stack = vec![(from, to, 0)];
         while let Some((a, b, depth)) = stack.pop() {
             if inside && self.has_room(depth) && !self.is_fine([a, b], depth) {
@@ -148,9 +152,8 @@ impl Openings<'_> {
             for key in keys {
                 sides.entry(key).or_default();
             }
-            let left = (1..walls[0].points.len() - 1)
-                .filter(|&p| t.is_real(0, p))
-                .map(|p| self.atlas.place(q, 0, p)[1]);
+            let left = (1..walls[0].points.len() - 1).filter(|&p| t.is_real(0, p));
+            let left = left.map(|p| self.atlas.place(q, 0, p)[1]);
             sides.entry(keys[0]).or_default().extend(left);
             for (k, wall) in walls.iter().enumerate().take(walls.len() - 1).skip(1) {
                 for (key, p) in [(keys[1], 0), (keys[2], wall.points.len() - 1)] {

@@ -20,8 +20,8 @@ const ZERO: f64 = 1e-7;
 /// The sine of the angle between two parameters (s : t : w) that are one.
 const ONE_PARAMETER: f64 = 1e-9;
 
-/// What the factors of the region, and the lines s = 0, t = 0, w = 0, are beside poles and faces of
-/// the box.
+/// The parts that the factors of the region, and the lines s = 0, t = 0, w = 0, play beside poles
+/// and faces of the box: contracted curves, double curves and cuspidal edges.
 pub(super) struct SpecialCurves<'a> {
     atlas: &'a Atlas<'a>,
     /// Images of contracted curves.
@@ -36,7 +36,7 @@ pub(super) struct SpecialCurves<'a> {
     creased: BTreeSet<usize>,
     /// Factors of the region on the border of a fundamental domain.
     pub(super) seams: BTreeSet<usize>,
-    /// Which of the lines are double curves.
+    /// Whether each of the lines is a double curve.
     pub(super) double_sides: [bool; 3],
     /// Whether sheets that cross are joined.
     pub(super) glued: bool,
@@ -66,7 +66,7 @@ impl<'a> SpecialCurves<'a> {
         found
     }
 
-    /// Which of the lines s = 0, t = 0, w = 0 the map sends to one point.
+    /// Whether the map sends each of the lines s = 0, t = 0, w = 0 to one point.
     fn find_contracted_lines(&mut self, map: &Map) {
         for side in 0..3 {
             let on: [Poly; 4] = map.forms().each_ref().map(|f| f.set(side, &RBig::ZERO));
@@ -80,7 +80,7 @@ impl<'a> SpecialCurves<'a> {
         }
     }
 
-    /// What the factors are that the curves have become in the region, in the order of
+    /// The factors that the curves have become in the region, in the order of
     /// [`Curves::forms`].
     fn find_factors(&mut self, curves: &Curves) {
         let mut extra = self.atlas.region.extra.iter();

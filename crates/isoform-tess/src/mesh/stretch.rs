@@ -8,8 +8,8 @@ use crate::field::exact;
 use isoform_algebra::Arrangement;
 use std::collections::BTreeMap;
 
-/// How far the middle of a chord may be from its curve, per tolerance: triangles beside it have to
-/// be within the tolerance.
+/// The distance of the middle of a chord from its curve up to which it is fine, per tolerance:
+/// triangles beside it have to be within the tolerance.
 const SAGITTA: f64 = 0.3;
 
 /// The arcs over a slab at places that are asked for more than once.
@@ -39,7 +39,7 @@ impl<'a> Columns<'a> {
 
 /// A piece of an arc between two walls, from rectangle to rectangle around base points.
 pub(super) struct Stretch {
-    /// What comes before `from` and after `to`: chords in rectangles.
+    /// The chords in rectangles before `from` and after `to`.
     pub(super) before: Vec<[f64; 2]>,
     pub(super) from: [f64; 2],
     pub(super) to: [f64; 2],
@@ -90,8 +90,8 @@ pub(super) fn height(line: &[[f64; 2]], u: f64) -> f64 {
 }
 
 impl Openings<'_> {
-    /// What of an arc over a slab is to be drawn: without the pieces in rectangles around base
-    /// points.
+    /// The stretch of an arc over a slab that is to be drawn: without the pieces in rectangles
+    /// around base points.
     pub(super) fn stretch(&self, q: usize, slab: usize, i: usize) -> Stretch {
         let a = &self.atlas.region.triangles[q].arrangement;
         let arc = a.slabs[slab].arcs[i];
@@ -128,11 +128,6 @@ impl Openings<'_> {
         if !stretch.is_open() {
             return vec![stretch.from];
         }
-        let is_drawn_in = |line: &[[f64; 2]]| {
-            line[1..line.len() - 1]
-                .iter()
-                .all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
-        };
         let bit = self.atlas.region.side_of_arc(q, over.slab, i);
         let ends = [stretch.from, stretch.to];
         if let Some(line) = self.atlas.border_line(q, bit, ends, self.halvings) {
@@ -204,24 +199,32 @@ impl Openings<'_> {
         }
         let curve = self.curves.drawn_on(q, wall, point);
         let is_contracted = curve.is_some_and(|f| self.curves.on_curve.contains_key(&f));
+        let line = self.halved_upright(q, u, [from, to], is_contracted);
+        (stretch, line)
+    }
+    /// A line over one u, halved until chords may stand for it.
+    fn halved_upright(
+        &self,
+        q: usize,
+        u: f64,
+        [from, to]: [f64; 2],
+        is_contracted: bool,
+    ) -> Vec<[f64; 2]> {
         let chart = &self.atlas.charts[q];
         let at = |v: f64| chart.at([u, v]);
-        let mut line = vec![stretch.from];
+        let mut line = vec![[u, from]];
         let mut stack = vec![(from, to, 0)];
         while let Some((x, y, depth)) = stack.pop() {
             let m = 0.5 * (x + y);
             let turns = || is_contracted && depth < TURNS && chart.turns([x, m, y].map(|v| [u, v]));
-            if depth < self.halvings
-                && line.len() < VERTICES
-                && !self.atlas.control.is_stopped()
-                && (!self.atlas.is_fine(&at, x, y) || turns())
-            {
+            let is_full = line.len() >= VERTICES || self.atlas.control.is_stopped();
+            if depth < self.halvings && !is_full && (!self.atlas.is_fine(&at, x, y) || turns()) {
                 stack.extend([(m, y, depth + 1), (x, m, depth + 1)]);
             } else {
                 line.push([u, y]);
             }
         }
-        (stretch, line)
+        line
     }
     /// A stretch of a wall after a point, from rectangle to rectangle.
     fn upright_stretch(&self, q: usize, wall: usize, point: usize) -> Stretch {
@@ -244,4 +247,10 @@ impl Openings<'_> {
             rays,
         }
     }
+}
+
+/// Whether a polyline stays in the unit triangle between its ends.
+fn is_drawn_in(line: &[[f64; 2]]) -> bool {
+    let mut inner = line[1..line.len() - 1].iter();
+    inner.all(|[u, v]| *v > 0.0 && *v < 1.0 - u)
 }

@@ -15,10 +15,6 @@ pub(super) fn around(
     way: &[PathVertex],
     b: PathVertex,
 ) -> Vec<[PathVertex; 3]> {
-    let normal = |t: &[PathVertex; 3]| {
-        let [p, q, r] = t.map(|v| points[v.0 as usize]);
-        cross(sub(q, p), sub(r, p))
-    };
     let made = |k: usize| {
         let before = way[..=k].windows(2).map(|w| [w[0], w[1], a]);
         let after = way[k..].windows(2).map(|w| [w[0], w[1], b]);
@@ -28,14 +24,8 @@ pub(super) fn around(
             .collect::<Vec<_>>()
     };
     let worst = |k: usize| {
-        let normals: Vec<Point3> = made(k).iter().map(normal).collect();
-        let sum = normals
-            .iter()
-            .fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
-        normals
-            .iter()
-            .map(|n| dot(*n, sum) / norm(sum))
-            .fold(f64::INFINITY, f64::min)
+        let normals: Vec<Point3> = made(k).iter().map(|t| normal(points, t)).collect();
+        least_along_sum(&normals)
     };
     let best = (1..way.len() - 1).max_by(|&k, &l| worst(k).total_cmp(&worst(l)));
     made(best.expect("three vertices or more"))
@@ -49,12 +39,18 @@ pub(super) fn between(
     first: &[PathVertex],
     second: &[PathVertex],
 ) -> Vec<[PathVertex; 3]> {
-    let area = |t: [PathVertex; 3]| {
-        let [p, q, r] = t.map(|v| points[v.0 as usize]);
-        norm(cross(sub(q, p), sub(r, p)))
-    };
-    // The least area up to an edge from one to the other, and whether the last step was on the
-    // second.
+    let least = least_areas(points, first, second);
+    walked_back(&least, first, second)
+}
+
+/// The least area of triangles up to each edge from one path to the other, and whether the last of
+/// them has its step on the second path.
+fn least_areas(
+    points: &[Point3],
+    first: &[PathVertex],
+    second: &[PathVertex],
+) -> Vec<Vec<(f64, bool)>> {
+    let area = |t: [PathVertex; 3]| norm(normal(points, &t));
     let mut least = vec![vec![(0.0, false); second.len()]; first.len()];
     for i in 0..first.len() {
         for j in 0..second.len() {
@@ -70,13 +66,27 @@ pub(super) fn between(
                     true,
                 )
             });
-            least[i][j] = on_first
-                .into_iter()
-                .chain(on_second)
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-                .unwrap_or((0.0, false));
+            least[i][j] = lesser(on_first, on_second);
         }
     }
+    least
+}
+
+/// The way of less area; nothing where both paths begin.
+#[inline]
+fn lesser(on_first: Option<(f64, bool)>, on_second: Option<(f64, bool)>) -> (f64, bool) {
+    let ways = on_first.into_iter().chain(on_second);
+    ways.min_by(|a, b| a.0.total_cmp(&b.0))
+        .unwrap_or((0.0, false))
+}
+
+/// The triangles that lead to the last edge, from whether the step to each edge between the paths
+/// was on the second.
+fn walked_back(
+    least: &[Vec<(f64, bool)>],
+    first: &[PathVertex],
+    second: &[PathVertex],
+) -> Vec<[PathVertex; 3]> {
     let (mut i, mut j) = (first.len() - 1, second.len() - 1);
     let mut made = Vec::new();
     while i + j > 0 {
@@ -90,6 +100,24 @@ pub(super) fn between(
     }
     made.reverse();
     made
+}
+
+/// The normal of a triangle, of twice its area in length.
+fn normal(points: &[Point3], t: &[PathVertex; 3]) -> Point3 {
+    let [p, q, r] = t.map(|v| points[v.0 as usize]);
+    cross(sub(q, p), sub(r, p))
+}
+
+/// The least component of normals in the direction of their sum: negative if one triangle is turned
+/// against the others.
+fn least_along_sum(normals: &[Point3]) -> f64 {
+    let sum = normals
+        .iter()
+        .fold([0.0; 3], |sum, n| std::array::from_fn(|i| sum[i] + n[i]));
+    normals
+        .iter()
+        .map(|n| dot(*n, sum) / norm(sum))
+        .fold(f64::INFINITY, f64::min)
 }
 
 #[cfg(test)]

@@ -16,8 +16,10 @@ use super::stretch::Columns;
 use crate::finding::{Finding, Phase};
 use crate::pairs::{Arcs, Pairs, Place};
 use crate::surface::DoubleArc;
+use isoform_control::Stopped;
 use isoform_geom::dot;
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 
 /// A double curve that was traced, in half-widths of the box.
 pub(crate) struct Traced {
@@ -25,57 +27,194 @@ pub(crate) struct Traced {
     pub(crate) arcs: Arcs,
 }
 
-/// Halvings of a chord between two places at most.
+/// The most halvings of a chord between two places that were traced; an arc that needs more of
+/// them is not drawn.
 const HALVINGS: usize = 30;
-/// The length of a chord, in tolerances, that is left as it is where nothing is found between its
-/// ends.
+/// The length of a chord, in tolerances, up to which it stays where no place is found between its
+/// ends: next to a singular end.
 const SHORT: f64 = 0.1;
-/// Places of an arc at most.
+/// The most places of an arc; one that needs more of them is not drawn.
 const PLACES: usize = 1 << 14;
-/// How near, in the parameters of unit triangles, places of different arcs are one: Newton's method
-/// leaves their last digits.
+/// The distance, in the parameters of unit triangles, up to which places of different arcs are one
+/// vertex: Newton's method leaves a difference in their last digits.
 const ONE: f64 = 1e-9;
 
-/// How often crossings are looked for: what is put in moves chords.
+/// Rounds in which crossings are looked for: a spot that is put in moves chords, which may cross
+/// elsewhere then.
 const ROUNDS: usize = 8;
-/// The part of a chord next to its end in which a crossing takes the place of the end: others would
-/// lie upon it.
+/// The part of a chord next to its end in which a crossing takes the place of the end: two vertices
+/// there would all but lie upon each other.
 const NEAR_END: f64 = 0.1;
 
-/// Coordinates of a parameter, per size, that are taken for 0.
+/// The most steps of Newton's method towards a crossing of two arcs.
+const NEWTON_STEPS: usize = 20;
+/// The distance of two parameters, in a unit triangle, at which Newton's method ends: the arcs have
+/// met.
+const MET: f64 = 1e-13;
+/// Half the step of difference quotients along an arc, in chords: rough slopes are enough for each
+/// step of Newton's method to gain digits.
+const STEP: f64 = 1e-4;
+/// The parts of its chord within which an arc is followed towards a crossing; beyond them Newton's
+/// method leads away.
+const BESIDE_CHORD: RangeInclusive<f64> = -0.5..=1.5;
+/// The parts of two segments between which they cross: rounding is allowed for at their ends.
+const ON_SEGMENT: RangeInclusive<f64> = -1e-9..=1.0 + 1e-9;
+
+/// The coordinates of a parameter, per its length, that are 0 but for rounding.
 const SIDE: f64 = 1e-10;
+/// The distance of an arc from a place, along v, up to which the arc goes through it.
+const ON_ARC: f64 = 1e-7;
+/// The distance in the parameters up to which a vertex of a drawn line is moved to the end of an
+/// arc, instead of a further vertex beside it.
+const BESIDE_VERTEX: f64 = 1e-8;
 
 /// A place on an arc, as two vertices.
 #[derive(Clone, Copy, Debug)]
 struct Spot {
     place: Place,
-    /// (s : t : w) of both.
+    /// The homogeneous coordinates (s : t : w) of both parameters.
     parameters: [[f64; 3]; 2],
-    /// The faces of the box that it is on.
+    /// The faces of the box that it is on, as bits.
     faces: u8,
-    /// Where arcs cross.
+    /// Whether arcs cross here.
     is_crossing: bool,
     class: ClassId,
 }
 
-/// A chord of an arc in a unit triangle: arc, number of its first spot, which of the parameters.
+/// An arc of the arrangement in a unit triangle.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct ArcId {
+    /// The unit triangle.
+    q: usize,
+    slab: usize,
+    /// The number in the slab, from bottom to top.
+    place: usize,
+}
+
+/// A chord of an arc in a unit triangle.
 #[derive(Clone, Copy, Debug)]
 struct Chord {
+    /// The unit triangle.
     q: usize,
+    /// The number of the arc.
     run: usize,
+    /// The number of its first spot on the arc.
     at: usize,
+    /// The number of its parameter: 0 or 1.
     which: usize,
+    /// Its ends in the unit triangle.
     ends: [[f64; 2]; 2],
 }
 
+impl Chord {
+    /// The smaller coordinate i of its ends.
+    #[inline]
+    fn low(&self, i: usize) -> f64 {
+        self.ends[0][i].min(self.ends[1][i])
+    }
+    /// The larger coordinate i of its ends.
+    #[inline]
+    fn high(&self, i: usize) -> f64 {
+        self.ends[0][i].max(self.ends[1][i])
+    }
+    /// Whether two chords cross elsewhere than in an end that they share.
+    fn crosses(&self, other: &Self) -> bool {
+        let is_shared = |x: &[f64; 2]| other.ends.iter().any(|y| distance2(*x, *y) < 10.0 * ONE);
+        !self.ends.iter().any(is_shared) && crossing(self.ends, other.ends).is_some()
+    }
+}
+
+/// All chords of arcs that are in one unit triangle, with both of their parameters.
+fn chords_of(runs: &[Vec<Spot>]) -> Vec<Chord> {
+    let mut chords = Vec::new();
+    for (run, spots) in runs.iter().enumerate() {
+        for (at, w) in spots.windows(2).enumerate() {
+            let chord = |which: usize| {
+                let (q, ends) = common(w[0].parameters[which], w[1].parameters[which])?;
+                Some(Chord {
+                    q,
+                    run,
+                    at,
+                    which,
+                    ends,
+                })
+            };
+            chords.extend([0, 1].into_iter().filter_map(chord));
+        }
+    }
+    chords
+}
+
+/// An arc between two spots next to each other, by one of its parameters.
+struct ArcPiece<'a> {
+    pairs: &'a Pairs,
+    ends: [Spot; 2],
+    /// The number of the parameter: 0 or 1.
+    which: usize,
+    /// The unit triangle in whose coordinates the parameter is told.
+    q: usize,
+}
+
+impl ArcPiece<'_> {
+    /// The spot of the arc beside a part of its chord.
+    fn spot(&self, t: f64) -> Option<Spot> {
+        let [from, to] = &self.ends;
+        Spot::new(self.pairs.part(&from.place, &to.place, t)?)
+    }
+    /// The parameter of a spot.
+    fn parameter(&self, spot: &Spot) -> [f64; 2] {
+        place_beside(self.q, spot.parameters[self.which])
+    }
+    /// The derivative of the parameter by the part of the chord, by a difference quotient.
+    fn slope(&self, t: f64) -> Option<[f64; 2]> {
+        let [a, b] = [-STEP, STEP].map(|d| self.spot(t + d));
+        let (a, b) = (self.parameter(&a?), self.parameter(&b?));
+        Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * STEP)))
+    }
+}
+
+/// The first parameter, and the coordinate of it, that changes its sign between two spots.
+fn side_between(a: &Spot, b: &Spot) -> Option<(usize, usize)> {
+    let mut sides = (0..2).flat_map(|which| {
+        crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
+    });
+    sides.next()
+}
+
+/// The spot between two others where coordinate k of a parameter is 0.
+fn spot_on_side(pairs: &Pairs, a: &Spot, b: &Spot, (which, k): (usize, usize)) -> Option<Spot> {
+    let place = pairs.on_side(&a.place, &b.place, which, k)?;
+    let mut spot = Spot::new(place)?;
+    spot.parameters[which][k] = 0.0;
+    Some(spot)
+}
+
+/// Puts a vertex into a drawn line, or in the place of one beside it. False if it would be before
+/// the line, after it, or in the place of its first or last vertex.
+fn put_on_line(line: &mut Vec<[f64; 2]>, at: [f64; 2]) -> bool {
+    let k = line.partition_point(|x| x[0] < at[0]);
+    if k == 0 || k == line.len() {
+        return false;
+    }
+    let near = |k: &usize| distance2(line[*k], at) < BESIDE_VERTEX;
+    match [k - 1, k].into_iter().find(near) {
+        Some(0) => return false,
+        Some(k) if k + 1 == line.len() => return false,
+        Some(k) => line[k] = at,
+        None => line.insert(k, at),
+    }
+    true
+}
+
 impl Spot {
+    /// A place with real parameters.
     fn new(place: Place) -> Option<Self> {
         let image = place.image();
         let faces = (0..3)
             .filter(|&i| image[i].abs() == image[3].abs())
             .map(|i| 2 * i + usize::from(image[i] * image[3] > 0.0))
             .fold(0, |bits, face| bits | 1 << face);
-        // What is on a side of the unit triangles but for rounding is on it.
+        // A parameter that is on a side of the unit triangles but for rounding is on the side.
         let snapped = |p: [f64; 3]| {
             let size = dot(p, p).sqrt();
             p.map(|x| if x.abs() < SIDE * size { 0.0 } else { x })
@@ -88,16 +227,25 @@ impl Spot {
             class: ClassId(0),
         })
     }
-    /// Whether it is more than a place between others.
+    /// Whether the vertex has to stay: on a face of the box or a side of the unit triangles, where
+    /// arcs cross, and at pinch points.
     fn is_fixed(&self) -> bool {
         self.faces > 0
             || self.is_crossing
             || self.place.is_pinch()
             || self.parameters.iter().flatten().any(|x| *x == 0.0)
     }
+    /// The vertex of one of the parameters, at a place of a unit triangle.
+    fn node(&self, which: usize, q: usize, at: [f64; 2]) -> Node {
+        Node {
+            name: name_of(q, self.parameters[which], at),
+            ..Node::inner(at, self.faces)
+        }
+    }
 }
 
-/// Puts a spot into an arc at a part of a chord, in the place of an end that is near.
+/// Puts a spot into an arc at a part of a chord, in the place of an end that is near, unless the
+/// arc has a spot there.
 fn put(run: &mut Vec<Spot>, at: usize, t: f64, spot: Spot) {
     let is_there = |s: &Spot| s.place.distance(&spot.place) < ONE;
     let around = at.saturating_sub(1)..(at + 3).min(run.len());
@@ -138,6 +286,24 @@ fn vertices_of(spots: &[&mut Spot]) -> Vec<SpotVertex> {
     vertices
 }
 
+/// Unites spots with a parameter in common, and gives them exactly one: a forest of spots, in which
+/// each is below one of a smaller number, or a root.
+fn unite_near(spots: &mut [&mut Spot]) -> Vec<usize> {
+    let vertices = vertices_of(spots);
+    let mut up: Vec<usize> = (0..spots.len()).collect();
+    for (i, a) in vertices.iter().enumerate() {
+        let near = vertices[i + 1..]
+            .iter()
+            .take_while(|b| b.q == a.q && b.at[0] - a.at[0] < ONE);
+        for b in near.filter(|b| distance2(a.at, b.at) < ONE) {
+            let [x, y] = [a.spot, b.spot].map(|k| root(&up, k));
+            up[x.max(y)] = x.min(y);
+            spots[b.spot].parameters[b.which] = spots[a.spot].parameters[a.which];
+        }
+    }
+    up
+}
+
 /// The root of an element of a forest, given by what is above each.
 fn root(up: &[usize], mut k: usize) -> usize {
     while up[k] != k {
@@ -151,13 +317,14 @@ fn common(a: [f64; 3], b: [f64; 3]) -> Option<(usize, [[f64; 2]; 2])> {
     (0..4).find_map(|q| Some((q, [place_on(q, a)?, place_on(q, b)?])))
 }
 
-/// The coordinates that change their sign from one parameter to the next.
+/// The coordinates that change their sign from one parameter to the next, whose signs as a whole
+/// mean nothing.
 fn crossed(a: [f64; 3], b: [f64; 3]) -> impl Iterator<Item = usize> {
     let sign = if dot(a, b) < 0.0 { -1.0 } else { 1.0 };
     (0..3).filter(move |&k| a[k] * b[k] * sign < 0.0)
 }
 
-/// The t and s with t d − s e = c.
+/// The numbers t and s with t d − s e = c, by Cramer's rule.
 fn meeting(d: [f64; 2], e: [f64; 2], c: [f64; 2]) -> [f64; 2] {
     let det = d[0] * e[1] - d[1] * e[0];
     [
@@ -170,15 +337,12 @@ fn meeting(d: [f64; 2], e: [f64; 2], c: [f64; 2]) -> [f64; 2] {
 fn crossing(a: [[f64; 2]; 2], b: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     let [d, e] = [a, b].map(|x| [x[1][0] - x[0][0], x[1][1] - x[0][1]]);
     let [t, s] = meeting(d, e, [b[0][0] - a[0][0], b[0][1] - a[0][1]]);
-    let within = |x: f64| (-1e-9..=1.0 + 1e-9).contains(&x);
-    (within(t) && within(s)).then_some([t, s])
+    (ON_SEGMENT.contains(&t) && ON_SEGMENT.contains(&s)).then_some([t, s])
 }
 
 impl Openings<'_> {
-    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
-    /// it crosses get their places.
-    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
-        let mut gluing = Gluing::default();
+    /// The spots of all arcs that can be drawn, and how many cannot.
+    fn runs(&self, traced: &Traced) -> Result<(Vec<Vec<Spot>>, usize), Stopped> {
         let mut runs: Vec<Vec<Spot>> = Vec::new();
         let mut failed = 0;
         for part in traced.arcs.real_parts() {
@@ -186,12 +350,19 @@ impl Openings<'_> {
                 Some(run) => runs.push(run),
                 None => failed += 1,
             }
-            if self.atlas.control.is_stopped() {
-                gluing.is_stopped = true;
-                gluing.findings.push(Finding::Stopped(Phase::Partners));
-                return gluing;
-            }
+            self.atlas.control.check()?;
         }
+        Ok((runs, failed))
+    }
+    /// The vertices of a traced double curve and their partners. Sides of the unit triangles that
+    /// it crosses get their places.
+    pub(super) fn glue_traced(&self, traced: &Traced, sides: &mut Sides) -> Gluing {
+        let mut gluing = Gluing::default();
+        let Ok((mut runs, mut failed)) = self.runs(traced) else {
+            gluing.is_stopped = true;
+            gluing.findings.push(Finding::Stopped(Phase::Partners));
+            return gluing;
+        };
         failed += self.cross(&traced.pairs, &mut runs);
         self.classify(&mut gluing, &mut runs);
         for run in &runs {
@@ -211,43 +382,33 @@ impl Openings<'_> {
     fn refined(&self, pairs: &Pairs, part: &[Place]) -> Option<Vec<Spot>> {
         let mut run = vec![Spot::new(part[0])?];
         for w in part.windows(2) {
-            let mut stack = vec![(Spot::new(w[0])?, Spot::new(w[1])?, 0)];
-            while let Some((a, b, depth)) = stack.pop() {
-                if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
-                    return None;
-                }
-                let sides: Vec<(usize, usize)> = (0..2)
-                    .flat_map(|which| {
-                        crossed(a.parameters[which], b.parameters[which]).map(move |k| (which, k))
-                    })
-                    .collect();
-                let mut between = None;
-                match sides[..] {
-                    [] if self.is_chord_fine(pairs, &a, &b) => {
-                        run.push(b);
-                        continue;
-                    }
-                    [(which, k), ..] => {
-                        between = pairs
-                            .on_side(&a.place, &b.place, which, k)
-                            .and_then(Spot::new)
-                            .map(|mut spot| {
-                                spot.parameters[which][k] = 0.0;
-                                spot
-                            });
-                    }
-                    [] => {}
-                }
-                let spot = match between {
-                    Some(spot) => spot,
-                    None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
-                };
-                stack.push((spot, b, depth + 1));
-                stack.push((a, spot, depth + 1));
-            }
+            self.halve(pairs, [Spot::new(w[0])?, Spot::new(w[1])?], &mut run)?;
         }
         self.thin(&mut run);
         Some(run)
+    }
+    /// Adds the spots after the first of two places, up to the second, with fine chords between
+    /// them. None if they are too many.
+    fn halve(&self, pairs: &Pairs, [from, to]: [Spot; 2], run: &mut Vec<Spot>) -> Option<()> {
+        let mut stack = vec![(from, to, 0)];
+        while let Some((a, b, depth)) = stack.pop() {
+            if run.len() > PLACES || depth > HALVINGS || self.atlas.control.is_stopped() {
+                return None;
+            }
+            let side = side_between(&a, &b);
+            if side.is_none() && self.is_chord_fine(pairs, &a, &b) {
+                run.push(b);
+                continue;
+            }
+            let on_side = side.and_then(|side| spot_on_side(pairs, &a, &b, side));
+            let spot = match on_side {
+                Some(spot) => spot,
+                None => Spot::new(pairs.part(&a.place, &b.place, 0.5)?)?,
+            };
+            stack.push((spot, b, depth + 1));
+            stack.push((a, spot, depth + 1));
+        }
+        Some(())
     }
 
     /// Leaves out spots whose images lie upon each other: at singular points the map may be flat.
@@ -305,7 +466,8 @@ impl Openings<'_> {
             if found.is_empty() || failed > 0 {
                 break;
             }
-            // What is put in moves what comes after it: from the last one to the first.
+            // A spot that is put in moves the spots after it: the last one is the first to be put
+            // in.
             found.sort_by(|x, y| {
                 let of = |f: &(Chord, f64, Spot)| (f.0.run, f.0.at);
                 of(y).cmp(&of(x)).then(y.1.total_cmp(&x.1))
@@ -319,40 +481,15 @@ impl Openings<'_> {
 
     /// Chords that cross elsewhere than in spots that they share.
     fn crossings(&self, runs: &[Vec<Spot>]) -> Vec<[Chord; 2]> {
-        let mut chords: Vec<Chord> = Vec::new();
-        for (run, spots) in runs.iter().enumerate() {
-            for (at, w) in spots.windows(2).enumerate() {
-                for which in 0..2 {
-                    if let Some((q, ends)) = common(w[0].parameters[which], w[1].parameters[which])
-                    {
-                        chords.push(Chord {
-                            q,
-                            run,
-                            at,
-                            which,
-                            ends,
-                        });
-                    }
-                }
-            }
-        }
-        let low = |c: &Chord, i: usize| c.ends[0][i].min(c.ends[1][i]);
-        let high = |c: &Chord, i: usize| c.ends[0][i].max(c.ends[1][i]);
-        chords.sort_by(|a, b| a.q.cmp(&b.q).then(low(a, 0).total_cmp(&low(b, 0))));
+        let mut chords = chords_of(runs);
+        chords.sort_by(|a, b| a.q.cmp(&b.q).then(a.low(0).total_cmp(&b.low(0))));
         let mut found = Vec::new();
         for (k, a) in chords.iter().enumerate() {
             let after = chords[k + 1..]
                 .iter()
-                .take_while(|b| b.q == a.q && low(b, 0) <= high(a, 0));
-            for b in after.filter(|b| low(b, 1) <= high(a, 1) && low(a, 1) <= high(b, 1)) {
-                let shares = a
-                    .ends
-                    .iter()
-                    .any(|x| b.ends.iter().any(|y| distance2(*x, *y) < 10.0 * ONE));
-                if !shares && crossing(a.ends, b.ends).is_some() {
-                    found.push([*a, *b]);
-                }
-            }
+                .take_while(|b| b.q == a.q && b.low(0) <= a.high(0));
+            let beside = after.filter(|b| b.low(1) <= a.high(1) && a.low(1) <= b.high(1));
+            found.extend(beside.filter(|b| a.crosses(b)).map(|b| [*a, *b]));
         }
         found
     }
@@ -366,35 +503,29 @@ impl Openings<'_> {
         a: &Chord,
         b: &Chord,
     ) -> Option<[(f64, Spot); 2]> {
-        /// Half the step of difference quotients, in chords: Newton's method gains digits with
-        /// them.
-        const STEP: f64 = 1e-4;
-        let ends = [a, b].map(|c| [runs[c.run][c.at], runs[c.run][c.at + 1]]);
         let mut parts = crossing(a.ends, b.ends)?;
-        let spot =
-            |k: usize, t: f64| Spot::new(pairs.part(&ends[k][0].place, &ends[k][1].place, t)?);
-        let which = [a.which, b.which];
-        let here = |s: &Spot, k: usize| place_beside(a.q, s.parameters[which[k]]);
-        for _ in 0..20 {
-            let spots = [spot(0, parts[0])?, spot(1, parts[1])?];
-            let [x, y] = [here(&spots[0], 0), here(&spots[1], 1)];
-            if distance2(x, y) < 1e-13 {
+        let arcs = [a, b].map(|chord| ArcPiece {
+            pairs,
+            ends: [0, 1].map(|i| runs[chord.run][chord.at + i]),
+            which: chord.which,
+            q: a.q,
+        });
+        for _ in 0..NEWTON_STEPS {
+            let spots = [arcs[0].spot(parts[0])?, arcs[1].spot(parts[1])?];
+            let [x, y] = [0, 1].map(|k| arcs[k].parameter(&spots[k]));
+            if distance2(x, y) < MET {
                 let [x, mut y] = spots.map(|s| Spot {
                     is_crossing: true,
                     ..s
                 });
-                y.parameters[which[1]] = x.parameters[which[0]];
+                y.parameters[b.which] = x.parameters[a.which];
                 return Some([(parts[0], x), (parts[1], y)]);
             }
-            let slope = |k: usize| -> Option<[f64; 2]> {
-                let [a, b] = [-STEP, STEP].map(|d| spot(k, parts[k] + d));
-                let (a, b) = (here(&a?, k), here(&b?, k));
-                Some([0, 1].map(|i| (b[i] - a[i]) / (2.0 * STEP)))
-            };
-            let step = meeting(slope(0)?, slope(1)?, [y[0] - x[0], y[1] - x[1]]);
+            let (along_a, along_b) = (arcs[0].slope(parts[0])?, arcs[1].slope(parts[1])?);
+            let step = meeting(along_a, along_b, [y[0] - x[0], y[1] - x[1]]);
             for k in 0..2 {
                 parts[k] += step[k];
-                if !(-0.5..=1.5).contains(&parts[k]) {
+                if !BESIDE_CHORD.contains(&parts[k]) {
                     return None;
                 }
             }
@@ -405,18 +536,7 @@ impl Openings<'_> {
     /// Gives one class to spots with a parameter in common, and them exactly that one.
     fn classify(&self, gluing: &mut Gluing, runs: &mut [Vec<Spot>]) {
         let mut spots: Vec<&mut Spot> = runs.iter_mut().flatten().collect();
-        let vertices = vertices_of(&spots);
-        let mut up: Vec<usize> = (0..spots.len()).collect();
-        for (i, a) in vertices.iter().enumerate() {
-            let near = vertices[i + 1..]
-                .iter()
-                .take_while(|b| b.q == a.q && b.at[0] - a.at[0] < ONE);
-            for b in near.filter(|b| distance2(a.at, b.at) < ONE) {
-                let [x, y] = [a.spot, b.spot].map(|k| root(&up, k));
-                up[x.max(y)] = x.min(y);
-                spots[b.spot].parameters[b.which] = spots[a.spot].parameters[a.which];
-            }
-        }
+        let up = unite_near(&mut spots);
         let mut number: BTreeMap<usize, ClassId> = BTreeMap::new();
         for (k, spot) in spots.iter_mut().enumerate() {
             let image = spot.place.point().map(|x| x * self.atlas.half_width);
@@ -444,13 +564,7 @@ impl Openings<'_> {
             for w in run.windows(2) {
                 match common(w[0].parameters[which], w[1].parameters[which]) {
                     Some((q, ends)) => {
-                        let node = |k: usize| {
-                            let name = name_of(q, w[k].parameters[which], ends[k]);
-                            Node {
-                                name,
-                                ..Node::inner(ends[k], w[k].faces)
-                            }
-                        };
+                        let node = |k: usize| w[k].node(which, q, ends[k]);
                         gluing.chords.push((q, [node(0), node(1)]));
                     }
                     None => failed += 1,
@@ -459,54 +573,47 @@ impl Openings<'_> {
         }
         failed
     }
+    /// The curve of the box's faces, by an arc in a unit triangle, that a parameter of an end is
+    /// on, and its place there; none on a side, where it is a point of a wall already.
+    fn end_on_arc(&self, end: &Spot, which: usize) -> Option<(ArcId, [f64; 2])> {
+        let p = end.parameters[which];
+        let on_arc = |q: usize| {
+            let at = place_on(q, p)?;
+            Some((self.arc_at(q, at, end.faces)?, at))
+        };
+        let is_on_side = p.contains(&0.0);
+        (0..4).filter(|_| !is_on_side).find_map(on_arc)
+    }
     /// Makes vertices of the curves of the box's faces where arcs end in them; how often that
     /// failed.
     fn put_ends(&self, gluing: &mut Gluing, runs: &[Vec<Spot>]) -> usize {
         let mut failed = 0;
-        let mut on_arcs: BTreeMap<(usize, usize, usize), Vec<[f64; 2]>> = BTreeMap::new();
+        let mut on_arcs: BTreeMap<ArcId, Vec<[f64; 2]>> = BTreeMap::new();
         let ends = runs.iter().flatten().filter(|s| s.faces > 0);
         for (spot, which) in ends.flat_map(|s| [(s, 0), (s, 1)]) {
-            let p = spot.parameters[which];
-            // On a side it is a point of a wall already.
-            if p.contains(&0.0) {
-                failed += 1;
-                continue;
-            }
-            let found = (0..4).find_map(|q| {
-                let at = place_on(q, p)?;
-                Some((self.arc_at(q, at, spot.faces)?, at))
-            });
-            match found {
+            match self.end_on_arc(spot, which) {
                 Some((arc, at)) => on_arcs.entry(arc).or_default().push(at),
                 None => failed += 1,
             }
         }
-        for ((q, slab, i), places) in on_arcs {
-            let stretch = self.stretch(q, slab, i);
-            let a = &self.atlas.region.triangles[q].arrangement;
-            let mut over = Columns::new(a, slab);
-            let mut line = self.polyline(q, &stretch, i, &mut over, &mut true);
-            for at in places {
-                let k = line.partition_point(|x| x[0] < at[0]);
-                if k == 0 || k == line.len() {
-                    failed += 1;
-                    continue;
-                }
-                let near = |k: &usize| distance2(line[*k], at) < 1e-8;
-                match [k - 1, k].into_iter().find(near) {
-                    Some(0) => failed += 1,
-                    Some(k) if k + 1 == line.len() => failed += 1,
-                    Some(k) => line[k] = at,
-                    None => line.insert(k, at),
-                }
-            }
-            gluing.set_line(Track::Arc(q, slab, i), line);
+        for (arc, places) in on_arcs {
+            let mut line = self.line_of_arc(arc);
+            let put = places.into_iter().map(|at| put_on_line(&mut line, at));
+            failed += put.filter(|is_put| !is_put).count();
+            gluing.set_line(Track::Arc(arc.q, arc.slab, arc.place), line);
         }
         failed
     }
 
+    /// The polyline of an arc of the arrangement, as it is drawn.
+    fn line_of_arc(&self, ArcId { q, slab, place }: ArcId) -> Vec<[f64; 2]> {
+        let stretch = self.stretch(q, slab, place);
+        let a = &self.atlas.region.triangles[q].arrangement;
+        let mut over = Columns::new(a, slab);
+        self.polyline(q, &stretch, place, &mut over, &mut true)
+    }
     /// The drawn arc on some faces of the box that goes through a place.
-    fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<(usize, usize, usize)> {
+    fn arc_at(&self, q: usize, at: [f64; 2], faces: u8) -> Option<ArcId> {
         let a = &self.atlas.region.triangles[q].arrangement;
         let walls = &a.walls[1..a.walls.len() - 1];
         let slab = walls.partition_point(|w| w.u.to_f64() < at[0]);
@@ -516,13 +623,10 @@ impl Openings<'_> {
                 .map_or(f64::INFINITY, |v| (v - at[1]).abs())
         };
         let of_face = |i: &usize| self.atlas.bits(a.slabs[slab].arcs[*i].curve) & faces != 0;
-        let (off, i) = self
-            .curves
-            .drawn(q, slab)
-            .into_iter()
-            .filter(of_face)
+        let drawn = self.curves.drawn(q, slab).into_iter().filter(of_face);
+        let (off, i) = drawn
             .map(|i| (far(i, &mut over), i))
             .min_by(|a, b| a.0.total_cmp(&b.0))?;
-        (off < 1e-7).then_some((q, slab, i))
+        (off < ON_ARC).then_some(ArcId { q, slab, place: i })
     }
 }

@@ -5,7 +5,7 @@ use super::glued::Glued;
 use super::gluing::Gluing;
 use super::in_chart::InChart;
 use super::matching::Place;
-use super::names::{Name, Node, Ray};
+use super::names::{ClassId, Name, Node, Ray};
 use super::plane::{Ended, Measure, Plane};
 use super::{HALVINGS, OPEN_TRIANGLES};
 use crate::finding::Finding;
@@ -77,6 +77,16 @@ impl<'a> Joined<'a> {
     pub(super) fn shared(&mut self, name: Name, point: Point3, faces: u8, kind: Kind) -> u32 {
         self.vertex((name, 0, 0), || (point, faces, kind))
     }
+    /// The vertex of a class of parameters with one image.
+    pub(super) fn class_vertex(&mut self, class: ClassId) -> u32 {
+        let gluing = self.gluing();
+        let kind = match gluing.is_double(class) {
+            true => Kind::Double,
+            false => Kind::Ordinary,
+        };
+        let image = gluing.image(class);
+        self.shared(Name::Double(class), image, 0, kind)
+    }
     /// The vertex of a node of a unit triangle.
     fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {
         let key = match self.glued.merged(measure.q, node) {
@@ -113,23 +123,25 @@ impl<'a> Joined<'a> {
                 borders: nodes.map(|n| n.borders),
             });
         }
-        let opened: Vec<Result<Strip, Finding>> = unit
-            .at_apex
-            .iter()
-            .filter_map(|&t| self.strip(unit, &measure, t))
-            .collect();
-        for strip in opened {
+        let strips = unit.at_apex.iter();
+        let strips = strips.filter_map(|&t| self.strip(unit, &measure, t));
+        let strips: Vec<Result<Strip, Finding>> = strips.collect();
+        for strip in strips {
             match strip {
                 Ok(strip) => made.extend(fill(q, &strip, self)),
                 Err(finding) => self.surface.findings.push(finding),
             }
         }
         for triangle in made {
-            self.surface.borders.push(triangle.borders);
-            self.surface.triangles.push(triangle.vertices);
-            self.surface.charts.push(q as u8);
-            self.surface.corners.push(triangle.corners);
+            self.push(q, triangle);
         }
+    }
+    /// Adds a triangle of a unit triangle to the surface.
+    fn push(&mut self, q: usize, triangle: Made) {
+        self.surface.borders.push(triangle.borders);
+        self.surface.triangles.push(triangle.vertices);
+        self.surface.charts.push(q as u8);
+        self.surface.corners.push(triangle.corners);
     }
 
     /// The strip in the place of a triangle at a base point, with the vertices on the rectangle.
@@ -165,7 +177,7 @@ impl<'a> Joined<'a> {
     }
 }
 
-/// What is not proved of triangles, by how their refinement ended.
+/// The findings against triangles, by how their refinement ended.
 fn complaints(ended: Ended) -> impl Iterator<Item = Finding> {
     let all = [
         (ended.unsound, Finding::SignUnproved),
@@ -205,17 +217,12 @@ impl Glued<'_> {
         } else {
             self.atlas.options.triangles
         };
+        let measure = |q: usize| InChart { glued: self, q };
         units.par_iter_mut().for_each(|u| {
-            u.plane.begin(
-                most / 4,
-                &InChart {
-                    glued: self,
-                    q: u.quadrant,
-                },
-                self.atlas.control,
-            )
+            let control = self.atlas.control;
+            u.plane.begin(most / 4, &measure(u.quadrant), control)
         });
-        // Those that need more share what the others leave.
+        // Unit triangles that need more share the triangles that the others leave.
         let (needy, done): (Vec<_>, Vec<_>) =
             (0..units.len()).partition(|&k| units[k].plane.is_waiting());
         for group in [done, needy] {
@@ -227,14 +234,8 @@ impl Glued<'_> {
                 .filter(|(k, _)| group.contains(k))
                 .for_each(|(_, u)| {
                     let most = u.plane.triangles.len() + room;
-                    let ended = u.plane.refine(
-                        most,
-                        &InChart {
-                            glued: self,
-                            q: u.quadrant,
-                        },
-                        self.atlas.control,
-                    );
+                    let (measure, control) = (measure(u.quadrant), self.atlas.control);
+                    let ended = u.plane.refine(most, &measure, control);
                     u.findings.extend(complaints(ended));
                 });
         }

@@ -18,13 +18,13 @@ const SHIFT: f64 = 0.013;
 const NORMAL: [f64; 3] = [0.512, -0.387, 0.767];
 /// The seed of the planes: any other would do.
 const SEED: u64 = 17;
-/// How far from being real, as a sine, the pairs may be where a path is given up that comes to where
-/// an arc turns: paths stop before that.
+/// The most that pairs may be from being real, as a sine, where a path is given up that comes to
+/// where an arc turns: paths stop before that.
 const NEARLY_REAL: f64 = 0.03;
 /// A place that is farther from its section's pair belongs to another pair: half of the digits are
 /// lost where parameters come together.
 const SAME_PAIR: f64 = 1e-5;
-/// How near to a face of the box a place of the face's section is put on it.
+/// The distance from a face of the box within which a place of the face's section is put on it.
 const ON_FACE: f64 = 1e-9;
 /// Pairs of a section that are nearer to each other are one: paths end with eight digits.
 const APART: f64 = 1e-6;
@@ -78,16 +78,16 @@ impl Arc {
     }
 }
 
-/// What is known of the pairs with real images in the box.
+/// The arcs of pairs with real images in the box.
 #[derive(Debug, Default)]
 pub(crate) struct Arcs {
     pub(crate) arcs: Vec<Arc>,
-    /// How many sections and ends of arcs were lost: with any, arcs may be missing.
+    /// The number of sections and ends of arcs that were lost: with any, arcs may be missing.
     pub(crate) lost: usize,
 }
 
 impl Arcs {
-    /// How many arcs come over a place of their own, or of another one, once more.
+    /// The number of arcs that come over a place of their own, or of another one, once more.
     ///
     /// Where branches of the curve of pairs cross, as at a parameter where the map is like a cube,
     /// tracing may change from one to another, and come back.
@@ -215,25 +215,8 @@ pub(crate) fn arcs(
         stream,
         found,
     };
-    for k in 0..6 {
-        control.check()?;
-        let mut normal = [0.0; 3];
-        normal[k / 2] = 1.0;
-        let face = real_plane(normal, [-1.0, 1.0][k % 2]);
-        let here = search.section_by(&face, None);
-        search.look(&here.pairs, true);
-    }
-    let mut before: Option<(Plane, Vec<Pair>)> = None;
-    for k in 0..SLICES {
-        control.check()?;
-        let plane = slice(k);
-        let here = search.section_by(&plane, before.as_ref());
-        search.look(&here.pairs, false);
-        if let Some((from, known)) = &before {
-            search.look_between([from, &plane], known);
-        }
-        before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
-    }
+    search.look_on_faces(control)?;
+    search.look_in_slices(control)?;
     let mut found = search.found;
     found.lost += found.count_doubled(pairs);
     found.unite_ends();
@@ -258,8 +241,35 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The section by a plane, from the section by the plane before, if there is one, and if need be
-    /// from the general one.
+    /// Looks for arcs where they meet the planes of the faces of the box.
+    fn look_on_faces(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
+        for k in 0..6 {
+            control.check()?;
+            let mut normal = [0.0; 3];
+            normal[k / 2] = 1.0;
+            let face = real_plane(normal, [-1.0, 1.0][k % 2]);
+            let here = self.section_by(&face, None);
+            self.look(&here.pairs, true);
+        }
+        Ok(())
+    }
+    /// Looks for arcs in parallel planes, and between each two of them.
+    fn look_in_slices(&mut self, control: &Control<'_>) -> Result<(), Stopped> {
+        let mut before: Option<(Plane, Vec<Pair>)> = None;
+        for k in 0..SLICES {
+            control.check()?;
+            let plane = slice(k);
+            let here = self.section_by(&plane, before.as_ref());
+            self.look(&here.pairs, false);
+            if let Some((from, known)) = &before {
+                self.look_between([from, &plane], known);
+            }
+            before = (here.is_complete && here.outside == 0).then_some((plane, here.pairs));
+        }
+        Ok(())
+    }
+    /// The section by a plane, from the section by the plane before, if there is one, and if need
+    /// be from the general one.
     fn section_by(&mut self, plane: &Plane, before: Option<&(Plane, Vec<Pair>)>) -> Section {
         let general = (&self.general, &self.section.pairs[..]);
         let (from, known) = before.map_or(general, |(from, known)| (from, &known[..]));

@@ -7,16 +7,16 @@ use crate::complex::{
 use isoform_geom::norm;
 
 /// The sine of the angle between conjugate parameters below which they are one: half of the digits
-/// are lost where both come together. Larger, and complex pairs are taken for real ones; smaller, and
-/// an arc is missed, which another section has, too.
+/// are lost where both come together. Larger, and complex pairs are taken for real ones; smaller,
+/// and an arc is missed, which another section has, too.
 pub(super) const REAL: f64 = 1e-6;
 /// λ of conjugate parameters from which on they keep their phase: they are far from λ = −1, where a
 /// pinch point may come in a wrong one, and near to 0 other phases need not be looked at.
 const NEARLY_REAL: f64 = -0.1;
-/// How many times the least |λ| conjugate parameters may have before they get the phase of that: at
-/// a pinch point λ must come to 0. With 1 they would change to and fro.
+/// The multiple of the least |λ| from which on conjugate parameters get the phase of that one: at a
+/// pinch point λ must come to 0. With 1 they would change to and fro.
 const MORE_REAL: f64 = 2.0;
-/// Most Newton steps to a place.
+/// The most steps of Newton's method to a place.
 const STEPS: usize = 8;
 /// Newton's method ends with a step below this: the next one would be lost in rounding.
 const DONE: f64 = 1e-8;
@@ -24,7 +24,7 @@ const DONE: f64 = 1e-8;
 const SHRINKING: f64 = 0.5;
 /// The longest Newton step: longer ones lead to another arc.
 const FARTHEST: f64 = 0.3;
-/// How far along a tangent the direction in space is looked at: half of the digits.
+/// The length along a tangent at which the direction in space is looked at: half of the digits.
 const AHEAD: f64 = 1e-5;
 /// The quotient of the forms' sizes at the two parameters of a pair that comes to a base point: the
 /// quotient is the distance from it, and its inverse the loss of digits.
@@ -32,8 +32,8 @@ const AT_BASE_POINT: f64 = 1e-9;
 
 /// A pair of real parameters (λ ≥ 0), or of conjugate ones, with a real image.
 ///
-/// Signs of real parameters are so that m is no shorter than h e; then φ(p) = φ(q), or −φ(q) if they
-/// are opposed: (m, e, λ) is a solution of E = 0 in place of O = 0, and O the image.
+/// Signs of real parameters are so that m is no shorter than h e; then φ(p) = φ(q), or −φ(q) if
+/// they are opposed: (m, e, λ) is a solution of E = 0 in place of O = 0, and O the image.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RealPair {
     pub(super) m: [f64; 3],
@@ -100,7 +100,7 @@ impl RealPair {
         d[6] = other.l - self.l;
         d
     }
-    /// How far another one is, as it is written; infinitely far if its signs are not alike.
+    /// The distance of another one, as it is written; infinitely far if its signs are not alike.
     pub(super) fn distance(&self, other: &Self) -> f64 {
         if self.is_opposed != other.is_opposed {
             return f64::INFINITY;
@@ -155,8 +155,8 @@ fn solve_real(mut rows: Rows) -> Option<[f64; 7]> {
 }
 
 impl Pairs {
-    /// The real form of the equations at a pair, with the row of a plane or an empty one as the fourth,
-    /// and the image.
+    /// The real form of the equations at a pair, with the row of a plane or an empty one as the
+    /// fourth, and the image.
     fn real_rows(&self, x: &RealPair, plane: Option<&[f64; 4]>) -> (Rows, [f64; 4]) {
         let pair = x.complex();
         let Parts { even, odd } = self.parts(&pair);
@@ -302,8 +302,8 @@ impl Pairs {
         let sign = if is_opposite { -1.0 } else { 1.0 };
         [0, 1, 2, 3].map(|i| sign * to[i] - from[i])
     }
-    /// The ways to write a pair in which arcs may have it: with both signs of m and of e, and of the
-    /// second parameter, or all phases of conjugate ones.
+    /// The ways to write a pair in which arcs may have it: with both signs of m and of e, and of
+    /// the second parameter, or all phases of conjugate ones.
     pub(super) fn forms(&self, place: &Place) -> Vec<RealPair> {
         let ways = match place.pair.real() {
             Some(_) => {
@@ -419,7 +419,7 @@ impl Place {
     pub(crate) fn image(&self) -> [f64; 4] {
         self.image
     }
-    /// How far two pairs are apart, in either order.
+    /// The distance of two pairs, in either order.
     pub(crate) fn distance(&self, other: &Self) -> f64 {
         self.pair.complex().distance(&other.pair.complex())
     }

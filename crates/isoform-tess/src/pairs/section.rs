@@ -8,9 +8,9 @@ use crate::complex::{C, Form, Monomials, Plane, Stream, V, distance, dot, norm, 
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
-/// How often all pairs of the section are led around at most.
+/// The number of times that all pairs of the section are led around at most.
 const LOOPS: usize = 30;
-/// How many loops may find nothing before the trace test is asked.
+/// The number of loops that may find nothing before the trace test is asked.
 const IN_VAIN: usize = 2;
 /// Random starts of a batch: pairs of components of low degree are rarely found, and monodromy does
 /// not lead from one component to another.
@@ -21,11 +21,11 @@ const BATCHES: usize = 12;
 const SEED: u64 = 5;
 /// The distance of the planes of the trace test, in half widths of the box.
 const FAR: f64 = 0.3;
-/// The largest bend of the sum of images in the trace test, in shares of the sizes of its terms: the
-/// errors of all paths together. Larger, and an incomplete section is taken for complete, which the
-/// number of pairs shows; smaller, and complete ones are refused.
+/// The largest bend of the sum of images in the trace test, in shares of the sizes of its terms:
+/// the errors of all paths together. Larger, and an incomplete section is taken for complete, which
+/// the number of pairs shows; smaller, and complete ones are refused.
 const BENT: f64 = 1e-7;
-/// How often a section is tried, with other planes in between.
+/// The number of times that a section is tried, with other planes in between.
 const TRIES: usize = 3;
 /// Paths that stop after this time have come to their end: a singular point, which planes that are
 /// not general may meet.
@@ -129,11 +129,8 @@ impl Pairs {
         stream: &mut Stream,
     ) -> bool {
         let weights: [C; 3] = stream.complex();
-        let moved = |far: f64| {
-            let mut plane = *plane;
-            plane[3] = plane[3] + C::new(far, 0.0);
-            plane
-        };
+        let [a, b, c, d] = *plane;
+        let moved = |far: f64| [a, b, c, d + C::new(far, 0.0)];
         let sum = |far: f64| {
             let path = between(*plane, moved(far), C::ONE);
             let mut sum = C::ZERO;
@@ -195,10 +192,10 @@ impl Pairs {
     }
 }
 
-/// What is known of a section beforehand.
+/// The numbers that are known of a section beforehand.
 #[derive(Default)]
 pub(crate) struct Expected {
-    /// How many parameters it has.
+    /// The number of its parameters.
     pub(crate) parameters: usize,
     /// Whether those with an image at infinity do not count.
     pub(crate) is_finite: bool,
@@ -281,8 +278,8 @@ impl Section {
             is_complete: false,
         }
     }
-    /// How many parameters the pairs have together; without those with an image at infinity, if
-    /// asked for.
+    /// The number of parameters that the pairs have together; without those with an image at
+    /// infinity, if asked for.
     pub(super) fn parameters(&self, pairs: &Pairs, is_finite: bool) -> usize {
         let is_counted = |p: &&Pair| !is_finite || pairs.is_finite(p);
         let counted = self.pairs.iter().filter(is_counted);

@@ -2,7 +2,7 @@
 
 use super::Pairs;
 use super::real::{Condition, Place, RealPair, dot7};
-use crate::complex::C;
+use crate::complex::{C, V};
 use isoform_geom::{distance_to_segment, norm};
 
 /// The first step, in the coordinates m, e and λ of a pair.
@@ -20,16 +20,18 @@ const LEAST_COSINE: f64 = 0.95;
 const MOST_OFF: f64 = 0.1;
 /// A prediction as good as this, in steps, lets them grow.
 const LITTLE_OFF: f64 = 0.02;
-/// How much steps grow.
+/// The factor by which steps grow.
 const GROWTH: f64 = 1.5;
 /// Steps shorter than this need not be fine in space: next to a base point images reach far.
 const FREE_STEP: f64 = 1e-7;
-/// How near to a face of the box what is found there is on it: where an arc begins it need not go
-/// on.
+/// The distance from a face of the box up to which a place is on the face: where an arc begins it
+/// need not go on.
 const ON_FACE: f64 = 1e-10;
-/// How far on an arc is looked at that touches a face: farther than rounding, and nearer than steps.
+/// The length at which an arc that touches a face is looked at: farther than rounding, and nearer
+/// than steps.
 const LOOK: f64 = 1e-7;
-/// How far beyond two places, in shares of their distance, what is between them may be found.
+/// The length beyond two places, in shares of their distance, within which a place between them may
+/// be found.
 const BEYOND: f64 = 0.1;
 /// λ, and the second singular value per first, that are taken for zero at a singular end: both
 /// vanish like distances from it, and tracing stops about 1e-9 before it.
@@ -37,14 +39,14 @@ const ZERO: f64 = 1e-5;
 /// Coordinates of a singular end below this are 0: such places are often on the axes of the
 /// parameters.
 pub(super) const NEAR: f64 = 1e-7;
-/// How much longer the way over a pair between two places may be than the straight one: tangents
-/// turn by 18 degrees, an arc of which is 1.004 times its chord.
+/// The most that the way over a pair between two places may be longer by than the straight one:
+/// tangents turn by 18 degrees, an arc of which is 1.004 times its chord.
 const DETOUR: f64 = 1.03;
 /// See [`DETOUR`]: rounding on very short steps.
 const DETOUR_PRECISION: f64 = 1e-9;
 /// Two places that are farther apart are no step, but written in different forms.
 const OTHER_FORM: f64 = 0.3;
-/// How far from the arc a pair on it may be for rounding: steps end with eight digits.
+/// The distance from an arc that a pair on it may have for rounding: steps end with eight digits.
 const OFF_ARC: f64 = 1e-6;
 
 /// Why an arc ends.
@@ -62,12 +64,12 @@ pub(super) enum End {
     Lost,
 }
 
-/// What the chords of an arc may be.
+/// The bounds on the chords of an arc.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Fineness {
-    /// How far they may leave it, in half widths of the box.
+    /// The most that they may leave it by, in half widths of the box.
     pub(crate) tolerance: f64,
-    /// How long they may be, in half widths of the box.
+    /// Their greatest length, in half widths of the box.
     pub(crate) longest: f64,
 }
 
@@ -76,7 +78,7 @@ struct Advance {
     /// The places after it: the pinch point that is passed, and the end of the step.
     way: Vec<Place>,
     end: Option<End>,
-    /// How far off the prediction was.
+    /// The error of the prediction.
     error: f64,
 }
 
@@ -110,7 +112,7 @@ impl Pairs {
         let t = dot7(&a.pair.to(&place.pair), &d) / dot7(&d, &d);
         (t > -BEYOND && t < 1.0 + BEYOND).then_some(place)
     }
-    /// A place with signs like those of the place before it on an arc.
+    /// A place with the signs of the place before it on an arc.
     fn like(&self, a: &Place, b: &Place) -> Option<Place> {
         let near = |b: &Place| {
             let d = a.pair.to(&b.pair);
@@ -216,6 +218,19 @@ impl Pairs {
         found.is_some_and(|(place, _)| place.is_inside())
     }
 
+    /// The place near a pair in the plane of the face of the box where coordinate i is `side`, with
+    /// a tangent that goes the way of another one.
+    fn on_face(
+        &self,
+        near: &RealPair,
+        tangent: &[f64; 7],
+        (i, side): (usize, f64),
+    ) -> Option<Place> {
+        let (place, _) = self.correct(near, &Condition::Plane(face_plane(i, side)))?;
+        let mut place = place.toward(tangent);
+        place.image[i] = side * place.image[3];
+        Some(place)
+    }
     /// Where an arc first leaves the box between two places.
     fn face_between(&self, a: &Place, b: &Place) -> Option<Place> {
         let d = a.pair.to(&b.pair);
@@ -227,13 +242,8 @@ impl Pairs {
             if x * side > 0.0 || y * side <= 0.0 {
                 continue;
             }
-            let mut plane = [0.0; 4];
-            plane[i] = 1.0;
-            plane[3] = -side;
             let t = x / (x - y);
-            let (place, _) = self.correct(&a.pair.moved(&d, t), &Condition::Plane(plane))?;
-            let mut place = place.toward(&a.tangent);
-            place.image[i] = side * place.image[3];
+            let place = self.on_face(&a.pair.moved(&d, t), &a.tangent, (i, side))?;
             if place.is_inside() && best.is_none_or(|b| t < b.0) {
                 best = Some((t, place));
             }
@@ -253,18 +263,7 @@ impl Pairs {
     /// the rank 1.
     fn singular_end(&self, here: &Place) -> Option<Place> {
         let m = here.pair.m.map(|x| C::new(x, 0.0));
-        let (_, df) = self.at(&m);
-        // The sum of the squares of the 2 × 2 minors by that of the products.
-        let (mut minors, mut size) = (0.0, 0.0);
-        for i in 0..4 {
-            for j in i + 1..4 {
-                for [a, b] in [[0, 1], [1, 2], [2, 0]] {
-                    let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
-                    minors += minor * minor;
-                }
-            }
-            size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
-        }
+        let (minors, size) = minors_and_size(&self.at(&m).1);
         let snapped = here.pair.m.map(|x| if x.abs() < NEAR { 0.0 } else { x });
         let is_singular = here.pair.l.abs() < ZERO && minors.sqrt() < ZERO * size;
         is_singular.then_some(Place {
@@ -303,4 +302,27 @@ impl Pairs {
         };
         forms.iter().any(|x| is_near(x) && is_on(x))
     }
+}
+
+/// The sum of the squares of the 2 × 2 minors of a real Jacobian, and that of its entries.
+fn minors_and_size(df: &[V; 4]) -> (f64, f64) {
+    let (mut minors, mut size) = (0.0, 0.0);
+    for i in 0..4 {
+        for j in i + 1..4 {
+            for [a, b] in [[0, 1], [1, 2], [2, 0]] {
+                let minor = df[i][a].re * df[j][b].re - df[i][b].re * df[j][a].re;
+                minors += minor * minor;
+            }
+        }
+        size += df[i].iter().map(|c| c.norm2()).sum::<f64>();
+    }
+    (minors, size)
+}
+
+/// The plane of the face of the box where coordinate i is `side`, −1 or 1.
+fn face_plane(i: usize, side: f64) -> [f64; 4] {
+    let mut plane = [0.0; 4];
+    plane[i] = 1.0;
+    plane[3] = -side;
+    plane
 }

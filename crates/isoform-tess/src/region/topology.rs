@@ -84,8 +84,8 @@ enum Place {
     Corner(usize),
 }
 
-/// A unit triangle with names for the points of its walls. Points of sides that only this triangle's
-/// decomposition knows belong to the interval around them.
+/// A unit triangle with names for the points of its walls. Points of sides that only this
+/// triangle's decomposition knows belong to the interval around them.
 struct Named<'a> {
     triangle: &'a Triangle,
     quadrant: usize,
@@ -177,7 +177,7 @@ struct Count {
     bounding: Vec<(Place, Place)>,
     /// The quadrants, as bits, in which an interval of a side has a cell inside next to it.
     side_cells: BTreeMap<Place, u8>,
-    /// What the intervals of the sides end in.
+    /// The ends of the intervals of the sides.
     side_ends: BTreeMap<Place, (Place, Place)>,
 }
 

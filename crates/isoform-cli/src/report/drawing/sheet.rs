@@ -36,18 +36,7 @@ pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[Form]) -> String {
     .map(|d| Panel::new(d, scale))
     .collect();
     let rest = distribute(drawing, forms, &mut panels);
-    let [l, r, t, b] = Placed {
-        drawn: &drawing.above,
-        scale: 1.0,
-        origin: [0.0; 2],
-    }
-    .bounds();
-    // The isometric view fits the room of the others.
-    let own = SIZE / (r - l).max(b - t).max(f64::MIN_POSITIVE);
-    panels.push(Panel::new(&drawing.above, own.min(scale)));
-    if drawing.section.is_some() && drawing.side.is_some() {
-        panels.push(Panel::new(&drawing.below, own.min(scale)));
-    }
+    panels.extend(isometric(drawing, scale));
     let (width, height) = arrange(drawing, &mut panels);
     let all = || panels.iter();
     let bodies = all().map(|p| p.placed.shades(PAPER) + &p.placed.lines());
@@ -58,6 +47,23 @@ pub(super) fn dimensioned(drawing: &Drawing<'_>, forms: &[Form]) -> String {
         "<svg class=\"sheet\" viewBox=\"0 0 {width:.0} {total:.0}\" role=\"img\" aria-label=\"the fitted model in its own frame, with its dimensions\">\
          <rect class=\"paper\" width=\"{width:.0}\" height=\"{total:.0}\"/>{body}{legend}</svg>"
     )
+}
+
+/// The isometric views, scaled to the room of the others: from above, and from below where there
+/// are enough other views to stand beside.
+fn isometric<'d>(drawing: &'d Drawing<'_>, scale: f64) -> Vec<Panel<'d>> {
+    let [l, r, t, b] = Placed {
+        drawn: &drawing.above,
+        scale: 1.0,
+        origin: [0.0; 2],
+    }
+    .bounds();
+    let own = SIZE / (r - l).max(b - t).max(f64::MIN_POSITIVE);
+    let mut panels = vec![Panel::new(&drawing.above, own.min(scale))];
+    if drawing.section.is_some() && drawing.side.is_some() {
+        panels.push(Panel::new(&drawing.below, own.min(scale)));
+    }
+    panels
 }
 
 fn scale_of(drawing: &Drawing<'_>) -> f64 {

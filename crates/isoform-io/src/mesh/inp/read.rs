@@ -4,7 +4,7 @@
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::mesh::boundary::face_with_mids;
 use crate::mesh::build::Builder;
-use crate::{At, ErrorKind, ReadReport};
+use crate::{At, ErrorKind, ReadError, ReadReport};
 use isoform_geom::Mesh;
 use std::collections::HashMap;
 
@@ -150,6 +150,7 @@ impl Reader<'_, '_> {
         tag
     }
 
+    /// Takes a keyword line, which says what the data lines behind it are.
     fn keyword(&mut self, line: &str, report: &mut ReadReport) {
         let word = line
             .split(',')
@@ -159,26 +160,7 @@ impl Reader<'_, '_> {
             .to_ascii_uppercase();
         self.mode = match word.as_str() {
             "NODE" => Mode::Nodes,
-            "ELEMENT" => {
-                let name = parameter(line, "TYPE").unwrap_or("");
-                let kind = kind_of(name);
-                let dim = if matches!(kind, Kind::Tet { .. }) {
-                    3
-                } else {
-                    2
-                };
-                let tag = match parameter(line, "ELSET") {
-                    Some(set) if kind != Kind::Other => self.tag(dim, set),
-                    _ => 0,
-                };
-                if kind == Kind::Other {
-                    report.warn(format!(
-                        "elements of the type \"{}\" were passed over",
-                        shorten(name)
-                    ));
-                }
-                Mode::Elements { kind, tag }
-            }
+            "ELEMENT" => self.elements(line, report),
             "ELSET" => {
                 let name = parameter(line, "ELSET").unwrap_or("").to_ascii_uppercase();
                 Mode::ElementSet {
@@ -202,6 +184,27 @@ impl Reader<'_, '_> {
         };
     }
 
+    /// Elements of the type and the set that an `*ELEMENT` line names.
+    fn elements(&mut self, line: &str, report: &mut ReadReport) -> Mode {
+        let name = parameter(line, "TYPE").unwrap_or("");
+        let kind = kind_of(name);
+        let dim = match kind {
+            Kind::Tet { .. } => 3,
+            _ => 2,
+        };
+        let tag = match parameter(line, "ELSET") {
+            Some(set) if kind != Kind::Other => self.tag(dim, set),
+            _ => 0,
+        };
+        if kind == Kind::Other {
+            report.warn(format!(
+                "elements of the type \"{}\" were passed over",
+                shorten(name)
+            ));
+        }
+        Mode::Elements { kind, tag }
+    }
+
     fn number<T: std::str::FromStr>(&self, word: &str) -> Result<T> {
         word.trim().parse().map_err(|_| {
             let why = format!(
@@ -218,6 +221,7 @@ impl Reader<'_, '_> {
         })
     }
 
+    /// Takes a data line.
     fn data(&mut self, line: &str) -> Result<()> {
         match &mut self.mode {
             Mode::Other => Ok(()),
@@ -245,21 +249,26 @@ impl Reader<'_, '_> {
             }
             Mode::Surface { tag } => {
                 let tag = *tag;
-                let mut words = line.split(',').map(str::trim);
-                let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
-                // Sides of shells and other labels are no faces of tetrahedra.
-                let Some(face @ 1..=4) = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok())
-                else {
-                    return Ok(());
-                };
-                let faces = match whose.parse() {
-                    Ok(number) => Faces::Element(number),
-                    Err(_) => Faces::Set(whose.to_ascii_uppercase()),
-                };
-                self.faces.push((faces, face, tag));
+                self.surface_line(line, tag);
                 Ok(())
             }
         }
+    }
+
+    /// Takes a line `element or set, side` of a surface. Sides of shells and other labels are no
+    /// faces of tetrahedra and are passed over.
+    fn surface_line(&mut self, line: &str, tag: i64) {
+        let mut words = line.split(',').map(str::trim);
+        let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
+        let face = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok());
+        let Some(face @ 1..=4) = face else {
+            return;
+        };
+        let faces = match whose.parse() {
+            Ok(number) => Faces::Element(number),
+            Err(_) => Faces::Set(whose.to_ascii_uppercase()),
+        };
+        self.faces.push((faces, face, tag));
     }
 
     fn node(&mut self, line: &str) -> Result<()> {
@@ -349,7 +358,8 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Triangles out of the faces that the surfaces list.
+    /// Triangles out of the faces that the surfaces list. A face may be taken once, and the sets
+    /// be walked over some times, as many surfaces may name them, but not lines times runs.
     fn add_faces(&mut self) -> Result<()> {
         let mut by_number: Vec<(u32, u32)> = self
             .tets
@@ -358,14 +368,9 @@ impl Reader<'_, '_> {
             .map(|(row, &number)| (number, row as u32))
             .collect();
         by_number.sort_unstable();
-        // Every face once; and the sets some times over, as many surfaces may name them, but not
-        // lines times runs.
+        let runs = self.sets.values().map(Vec::len).sum::<usize>();
         let most = 4 * self.tets.len();
-        let work_limit = 1000
-            + WORK
-                * (self.sets.values().map(Vec::len).sum::<usize>()
-                    + self.faces.len()
-                    + self.tets.len());
+        let work_limit = 1000 + WORK * (runs + self.faces.len() + self.tets.len());
         let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
@@ -382,31 +387,34 @@ impl Reader<'_, '_> {
                     work += 1;
                     if (number - first) % step == 0 {
                         count += 1;
-                        let (corners, mids) = self.builder.tets.get(row as usize);
-                        let (nodes, n) =
-                            face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
-                        self.builder
-                            .triangles
-                            .push(&nodes[..n], tag, None, At::File);
+                        add_face(&mut self.builder, row, face, tag);
                     }
                     if count > most || work > work_limit {
                         break;
                     }
                 }
                 if count > most || work > work_limit {
-                    let why = format!(
-                        "the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over"
-                    );
-                    return Err(self.input.error(
-                        ErrorKind::Corrupt,
-                        At::File,
-                        WHAT,
-                        why,
-                        "check the surfaces",
-                    ));
+                    return Err(self.too_many_faces(most));
                 }
             }
         }
         Ok(())
     }
+
+    /// The error for surfaces that list more faces than all tetrahedra have.
+    fn too_many_faces(&self, most: usize) -> ReadError {
+        let why = format!(
+            "the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over"
+        );
+        let hint = "check the surfaces";
+        self.input
+            .error(ErrorKind::Corrupt, At::File, WHAT, why, hint)
+    }
+}
+
+/// Adds face S1 to S4 of a tetrahedron as a triangle of the part `tag`.
+fn add_face(builder: &mut Builder, row: u32, face: u8, tag: i64) {
+    let (corners, mids) = builder.tets.get(row as usize);
+    let (nodes, n) = face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
+    builder.triangles.push(&nodes[..n], tag, None, At::File);
 }

@@ -117,21 +117,50 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
         binary: None,
         size: 8,
     };
-    let mut builder = Builder::new();
-    let mut physical = HashMap::new();
+    let mut file = File {
+        builder: Builder::new(),
+        physical: HashMap::new(),
+        version: None,
+        had_nodes: false,
+    };
     let (mut text, mut bytes) = (String::new(), Vec::new());
-    let mut version = None;
-    let mut had_nodes = false;
     while scan.input.read_line(&mut text, &mut bytes)? {
         let Some(name) = text.trim_end().strip_prefix('$') else {
             continue;
         };
-        let name = name.to_owned();
-        let four = version == Some(4);
-        match name.as_str() {
-            "MeshFormat" => version = Some(read_format(&mut scan)?),
-            _ if version.is_none() => {
-                let why = format!("section \"{}\" before the version", shorten(&name));
+        file.section(name, &mut scan, report)?;
+        if name != "PhysicalNames" {
+            scan.pass(name)?;
+        }
+    }
+    if !file.had_nodes {
+        return Err(scan.input.truncated("there is no section of nodes"));
+    }
+    file.builder.finish(scan.input, report)
+}
+
+/// What the sections have given so far.
+struct File {
+    builder: Builder,
+    physical: Physical,
+    /// 2 or 4, once the section of the format is read.
+    version: Option<u32>,
+    had_nodes: bool,
+}
+
+impl File {
+    /// Reads what a section holds; its last line is left.
+    fn section(
+        &mut self,
+        name: &str,
+        scan: &mut Scan<'_, '_>,
+        report: &mut ReadReport,
+    ) -> Result<()> {
+        let four = self.version == Some(4);
+        match name {
+            "MeshFormat" => self.version = Some(read_format(scan)?),
+            _ if self.version.is_none() => {
+                let why = format!("section \"{}\" before the version", shorten(name));
                 return Err(scan.input.error(
                     ErrorKind::Header,
                     scan.at(),
@@ -140,28 +169,22 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
                     "save the mesh again",
                 ));
             }
-            "PhysicalNames" => read_names(&mut scan, &mut builder)?,
-            "Entities" if four => read_entities(&mut scan, &mut physical)?,
+            "PhysicalNames" => read_names(scan, &mut self.builder)?,
+            "Entities" if four => read_entities(scan, &mut self.physical)?,
             "Nodes" => {
-                had_nodes = true;
+                self.had_nodes = true;
                 if four {
-                    read_nodes4(&mut scan, &mut builder)?
+                    read_nodes4(scan, &mut self.builder)?
                 } else {
-                    read_nodes2(&mut scan, &mut builder)?
+                    read_nodes2(scan, &mut self.builder)?
                 }
             }
-            "Elements" if four => read_elements4(&mut scan, &mut builder, &physical)?,
-            "Elements" => read_elements2(&mut scan, &mut builder)?,
-            _ => report.warn(format!("section \"{}\" was passed over", shorten(&name))),
+            "Elements" if four => read_elements4(scan, &mut self.builder, &self.physical)?,
+            "Elements" => read_elements2(scan, &mut self.builder)?,
+            _ => report.warn(format!("section \"{}\" was passed over", shorten(name))),
         }
-        if name != "PhysicalNames" {
-            scan.pass(&name)?;
-        }
+        Ok(())
     }
-    if !had_nodes {
-        return Err(scan.input.truncated("there is no section of nodes"));
-    }
-    builder.finish(scan.input, report)
 }
 
 /// The version, 2 or 4.

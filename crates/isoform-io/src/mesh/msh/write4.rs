@@ -88,6 +88,11 @@ impl Entities {
             count,
         }
     }
+    /// The elements of entity `i` of a dimension from 1 to 3.
+    fn elements(&self, dim: usize, i: usize) -> &[u32] {
+        let group = &self.groups[dim - 1];
+        if i < group.len() { group.of(i) } else { &[] }
+    }
     /// Dimension and tag of an entity in the row of all.
     fn name(&self, mut entity: usize) -> (usize, usize) {
         let mut dim = 0;
@@ -160,6 +165,8 @@ pub(in crate::mesh) fn write(
     out.out.flush()
 }
 
+/// Writes the section of entities: points, then curves, surfaces and volumes with their boxes, the
+/// physical group and the entities that bound them.
 fn write_entities(
     mesh: &Mesh,
     entities: &Entities,
@@ -182,16 +189,14 @@ fn write_entities(
     };
     let bounding = [Vec::new(), curves_of_parts(mesh, entities), volumes];
     for dim in 1..4 {
-        let (group, around) = (&entities.groups[dim - 1], &bounding[dim - 1]);
         for i in 0..entities.count[dim] {
-            let elements = if i < group.len() { group.of(i) } else { &[] };
             out.int(i as i32 + 1);
-            out.bounds(&bounds(mesh, dim, elements));
+            out.bounds(&bounds(mesh, dim, entities.elements(dim, i)));
             out.size(usize::from(physical.has(dim)));
             if physical.has(dim) {
                 out.int(i as i32 + 1);
             }
-            let around = around.get(i).map_or(&[][..], Vec::as_slice);
+            let around = bounding[dim - 1].get(i).map_or(&[][..], Vec::as_slice);
             out.size(around.len());
             around.iter().for_each(|&b| out.int(b as i32 + 1));
             out.end()?;
@@ -287,6 +292,9 @@ fn write_nodes(
     out.close("Nodes")
 }
 
+/// Writes the section of elements: the points, each in a block of its own, then a block for every
+/// entity that has elements. Elements are numbered from 1 by dimension and in the order of the
+/// mesh.
 fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
     let counts = [
         mesh.corners.len(),
@@ -295,12 +303,8 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
         mesh.tets.len(),
     ];
     let n: usize = counts.iter().sum();
-    let blocks = counts[0]
-        + entities
-            .groups
-            .iter()
-            .map(|g| g.filled().count())
-            .sum::<usize>();
+    let filled = entities.groups.iter().map(|g| g.filled().count());
+    let blocks = counts[0] + filled.sum::<usize>();
     out.section("Elements")?;
     [blocks, n, n.min(1), n].iter().for_each(|&v| out.size(v));
     out.end()?;
@@ -315,24 +319,47 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     let mut before = counts[0];
     for dim in 1..4 {
         for (i, elements) in entities.groups[dim - 1].filled() {
-            let mut size = 0;
-            with_nodes(mesh, dim, elements[0] as usize, &mut |nodes| {
-                size = nodes.len()
-            });
-            [dim as i32, i as i32 + 1, element_type(dim, size)]
-                .iter()
-                .for_each(|&v| out.int(v));
-            out.size(elements.len());
-            out.end()?;
-            for &e in elements {
-                out.size(before + e as usize + 1);
-                with_nodes(mesh, dim, e as usize, &mut |nodes| {
-                    nodes.iter().for_each(|&v| out.size(v as usize + 1))
-                });
-                out.end()?;
-            }
+            let block = Block {
+                dim,
+                tag: i as i32 + 1,
+                elements,
+                before,
+            };
+            block.write(mesh, out)?;
         }
         before += counts[dim];
     }
     out.close("Elements")
+}
+
+/// The elements of an entity.
+struct Block<'m> {
+    dim: usize,
+    tag: i32,
+    elements: &'m [u32],
+    /// Number of elements of smaller dimensions, whose numbers come first.
+    before: usize,
+}
+
+impl Block<'_> {
+    /// Writes the head of the block, whose first element tells the type, and the elements.
+    fn write(&self, mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
+        let mut size = 0;
+        with_nodes(mesh, self.dim, self.elements[0] as usize, &mut |nodes| {
+            size = nodes.len()
+        });
+        [self.dim as i32, self.tag, element_type(self.dim, size)]
+            .iter()
+            .for_each(|&v| out.int(v));
+        out.size(self.elements.len());
+        out.end()?;
+        for &e in self.elements {
+            out.size(self.before + e as usize + 1);
+            with_nodes(mesh, self.dim, e as usize, &mut |nodes| {
+                nodes.iter().for_each(|&v| out.size(v as usize + 1))
+            });
+            out.end()?;
+        }
+        Ok(())
+    }
 }

@@ -155,39 +155,33 @@ impl File<'_, '_> {
         let mut appended = Appended::default();
         let (mut section, mut is_vtk) = ("", false);
         while let Some(item) = items.next() {
-            match item {
-                Item::Comment(text) => read_names(text, builder),
+            let (name, attributes) = match item {
+                Item::Open { name, attributes } => (name, attributes),
+                Item::Comment(text) => {
+                    read_names(text, builder);
+                    continue;
+                }
                 Item::Close("VTKFile") => break,
-                Item::Close(_) => {}
-                Item::Open {
-                    name: "VTKFile",
-                    attributes,
-                } => {
+                Item::Close(_) => continue,
+            };
+            match name {
+                "VTKFile" => {
                     self.header(attributes, items.at)?;
                     is_vtk = true;
                 }
-                Item::Open { name: "Piece", .. } => pieces.push(Piece::default()),
-                Item::Open {
-                    name: name @ ("Points" | "Cells" | "CellData" | "PointData" | "FieldData"),
-                    ..
-                } => section = name,
-                Item::Open {
-                    name: "DataArray",
-                    attributes,
-                } => {
+                "Piece" => pieces.push(Piece::default()),
+                "Points" | "Cells" | "CellData" | "PointData" | "FieldData" => section = name,
+                "DataArray" => {
                     if let Some(piece) = pieces.last_mut() {
                         piece.arrays.push(Place::of(section, attributes, &items));
                     }
                 }
-                Item::Open {
-                    name: "AppendedData",
-                    attributes,
-                } => {
+                "AppendedData" => {
                     appended = self.appended(bytes, items.at, attributes)?;
                     // Raw bytes may look like anything; there is nothing behind them.
                     break;
                 }
-                Item::Open { .. } => {}
+                _ => {}
             }
         }
         if !is_vtk {

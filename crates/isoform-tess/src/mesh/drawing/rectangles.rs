@@ -1,7 +1,7 @@
 //! Base points with the rectangles around them, drawn.
 
 use super::Drawing;
-use crate::fan::Fan;
+use crate::fan::{Direction, Fan};
 use crate::mesh::names::{Name, Node, Ray, name_on};
 use crate::mesh::opening::Site;
 use crate::region::FOLD;
@@ -20,6 +20,23 @@ impl Drawing<'_> {
         }
     }
 
+    /// Draws the triangles between the arcs that share a ray.
+    fn draw_ring_of_ray(
+        &mut self,
+        apex: FixedVertexHandle,
+        site: &Site,
+        d: &Direction,
+        backward: bool,
+    ) {
+        let openings = self.glued.openings;
+        let vertices = openings.ray(self.q, site, d, backward).vertices();
+        let corners = vertices.into_iter();
+        let corners = corners.map(|at| self.corner(site, at, (d.key(), backward)));
+        let vertices: Vec<Option<FixedVertexHandle>> = corners.collect();
+        for w in vertices.windows(2) {
+            self.draw_triangle(apex, w[0], w[1]);
+        }
+    }
     fn draw_rectangle(&mut self, apex: FixedVertexHandle, site: &Site, fan: &Fan) {
         let (openings, q) = (self.glued.openings, self.q);
         for sector in fan.sectors.iter().filter(|s| s.inside) {
@@ -27,15 +44,7 @@ impl Drawing<'_> {
                 continue;
             };
             for (k, backward) in sector.rays {
-                let d = &fan.directions[k];
-                let vertices = openings.ray(q, site, d, backward).vertices();
-                let mut same = Vec::with_capacity(vertices.len());
-                for at in vertices {
-                    same.push(self.corner(site, at, (d.key(), backward)));
-                }
-                for w in same.windows(2) {
-                    self.draw_triangle(apex, w[0], w[1]);
-                }
+                self.draw_ring_of_ray(apex, site, &fan.directions[k], backward);
             }
             let [a, b] = [0, 1].map(|i| {
                 let (k, backward) = sector.rays[i];

@@ -12,17 +12,42 @@ use std::collections::BTreeSet;
 
 /// Rounds in which vertices are put into triangles.
 const ROUNDS: usize = 12;
-/// Triangles of a unit triangle that are enough.
+/// The number of triangles of a unit triangle at which no more vertices are put into them.
 const ENOUGH: usize = 20_000;
-/// Triangles with no edge longer than this, in the parameters, are left to be split in space.
+/// The length of an edge in the parameters up to which a triangle is left to be split in space.
 const LONG: f64 = 0.03;
-/// How far a vertex is put from others at least, in tolerances.
+/// The least distance of a further vertex from the corners of its triangle, in tolerances.
 const APART: f64 = 0.2;
 
 /// The image of a vertex, and what it shares with others.
 type Seen = (Point3, Option<Shared>);
 
 impl Drawing<'_> {
+    /// The middles of triangles in the region that are to be split; triangles that are `known`
+    /// already are passed over.
+    fn places_to_spread(
+        &self,
+        images: &[Seen],
+        known: &mut BTreeSet<[usize; 3]>,
+        measure: &InChart<'_, '_>,
+    ) -> Vec<[f64; 2]> {
+        let mut places = Vec::new();
+        for face in self.cdt.inner_faces() {
+            let v = face.vertices();
+            let mut sorted = v.map(|v| v.index());
+            sorted.sort_unstable();
+            let nodes = v.map(|v| *v.data());
+            if !known.insert(sorted) || nodes.iter().any(|n| n.apex) || is_sliver(nodes) {
+                continue;
+            }
+            let at = nodes.map(|n| n.at);
+            let seen = v.map(|v| images[v.index()]);
+            if is_to_be_split(at, seen, measure) && self.is_inside(center(at)) {
+                places.push(center(at));
+            }
+        }
+        places
+    }
     /// Puts vertices into large triangles that do not face the way the surface does, or have
     /// another area.
     pub(super) fn spread(&mut self, measure: &InChart<'_, '_>) {
@@ -31,25 +56,7 @@ impl Drawing<'_> {
         for _ in 0..ROUNDS {
             let new = self.cdt.vertices().skip(images.len());
             images.extend(new.map(|v| (measure.image(v.data()), measure.shared(v.data()))));
-            let mut places = Vec::new();
-            for face in self.cdt.inner_faces() {
-                let v = face.vertices();
-                let mut sorted = v.map(|v| v.index());
-                sorted.sort_unstable();
-                if !known.insert(sorted)
-                    || v.iter().any(|v| v.data().apex)
-                    || is_sliver(v.map(|v| *v.data()))
-                {
-                    continue;
-                }
-                let at = v.map(|v| v.data().at);
-                let middle = center(at);
-                if is_to_be_split(at, v.map(|v| images[v.index()]), measure)
-                    && self.is_inside(middle)
-                {
-                    places.push(middle);
-                }
-            }
+            let places = self.places_to_spread(&images, &mut known, measure);
             let enough = ENOUGH.min(self.glued.atlas.options.triangles / 4);
             if places.is_empty() || self.cdt.num_inner_faces() > enough {
                 break;
@@ -59,15 +66,17 @@ impl Drawing<'_> {
     }
 }
 
+/// The distance of two places in the parameters.
+fn length(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
 /// Whether a triangle is large and does not look like the surface.
 fn is_to_be_split(at: [[f64; 2]; 3], [p, q, r]: [Seen; 3], measure: &InChart<'_, '_>) -> bool {
     let is_pinched = [(p.1, q.1), (q.1, r.1), (r.1, p.1)]
         .iter()
         .any(|(a, b)| a.is_some() && a == b);
-    let is_long = (0..3).any(|i| {
-        let (a, b) = (at[i], at[(i + 1) % 3]);
-        (a[0] - b[0]).hypot(a[1] - b[1]) > LONG
-    });
+    let is_long = (0..3).any(|i| length(at[i], at[(i + 1) % 3]) > LONG);
     // Next to contracted curves what is large in the parameters may be nothing in space.
     let is_apart = || {
         let there = measure.at(center(at));

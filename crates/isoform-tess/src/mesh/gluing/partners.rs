@@ -12,26 +12,29 @@ use crate::mesh::stretch::Columns;
 use crate::surface::Point3;
 use isoform_geom::{dot, norm, sub};
 
-/// How far from the end of an arc, in the parameters, a place that rounding puts onto the wall
-/// there may be: what is on an arc with a vertical tangent is half the digits from its end.
+/// The distance from the end of an arc, in the parameters, at which a place that rounding puts onto
+/// the wall there may be: what is on an arc with a vertical tangent is half the digits from its
+/// end.
 const AT_END: f64 = 1e-7;
-/// How far from a chord in space a partner is looked for beside it, in tolerances.
+/// The distance from a chord in space up to which a partner is looked for beside it, in tolerances.
 const BESIDE: f64 = 2.0;
-/// Newton's method starts this far from the ends of a segment, per length, and may leave the unit
-/// square by as much as [`OUTSIDE`].
+/// The least and the greatest share of a segment at which Newton's method starts.
 const START: [f64; 2] = [0.02, 0.98];
+/// The length by which Newton's method may leave the unit square on its way.
 const OUTSIDE: f64 = 0.1;
-/// Steps of Newton's method at most.
+/// The most steps of Newton's method.
 const STEPS: usize = 60;
-/// Residuals, per half width of the box, below which Newton's method has come to its end, and below
-/// which it has if a step no longer halves them.
+/// The residual, per half width of the box, below which Newton's method has come to its end.
 const FOUND: f64 = 1e-13;
+/// The residual, per half width of the box, below which Newton's method has come to its end if a
+/// step no longer halves it.
 const STUCK: f64 = 1e-10;
 /// The residual that is enough on folds, where difference quotients take the place of derivatives.
 const FOUND_ON_FOLD: f64 = 1e-12;
-/// How far beyond the ends of a segment, in the parameters, a partner may be for rounding.
+/// The length beyond the ends of a segment, in the parameters, in which a partner may be for
+/// rounding.
 const BEYOND: f64 = 1e-10;
-/// How far from a curve, in the parameters, a place is on it.
+/// The distance from a curve, in the parameters, up to which a place is on it.
 const ON_CURVE: f64 = 1e-8;
 /// A partner that is nearer to a vertex than this, in the parameters, is that vertex.
 const ONE: f64 = 1e-10;
@@ -193,6 +196,16 @@ fn foot([p, q]: [Point3; 2], image: Point3) -> Option<(f64, f64)> {
     Some((t, off))
 }
 
+/// The step in the parameters that leaves the least of a residual: the solution of the normal
+/// equations of the derivatives by u and v.
+#[inline]
+fn gauss_newton([by_u, by_v]: [Point3; 2], rest: Point3) -> [f64; 2] {
+    let (e, f, g) = (dot(by_u, by_u), dot(by_u, by_v), dot(by_v, by_v));
+    let (p, q) = (dot(by_u, rest), dot(by_v, rest));
+    let det = e * g - f * f;
+    [(g * p - f * q) / det, (e * q - f * p) / det]
+}
+
 /// A parameter with a given image, by the method of Gauss and Newton; None if it leads away.
 fn newton(chart: &Chart, start: [f64; 2], image: Point3, half_width: f64) -> Option<[f64; 2]> {
     let mut at = start;
@@ -201,10 +214,7 @@ fn newton(chart: &Chart, start: [f64; 2], image: Point3, half_width: f64) -> Opt
         let rest = sub(image, chart.at(at));
         let residual = norm(rest);
         let [_, by_u, by_v] = chart.tangents(at);
-        let (e, f, g) = (dot(by_u, by_u), dot(by_u, by_v), dot(by_v, by_v));
-        let (p, q) = (dot(by_u, rest), dot(by_v, rest));
-        let det = e * g - f * f;
-        let delta = [(g * p - f * q) / det, (e * q - f * p) / det];
+        let delta = gauss_newton([by_u, by_v], rest);
         if !residual.is_finite() || delta.iter().any(|d| !d.is_finite()) {
             return None;
         }

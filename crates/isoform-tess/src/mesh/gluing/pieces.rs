@@ -9,12 +9,14 @@ use crate::mesh::places::{distance2, in_plane, on_side, place_in};
 use crate::mesh::sides::{SideId, Sides, quadrants_at};
 use crate::mesh::stretch::{Columns, Stretch};
 use crate::surface::Point3;
+use isoform_algebra::Wall;
 
-/// How far from the chord below it, in the parameters, a pinch point may be to lie on a piece.
+/// The distance of a pinch point from the chord below it, in the parameters, up to which it lies on
+/// a piece.
 const ASIDE: f64 = 0.1;
-/// How near to a vertex, in the parameters, a pinch point is that vertex.
+/// The distance from a vertex, in the parameters, up to which a pinch point is that vertex.
 const ONE: f64 = 1e-9;
-/// How near to a place of a side, in the parameters, a base point is there.
+/// The distance from a place of a side, in the parameters, up to which a base point is there.
 const AT_PLACE: f64 = 1e-12;
 
 /// A vertex on a piece of the double curve.
@@ -42,6 +44,16 @@ pub(super) struct Piece {
 impl Piece {
     pub(super) fn is_seam(&self) -> bool {
         matches!(self.track, Track::Seam(..))
+    }
+    /// The number of the knot that ends the segment over a place along the piece, and the point of
+    /// the segment there.
+    fn place_over(&self, x: f64) -> Option<(usize, [f64; 2])> {
+        let knot = |j: usize| self.knots[j].at;
+        let is_over = |&j: &usize| self.along(knot(j - 1)) <= x && x <= self.along(knot(j));
+        let j = (1..self.knots.len()).find(is_over)?;
+        let (a, b) = (knot(j - 1), knot(j));
+        let t = (x - self.along(a)) / (self.along(b) - self.along(a));
+        Some((j, [0, 1].map(|i| a[i] + t * (b[i] - a[i]))))
     }
     /// The coordinate along it.
     pub(super) fn along(&self, at: [f64; 2]) -> f64 {
@@ -93,9 +105,8 @@ impl<'a> Pieces<'a> {
         }
         // Deck transformations take such a seam to itself, and the fundamental domain has one of
         // the two points.
-        let is_used = |f: &usize| {
-            open.atlas.region.deck.is_none() && open.sites.values().any(|s| s.fan == *f)
-        };
+        let has_deck = open.atlas.region.deck.is_some();
+        let is_used = |f: &usize| !has_deck && open.sites.values().any(|s| s.fan == *f);
         for fan in (0..open.fans.len()).filter(is_used) {
             open.seam_pieces(fan, &mut pieces);
         }
@@ -219,10 +230,8 @@ impl Openings<'_> {
             let inside = |k: usize| seam[k % n].1;
             // All the way around it ends where it began: in a fold, if there is one.
             let fold = || (0..n).find(|&k| f.is_fold(seam[k].0));
-            let first = (0..n)
-                .find(|&k| inside(k) && !inside(k + n - 1))
-                .or_else(fold)
-                .unwrap_or(0);
+            let begins = |k: &usize| inside(*k) && !inside(k + n - 1);
+            let first = (0..n).find(begins).or_else(fold).unwrap_or(0);
             let knot = |k: usize| {
                 let d = seam[k % n].0;
                 self.seam_knot(d.at, fan, d)
@@ -284,17 +293,8 @@ impl Openings<'_> {
         for &q in quadrants {
             let t = &self.atlas.region.triangles[q];
             let walls = &t.arrangement.walls;
-            let points: Vec<(usize, usize)> = match side {
-                0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
-                1 => (0..walls.len()).map(|k| (k, 0)).collect(),
-                _ => (0..walls.len())
-                    .map(|k| (k, walls[k].points.len() - 1))
-                    .collect(),
-            };
-            for (k, p) in points
-                .into_iter()
-                .filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p))
-            {
+            let points = points_on_side(walls, side).into_iter();
+            for (k, p) in points.filter(|&(k, p)| t.is_real(k, p) && t.holds_point(k, p)) {
                 let at = self.atlas.place(q, k, p);
                 let faces = self.atlas.faces_at(q, k, p);
                 let place = if side == 0 { at[1] } else { at[0] };
@@ -307,15 +307,9 @@ impl Openings<'_> {
     /// Makes a vertex of a pinch point, if it is on a piece.
     fn add_pinch(&self, piece: &mut Piece, at: [f64; 2]) {
         let x = piece.along(at);
-        let is_over = |&j: &usize| {
-            piece.along(piece.knots[j - 1].at) <= x && x <= piece.along(piece.knots[j].at)
-        };
-        let Some(j) = (1..piece.knots.len()).find(is_over) else {
+        let Some((j, on)) = piece.place_over(x) else {
             return;
         };
-        let (a, b) = (piece.knots[j - 1].at, piece.knots[j].at);
-        let t = (x - piece.along(a)) / (piece.along(b) - piece.along(a));
-        let on = [0, 1].map(|i| a[i] + t * (b[i] - a[i]));
         // On the piece but for its sagitta.
         let chart = &self.atlas.charts[piece.q];
         if distance(chart.at(on), chart.at(at)) > self.atlas.options.tolerance
@@ -334,7 +328,7 @@ impl Openings<'_> {
     }
 }
 
-/// What vertices on a side keep to: rectangles of base points, and curves that go through it.
+/// The constraints of vertices on a side: rectangles of base points, and curves that go through it.
 struct SideStops {
     id: SideId,
     quadrants: Vec<usize>,
@@ -399,6 +393,16 @@ fn runs_inside(places: &[(f64, bool)], is_base: &dyn Fn(f64) -> bool) -> Vec<Vec
         }
     }
     runs
+}
+
+/// The points of walls that are on a side of the unit triangle, by wall and number.
+fn points_on_side(walls: &[Wall], side: usize) -> Vec<(usize, usize)> {
+    let all = 0..walls.len();
+    match side {
+        0 => (0..walls[0].points.len()).map(|p| (0, p)).collect(),
+        1 => all.map(|k| (k, 0)).collect(),
+        _ => all.map(|k| (k, walls[k].points.len() - 1)).collect(),
+    }
 }
 
 #[cfg(test)]

@@ -9,7 +9,7 @@ use crate::mesh::opening::Openings;
 use crate::mesh::places::in_plane;
 use crate::mesh::sides::Sides;
 use crate::mesh::stretch::Columns;
-use crate::surface::DoubleArc;
+use crate::surface::{DoubleArc, Point3};
 use std::collections::{BTreeMap, BTreeSet};
 
 /// An edge of the double curve: the classes of its ends, the lesser one first.
@@ -19,7 +19,7 @@ fn edge(a: ClassId, b: ClassId) -> Edge {
     [a.min(b), a.max(b)]
 }
 
-/// How many sheets meet in the edges of the double curve.
+/// The number of sheets that meet in each edge of the double curve.
 struct Sheets {
     of: BTreeMap<Edge, usize>,
     /// The edges that belong to an arc.
@@ -87,14 +87,7 @@ impl Pieces<'_> {
         let mut sheets = Sheets::new(&pieces);
         let alone = |piece: &Piece| open.edges_without_partner(piece, &sheets, fibres);
         let edges: usize = pieces.iter().map(alone).sum();
-        if edges > 0 {
-            let curve = match open.curves.glued {
-                true => JoinedCurve::Double,
-                false => JoinedCurve::FundamentalDomain,
-            };
-            let missing = Finding::PartnersMissing { edges, curve };
-            gluing.findings.push(missing);
-        }
+        gluing.findings.extend(open.partners_missing(edges));
         for mut piece in pieces {
             if !open.is_border(&piece) {
                 let classes: Vec<ClassId> = piece.knots.iter().filter_map(|k| k.class).collect();
@@ -104,11 +97,8 @@ impl Pieces<'_> {
                     gluing.arcs.push(DoubleArc { points, sheets });
                 }
             }
-            for knot in &piece.knots {
-                if let Some(class) = knot.class {
-                    gluing.name_class(knot.key, class);
-                }
-            }
+            let named = piece.knots.iter().filter_map(|k| Some((k.key, k.class?)));
+            named.for_each(|(key, class)| gluing.name_class(key, class));
             open.take_spokes(&mut piece, gluing);
             hand_over(&piece, gluing, sides);
         }
@@ -135,8 +125,24 @@ fn hand_over(piece: &Piece, gluing: &mut Gluing, sides: &mut Sides) {
 }
 
 impl Openings<'_> {
-    /// How many edges of a piece have one sheet, if they should have more. Each piece needs two
-    /// sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
+    /// The image of a point of an edge that is no end of its piece, as far as there is one.
+    fn image_between(&self, piece: &Piece, ends: &[Knot]) -> Point3 {
+        match ends.iter().find(|k| !k.fixed) {
+            Some(knot) => knot.image,
+            None if piece.is_seam() => ends[0].image,
+            None => self.atlas.charts[piece.q].at(middle(ends)),
+        }
+    }
+    /// The finding about edges without a partner, if there are any.
+    fn partners_missing(&self, edges: usize) -> Option<Finding> {
+        let curve = match self.curves.glued {
+            true => JoinedCurve::Double,
+            false => JoinedCurve::FundamentalDomain,
+        };
+        (edges > 0).then_some(Finding::PartnersMissing { edges, curve })
+    }
+    /// The number of edges of a piece that have one sheet and should have more. Each piece needs
+    /// two sheets, unless a pinch point folds one sheet onto itself or the partner parameters are
     /// complex.
     fn edges_without_partner(
         &self,
@@ -157,11 +163,7 @@ impl Openings<'_> {
         let Some(ends) = single.get(single.len() / 2) else {
             return 0;
         };
-        let image = match ends.iter().find(|k| !k.fixed) {
-            Some(knot) => knot.image,
-            None if piece.is_seam() => ends[0].image,
-            None => self.atlas.charts[piece.q].at(middle(ends)),
-        };
+        let image = self.image_between(piece, ends);
         let deck = self.atlas.region.deck.as_ref();
         match fibres.is_some_and(|f| f.is_met_by_conjugates(image, deck)) {
             true => 0,

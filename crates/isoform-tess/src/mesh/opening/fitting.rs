@@ -19,12 +19,12 @@ use std::collections::BTreeSet;
 const STEEP: f64 = 4.0;
 /// The height of a rectangle, per rise of the highest arc that leaves it at a side.
 const ROOM: f64 = 1.25;
-/// Steps of the secant method to the place where a steep arc leaves its rectangle.
+/// The most steps of the secant method to the place where a steep arc leaves its rectangle.
 const SECANTS: usize = 12;
-/// How often an arc that does not reach the side of its rectangle is looked at four times nearer to
-/// the base point, before the rectangle counts as too large.
+/// The number of times that an arc that does not reach the side of its rectangle is looked at four
+/// times nearer to the base point, before the rectangle counts as too large.
 const SHORTENED: i32 = 6;
-/// What is nearer to a base point than this many half widths or heights is in its way.
+/// The half widths or heights of a rectangle within which curves and points are in its way.
 const CLEARANCE: f64 = 1.2;
 
 impl SiteArc {
@@ -168,7 +168,7 @@ impl Openings<'_> {
         sites: &mut dyn Iterator<Item = (&WallPoint, &mut Site)>,
         too_large: &mut BTreeSet<usize>,
     ) -> Vec<f64> {
-        // How far arcs rise over half the width, as far as they go.
+        // The rise of arcs over half the width, as far as they go.
         let mut rises: Vec<Vec<f64>> = vec![Vec::new(); self.fans.len()];
         for (key, site) in sites {
             let a = &self.atlas.region.triangles[key.0].arrangement;
@@ -183,11 +183,8 @@ impl Openings<'_> {
                 }
             }
         }
-        let widths = self.widths.iter().copied();
-        widths
-            .zip(rises)
-            .map(|(w, rises)| height(w, rises))
-            .collect()
+        let rises = self.widths.iter().zip(rises);
+        rises.map(|(&w, rises)| height(w, rises)).collect()
     }
 
     /// Follows steep arcs to the top or the bottom of their rectangle. False if one gets to

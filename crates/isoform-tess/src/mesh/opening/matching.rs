@@ -11,8 +11,8 @@ use crate::finding::Finding;
 /// Rays that leave the wall by less than this, per height, lie along it: directions are known to
 /// rounding.
 const VERTICAL: f64 = 1e-13;
-/// How much a ray may leave the wall, per height, to be the tangent of a curve on the wall: the
-/// factor is known to be its own, so that another ray that is as steep does no harm.
+/// The most that a ray may leave the wall by, per height, to be the tangent of a curve on the wall:
+/// the factor is known to be its own, so that another ray that is as steep does no harm.
 const ALONG_WALL: f64 = 1e-9;
 
 /// A ray that leads into a unit triangle.
@@ -82,7 +82,7 @@ fn rays_beside(rays: &[LocalRay], right: bool) -> Vec<LocalRay> {
         .collect()
 }
 
-/// Which arcs a ray may be the tangent of.
+/// The arcs that a ray may be the tangent of.
 #[derive(Clone, Copy, Debug)]
 struct Tangent<'a> {
     /// Whether it may have fewer arcs than `most`.
@@ -180,7 +180,7 @@ impl Openings<'_> {
         Some(places.into_iter().zip(matched).map(arc).collect())
     }
 
-    /// Which arcs beside the wall a ray may be the tangent of.
+    /// The arcs beside the wall that a ray may be the tangent of.
     fn tangent<'a>(&self, fan: &'a Fan, ray: &LocalRay) -> Tangent<'a> {
         let d = &fan.directions[ray.ray.0];
         let is_side = fan.is_side(d);
@@ -212,7 +212,7 @@ impl Openings<'_> {
         rays.filter(is_wrong).map(|_| Finding::TangentsDisagree)
     }
 
-    /// How many drawn arcs have a ray as their tangent.
+    /// The number of drawn arcs that have a ray as their tangent.
     fn arcs_along(&self, fan: &Fan, ray: (usize, bool)) -> usize {
         let is_inside = |end: usize| {
             let mut sectors = fan.sectors.iter();

@@ -1,4 +1,4 @@
-//! Where rays and arcs leave the rectangles around base points.
+//! The places where rays and arcs leave the rectangles around base points.
 
 use super::Openings;
 use super::site::{Site, SiteArc};
@@ -8,14 +8,15 @@ use crate::mesh::names::Ray;
 use crate::surface::Point3;
 use isoform_geom::distance_to_segment;
 
-/// How far on a ray along a side of the unit triangle, from an infinitely near point, its direction
-/// is taken.
+/// The place on a ray along a side of the unit triangle at which, from an infinitely near point,
+/// its direction is taken.
 const ON_SIDE: f64 = 1e-3;
-/// Distances on a ray of an infinitely near point between which its end on the rectangle is looked
-/// for, and bisections in between.
+/// The distances on a ray of an infinitely near point between which its end on the rectangle is
+/// looked for.
 const REACHES: [f64; 2] = [1e-6, 1e6];
+/// The number of bisections between these distances.
 const BISECTIONS: usize = 60;
-/// Halvings of a ray between a rectangle and a seam.
+/// The most halvings of a ray between a rectangle and a seam.
 const HALVINGS: usize = 12;
 
 /// A ray of a base point in a unit triangle.
@@ -83,7 +84,7 @@ impl<'a> RayIn<'a> {
         found
     }
 
-    /// Where it leaves the rectangle.
+    /// The place where it leaves the rectangle.
     pub(super) fn end(&self) -> Option<[f64; 2]> {
         if self.d.node > 0 && !self.fan.is_side(self.d) {
             return self.at(self.reach()?);
@@ -104,8 +105,8 @@ impl<'a> RayIn<'a> {
         let is_along_side = du != 0.0 && u + v == 1.0 && (du + dv).abs() < 1e-15;
         Some([du, if is_along_side { -du } else { dv }])
     }
-    /// Where a straight ray leaves the rectangle: exactly on a side of the unit triangle that it
-    /// lies on.
+    /// The place where a straight ray leaves the rectangle: exactly on a side of the unit triangle
+    /// that it lies on.
     fn straight_end(&self, [du, dv]: [f64; 2]) -> [f64; 2] {
         let ([u, v], [h, height]) = (self.site.at, self.size());
         if du.abs() * height >= h * dv.abs() {
@@ -123,7 +124,7 @@ impl<'a> RayIn<'a> {
         }
     }
 
-    /// How far a ray of an infinitely near point reaches in its rectangle.
+    /// The length of a ray of an infinitely near point in its rectangle.
     pub(super) fn reach(&self) -> Option<f64> {
         let (at, [h, height]) = (self.site.at, self.size());
         let is_out = |distance: f64| {

@@ -16,8 +16,9 @@ use std::collections::BTreeSet;
 
 /// Directions of a base point at most: with more it is left rough.
 const DIRECTIONS: usize = 2000;
-/// How far from the middle of an edge of the rectangle of a tree the image of the middle of its
-/// parameters may be, per length of the edge: farther off, triangles beside it are uneven.
+/// The distance from the middle of an edge of the rectangle of a tree at which the image of the
+/// middle of its parameters may be, per length of the edge: farther off, triangles beside it are
+/// uneven.
 const UNEVEN: f64 = 0.15;
 /// A chord of the seam is split when the seam bulges beyond it by more than this many widths of the
 /// strip: vertices on the rectangle would lie on the wrong side of the chord.
@@ -31,7 +32,7 @@ const LEAST: f64 = 0.1;
 /// The share of tolerances for trees, where rays of several nodes crowd.
 const LEAST_IN_TREES: f64 = 0.01;
 
-/// What a sector needs.
+/// The verdict on a sector.
 enum Verdict {
     Fine,
     /// Another direction.
@@ -40,7 +41,7 @@ enum Verdict {
     TooLarge,
 }
 
-/// What is known of a sector while its unit triangles are looked at.
+/// The chords of a sector's seam, as they are seen while its unit triangles are looked at.
 struct Sight {
     /// The pieces of the seam: one, or one to the corner and one from there.
     pieces: Vec<[Point3; 2]>,
@@ -59,7 +60,7 @@ struct Wedge<'a> {
     sector: &'a Sector,
     q: usize,
     site: &'a Site,
-    /// Where its rays leave the rectangle.
+    /// The places where its rays leave the rectangle.
     ends: [[f64; 2]; 2],
 }
 
@@ -284,7 +285,7 @@ impl Openings<'_> {
         }
     }
 
-    /// What a sector needs.
+    /// The verdict on a sector.
     fn judge(&self, fan: &Fan, sector: &Sector, sites: &[(usize, &Site)]) -> Verdict {
         let ends = sector.rays.map(|(k, _)| fan.seam(&fan.directions[k]));
         let wedges: Vec<Wedge<'_>> = sites

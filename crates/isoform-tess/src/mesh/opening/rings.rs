@@ -10,9 +10,9 @@ use crate::mesh::geometry::distance;
 use crate::surface::Point3;
 use std::collections::BTreeMap;
 
-/// How much larger each rectangle that is tried is than the one before.
+/// The factor from each rectangle that is tried to the next.
 const GROWTH: f64 = 1.5;
-/// How near to another base point rectangles are tried, per distance.
+/// The part of the distance from another base point up to which rectangles are tried.
 const SHARE: f64 = 0.4;
 
 /// A vertex of a ring, and the places to which edges lead from it: the vertices next to it on its
@@ -22,7 +22,7 @@ pub(in crate::mesh) struct RingVertex {
     pub(in crate::mesh) legs: Vec<[f64; 2]>,
 }
 
-/// What is found on one rectangle: a vertex of each sector, by its number.
+/// The vertices on one rectangle: a vertex of each sector, by its number.
 struct Ring {
     /// Whether vertices lie between the directions: every other ring's do, as vertices on one line
     /// would leave no room for flips.

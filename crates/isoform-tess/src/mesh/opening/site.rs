@@ -54,7 +54,7 @@ impl SiteArc {
             middle: [0.0; 2],
         }
     }
-    /// How far its end is above or below the base point.
+    /// The height of its end above or below the base point.
     pub(in crate::mesh) fn rise(&self, base: [f64; 2]) -> f64 {
         (self.end[1] - base[1]).abs()
     }

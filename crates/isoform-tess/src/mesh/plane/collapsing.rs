@@ -9,8 +9,9 @@ use std::collections::{BTreeMap, BTreeSet};
 const COARSE: f64 = 0.4;
 /// Nearest neighbours that a vertex is tried to be pulled onto.
 const TARGETS: usize = 4;
-/// How far contracted curves may bulge beyond their chords, per length of these, for vertices to be
-/// taken off them: new vertices come to lie between the chord and the curve otherwise.
+/// The most that contracted curves may bulge beyond their chords by, per length of these, for
+/// vertices to be taken off them: new vertices come to lie between the chord and the curve
+/// otherwise.
 const STRAIGHT: f64 = 1e-6;
 /// Triangles around a vertex at most that are looked at.
 const MOST_AROUND: usize = 64;
@@ -77,6 +78,28 @@ impl Plane {
             .take(TARGETS)
             .find(|&k| self.may_be_pulled(star, k, least, at, measure))
     }
+    /// The shapes of the triangles after a vertex is pulled onto number k of its ring, if all are
+    /// better than a quality.
+    fn shapes_pulled(
+        &self,
+        star: &Star,
+        k: usize,
+        least: f64,
+        measure: &dyn Measure,
+    ) -> Option<Vec<super::Shape>> {
+        let mut shapes = Vec::new();
+        for t in star.pulled(k) {
+            if !self.has_room(t) || self.least_sine(t) <= least {
+                return None;
+            }
+            let shape = self.shape_of(t, measure);
+            if shape.quality <= least {
+                return None;
+            }
+            shapes.push(shape);
+        }
+        Some(shapes)
+    }
     /// Whether a vertex may be pulled onto number k of its ring: all triangles get better than a
     /// quality, none is far from the surface, and no edge wants to be split.
     fn may_be_pulled(
@@ -88,17 +111,9 @@ impl Plane {
         measure: &dyn Measure,
     ) -> bool {
         let w = star.ring[k];
-        let mut shapes = Vec::new();
-        for t in star.pulled(k) {
-            if !self.has_room(t) || self.least_sine(t) <= least {
-                return false;
-            }
-            let shape = self.shape_of(t, measure);
-            if shape.quality <= least {
-                return false;
-            }
-            shapes.push(shape);
-        }
+        let Some(shapes) = self.shapes_pulled(star, k, least, measure) else {
+            return false;
+        };
         let is_fine = |(x, beside): (u32, &[super::Shape])| {
             let is_free = !self.have_one_image([w, x]) && !self.is_ambiguous([w, x]);
             is_free && self.excess([w, x], [beside[0], beside[1]], measure).0 <= SPLIT
@@ -128,14 +143,9 @@ impl Plane {
             let Some(star) = self.sound_star(pulling.at[v as usize], v) else {
                 continue;
             };
-            let fits = |k: &usize| {
-                let (k, w) = (*k, star.ring[*k]);
-                let has_room = star.pulled(k).all(|t| self.has_room(t));
-                let from = pulling.at[w as usize];
-                has_room && !star.joined(k).any(|x| self.are_joined(from, w, x))
-            };
             let place = |w: u32| star.ring.iter().position(|&x| x == w);
-            let Some(k) = [a, b].into_iter().filter_map(place).find(fits) else {
+            let mut places = [a, b].into_iter().filter_map(place);
+            let Some(k) = places.find(|&k| self.has_room_pulled(&star, k, &pulling.at)) else {
                 continue;
             };
             self.pull(v, &star, k, &mut pulling);
@@ -147,8 +157,22 @@ impl Plane {
             }
         }
         self.remove(&pulling.dead);
+        self.queue_all();
+    }
+    /// Queues all triangles.
+    fn queue_all(&mut self) {
         self.queued.fill(true);
         self.queue = (0..self.triangles.len() as u32).collect();
+    }
+    /// Whether pulling a vertex onto number k of its ring leaves all triangles some room, and joins
+    /// no two vertices that are joined already.
+    fn has_room_pulled(&self, star: &Star, k: usize, at: &[u32]) -> bool {
+        let w = star.ring[k];
+        let has_room = star.pulled(k).all(|t| self.has_room(t));
+        has_room
+            && !star
+                .joined(k)
+                .any(|x| self.are_joined(at[w as usize], w, x))
     }
     /// Whether a vertex between two others on a contracted curve is not needed there.
     fn is_dispensable(&self, v: u32, [a, b]: [u32; 2], measure: &dyn Measure) -> bool {
@@ -244,16 +268,12 @@ impl Plane {
         let Star { triangles, ring } = star;
         let n = triangles.len();
         let w = ring[k];
-        let corner = |this: &Self, t: u32| {
-            let mut corners = this.triangles[t as usize].iter();
-            corners.position(|&x| x == v).expect("a triangle at v")
-        };
         // The two triangles between v and w go; the others get w for v.
         let gone = [triangles[k], triangles[(k + n - 1) % n]];
-        let outer = gone.map(|t| self.beyond(t, corner(self, t)));
+        let outer = gone.map(|t| self.beyond(t, self.corner_at(t, v)));
         for j in 1..n - 1 {
             let t = triangles[(k + j) % n];
-            let i = corner(self, t);
+            let i = self.corner_at(t, v);
             self.triangles[t as usize][i] = w;
             self.shapes[t as usize].set(None);
         }
@@ -265,12 +285,16 @@ impl Plane {
             pulling.dead[t as usize] = true;
         }
         pulling.at[v as usize] = NONE;
-        for j in 1..n - 1 {
-            let t = triangles[(k + j) % n];
+        for t in (1..n - 1).map(|j| triangles[(k + j) % n]) {
             for x in self.triangles[t as usize] {
                 pulling.at[x as usize] = t;
             }
         }
+    }
+    /// The number of the corner of a triangle that a vertex is.
+    fn corner_at(&self, t: u32, v: u32) -> usize {
+        let mut corners = self.triangles[t as usize].iter();
+        corners.position(|&x| x == v).expect("a triangle at v")
     }
     /// Makes neighbours of a triangle and what is beyond its edge between two vertices.
     fn join(&mut self, t: u32, ends: [u32; 2], (n, fixed): Beyond) {

@@ -4,10 +4,11 @@ use super::shape::{NOTHING, Shape, least_sine};
 use super::{Measure, Plane, Quad, SPLIT};
 use crate::surface::Point3;
 
-/// How much rounder triangles have to get for a flip, so that no two flips undo each other.
+/// The factor by which triangles have to get rounder for a flip, so that no two flips undo each
+/// other.
 const ROUNDER: f64 = 1.1;
-/// How much the quality of triangles that face a wrong way, which is not positive, has to grow:
-/// by more than rounding.
+/// The growth of quality that a flip has to bring to triangles that face a wrong way, whose quality
+/// is not positive: by more than rounding.
 const BEYOND_ROUNDING: f64 = 1e-3;
 
 impl Plane {

@@ -7,9 +7,9 @@ use crate::surface::Point3;
 /// The sine of the smallest angle below which vertices are moved: with a larger one triangles get
 /// rounder, but there are more of them.
 const THIN_IN_SPACE: f64 = 0.03;
-/// How much rounder the thinnest triangle has to get for a vertex to be moved.
+/// The factor by which the thinnest triangle has to get rounder for a vertex to be moved.
 const BETTER: f64 = 1.1;
-/// How much its quality has to grow where that is not positive.
+/// The growth of its quality that is asked for where that is not positive.
 const BEYOND_ROUNDING: f64 = 1e-3;
 /// The shares of the way that are tried.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.2];
@@ -89,7 +89,7 @@ impl Plane {
         }
         best
     }
-    /// How much the edges and triangles at a vertex want to be split.
+    /// The largest excess of the edges and triangles at a vertex.
     fn wants(&self, v: u32, star: &Star, measure: &dyn Measure) -> Vec<f64> {
         let n = star.ring.len();
         let shapes: Vec<Shape> = star
@@ -126,7 +126,7 @@ impl Plane {
         }
         least
     }
-    /// Where a vertex might go.
+    /// The places that a vertex might go to.
     fn smoothing(&self, v: u32, ring: &[u32], measure: &dyn Measure) -> Vec<[f64; 2]> {
         let from = self.nodes[v as usize].at;
         let share = 1.0 / ring.len() as f64;

@@ -10,9 +10,10 @@ use isoform_control::Control;
 use isoform_geom::{cross, dot, norm, sub};
 use robust::{Coord, orient2d};
 
-/// How near to a corner of a triangle no further vertex is put, per longest edge.
+/// The distance from a corner of a triangle within which no further vertex is put, per longest
+/// edge.
 const BESIDE: f64 = 0.005;
-/// How far from the chord of a border in a face of the box a vertex on it may be, per length.
+/// The most that a border in a face of the box may leave its chord by, per length.
 const BOW: f64 = 0.1;
 
 /// Whether an edge lies on a side of the unit triangle.
@@ -35,21 +36,29 @@ impl Plane {
         for place in places {
             self.insert_one(place, measure);
         }
-        let near = |t: u32| {
-            let at = self.corners(t);
-            let [x, y] = [0, 1].map(|i| at.map(|p| p[i]));
-            let lo = [x, y].map(|x| x.into_iter().fold(f64::INFINITY, f64::min));
-            let hi = [x, y].map(|x| x.into_iter().fold(f64::NEG_INFINITY, f64::max));
-            places
-                .iter()
-                .any(|p| (0..2).all(|i| lo[i] <= p.at[i] && p.at[i] <= hi[i]))
-        };
         let around = |t: u32| self.adjacent[t as usize].into_iter().filter(|&n| n != NONE);
         let all = 0..self.triangles.len() as u32;
-        let mut stack: Vec<u32> = all
-            .filter(|&t| near(t))
-            .flat_map(|t| around(t).chain([t]))
-            .collect();
+        let near = all.filter(|&t| places.iter().any(|p| self.is_in_bounds(t, p.at)));
+        let stack = near.flat_map(|t| around(t).chain([t])).collect();
+        self.flip_to_delaunay(stack, measure);
+        // The triangles that were made have to be as near to the surface as all others.
+        self.work_off(most, false, measure, control);
+        self.tell_apart(most, measure, control)
+    }
+
+    /// Whether a place is in the bounding rectangle of a triangle.
+    fn is_in_bounds(&self, t: u32, place: [f64; 2]) -> bool {
+        let at = self.corners(t);
+        (0..2).all(|i| {
+            let along = at.map(|p| p[i]);
+            let lo = along.into_iter().fold(f64::INFINITY, f64::min);
+            let hi = along.into_iter().fold(f64::NEG_INFINITY, f64::max);
+            lo <= place[i] && place[i] <= hi
+        })
+    }
+    /// Flips edges of triangles, and of those that flips change, until all are Delaunay triangles
+    /// in space, but not endlessly.
+    fn flip_to_delaunay(&mut self, mut stack: Vec<u32>, measure: &dyn Measure) {
         let mut left = 20 * stack.len() + 100;
         while let Some(t) = stack.pop() {
             for i in 0..3 {
@@ -61,11 +70,7 @@ impl Plane {
                 }
             }
         }
-        // What was made has to be as near to the surface as everything else.
-        self.work_off(most, false, measure, control);
-        self.tell_apart(most, measure, control)
     }
-
     /// Flips the edge opposite to corner i if the angles opposite to it are more than two right
     /// ones together.
     fn make_delaunay(&mut self, t: u32, i: usize, measure: &dyn Measure) -> bool {
@@ -74,10 +79,6 @@ impl Plane {
             return false;
         };
         let [p, q, r, s] = quad.corners.map(|v| self.images[v as usize]);
-        let angle = |at: Point3, x: Point3, y: Point3| {
-            let (x, y) = (sub(x, at), sub(y, at));
-            norm(cross(x, y)).atan2(dot(x, y))
-        };
         if angle(p, q, s) + angle(r, q, s) <= std::f64::consts::PI * (1.0 + 1e-9) {
             return false;
         }
@@ -106,13 +107,10 @@ impl Plane {
                 .map(|t| (t, None))
                 .find(|&(t, _)| self.holds(t, place.at)),
             faces => {
-                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, Some(i))));
-                edges
-                    .filter_map(|(t, i)| {
-                        Some(((t, i), self.beside_border(t, i?, place.at, faces)?))
-                    })
-                    .min_by(|a, b| a.1.total_cmp(&b.1))
-                    .map(|e| e.0)
+                let edges = all.flat_map(|t| [0, 1, 2].map(|i| (t, i)));
+                let off = |(t, i)| Some(((t, Some(i)), self.beside_border(t, i, place.at, faces)?));
+                let near = edges.filter_map(off).min_by(|a, b| a.1.total_cmp(&b.1));
+                near.map(|e| e.0)
             }
         };
         let Some((t, edge)) = found else { return };
@@ -133,12 +131,12 @@ impl Plane {
             .iter()
             .all(|&(a, b)| orient2d(a, b, p) > 0.0)
     }
-    /// How far from the edge opposite to corner i a place is, if the edge is a border in a face of
-    /// the box and the place is beside its inside.
+    /// The distance of a place from the edge opposite to corner i, if the edge is a border in a
+    /// face of the box and the place is beside its inside.
     fn beside_border(&self, t: u32, i: usize, at: [f64; 2], faces: u8) -> Option<f64> {
         let v = self.triangles[t as usize];
         let ends = [v[(i + 1) % 3], v[(i + 2) % 3]].map(|v| &self.nodes[v as usize]);
-        // Those on sides of the unit triangle have another unit triangle beyond them.
+        // Edges on sides of the unit triangle have another unit triangle beyond them.
         let is_border = self.adjacent[t as usize][i] == NONE
             && !self.is_rim(t, i)
             && !is_on_side(ends.map(|n| n.at))
@@ -150,4 +148,11 @@ impl Plane {
         let off = (d[0] * p[1] - d[1] * p[0]).abs() / size.sqrt();
         (is_border && share > 0.0 && share < 1.0 && off < BOW * size.sqrt()).then_some(off)
     }
+}
+
+/// The angle at a point between the segments to two others.
+#[inline]
+fn angle(at: Point3, x: Point3, y: Point3) -> f64 {
+    let (x, y) = (sub(x, at), sub(y, at));
+    norm(cross(x, y)).atan2(dot(x, y))
 }

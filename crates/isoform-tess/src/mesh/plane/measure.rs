@@ -1,13 +1,13 @@
-//! What a triangulation of parameters is told about the surface.
+//! The measure by which a triangulation of parameters is told about the surface.
 
 use crate::mesh::names::{ClassId, ImageId, Node};
 use crate::surface::Point3;
 
-/// What edges and triangles have to be like.
+/// The conditions on edges and triangles.
 pub(in crate::mesh) trait Measure {
     /// The image of a node.
     fn image(&self, node: &Node) -> Point3;
-    /// What it shares with other nodes.
+    /// The image that it shares with other nodes.
     fn shared(&self, node: &Node) -> Option<Shared>;
     /// The value of the map.
     fn at(&self, at: [f64; 2]) -> Point3;

@@ -12,23 +12,23 @@ use std::collections::BTreeMap;
 const IMPROVEMENTS: usize = 4;
 /// Rounds in which edges are split that fall together in space.
 const CLASHES: usize = 12;
-/// How much an edge wants to be split whose ends, or the corners opposite to it, have one image:
-/// the surface would be closed up there.
+/// The excess of an edge whose ends, or the corners opposite to it, have one image: the surface
+/// would be closed up there.
 const PINCHED: f64 = 1.5;
 /// The shortest edges, per longest allowed, of triangles that are split because they face a wrong
 /// way: where the surface has a cusp no size is small enough.
 const LEAST: f64 = 0.01;
-/// Least area in the parameters, per square of the longest edge, of triangles that are split
+/// The least area in the parameters, per square of the longest edge, of triangles that are split
 /// because they face a wrong way.
 const TURNED: f64 = 1e-6;
 /// Triangles that one split may add: two, and those that flips leave to be split.
 const MOST_MADE: usize = 4;
-/// Steps per triangle allowed: flips queue triangles anew, and might do so for ever.
+/// The most steps per triangle: flips queue triangles anew, and might do so for ever.
 const STEPS: usize = 20;
-/// Steps between two looks at the control.
+/// The number of steps between two looks at the control.
 const BREATH: usize = 256;
 
-/// How a triangle wants to be split.
+/// A wish of a triangle to be split.
 struct Wish {
     /// The edge opposite to this corner; none for the middle of the triangle.
     edge: Option<usize>,
@@ -161,7 +161,7 @@ impl Plane {
         }
     }
 
-    /// How a triangle wants to be split, if it does.
+    /// The wish of a triangle to be split, if it has one.
     fn wish(&self, t: u32, measure: &dyn Measure) -> Option<Wish> {
         if let Some((_, i)) = self.worst_edge(t, measure).filter(|w| w.0 > SPLIT) {
             return Some(Wish {

@@ -9,23 +9,23 @@ use isoform_geom::{cross, dot, norm, sub};
 
 /// Newton steps to the closest point of the surface.
 const NEARER: usize = 3;
-/// How far the parameters of that point stay from the ends of an edge, in shares; from the corners
-/// of a triangle half as far.
+/// The distance of the parameters of that point from the ends of an edge, in shares; from the
+/// corners of a triangle half as far.
 const MARGIN: f64 = 0.25;
-/// Least cosine between the normals of a triangle and of the surface.
+/// The least cosine between the normals of a triangle and of the surface.
 pub(super) const FACING: f64 = 0.3;
-/// Least share of the smaller of the areas of a triangle and of the surface over it in the larger:
-/// points of the parameters that lie nearly on a line may be a fine triangle in space, but one that
-/// stands for nothing.
+/// The least share of the smaller of the areas of a triangle and of the surface over it in the
+/// larger: points of the parameters that lie nearly on a line may be a fine triangle in space, but
+/// one that stands for nothing.
 const SHARE: f64 = 0.2;
-/// Share of areas above which the parameters count as even on a triangle.
+/// The share of areas above which the parameters count as even on a triangle.
 const EVEN: f64 = 0.5;
-/// Share of areas below which a triangle covers none of the surface; flips never make one.
+/// The share of areas below which a triangle covers none of the surface; flips never make one.
 const EMPTY: f64 = 0.02;
 /// The quality of such a triangle.
 pub(super) const NOTHING: f64 = -2.0;
-/// How far contracted curves may bulge beyond their chords, per height of the triangles beside
-/// them.
+/// The most that contracted curves may bulge beyond their chords by, per height of the triangles
+/// beside them.
 const BULGE: f64 = 0.2;
 
 /// The shape of a triangle in space.
@@ -156,9 +156,9 @@ impl Plane {
         })
     }
 
-    /// How much the edge between two vertices wants to be split, and where: in the middle of its
-    /// parameters, or, if these are even, at parameters in the triangles beside it whose image is
-    /// nearest to the middle of the edge.
+    /// The excess of the edge between two vertices, beyond 1 if it is to be split, and the place of
+    /// the split: in the middle of its parameters, or, if these are even, at parameters in the
+    /// triangles beside it whose image is nearest to the middle of the edge.
     pub(super) fn excess(
         &self,
         [a, b]: [u32; 2],
@@ -192,7 +192,7 @@ impl Plane {
             false => (0.0..=MARGIN).contains(&shares[k]),
         })
     }
-    /// How far the middle of a triangle is from the surface, in tolerances.
+    /// The distance of the middle of a triangle from the surface, in tolerances.
     pub(super) fn off(&self, shape: &Shape, measure: &dyn Measure) -> f64 {
         let at = self.places(shape.corners);
         let [p, q, r] = shape.corners.map(|v| self.images[v as usize]);
@@ -235,10 +235,15 @@ impl Plane {
         };
         let [x, y, z] = self.places([a, b, self.triangles[t as usize][i]]);
         let m = measure.beside_chord([x, y], image)?;
-        let above =
-            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let above = |z: [f64; 2]| twice_area([x, y, z]);
         (above(m) > BULGE * above(z)).then_some((m, image))
     }
+}
+
+/// Twice the area of a triangle of the parameters, without its sign.
+#[inline]
+pub(super) fn twice_area([x, y, z]: [[f64; 2]; 3]) -> f64 {
+    ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs()
 }
 
 #[cfg(test)]

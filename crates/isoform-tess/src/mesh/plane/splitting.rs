@@ -1,14 +1,14 @@
 //! Splits: new vertices on edges and in triangles.
 
-use super::shape::NOTHING;
+use super::shape::{NOTHING, twice_area};
 use super::{Measure, NONE, Plane, Quad};
 use crate::mesh::geometry::distance;
 use crate::mesh::names::Node;
 
-/// How near to the corners beside it an edge is not split, per length.
+/// The distance from its ends within which an edge is not split, per length.
 const CROWDED: f64 = 0.25;
-/// How far from an edge towards the larger triangle beside it it is split: points on one line would
-/// leave no room for flips.
+/// The shares of the way from an edge towards the larger triangle beside it at which it is split:
+/// points on one line would leave no room for flips.
 const ASIDE: [f64; 2] = [0.1, 0.02];
 
 impl Plane {
@@ -18,8 +18,7 @@ impl Plane {
         let quad = self.quad(t, i);
         let [c, a, d, b] = quad.corners;
         let [x, y, p, q] = [a, b, c, d].map(|v| self.nodes[v as usize].at);
-        let area =
-            |z: [f64; 2]| ((y[0] - x[0]) * (z[1] - x[1]) - (y[1] - x[1]) * (z[0] - x[0])).abs();
+        let area = |z: [f64; 2]| twice_area([x, y, z]);
         let toward = if area(p) > area(q) { p } else { q };
         let halfway = [0.5 * (x[0] + y[0]), 0.5 * (x[1] + y[1])];
         let best = self.best_split(t, &quad, halfway, measure);
@@ -33,7 +32,7 @@ impl Plane {
         let fitting = self.fitting(&quad, places, measure);
         fitting.is_some_and(|at| self.split_at(t, i, Node::inner(at, 0), measure))
     }
-    /// Where an edge is best split, but not where a corner beside it is already.
+    /// The best place to split an edge, but not one where a corner beside it is already.
     fn best_split(
         &self,
         t: u32,

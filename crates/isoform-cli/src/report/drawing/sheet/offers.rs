@@ -71,6 +71,9 @@ fn seen<'s>(view: &Placed<'_>, samples: &'s [Sample]) -> Vec<&'s Sample> {
         .collect()
 }
 
+/// Offers a length along a direction: a lane beside the view where it runs upright or level on
+/// paper, a leader along it where it runs aslant, nothing where it is foreshortened or its far end
+/// is hidden.
 fn linear_offer(
     view: &Placed<'_>,
     along: Point3,
@@ -97,13 +100,7 @@ fn linear_offer(
             },
         });
     }
-    let at_foot: Vec<&Sample> = if near.is_empty() {
-        let slack = 0.01 * (to - from);
-        let is_level = |s: &&Sample| (dot(s.at, along) - from).abs() < slack;
-        samples.iter().filter(is_level).collect()
-    } else {
-        near.iter().collect()
-    };
+    let at_foot = at_foot(near, samples, along, [from, to]);
     let tip = nearest_to_lane(view, is_upright, &ends)?;
     let foot = nearest_to_lane(view, is_upright, &at_foot).unwrap_or(tip);
     let coordinate = |t: f64| {
@@ -118,6 +115,21 @@ fn linear_offer(
             begin: [foot, tip].map(|v| if is_upright { v } else { -v }),
         },
     })
+}
+
+/// The samples where a length begins: the given ones, else all that lie on its lower level.
+fn at_foot<'s>(
+    near: &'s [Sample],
+    samples: &'s [Sample],
+    along: Point3,
+    [from, to]: [f64; 2],
+) -> Vec<&'s Sample> {
+    if !near.is_empty() {
+        return near.iter().collect();
+    }
+    let slack = 0.01 * (to - from);
+    let is_level = |s: &&Sample| (dot(s.at, along) - from).abs() < slack;
+    samples.iter().filter(is_level).collect()
 }
 
 /// How near to the side of the lane the samples come: upright lanes stand on the left, others
