@@ -3,12 +3,14 @@
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
-use crate::{eval, gallery};
+use crate::{eval, gallery, spline};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
-use isoform::{CompareError, Distances, FrepTemplate, Side, compare, surface_of};
+use isoform::{
+    CompareError, Distances, FrepTemplate, Side, SplineDistance, compare, surface_of,
+};
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes and models, both ways
@@ -19,7 +21,7 @@ Examples:
   isoform compare part.msh fitted.hf
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files with the ending .hf are
-models; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
+models, those with .json implicit splines; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
 agree: nothing is moved.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it.")]
@@ -55,6 +57,7 @@ pub(crate) struct Args {
 enum Loaded {
     Cloud(PointCloud),
     Model(Box<FrepTemplate>, Vec<f64>),
+    Spline(Box<SplineDistance>),
 }
 
 fn is_model(path: &Path) -> bool {
@@ -114,7 +117,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
     match as_side(loaded, vertices) {
         Side::Points(_) => "points",
         Side::Mesh(_) => "mesh",
-        Side::Model(..) => "model",
+        Side::Model(..) | Side::Spline(_) => "model",
     }
 }
 
@@ -128,6 +131,9 @@ fn load(
         let (mesh, report) = scan::read_mesh_file(path, None)?;
         warn(path, &report.warnings, context);
         return Ok(Loaded::Cloud(surface_of(&mesh)));
+    }
+    if spline::is_json(path) {
+        return Ok(Loaded::Spline(Box::new(SplineDistance(spline::read(path)?))));
     }
     if !is_model(path) {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
@@ -154,5 +160,6 @@ fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
         Loaded::Cloud(c) if c.triangles.is_empty() || vertices => Side::Points(c),
         Loaded::Cloud(c) => Side::Mesh(c),
         Loaded::Model(t, values) => Side::Model(t, values),
+        Loaded::Spline(s) => Side::Spline(s),
     }
 }

@@ -132,6 +132,11 @@ const RESIDUAL: f64 = 1e-4;
 /// Most steps of conjugate gradients in a level; usual are 50 to 200.
 const STEPS: usize = 400;
 
+/// How much more smoothing weighs on levels that are refined further. They tell the function where
+/// there are no points: with 1 it swings there and f = 0 has extra pieces, with more the finest
+/// level has to repair too much.
+const COARSE: f64 = 1000.0;
+
 /// Each such point is left out where points decide on the fineness.
 const LEFT_OUT: usize = 10;
 
@@ -342,7 +347,8 @@ impl<'a> Fitting<'a> {
         for l in 0..=depth {
             let sorted = self.sorted(l);
             self.begin_level(l, &sorted, |_| true);
-            self.fit(l, &sorted, control)?;
+            let stiffness = if l == depth { 1.0 } else { COARSE };
+            self.fit(l, &sorted, stiffness, control)?;
             control.report("fitting", (l + 1) as f64 / (depth + 1) as f64);
         }
         Ok(())
@@ -355,7 +361,7 @@ impl<'a> Fitting<'a> {
             let sorted = self.sorted(l);
             let is_rough = |cell: Place| rough.binary_search(&key(cell.map(|v| v >> 1))).is_ok();
             self.begin_level(l, &sorted, |cell| l == 0 || is_rough(cell));
-            self.fit(l, &sorted, control)?;
+            self.fit(l, &sorted, 1.0, control)?;
             rough = self.rough_cells(l, &sorted, tolerance);
             if rough.is_empty() {
                 break;
@@ -407,7 +413,7 @@ impl<'a> Fitting<'a> {
             }
             let kept = self.chosen(l, |i| i % LEFT_OUT != 0);
             self.begin_level(l, &all, |_| true);
-            self.fit(l, &kept, control)?;
+            self.fit(l, &kept, 1.0, control)?;
             let left = self.chosen(l, |i| i % LEFT_OUT == 0);
             let squares: f64 = (0..left.count())
                 .into_par_iter()
@@ -460,9 +466,19 @@ impl<'a> Fitting<'a> {
         self.data.push(data);
     }
 
-    /// Solves for the unknowns of the last level.
-    fn fit(&mut self, l: usize, sorted: &Sorted<'_>, control: &Control<'_>) -> Result<(), Stopped> {
-        let problem = Problem::new(&self.levels[l], self.degree, sorted, self.weights);
+    /// Solves for the unknowns of the last level; `stiffness` multiplies the weight of smoothing.
+    fn fit(
+        &mut self,
+        l: usize,
+        sorted: &Sorted<'_>,
+        stiffness: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let weights = Weights {
+            smoothing: stiffness * self.weights.smoothing,
+            ..self.weights
+        };
+        let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
         let (x, _) = solve(&problem, RESIDUAL, STEPS, control)?;
         let unknown = problem.unknown;
         let level = &mut self.levels[l];

@@ -19,6 +19,8 @@ struct Operator<'a> {
     smoothing: &'a Smoothing,
     /// λ/M.
     weight: f64,
+    /// ω/M.
+    ridge: Vec<f64>,
     spread: Vec<f64>,
     gradient: Vec<f64>,
     scratch: Vec<[f64; 6]>,
@@ -27,6 +29,9 @@ struct Operator<'a> {
 impl Operator<'_> {
     fn apply(&mut self, x: &[f64], y: &mut [f64]) {
         self.system.matrix.apply(x, y);
+        for ((y, x), ridge) in y.iter_mut().zip(x).zip(&self.ridge) {
+            *y += ridge * x;
+        }
         for (s, i) in self.spread.iter_mut().zip(&self.problem.unknown) {
             *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
         }
@@ -55,11 +60,22 @@ pub(crate) fn solve(
     let smoothing = Smoothing::new(&problem.level.nodes);
     let n = problem.level.nodes.len();
     let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
+    let get = |k: &str, d: f64| std::env::var(k).map_or(d, |v| v.parse::<f64>().expect("n"));
+    let data_diagonal = system.matrix.diagonal();
+    let mut sorted = data_diagonal.clone();
+    let half = sorted.len() / 2;
+    let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
+    let (omega, theta) = (get("RIDGE", 1e-3), get("THETA", 0.1));
+    let ridge: Vec<f64> = data_diagonal.iter().map(|d| {
+        let lack = (theta * median / d.max(1e-300)).min(1.0);
+        omega * median * lack * lack
+    }).collect();
     let mut operator = Operator {
         problem,
         system: &system,
         smoothing: &smoothing,
         weight,
+        ridge,
         spread: vec![0.0; n],
         gradient: vec![0.0; n],
         scratch: Vec::new(),
@@ -73,7 +89,7 @@ pub(crate) fn solve(
     for ((g, d), i) in gradient.iter().zip(smoothing.diagonal()).zip(&problem.unknown) {
         if *i != FIXED {
             r[*i as usize] -= g;
-            diagonal[*i as usize] += weight * d;
+            diagonal[*i as usize] += weight * d + operator.ridge[*i as usize];
         }
     }
     let mut x = vec![0.0; r.len()];

@@ -5,7 +5,7 @@
 //! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
 //! reading and asked how far they went. Meshes and models are sampled evenly.
 
-use crate::FrepTemplate;
+use crate::{FrepTemplate, SplineDistance};
 use crate::facets::on_triangle;
 use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
@@ -27,6 +27,19 @@ pub enum Side<'a> {
     Mesh(&'a PointCloud),
     /// The surface of a model with these values.
     Model(&'a FrepTemplate, &'a [f64]),
+    /// The surface of an implicit spline.
+    Spline(&'a SplineDistance),
+}
+
+impl<'a> Side<'a> {
+    /// The distance function of a model, with the values of its parameters.
+    fn metric(&self) -> Option<(&'a dyn ParamField, &'a [f64])> {
+        match self {
+            Side::Points(_) | Side::Mesh(_) => None,
+            Side::Model(template, values) => Some((template.metric(), values)),
+            Side::Spline(spline) => Some((*spline, &[])),
+        }
+    }
 }
 
 /// Distances of one side's points from the other side.
@@ -66,7 +79,7 @@ pub fn compare(
 ) -> Result<(Distances, Distances), CompareError> {
     let box_of = |s: &Side| match s {
         Side::Points(c) | Side::Mesh(c) => Some(Aabb::of(&absolute(c))),
-        Side::Model(..) => None,
+        Side::Model(..) | Side::Spline(_) => None,
     };
     let (own_a, own_b) = (box_of(&a), box_of(&b));
     let from_a = sampled(&a, region.or(own_b), samples)?;
@@ -105,9 +118,11 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
     };
     match side {
         Side::Points(cloud) => out.points = absolute(cloud),
-        Side::Model(template, values) => {
+        Side::Model(..) | Side::Spline(_) => {
             let region = region.ok_or(CompareError::NoRegion)?;
-            out.points = surface_samples(template.metric(), values, region, wanted);
+            if let Some((metric, values)) = side.metric() {
+                out.points = surface_samples(metric, values, region, wanted);
+            }
         }
         Side::Mesh(mesh) => {
             let corners = absolute(mesh);
@@ -135,12 +150,12 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
 }
 
 fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> Vec<f64> {
-    if let Side::Model(template, values) = to {
+    if let Some((metric, values)) = to.metric() {
         if exactly {
-            return feet(points, template.metric(), values);
+            return feet(points, metric, values);
         }
         let mut f = vec![0.0; points.len()];
-        template.metric().values(points, values, &mut f);
+        metric.values(points, values, &mut f);
         return f
             .into_iter()
             .map(f64::abs)

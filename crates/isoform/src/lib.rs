@@ -106,6 +106,7 @@ mod mesh_spline;
 mod meshing;
 mod patches;
 pub mod report;
+mod spline_distance;
 mod surface_box;
 mod template;
 mod topology;
@@ -142,6 +143,7 @@ pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
 pub use patches::{COORDINATES, field_of, parts_of, patch_mesh, polynomial, step_faces};
+pub use spline_distance::SplineDistance;
 pub use surface_box::SurfaceBox;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};
