@@ -55,16 +55,20 @@ pub(crate) struct Args {
 
 /// A side as read.
 enum Loaded {
+    /// Points, with triangles where there are any.
     Cloud(PointCloud),
+    /// A model with the values of its parameters.
     Model(Box<FrepTemplate>, Vec<f64>),
     Spline(Box<SplineDistance>),
 }
 
+/// Whether a file is named like a HyperFun program.
 fn is_model(path: &Path) -> bool {
     path.extension()
         .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let of_second = if is_model(&args.first) {
         &args.params_second
@@ -121,26 +125,41 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
     }
 }
 
+/// Reads a side: a mesh by its surface, points, or a model with the values that are given.
 fn load(
     path: &Path,
     given: Option<&eval::Parameters>,
     args: &Args,
     context: &Context,
 ) -> Result<Loaded, Failure> {
-    if scan::is_mesh(path, None) {
-        let (mesh, report) = scan::read_mesh_file(path, None)?;
-        warn(path, &report.warnings, context);
-        return Ok(Loaded::Cloud(surface_of(&mesh)));
+    if is_model(path) && !scan::is_mesh(path, None) {
+        return load_model(path, given, &args.language, context);
     }
     if spline::is_json(path) {
-        return Ok(Loaded::Spline(Box::new(SplineDistance(spline::read(path)?))));
+        let metric = SplineDistance(spline::read(path)?);
+        return Ok(Loaded::Spline(Box::new(metric)));
     }
-    if !is_model(path) {
+    let (cloud, warnings) = if scan::is_mesh(path, None) {
+        let (mesh, report) = scan::read_mesh_file(path, None)?;
+        (surface_of(&mesh), report.warnings)
+    } else {
         let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-        warn(path, &report.warnings, context);
-        return Ok(Loaded::Cloud(cloud));
+        (cloud, report.warnings)
+    };
+    for warning in warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
     }
-    let model = gallery::template(path, &args.language, context)?;
+    Ok(Loaded::Cloud(cloud))
+}
+
+/// Reads a model; its metric reading gives the distances.
+fn load_model(
+    path: &Path,
+    given: Option<&eval::Parameters>,
+    language: &Language,
+    context: &Context,
+) -> Result<Loaded, Failure> {
+    let model = gallery::template(path, language, context)?;
     let values = eval::values(&model, given.map_or(&[], |p| &p.0))?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
     let template =
@@ -148,13 +167,7 @@ fn load(
     Ok(Loaded::Model(Box::new(template), values))
 }
 
-/// Warns of what a file holds, with its name.
-fn warn(path: &Path, warnings: &[String], context: &Context) {
-    for warning in warnings {
-        context.warn(format_args!("{}: {warning}", path.display()));
-    }
-}
-
+/// A side as the library takes it; a mesh counts as points where vertices are asked for.
 fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
     match loaded {
         Loaded::Cloud(c) if c.triangles.is_empty() || vertices => Side::Points(c),

@@ -55,6 +55,7 @@ fn is_program(path: &Path) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case("hf"))
 }
 
+/// Runs the verb: the kinds of input and output, as names or formats tell them, choose the way.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let is_model = |path: &Path, said: Option<&String>| {
         said.map_or_else(
@@ -91,6 +92,7 @@ fn is_mesh(args: &Args) -> bool {
         && can(&args.output, to)
 }
 
+/// Converts a mesh with its groups.
 fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
     let options = MeshWriteOptions {
@@ -131,10 +133,12 @@ fn warned(warnings: [&[String]; 2], context: &Context) -> Value {
     json!(warnings)
 }
 
+/// A count of the command line as a count of things in memory.
 fn size(n: Option<u64>) -> Option<usize> {
     n.map(|n| usize::try_from(n).unwrap_or(usize::MAX))
 }
 
+/// Converts points, or samples on the triangles of a mesh.
 fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let mesh = size(args.samples).map_or(MeshPoints::Vertices, MeshPoints::Samples);
     let (cloud, report) = scan::read_points(
@@ -180,6 +184,7 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
     })
 }
 
+/// Prints a model again; where values are given, as the program that has them in it.
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let model = model::read(&args.file, &args.language, context)?;
     let text = match &args.params {

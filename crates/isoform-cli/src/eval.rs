@@ -43,6 +43,7 @@ pub(crate) struct Args {
     output: Option<PathBuf>,
 }
 
+/// What is given for each point.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Reading {
     Algebraic,
@@ -50,9 +51,11 @@ enum Reading {
     Part,
 }
 
+/// Values of the parameters a, in their order.
 #[derive(Clone)]
 pub(crate) struct Parameters(pub(crate) Vec<f64>);
 
+/// Reads values of parameters: numbers with commas.
 pub(crate) fn parameters(text: &str) -> Result<Parameters, String> {
     output::numbers(text).map(Parameters)
 }
@@ -62,25 +65,56 @@ const CHUNK: usize = 2048;
 
 /// A point as written and as numbers.
 struct Row<'t> {
+    /// Its coordinates as they were written; the table repeats them.
     text: Vec<&'t str>,
+    /// Its coordinates.
     x: Vec<f64>,
 }
 
+/// What a point gives: a number or the name of a part, with the attributes behind it, or an error.
 enum Cell {
+    /// A number.
     Value(f64, Vec<f64>),
+    /// The name of a part.
     Part(String, Vec<f64>),
+    /// Why there is neither, with line and column in the program.
     Error(String),
 }
 
 impl Cell {
+    /// Why there is no value.
     fn error(&self) -> Option<&str> {
         match self {
             Self::Error(error) => Some(error),
             Self::Value(..) | Self::Part(..) => None,
         }
     }
+
+    /// Writes the cell and its attributes, whose fields are empty behind an error, into a row of a
+    /// table.
+    fn write(&self, attributes: usize, text: &mut String) {
+        let values = match self {
+            Self::Value(f, s) => {
+                *text += &format!("{f:?}");
+                s
+            }
+            Self::Part(name, s) => {
+                *text += &quoted(name);
+                s
+            }
+            Self::Error(e) => {
+                *text += &quoted(e);
+                *text += &",".repeat(attributes);
+                return;
+            }
+        };
+        for v in values {
+            *text += &format!(",{v:?}");
+        }
+    }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if args.model == Path::new("-") && args.points == Path::new("-") {
         return Err(
@@ -205,6 +239,7 @@ fn cells_of_spline(
 
 /// The rows without a value.
 struct Failures<'c> {
+    /// Rows that failed.
     count: usize,
     /// The number of all rows.
     rows: usize,
@@ -213,6 +248,7 @@ struct Failures<'c> {
 }
 
 impl<'c> Failures<'c> {
+    /// The failures among all cells.
     fn of(cells: &'c [Cell]) -> Self {
         let mut errors = cells.iter().filter_map(Cell::error);
         let first = errors.next();
@@ -231,6 +267,7 @@ impl<'c> Failures<'c> {
             ));
         }
     }
+    /// 0 without failures, 4 where every row failed, 3 between.
     fn exit(&self) -> u8 {
         if self.count == 0 {
             DONE
@@ -264,6 +301,7 @@ pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> 
         .collect())
 }
 
+/// The model's own values at some rows; rows that the time limit does not let through are errors.
 fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
     let mut evaluator = model.evaluator::<f64>();
     let cell = |row: &Row<'_>| {
@@ -298,16 +336,14 @@ fn read_otherwise(
     let (mut distances, mut parts) = (vec![0.0; points.len()], vec![0; points.len()]);
     template.metric().values(&points, a, &mut distances);
     template.parts(&points, a, &mut parts);
+    let names = template.part_names();
     for (cell, (distance, part)) in cells.iter_mut().zip(distances.into_iter().zip(parts)) {
-        if let Cell::Value(_, s) = cell {
-            *cell = match reading {
-                Reading::Part => Cell::Part(
-                    template.part_names()[part as usize].clone(),
-                    std::mem::take(s),
-                ),
-                _ => Cell::Value(distance, std::mem::take(s)),
-            };
-        }
+        let Cell::Value(_, s) = cell else { continue };
+        let s = std::mem::take(s);
+        *cell = match reading {
+            Reading::Part => Cell::Part(names[part as usize].clone(), s),
+            _ => Cell::Value(distance, s),
+        };
     }
 }
 
@@ -347,6 +383,7 @@ fn holds_data(line: &str) -> bool {
     !line.trim().is_empty() && !line.trim_start().starts_with('#')
 }
 
+/// Whether the words of a line are the names of the coordinates, in quotes or not.
 fn is_header(words: &[&str], names: &[String]) -> bool {
     let words = words.iter().map(|t| t.trim_matches('"'));
     words.eq(names.iter().map(String::as_str))
@@ -368,6 +405,7 @@ struct Fault {
     message: String,
 }
 
+/// The coordinates of a line, which must be finite numbers; further columns are ignored.
 fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
     let text = words(line, dimension);
     if text.len() < dimension {
@@ -400,24 +438,7 @@ fn csv(subject: &Subject<'_>, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>,
             text += word;
             text.push(',');
         }
-        let values = match cell {
-            Cell::Value(f, s) => {
-                text += &format!("{f:?}");
-                s
-            }
-            Cell::Part(name, s) => {
-                text += &quoted(name);
-                s
-            }
-            Cell::Error(e) => {
-                text += &quoted(e);
-                text += &",".repeat(attributes);
-                &Vec::new()
-            }
-        };
-        for v in values {
-            text += &format!(",{v:?}");
-        }
+        cell.write(attributes, &mut text);
         text.push('\n');
     }
     (columns, text)
@@ -432,6 +453,7 @@ fn quoted(field: &str) -> String {
     }
 }
 
+/// A row of the table in the document: coordinates, value, attributes.
 fn json_row(row: &Row<'_>, cell: &Cell) -> Value {
     let mut values: Vec<Value> = row.x.iter().map(|v| json!(v)).collect();
     match cell {

@@ -113,19 +113,12 @@ pub(crate) fn list(context: &Context) -> Result<(String, Value), Failure> {
     let width = names().iter().map(|name| name.len()).max().unwrap_or(0);
     for template in isoform::templates() {
         let name = template.name;
-        let model = model::parse(
-            Path::new(name),
-            template.program,
-            &Language::default(),
-            context,
-        )?;
+        let language = Language::default();
+        let model = model::parse(Path::new(name), template.program, &language, context)?;
         let parameters: Vec<&str> = model.params().iter().map(|p| p.name.as_str()).collect();
         let fits = model.info().fits.clone().unwrap_or_default();
-        text += &format!(
-            "{name:width$}  {fits}\n{:width$}  {}\n",
-            "",
-            parameters.join(", ")
-        );
+        let list = parameters.join(", ");
+        text += &format!("{name:width$}  {fits}\n{:width$}  {list}\n", "");
         rows.push(json!({
             "name": name,
             "title": model.info().title,

@@ -15,6 +15,7 @@ const WRITTEN: [&str; 6] = ["output", "trace", "figure", "report", "sidecar", "d
 /// A file as the system knows it, whatever it was called by.
 #[derive(Debug, PartialEq, Eq)]
 struct Identity {
+    /// Absolute path without links.
     path: PathBuf,
     /// Device and number of the file. Hard links to one file share both, though their paths differ.
     number: Option<(u64, u64)>,
@@ -34,6 +35,7 @@ impl Identity {
     }
 }
 
+/// Device and number of a file; other systems tell none.
 #[cfg(unix)]
 fn number(about: &fs::Metadata) -> Option<(u64, u64)> {
     use std::os::unix::fs::MetadataExt;
@@ -48,12 +50,14 @@ fn number(_: &fs::Metadata) -> Option<(u64, u64)> {
 /// What a run reads, and whether it may be written over.
 #[derive(Debug, Default)]
 pub(crate) struct Inputs {
+    /// Files that are read, as they were named.
     files: Vec<(PathBuf, Identity)>,
+    /// Whether outputs may take the place of inputs (--force).
     force: bool,
 }
 
 impl Inputs {
-    /// Those of a verb. Fails where an output is one of them.
+    /// The files that the arguments of a verb name. Fails where an output is one of them.
     pub(crate) fn of(verb: &ArgMatches, force: bool) -> Result<Self, Failure> {
         let (outputs, files): (Vec<_>, Vec<_>) =
             paths(verb).partition(|(argument, _)| WRITTEN.contains(argument));

@@ -30,6 +30,7 @@ pub(crate) struct Args {
     max_points: Option<u64>,
 }
 
+/// Runs the verb: meshes with groups are certified, all else is looked at as points.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if scan::is_mesh(&args.file, args.from.as_deref()) {
         return mesh(args, context);

@@ -59,6 +59,7 @@ enum Verb {
     },
 }
 
+/// Calls the verb.
 fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
         Verb::Recover(args) => recover::run(&args, context),
@@ -89,6 +90,7 @@ fn parse() -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
     Ok((cli, inputs))
 }
 
+/// Reads the arguments, does the work and reports what comes of it by the exit code.
 fn main() -> ExitCode {
     let (cli, inputs) = match parse() {
         Ok(parsed) => parsed,

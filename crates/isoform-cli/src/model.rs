@@ -28,29 +28,14 @@ pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Resul
     )
 }
 
-/// The same from text; the path is for messages.
+/// Reads a program from text; the path is for messages.
 pub(crate) fn parse(
     path: &Path,
     text: &str,
     language: &Language,
     context: &Context,
 ) -> Result<Model, Failure> {
-    let model = silently(text, language).map_err(|e| {
-        let line = text
-            .strip_prefix('\u{feff}')
-            .unwrap_or(text)
-            .split('\n')
-            .nth(e.line - 1)
-            .unwrap_or_default();
-        let failure = Failure::input("syntax", &e.message)
-            .at(path, e.line, e.column)
-            .drawn(line);
-        if e.expected.is_empty() {
-            failure
-        } else {
-            failure.hint(format!("{} there", e.expected))
-        }
-    })?;
+    let model = silently(text, language).map_err(|e| misspelled(&e, path, text))?;
     for w in model.warnings() {
         context.warn(format_args!(
             "{}:{}:{}: {}",
@@ -68,6 +53,24 @@ pub(crate) fn parse(
         ));
         failure.hint(format!("--object with one of: {}", e.objects.join(", ")))
     })
+}
+
+/// The failure of a program that is not HyperFun, with its line drawn and what was expected there.
+fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
+    let line = text
+        .strip_prefix('\u{feff}')
+        .unwrap_or(text)
+        .split('\n')
+        .nth(error.line - 1)
+        .unwrap_or_default();
+    let failure = Failure::input("syntax", &error.message)
+        .at(path, error.line, error.column)
+        .drawn(line);
+    if error.expected.is_empty() {
+        failure
+    } else {
+        failure.hint(format!("{} there", error.expected))
+    }
 }
 
 /// The first object of a program, nothing said.

@@ -1,4 +1,9 @@
 //! What all verbs share: global options, failures, exit codes, stdout as data, stderr as talk.
+//!
+//! A verb gives back an [`Outcome`] or a [`Failure`]. [`finish`] prints either: the outcome's table
+//! or file on stdout, or one JSON document with --json; the failure on stderr in four parts (what,
+//! where, why, what to try), and in the document. Exit codes: 0 done, 1 usage, 2 input, 3 partial,
+//! 4 no result, 5 a fault of ours, 130 after Ctrl-C.
 
 use crate::inputs::Inputs;
 use crate::interrupt;
@@ -71,6 +76,7 @@ pub(crate) struct Global {
     pub(crate) time_limit: Option<Duration>,
 }
 
+/// Reads a time: a number with ms, s, m or h behind it, seconds without.
 fn duration(text: &str) -> Result<Duration, String> {
     let (number, unit) = match text.trim_end_matches(|c: char| c.is_ascii_alphabetic()) {
         number if number.len() == text.len() => (text, "s"),
@@ -92,6 +98,7 @@ fn duration(text: &str) -> Result<Duration, String> {
 
 /// The settings of this run.
 pub(crate) struct Context {
+    /// Options that all verbs share.
     pub(crate) global: Global,
     /// When to stop.
     pub(crate) deadline: Option<Instant>,
@@ -100,6 +107,7 @@ pub(crate) struct Context {
 }
 
 impl Context {
+    /// The context of a run; starts the watch over the time limit and the pool of threads.
     pub(crate) fn new(global: Global) -> Self {
         let deadline = global
             .time_limit
@@ -127,6 +135,7 @@ impl Context {
             progress: None,
         }
     }
+    /// Whether the time limit is over.
     pub(crate) fn is_late(&self) -> bool {
         self.deadline.is_some_and(|d| Instant::now() >= d)
     }
@@ -152,8 +161,11 @@ fn say(message: impl Display) {
 /// What a verb gives back: the exit code, the fields of the JSON document, and what goes to stdout
 /// without --json.
 pub(crate) struct Outcome {
+    /// Exit code.
     pub(crate) exit: u8,
+    /// Fields of the JSON document.
     pub(crate) json: Value,
+    /// Bytes for stdout without --json.
     pub(crate) stdout: Vec<u8>,
 }
 
@@ -174,6 +186,7 @@ impl Outcome {
         };
         Self { exit, json, stdout }
     }
+    /// The outcome of a verb whose result is a text.
     pub(crate) fn text(stdout: Vec<u8>) -> Self {
         let json = json!({"text": String::from_utf8_lossy(&stdout)});
         Self {
@@ -187,8 +200,11 @@ impl Outcome {
 /// Where something is wrong.
 #[derive(Clone, Default)]
 pub(crate) struct Place {
+    /// File, as it was named.
     pub(crate) file: Option<PathBuf>,
+    /// Line, from 1.
     pub(crate) line: Option<usize>,
+    /// Column, from 1, in characters.
     pub(crate) column: Option<usize>,
     /// The key of a JSON object; then the column is one of its text.
     pub(crate) key: Option<&'static str>,
@@ -200,16 +216,22 @@ pub(crate) struct Place {
 
 /// Why there is no result: what, where, why, and what to try.
 pub(crate) struct Failure {
+    /// Exit code.
     pub(crate) exit: u8,
     /// Short and fixed, for programs.
     pub(crate) code: &'static str,
+    /// What is wrong, in one sentence.
     pub(crate) message: String,
+    /// Where.
     pub(crate) place: Box<Place>,
+    /// Why; may be empty.
     pub(crate) why: String,
+    /// What to try; may be empty.
     pub(crate) hint: String,
 }
 
 impl Failure {
+    /// A failure with its exit code and code; the rest is added by the methods below.
     pub(crate) fn new(exit: u8, code: &'static str, message: impl Into<String>) -> Self {
         Self {
             exit,
@@ -220,9 +242,11 @@ impl Failure {
             hint: String::new(),
         }
     }
+    /// A failure of the arguments.
     pub(crate) fn usage(message: impl Into<String>) -> Self {
         Self::new(USAGE, "usage", message)
     }
+    /// A failure of what was read.
     pub(crate) fn input(code: &'static str, message: impl Into<String>) -> Self {
         Self::new(INPUT, code, message)
     }
@@ -244,6 +268,7 @@ impl Failure {
         failure.place.file = Some(path.to_owned());
         failure
     }
+    /// At a place of a text, both numbers from 1.
     pub(crate) fn at(mut self, file: &Path, line: usize, column: usize) -> Self {
         *self.place = Place {
             file: Some(file.to_owned()),
@@ -258,14 +283,17 @@ impl Failure {
         self.place.point = Some(at);
         self
     }
+    /// With the line of text that the caret stands under.
     pub(crate) fn drawn(mut self, text: &str) -> Self {
         self.place.text = Some(text.to_owned());
         self
     }
+    /// With the reason.
     pub(crate) fn why(mut self, why: impl Into<String>) -> Self {
         self.why = why.into();
         self
     }
+    /// With what to try.
     pub(crate) fn hint(mut self, hint: impl Into<String>) -> Self {
         self.hint = hint.into();
         self
@@ -319,6 +347,7 @@ impl Failure {
 /// Characters of a source line that are drawn on either side of the caret.
 const AROUND: usize = 60;
 
+/// A line of the source with a caret under a column, cut to [`AROUND`] characters on both sides.
 fn caret(line: usize, column: usize, source: &str) -> String {
     let skipped = column.saturating_sub(AROUND + 1);
     let visible = |c: char| if c.is_control() { ' ' } else { c };
@@ -382,6 +411,7 @@ pub(crate) fn give_up(json: bool, failure: &Failure) -> ! {
     std::process::exit(i32::from(failure.exit))
 }
 
+/// Reports a failure; its exit code.
 fn fail(json: bool, failure: &Failure) -> ExitCode {
     say(failure.text());
     if json {
@@ -528,7 +558,7 @@ pub(crate) fn json_of(report: &impl Serialize) -> Value {
     serde_json::to_value(report).expect("reports have texts for keys")
 }
 
-/// Puts the fields of one document behind those of another.
+/// Puts the fields of one document behind another's.
 pub(crate) fn add(json: &mut Value, more: Value) {
     if let (Value::Object(json), Value::Object(more)) = (json, more) {
         json.extend(more);

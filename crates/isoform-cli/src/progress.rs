@@ -15,20 +15,27 @@ const ERASE: &str = "\x1b[K";
 /// Time between drawings of the bar.
 const PAUSE: Duration = Duration::from_millis(80);
 
+/// What is on the terminal.
 struct Shown {
+    /// Phase at hand.
     phase: String,
+    /// When the bar was drawn last.
     drawn: Option<Instant>,
+    /// When the work began; short work shows no bar.
     started: Instant,
 }
 
 /// Shows phases as they come.
 pub(crate) struct Progress {
+    /// Whether anything is shown, that is without --quiet.
     is_on: bool,
+    /// Whether stderr is a terminal, which has a bar.
     is_bar: bool,
     shown: Mutex<Shown>,
 }
 
 impl Progress {
+    /// Shows nothing yet.
     pub(crate) fn new(context: &Context) -> Self {
         let is_bar = io::stderr().is_terminal();
         let shown = Mutex::new(Shown {

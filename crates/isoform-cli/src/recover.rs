@@ -11,7 +11,9 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// The template that is fitted unless another is named.
 const TEMPLATE: &str = "cup";
+/// The folder that results go to without -o.
 const FOLDER: &str = "isoform-recover";
 
 /// Recovers a model from a scan: fit, deviations, mesh and report in one go
@@ -42,6 +44,7 @@ pub(crate) struct Args {
     output: Vec<PathBuf>,
 }
 
+/// Runs the verb: fits, writes the results, then meshes the fitted model.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let template = args.template.clone().unwrap_or_else(|| TEMPLATE.into());
     // What the template says wrong is said before a folder is made.
@@ -73,7 +76,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(told.outcome())
 }
 
-/// The files to write: those of the fit, and those of the mesh.
+/// The files to write: results of the fit, and meshes.
 fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>), Failure> {
     let outputs = if args.output.is_empty() {
         default_outputs(context)?
@@ -90,8 +93,11 @@ fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>)
 
 /// What is said of the fit, and then of the mesh.
 struct Told {
+    /// Exit code so far.
     exit: u8,
+    /// Document so far.
     json: Value,
+    /// Table so far.
     text: String,
     /// The files that are written.
     files: Vec<String>,
@@ -112,6 +118,7 @@ impl Told {
             files,
         }
     }
+    /// There is a mesh. Its exit code counts where the fit is as asked for.
     fn add_mesh(&mut self, made: &Made) {
         self.files
             .extend(made.written.iter().map(|w| w.path.clone()));
@@ -129,6 +136,7 @@ impl Told {
         self.json["mesh"] = json!({"ok": false, "error": failure.json()});
         self.json["error"] = failure.json();
     }
+    /// What the verb gives back.
     fn outcome(mut self) -> Outcome {
         self.json["outputs"] = json!(self.files);
         Outcome {
@@ -177,6 +185,7 @@ fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
     failure
 }
 
+/// The results of a run without -o, in a folder that is made for them.
 fn default_outputs(context: &Context) -> Result<Vec<PathBuf>, Failure> {
     let folder = Path::new(FOLDER);
     let files = ["fitted.hf", "deviation.ply", "report.html"].map(|f| folder.join(f));
@@ -186,6 +195,7 @@ fn default_outputs(context: &Context) -> Result<Vec<PathBuf>, Failure> {
     Ok(files.into())
 }
 
+/// The example scan that the program carries.
 fn embedded() -> job::Scan {
     let started = Instant::now();
     let (cloud, report) = isoform::example_scan();

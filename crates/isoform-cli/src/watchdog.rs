@@ -33,6 +33,7 @@ pub(crate) fn enter(stage: &str) {
 pub(crate) struct Writing;
 
 impl Writing {
+    /// Files are being written from here on.
     pub(crate) fn new() -> Self {
         WRITING.fetch_add(1, Ordering::SeqCst);
         Self
@@ -64,6 +65,7 @@ pub(crate) fn watch(limit: Duration, json: bool) {
     });
 }
 
+/// Why the run is ended.
 fn failure(limit: Duration, stage: &str) -> Failure {
     let place = if stage.is_empty() {
         String::new()

@@ -1,4 +1,8 @@
 //! Files that are whole or untouched.
+//!
+//! A writer works on a temporary file beside the target, which then takes the target's name. POSIX
+//! renames are atomic: a reader opens the old file or the new one, never a part of one, and a crash
+//! leaves at most a hidden file behind.
 
 use crate::WriteError;
 use std::fs::{self, File};
@@ -72,6 +76,7 @@ fn write_whole(
 /// A new, hidden file in the folder of a file, and its path. Its name holds the process and a
 /// number, so that neither other processes nor other threads take it.
 fn temporary_beside(target: &Path) -> io::Result<(File, PathBuf)> {
+    /// Temporary files that this process has named so far.
     static NUMBER: AtomicU64 = AtomicU64::new(0);
     let name = target
         .file_name()

@@ -1,4 +1,5 @@
-//! Numbers in binary files.
+//! Numbers in binary files: integers of 8 to 64 bits and floats of 32 and 64, in both byte orders,
+//! decoded to f64. Integers of 64 bits are rounded beyond 2⁵³.
 
 /// A type of number in binary files.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -44,6 +45,7 @@ impl Type {
     /// The number in the first bytes, which must suffice.
     #[inline]
     pub(crate) fn decode(self, bytes: &[u8], big: bool) -> f64 {
+        /// The first N bytes, turned round where they are big endian.
         fn take<const N: usize>(bytes: &[u8], big: bool) -> [u8; N] {
             let mut b: [u8; N] = std::array::from_fn(|i| bytes[i]);
             if big {

@@ -11,6 +11,7 @@ const HEAD: usize = 4096;
 /// Shorter first bytes may begin anything; a file is called foreign against its name only by longer
 /// ones.
 const SURE_MAGIC: usize = 4;
+/// What failed, as the errors of the choice say.
 const WHAT: &str = "cannot tell how to read the file";
 
 /// The format of a file; what is odd about it goes into the warnings.
@@ -60,14 +61,17 @@ pub(crate) fn choose(
     Ok(likeliest)
 }
 
+/// The format that claims an ending (in lower case, without its point).
 fn by_ending(ending: &str) -> Option<&'static Format> {
     formats().iter().find(|f| f.extensions.contains(&ending))
 }
 
+/// The first format in the registry whose content test is as sure as this.
 fn by_content(head: &[u8], sure: Sniff) -> Option<&'static Format> {
     formats().iter().find(|f| (f.sniff)(head) == sure)
 }
 
+/// The foreign kind that claims an ending.
 fn foreign_by_ending(ending: &str) -> Option<&'static Foreign> {
     foreign().iter().find(|f| f.extensions.contains(&ending))
 }
@@ -101,9 +105,11 @@ fn readable() -> String {
         .join("; ")
 }
 
+/// The hint for files that no reader here takes.
 const CONVERT: &str =
     "convert it to one of these, or name the format if the file has another ending";
 
+/// The error for a foreign kind of file, which says what it is.
 fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
     let what = foreign.what;
     let why = format!("it is {what}. Formats that can be read: {}", readable());
@@ -111,6 +117,7 @@ fn unsupported(input: &Input<'_>, foreign: &Foreign) -> ReadError {
     input.error(ErrorKind::UnsupportedFormat, At::File, failed, why, CONVERT)
 }
 
+/// The error for a file that neither name nor content tells anything of.
 fn unknown(input: &Input<'_>) -> ReadError {
     let why = format!(
         "neither its name nor its content is of a known kind. Formats that can be read: {}",

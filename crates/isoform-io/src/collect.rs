@@ -1,5 +1,10 @@
 //! From rows of a file to a [`PointCloud`]: sampling while streaming, dropping what is not finite,
 //! recentring.
+//!
+//! A reader announces what its rows hold ([`Collector::with_normals`] and the like), offers row
+//! after row and polygon after polygon, and calls [`Collector::finish`] at the end. A row that is
+//! kept gets a slot, into which its normal, colour and columns go. Whatever the reader had to leave
+//! out or to mend stands in the report afterwards.
 
 use crate::input::{Input, Result};
 use crate::{At, ErrorKind, MeshPoints, Place, ReadError, ReadOptions, ReadReport};
@@ -28,25 +33,37 @@ pub(crate) enum ColorScale {
     Guess,
 }
 
+/// The rows of a file on their way into a cloud.
 pub(crate) struct Collector {
+    /// Most points that are kept; none keeps all.
     limit: Option<usize>,
+    /// Source of the sample, seeded by the options.
     rng: fastrand::Rng,
+    /// Whether kept points have normals.
     normals: bool,
+    /// What the numbers of colours mean, where there are any.
     scale: Option<ColorScale>,
+    /// The points so far; colours are still in `colors`.
     pub(crate) cloud: PointCloud,
+    /// Colours as they stand in the file, until the largest value tells their scale.
     colors: Vec<[f32; 3]>,
     /// Number of each kept point among the finite ones; only filled while sampling.
     order: Vec<u64>,
+    /// Rows with finite coordinates.
     finite: u64,
     /// Rows offered, good or bad.
     pub(crate) rows: u64,
+    /// Rows with coordinates that are not finite.
     dropped: u64,
     /// Rows that were dropped, ascending, where triangles need to know.
     dropped_rows: Vec<u32>,
+    /// Whether triangles may come, whose corners count rows.
     is_mesh: bool,
+    /// The box around all finite rows, whether they are kept or not.
     bounds: Aabb,
     /// Largest index in a triangle, and where it stood.
     highest: Option<(u64, At)>,
+    /// The groups of the triangles so far.
     parts: Parts,
     /// Part of the triangles to come.
     part: Option<u32>,
@@ -82,19 +99,22 @@ impl Collector {
             part: None,
         }
     }
-    /// There may be triangles, which count rows.
+    /// Announces triangles, which count rows. For samples on them all vertices are kept.
     pub(crate) fn mesh(&mut self, options: &ReadOptions) {
         self.is_mesh = true;
         if matches!(options.mesh, MeshPoints::Samples(_)) {
             self.limit = None; // samples on the triangles need all vertices
         }
     }
+    /// Announces normals.
     pub(crate) fn with_normals(&mut self) {
         self.normals = true;
     }
+    /// Announces colours of a scale.
     pub(crate) fn with_colors(&mut self, scale: ColorScale) {
         self.scale = Some(scale);
     }
+    /// Announces further values per point, by their names.
     pub(crate) fn with_columns(&mut self, names: impl IntoIterator<Item = String>) {
         self.cloud
             .columns
@@ -146,19 +166,23 @@ impl Collector {
         }
         Some(self.cloud.points.len() - 1)
     }
+    /// Sets the normal of a kept point.
     #[inline]
     pub(crate) fn set_normal(&mut self, slot: usize, n: Point3) {
         self.cloud.normals[slot] = n;
     }
+    /// Sets the colour of a kept point, in the numbers of the file.
     #[inline]
     pub(crate) fn set_color(&mut self, slot: usize, c: [f64; 3]) {
         self.colors[slot] = c.map(|v| v as f32);
     }
+    /// Sets a further value of a kept point.
     #[inline]
     pub(crate) fn set_column(&mut self, slot: usize, column: usize, v: f64) {
         self.cloud.columns[column].values[slot] = v;
     }
 
+    /// Whether some finite rows are left out by the limit.
     fn is_sampled(&self) -> bool {
         self.limit.is_some_and(|k| self.finite > k as u64)
     }
@@ -195,7 +219,7 @@ impl Collector {
         }
     }
 
-    /// Puts it all together and writes the counts into the report.
+    /// The cloud of all rows that were offered; the counts and whatever was odd go into the report.
     pub(crate) fn finish(
         self,
         input: &Input<'_>,
@@ -294,6 +318,7 @@ impl Collector {
     fn sort_by_row(&mut self) {
         let mut by_row: Vec<usize> = (0..self.order.len()).collect();
         by_row.sort_unstable_by_key(|&i| self.order[i]);
+        /// Puts values, where there are any, into another order.
         fn permute<T: Copy>(values: &mut Vec<T>, by: &[usize]) {
             if !values.is_empty() {
                 *values = by.iter().map(|&i| values[i]).collect();
@@ -331,6 +356,8 @@ impl Collector {
         (before - self.cloud.triangles.len()) as u64
     }
 
+    /// Colours from 0 to 255 out of the numbers of the file, whose scale the largest one tells
+    /// where the format does not.
     fn finish_colors(&mut self, report: &mut ReadReport) {
         let Some(scale) = self.scale else { return };
         let mut bad = 0;
@@ -360,6 +387,7 @@ impl Collector {
     }
 }
 
+/// Scales normals to length 1, and sets those that are not finite to 0, which stands for none.
 fn finish_normals(normals: &mut [Point3], report: &mut ReadReport) {
     let (mut scaled, mut bad) = (0, 0);
     for n in normals {

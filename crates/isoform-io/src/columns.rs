@@ -6,13 +6,18 @@ use std::io::{self, Write};
 
 /// Names of all values of a row, such that reading gives the same roles again.
 pub(crate) struct Names {
+    /// Names of the coordinates.
     pub(crate) positions: [&'static str; 3],
+    /// Names of the components of normals, if there are any.
     pub(crate) normals: Vec<&'static str>,
+    /// Names of the colours, if there are any.
     pub(crate) colors: Vec<&'static str>,
+    /// Names of all other values, no two alike.
     pub(crate) columns: Vec<String>,
 }
 
 impl Names {
+    /// All names in the order of a row: positions, normals, colours, columns.
     pub(crate) fn all(&self) -> Vec<&str> {
         let columns = self.columns.iter().map(String::as_str);
         self.positions

@@ -10,6 +10,7 @@ use crate::input::{Input, Result};
 use crate::{ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
+/// Yes for the signature of E57.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"ASTM-E57") {
         Sniff::Yes
@@ -18,6 +19,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// Refuses, because this build has no reader of E57.
 #[cfg(not(feature = "e57"))]
 pub(crate) fn read(
     input: &mut Input<'_>,
@@ -55,16 +57,23 @@ mod with_crate {
     /// What a field means.
     #[derive(Clone, Copy, Debug, PartialEq)]
     enum Field {
+        /// x, y or z.
         Cartesian(usize),
+        /// Range, azimuth or elevation.
         Spherical(usize),
         /// Not 0: no coordinates.
         Invalid,
+        /// A component of the normal.
         Normal(usize),
+        /// Red, green or blue.
         Color(usize),
+        /// The strength of the echo.
         Intensity,
+        /// Nothing that a cloud keeps.
         Other,
     }
 
+    /// The meaning of a field, by its name in the standard or in the extension for normals.
     fn field(name: &RecordName) -> Field {
         match name {
             RecordName::CartesianX => Field::Cartesian(0),
@@ -89,6 +98,7 @@ mod with_crate {
         }
     }
 
+    /// All scans of the file as one cloud in metres. A panic in the crate below becomes an error.
     pub(crate) fn read(
         input: &mut Input<'_>,
         options: &ReadOptions,
@@ -142,6 +152,7 @@ mod with_crate {
         why
     }
 
+    /// The error for a file that contradicts itself.
     fn invalid(desc: &str) -> Error {
         Error::Invalid {
             desc: desc.into(),
@@ -149,6 +160,7 @@ mod with_crate {
         }
     }
 
+    /// Offers the points of all scans, pose applied, to the collector.
     fn scans<T: std::io::Read + std::io::Seek>(
         stream: T,
         collector: &mut Collector,
@@ -201,10 +213,13 @@ mod with_crate {
 
     /// A scan of the file with what its points need.
     struct Scan<'s> {
+        /// The scan as the crate below has it.
         cloud: &'s e57::PointCloud,
         /// Number of the scan, from 0.
         number: u32,
+        /// Meaning of each field of a record.
         fields: Vec<Field>,
+        /// From the frame of the scan to the frame of the file.
         pose: Pose,
         /// Darkest and brightest value of each colour.
         colors: [(f64, f64); 3],
@@ -220,6 +235,7 @@ mod with_crate {
     }
 
     impl<'s> Scan<'s> {
+        /// The scan with its number in the file.
         fn of((cloud, number): (&'s e57::PointCloud, u32)) -> Self {
             Self {
                 cloud,
@@ -273,11 +289,14 @@ mod with_crate {
     /// Offers points as rows of a layout.
     struct Rows {
         layout: Layout,
+        /// Whether any scan has intensities, which then come before the number of the scan.
         has_intensity: bool,
+        /// The row at hand.
         row: Vec<f64>,
     }
 
     impl Rows {
+        /// Rows of a layout, which is announced to the collector.
         fn new(mut layout: Layout, collector: &mut Collector) -> Self {
             layout.announce(collector);
             Self {
@@ -286,6 +305,7 @@ mod with_crate {
                 layout,
             }
         }
+        /// Offers a point; values that the file has for other scans only are NaN.
         fn offer(&mut self, values: &Values, collector: &mut Collector) {
             let columns = [values.intensity, values.scan];
             let mut columns = columns.into_iter().skip(usize::from(!self.has_intensity));
@@ -338,6 +358,7 @@ mod with_crate {
         low.as_ref().map(number).zip(high.as_ref().map(number))
     }
 
+    /// A limit as a number; a scaled integer is taken unscaled.
     fn number(v: &RecordValue) -> f64 {
         match v {
             RecordValue::Single(v) => f64::from(*v),
@@ -365,6 +386,7 @@ mod with_crate {
     }
 
     impl Pose {
+        /// The pose of a scan, its quaternion brought to length 1; none for a quaternion of zeros.
         fn of(scan: &e57::PointCloud) -> Self {
             let t = scan.transform.clone().unwrap_or_default();
             let q = &t.rotation;
@@ -395,10 +417,12 @@ mod with_crate {
                 translation: [t.translation.x, t.translation.y, t.translation.z],
             }
         }
+        /// R p, for directions.
         fn rotate(&self, p: Point3) -> Point3 {
             self.rotation
                 .map(|r| r[0] * p[0] + r[1] * p[1] + r[2] * p[2])
         }
+        /// R p + t.
         fn point(&self, p: Point3) -> Point3 {
             let q = self.rotate(p);
             std::array::from_fn(|k| q[k] + self.translation[k])

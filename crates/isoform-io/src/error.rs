@@ -125,6 +125,7 @@ pub struct WriteError {
 }
 
 impl WriteError {
+    /// A failure of the system to open or write a file.
     pub(crate) fn io(what: &'static str, file: String, e: &std::io::Error) -> Self {
         use std::io::ErrorKind as K;
         let (code, hint) = match e.kind() {

@@ -19,7 +19,9 @@ pub(crate) enum Sniff {
     Yes,
 }
 
+/// A reader of points: the cloud, with counts and warnings in the report.
 pub(crate) type ReadFn = fn(&mut Input<'_>, &ReadOptions, &mut ReadReport) -> Result<PointCloud>;
+/// A writer of points.
 pub(crate) type WriteFn = fn(&PointCloud, &mut dyn Write, &WriteOptions) -> io::Result<()>;
 
 /// A file format.
@@ -30,8 +32,11 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
+    /// How sure the first bytes of a file make this format.
     pub(crate) sniff: fn(&[u8]) -> Sniff,
+    /// Its reader.
     pub(crate) read: ReadFn,
+    /// Its writer, if it is written.
     pub(crate) write: Option<WriteFn>,
     /// Whether triangles, normals and colours survive writing; for the warnings of
     /// [`write_path`](crate::write_path).

@@ -1,4 +1,8 @@
 //! A file or a block of bytes as a stream that knows where it is.
+//!
+//! Every reader of the crate reads through [`Input`], so that errors name the file and the line or
+//! byte, and sizes that a header announces can be compared with the bytes that are left. Text is
+//! read by the line, in whatever line ends the file has, or by the word ([`Words`]).
 
 use crate::{At, ErrorKind, Place, ReadError};
 use std::io::{BufRead, BufReader, Cursor, Read, Seek, SeekFrom};
@@ -28,10 +32,13 @@ pub enum Source<'a> {
     },
 }
 
+/// What a reader needs of a source: buffered reading and seeking.
 pub(crate) trait Stream: BufRead + Seek + Send + Sync {}
 impl<T: BufRead + Seek + Send + Sync> Stream for T {}
 
+/// A source of bytes, its name, and the place that reading has come to.
 pub(crate) struct Input<'a> {
+    /// The source itself.
     stream: Box<dyn Stream + 'a>,
     /// Name in messages.
     pub(crate) name: String,
@@ -72,6 +79,7 @@ fn open_file<'a>(path: &Path) -> std::io::Result<Opened<'a>> {
 }
 
 impl<'a> Input<'a> {
+    /// Opens a source; a file that is not there, not readable or a folder is an error.
     pub(crate) fn open(source: Source<'a>) -> Result<Self> {
         let (name, (stream, size)) = match source {
             Source::Bytes { name, bytes } => (name.to_owned(), held(bytes)),
@@ -100,6 +108,7 @@ impl<'a> Input<'a> {
         })
     }
 
+    /// An error at a place of this source.
     pub(crate) fn error(
         &self,
         kind: ErrorKind,
@@ -116,6 +125,7 @@ impl<'a> Input<'a> {
             hint,
         }
     }
+    /// A place in this source, with its name.
     pub(crate) fn place(&self, at: At) -> Place {
         Place {
             file: self.name.clone(),
@@ -133,6 +143,7 @@ impl<'a> Input<'a> {
     pub(crate) fn at_byte(&self) -> At {
         At::Byte(self.offset)
     }
+    /// The error of a source that fails in the middle.
     pub(crate) fn unreadable(&self, e: &std::io::Error) -> ReadError {
         let hint = "check the disk or the network share";
         self.error(
@@ -143,6 +154,7 @@ impl<'a> Input<'a> {
             hint,
         )
     }
+    /// The error of a source that ends before its content is complete.
     pub(crate) fn truncated(&self, missing: impl Into<String>) -> ReadError {
         let hint = "the file was cut off (an aborted copy or download?): get it again";
         self.error(
@@ -165,6 +177,7 @@ impl<'a> Input<'a> {
         self.seek(start)?;
         Ok(head)
     }
+    /// Goes to a byte, counted from the start of the source.
     pub(crate) fn seek(&mut self, to: u64) -> Result<()> {
         self.stream
             .seek(SeekFrom::Start(to))
@@ -299,8 +312,10 @@ fn ends_in_lone_cr(block: &[u8], left: u64) -> Option<bool> {
 
 /// Blank-separated words, over line ends, each with its place.
 pub(crate) struct Words {
+    /// The line at hand, and its bytes.
     text: String,
     bytes: Vec<u8>,
+    /// Byte of the line behind the word given last.
     at: usize,
     /// Column of the word given last.
     pub(crate) column: usize,

@@ -101,6 +101,7 @@ pub fn inspect_unit(cloud: &PointCloud, report: &ReadReport) -> UnitGuess {
     guess_unit(cloud, &cloud.bounds(), report)
 }
 
+/// Points that repeat another one bit by bit (0 and −0 count as equal).
 fn duplicates(cloud: &PointCloud) -> usize {
     let mut keys: Vec<[u64; 3]> = cloud
         .points
@@ -111,6 +112,8 @@ fn duplicates(cloud: &PointCloud) -> usize {
     keys.windows(2).filter(|w| w[0] == w[1]).count()
 }
 
+/// Median distance to the nearest other point, over at most [`QUERIES`] points; none where all
+/// coincide.
 fn spacing(cloud: &PointCloud) -> Option<f64> {
     let tree = KdTree::new(&cloud.points);
     let mut rng = fastrand::Rng::with_seed(1);
@@ -128,6 +131,7 @@ fn spacing(cloud: &PointCloud) -> Option<f64> {
     (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f64::total_cmp).1)
 }
 
+/// Least and largest value of a column, and how many are missing (NaN).
 fn column_range(column: &isoform_geom::Column) -> ColumnRange {
     let good = column.values.iter().copied().filter(|v| !v.is_nan());
     ColumnRange {
@@ -140,12 +144,13 @@ fn column_range(column: &isoform_geom::Column) -> ColumnRange {
 
 /// Extents of parts that are drawn in inches; others are not looked at for it.
 const INCHES: std::ops::Range<f64> = 0.2..120.0;
-/// Vertices of a mesh that lie at one level, as those of a face that is flat do; fewer are chance.
+/// Vertices of a mesh that lie at one level, as a flat face has them; fewer are chance.
 const LEVEL_VERTICES: usize = 6;
 /// Levels at odd fractions of an inch that settle it; among CAD files in millimetres and metres
 /// none was seen to have one.
 const INCH_LEVELS: usize = 3;
 
+/// The unit that the file states, else the unit that the extent and the levels of a mesh suggest.
 fn guess_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
     if let Some(unit) = &report.units {
         return UnitGuess {

@@ -14,10 +14,12 @@ use crate::roles::{Layout, Role};
 use crate::{At, ErrorKind, ReadError, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the LAS file";
 /// Bytes of each point record format from 0 to 10, without extra bytes.
 const RECORD: [u16; 11] = [20, 28, 26, 34, 57, 63, 30, 36, 38, 59, 67];
 
+/// Yes for the signature of LAS, which LAZ has as well.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"LASF") {
         Sniff::Yes
@@ -26,17 +28,22 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// A little-endian u16 at an offset, which must be within the bytes.
 pub(crate) fn u16_at(b: &[u8], at: usize) -> u16 {
     u16::from_le_bytes([b[at], b[at + 1]])
 }
+/// A little-endian u32 at an offset, which must be within the bytes.
 pub(crate) fn u32_at(b: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(std::array::from_fn(|i| b[at + i]))
 }
+/// A little-endian f64 at an offset, which must be within the bytes.
 fn f64_at(b: &[u8], at: usize) -> f64 {
     f64::from_le_bytes(std::array::from_fn(|i| b[at + i]))
 }
 
+/// The header as far as the points need it.
 pub(crate) struct Header {
+    /// Number of point records.
     pub(crate) points: u64,
     /// Byte offset of the first record.
     pub(crate) start: u64,
@@ -44,13 +51,16 @@ pub(crate) struct Header {
     pub(crate) record: u16,
     /// Point record format, 0 to 10.
     format: u8,
+    /// Whether the records are LAZ, which the upper bits of the format tell.
     is_compressed: bool,
+    /// Coordinates are `scale` · (whole number) + `offset`.
     scale: [f64; 3],
     offset: [f64; 3],
     /// Data of the "laszip encoded" record.
     pub(crate) laszip: Option<Vec<u8>>,
 }
 
+/// The error for a file that contradicts itself.
 fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     input.error(
         ErrorKind::Corrupt,
@@ -61,10 +71,12 @@ fn corrupt(input: &Input<'_>, at: At, why: impl Into<String>) -> ReadError {
     )
 }
 
-/// Bytes of a header of LAS 1.0, and of LAS 1.4.
+/// Bytes of a header of LAS 1.0, which every file has.
 const HEADER: usize = 227;
+/// Bytes of a header of LAS 1.4, which counts points in 64 bits.
 const HEADER_14: usize = 375;
 
+/// Reads and checks the header, and the records behind it that tell the unit and the key to LAZ.
 fn header(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Header> {
     let mut b = [0_u8; HEADER_14];
     input.exact(&mut b[..HEADER], || "a LAS header has 227 bytes".into())?;
@@ -98,6 +110,7 @@ fn warn_of_oddities(b: &[u8], report: &mut ReadReport) {
 }
 
 impl Header {
+    /// The header out of its bytes; LAS 1.4 has a second, longer count of points.
     fn of(b: &[u8], is_14: bool) -> Self {
         let legacy = u64::from(u32_at(b, 107));
         let points = match is_14 {
@@ -125,7 +138,7 @@ impl Header {
         })
     }
 
-    /// Refuses what contradicts itself or the file; `size` is that of the header.
+    /// Refuses what contradicts itself or the file; `size` is the header's length.
     fn check(&self, input: &Input<'_>, size: u16) -> Result<()> {
         let refuse = |at, why: String| Err(corrupt(input, At::Byte(at), why));
         let (format, record) = (self.format, self.record);
@@ -205,6 +218,7 @@ fn geo_keys(data: &[u8], report: &mut ReadReport) {
     }
 }
 
+/// The unit of a coordinate system in well-known text (OGC).
 fn well_known_text(text: &str, report: &mut ReadReport) {
     let low = text.to_ascii_lowercase();
     if low.starts_with("geogcs") || low.starts_with("geogcrs") {
@@ -224,11 +238,14 @@ struct Fields {
     class: (usize, u8),
     /// Bits of the return number in byte 14.
     returns: u8,
+    /// Offset of the GPS time.
     time: Option<usize>,
+    /// Offset of red, green and blue.
     color: Option<usize>,
 }
 
 impl Fields {
+    /// The offsets of a point record format: 0 to 5, and 6 to 10 with their longer core.
     fn of(format: u8) -> Self {
         let new = format >= 6;
         Self {
@@ -284,6 +301,8 @@ impl Fields {
     }
 }
 
+/// The points with intensity, class and return number, and with time and colour where the format
+/// has them.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,

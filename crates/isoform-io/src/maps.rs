@@ -134,6 +134,7 @@ pub fn write_map(map: &MapFile) -> String {
     format!("{}\n", json!({"X": x, "Y": y, "Z": z, "W": w}))
 }
 
+/// The error for a text that is no JSON, with its place in the text.
 fn not_json(e: &serde_json::Error) -> MapFileError {
     // The reader appends the place, which is told separately.
     let told = e.to_string();
@@ -145,6 +146,7 @@ fn not_json(e: &serde_json::Error) -> MapFileError {
     }
 }
 
+/// The polynomial under a key: a text, or a number, which is a constant.
 fn polynomial_text(json: &Value, key: &'static str) -> Result<String, MapFileError> {
     let found = match json.get(key) {
         None => return Err(MapFileError::Missing { key }),

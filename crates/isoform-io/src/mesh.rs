@@ -176,7 +176,7 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
 ///
 /// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and
 /// name. Polygons become fans of triangles. Groups come back with their names where the format has
-/// them. Coordinates are those of the file.
+/// them. Coordinates stay as they are in the file.
 pub fn read_mesh(
     source: Source<'_>,
     format: Option<&str>,

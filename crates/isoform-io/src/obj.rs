@@ -1,5 +1,10 @@
 //! OBJ (Wavefront): vertices with colours, vertex normals, faces. Texture coordinates, lines and
 //! free-form surfaces are passed over.
+//!
+//! Faces name vertices and normals by their numbers, from 1 or from the end. A cloud has one normal
+//! per point: they are taken where they come in the order of the vertices, or where all faces at a
+//! vertex agree, and left out at creases. Colours behind the coordinates are no part of the format,
+//! but many scanners write them.
 
 use crate::collect::{Collector, ColorScale, Parts};
 use crate::format::Sniff;
@@ -8,6 +13,7 @@ use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the OBJ file";
 /// Corners of the largest polygon that is taken.
 const MAX_CORNERS: usize = 1 << 20;
@@ -40,6 +46,7 @@ struct Normals {
 }
 
 impl Normals {
+    /// Notes that a corner of a face names a normal for its vertex.
     fn corner(&mut self, vertex: u64, normal: u64) {
         let (Ok(v), Ok(n)) = (usize::try_from(vertex), u32::try_from(normal)) else {
             return;
@@ -93,6 +100,7 @@ impl Normals {
     }
 }
 
+/// The points and the triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -119,7 +127,9 @@ pub(crate) fn read_parts(
 /// Lines with their continuations and without comments.
 #[derive(Default)]
 struct Lines {
+    /// The line at hand.
     text: String,
+    /// The line that continues it.
     more: String,
     bytes: Vec<u8>,
 }
@@ -156,7 +166,9 @@ struct Vertex {
 /// Takes line after line. The points are offered at the end, when it is known what they have.
 struct Reader {
     collector: Collector,
+    /// All vertices of the file.
     vertices: Vec<Vertex>,
+    /// All normals, and how faces use them.
     normals: Normals,
     /// Numbers of the parts by name.
     parts: HashMap<String, u32>,
@@ -181,6 +193,7 @@ impl Reader {
         }
     }
 
+    /// Takes a line by its first word.
     fn line(&mut self, text: &str, input: &Input<'_>, report: &mut ReadReport) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
         match words.next() {

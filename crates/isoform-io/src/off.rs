@@ -1,4 +1,8 @@
 //! OFF (Geomview): ASCII, with the prefixes ST, C and N (texture, colour, normal) and comments.
+//!
+//! The keyword says what a vertex has, `[ST][C][N]OFF`; the counts of vertices, faces and edges
+//! follow, then a vertex per line: x y z, the normal, the colour. Faces are a number of corners and
+//! their indices from 0. Colours of faces, four coordinates and other dimensions are not read.
 
 use crate::collect::{Collector, ColorScale};
 use crate::format::Sniff;
@@ -6,10 +10,12 @@ use crate::input::{Input, Result, Words, parse_number, shorten};
 use crate::{ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::PointCloud;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the OFF file";
 /// Corners of the largest polygon that is taken.
 const MAX_CORNERS: u64 = 1 << 20;
 
+/// Yes for the keyword of a variant at the start.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let word: Vec<u8> = head
         .iter()
@@ -26,9 +32,13 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 
 /// Prefixes of the keyword: texture, colour, normal, fourth coordinate, n dimensions.
 struct Keyword {
+    /// ST: texture coordinates follow a vertex.
     texture: bool,
+    /// C: a colour follows a vertex.
     color: bool,
+    /// N: a normal follows a vertex.
     normal: bool,
+    /// 4 or n: a fourth coordinate, or another dimension; neither is read.
     odd: bool,
 }
 
@@ -40,6 +50,7 @@ const NO_KEYWORD: Keyword = Keyword {
     odd: false,
 };
 
+/// The variant that a keyword names; none for any other word.
 fn keyword(word: &str) -> Option<Keyword> {
     let rest = word.strip_suffix("OFF")?;
     let (texture, rest) = rest.strip_prefix("ST").map_or((false, rest), |r| (true, r));
@@ -60,6 +71,7 @@ struct Lines {
 }
 
 impl Lines {
+    /// Reads the next line that holds something; false at the end.
     fn next(&mut self, input: &mut Input<'_>) -> Result<bool> {
         while input.read_line(&mut self.text, &mut self.bytes)? {
             if let Some(at) = self.text.find('#') {
@@ -73,6 +85,7 @@ impl Lines {
     }
 }
 
+/// The points and the triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -129,6 +142,7 @@ impl Header {
         Self::of(kind, &lines.text, input)
     }
 
+    /// The header of a variant, with its line of counts; the number of edges may be missing.
     fn of(kind: Keyword, counts: &str, input: &Input<'_>) -> Result<Self> {
         let words = counts.split_ascii_whitespace().take(3);
         let numbers: Vec<Option<u64>> = words.map(|w| w.parse().ok()).collect();
@@ -146,6 +160,7 @@ impl Header {
     }
 }
 
+/// Offers all vertices; the first one tells whether they have colours.
 fn read_vertices(
     input: &mut Input<'_>,
     lines: &mut Lines,
@@ -205,6 +220,7 @@ fn numbers(line: &str, input: &Input<'_>, values: &mut Vec<f64>) -> Result<()> {
     Ok(())
 }
 
+/// Takes all faces as polygons; what stands behind their corners is not read.
 fn read_faces(
     input: &mut Input<'_>,
     mut lines: Lines,

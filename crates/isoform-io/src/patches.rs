@@ -30,8 +30,10 @@ pub struct PatchFileError {
     pub problem: String,
 }
 
+/// Result of reading a file of patches.
 type Result<T> = std::result::Result<T, PatchFileError>;
 
+/// The error at a place of the document.
 fn wrong<T>(at: impl Into<String>, problem: impl Into<String>) -> Result<T> {
     Err(PatchFileError {
         at: at.into(),
@@ -82,6 +84,7 @@ impl ControlPoints {
     }
 }
 
+/// A double as the rational number that it is.
 fn exact(x: f64) -> RBig {
     RBig::try_from(x).expect("control points are finite")
 }
@@ -98,7 +101,7 @@ pub struct FilePatch {
 }
 
 impl FilePatch {
-    /// The patch in doubles: those of the file, or the nearest ones to what was computed exactly.
+    /// The patch in doubles: as the file has them, or the nearest to the exact results.
     ///
     /// # Errors
     /// [`PatchError`] if a number is too large for a double.
@@ -123,7 +126,7 @@ pub struct PatchRecord {
     pub seed_point: Point3,
 }
 
-/// The file of patches; the same patches give the same bytes.
+/// The file of patches. Equal patches give equal bytes.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -150,6 +153,7 @@ pub fn write_patches(records: &[PatchRecord]) -> Vec<u8> {
     bytes
 }
 
+/// A patch as an entry of the file.
 fn record(r: &PatchRecord) -> Value {
     let (m, n) = r.patch.degree();
     let rows: Vec<Value> = r
@@ -175,7 +179,7 @@ pub fn is_patch_file(json: &Value) -> bool {
         .any(|key| json.get(key).is_some())
 }
 
-/// The patches of a document, those of NURBS surfaces behind the others; never none.
+/// The patches of a document, at least one; patches of NURBS surfaces stand behind the others.
 ///
 /// # Errors
 /// [`PatchFileError`].
@@ -227,6 +231,7 @@ fn bezier(value: &Value, at: &str) -> Result<FilePatch> {
     })
 }
 
+/// The degrees in u and v, both at least 1.
 fn degree(value: &Value, at: &str) -> Result<[usize; 2]> {
     let list = value.get("degree").and_then(Value::as_array);
     let at = format!("{at}, degree");
@@ -262,6 +267,8 @@ impl Net {
         }
     }
 
+    /// Control points with their weights multiplied in, as the patches that this crate writes have
+    /// them.
     fn homogeneous(value: &Value, at: &str) -> Result<Self> {
         let rows = rows(value, "control", at)?;
         let mut control = Vec::with_capacity(rows.len() * rows[0].len());
@@ -336,6 +343,7 @@ fn point<const N: usize>(value: &Value, at: impl Fn() -> String) -> Result<[f64;
         .or_else(|_| wrong(at(), format!("{N} numbers are expected, {count} are there")))
 }
 
+/// A list of finite numbers.
 fn numbers(value: Option<&Value>) -> std::result::Result<Vec<f64>, &'static str> {
     value
         .and_then(Value::as_array)
@@ -343,6 +351,7 @@ fn numbers(value: Option<&Value>) -> std::result::Result<Vec<f64>, &'static str>
         .ok_or("a list of numbers is expected")
 }
 
+/// A finite number.
 fn number(value: &Value) -> Option<f64> {
     value.as_f64().filter(|x| x.is_finite())
 }

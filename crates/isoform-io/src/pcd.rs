@@ -12,10 +12,12 @@ use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use header::{Data, Field, Header};
 use isoform_geom::PointCloud;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the PCD file";
 /// Fields with more values than this are descriptors, not columns.
 const MAX_COUNT: u64 = 8;
 
+/// Yes for the comment that the library writes first, or for a version line within 512 bytes.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(&head[..head.len().min(512)]);
     let mut lines = text.lines();
@@ -27,6 +29,8 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if is_pcd { Sniff::Yes } else { Sniff::No }
 }
 
+/// The points with the fields that have names of their own; packed colours become red, green and
+/// blue.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -57,16 +61,22 @@ pub(crate) fn read(
 
 /// Rows of values by field to rows of the layout.
 struct Reader {
+    /// Roles of the values of a row.
     layout: Layout,
     /// Per field: whether its values are in the row, or three out of a packed colour.
     parts: Vec<Part>,
+    /// The row at hand.
     row: Vec<f64>,
 }
 
+/// What becomes of the values of a field.
 #[derive(Clone, Copy, PartialEq)]
 enum Part {
+    /// They are values of the row.
     Values,
+    /// They are a packed colour, which gives three values of the row.
     Packed,
+    /// They are passed over.
     Nothing,
 }
 
@@ -101,6 +111,7 @@ fn color_bits(field: &Field, v: f64) -> u32 {
 }
 
 impl Reader {
+    /// The reader of files with this header. A field of several values becomes as many columns.
     fn new(header: &Header, report: &mut ReadReport) -> Self {
         let mut names: Vec<String> = Vec::new();
         let mut parts: Vec<Part> = Vec::new();
@@ -127,11 +138,13 @@ impl Reader {
         }
     }
 
+    /// Adds red, green and blue out of the bits 0xRRGGBB.
     fn packed(&mut self, bits: u32) {
         self.row
             .extend([16, 8, 0].map(|s| f64::from(bits >> s & 0xff)));
     }
 
+    /// Reads rows of words.
     fn ascii(
         &mut self,
         input: &mut Input<'_>,
@@ -157,6 +170,7 @@ impl Reader {
         Ok(())
     }
 
+    /// Reads rows of bytes.
     fn binary(
         &mut self,
         input: &mut Input<'_>,
@@ -181,6 +195,7 @@ impl Reader {
         Ok(())
     }
 
+    /// Takes a value of a field from the first of these bytes.
     fn value(&mut self, field: &Field, part: Part, bytes: &[u8]) {
         match part {
             Part::Values => self.row.push(field.kind.decode(bytes, false)),

@@ -21,8 +21,10 @@ use isoform_geom::PointCloud;
 use rows::Rows;
 use std::collections::BTreeMap;
 
+/// What failed, as the errors of the header say.
 const WHAT: &str = "cannot read the PLY header";
 
+/// Yes for the magic word on a line of its own.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
         Sniff::Yes
@@ -31,6 +33,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// The points and the triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -79,6 +82,7 @@ pub(crate) fn read_parts(
     collector.finish_with_parts(input, options, report)
 }
 
+/// Offers all vertices as rows of their properties.
 fn read_vertices(
     input: &mut Input<'_>,
     rows: &mut Rows,
@@ -126,11 +130,14 @@ fn vertex_layout(element: &Element, report: &mut ReadReport) -> Layout {
 
 /// The parts of faces: the property that holds their tags, and the numbers of the parts by tag.
 struct FaceParts {
+    /// Place of the tag among the properties.
     property: Option<usize>,
+    /// Number of the part in the collector, by tag.
     numbers: BTreeMap<i64, u32>,
 }
 
 impl FaceParts {
+    /// The parts that comments name are added to the collector; other tags get parts as they come.
     fn of(element: &Element, names: &PartNames, collector: &mut Collector) -> Self {
         let is_part = |p: &Property| p.list.is_none() && p.name == "part";
         let property = element.properties.iter().position(is_part);
@@ -157,6 +164,7 @@ impl FaceParts {
     }
 }
 
+/// Takes all faces or strips of an element as polygons.
 fn read_faces(
     input: &mut Input<'_>,
     rows: &mut Rows,
@@ -203,10 +211,12 @@ fn read_faces(
     Ok(())
 }
 
+/// A number as an index from 0.
 fn index(v: f64) -> Option<u64> {
     (v >= 0.0 && v.fract() == 0.0).then_some(v as u64)
 }
 
+/// The error for a corner that is no index.
 fn no_index(input: &Input<'_>, v: f64, at: At) -> ReadError {
     let why = format!("{v} is not the index of a vertex");
     let hint = "export the mesh again";

@@ -3,6 +3,8 @@
 use crate::format::{Foreign, Format, Sniff};
 use crate::{e57, las, obj, off, pcd, ply, stl, text};
 
+/// All formats of points, in the order in which content is tested: the surest first, plain text
+/// last.
 #[rustfmt::skip]
 static FORMATS: [Format; 9] = [
     Format { name: "ply", extensions: &["ply"], title: "PLY", sniff: ply::sniff, read: ply::read, write: Some(ply::write), keeps_triangles: true },

@@ -6,10 +6,15 @@ use isoform_geom::Point3;
 /// Where a value of a row goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Role {
+    /// A coordinate.
     Position(usize),
+    /// A component of the normal.
     Normal(usize),
+    /// Red, green or blue.
     Color(usize),
+    /// A value of a column.
     Column(usize),
+    /// Nothing is kept of it.
     Ignored,
 }
 
@@ -32,10 +37,15 @@ pub(crate) fn role_named(name: &str) -> Option<Role> {
 /// The roles of the values of a row, in their order.
 #[derive(Debug, Default)]
 pub(crate) struct Layout {
+    /// Role of each value of a row.
     pub(crate) roles: Vec<Role>,
+    /// Names of the columns, in the order of their numbers.
     pub(crate) columns: Vec<String>,
+    /// What the numbers of colours mean, where the format says so.
     pub(crate) scale: Option<ColorScale>,
+    /// Whether all three components of a normal are there.
     normals: bool,
+    /// Whether all three components of a colour are there.
     colors: bool,
 }
 
@@ -70,6 +80,7 @@ impl Layout {
             }
         }
     }
+    /// Whether a value of the row has this role.
     pub(crate) fn has(&self, role: Role) -> bool {
         self.roles.contains(&role)
     }

@@ -4,8 +4,8 @@ use crate::ReadReport;
 use isoform_geom::{Point3, PointCloud, cross, norm, sub};
 
 /// Uniform points on the triangles: a triangle by its share of the area, then p = (1−√r)a +
-/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). Normals are those of the
-/// triangles; colours are interpolated; columns are left out.
+/// √r(1−s)b + √r·s·c with r and s uniform between 0 and 1 (Turk 1990). A point has the normal of
+/// its triangle and an interpolated colour; columns are left out.
 pub(crate) fn surface_samples(
     mesh: &PointCloud,
     n: usize,
@@ -43,7 +43,9 @@ pub(crate) fn surface_samples(
 
 /// The triangles' areas (twice, which their shares do not see), summed up to each of them.
 struct AreaSums {
+    /// Sum up to and including each triangle.
     sums: Vec<f64>,
+    /// Sum over all triangles.
     total: f64,
 }
 
@@ -88,6 +90,7 @@ fn area_vector(mesh: &PointCloud, t: &[u32; 3]) -> Point3 {
     cross(sub(b, a), sub(c, a))
 }
 
+/// The mean of the corners with these weights, which sum to 1.
 fn mix(weights: [f64; 3], corners: [Point3; 3]) -> Point3 {
     std::array::from_fn(|k| {
         weights[0] * corners[0][k] + weights[1] * corners[1][k] + weights[2] * corners[2][k]

@@ -6,7 +6,7 @@
 //! that have a control weight of 0 or less without a word: knots are inserted until all are
 //! positive, which changes no point of the surface.
 //!
-//! The same patches give the same bytes: the time stamp is a fixed one unless another is given.
+//! Equal patches give equal bytes: the time stamp is a fixed one unless another is given.
 
 mod knots;
 mod part21;
@@ -25,7 +25,7 @@ use std::path::Path;
 const SAME: f64 = 1e-9;
 /// What the file states as the accuracy of its lengths, in its unit.
 const UNCERTAINTY: f64 = 1e-7;
-/// The time of files that are to be the same each time.
+/// The time stamp unless another is given: equal patches are to give equal files.
 const EPOCH: &str = "1970-01-01T00:00:00";
 
 /// A patch to be written as a face.
@@ -78,6 +78,7 @@ pub fn write_step_path(
     write_atomic(path, |out: &mut dyn Write| out.write_all(text.as_bytes()))
 }
 
+/// The text of the file, or the refusal with the name of the file.
 fn compose(faces: &[StepFace], options: &StepOptions, file: &str) -> Result<String, WriteError> {
     let refuse = |refusal: Refusal| WriteError {
         code: refusal.code,
@@ -109,6 +110,7 @@ struct Refusal {
     hint: &'static str,
 }
 
+/// The unit of length, which must be one that STEP files can state here.
 fn unit(options: &StepOptions) -> Result<&str, Refusal> {
     let unit = options.units.as_deref().unwrap_or("mm");
     if STEP_UNITS.contains(&unit) {
@@ -162,8 +164,11 @@ fn size(splines: &[Spline]) -> Result<f64, Refusal> {
 
 /// Instances of the product to which faces are tied.
 struct Product {
+    /// Shape of the product, which the representation defines.
     shape: usize,
+    /// Units and accuracy of the coordinates.
     context: usize,
+    /// Axes at the origin.
     origin: usize,
 }
 
@@ -294,7 +299,9 @@ fn length_unit(doc: &mut Document, unit: &str) -> usize {
 
 /// A border of a face.
 struct Border {
+    /// Its control points, homogeneous.
     control: Vec<[f64; 4]>,
+    /// Whether it runs along u, whose knots it has then.
     along_u: bool,
     /// Whether it runs along the loop around the face.
     forward: bool,
@@ -322,10 +329,12 @@ fn borders(spline: &Spline) -> [Border; 4] {
 struct Vertices {
     /// Points this near are one.
     same: f64,
+    /// Places of the vertices with their numbers.
     written: Vec<(Point3, usize)>,
 }
 
 impl Vertices {
+    /// Whether two points are one vertex.
     fn is_same(&self, p: Point3, q: Point3) -> bool {
         distance_squared(p, q) <= self.same * self.same
     }

@@ -11,9 +11,11 @@ use crate::{At, ErrorKind, ReadOptions, ReadReport};
 use isoform_geom::{Point3, PointCloud};
 use std::collections::HashMap;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the STL file";
-/// Bytes before the facets, and per facet.
+/// Bytes before the facets of a binary file: 80 of text, and the number of facets.
 const HEADER: u64 = 84;
+/// Bytes of a facet: a normal and three corners in 32 bits, and two bytes of attributes.
 const FACET: u64 = 50;
 
 /// Maybe: binary STL has no mark, and "solid" begins binary files too.
@@ -35,11 +37,14 @@ fn is_ascii(head: &[u8]) -> bool {
 
 /// Numbers corners; equal ones get one number.
 struct Weld<'c> {
+    /// Takes vertices and triangles.
     collector: &'c mut Collector,
+    /// Numbers of the vertices by the bits of their coordinates.
     known: HashMap<[u64; 3], u64>,
 }
 
 impl Weld<'_> {
+    /// The number of the vertex at a corner; a new one is offered to the collector.
     fn vertex(&mut self, p: Point3) -> u64 {
         // Adding 0 turns −0 into 0.
         let key = p.map(|v| (v + 0.0).to_bits());
@@ -49,12 +54,14 @@ impl Weld<'_> {
             next
         })
     }
+    /// Takes a triangle.
     fn facet(&mut self, corners: [Point3; 3], at: At) {
         let corners = corners.map(|p| self.vertex(p));
         self.collector.polygon(&corners, at);
     }
 }
 
+/// The points and the triangles.
 pub(crate) fn read(
     input: &mut Input<'_>,
     options: &ReadOptions,
@@ -88,6 +95,7 @@ pub(crate) fn read_parts(
     collector.finish_with_parts(input, options, report)
 }
 
+/// Reads as many facets as the header announces; the text of the header may state a unit.
 fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let mut head = [0; HEADER as usize];
     input.exact(&mut head, || {
@@ -118,6 +126,7 @@ fn read_binary(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepo
     Ok(())
 }
 
+/// Reads the solids of a text.
 fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadReport) -> Result<()> {
     let (mut text, mut bytes) = (String::new(), Vec::new());
     let mut solids = Solids::default();
@@ -144,6 +153,7 @@ fn read_ascii(input: &mut Input<'_>, weld: &mut Weld<'_>, report: &mut ReadRepor
 /// How far the text of an ASCII file has been taken.
 #[derive(Default)]
 struct Solids {
+    /// Solids that have begun.
     count: u64,
     /// The end of the last one has not come.
     is_open: bool,
@@ -154,6 +164,7 @@ struct Solids {
 }
 
 impl Solids {
+    /// Takes a line by its first word, in any case.
     fn line(
         &mut self,
         text: &str,
@@ -195,6 +206,7 @@ impl Solids {
         Ok(())
     }
 
+    /// Takes the corners that have come as a facet, if they are three.
     fn end_facet(&mut self, input: &Input<'_>, weld: &mut Weld<'_>) {
         if let [a, b, c] = self.corners[..] {
             weld.facet([a, b, c], input.at_line(0));

@@ -25,6 +25,7 @@ use std::io::{self, Write};
 const PROBE: usize = 1000;
 /// More columns are not points.
 const MAX_COLUMNS: usize = 1000;
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the points";
 
 /// Maybe, if the first line that is no comment and no header starts with three numbers.
@@ -47,6 +48,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// Whether a line starts like a comment.
 fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
@@ -69,22 +71,33 @@ fn number(field: &str, decimal: bool, scratch: &mut String) -> Option<f64> {
     parse_number(scratch)
 }
 
+/// The rows of a file, and what its lines say of them.
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
+    /// The line at hand, and its bytes.
     text: String,
     bytes: Vec<u8>,
+    /// What stands between fields, and whether commas are decimal; set by the first row.
     separator: Option<(Separator, bool)>,
+    /// The row at hand.
     values: Vec<f64>,
     /// Positions of the coordinates in a row, once known; a word there is an error.
     coordinates: [usize; 3],
     /// Values of a row, set by the first.
     width: usize,
+    /// Whether the file is PTS, where every scan begins with its number of points.
     is_pts: bool,
+    /// Names of the columns, out of a header or the last comment before the first row.
     names: Option<Vec<String>>,
+    /// The last comment before the first row, without its mark.
     last_comment: String,
+    /// Points that the file announces, over all its scans.
     declared: Option<u64>,
+    /// Lines with more fields than the first.
     longer: u64,
+    /// Fields that should be numbers and are not.
     words: u64,
+    /// The unit that a comment or a name states.
     unit: Option<String>,
 }
 
@@ -393,6 +406,7 @@ impl Reader<'_, '_> {
         }
     }
 
+    /// Notes where the coordinates stand, so that words there are refused.
     fn place(&mut self, layout: &Layout) {
         for k in 0..3 {
             self.coordinates[k] = layout
@@ -426,6 +440,7 @@ pub(crate) fn write_csv(
     lines(cloud, out, ',')
 }
 
+/// Writes a line of names and a line per point.
 fn lines(cloud: &PointCloud, out: &mut dyn Write, separator: char) -> io::Result<()> {
     let names = crate::columns::column_names(cloud);
     writeln!(out, "{}", names.all().join(&separator.to_string()))?;

@@ -37,6 +37,7 @@ pub fn write_path(
     Ok(report(cloud, format))
 }
 
+/// The format of that name, if it can be written, with its writer.
 fn writer(name: &str) -> Result<(&'static Format, WriteFn), WriteError> {
     let format = format_named(name);
     format.and_then(|f| f.write.map(|w| (f, w))).ok_or_else(|| {
@@ -58,6 +59,7 @@ fn writer(name: &str) -> Result<(&'static Format, WriteFn), WriteError> {
     })
 }
 
+/// What was written, and what the format could not hold.
 fn report(cloud: &PointCloud, format: &Format) -> WriteReport {
     let mut warnings = Vec::new();
     if !cloud.triangles.is_empty() && !format.keeps_triangles {

@@ -1,13 +1,16 @@
-//! F∘p for a polynomial F: w^d F(x/w, y/w, z/w) is a polynomial of degree (d m, d n) whose
-//! Bernstein coefficients bound it.
+//! F∘p for a polynomial F of degree d and a patch p of degree (m, n): w^d F(X/w, Y/w, Z/w) is a
+//! polynomial of degree (d m, d n). The quotients of its Bernstein coefficients by the coefficients
+//! of w^d bound |F∘p| where w is positive.
 //!
 //! On patches that lie on the surface to rounding this bound is of the order of rounding, which no
-//! expansion about points comes to unless F is a quadric.
+//! expansion about points comes to unless F is a quadric. Rounding is bounded as it goes along:
+//! every coefficient carries the sum of the absolute values that went into it, and the number of
+//! roundings behind it.
 
 use isoform_geom::{RationalPatch, Terms};
 
-/// The highest degree of a composition that is looked at: higher ones cost much, and rounding grows
-/// with the degree.
+/// The highest degree d m or d n of a composition that is computed. Higher ones cost much, and
+/// rounding grows with the degree.
 const MOST_DEGREE: usize = 32;
 
 /// Scaled Bernstein coefficients (multiplied by binomials, so that products are convolutions) of
@@ -22,6 +25,7 @@ struct Scaled {
 }
 
 impl Scaled {
+    /// The constant 1.
     fn one() -> Self {
         Self {
             degree: (0, 0),
@@ -57,6 +61,7 @@ impl Scaled {
         }
         list
     }
+    /// The product, a convolution; absolute values go along.
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
         let mut values = vec![[0.0; 2]; (m + k + 1) * (n + l + 1)];

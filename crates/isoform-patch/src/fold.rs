@@ -39,11 +39,13 @@ struct Cell {
     /// Bernstein coefficients of n w³.
     normals: Vec<[Interval; 3]>,
     place: Place,
+    /// How often the patch was halved to get here.
     depth: u32,
 }
 
-/// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, by samples whose
-/// normals point against those of a neighbour; of several the first that is nearest to its side.
+/// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, as samples tell:
+/// two neighbours whose normals are opposed. Of several such places the first that is nearest to
+/// its side counts.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
     let normals: Vec<Point3> = grid(SAMPLES).map(normal).collect();
@@ -197,6 +199,7 @@ impl Cell {
     }
 }
 
+/// The middle of two points.
 fn mean<const K: usize>(a: [Interval; K], b: [Interval; K]) -> [Interval; K] {
     std::array::from_fn(|k| Interval::constant(0.5) * (a[k] + b[k]))
 }
@@ -233,6 +236,7 @@ struct Bernstein {
 }
 
 impl Bernstein {
+    /// The derivative by u: m times the differences of neighbours in u.
     fn derivative_u(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(m as f64);
@@ -242,6 +246,7 @@ impl Bernstein {
             values: (0..m * (n + 1)).map(step).collect(),
         }
     }
+    /// The derivative by v: n times the differences of neighbours in v.
     fn derivative_v(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(n as f64);
@@ -252,6 +257,7 @@ impl Bernstein {
             values: (0..=m).flat_map(at).map(step).collect(),
         }
     }
+    /// The difference of two polynomials of one degree.
     fn minus(&self, other: &Self) -> Self {
         let values = self.values.iter().zip(&other.values).map(|(a, b)| *a - *b);
         Self {
@@ -259,6 +265,7 @@ impl Bernstein {
             values: values.collect(),
         }
     }
+    /// The product, whose coefficients are weighted sums of products, see [`shares`].
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
         let (in_u, in_v) = (shares(m, k), shares(n, l));

@@ -10,9 +10,9 @@
 //! |---|---|
 //! | one patch on a smooth function | [`parameterize`] |
 //! | one patch on a surface with sharp edges | [`parameterize_part`] |
-//! | patches until the surface is covered | [`cover`], [`cover_parts`] |
+//! | patches until the surface is covered | [`cover`](fn@cover), [`cover_parts`] |
 //! | the distance of a patch from a surface | [`distances`], [`prove`] |
-//! | the name of the quadric that a patch lies on | [`quadric`] |
+//! | the name of the quadric that a patch lies on | [`quadric`](fn@quadric) |
 //!
 //! ```
 //! use isoform_field::Polynomial;

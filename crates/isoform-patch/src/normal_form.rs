@@ -1,4 +1,13 @@
 //! The kind, the axes and the measures of a quadric, from its equation.
+//!
+//! The equation comes diagonal, Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 ([`Diagonal`]). A direction with λₖ ≠
+//! 0 is called round, one with λₖ = 0 flat. Completing squares moves the centre to where the round
+//! directions have no terms of degree 1; then the number of flat directions and the signs of λₖ
+//! tell the kind:
+//!
+//! - no flat direction: ellipsoid, hyperboloid or cone;
+//! - one: elliptic or hyperbolic cylinder, or, where bₖ ≠ 0 along it, a paraboloid;
+//! - two: parabolic cylinder.
 
 use isoform_geom::{NormalForm, Point3, QuadricKind, cross};
 
@@ -45,6 +54,7 @@ impl Diagonal {
         (center, rest)
     }
 
+    /// The normal form of a kind, with the axes in an order.
     fn form(
         &self,
         kind: QuadricKind,
@@ -94,6 +104,8 @@ impl Diagonal {
         Some(self.form(QuadricKind::EllipticCone, apex, [i, j, alone], measures))
     }
 
+    /// λᵢ yᵢ² + λⱼ yⱼ² + rest = 0 along the axis k; none for a line, a pair of planes, or nothing
+    /// real.
     fn cylinder(
         &self,
         [i, j, k]: [usize; 3],

@@ -1,8 +1,13 @@
 //! The unit box: every patch is grown about the origin in units of the region's largest edge, so
 //! that neither the unit of length nor the place of a model matters.
 //!
-//! The weights of S (Wurm, Jüttler and Kim 2003, Table 2) are those of a unit cube, and control
+//! The weights of S are given for a unit cube (Wurm, Jüttler and Kim 2003, Table 2), and control
 //! points (x w, y w, z w, w) of patches far from the origin are no variables for Newton's method.
+//!
+//! A place p of the box is at c + e p in space, with the centre c and the largest edge e of the
+//! region. Options and functions go in ([`UnitBox::options`], [`UnitBox::field`]); patches,
+//! distances and errors come out. Rounding on the way out moves points: a tolerance is made smaller
+//! by that before, and a bound larger by it afterwards.
 
 use crate::distance::Distances;
 use crate::fold;
@@ -16,8 +21,8 @@ use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// The part of a tolerance that is left for the rounding of coordinates on their way out of the
-/// unit box, in units of the largest one: twice what is rounded.
+/// The share of the largest coordinate in space that a tolerance leaves for the rounding of
+/// coordinates on their way out of the unit box: twice what is rounded.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
 /// A place p of the unit box is at `center` + `edge` p in space.
@@ -28,6 +33,7 @@ pub(crate) struct UnitBox {
 }
 
 impl UnitBox {
+    /// The unit box of a region.
     pub(crate) fn of(region: &Aabb) -> Self {
         Self {
             center: std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]),
@@ -63,8 +69,8 @@ impl UnitBox {
             hi: self.out(region.hi),
         }
     }
-    /// How a surface is covered in the unit box. As of a tolerance, something of a margin is for
-    /// rounding on the way out, and more is asked for.
+    /// How a surface is covered in the unit box. A part of the margin, as of a tolerance, is used
+    /// up by rounding on the way out, so that more is asked for.
     pub(crate) fn covering(&self, covering: &Covering) -> Covering {
         let far = norm(self.center) + self.edge;
         let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * ROUNDINGS * far) / self.edge;
@@ -141,8 +147,8 @@ impl UnitBox {
         (out, moved)
     }
 
-    /// A patch made in the unit box, in space. That it does not fold over is proved again there,
-    /// of the function of its part.
+    /// A patch made in the unit box, in space. There it is proved again, by the function of its
+    /// part, that it does not fold over.
     pub(crate) fn made_out(&self, made: Parameterized, part: &dyn Field) -> Parameterized {
         let (patch, moved) = self.patch_out(&made.grown.patch);
         let length = |v: f64| self.edge * v;
@@ -187,11 +193,14 @@ fn is_unfolded(field: &dyn Field, patch: &RationalPatch) -> bool {
 
 /// A function of space as one of the unit box.
 pub(crate) struct InUnitBox<F> {
+    /// The function in space.
     field: F,
     unit: UnitBox,
 }
 
 impl<F> InUnitBox<F> {
+    /// A jet in space with its derivatives by coordinates of the unit box: each order brings a
+    /// factor of the edge.
     fn jet_of(&self, j: Jet2) -> Jet2 {
         let s = self.unit.edge;
         Jet2 {
@@ -259,9 +268,10 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
     }
 }
 
-/// An expansion that holds also about places whose coordinates are off by so much: by the mean
-/// value theorem, from third derivatives upward. Off by roundings only, it need not know the sign
-/// that [`Expansion::moved`] does, which takes ten times as long.
+/// An expansion that holds also about places whose coordinates differ by up to `off`: by the mean
+/// value theorem, from third derivatives upward. The places differ by roundings only, so that the
+/// signs of their differences, which [`Expansion::moved`] takes into account in ten times the time,
+/// need not be known.
 fn widened(e: &Expansion, off: Point3) -> Expansion {
     let size = |i: &Interval| i.lo().abs().max(i.hi().abs());
     let mut hessian = e.hessian;
@@ -284,13 +294,14 @@ fn widened(e: &Expansion, off: Point3) -> Expansion {
     }
 }
 
-/// Σ sizeₖ offₖ: three products of two rounded factors, each rounded upward.
+/// Σ sizeₖ offₖ, which is at least the change along `off`: three products of two rounded factors,
+/// rounded upward at the end.
 fn along(size: impl Fn(usize) -> f64, off: Point3) -> f64 {
     let sum: f64 = (0..3).map(|k| size(k) * off[k]).sum();
     sum * (1.0 + 8.0 * f64::EPSILON) + f64::MIN_POSITIVE
 }
 
-/// An interval that reaches farther on both sides.
+/// An interval that reaches farther on both sides by `by`.
 fn wider(i: Interval, by: f64) -> Interval {
     i + Interval::new(-by, by)
 }

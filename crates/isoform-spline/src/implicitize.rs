@@ -479,7 +479,7 @@ impl<'a> Fitting<'a> {
             ..self.weights
         };
         let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
-        let (x, _) = solve(&problem, RESIDUAL, STEPS, control)?;
+        let x = solve(&problem, RESIDUAL, STEPS, control)?;
         let unknown = problem.unknown;
         let level = &mut self.levels[l];
         for (c, i) in level.coefficients.iter_mut().zip(&unknown) {

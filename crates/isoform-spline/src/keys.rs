@@ -5,7 +5,7 @@ use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
 /// A place of a lattice: numbers in x, y and z, none below 0.
-pub type Place = [i32; 3];
+pub(crate) type Place = [i32; 3];
 
 /// Bits of a number in a key: lattices have at most 2²¹ places along an axis.
 const BITS: u32 = 21;

@@ -4,12 +4,26 @@ use crate::energy::{FIXED, Problem, System};
 use crate::smoothing::Smoothing;
 use isoform_control::{Control, Stopped};
 
-/// How the iteration went.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Steps {
-    pub(crate) steps: usize,
-    /// The last residual over the first, in the norm of the preconditioner.
-    pub(crate) residual: f64,
+/// The weight that holds a coefficient which data hardly touches at the level before: without it
+/// f swings there and f = 0 has extra pieces; ten times more of it shows at edges.
+const HELD: f64 = 1e-2;
+
+/// The part of the median weight of data below which data hardly touches a coefficient.
+const HARDLY: f64 = 1e-2;
+
+/// Weights of the corrections themselves, from the diagonal of the data's matrix.
+fn ridge(diagonal: &[f64]) -> Vec<f64> {
+    let mut sorted = diagonal.to_vec();
+    if sorted.is_empty() {
+        return sorted;
+    }
+    let half = sorted.len() / 2;
+    let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
+    let of = |d: &f64| {
+        let lack = (HARDLY * median / d.max(f64::MIN_POSITIVE)).min(1.0);
+        HELD * median * lack * lack
+    };
+    diagonal.iter().map(of).collect()
 }
 
 /// The operator of a level with its scratch.
@@ -19,7 +33,7 @@ struct Operator<'a> {
     smoothing: &'a Smoothing,
     /// λ/M.
     weight: f64,
-    /// ω/M.
+    /// Weights of the unknowns themselves.
     ridge: Vec<f64>,
     spread: Vec<f64>,
     gradient: Vec<f64>,
@@ -55,21 +69,12 @@ pub(crate) fn solve(
     tolerance: f64,
     most: usize,
     control: &Control<'_>,
-) -> Result<(Vec<f64>, Steps), Stopped> {
+) -> Result<Vec<f64>, Stopped> {
     let system = problem.system();
     let smoothing = Smoothing::new(&problem.level.nodes);
     let n = problem.level.nodes.len();
     let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
-    let get = |k: &str, d: f64| std::env::var(k).map_or(d, |v| v.parse::<f64>().expect("n"));
-    let data_diagonal = system.matrix.diagonal();
-    let mut sorted = data_diagonal.clone();
-    let half = sorted.len() / 2;
-    let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
-    let (omega, theta) = (get("RIDGE", 1e-3), get("THETA", 0.1));
-    let ridge: Vec<f64> = data_diagonal.iter().map(|d| {
-        let lack = (theta * median / d.max(1e-300)).min(1.0);
-        omega * median * lack * lack
-    }).collect();
+    let ridge = ridge(&system.matrix.diagonal());
     let mut operator = Operator {
         problem,
         system: &system,
@@ -116,6 +121,5 @@ pub(crate) fn solve(
         rz = next;
         steps += 1;
     }
-    let residual = if first > 0.0 { (rz / first).sqrt() } else { 0.0 };
-    Ok((x, Steps { steps, residual }))
+    Ok(x)
 }

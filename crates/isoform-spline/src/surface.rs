@@ -227,6 +227,17 @@ impl ImplicitSpline {
         leaves.sum()
     }
 
+    /// Whether data lies in the cell about a place.
+    pub fn holds_data(&self, p: Point3) -> bool {
+        let domain = self.domain();
+        if (0..3).any(|k| p[k] < domain.lo[k] || p[k] > domain.hi[k]) {
+            return false;
+        }
+        let leaf = self.leaf(p);
+        let cell = leaf.level.cells.find(leaf.cell);
+        cell.is_some_and(|i| self.data[leaf.depth][i])
+    }
+
     /// Whether data lies in the cell about a place, or in one that shares a face with it.
     pub fn is_seen(&self, p: Point3) -> bool {
         let domain = self.domain();

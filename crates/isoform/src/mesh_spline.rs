@@ -3,7 +3,7 @@
 use crate::mesh_model::{ModelMesh, mesh_solid};
 use crate::{MeshModelError, MeshModelOptions};
 use isoform_control::Control;
-use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, middle};
+use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, cross, middle, norm, sub};
 use isoform_spline::ImplicitSpline;
 use std::collections::HashMap;
 
@@ -40,7 +40,8 @@ pub fn mesh_spline(
     let solid = OnePiece::new(spline.clone(), SEEN);
     let mut made = mesh_solid(&solid, options, control)?;
     let mesh = &mut made.meshed.mesh;
-    let is_seen = seen_triangles(mesh, spline);
+    let mut is_seen = seen_triangles(mesh, spline);
+    drop_strays(mesh, spline, &mut is_seen);
     if is_seen.iter().all(|s| *s) {
         return Ok(made);
     }
@@ -95,6 +96,40 @@ fn seen_triangles(mesh: &Mesh, spline: &ImplicitSpline) -> Vec<bool> {
         }
     }
     seen
+}
+
+/// The least share of a piece's area in cells that hold points. Surfaces through points reach 0.9;
+/// what passes beside them, as an extra branch does, is seen from neighbouring cells only.
+const HELD: f64 = 0.3;
+
+/// Takes pieces that pass beside the points for unseen.
+fn drop_strays(mesh: &Mesh, spline: &ImplicitSpline, is_seen: &mut [bool]) {
+    let mut sets = UnionFind::new(mesh.triangles.len());
+    let mut by_node: Vec<Option<u32>> = vec![None; mesh.points.len()];
+    for (i, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| is_seen[*i]) {
+        for v in t {
+            match by_node[*v as usize] {
+                Some(j) => {
+                    sets.unite(i as u32, j);
+                }
+                None => by_node[*v as usize] = Some(i as u32),
+            }
+        }
+    }
+    let mut areas = vec![[0.0; 2]; mesh.triangles.len()];
+    for (i, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| is_seen[*i]) {
+        let [a, b, c] = t.map(|v| mesh.points[v as usize]);
+        let area = norm(cross(sub(b, a), sub(c, a)));
+        let sums = &mut areas[sets.root(i as u32) as usize];
+        sums[0] += area;
+        if spline.holds_data(middle([a, b, c])) {
+            sums[1] += area;
+        }
+    }
+    for (i, seen) in is_seen.iter_mut().enumerate().filter(|(_, seen)| **seen) {
+        let [all, held] = areas[sets.root(i as u32) as usize];
+        *seen = held >= HELD * all;
+    }
 }
 
 /// Leaves out triangles of a surface, and the nodes that they alone have.

@@ -11,11 +11,16 @@ use isoform::io::{WriteOptions, deviation_colors, write_path};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+/// What a file holds.
 #[derive(Clone, Copy)]
 enum Kind {
+    /// The fitted model.
     Program,
+    /// The points with their deviations.
     Points,
+    /// The page.
     Report,
+    /// What --json prints.
     Document,
 }
 
@@ -40,6 +45,7 @@ pub(crate) fn is_result(path: &Path) -> bool {
     named(path).is_some()
 }
 
+/// What a file is to hold, or that nothing is written with its ending.
 fn kind(path: &Path) -> Result<Kind, Failure> {
     named(path).ok_or_else(|| {
         let failure = Failure::usage(format!(
@@ -87,6 +93,7 @@ pub(crate) fn write(
     }
 }
 
+/// Writes a file of its kind.
 fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
         Kind::Program => output::write_file(path, job.found.program().as_bytes()),

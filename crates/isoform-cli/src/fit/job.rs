@@ -16,28 +16,45 @@ use std::time::Instant;
 /// What is asked for.
 #[derive(Debug)]
 pub(crate) struct Request {
+    /// File or name of the template.
     pub(crate) template: PathBuf,
+    /// How the program is read.
     pub(crate) language: Language,
+    /// Where to start.
     pub(crate) start: Option<Start>,
+    /// File of bounds.
     pub(crate) bounds: Option<PathBuf>,
+    /// How the minimum is sought.
     pub(crate) method: Method,
+    /// Loss of the last stage.
     pub(crate) loss: Loss,
+    /// Parameters that are held, by name.
     pub(crate) fixed: Vec<(String, f64)>,
+    /// Motion of the template as further parameters.
     pub(crate) pose: Option<Pose>,
+    /// Whether isolated points are left out.
     pub(crate) filter_outliers: bool,
     /// Clutter of these kinds is fitted like the rest.
     pub(crate) keep: Vec<Beside>,
+    /// Unit of the scan, where the command line says so.
     pub(crate) units: Option<String>,
 }
 
 /// A fit with all that went into it.
 pub(crate) struct Job {
+    /// Name of the scan.
     pub(crate) scan: String,
+    /// Report of its reader.
     pub(crate) read: ReadReport,
+    /// The fit, in the library's words.
     pub(crate) found: ScanFit,
+    /// Name of the template.
     pub(crate) template_name: String,
+    /// Unit of the scan, and how it is known.
     pub(crate) unit: UnitGuess,
+    /// Seed of the search.
     pub(crate) seed: u64,
+    /// Method of the search.
     pub(crate) method: Method,
     /// Seconds by phase, reading first.
     pub(crate) seconds: Vec<(&'static str, f64)>,
@@ -89,6 +106,7 @@ pub(crate) fn run(scan: Scan, request: &Request, context: &Context) -> Result<Jo
     run_model(scan, &model, request, context)
 }
 
+/// Fits a model that has been read.
 pub(crate) fn run_model(
     scan: Scan,
     model: &Model,
@@ -192,6 +210,7 @@ fn believed(seen: UnitGuess, template: Option<&str>, name: &Path) -> UnitGuess {
     }
 }
 
+/// Why there is no fit, with the option that may help.
 fn failure(error: &FitScanError, scan: &str, request: &Request) -> Failure {
     let message = error.to_string();
     match error {
@@ -221,6 +240,7 @@ fn failure(error: &FitScanError, scan: &str, request: &Request) -> Failure {
     }
 }
 
+/// Why the search gave nothing.
 fn fit_failure(error: &FitError, scan: &str) -> Failure {
     let message = error.to_string();
     match error {

@@ -1,4 +1,8 @@
 //! `isoform fit`: the parameters of a template from points.
+//!
+//! The way is one for `fit` and `recover`: [`job`] reads the scan, fits and gathers the warnings;
+//! [`files`] writes what endings ask for; [`table`] and [`document`] print the result for people
+//! and for programs.
 
 pub(crate) mod document;
 pub(crate) mod files;
@@ -92,6 +96,7 @@ pub(crate) struct Settings {
     units: Option<UnitName>,
 }
 
+/// The names of the methods on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum MethodName {
     Default,
@@ -101,6 +106,7 @@ enum MethodName {
     Annealing,
 }
 
+/// The names of the losses on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum LossName {
     Auto,
@@ -109,6 +115,7 @@ enum LossName {
     Tukey,
 }
 
+/// The names of the poses on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum PoseName {
     None,
@@ -118,6 +125,7 @@ enum PoseName {
     Similarity,
 }
 
+/// The names of the units on the command line.
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum UnitName {
     Mm,
@@ -128,6 +136,7 @@ enum UnitName {
 }
 
 impl MethodName {
+    /// The method of that name.
     fn method(self) -> Method {
         match self {
             Self::Default => Method::Default,
@@ -143,6 +152,7 @@ impl MethodName {
 }
 
 impl LossName {
+    /// The loss of that name.
     fn loss(self) -> Loss {
         match self {
             Self::Auto => Loss::Auto,
@@ -154,6 +164,7 @@ impl LossName {
 }
 
 impl PoseName {
+    /// The pose of that name.
     fn pose(self) -> Pose {
         match self {
             Self::None => Pose::None,
@@ -166,6 +177,7 @@ impl PoseName {
 }
 
 impl UnitName {
+    /// The unit as files and reports write it.
     fn symbol(self) -> &'static str {
         match self {
             Self::Mm => "mm",
@@ -201,6 +213,7 @@ impl Settings {
     }
 }
 
+/// Runs the verb; with --list only the names of the gallery are printed.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (Some(scan), Some(template)) = (&args.scan, &args.template) else {
         let (text, json) = gallery::list(context)?;

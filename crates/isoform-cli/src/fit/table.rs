@@ -73,11 +73,13 @@ fn plain(value: f64) -> String {
 /// A value as it is printed: to the second significant digit of the half width of its interval.
 #[derive(Debug, PartialEq)]
 pub(crate) struct Reading {
+    /// The value.
     pub(crate) value: String,
     /// The half width, or both sides where the interval is lopsided; empty without an interval.
     pub(crate) error: String,
     /// The 95 % interval; empty without one.
     pub(crate) interval: String,
+    /// The unit; empty where there is none.
     pub(crate) unit: String,
 }
 
@@ -148,6 +150,8 @@ pub(crate) fn reading(job: &Job, i: usize) -> Reading {
     scaled(job, i, scale, &unit)
 }
 
+/// A parameter times a factor that changes its unit. A fixed one is printed as given, an
+/// undetermined one without an interval.
 fn scaled(job: &Job, i: usize, scale: f64, unit: &str) -> Reading {
     let p = &job.found.fit.parameters[i];
     let shift = job.found.template.shift[i];
@@ -173,45 +177,43 @@ pub(crate) struct Row {
     pub(crate) interval: String,
     /// Value and error in millimetres, where the scan has another unit.
     pub(crate) mm: String,
+    /// What the points say of it: determined, weak and so on.
     pub(crate) status: &'static str,
+    /// Its bounds, in words.
     pub(crate) bounds: String,
 }
 
 /// The parameters as text.
 pub(crate) fn rows(job: &Job) -> Vec<Row> {
-    let parameters = job.found.template.parameters();
-    let row = |(i, p): (usize, &Estimate)| {
-        let unit = job.unit_of(i).unwrap_or_default();
-        let is_length = matches!(
-            parameters[i].kind,
-            Kind::X | Kind::Y | Kind::Z | Kind::Length
-        );
-        let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
-        let own = scaled(job, i, 1.0, &unit);
-        let shift = job.found.template.shift[i];
-        Row {
-            name: p.name.clone(),
-            value: with_unit(&own.value, &unit),
-            error: own.error,
-            interval: own.interval,
-            mm: scale
-                .map(|s| scaled(job, i, s, "").text())
-                .unwrap_or_default(),
-            status: p.status.as_str(),
-            bounds: format!(
-                "{} to {}",
-                brief(p.bounds.0 + shift),
-                brief(p.bounds.1 + shift)
-            ),
-        }
-    };
-    job.found
-        .fit
-        .parameters
-        .iter()
-        .enumerate()
-        .map(row)
-        .collect()
+    let estimates = job.found.fit.parameters.iter().enumerate();
+    estimates.map(|(i, p)| row(job, i, p)).collect()
+}
+
+/// A parameter as text.
+fn row(job: &Job, i: usize, p: &Estimate) -> Row {
+    let unit = job.unit_of(i).unwrap_or_default();
+    let is_length = matches!(
+        job.found.template.parameters()[i].kind,
+        Kind::X | Kind::Y | Kind::Z | Kind::Length
+    );
+    let scale = millimetres(&unit).filter(|s| is_length && *s != 1.0);
+    let own = scaled(job, i, 1.0, &unit);
+    let shift = job.found.template.shift[i];
+    Row {
+        name: p.name.clone(),
+        value: with_unit(&own.value, &unit),
+        error: own.error,
+        interval: own.interval,
+        mm: scale
+            .map(|s| scaled(job, i, s, "").text())
+            .unwrap_or_default(),
+        status: p.status.as_str(),
+        bounds: format!(
+            "{} to {}",
+            brief(p.bounds.0 + shift),
+            brief(p.bounds.1 + shift)
+        ),
+    }
 }
 
 /// One sentence: whether the template fits.

@@ -11,6 +11,7 @@ use std::time::Instant;
 
 /// Where a mesh goes, and as what.
 pub(crate) struct Target {
+    /// The file, or - for stdout.
     path: PathBuf,
     /// Given with --to, else the ending says.
     format: Option<String>,

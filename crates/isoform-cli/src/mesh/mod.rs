@@ -94,6 +94,7 @@ pub(crate) struct Settings {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Angles(pub(crate) [f64; 2]);
 
+/// Reads the two angles of --angles.
 fn angles(text: &str) -> Result<Angles, String> {
     match output::numbers(text)?.as_slice() {
         // A regular tetrahedron has 70.5 degrees.
@@ -106,6 +107,7 @@ fn angles(text: &str) -> Result<Angles, String> {
     }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let subject = subject(args, context)?;

@@ -59,6 +59,7 @@ fn samples(path: &Path, text: &str) -> Result<Vec<Sample>, Failure> {
         .collect()
 }
 
+/// A line of four numbers, the last of which is positive.
 fn sample(row: &str) -> Option<Sample> {
     match output::numbers(row).as_deref() {
         Ok(&[x, y, z, h]) if h > 0.0 && [x, y, z, h].iter().all(|v| v.is_finite()) => {

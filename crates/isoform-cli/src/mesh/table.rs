@@ -61,6 +61,7 @@ pub(crate) fn line(name: &str, text: String) -> String {
     format!("{name:<13}{text}\n")
 }
 
+/// How many elements, nodes, curves and corners there are.
 fn what(mesh: &Mesh) -> String {
     let elements = if mesh.tets.is_empty() {
         String::new()
@@ -77,6 +78,7 @@ fn what(mesh: &Mesh) -> String {
     )
 }
 
+/// The edge length, and the grade where one is asked for.
 fn size(made: &Made) -> String {
     let grade = made.mesh.options.grade.map_or(String::new(), |e| {
         format!(", smaller where faces would be {e} off")
@@ -84,6 +86,7 @@ fn size(made: &Made) -> String {
     format!("{}{grade}", made.mesh.options.size)
 }
 
+/// The box that was meshed, and whether it is proved to hold all of the model.
 fn region(made: &Made) -> String {
     let r = made.mesh.meshed.region;
     let axis = |k: usize| format!("{} to {}", brief(r.lo[k]), brief(r.hi[k]));
@@ -95,6 +98,7 @@ fn region(made: &Made) -> String {
     format!("{}, {}, {}{proved}", axis(0), axis(1), axis(2))
 }
 
+/// The parts with their numbers of triangles.
 fn parts(mesh: &Mesh) -> String {
     let mut counts = vec![0_usize; mesh.parts.len()];
     mesh.triangle_parts

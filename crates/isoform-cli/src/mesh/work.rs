@@ -41,10 +41,15 @@ pub(crate) enum Shape {
 /// A mesh with all that is known of it.
 pub(crate) struct Made {
     pub(crate) name: String,
+    /// Object of the program that was meshed.
     pub(crate) object: String,
+    /// Values of the parameters.
     pub(crate) values: Vec<f64>,
+    /// Unit of its lengths.
     pub(crate) unit: Option<String>,
+    /// The mesh with its certificate.
     pub(crate) mesh: ModelMesh,
+    /// Files that it went to.
     pub(crate) written: Vec<Written>,
     /// Seconds by phase.
     pub(crate) seconds: Vec<(String, f64)>,
@@ -76,6 +81,7 @@ fn sentence(warning: &Warning) -> String {
 
 /// Phases as they come, each with the time it took.
 struct Phases {
+    /// Phases with the time at which each began.
     started: Mutex<Vec<(String, Instant)>>,
     progress: Progress,
 }
@@ -106,6 +112,7 @@ impl Phases {
             progress: Progress::new(context),
         }
     }
+    /// A phase begins.
     fn enter(&self, phase: &str) {
         self.started
             .lock()
@@ -204,6 +211,7 @@ fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, F
     })
 }
 
+/// Why a program is no solid.
 fn no_solid(error: &SolidError, name: &str) -> Failure {
     let message = format!("{name}: {error}");
     match error {

@@ -7,12 +7,13 @@ use isoform::patch::{Grown, Parameterized, Phase};
 use isoform::report::{AboutPatches, PatchesReport};
 use serde_json::Value;
 
-/// The file of the patches; the same patches give the same bytes.
+/// The file of the patches. Equal patches give equal bytes.
 pub(super) fn patches(made: &Made) -> Vec<u8> {
     let records: Vec<PatchRecord> = made.patches.iter().map(record).collect();
     write_patches(&records)
 }
 
+/// A patch as an entry of the file, with the bound on its distance.
 fn record(p: &Parameterized) -> PatchRecord {
     PatchRecord {
         patch: p.grown.patch.clone(),

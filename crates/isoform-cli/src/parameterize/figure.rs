@@ -9,10 +9,12 @@ use crate::report::svg::escaped;
 use isoform::geom::Field;
 use isoform::patch::Grown;
 
-/// The size of the picture in pixels.
+/// Width of the picture in pixels.
 const WIDTH: f64 = 1040.0;
+/// Height of the picture in pixels.
 const HEIGHT: f64 = 430.0;
 
+/// The classes of texts and lines; S, I and E have a colour each.
 const STYLE: &str = "\
 text { font: 13px sans-serif; fill: #444 } .title { font-size: 15px; fill: #222 } .axis { stroke: #b8b8b4; stroke-width: 1; fill: none }
 .line { fill: none; stroke-width: 1.8; stroke-linejoin: round } .S { stroke: #1f4e79 } .I { stroke: #d1495b } .E { stroke: #4d8f3a }

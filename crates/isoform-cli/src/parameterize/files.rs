@@ -12,9 +12,13 @@ use std::path::Path;
 
 /// Where patches go, and as what.
 pub(super) enum Target<'a> {
+    /// The document on stdout.
     Stdout,
+    /// The document of the patches.
     Json(&'a Path),
+    /// Faces for CAD.
     Step(&'a Path),
+    /// A mesh of the patches.
     Triangles(&'a Path),
 }
 
@@ -23,6 +27,7 @@ pub(super) fn targets(paths: &[impl AsRef<Path>]) -> Result<Vec<Target<'_>>, Fai
     paths.iter().map(|path| target(path.as_ref())).collect()
 }
 
+/// Where one file goes, and as what.
 fn target(path: &Path) -> Result<Target<'_>, Failure> {
     if path == Path::new("-") {
         return Ok(Target::Stdout);
@@ -38,6 +43,7 @@ fn target(path: &Path) -> Result<Target<'_>, Failure> {
     Ok(target)
 }
 
+/// The failure of a name whose ending no format of patches has.
 fn unknown_ending(path: &Path) -> Failure {
     let path = path.display();
     let why = format!(
@@ -86,6 +92,7 @@ pub(super) fn write(
     Ok(stdout)
 }
 
+/// Writes STEP, a face per patch; the product has the name of the model's file.
 fn write_step(
     made: &Made,
     field: &dyn Field,

@@ -116,6 +116,7 @@ pub(crate) struct Args {
     language: Language,
 }
 
+/// The names of the methods on the command line.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Solver {
     /// Gauss-Newton with Levenberg-Marquardt damping
@@ -126,6 +127,7 @@ enum Solver {
     Newton,
 }
 
+/// The names of the forms of L on the command line.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Inner {
     /// The lengths of the parameter lines' tangents, section 2.4 of the paper
@@ -134,6 +136,7 @@ enum Inner {
     Tangents,
 }
 
+/// Reads a positive whole number.
 fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse()
         .ok()
@@ -141,6 +144,7 @@ fn at_least_one(text: &str) -> Result<usize, String> {
         .ok_or_else(|| "a positive integer is expected".to_owned())
 }
 
+/// Reads two degrees.
 fn degree(text: &str) -> Result<(usize, usize), String> {
     let mut numbers = text.split(',').map(|word| word.trim().parse::<usize>());
     match (numbers.next(), numbers.next(), numbers.next()) {
@@ -149,6 +153,7 @@ fn degree(text: &str) -> Result<(usize, usize), String> {
     }
 }
 
+/// Reads a box: half its width around the origin, or two corners.
 fn region(text: &str) -> Result<Aabb, String> {
     match output::numbers(text)?.as_slice() {
         &[b] if b > 0.0 => Ok(Aabb {
@@ -160,6 +165,7 @@ fn region(text: &str) -> Result<Aabb, String> {
     }
 }
 
+/// Reads a point: three numbers.
 fn point(text: &str) -> Result<Point3, String> {
     match output::numbers(text)?.as_slice() {
         &[x, y, z] => Ok([x, y, z]),
@@ -169,12 +175,17 @@ fn point(text: &str) -> Result<Point3, String> {
 
 /// What was made, and of what.
 struct Made {
+    /// Name of the model's file.
     name: String,
+    /// What was asked for.
     options: Options,
+    /// The patches; one without --cover.
     patches: Vec<Parameterized>,
     /// Of a cover.
     coverage: Option<Coverage>,
+    /// Warnings for stderr and the document.
     warnings: Vec<String>,
+    /// Files that they went to.
     written: Vec<String>,
     /// Seconds by phase.
     seconds: Vec<(&'static str, f64)>,
@@ -193,6 +204,7 @@ impl Made {
     }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output)?;
     for path in [&args.trace, &args.figure].into_iter().flatten() {
@@ -313,6 +325,8 @@ fn tell(mut made: Made, stdout: Vec<u8>, context: &Context) -> Outcome {
     })
 }
 
+/// What is asked for, as the library takes it: the paper's settings, and what the command line
+/// changes.
 fn options(args: &Args, context: &Context) -> Options {
     let b = HALF_WIDTH;
     let region = args.region.unwrap_or(Aabb {

@@ -57,6 +57,7 @@ pub(super) fn read(
     })
 }
 
+/// The surface of a HyperFun program.
 fn program(
     model: &isoform::field::hyperfun::Model,
     params: Option<&eval::Parameters>,
@@ -106,6 +107,7 @@ fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
     })
 }
 
+/// The failure of a text that is no JSON, with its place drawn.
 fn not_json(path: &Path, text: &str, error: &serde_json::Error) -> Failure {
     let (line, column) = (error.line().max(1), error.column().max(1));
     let drawn = text.lines().nth(line - 1).unwrap_or_default();
@@ -115,6 +117,7 @@ fn not_json(path: &Path, text: &str, error: &serde_json::Error) -> Failure {
         .hint(EXAMPLE)
 }
 
+/// The failure of a formula that is no polynomial.
 fn not_parsed(path: &Path, error: &ParseError) -> Failure {
     let message = format!("F, column {}: {error}", error.column);
     let mut failure = wrong(path, "polynomial", message)

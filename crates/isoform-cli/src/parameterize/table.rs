@@ -66,6 +66,7 @@ fn margin(c: &Coverage) -> String {
     )
 }
 
+/// The lines of a single patch: where it started, the work, its terms and its distance.
 fn patch(p: &Parameterized, made: &Made) -> String {
     let g = &p.grown;
     let [x, y, z] = g.seed_point.map(brief);

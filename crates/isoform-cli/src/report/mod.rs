@@ -1,4 +1,9 @@
 //! The HTML report of a fit: one file that needs nothing else.
+//!
+//! The page goes from the conclusion to its grounds: the verdict with its evidence, the drawing,
+//! the parameters with their intervals, residuals as a map, a histogram and by part, then the
+//! search itself: convergence, other minima, time, and how to repeat it. Style and pictures are
+//! embedded. Lengths are in millimetres where the unit of the scan is known, see [`Lengths`].
 
 mod drawing;
 pub(crate) mod svg;
@@ -37,11 +42,14 @@ pub(crate) fn color_limit(fit: &Fit) -> f64 {
 
 /// Lengths as the page shows them: in millimetres where the scan's unit is known, else as they are.
 struct Lengths {
+    /// Factor from the scan's unit.
     scale: f64,
+    /// Unit on the page; empty where it is not known.
     unit: String,
 }
 
 impl Lengths {
+    /// The scale of a job, by the unit of its scan.
     fn of(job: &Job) -> Self {
         match millimetres(&job.unit.unit) {
             Some(scale) => Self {
@@ -54,6 +62,7 @@ impl Lengths {
             },
         }
     }
+    /// A length with its unit.
     fn text(&self, v: f64) -> String {
         with_unit(&brief(v * self.scale), &self.unit)
     }
@@ -124,6 +133,7 @@ struct Conclusion {
     evidence: Vec<String>,
 }
 
+/// The verdict of the fit, at best doubtful where the search was cut short, and its evidence.
 fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     let fit = &job.found.fit;
     let least = if fit.complete {
@@ -154,16 +164,19 @@ fn verdict(job: &Job, lengths: &Lengths) -> Conclusion {
     }
 }
 
+/// A text with a capital first.
 fn capitalized(text: &str) -> String {
     let mut letters = text.chars();
     let first = letters.next().map(char::to_uppercase);
     first.into_iter().flatten().chain(letters).collect()
 }
 
+/// A text as a sentence of the page.
 fn sentence(text: &str) -> String {
     escaped(capitalized(text).trim_end_matches('.')) + "."
 }
 
+/// The conclusion, in the colour of its verdict.
 fn verdict_box(conclusion: &Conclusion) -> String {
     let items: String = conclusion
         .evidence
@@ -177,6 +190,7 @@ fn verdict_box(conclusion: &Conclusion) -> String {
     )
 }
 
+/// The five numbers that sum the fit up.
 fn figures(job: &Job, lengths: &Lengths) -> String {
     let fit = &job.found.fit;
     let figure = |value: String, what: &str| {
@@ -221,6 +235,7 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
     format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
 }
 
+/// The table of parameters; millimetres have a column of their own where the scan has another unit.
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
     let infos = job.found.template.frep.model().params();
@@ -290,6 +305,7 @@ fn notes(job: &Job) -> String {
     format!("<section><h2>What to know</h2><ul>{items}</ul></section>\n")
 }
 
+/// The deviation map with its bar of colours; nothing without a drawing.
 fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     let Some(sheet) = sheet else {
         return String::new();
@@ -308,16 +324,22 @@ fn maps(job: &Job, lengths: &Lengths, sheet: Option<&str>) -> String {
     )
 }
 
-fn deviations(job: &Job, lengths: &Lengths) -> String {
-    let fit = &job.found.fit;
-    let used: Vec<f64> = job
-        .found
+/// The deviations of the points that are no outliers, where they are finite.
+fn used_deviations(job: &Job, scale: f64) -> Vec<f64> {
+    job.found
         .deviation()
         .iter()
-        .zip(&fit.outliers)
+        .zip(&job.found.fit.outliers)
         .filter(|(d, out)| !**out && d.is_finite())
-        .map(|(d, _)| d * lengths.scale)
-        .collect();
+        .map(|(d, _)| d * scale)
+        .collect()
+}
+
+/// The histogram of residuals beside the table of distances both ways. The axis ends at the larger
+/// of 1.4 times the 95 % quantile and three deviations of the noise, rounded up.
+fn deviations(job: &Job, lengths: &Lengths) -> String {
+    let fit = &job.found.fit;
+    let used = used_deviations(job, lengths.scale);
     let limit = round_up((1.4 * fit.data_to_model.p95).max(3.0 * fit.noise)) * lengths.scale;
     let limit = if limit > 0.0 { limit } else { 1.0 };
     let beyond = used.iter().filter(|v| v.abs() > limit).count();
@@ -345,6 +367,7 @@ fn deviations(job: &Job, lengths: &Lengths) -> String {
     )
 }
 
+/// The table of parts; what has neither points nor surface near them stands below it.
 fn parts(job: &Job, lengths: &Lengths) -> String {
     let stats = &job.found.fit.part_statistics;
     let worst = stats
@@ -412,6 +435,7 @@ fn runs(fit: &Fit) -> (Runs<'_>, Runs<'_>) {
     (runs, polish.into_iter().collect())
 }
 
+/// The search and the polish, each as a plot of root mean squares over steps.
 fn convergence(job: &Job) -> String {
     let fit = &job.found.fit;
     let (runs, polish) = runs(fit);
@@ -445,6 +469,7 @@ fn convergence(job: &Job) -> String {
     html
 }
 
+/// The other minima that starts led to, with their parameters; nothing where there is none.
 fn minima(job: &Job) -> String {
     let fit = &job.found.fit;
     if fit.other_minima.is_empty() {
@@ -482,6 +507,7 @@ fn minima(job: &Job) -> String {
     )
 }
 
+/// The time of each phase, as a stacked bar with its key.
 fn seconds(job: &Job) -> String {
     let total: f64 = job.seconds.iter().map(|s| s.1).sum();
     let (mut bar, mut key) = (String::new(), String::new());
@@ -503,6 +529,7 @@ fn seconds(job: &Job) -> String {
     )
 }
 
+/// Whatever repeats the fit: method, loss, seed, command line, and the fitted program.
 fn again(job: &Job) -> String {
     let command: Vec<String> = std::env::args()
         .map(|a| if a.contains(' ') { format!("'{a}'") } else { a })

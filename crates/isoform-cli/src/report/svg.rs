@@ -1,11 +1,15 @@
 //! The plots: plain SVG, coloured by the page's style.
+//!
+//! A plot is drawn on [`Scale`]s, which take values to pixels; helpers append elements to a text.
 
 use isoform::fit::Step;
 use isoform::io::deviation_colors;
 use std::collections::BTreeMap;
 use std::fmt::Write;
 
+/// Width of a plot in pixels.
 const WIDTH: f64 = 460.0;
+/// Height of a plot in pixels.
 const HEIGHT: f64 = 230.0;
 /// Room for labels: left, right, top, bottom.
 const MARGIN: [f64; 4] = [58.0, 12.0, 10.0, 36.0];
@@ -23,13 +27,18 @@ pub(crate) fn escaped(text: &str) -> String {
 /// A linear axis over a span of pixels.
 #[derive(Clone, Copy)]
 struct Scale {
+    /// Pixel of `lo`.
     from: f64,
+    /// Pixel of `hi`.
     to: f64,
+    /// Value at the beginning of the axis.
     lo: f64,
+    /// Value at its end.
     hi: f64,
 }
 
 impl Scale {
+    /// The axis along the bottom.
     fn horizontal(lo: f64, hi: f64) -> Self {
         Self {
             from: MARGIN[0],
@@ -38,6 +47,7 @@ impl Scale {
             hi,
         }
     }
+    /// The axis up the left side; pixels grow downwards.
     fn vertical(lo: f64, hi: f64) -> Self {
         Self {
             from: HEIGHT - MARGIN[3],
@@ -46,6 +56,7 @@ impl Scale {
             hi,
         }
     }
+    /// The pixel of a value; the middle of an axis without length.
     fn at(&self, v: f64) -> f64 {
         let share = if self.hi > self.lo {
             (v - self.lo) / (self.hi - self.lo)
@@ -81,6 +92,7 @@ fn label(v: f64, step: f64) -> String {
     format!("{v:.decimals$}")
 }
 
+/// A plot around its elements, with a title for readers of the screen.
 fn frame(title: &str, body: &str) -> String {
     format!(
         "<svg viewBox=\"0 0 {WIDTH} {HEIGHT}\" role=\"img\" aria-label=\"{}\">{body}</svg>",
@@ -88,6 +100,7 @@ fn frame(title: &str, body: &str) -> String {
     )
 }
 
+/// Draws the axis along the bottom with its numbers and its name.
 fn x_axis(svg: &mut String, x: Scale, name: &str) {
     let bottom = HEIGHT - MARGIN[3];
     let _ = write!(
@@ -237,6 +250,7 @@ impl LogAxes {
             );
         }
     }
+    /// The place of a step; values beyond the axis lie on its ends.
     fn point(&self, step: usize, rms: f64) -> String {
         let level = log(rms).clamp(self.y.lo, self.y.hi);
         format!("{:.1},{:.1}", self.x.at(step as f64), self.y.at(level))
@@ -314,6 +328,7 @@ fn curve(svg: &mut String, f: impl Fn(f64) -> f64, x: Scale, y: Scale) {
     );
 }
 
+/// Draws the columns of a histogram.
 fn columns(svg: &mut String, counts: &[usize; COLUMNS], x: Scale, y: Scale) {
     let width = (x.hi - x.lo) / COLUMNS as f64;
     for (k, count) in counts.iter().enumerate().filter(|(_, c)| **c > 0) {
@@ -331,6 +346,7 @@ fn columns(svg: &mut String, counts: &[usize; COLUMNS], x: Scale, y: Scale) {
 
 /// The bar of colours from −limit to +limit.
 pub(crate) fn color_bar(limit: f64, unit: &str) -> String {
+    /// Width of the bar and its labels in pixels.
     const W: f64 = 460.0;
     let stops: Vec<f64> = (0..SHADES)
         .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))

@@ -6,6 +6,7 @@ use isoform::report::{AboutSurface, Sidecar, SurfaceReport, TriangulateReport, W
 use isoform::tess::Surface;
 use serde_json::{Value, json};
 
+/// What the reports of the library are made from.
 fn about(made: &Made) -> AboutSurface<'_> {
     AboutSurface {
         file: &made.name,

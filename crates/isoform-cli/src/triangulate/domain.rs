@@ -17,6 +17,7 @@ const LEGEND: f64 = 60.0;
 /// Fill of the triangles of each unit triangle.
 const TINTS: [&str; 4] = ["#dcebfa", "#fdeacd", "#dff2df", "#f3e3f3"];
 
+/// The classes of texts, triangles and edges.
 const STYLE: &str = "\
 text { font: 16px sans-serif; fill: #444 } .small { font-size: 13px }
 .plane { fill: #f4f4f2; stroke: #8a8a86; stroke-width: 1.5 } .axis { stroke: #8a8a86; stroke-width: 1; stroke-dasharray: 6 5 }
@@ -120,6 +121,7 @@ struct Side {
     ends: [usize; 2],
 }
 
+/// The three sides of a triangle.
 fn sides(triangle: [u32; 3]) -> [Side; 3] {
     [[0, 1], [1, 2], [2, 0]].map(|ends| {
         let [a, b] = ends.map(|k| triangle[k]);
@@ -139,6 +141,7 @@ struct Edges {
     double: String,
 }
 
+/// The paths of the edges that have one triangle or more than two.
 fn edges(surface: &Surface) -> Edges {
     let mut uses: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for side in surface.triangles.iter().flat_map(|t| sides(*t)) {

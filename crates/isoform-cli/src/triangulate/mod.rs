@@ -1,4 +1,8 @@
 //! `isoform triangulate`: triangles of a rational surface in a box, with what is proved of them.
+//!
+//! The input is a map of two parameters, or patches. Numbers that decide what is drawn (the box,
+//! the region of parameters) are read as exact rationals, because the analysis of the surface is
+//! exact.
 
 mod document;
 mod domain;
@@ -98,6 +102,7 @@ impl Args {
     }
 }
 
+/// What becomes of sheets that cross.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 enum Sheets {
     /// Cut and joined along the double curve, whose edges have four triangles or more
@@ -109,10 +114,13 @@ enum Sheets {
 /// A positive rational number and its nearest double.
 #[derive(Clone, Debug)]
 struct HalfWidth {
+    /// The number as it was written.
     exact: RBig,
+    /// Its nearest double.
     near: f64,
 }
 
+/// Reads a rational number exactly as it is written.
 fn rational(text: &str) -> Result<RBig, String> {
     let exact = Poly::parse(text.trim(), &[])
         .ok()
@@ -122,6 +130,7 @@ fn rational(text: &str) -> Result<RBig, String> {
     })
 }
 
+/// Reads four bounds of parameters.
 fn rectangle(text: &str) -> Result<Domain, String> {
     let list = text
         .split(',')
@@ -132,6 +141,7 @@ fn rectangle(text: &str) -> Result<Domain, String> {
     Domain::rectangle([s0, s1], [t0, t1]).map_err(|e| e.to_string())
 }
 
+/// Reads the corners of a polygon of parameters.
 fn polygon(text: &str) -> Result<Domain, String> {
     let corner = |c: &str| {
         let list = c.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
@@ -144,6 +154,7 @@ fn polygon(text: &str) -> Result<Domain, String> {
     Domain::polygon(corners).map_err(|e| e.to_string())
 }
 
+/// Reads a positive rational number whose double is neither 0 nor infinite.
 fn half_width(text: &str) -> Result<HalfWidth, String> {
     let exact = rational(text)?;
     let near = exact.to_f64_fast();
@@ -154,6 +165,7 @@ fn half_width(text: &str) -> Result<HalfWidth, String> {
     }
 }
 
+/// Reads a positive whole number.
 fn at_least_one(text: &str) -> Result<usize, String> {
     text.parse()
         .ok()
@@ -163,9 +175,11 @@ fn at_least_one(text: &str) -> Result<usize, String> {
 
 /// A triangulated surface with all that is known of it.
 struct Made {
+    /// Name of the map's file.
     name: String,
     /// One, or one for every patch.
     maps: Vec<Map>,
+    /// What is known of each map.
     analyses: Vec<Analysis>,
     /// The names of patches; none for a map.
     patches: Vec<String>,
@@ -173,8 +187,11 @@ struct Made {
     half_width: f64,
     /// Whether B was not given, but comes from bounds of the surface.
     is_chosen: bool,
+    /// What was asked for.
     options: TriangulateOptions,
+    /// Triangles, with what is claimed of them.
     surface: Surface,
+    /// Topology of the triangles.
     topology: Topology,
     written: Vec<Written>,
     /// Seconds by phase.
@@ -218,11 +235,13 @@ impl Made {
         }
         Ok(stdout)
     }
+    /// 0 where every claim holds, 3 where something is open, 130 after Ctrl-C.
     fn exit(&self) -> u8 {
         output::exit(self.is_certified())
     }
 }
 
+/// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     let beside = [&args.report, &args.sidecar, &args.domain];
@@ -271,6 +290,7 @@ enum Subject {
 }
 
 impl Subject {
+    /// Whether it is a map, whose parameters are the whole plane.
     fn is_map(&self) -> bool {
         matches!(self, Self::Map(_))
     }
@@ -306,6 +326,7 @@ fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
         .map_err(|e| invalid(&e, path))
 }
 
+/// A patch of a file as the library takes it, with exact control points.
 fn patch(p: FilePatch) -> Patch {
     Patch::new(p.name, p.degree, p.control.exact())
 }
@@ -454,8 +475,8 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
     })
 }
 
-/// What is asked for, as the library takes it. Sheets of a map are glued unless asked otherwise,
-/// those of patches are not.
+/// What is asked for, as the library takes it. Sheets are glued unless asked otherwise; sheets of
+/// patches are not.
 fn options(
     args: &Args,
     in_box: InBox,
@@ -551,6 +572,7 @@ fn outside(options: &TriangulateOptions) -> String {
     )
 }
 
+/// All findings in one text.
 fn sentences(findings: &[Finding]) -> String {
     let all: Vec<String> = findings.iter().map(ToString::to_string).collect();
     all.join("; ")

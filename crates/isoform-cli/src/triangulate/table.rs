@@ -113,6 +113,7 @@ fn contracted_curves(made: &Made) -> String {
         .collect()
 }
 
+/// A point for people; contracted curves may go to infinity.
 fn point(at: Option<[f64; 3]>) -> String {
     match at {
         None => "a point at infinity".to_owned(),
@@ -145,6 +146,7 @@ fn claims(surface: &Surface) -> String {
     parts.join(", ")
 }
 
+/// What stands behind a claim.
 fn in_words(basis: Basis) -> &'static str {
     match basis {
         Basis::Exact => "proved exactly",
@@ -162,6 +164,7 @@ fn count(n: usize, what: &str) -> String {
     }
 }
 
+/// The largest degree of the maps.
 fn degree(made: &Made) -> usize {
     made.maps
         .iter()
@@ -170,6 +173,7 @@ fn degree(made: &Made) -> usize {
         .unwrap_or(0)
 }
 
+/// The degrees of the map and of the surface that it covers, and how often it does.
 fn degrees(made: &Made) -> String {
     let degree = degree(made);
     match made.analyses.first().and_then(|a| a.degrees) {
@@ -193,6 +197,7 @@ fn degrees(made: &Made) -> String {
     }
 }
 
+/// The real base points; unknown where the analysis did not come to its end.
 fn base_points(points: Option<&[BasePoint]>) -> String {
     let Some(points) = points else {
         return "unknown".to_owned();
@@ -220,6 +225,7 @@ fn base_point(p: &BasePoint) -> String {
     text
 }
 
+/// The components of the pole, the curve W = 0.
 fn pole(pole: Option<&CurveTopology>) -> String {
     let Some(pole) = pole else {
         return "unknown".to_owned();
@@ -242,6 +248,7 @@ fn pole(pole: Option<&CurveTopology>) -> String {
     }
 }
 
+/// The arcs of the double curve in the box.
 fn double_curve(made: &Made) -> String {
     let (double, solitary) = (
         made.surface.double_curve.len(),

@@ -40,6 +40,7 @@ fn expected(item: &LazItem) -> (u16, u64) {
     }
 }
 
+/// Unpacks all records and hands each to `take`.
 pub(super) fn records(
     input: &mut Input<'_>,
     header: &Header,
@@ -71,15 +72,19 @@ pub(super) fn records(
     })
 }
 
+/// Why unpacking stopped, and behind how many points.
 struct Failure {
+    /// Points that were unpacked before.
     done: u64,
     why: String,
+    /// Whether the file has ended too early.
     is_end: bool,
 }
 
 /// Refuses to read once the stack below it is deep; see the module's head.
 struct Guard<R> {
     inner: BufReader<R>,
+    /// Address of the stack where the decoder starts.
     base: usize,
 }
 
@@ -91,6 +96,7 @@ fn stack_address() -> usize {
 }
 
 impl<R: Read> Read for Guard<R> {
+    /// Refuses once the decoder has recursed too deep, else reads on.
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         if stack_address().abs_diff(self.base) > MAX_DEPTH {
             return Err(io::Error::other("the compressed data is damaged"));
@@ -129,6 +135,7 @@ fn unpack(
     })
 }
 
+/// Unpacks in batches on this thread; its stack is measured from here.
 fn unpack_here(
     stream: impl Read + Seek + Send + Sync,
     vlr: LazVlr,
@@ -195,7 +202,7 @@ fn check(input: &mut Input<'_>, header: &Header) -> Result<LazVlr> {
     Ok(vlr)
 }
 
-/// Whether the first item is that of the formats from 6 on, whose fields lie in layers.
+/// Whether the first item belongs to the formats from 6 on, whose fields lie in layers.
 fn is_layered(vlr: &LazVlr) -> bool {
     let first = vlr.items().first();
     first.is_some_and(|i| i.item_type() == LazItemType::Point14)
@@ -272,6 +279,7 @@ fn check_chunks(input: &mut Input<'_>, header: &Header, vlr: &LazVlr) -> Result<
     Ok(())
 }
 
+/// The error for compressed data that contradict themselves.
 fn damaged(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     corrupt(input, input.at_byte(), why)
 }
@@ -346,6 +354,7 @@ fn chunk_table_start(input: &mut Input<'_>, start: u64) -> Result<i64> {
     Ok(i64::from_le_bytes(word(input)?))
 }
 
+/// The next eight bytes of the file.
 fn word(input: &mut Input<'_>) -> Result<[u8; 8]> {
     let mut word = [0; 8];
     input.exact(&mut word, || "the LAZ chunk table is cut off".to_owned())?;

@@ -13,6 +13,7 @@ use std::io::{self, Write};
 /// Highest number of a node or an element.
 const HIGHEST: usize = 99_999_999;
 
+/// Writes nodes, triangles and tetrahedra as bulk data.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -66,9 +67,12 @@ fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
 
 /// An element and the property that it belongs to, both from 1.
 struct Card<'n> {
+    /// Kind of the element: CTRIA3, CTRIA6 or CTETRA.
     name: &'static str,
     number: usize,
+    /// Number of the property, which tells part or region.
     property: usize,
+    /// Corners, then mid nodes, as numbers from 0.
     nodes: &'n [u32],
 }
 
@@ -93,6 +97,7 @@ impl Card<'_> {
     }
 }
 
+/// Triangles, numbered from 1, with the tags of their parts as properties.
 fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     for i in 0..mesh.triangles.len() {
         let (nodes, n) = triangle(mesh, i);
@@ -107,7 +112,7 @@ fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Numbers and properties follow behind those of the triangles.
+/// Tetrahedra, whose numbers and properties follow behind the triangles'.
 fn write_tets(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     let parts = match mesh.triangles.is_empty() {
         true => 0,

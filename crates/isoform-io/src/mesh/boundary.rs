@@ -4,9 +4,10 @@
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES};
 use std::collections::HashMap;
 
-/// A face of a tetrahedron: its number, and that of the corner opposite.
+/// A face of a tetrahedron: the number of the tetrahedron, and the corner opposite to the face.
 pub(super) type Face = (u32, u8);
 
+/// Numbers in ascending order, by which equal faces and edges are found.
 fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
     nodes.sort_unstable();
     nodes
@@ -162,6 +163,7 @@ pub(super) fn find_curve_parts(mesh: &mut Mesh) {
     }
 }
 
+/// Parts in ascending order.
 fn sorted_vec(mut parts: Vec<u32>) -> Vec<u32> {
     parts.sort_unstable();
     parts

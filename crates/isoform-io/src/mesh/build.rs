@@ -1,4 +1,8 @@
 //! From nodes and elements with numbers of a file's own to a [`Mesh`].
+//!
+//! Readers give a [`Builder`] nodes and elements in any order, each element with the tag of its
+//! group. The builder puts both into the order of their numbers, turns numbers into places in the
+//! list of nodes, tags into labels from 0, and inverted tetrahedra round.
 
 use super::boundary::find_curve_parts;
 use crate::input::{Input, Result};
@@ -6,6 +10,7 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::{Curve, Mesh, Point3, cross, dot, sub};
 use std::collections::BTreeMap;
 
+/// What failed, as the errors of the builder say.
 const WHAT: &str = "cannot put the mesh together";
 /// Tetrahedra with less than minus this share of the cube of their longest edge are turned. Smaller
 /// would turn flat ones by rounding, larger leave thin ones inside out.
@@ -16,9 +21,11 @@ const SPARSE: usize = 4;
 
 /// Elements of one kind with C corners and M mid nodes.
 pub(super) struct Cells<const C: usize, const M: usize> {
+    /// Name of an element in messages.
     what: &'static str,
-    /// Numbers of the file.
+    /// Corners, in numbers of the file until they are resolved.
     corners: Vec<[u32; C]>,
+    /// Mid nodes of the elements that have some.
     mids: Vec<[u32; M]>,
     /// Group of each; 0 for none, negative for one that counts only if there are no others.
     tags: Vec<i64>,
@@ -139,6 +146,7 @@ impl Nodes {
             Self::Sorted(std::mem::take(ids))
         }
     }
+    /// The place of a node in the list; none for a number that no node has.
     fn row(&self, id: u32) -> Option<u32> {
         match self {
             Self::Row(first, n) => id.checked_sub(*first).filter(|row| (*row as usize) < *n),
@@ -153,11 +161,17 @@ impl Nodes {
 
 /// Takes what a file has, in any order.
 pub(super) struct Builder {
+    /// Numbers of the nodes, in the order of the file.
     ids: Vec<u32>,
+    /// Coordinates of the nodes.
     points: Vec<Point3>,
+    /// Corners of the model.
     pub(super) corners: Cells<1, 0>,
+    /// Edges on curves.
     pub(super) edges: Cells<2, 1>,
+    /// Triangles.
     pub(super) triangles: Cells<3, 3>,
+    /// Tetrahedra.
     pub(super) tets: Cells<4, 6>,
     /// Names of groups by dimension and tag.
     pub(super) names: [BTreeMap<i64, String>; 4],
@@ -194,6 +208,7 @@ impl Builder {
         self.points.push(p);
         Ok(())
     }
+    /// Nodes taken so far.
     pub(super) fn node_count(&self) -> usize {
         self.points.len()
     }

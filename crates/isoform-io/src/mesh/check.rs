@@ -1,4 +1,5 @@
-//! Whether a mesh keeps what its fields promise.
+//! Whether a mesh keeps what its fields promise: lists of matching lengths, indices that exist,
+//! finite coordinates. Writers check first, so that they need not check on the way.
 
 use crate::{BAD_MESH, WriteError};
 use isoform_geom::{Mesh, Point3};
@@ -87,6 +88,7 @@ fn wrong_label(m: &Mesh) -> Option<String> {
     })
 }
 
+/// The largest node number among elements; none without elements.
 fn highest<const N: usize>(cells: &[[u32; N]]) -> Option<u32> {
     cells.iter().flatten().max().copied()
 }

@@ -35,6 +35,7 @@ pub(super) fn png() -> Vec<u8> {
     png
 }
 
+/// Adds a chunk of PNG: length, kind, data, CRC-32 of kind and data.
 fn chunk(png: &mut Vec<u8>, kind: &[u8; 4], data: &[u8]) {
     let mut crc = Crc::new();
     crc.update(kind);

@@ -9,6 +9,7 @@ use crate::{At, ErrorKind, ReadError};
 
 /// First bytes that are looked at.
 const HEAD: usize = 4096;
+/// What failed, as the errors of the choice say.
 const WHAT: &str = "cannot tell how to read the mesh";
 
 /// The format of a file with its reader; what is odd about it goes into the warnings.
@@ -27,6 +28,7 @@ pub(super) fn choose(
     Ok((format, read))
 }
 
+/// The format of a file for which none is asked.
 fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static MeshFormat> {
     let head = input.head(HEAD)?;
     if head.is_empty() {
@@ -60,6 +62,7 @@ fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static M
     Ok(likeliest)
 }
 
+/// The first format in the registry whose content test is as sure as this.
 fn by_content(head: &[u8], sure: Sniff) -> Option<&'static MeshFormat> {
     mesh_formats().iter().find(|f| (f.sniff)(head) == sure)
 }
@@ -70,6 +73,7 @@ fn readable() -> String {
     names.map(|f| f.name).collect::<Vec<_>>().join(", ")
 }
 
+/// The error for a format that is only written.
 fn not_read(input: &Input<'_>, format: &MeshFormat) -> ReadError {
     let why = format!(
         "{} is written but not read. Meshes are read from {}",
@@ -80,6 +84,7 @@ fn not_read(input: &Input<'_>, format: &MeshFormat) -> ReadError {
     input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, hint)
 }
 
+/// The error for a name that no format has.
 fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     let why = format!(
         "no format of meshes is called \"{}\". Meshes are read from {}",
@@ -90,6 +95,7 @@ fn no_such_format(input: &Input<'_>, asked: &str) -> ReadError {
     input.error(ErrorKind::UnknownFormat, At::File, WHAT, why, hint)
 }
 
+/// The error for a file that neither name nor content tells anything of.
 fn unknown(input: &Input<'_>) -> ReadError {
     let why = format!(
         "neither its name nor its content is of a known kind. Meshes are read from {}",

@@ -7,7 +7,9 @@ use crate::input::{Input, Result};
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
+/// A writer of meshes.
 pub(super) type WriteFn = fn(&Mesh, &mut dyn Write, &MeshWriteOptions) -> io::Result<()>;
+/// A reader of meshes, with warnings in the report.
 pub(super) type ReadFn = fn(&mut Input<'_>, &mut ReadReport) -> Result<Mesh>;
 
 /// What a format keeps of a mesh's columns.
@@ -39,8 +41,11 @@ pub struct MeshFormat {
     pub(super) columns: Columns,
     /// What is kept, for lists of formats.
     pub about: &'static str,
+    /// How sure the first bytes of a file make this format.
     pub(super) sniff: fn(&[u8]) -> Sniff,
+    /// Its reader, if it is read.
     pub(super) read: Option<ReadFn>,
+    /// Its writer.
     pub(super) write: WriteFn,
 }
 

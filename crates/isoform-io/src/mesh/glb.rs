@@ -16,13 +16,20 @@ use isoform_geom::{Aabb, Column, Mesh, Point3};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
+/// Component type: floats of 32 bits. glTF has taken these numbers from OpenGL.
 const FLOAT: u32 = 5126;
+/// Component type: unsigned integers of 32 bits.
 const UNSIGNED: u32 = 5125;
+/// Target of a view with values per vertex.
 const VERTICES: u32 = 34962;
+/// Target of a view with corners of triangles.
 const INDICES: u32 = 34963;
+/// Filter of the texture: pixels stay sharp.
 const NEAREST: u32 = 9728;
+/// Wrapping of the texture: it goes on beyond parameters 0 and 1.
 const REPEAT: u32 = 10497;
 
+/// Writes a mesh; one without triangles becomes a document without a scene.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -65,7 +72,9 @@ fn padding(length: usize) -> usize {
 /// A mesh with triangles as a viewer gets it.
 struct Model<'m> {
     mesh: &'m Mesh,
+    /// The nodes of the surface.
     nodes: SurfaceNodes,
+    /// The triangles by part.
     parts: Groups,
     /// The middle of the box, which the coordinates are relative to.
     center: Point3,
@@ -74,6 +83,7 @@ struct Model<'m> {
 }
 
 impl<'m> Model<'m> {
+    /// The model of a mesh, with a texture where there are parameters.
     fn of(mesh: &'m Mesh) -> Self {
         let nodes = SurfaceNodes::of(mesh);
         Self {
@@ -88,6 +98,7 @@ impl<'m> Model<'m> {
         }
     }
 
+    /// The nodes of the surface relative to the centre, in single precision.
     fn points(&self) -> impl Iterator<Item = [f32; 3]> {
         self.nodes
             .points(self.mesh)
@@ -215,6 +226,7 @@ fn attributes(mesh: &Mesh) -> impl Iterator<Item = &Column> {
         .filter(move |c| !(textured && ["u", "v"].contains(&c.name.as_str())))
 }
 
+/// The version of glTF, and the name of the writer.
 fn asset() -> Value {
     json!({ "version": "2.0", "generator": "isoform" })
 }
@@ -247,10 +259,13 @@ fn attribute_name(column: &str) -> String {
 
 /// What lies where in the binary chunk: views are ranges of bytes, accessors their types.
 struct Buffer {
+    /// Ranges of bytes.
     views: Vec<Value>,
+    /// Types and counts of the numbers in the views.
     accessors: Vec<Value>,
     /// Accessors of the values per node by name.
     attributes: serde_json::Map<String, Value>,
+    /// Number of nodes of the surface.
     nodes: usize,
     /// Where the next view begins.
     end: usize,

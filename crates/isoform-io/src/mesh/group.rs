@@ -1,4 +1,7 @@
 //! Elements by label, and names that a format can hold.
+//!
+//! A mesh has a label per element; formats want elements group by group ([`Groups`]), under names
+//! of their own alphabet and length, all different ([`Names`]).
 
 use isoform_geom::Mesh;
 use std::collections::HashSet;
@@ -7,6 +10,7 @@ use std::collections::HashSet;
 pub(super) struct Groups {
     /// First of each group in `items`, and the end.
     start: Vec<usize>,
+    /// Elements, group by group.
     items: Vec<u32>,
 }
 
@@ -99,9 +103,11 @@ pub(super) fn edge(mesh: &Mesh, i: usize) -> ([u32; 3], usize) {
 
 /// Hands out names that differ, each made fit by a function first.
 pub(super) struct Names {
+    /// A name as the format can hold it.
     plain: fn(&str) -> String,
     /// Longest name, in bytes.
     longest: usize,
+    /// Names given so far.
     taken: HashSet<String>,
 }
 

@@ -27,6 +27,7 @@ const PER_LINE: usize = 16;
 /// Name in Abaqus and CalculiX of the face opposite to each corner.
 const FACE: [u8; 4] = [3, 4, 2, 1];
 
+/// Yes for a keyword line of nodes, or for the lines with which Abaqus begins a model.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head).to_ascii_uppercase();
     let keyword = |k: &str| {
@@ -65,9 +66,13 @@ fn plain(name: &str) -> String {
 
 /// Names of the groups as they stand in the file, all different.
 struct GroupNames {
+    /// Names of the parts, for node sets, surfaces, and sets of shells.
     parts: Vec<String>,
+    /// Names of the curves, for node sets.
     curves: Vec<String>,
+    /// Name of the set of all corners.
     corners: String,
+    /// Names of the regions that have elements, for sets of elements.
     regions: Vec<String>,
 }
 
@@ -101,6 +106,7 @@ struct AllGroups {
     regions: Groups,
 }
 
+/// Writes the mesh with its groups as sets and surfaces.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -136,6 +142,7 @@ pub(super) fn write(
     out.flush()
 }
 
+/// Nodes, numbered from 1.
 fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("*NODE").line()?;
     for (i, p) in mesh.points.iter().enumerate() {
@@ -186,6 +193,7 @@ fn write_tets(
     Ok(())
 }
 
+/// The keyword line before elements of a kind that belong to a set.
 fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
     out.str("*ELEMENT, TYPE=")
         .str(kind)
@@ -194,6 +202,7 @@ fn elements_head(out: &mut Out<'_>, kind: &str, set: &str) -> io::Result<()> {
         .line()
 }
 
+/// An element with its number and its nodes, all from 1 in the file.
 fn element(out: &mut Out<'_>, number: u32, nodes: &[u32]) -> io::Result<()> {
     out.int(number + 1);
     nodes.iter().for_each(|&n| {

@@ -27,6 +27,7 @@ const CORNERS: &str = "corners";
 /// other way round.
 const TET10: [usize; 10] = [0, 1, 2, 3, 4, 5, 6, 7, 9, 8];
 
+/// Yes for the first section of the format.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     if head.starts_with(b"$MeshFormat") {
         Sniff::Yes
@@ -37,10 +38,12 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
 
 /// Names of the groups by dimension, all different: Gmsh's readers often know groups by name alone.
 struct Physical {
+    /// By dimension: corners, curves, parts, regions.
     names: [Vec<String>; 4],
 }
 
 impl Physical {
+    /// The names of groups that label elements, and of the corners.
     fn of(mesh: &Mesh) -> Self {
         let mut names = Names::new(LONGEST_NAME, |n| {
             n.chars()
@@ -70,6 +73,7 @@ impl Physical {
             ],
         }
     }
+    /// Writes the section of physical names, if there are any.
     fn write(&self, out: &mut Out<'_>) -> io::Result<()> {
         let count: usize = self.names.iter().map(Vec::len).sum();
         if count == 0 {

@@ -23,6 +23,7 @@ fn plain(name: &str) -> String {
         .collect()
 }
 
+/// Writes the surface.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,

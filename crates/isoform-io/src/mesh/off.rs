@@ -1,4 +1,5 @@
-//! OFF: corners and triangles as text, in full.
+//! OFF (Geomview): corners and triangles as text, in full. The format has no place for parts, units
+//! or numbers per node.
 
 use super::options::MeshWriteOptions;
 use super::out::Out;
@@ -6,6 +7,7 @@ use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
+/// Writes the surface.
 pub(super) fn write(mesh: &Mesh, out: &mut dyn Write, _: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
     let nodes = SurfaceNodes::of(mesh);

@@ -21,14 +21,17 @@ impl<'o> Out<'o> {
             buffer: Vec::with_capacity(2 * BLOCK),
         }
     }
+    /// Text as it is.
     pub(super) fn str(&mut self, text: &str) -> &mut Self {
         self.buffer.extend_from_slice(text.as_bytes());
         self
     }
+    /// Bytes as they are.
     pub(super) fn bytes(&mut self, bytes: &[u8]) -> &mut Self {
         self.buffer.extend_from_slice(bytes);
         self
     }
+    /// A whole number in decimal digits.
     pub(super) fn int(&mut self, v: impl itoa::Integer) -> &mut Self {
         self.buffer
             .extend_from_slice(itoa::Buffer::new().format(v).as_bytes());
@@ -40,7 +43,7 @@ impl<'o> Out<'o> {
             .extend_from_slice(zmij::Buffer::new().format(v).as_bytes());
         self
     }
-    /// As many digits as fit, at most those of [`Out::float`].
+    /// As many digits as fit, at most as many as [`Out::float`] gives.
     pub(super) fn narrow(&mut self, v: f64, width: usize) -> &mut Self {
         narrow(v, width, &mut self.buffer);
         self

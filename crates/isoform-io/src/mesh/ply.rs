@@ -7,6 +7,7 @@ use super::surface::SurfaceNodes;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
+/// Writes the surface, in bytes unless text is asked for.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -24,6 +25,7 @@ pub(super) fn write(
     values.out.flush()
 }
 
+/// The header: names of the parts, then the properties of vertices and faces.
 fn write_header(
     mesh: &Mesh,
     nodes: usize,
@@ -60,6 +62,7 @@ fn write_header(
 /// Rows of numbers on their way out, in text or bytes.
 struct Values<'o> {
     out: Out<'o>,
+    /// Whether the rows are text.
     ascii: bool,
     /// Whether the next number begins a line of text.
     is_first: bool,
@@ -72,6 +75,7 @@ impl Values<'_> {
             self.out.str(" ");
         }
     }
+    /// A double.
     fn float(&mut self, v: f64) {
         if self.ascii {
             self.gap();
@@ -80,6 +84,7 @@ impl Values<'_> {
             self.out.bytes(&v.to_le_bytes());
         }
     }
+    /// A whole number of 32 bits.
     fn index(&mut self, v: u32) {
         if self.ascii {
             self.gap();
@@ -97,6 +102,7 @@ impl Values<'_> {
             self.out.bytes(&[n]);
         }
     }
+    /// The end of a row.
     fn end(&mut self) -> io::Result<()> {
         self.is_first = true;
         if self.ascii {

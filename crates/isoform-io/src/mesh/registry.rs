@@ -4,8 +4,10 @@ use super::format::{Columns, MeshFormat};
 use super::{bdf, glb, inp, msh, obj, off, ply, stl, surface, three_mf, vtu};
 use crate::format::Sniff;
 
+/// The content test of formats that are only written, or that content does not tell.
 const NO: fn(&[u8]) -> Sniff = |_| Sniff::No;
 
+/// All formats of meshes.
 #[rustfmt::skip]
 static FORMATS: [MeshFormat; 11] = [
     MeshFormat { name: "msh", extensions: &["msh"], title: "Gmsh 4.1", volume: true, second_order: true, single: false, columns: Columns::None, about: "parts, curves, regions and corners as physical groups; text, or binary as msh-binary", sniff: msh::sniff, read: Some(msh::read), write: msh::write },

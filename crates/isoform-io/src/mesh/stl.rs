@@ -18,6 +18,7 @@ fn normal(mesh: &Mesh, t: [u32; 3]) -> Point3 {
     }
 }
 
+/// Writes the triangles; coordinates lose digits in the binary form, which has 32 bits.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -69,6 +70,7 @@ fn write_ascii(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.flush()
 }
 
+/// A facet with its normal.
 fn write_facet(mesh: &Mesh, t: [u32; 3], out: &mut Out<'_>) -> io::Result<()> {
     out.str("facet normal ").point(&normal(mesh, t));
     out.str("\nouter loop");

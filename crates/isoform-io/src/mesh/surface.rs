@@ -1,4 +1,4 @@
-//! The surface of a mesh for formats that hold nothing else; their readers are those of the points.
+//! The surface of a mesh for formats that hold nothing else; the readers of points read them.
 
 use crate::collect::Parts;
 use crate::input::{Input, Result};
@@ -13,6 +13,7 @@ const AS_THEY_ARE: ReadOptions = ReadOptions {
     recenter: false,
 };
 
+/// The mesh of points and triangles with their groups; names without triangles are dropped.
 fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
     let Parts { of_triangle, names } = parts;
     let names = if of_triangle.is_empty() {
@@ -29,19 +30,22 @@ fn mesh((cloud, parts): (PointCloud, Parts)) -> Mesh {
     }
 }
 
+/// Reads OBJ; its groups are the parts.
 pub(super) fn read_obj(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     obj::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
 
+/// Reads OFF, which has no parts.
 pub(super) fn read_off(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     off::read(input, &AS_THEY_ARE, report).map(|cloud| mesh((cloud, Parts::default())))
 }
 
+/// Reads PLY; its parts are those that our writer makes.
 pub(super) fn read_ply(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     ply::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
 
-/// A file of one solid has no parts.
+/// Reads STL; its solids are the parts, and a file of one solid has none.
 pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let (cloud, parts) = stl::read_parts(input, &AS_THEY_ARE, report)?;
     Ok(mesh((
@@ -82,9 +86,11 @@ impl SurfaceNodes {
             .for_each(|(i, &n)| number[n as usize] = i as u32);
         Self { nodes, number }
     }
+    /// The number of nodes.
     pub(super) fn len(&self) -> usize {
         self.nodes.len()
     }
+    /// Coordinates of the nodes.
     pub(super) fn points<'m>(&self, mesh: &'m Mesh) -> impl Iterator<Item = &'m Point3> {
         self.nodes.iter().map(|&n| &mesh.points[n as usize])
     }

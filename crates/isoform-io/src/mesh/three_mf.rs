@@ -1,5 +1,8 @@
 //! 3MF (3MF Consortium, "3D Manufacturing Format core specification" 1.3): one object, a material
 //! of its own colour and name per part.
+//!
+//! The file is a ZIP package of three members: the types of content, the relation that points to
+//! the model, and the model as XML.
 
 use super::color::part_color;
 use super::options::MeshWriteOptions;
@@ -10,10 +13,12 @@ use super::zip::Zip;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
+/// The member that says which endings are of which type of content.
 const TYPES: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Types xmlns=\"http://schemas.openxmlformats.org/package/2006/content-types\">\
     <Default Extension=\"rels\" ContentType=\"application/vnd.openxmlformats-package.relationships+xml\"/>\
     <Default Extension=\"model\" ContentType=\"application/vnd.ms-package.3dmanufacturing-3dmodel+xml\"/></Types>\n";
+/// The member that says where the model is.
 const RELATIONS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
     <Relationships xmlns=\"http://schemas.openxmlformats.org/package/2006/relationships\">\
     <Relationship Target=\"/3D/3dmodel.model\" Id=\"model\" Type=\"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel\"/>\
@@ -31,6 +36,7 @@ fn unit(unit: Option<&str>) -> &'static str {
     }
 }
 
+/// Writes the package.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -43,6 +49,7 @@ pub(super) fn write(
     zip.finish()
 }
 
+/// The model: its unit, the materials of the parts, the object, and that it is to be built.
 fn write_model(mesh: &Mesh, out: &mut dyn Write, options: &MeshWriteOptions) -> io::Result<()> {
     let mut out = Out::new(out);
     out.str("<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n<model unit=\"")

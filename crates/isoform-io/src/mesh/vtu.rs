@@ -31,16 +31,22 @@ pub(super) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
+/// An array of the file.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
+    /// Coordinates of the nodes.
     Points,
+    /// The nodes of all cells, one cell behind the other.
     Connectivity,
+    /// Where each cell ends in the connectivity.
     Offsets,
+    /// VTK's number of the kind of each cell.
     Types,
     /// Tags by kind of group.
     Tags(usize),
 }
 
+/// The arrays in the order of the file.
 const ARRAYS: [Kind; 7] = [
     Kind::Points,
     Kind::Connectivity,
@@ -60,12 +66,14 @@ struct Values<'o> {
 }
 
 impl Values<'_> {
+    /// A double.
     fn float(&mut self, v: f64) {
         match self.ascii {
             true => self.out.float(v).str(" "),
             false => self.out.bytes(&v.to_le_bytes()),
         };
     }
+    /// A number of a node, or an offset, of 32 or 64 bits.
     fn index(&mut self, v: u64) {
         match (self.ascii, self.wide) {
             (true, _) => self.out.int(v).str(" "),
@@ -73,18 +81,21 @@ impl Values<'_> {
             _ => self.out.bytes(&(v as u32).to_le_bytes()),
         };
     }
+    /// The tag of a group, of 32 bits.
     fn tag(&mut self, v: u32) {
         match self.ascii {
             true => self.out.int(v).str(" "),
             false => self.out.bytes(&v.to_le_bytes()),
         };
     }
+    /// A type of cell.
     fn byte(&mut self, v: u8) {
         match self.ascii {
             true => self.out.int(v).str(" "),
             false => self.out.bytes(&[v]),
         };
     }
+    /// The end of a line of text.
     fn end(&mut self) -> io::Result<()> {
         if self.ascii {
             self.out.line()
@@ -97,6 +108,7 @@ impl Values<'_> {
 /// The cells of one kind.
 #[derive(Clone, Copy)]
 struct Cells {
+    /// Number of cells.
     count: usize,
     /// Nodes of each.
     nodes: usize,
@@ -114,6 +126,7 @@ struct Grid<'m> {
 }
 
 impl<'m> Grid<'m> {
+    /// The cells of a mesh, with indices of 64 bits where 32 do not suffice.
     fn of(mesh: &'m Mesh) -> Self {
         let cells = |count, is_second: bool, linear: (usize, u8), curved: (usize, u8)| {
             let (nodes, kind) = if is_second { curved } else { linear };
@@ -147,6 +160,7 @@ impl<'m> Grid<'m> {
         grid.wide = grid.indices().max(mesh.points.len()) > i32::MAX as usize;
         grid
     }
+    /// The number of cells.
     fn count(&self) -> usize {
         self.cells.iter().map(|c| c.count).sum()
     }
@@ -158,7 +172,9 @@ impl<'m> Grid<'m> {
 
 /// An array as its element declares it.
 struct Declared {
+    /// Name of the array.
     name: &'static str,
+    /// Numbers per tuple.
     components: usize,
     /// VTK's name of the type of number.
     kind: &'static str,
@@ -167,6 +183,7 @@ struct Declared {
 }
 
 impl Kind {
+    /// The array's name, type and size.
     fn declared(self, grid: &Grid<'_>) -> Declared {
         let cells = grid.count();
         let (index, width) = if grid.wide {
@@ -201,6 +218,7 @@ impl Kind {
     }
 }
 
+/// Writes the grid, with raw bytes appended unless text is asked for.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -291,6 +309,7 @@ fn write_names(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     out.str("-->").line()
 }
 
+/// The values of an array.
 fn write_array(grid: &Grid<'_>, kind: Kind, values: &mut Values<'_>) -> io::Result<()> {
     match kind {
         Kind::Points => grid.mesh.points.iter().try_for_each(|p| {
@@ -317,6 +336,7 @@ fn write_offsets(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     Ok(())
 }
 
+/// The type of each cell.
 fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
     for cells in grid.cells {
         for _ in 0..cells.count {
@@ -345,6 +365,7 @@ fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Res
     Ok(())
 }
 
+/// The nodes of each cell: triangles, tetrahedra, lines, vertices.
 fn write_connectivity(mesh: &Mesh, values: &mut Values<'_>) -> io::Result<()> {
     let put = |values: &mut Values<'_>, nodes: &[u32]| {
         nodes.iter().for_each(|&n| values.index(u64::from(n)));

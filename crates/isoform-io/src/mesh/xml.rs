@@ -61,11 +61,12 @@ pub(super) enum Item<'b> {
 /// How a section begins whose characters all stand for themselves.
 const CDATA: &[u8] = b"<![CDATA[";
 
+/// Where a mark begins in bytes.
 fn find(bytes: &[u8], mark: &[u8]) -> Option<usize> {
     bytes.windows(mark.len()).position(|w| w == mark)
 }
 
-/// The length of an item without the mark that ends it, and that of the mark.
+/// The lengths of an item, without the mark that ends it, and of the mark.
 fn end_of_item(rest: &[u8]) -> Option<(usize, usize)> {
     if rest.starts_with(b"<!--") {
         Some((find(rest, b"-->")?, 3))
@@ -101,7 +102,7 @@ impl<'b> Items<'b> {
     pub(super) fn new(bytes: &'b [u8]) -> Self {
         Self { bytes, at: 0 }
     }
-    /// The bytes up to the next tag, or those of the CDATA section that stands there.
+    /// The bytes up to the next tag, or in the CDATA section that stands there.
     pub(super) fn content(&self) -> &'b [u8] {
         let (text, rest) = self.bytes[self.at..].split_at(self.until_tag());
         match rest.strip_prefix(CDATA) {
@@ -111,6 +112,7 @@ impl<'b> Items<'b> {
             _ => text,
         }
     }
+    /// Bytes up to the next tag or the end.
     fn until_tag(&self) -> usize {
         let rest = &self.bytes[self.at..];
         find(rest, b"<").unwrap_or(rest.len())

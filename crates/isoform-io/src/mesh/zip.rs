@@ -1,19 +1,25 @@
 //! As much of ZIP as a 3MF package needs: deflated members, streamed (PKWARE, "APPNOTE.TXT", 4.3).
+//!
+//! A member is a local header, its deflated bytes, and a data descriptor with checksum and sizes,
+//! which are known only then. The central directory repeats all headers at the end of the file.
+//! Sizes have 32 bits.
 
 use flate2::write::DeflateEncoder;
 use flate2::{Compression, Crc};
 use std::io::{self, Write};
 
-/// Deflate.
+/// Compression method 8: deflate.
 const METHOD: u16 = 8;
-/// Sizes and checksum follow the member; names are UTF-8.
+/// General flags: sizes and checksum follow the member (bit 3); names are UTF-8 (bit 11).
 const FLAGS: u16 = 1 << 3 | 1 << 11;
-/// 1 January 1980, the first date there is: the same mesh gives the same bytes.
+/// Date of every member: 1 January 1980, the first date there is. A fixed date lets equal meshes
+/// give equal bytes.
 const DATE: u16 = 1 << 5 | 1;
 
 /// Counts what passes.
 struct Counted<'o> {
     out: &'o mut dyn Write,
+    /// Bytes that have passed.
     count: u64,
 }
 
@@ -31,7 +37,9 @@ impl Write for Counted<'_> {
 /// A member on its way: checksum and length before it is deflated.
 struct Member<'d, W: Write> {
     deflate: &'d mut DeflateEncoder<W>,
+    /// CRC-32 of the bytes before they are deflated.
     crc: Crc,
+    /// Number of bytes before they are deflated.
     length: u64,
 }
 
@@ -50,10 +58,13 @@ impl<W: Write> Write for Member<'_, W> {
 /// Writes an archive, member after member.
 pub(super) struct Zip<'o> {
     out: Counted<'o>,
+    /// The central directory so far.
     directory: Vec<u8>,
+    /// Number of members so far.
     members: u16,
 }
 
+/// The error for a package whose sizes need more than 32 bits.
 fn too_large(_: std::num::TryFromIntError) -> io::Error {
     io::Error::other("a ZIP package holds at most 4 GiB")
 }

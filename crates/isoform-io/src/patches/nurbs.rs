@@ -14,6 +14,7 @@ const MAX_PATCHES: usize = 100_000;
 /// [`MAX_PATCHES`], so that only high degrees meet this limit first.
 pub(super) const MAX_POINTS: usize = 40 * MAX_PATCHES;
 
+/// A homogeneous control point of rational numbers.
 type ExactPoint = [RBig; 4];
 
 /// The knots of one direction.
@@ -108,6 +109,7 @@ pub(super) fn pieces(value: &Value, at: &str, room: usize) -> Result<Vec<FilePat
     Ok(patches)
 }
 
+/// Refuses surfaces whose Bézier patches would be too many, before any of them is computed.
 fn check_size(patches: usize, [p, q]: [usize; 2], room: usize) -> std::result::Result<(), String> {
     if patches > MAX_PATCHES {
         return Err(format!("more than {MAX_PATCHES} patches"));

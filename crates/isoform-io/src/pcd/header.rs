@@ -38,6 +38,7 @@ impl Field {
     pub(super) fn size(&self) -> usize {
         self.kind.size()
     }
+    /// Whether values are floating-point numbers.
     pub(super) fn is_float(&self) -> bool {
         matches!(self.kind, Type::F32 | Type::F64)
     }
@@ -64,8 +65,10 @@ fn type_of(kind: u8, size: u64) -> Option<Type> {
     })
 }
 
+/// The header of a file.
 pub(super) struct Header {
     pub(super) fields: Vec<Field>,
+    /// Number of points, stated or out of width and height.
     pub(super) points: u64,
     pub(super) data: Data,
 }
@@ -76,6 +79,7 @@ impl Header {
         self.fields.iter().map(|f| f.size() * f.count).sum()
     }
 
+    /// Reads the lines up to DATA.
     pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
         let (mut text, mut bytes) = (String::new(), Vec::new());
         let mut lines = Lines::default();
@@ -91,6 +95,7 @@ impl Header {
     }
 }
 
+/// The error for a header that is wrong at the line read last.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again";
     input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
@@ -99,26 +104,38 @@ fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
 /// The values of the lines, as they stand there.
 #[derive(Default)]
 struct Lines {
+    /// FIELDS, in lower case.
     names: Vec<String>,
+    /// SIZE: bytes per value.
     sizes: Vec<u64>,
+    /// TYPE: F, I or U.
     kinds: Vec<u8>,
+    /// COUNT: values per point.
     counts: Vec<u64>,
+    /// POINTS.
     points: Option<u64>,
+    /// WIDTH: points in a row of the scan.
     width: Option<u64>,
+    /// HEIGHT: rows of the scan; 1 for clouds without order.
     height: Option<u64>,
 }
 
 /// The words of a line behind its key.
 struct Values<'l> {
+    /// First word of the line, for errors.
     key: &'l str,
+    /// The words behind it, at most one more than [`MAX_VALUES`].
     words: Vec<&'l str>,
+    /// The file, for errors.
     input: &'l Input<'l>,
 }
 
 impl Values<'_> {
+    /// The first word.
     fn first(&self) -> Option<&str> {
         self.words.first().copied()
     }
+    /// A value of each word.
     fn each<T>(&self, value: impl Fn(&str) -> T) -> Vec<T> {
         self.words.iter().map(|w| value(w)).collect()
     }
@@ -200,6 +217,7 @@ impl Lines {
         }
     }
 
+    /// The fields out of names, types, sizes and counts; a row may hold [`MAX_VALUES`].
     fn fields(&mut self, input: &Input<'_>) -> Result<Vec<Field>> {
         let mut fields = Vec::new();
         let mut values = 0_u64;
@@ -238,11 +256,13 @@ fn fill<T: Clone>(list: &mut Vec<T>, n: usize, value: T) {
     }
 }
 
+/// A word as a whole number.
 fn number(input: &Input<'_>, key: &str, word: Option<&str>) -> Result<u64> {
     let number = word.and_then(|w| w.parse().ok());
     number.ok_or_else(|| bad(input, format!("\"{}\" needs a number", shorten(key))))
 }
 
+/// The encoding that a line DATA names.
 fn data(input: &Input<'_>, word: Option<&str>) -> Result<Data> {
     match word.map(str::to_ascii_lowercase).as_deref() {
         Some("ascii") => Ok(Data::Ascii),

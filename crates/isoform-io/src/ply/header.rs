@@ -9,10 +9,14 @@ use std::collections::BTreeMap;
 /// More header lines than any true file has.
 const MAX_LINES: u64 = 10_000;
 
+/// How the rows are kept.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Encoding {
+    /// Text, a row per line.
     Ascii,
+    /// Bytes, the least of a number first.
     Little,
+    /// Bytes, the greatest of a number first.
     Big,
 }
 
@@ -20,6 +24,7 @@ pub(super) enum Encoding {
 #[derive(Debug)]
 pub(super) struct Property {
     pub(super) name: String,
+    /// Type of the value, or of the items of the list.
     pub(super) kind: Type,
     /// Type of the length, for lists.
     pub(super) list: Option<Type>,
@@ -29,7 +34,9 @@ pub(super) struct Property {
 #[derive(Debug)]
 pub(super) struct Element {
     pub(super) name: String,
+    /// Number of rows.
     pub(super) count: u64,
+    /// Values of a row, in their order.
     pub(super) properties: Vec<Property>,
 }
 
@@ -40,11 +47,13 @@ impl Element {
             p.list.is_none().then(|| sum + p.kind.size())
         })
     }
+    /// Whether the rows are faces or strips of triangles.
     pub(super) fn is_face(&self) -> bool {
         matches!(self.name.as_str(), "face" | "faces" | "tristrips") && self.count > 0
     }
     /// The list of the corners of faces.
     pub(super) fn corners(&self) -> Option<usize> {
+        /// Names of the list of corners; the format has the first, and the others are common.
         const NAMES: [&str; 3] = ["vertex_indices", "vertex_index", "vertex_indexes"];
         self.properties
             .iter()
@@ -55,13 +64,17 @@ impl Element {
 /// Names of parts by their tags, out of comments `part 1 name` as our own writer makes them.
 pub(super) type PartNames = BTreeMap<i64, String>;
 
+/// The header of a file.
 pub(super) struct Header {
     pub(super) encoding: Encoding,
+    /// Elements in the order of the file.
     pub(super) elements: Vec<Element>,
+    /// Names of parts out of comments.
     pub(super) part_names: PartNames,
 }
 
 impl Header {
+    /// Reads the lines up to `end_header`.
     pub(super) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Self> {
         let (mut text, mut bytes) = (String::new(), Vec::new());
         if !input.read_line(&mut text, &mut bytes)? || text.trim_end() != "ply" {
@@ -98,6 +111,7 @@ impl Header {
     }
 }
 
+/// The error for a header that is wrong at the line read last.
 fn bad(input: &Input<'_>, why: impl Into<String>) -> ReadError {
     let hint = "save the file again, as binary PLY if there is a choice";
     input.error(ErrorKind::Header, input.at_line(0), WHAT, why, hint)
@@ -146,6 +160,7 @@ impl Lines {
         Ok(false)
     }
 
+    /// Takes a line `element name count`.
     fn element(&mut self, name: &str, count: &str, input: &Input<'_>) -> Result<()> {
         let Ok(rows) = count.parse() else {
             let why = format!("\"{}\" is not a number of elements", shorten(count));
@@ -159,6 +174,7 @@ impl Lines {
         Ok(())
     }
 
+    /// Takes a line `property list length-type type name`.
     fn list(&mut self, types: [&str; 2], name: &str, input: &Input<'_>) -> Result<()> {
         let [Some(length), Some(kind)] = types.map(Type::named) else {
             let why = format!("unknown type in the list property \"{}\"", shorten(name));
@@ -167,6 +183,7 @@ impl Lines {
         self.property(name, kind, Some(length), input)
     }
 
+    /// Takes a line `property type name`.
     fn scalar(&mut self, kind: &str, name: &str, input: &Input<'_>) -> Result<()> {
         let Some(known) = Type::named(kind) else {
             let (kind, name) = (shorten(kind), shorten(name));
@@ -195,6 +212,7 @@ impl Lines {
         Ok(())
     }
 
+    /// The header of all lines, which need one with the encoding.
     fn header(self, input: &Input<'_>) -> Result<Header> {
         let encoding = self
             .encoding
@@ -207,6 +225,7 @@ impl Lines {
     }
 }
 
+/// The encoding that a line `format` names.
 fn encoding(kind: &str, input: &Input<'_>) -> Result<Encoding> {
     match kind {
         "ascii" => Ok(Encoding::Ascii),

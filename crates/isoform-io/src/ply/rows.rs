@@ -1,16 +1,20 @@
-//! The rows of a PLY file, in text and bytes.
+//! The rows of a PLY file, in text and bytes. Rows without lists have one length, which lets them
+//! be read and passed over as a whole; lists are read item by item.
 
 use super::header::{Element, Encoding};
 use crate::ErrorKind;
 use crate::binary::Type;
 use crate::input::{Input, Result, Words, parse_number, shorten};
 
+/// What failed, as the errors of the rows say.
 const WHAT: &str = "cannot read the PLY data";
 
 /// Reads rows of one element after another.
 pub(super) struct Rows {
     pub(super) encoding: Encoding,
+    /// The words of a text, over line ends.
     words: Words,
+    /// The bytes of the row at hand.
     row: Vec<u8>,
     /// Scalars of the row by property; NaN for lists.
     pub(super) values: Vec<f64>,
@@ -90,6 +94,7 @@ impl Rows {
         }
     }
 
+    /// The length of a list, which must be a whole number.
     fn list_length(
         &mut self,
         input: &mut Input<'_>,
@@ -105,6 +110,7 @@ impl Rows {
         Err(input.error(ErrorKind::Corrupt, place, WHAT, why, "get the file again"))
     }
 
+    /// The next number of a type, in text or bytes.
     fn number(
         &mut self,
         input: &mut Input<'_>,

@@ -1,4 +1,5 @@
-//! The writer of PLY for clouds.
+//! The writer of PLY for clouds: coordinates, normals and columns as doubles, colours as bytes,
+//! triangles as lists of three.
 
 use crate::WriteOptions;
 use crate::columns::{Names, column_names, row};
@@ -36,6 +37,7 @@ pub(crate) fn write(
     Ok(())
 }
 
+/// Writes the header: encoding, unit, elements.
 fn write_header(cloud: &PointCloud, out: &mut dyn Write, options: &WriteOptions) -> io::Result<()> {
     let encoding = if options.ascii {
         "ascii"
@@ -59,6 +61,7 @@ fn write_header(cloud: &PointCloud, out: &mut dyn Write, options: &WriteOptions)
     writeln!(out, "end_header")
 }
 
+/// Writes the properties of the vertices, in the order of a row.
 fn write_properties(names: &Names, out: &mut dyn Write) -> io::Result<()> {
     for name in names.positions.iter().chain(&names.normals) {
         writeln!(out, "property double {name}")?;

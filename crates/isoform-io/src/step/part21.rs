@@ -12,7 +12,9 @@ const WIDTH: usize = 120;
 /// The data section, instance by instance.
 #[derive(Default)]
 pub(super) struct Document {
+    /// Text of the instances.
     data: String,
+    /// Number of instances.
     count: usize,
 }
 
@@ -48,12 +50,15 @@ impl Document {
             data = self.data
         )
     }
+    /// Adds a point; gives back its number.
     pub(super) fn point(&mut self, p: Point3) -> usize {
         self.add(&format!("CARTESIAN_POINT('',{})", reals(&p)))
     }
+    /// Adds a direction; gives back its number.
     fn direction(&mut self, d: Point3) -> usize {
         self.add(&format!("DIRECTION('',{})", reals(&d)))
     }
+    /// Adds axes with their origin; gives back their number.
     pub(super) fn placement(&mut self, axes: &Placement) -> usize {
         let (origin, z, x) = (
             self.point(axes.origin),
@@ -116,18 +121,23 @@ impl Document {
 pub(super) fn id(number: usize) -> String {
     format!("#{number}")
 }
+/// A list of references to instances.
 pub(super) fn ids(numbers: &[usize]) -> String {
     list(numbers.iter().map(|n| id(*n)))
 }
+/// A list of whole numbers.
 fn integers(numbers: &[usize]) -> String {
     list(numbers.iter().map(usize::to_string))
 }
+/// A list of reals.
 fn reals(numbers: &[f64]) -> String {
     list(numbers.iter().map(|v| real(*v)))
 }
+/// A list of items in brackets, with commas between.
 fn list(items: impl Iterator<Item = String>) -> String {
     format!("({})", items.collect::<Vec<_>>().join(","))
 }
+/// A logical value.
 pub(super) fn flag(is: bool) -> &'static str {
     if is { ".T." } else { ".F." }
 }

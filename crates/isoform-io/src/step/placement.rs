@@ -9,7 +9,7 @@ const AWAY: f64 = 0.98;
 /// The cosine of the angle within which a patch on a sphere must stay.
 const NEAR: f64 = 0.17;
 
-/// Axes: an origin, the direction of z, and that of x.
+/// Axes: an origin, and the directions of z and of x.
 pub(super) struct Placement {
     pub(super) origin: Point3,
     pub(super) z: Point3,
@@ -18,7 +18,9 @@ pub(super) struct Placement {
 
 /// A named surface as an entity.
 pub(super) struct Placed {
+    /// Name of the entity in the schema.
     pub(super) entity: &'static str,
+    /// Where it stands.
     pub(super) axes: Placement,
     /// What follows the axes.
     pub(super) numbers: Vec<f64>,
@@ -37,6 +39,7 @@ struct View {
 }
 
 impl View {
+    /// The view of a patch at a square grid of parameters.
     fn of(patch: &RationalPatch) -> Self {
         let at = |i: usize| i as f64 / (SAMPLES - 1) as f64;
         let middle = patch.tangents(0.5, 0.5);
@@ -84,6 +87,7 @@ pub(super) fn place(surface: &Quadric, patch: &RationalPatch) -> Option<Placed> 
     }
 }
 
+/// The plane; x runs along u in the middle of the patch.
 fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
     let x = unit(across(view.middle.u, normal))?;
     let origin = normal.map(|v| offset * v);
@@ -99,6 +103,7 @@ fn plane(view: &View, normal: Point3, offset: f64) -> Option<Placed> {
     })
 }
 
+/// The sphere; its equator runs through the middle of the patch, and its seam lies opposite.
 fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
     let out = unit(sub(view.middle.point, center))?;
     let z = unit(across(view.middle.v, out))?;
@@ -117,6 +122,7 @@ fn sphere(view: &View, center: Point3, radius: f64) -> Option<Placed> {
     })
 }
 
+/// The cylinder, its seam opposite to the middle of the patch.
 fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Placed> {
     let out = unit(across(sub(view.middle.point, point), axis))?;
     let x = out.map(|v| -v);
@@ -132,6 +138,7 @@ fn cylinder(view: &View, point: Point3, axis: Point3, radius: f64) -> Option<Pla
     })
 }
 
+/// The cone, with its origin at the height of the middle of the patch and its seam opposite.
 fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Placed> {
     // The axis towards the patch, and the circle about it at the patch's middle.
     let height = dot(sub(view.middle.point, apex), axis);
@@ -154,6 +161,7 @@ fn cone(view: &View, apex: Point3, axis: Point3, half_angle: f64) -> Option<Plac
     })
 }
 
+/// The torus, its seam about the axis opposite to the middle of the patch.
 fn torus(view: &View, center: Point3, axis: Point3, [major, minor]: [f64; 2]) -> Option<Placed> {
     // Only about the axis can the seam be put opposite to the patch; along the tube it is the outer
     // equator.
@@ -197,6 +205,7 @@ fn across(d: Point3, n: Point3) -> Point3 {
     std::array::from_fn(|k| flat[k] - left * n[k])
 }
 
+/// The direction of a vector; none for one without length.
 fn unit(d: Point3) -> Option<Point3> {
     let length = norm(d);
     (length > 0.0 && length.is_finite()).then(|| d.map(|v| v / length))

@@ -1,4 +1,9 @@
 //! A patch as a B-spline whose control weights are positive.
+//!
+//! A Bézier patch is the B-spline over one span in each direction. Its weight may be positive
+//! everywhere while a control weight is not. Inserting knots, equally spaced, brings the control
+//! weights nearer to the weight itself, until all are positive; no point of the surface changes.
+//! New control points are blossoms of the old ones.
 
 use super::knots::Knots;
 use isoform_geom::{Point3, RationalPatch};
@@ -11,8 +16,11 @@ const MOST_SPANS: usize = 64;
 
 /// A rational B-spline surface over [0, 1]² with homogeneous control points.
 pub(super) struct Spline {
+    /// Knots in u.
     u: Knots,
+    /// Knots in v.
     v: Knots,
+    /// Control points, homogeneous, row by row of equal i.
     control: Vec<[f64; 4]>,
 }
 
@@ -76,9 +84,11 @@ impl Spline {
             self.v.degree + self.v.spans - 1,
         )
     }
+    /// The control point in row i and column j, homogeneous.
     pub(super) fn at(&self, i: usize, j: usize) -> [f64; 4] {
         self.control[i * (self.last().1 + 1) + j]
     }
+    /// The knots along u or along v.
     pub(super) fn knots(&self, along_u: bool) -> &Knots {
         if along_u { &self.u } else { &self.v }
     }
@@ -96,6 +106,7 @@ impl Spline {
             });
         if hi > 0.0 { lo / hi } else { f64::NEG_INFINITY }
     }
+    /// Whether the least weight is more than [`LEAST`] of the largest, so that all are positive.
     fn is_positive(&self) -> bool {
         self.worst() > LEAST
     }

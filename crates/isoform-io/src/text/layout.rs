@@ -1,9 +1,15 @@
 //! What the columns are: by their names, or by the values of the first rows.
+//!
+//! Names are looked up in [`role_named`](crate::roles::role_named), and among the words of
+//! surveyors (easting, northing, elevation) where a coordinate is missing. Values tell colours
+//! (whole numbers from 0 to 255) and normals (triples of length 1) from other columns, which is a
+//! guess that the report states.
 
 use crate::ReadReport;
 use crate::input::shorten;
 use crate::roles::Layout;
 
+/// The layout of columns with names; the first three are the coordinates where no names say so.
 pub(super) fn by_names(names: &[String], report: &mut ReadReport) -> Layout {
     let known = |name: &str| match name.to_ascii_lowercase().as_str() {
         "easting" | "east" | "x_coordinate" | "coord_x" | "pos_x" | "x_m" => Some("x"),
@@ -60,11 +66,14 @@ pub(super) fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport
 
 /// The columns that have a name so far.
 struct Columns<'r> {
+    /// The first rows of the file.
     rows: &'r [Vec<f64>],
     is_pts: bool,
+    /// The names so far, coordinates first.
     names: Vec<String>,
     has_colors: bool,
     has_normals: bool,
+    /// What was told by the values alone, for the report.
     guesses: Vec<String>,
 }
 
@@ -89,6 +98,7 @@ impl Columns<'_> {
         }
     }
 
+    /// Gives the next three columns names, and notes the guess.
     fn triple(&mut self, names: [&str; 3], what: &str) {
         let c = self.names.len();
         self.names.extend(names.map(String::from));
@@ -103,6 +113,7 @@ impl Columns<'_> {
         self.rows.iter().all(|r| is_byte(r[c]))
     }
 
+    /// Whether a column has one value in all rows.
     fn is_constant(&self, c: usize) -> bool {
         self.rows.iter().all(|r| r[c] == self.rows[0][c])
     }

@@ -1,8 +1,12 @@
-//! What stands between the fields of a line.
+//! What stands between the fields of a line: blanks, tabs, commas or semicolons; and whether commas
+//! are decimal, as they are beside semicolons and in three fields or more between blanks.
 
+/// What stands between fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Separator {
+    /// One or more blanks or tabs.
     Blank,
+    /// One character; two of them in a row have an empty field between.
     Char(char),
 }
 

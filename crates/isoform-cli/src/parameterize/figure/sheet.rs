@@ -60,6 +60,7 @@ fn place(u: f64, v: f64, height: f64) -> [f64; 2] {
     [along(0, u, v), along(1, u, v) - RISE * height]
 }
 
+/// `x y` to a tenth of a pixel.
 fn pair(p: [f64; 2]) -> String {
     format!("{:.1} {:.1}", p[0], p[1])
 }
@@ -99,12 +100,14 @@ impl Graph {
         (self.values[i * (GRID + 1) + j] / scale).clamp(0.0, 1.0)
     }
 
+    /// Draws all cells; nearer ones cover those behind.
     fn draw(&self, svg: &mut String) {
         for cell in back_to_front() {
             self.draw_cell(svg, cell);
         }
     }
 
+    /// Draws a cell in the colour of the mean of its corners.
     fn draw_cell(&self, svg: &mut String, [i, j]: [usize; 2]) {
         let around = [[i, j], [i + 1, j], [i + 1, j + 1], [i, j + 1]];
         let path = around.map(|[a, b]| pair(place(parameter(a), parameter(b), self.share(a, b))));
@@ -128,12 +131,14 @@ fn back_to_front() -> Vec<[usize; 2]> {
     cells
 }
 
+/// Draws the square of the domain.
 fn draw_domain(svg: &mut String) {
     let corners =
         [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(u, v)| pair(place(u, v, 0.0)));
     let _ = writeln!(svg, "<path class=\"axis\" d=\"M{}z\"/>", corners.join("L"));
 }
 
+/// Writes the names of the parameters and their ends.
 fn name_corners(svg: &mut String) {
     for (u, v, text) in [
         (0.5, -0.12, "u"),
@@ -156,6 +161,7 @@ fn bar() -> (f64, f64) {
     (FRAME.right - 80.0, FRAME.bottom - FRAME.top - 60.0)
 }
 
+/// Draws the bar of colours.
 fn draw_colors(svg: &mut String) {
     let (left, height) = bar();
     for k in 0..GRID {

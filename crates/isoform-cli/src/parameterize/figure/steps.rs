@@ -17,7 +17,9 @@ const DECADES: f64 = 10.0;
 
 /// One term over all steps.
 struct Line {
+    /// Name of the term, and of its class in the style.
     name: &'static str,
+    /// Its value at each step.
     values: Vec<f64>,
 }
 
@@ -52,6 +54,7 @@ pub(super) fn draw(svg: &mut String, trace: &[Row]) {
     name_signs(svg);
 }
 
+/// The terms that are drawn, step by step.
 fn lines(trace: &[Row]) -> [Line; 3] {
     let line = |name, term: fn(&Row) -> f64| Line {
         name,
@@ -64,10 +67,12 @@ fn lines(trace: &[Row]) -> [Line; 3] {
     ]
 }
 
+/// All values of all lines.
 fn values(lines: &[Line]) -> impl Iterator<Item = f64> {
     lines.iter().flat_map(|l| &l.values).copied()
 }
 
+/// The largest value; 0 without steps.
 fn largest(lines: &[Line]) -> f64 {
     values(lines).fold(0.0, f64::max)
 }
@@ -89,15 +94,18 @@ struct Axes {
 }
 
 impl Axes {
+    /// The place of a step.
     fn x(&self, step: usize) -> f64 {
         FRAME.left + (FRAME.right - FRAME.left) * step as f64 / (self.steps - 1) as f64
     }
+    /// The place of a value; values below the axis lie on its end.
     fn y(&self, value: f64) -> f64 {
         let [lo, hi] = self.decades;
         let share = (value.max(f64::MIN_POSITIVE).log10() - lo) / (hi - lo);
         FRAME.bottom - (FRAME.bottom - FRAME.top) * share.max(0.0)
     }
 
+    /// Draws a line for each power of ten, for every other one where there are more than six.
     fn draw_decades(&self, svg: &mut String) {
         let Frame { left, right, .. } = FRAME;
         let [lo, hi] = self.decades;
@@ -126,6 +134,7 @@ impl Axes {
         }
     }
 
+    /// Draws a plus above each step that extrapolates.
     fn draw_extrapolations(&self, svg: &mut String, trace: &[Row]) {
         let steps = trace.iter().enumerate();
         for (k, _) in steps.filter(|(_, r)| r.phase == Phase::Grow) {
@@ -138,6 +147,7 @@ impl Axes {
         }
     }
 
+    /// Draws a term over all steps.
     fn draw_line(&self, svg: &mut String, Line { name, values }: &Line) {
         let steps = values.iter().enumerate();
         let points: Vec<String> = steps

@@ -1,8 +1,16 @@
 //! Where a parameter is seen: how the surface moves as it grows tells what it measures.
 //!
-//! A point p of the surface with outward normal n moves by w n per unit of a parameter a. If a is a
-//! length and w is 1, then p − a w n is where the length begins: the axis of a radius, the foot of
-//! a height, the other side of a wall. If w is ½ on two sides, a is the distance between them.
+//! A point p of the surface with outward normal n moves by w n per unit of a parameter a; w is
+//! called the speed. If a is a length and w is 1, then p − a w n is where the length begins: the
+//! axis of a radius, the foot of a height, the other side of a wall. If w is ½ on two sides, a is
+//! the distance between them.
+//!
+//! - linear: all fast points move along one direction, by 1 on one side or by ½ on two;
+//! - round: the beginnings p − a w n crowd in few places, the centres;
+//! - offset: the beginnings lie on the other side of a wall, or amid a rod;
+//! - place: none of these; the parameter is only shown where it acts.
+//!
+//! A level is a value of p · direction at which many points lie.
 
 use super::subject::{Sample, Subject};
 use isoform::fit::{Kind, Template};
@@ -58,8 +66,10 @@ const ABOUT: f64 = 0.3;
 /// Most rounds of one kind that are counted.
 const MOST_ROUNDS: usize = 24;
 
+/// A point of the surface that a parameter moves.
 struct Moved {
     sample: Sample,
+    /// Way along the normal per unit of the parameter.
     speed: f64,
 }
 
@@ -123,22 +133,17 @@ fn checked(form: Form, subject: &Subject<'_>) -> Form {
     }
 }
 
+/// The size of the model: the diagonal of its samples.
 fn extent(samples: &[Sample]) -> f64 {
     isoform::geom::Aabb::of(samples.iter().map(|s| &s.at)).diagonal()
 }
 
+/// What a parameter measures, by how it moves the surface.
 fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) -> Form {
     if moved.is_empty() {
         return Form::Nothing;
     }
-    // The fastest but for 2 %, which lie on edges and tips.
-    let mut speeds: Vec<f64> = moved.iter().map(|m| m.speed.abs()).collect();
-    speeds.sort_by(f64::total_cmp);
-    let top = speeds[(speeds.len() - 1) * 49 / 50];
-    let fast: Vec<&Moved> = moved
-        .iter()
-        .filter(|m| m.speed.abs() > FAST * top)
-        .collect();
+    let fast = fastest(moved);
     let measured = match kind {
         Kind::Length | Kind::Number if value > 0.0 => length(&fast, still, value, size),
         Kind::X => position(moved, 0, value, size),
@@ -153,6 +158,18 @@ fn form(moved: &[Moved], still: &[Sample], kind: Kind, value: f64, size: f64) ->
     })
 }
 
+/// The points that move about as fast as the fastest, of which 2 % are left out of account, because
+/// they lie on edges and tips.
+fn fastest(moved: &[Moved]) -> Vec<&Moved> {
+    let mut speeds: Vec<f64> = moved.iter().map(|m| m.speed.abs()).collect();
+    speeds.sort_by(f64::total_cmp);
+    let top = speeds[(speeds.len() - 1) * 49 / 50];
+    moved
+        .iter()
+        .filter(|m| m.speed.abs() > FAST * top)
+        .collect()
+}
+
 /// Speed 1 or ½, if that is what most points have.
 fn common_speed(fast: &[&Moved]) -> Option<f64> {
     [1.0, 0.5].into_iter().find(|w| {
@@ -161,6 +178,7 @@ fn common_speed(fast: &[&Moved]) -> Option<f64> {
     })
 }
 
+/// A length as the first form that fits: linear, round, offset.
 fn length(fast: &[&Moved], still: &[Sample], value: f64, size: f64) -> Option<Form> {
     let speed = common_speed(fast)?;
     linear(fast, still, value, speed, size)
@@ -267,6 +285,7 @@ fn two_sided(
     })
 }
 
+/// The samples near a level.
 fn at_level(samples: &[Sample], along: Point3, level: f64, size: f64) -> Vec<Sample> {
     let near = |s: &&Sample| (dot(s.at, along) - level).abs() < 2.0 * LEVEL * size;
     samples.iter().filter(near).copied().collect()
@@ -374,6 +393,7 @@ fn are_apart(middles: &[Point3], radius: f64) -> bool {
     (0..middles.len()).all(|i| (0..i).all(|j| is_apart(i, j)))
 }
 
+/// The mean of points.
 fn mean(points: impl ExactSizeIterator<Item = Point3> + Clone) -> Point3 {
     let n = points.len() as f64;
     std::array::from_fn(|k| points.clone().map(|p| p[k]).sum::<f64>() / n)
@@ -411,6 +431,14 @@ fn axis(fast: &[&Moved]) -> Option<Point3> {
     (about(&best) as f64 > SOME * fast.len() as f64).then_some(best)
 }
 
+/// The middle between the least and the largest of some numbers.
+fn middle(levels: impl Iterator<Item = f64>) -> f64 {
+    let (lo, hi) = levels.fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
+        (l.min(v), h.max(v))
+    });
+    0.5 * (lo + hi)
+}
+
 /// A coordinate: what moves does so as one, and lies there, or its middle does.
 fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form> {
     let wrong = moved
@@ -419,11 +447,8 @@ fn position(moved: &[Moved], axis: usize, value: f64, size: f64) -> Option<Form>
     if wrong.count() as f64 > (1.0 - MOST) * moved.len() as f64 || value.abs() < 0.03 * size {
         return None;
     }
-    let levels = || moved.iter().map(|m| m.sample.at[axis]);
-    let (lo, hi) = levels().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), v| {
-        (l.min(v), h.max(v))
-    });
-    let is_middle = (0.5 * (lo + hi) - value).abs() < 0.02 * size;
+    let levels = moved.iter().map(|m| m.sample.at[axis]);
+    let is_middle = (middle(levels) - value).abs() < 0.02 * size;
     let far: Vec<Sample> = moved
         .iter()
         .map(|m| m.sample)

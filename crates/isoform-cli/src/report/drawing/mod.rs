@@ -1,5 +1,10 @@
 //! The drawing of a fitted model: views of it in its own frame, with its dimensions, and the points
 //! of the scan that can be seen in the views.
+//!
+//! No mesh is made: each view is traced by parallel rays ([`picture`]), lines are found between
+//! rays that meet different faces ([`outline`]), and what a parameter measures is read off the
+//! motion of the surface when it grows ([`dimensions`]). The [`sheet`]s put views, lines and
+//! dimensions on paper.
 
 mod dimensions;
 mod outline;
@@ -18,7 +23,8 @@ use subject::{Sample, Shell, Subject};
 /// Pixels along the longest side of a view. Lines are found within 1/32 of a pixel; features below
 /// one may be missed. The time grows with the square: 0.1 s for a simple part.
 const PIXELS: f64 = 160.0;
-/// That of programs that run line by line.
+/// Pixels along the longest side for programs that run line by line, which is some hundred times
+/// slower.
 const FEW_PIXELS: f64 = 56.0;
 
 /// A view with its lines.
@@ -29,16 +35,23 @@ struct Drawn {
 
 /// Everything that is drawn of a model.
 struct Drawing<'a> {
+    /// The fit.
     job: &'a Job,
+    /// The fitted model.
     subject: Subject<'a>,
+    /// Points of its surface.
     samples: Vec<Sample>,
+    /// From above.
     top: Drawn,
+    /// From the front.
     front: Drawn,
     /// None where it shows no more than the view from the front.
     side: Option<Drawn>,
     /// None for a model without holes and hollows in its middle plane.
     section: Option<Drawn>,
+    /// Isometric, from above.
     above: Drawn,
+    /// Isometric, from below and behind.
     below: Drawn,
 }
 
@@ -94,6 +107,7 @@ pub(crate) fn sheets(job: &Job, limit: f64) -> Option<[String; 2]> {
     ])
 }
 
+/// A view with its lines; none where its rays meet nothing.
 fn drawn(subject: &Subject<'_>, shell: &Shell, view: View) -> Option<Drawn> {
     let tracer = Tracer::new(subject, shell, view);
     let most = if subject.is_slow { FEW_PIXELS } else { PIXELS };

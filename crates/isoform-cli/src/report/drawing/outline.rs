@@ -42,10 +42,12 @@ type Between = (usize, usize, u8);
 /// A point of a line: between two pixels, or (2) amid four.
 type Node = (usize, usize, u8);
 
+/// The slope of a face against the viewer, at most [`STEEPEST`].
 fn slope(h: &Hit) -> f64 {
     steepness(h).min(STEEPEST)
 }
 
+/// The tangent of the angle between a face and the paper.
 fn steepness(h: &Hit) -> f64 {
     let across = (1.0 - h.normal[2] * h.normal[2]).max(0.0).sqrt();
     across / h.normal[2].abs().max(1e-9)
@@ -62,6 +64,7 @@ fn differ(a: Option<Hit>, b: Option<Hit>, apart: f64) -> bool {
     }
 }
 
+/// Whether the depths differ by more than a face of these slopes explains.
 fn is_jump(a: &Hit, b: &Hit, apart: f64) -> bool {
     (a.depth - b.depth).abs() > apart * (1.5 + 2.0 * slope(a).max(slope(b)))
 }
@@ -190,14 +193,18 @@ fn differing(picture: &Picture) -> Vec<Crossing> {
 
 /// A place where a line passes between two pixels, between two rays that come nearer and nearer.
 struct Crossing {
+    /// The pixels that it lies between.
     between: Between,
     /// Whether the pixels see faces at different depths, or one sees none. The rays at the end may
     /// meet a face edge-on between the two, which says nothing.
     is_step: bool,
+    /// Places of the two rays on the paper.
     ends: [[f64; 2]; 2],
+    /// What the two rays meet.
     hits: [Option<Hit>; 2],
 }
 
+/// Whether two pixels see faces at different depths, or one of them sees none.
 fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
     match (a, b) {
         // A steep wall that is seen makes no step to the floor at its foot.
@@ -210,6 +217,7 @@ fn is_step(a: Option<Hit>, b: Option<Hit>, pixel: f64) -> bool {
     }
 }
 
+/// The point half way.
 fn middle([a, b]: [[f64; 2]; 2]) -> [f64; 2] {
     [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])]
 }
@@ -272,6 +280,8 @@ fn segments(
     segments
 }
 
+/// Where a node lies: where its line passes, or the middle of the nodes around it, or the corner
+/// that they make.
 fn position(
     node: Node,
     nodes: &BTreeMap<Between, (Kind, [f64; 2])>,
@@ -316,34 +326,62 @@ fn corner(points: &[[f64; 2]], pixel: f64) -> Option<[f64; 2]> {
 
 /// Chains of segments, open ones first, each as long as it goes without a fork.
 fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
-    let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
-    for (i, segment) in segments.iter().enumerate() {
-        for node in segment {
-            at.entry(*node).or_default().push(i);
-        }
-    }
-    let mut used = vec![false; segments.len()];
-    let ends = at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
-    let starts: Vec<Node> = ends.chain(at.keys().copied()).collect();
+    let mut web = Web::of(segments);
+    let ends = web.at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
+    let starts: Vec<Node> = ends.chain(web.at.keys().copied()).collect();
     let mut chains = Vec::new();
     for start in starts {
-        while let Some(first) = at[&start].iter().copied().find(|s| !used[*s]) {
-            let (mut chain, mut node, mut segment) = (vec![start], start, first);
-            loop {
-                used[segment] = true;
-                let [a, b] = segments[segment];
-                node = if a == node { b } else { a };
-                chain.push(node);
-                let next = at[&node].iter().copied().find(|s| !used[*s]);
-                match next {
-                    Some(next) if at[&node].len() == 2 => segment = next,
-                    _ => break,
-                }
-            }
-            chains.push(chain);
+        while let Some(first) = web.unused(start) {
+            chains.push(web.chain(start, first));
         }
     }
     chains
+}
+
+/// Segments by the nodes that they join.
+struct Web<'s> {
+    segments: &'s [[Node; 2]],
+    /// The segments at each node.
+    at: BTreeMap<Node, Vec<usize>>,
+    /// Segments that are part of a chain already.
+    used: Vec<bool>,
+}
+
+impl<'s> Web<'s> {
+    /// The web of these segments, none of them used.
+    fn of(segments: &'s [[Node; 2]]) -> Self {
+        let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
+        for (i, segment) in segments.iter().enumerate() {
+            for node in segment {
+                at.entry(*node).or_default().push(i);
+            }
+        }
+        Self {
+            segments,
+            at,
+            used: vec![false; segments.len()],
+        }
+    }
+
+    /// The first segment at a node that is in no chain yet.
+    fn unused(&self, node: Node) -> Option<usize> {
+        self.at[&node].iter().copied().find(|s| !self.used[*s])
+    }
+
+    /// The chain from a node along a segment, up to an end, a fork or itself.
+    fn chain(&mut self, start: Node, first: usize) -> Vec<Node> {
+        let (mut chain, mut node, mut segment) = (vec![start], start, first);
+        loop {
+            self.used[segment] = true;
+            let [a, b] = self.segments[segment];
+            node = if a == node { b } else { a };
+            chain.push(node);
+            match self.unused(node) {
+                Some(next) if self.at[&node].len() == 2 => segment = next,
+                _ => return chain,
+            }
+        }
+    }
 }
 
 /// Where two straight runs meet within a cell the chain cuts the corner: the corner is put in its
@@ -387,10 +425,13 @@ fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
     out
 }
 
+/// The distance on the paper.
 fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
+/// Whether the middle one of three points lies on the chord of the others, within 3 % of its
+/// length.
 fn is_straight(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
     let cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
     let length = distance(a, c);
@@ -427,15 +468,7 @@ fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         vec![(0, n - 1)]
     };
     while let Some((i, j)) = open.pop() {
-        let off = |k: usize| {
-            isoform::geom::distance_to_segment(
-                [points[k][0], points[k][1], 0.0],
-                [
-                    [points[i][0], points[i][1], 0.0],
-                    [points[j][0], points[j][1], 0.0],
-                ],
-            )
-        };
+        let off = |k: usize| from_chord(points[k], [points[i], points[j]]);
         let far = (i + 1..j).max_by(|a, b| off(*a).total_cmp(&off(*b)));
         if let Some(k) = far.filter(|k| off(*k) > tolerance) {
             keep[k] = true;
@@ -443,6 +476,12 @@ fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
         }
     }
     (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
+}
+
+/// The distance of a point of the paper from a chord.
+fn from_chord(p: [f64; 2], chord: [[f64; 2]; 2]) -> f64 {
+    let lifted = |[x, y]: [f64; 2]| [x, y, 0.0];
+    isoform::geom::distance_to_segment(lifted(p), chord.map(lifted))
 }
 
 #[cfg(test)]

@@ -1,4 +1,8 @@
 //! What is seen of the model along parallel rays, with hidden parts left out.
+//!
+//! Rays march towards the model by its own distance, through the cells of the [`Shell`] only; a
+//! sign change brackets the surface, and regula falsi finds it. All rays of a view go in step, so
+//! that the function is evaluated at many points at a time.
 
 use super::subject::{Shell, Subject, outward};
 use isoform::geom::{Aabb, Point3, dot};
@@ -7,19 +11,25 @@ use std::borrow::Borrow;
 /// A direction of view: axes of the paper and the direction to the viewer, orthonormal.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct View {
+    /// Name in the caption.
     pub(super) name: &'static str,
     /// What runs across and what up, for the caption.
     pub(super) axes: &'static str,
+    /// Direction to the right on the paper.
     pub(super) right: Point3,
+    /// Direction up on the paper.
     pub(super) up: Point3,
+    /// Direction to the viewer.
     pub(super) toward: Point3,
     /// The cut: nothing nearer to the viewer than this is drawn.
     pub(super) cut: Option<f64>,
 }
 
-/// One over the root of 2, 3, 6 and twice the last.
+/// 1/√2, a component of the isometric axes.
 const R2: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// 1/√3, a component of the isometric axes.
 const R3: f64 = 0.577_350_269_189_625_8;
+/// 1/√6, a component of the isometric axes.
 const R6: f64 = 0.408_248_290_463_863;
 
 impl View {
@@ -39,6 +49,7 @@ impl View {
             cut: None,
         }
     }
+    /// From the front, along y.
     pub(super) const FRONT: Self = Self::new(
         "Front",
         "x →, z ↑",
@@ -46,6 +57,7 @@ impl View {
         [0.0, 0.0, 1.0],
         [0.0, -1.0, 0.0],
     );
+    /// From the right, against x.
     pub(super) const SIDE: Self = Self::new(
         "Right",
         "y →, z ↑",
@@ -53,6 +65,7 @@ impl View {
         [0.0, 0.0, 1.0],
         [1.0, 0.0, 0.0],
     );
+    /// From above, against z.
     pub(super) const TOP: Self = Self::new(
         "Top",
         "x →, y ↑",
@@ -60,6 +73,7 @@ impl View {
         [0.0, 1.0, 0.0],
         [0.0, 0.0, 1.0],
     );
+    /// Isometric, from the right, the front and above.
     pub(super) const ABOVE: Self = Self::new(
         "Isometric",
         "from above",
@@ -67,6 +81,7 @@ impl View {
         [-R6, R6, 2.0 * R6],
         [R3, -R3, R3],
     );
+    /// Isometric, from the left, behind and below.
     pub(super) const BELOW: Self = Self::new(
         "Isometric",
         "from below, behind",
@@ -78,6 +93,7 @@ impl View {
     pub(super) fn of(&self, p: Point3) -> [f64; 3] {
         [dot(self.right, p), dot(self.up, p), dot(self.toward, p)]
     }
+    /// The point of a place on the paper and a depth.
     fn back(&self, [u, v, w]: [f64; 3]) -> Point3 {
         std::array::from_fn(|k| u * self.right[k] + v * self.up[k] + w * self.toward[k])
     }
@@ -119,17 +135,22 @@ pub(super) struct Tracer<'a> {
     pub(super) subject: &'a Subject<'a>,
     pub(super) shell: &'a Shell,
     pub(super) view: View,
+    /// Depth at which rays start.
     top: f64,
+    /// Depth at which they end.
     bottom: f64,
 }
 
+/// A ray on its way.
 struct Ray {
+    /// Number of the ray in its picture.
     index: usize,
     /// Where it starts, and how far it is.
     from: Point3,
     t: f64,
     /// The last place outside.
     outside: Option<(f64, f64)>,
+    /// The first place inside, with the distance there.
     inside: Option<(f64, f64)>,
 }
 
@@ -280,6 +301,7 @@ impl<'a> Tracer<'a> {
         }
     }
 
+    /// The depth, the normal and the part where each ray meets the surface.
     fn describe(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
         let down = self.view.toward.map(|v| -v);
         let points: Vec<Point3> = rays
@@ -301,12 +323,15 @@ impl<'a> Tracer<'a> {
 /// What is seen at each pixel of a view.
 pub(super) struct Picture {
     pub(super) view: View,
+    /// Pixels in a row.
     pub(super) width: usize,
+    /// Rows.
     pub(super) height: usize,
     /// Side of a pixel.
     pub(super) pixel: f64,
     /// The middle of the first pixel, above on the left.
     pub(super) first: [f64; 2],
+    /// What the ray of each pixel meets, row by row from above.
     pub(super) hits: Vec<Option<Hit>>,
 }
 

@@ -32,6 +32,7 @@ fn filtered(width: usize, pixels: &[u8]) -> Vec<u8> {
     out
 }
 
+/// Adds a chunk: length, name, data, and the sum of name and data.
 fn chunk(png: &mut Vec<u8>, name: &[u8; 4], data: &[u8]) {
     png.extend((data.len() as u32).to_be_bytes());
     let from = png.len();
@@ -41,6 +42,7 @@ fn chunk(png: &mut Vec<u8>, name: &[u8; 4], data: &[u8]) {
     png.extend(sum.to_be_bytes());
 }
 
+/// CRC-32 of PNG (RFC 2083), bit by bit.
 fn crc(data: &[u8]) -> u32 {
     !data.iter().fold(!0, |sum, byte| {
         (0..8).fold(sum ^ u32::from(*byte), |c, _| {
@@ -53,10 +55,12 @@ fn crc(data: &[u8]) -> u32 {
 #[derive(Default)]
 struct Bits {
     bytes: Vec<u8>,
+    /// Bits of the last byte that are not taken.
     free: u32,
 }
 
 impl Bits {
+    /// Adds the low bits of a value.
     fn put(&mut self, value: u32, count: u32) {
         for i in 0..count {
             if self.free == 0 {
@@ -95,6 +99,8 @@ impl Bits {
     }
 }
 
+/// Bytes as a stream of zlib, whose runs of equal bytes are packed and nothing else; Adler-32
+/// stands behind them.
 fn zlib(data: &[u8]) -> Vec<u8> {
     let mut bits = Bits::default();
     // The last block, with the fixed table.
@@ -125,6 +131,7 @@ fn zlib(data: &[u8]) -> Vec<u8> {
 
 /// Bytes as text for a data address.
 pub(super) fn base64(bytes: &[u8]) -> String {
+    /// The digits of base64 (RFC 4648).
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for three in bytes.chunks(3) {

@@ -66,6 +66,7 @@ fn isometric<'d>(drawing: &'d Drawing<'_>, scale: f64) -> Vec<Panel<'d>> {
     panels
 }
 
+/// Paper units per unit of the model: the longest side of the views along the axes gets [`SIZE`].
 fn scale_of(drawing: &Drawing<'_>) -> f64 {
     let views = [
         Some(&drawing.front),
@@ -104,6 +105,7 @@ fn distribute<'a>(drawing: &Drawing<'_>, forms: &[Form], panels: &mut [Panel<'a>
     rest
 }
 
+/// The name and value of a parameter, with a sign for radius or diameter, and the number of rounds.
 fn label(drawing: &Drawing<'_>, form: &Form, i: usize) -> Label {
     let job = drawing.job;
     let mark = match form {

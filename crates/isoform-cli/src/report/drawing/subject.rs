@@ -1,4 +1,8 @@
 //! The fitted model in its own frame: values, normals, motion under its parameters, and its extent.
+//!
+//! The template may be moved by its pose: world = t + scale · R · p. Drawings show the model in its
+//! own frame, so that points of the scan are moved back ([`Subject::framed`]) and points of the
+//! model moved forth before its function is asked.
 
 use crate::fit::job::Job;
 use isoform::field::Graph;
@@ -8,8 +12,11 @@ use isoform::geom::{Aabb, Point3, dot, norm};
 
 /// The model with its fitted values.
 pub(super) struct Subject<'a> {
+    /// The fit.
     job: &'a Job,
+    /// Fitted values of all parameters.
     values: Vec<f64>,
+    /// Pose of the model in the scan.
     place: Placement,
     /// Whether the program runs line by line for each point, some hundred times slower.
     pub(super) is_slow: bool,
@@ -25,9 +32,13 @@ pub(super) struct Sample {
 
 /// The cells that the surface may pass.
 pub(super) struct Shell {
+    /// Box that is drawn.
     pub(super) region: Aabb,
+    /// Side of a cell.
     pub(super) cell: f64,
+    /// Cells along each axis.
     dims: [usize; 3],
+    /// Whether the surface may pass each cell.
     is_near: Vec<bool>,
     /// Blocks of cells that hold such a cell, so that rays cross empty space fast.
     blocks: Vec<bool>,
@@ -49,6 +60,7 @@ const AROUND: f64 = 0.7;
 const SAMPLES: usize = 8000;
 
 impl<'a> Subject<'a> {
+    /// The fitted model of a job, in the place that its pose gives it.
     pub(super) fn of(job: &'a Job) -> Self {
         let values = job.found.fit.values();
         let identity = Placement {
@@ -65,6 +77,7 @@ impl<'a> Subject<'a> {
         }
     }
 
+    /// A point of the model's frame where the scan has it.
     fn world(&self, p: Point3) -> Point3 {
         let Placement {
             rotation: r,
@@ -80,6 +93,7 @@ impl<'a> Subject<'a> {
         self.turned_back(moved).map(|v| v / self.place.scale)
     }
 
+    /// A direction of the scan in the model's frame.
     fn turned_back(&self, x: Point3) -> Point3 {
         let r = &self.place.rotation;
         std::array::from_fn(|j| (0..3).map(|i| r[i][j] * x[i]).sum())
@@ -114,6 +128,7 @@ impl<'a> Subject<'a> {
         (out, rows)
     }
 
+    /// The part of the model that is nearest to each point.
     pub(super) fn parts(&self, points: &[Point3]) -> Vec<u32> {
         let x: Vec<Point3> = points.iter().map(|p| self.world(*p)).collect();
         let mut out = vec![0; x.len()];
@@ -144,26 +159,15 @@ impl<'a> Subject<'a> {
     /// The box to draw, in the model's frame, and the cells of it that the surface may pass; none
     /// where there is no surface near the data.
     pub(super) fn shell(&self) -> Option<Shell> {
-        let job = self.job;
-        let used = job.found.cloud.points.iter().zip(&job.found.fit.outliers);
-        let points: Vec<Point3> = used
-            .filter(|(_, out)| !**out)
-            .map(|(p, _)| self.framed(*p))
-            .collect();
-        let data = Aabb::of(&points);
+        let data = self.data();
         let longest = longest(&data);
         if !(longest > 0.0 && longest.is_finite()) {
             return None;
         }
         let region = grown(&data, AROUND * longest);
         let coarse = self.cells(region, longest * (1.0 + 2.0 * AROUND) / FEW_CELLS);
-        let seen = Aabb::of(
-            &self
-                .project(&coarse)
-                .iter()
-                .map(|s| s.at)
-                .collect::<Vec<_>>(),
-        );
+        let surface: Vec<Point3> = self.project(&coarse).iter().map(|s| s.at).collect();
+        let seen = Aabb::of(&surface);
         if seen.is_empty() {
             return None;
         }
@@ -180,6 +184,17 @@ impl<'a> Subject<'a> {
         let cells = if self.is_slow { FEW_CELLS } else { CELLS };
         let size = self::longest(&tight);
         (size > 0.0).then(|| self.cells(tight, size / cells))
+    }
+
+    /// The box around the points of the scan that are no outliers, in the model's frame.
+    fn data(&self) -> Aabb {
+        let found = &self.job.found;
+        let used = found.cloud.points.iter().zip(&found.fit.outliers);
+        let points: Vec<Point3> = used
+            .filter(|(_, out)| !**out)
+            .map(|(p, _)| self.framed(*p))
+            .collect();
+        Aabb::of(&points)
     }
 
     /// The cells that the surface may pass. The distance is first order only, so that eight cells at
@@ -262,10 +277,12 @@ pub(super) fn outward(gradient: Point3) -> Point3 {
     }
 }
 
+/// The longest side of a box.
 fn longest(region: &Aabb) -> f64 {
     region.size().into_iter().fold(0.0, f64::max)
 }
 
+/// A box with its sides moved outward.
 pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
     Aabb {
         lo: region.lo.map(|v| v - by),
@@ -273,12 +290,14 @@ pub(super) fn grown(region: &Aabb, by: f64) -> Aabb {
     }
 }
 
+/// All indices of a grid, the first one fastest.
 fn indices(dims: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     let [nx, ny, nz] = dims;
     (0..nz).flat_map(move |k| (0..ny).flat_map(move |j| (0..nx).map(move |i| [i, j, k])))
 }
 
 impl Shell {
+    /// A shell without cells.
     fn new(region: Aabb, cell: f64) -> Self {
         let dims = region.size().map(|v| ((v / cell).ceil() as usize).max(1));
         Self {
@@ -300,9 +319,11 @@ impl Shell {
     fn at(&self, c: [f64; 3]) -> Point3 {
         std::array::from_fn(|k| self.region.lo[k] + self.cell * c[k])
     }
+    /// The number of a cell.
     fn index(&self, c: [usize; 3]) -> usize {
         (c[2] * self.dims[1] + c[1]) * self.dims[0] + c[0]
     }
+    /// The number of the block of a cell.
     fn block(&self, c: [usize; 3]) -> usize {
         let [nx, ny, _] = self.dims.map(|n| n.div_ceil(BLOCK));
         (c[2] / BLOCK * ny + c[1] / BLOCK) * nx + c[0] / BLOCK

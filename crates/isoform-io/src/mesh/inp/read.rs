@@ -1,5 +1,10 @@
 //! The reader: nodes, tetrahedra, triangles and shells, sets of elements as regions or parts,
 //! surfaces of element faces as parts.
+//!
+//! A keyword line (`*NODE`, `*ELEMENT, TYPE=C3D4`, …) says what the data lines behind it are, up to
+//! the next keyword; an element may go on over several lines. Surfaces name faces of tetrahedra by
+//! element and side, or by a set of elements and side, so that they become triangles only at the
+//! end, when all elements are known.
 
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::mesh::boundary::face_with_mids;
@@ -8,6 +13,7 @@ use crate::{At, ErrorKind, ReadError, ReadReport};
 use isoform_geom::Mesh;
 use std::collections::HashMap;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the Abaqus file";
 /// Numbers of one element that are taken, over all its lines.
 const MAX_NUMBERS: usize = 64;
@@ -23,16 +29,23 @@ type Run = [u32; 3];
 
 /// Faces of elements that a surface lists.
 enum Faces {
+    /// One element.
     Element(u32),
+    /// All elements of a set, by its name in capitals.
     Set(String),
 }
 
 /// What the data lines at hand are.
 enum Mode {
+    /// Lines that nothing is taken of.
     Other,
+    /// Nodes.
     Nodes,
+    /// Elements of a kind, with the tag of their set.
     Elements { kind: Kind, tag: i64 },
+    /// A set of elements, listed or generated.
     ElementSet { name: String, generate: bool },
+    /// Faces of a surface with that tag.
     Surface { tag: i64 },
 }
 
@@ -78,20 +91,25 @@ fn kind_of(name: &str) -> Kind {
     Kind::Other
 }
 
+/// What the lines have given so far.
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
     builder: Builder,
+    /// What the data lines at hand are.
     mode: Mode,
     /// Numbers of tetrahedra, in the order of the file.
     tets: Vec<u32>,
+    /// Runs of element numbers by name of the set, in capitals.
     sets: HashMap<String, Vec<Run>>,
     /// Faces with the tags of their surfaces.
     faces: Vec<(Faces, u8, i64)>,
     /// Tags by name, of sets of elements (regions, parts) and of surfaces.
     tags: HashMap<String, i64>,
+    /// Numbers of the element at hand: its own, then its nodes.
     numbers: Vec<u32>,
 }
 
+/// Reads the lines, then makes triangles out of the surfaces.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let mut reader = Reader {
         input,
@@ -205,6 +223,7 @@ impl Reader<'_, '_> {
         Mode::Elements { kind, tag }
     }
 
+    /// A word as the number of a node or an element.
     fn number<T: std::str::FromStr>(&self, word: &str) -> Result<T> {
         word.trim().parse().map_err(|_| {
             let why = format!(
@@ -271,6 +290,7 @@ impl Reader<'_, '_> {
         self.faces.push((faces, face, tag));
     }
 
+    /// Takes a line `number, x, y, z`.
     fn node(&mut self, line: &str) -> Result<()> {
         let mut words = line.split(',');
         let id = self.number(words.next().unwrap_or(""))?;
@@ -297,6 +317,7 @@ impl Reader<'_, '_> {
         self.builder.node(id, p, self.input, at)
     }
 
+    /// Takes a line of a set: element numbers, or a run `first, last, step`.
     fn set_line(&mut self, line: &str, name: String, generate: bool) -> Result<()> {
         let words: Vec<&str> = line
             .split(',')

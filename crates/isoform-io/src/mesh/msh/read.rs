@@ -1,4 +1,9 @@
 //! The reader of versions 4.1 (text and binary) and 2.x (text).
+//!
+//! A file is a row of sections, `$Nodes … $EndNodes` and others. In version 4.1 elements stand in
+//! blocks by entity, and entities name the physical groups that they belong to; in version 2 every
+//! element names its group itself. Groups become parts, curves and regions; without physical groups
+//! the entities do.
 
 use super::TET10;
 use crate::input::{Input, Result, Words, shorten};
@@ -7,11 +12,12 @@ use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 use std::collections::HashMap;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the Gmsh file";
 /// More words of physical names than any true file has.
 const MAX_NAMES: usize = 1 << 20;
 
-/// Words of text or fields of bytes.
+/// Numbers one after the other, as words of text or fields of bytes.
 struct Scan<'i, 'a> {
     input: &'i mut Input<'a>,
     words: Words,
@@ -22,6 +28,7 @@ struct Scan<'i, 'a> {
 }
 
 impl Scan<'_, '_> {
+    /// The next N bytes, turned round where they are big endian.
     fn bytes<const N: usize>(&mut self, big: bool) -> Result<[u8; N]> {
         let mut bytes = [0; N];
         self.input
@@ -31,6 +38,7 @@ impl Scan<'_, '_> {
         }
         Ok(bytes)
     }
+    /// The next word, parsed as something of this kind.
     fn word<T>(&mut self, parse: impl Fn(&str) -> Option<T>, kind: &str) -> Result<T> {
         let Some(word) = self.words.next(self.input)? else {
             return Err(self.input.truncated("a section is incomplete"));
@@ -46,12 +54,14 @@ impl Scan<'_, '_> {
             }
         }
     }
+    /// The next whole number, which has 32 bits in binary.
     fn int(&mut self) -> Result<i64> {
         match self.binary {
             Some(big) => Ok(i64::from(i32::from_le_bytes(self.bytes(big)?))),
             None => self.word(|w| w.parse().ok(), "a whole number"),
         }
     }
+    /// The next count or number of a thing, which has [`Scan::size`] bytes in binary.
     fn size(&mut self) -> Result<u64> {
         match self.binary {
             Some(big) if self.size == 4 => Ok(u64::from(u32::from_le_bytes(self.bytes(big)?))),
@@ -59,6 +69,7 @@ impl Scan<'_, '_> {
             None => self.word(|w| w.parse().ok(), "a number of things"),
         }
     }
+    /// The next double.
     fn double(&mut self) -> Result<f64> {
         match self.binary {
             Some(big) => Ok(f64::from_le_bytes(self.bytes(big)?)),
@@ -75,6 +86,7 @@ impl Scan<'_, '_> {
                 .error(ErrorKind::TooLarge, at, WHAT, why, "renumber the mesh")
         })
     }
+    /// The place of the next number.
     fn at(&self) -> At {
         if self.binary.is_some() {
             self.input.at_byte()
@@ -99,6 +111,7 @@ impl Scan<'_, '_> {
             }
         }
     }
+    /// The error for a variant of the format that is not read.
     fn unsupported(&self, why: String) -> crate::ReadError {
         self.input.error(
             ErrorKind::UnsupportedFormat,
@@ -110,6 +123,7 @@ impl Scan<'_, '_> {
     }
 }
 
+/// Reads section after section.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let mut scan = Scan {
         input,
@@ -141,10 +155,13 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 
 /// What the sections have given so far.
 struct File {
+    /// Nodes and elements so far.
     builder: Builder,
+    /// The groups of the entities.
     physical: Physical,
     /// 2 or 4, once the section of the format is read.
     version: Option<u32>,
+    /// Whether the section of nodes has come.
     had_nodes: bool,
 }
 
@@ -246,6 +263,7 @@ fn read_names(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
 /// First physical group of every entity.
 type Physical = HashMap<(i64, i64), i64>;
 
+/// Entities, of which only the first physical group is kept.
 fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()> {
     let counts = [scan.size()?, scan.size()?, scan.size()?, scan.size()?];
     for (dim, count) in counts.into_iter().enumerate() {
@@ -268,6 +286,7 @@ fn read_entities(scan: &mut Scan<'_, '_>, physical: &mut Physical) -> Result<()>
     Ok(())
 }
 
+/// Nodes of version 4.1, in blocks of numbers and then coordinates.
 fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let blocks = scan.size()?;
     for _ in 0..3 {
@@ -295,6 +314,7 @@ fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     Ok(())
 }
 
+/// Nodes of version 2, each with its number.
 fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     for _ in 0..scan.size()? {
         let id = scan.id()?;
@@ -308,6 +328,7 @@ fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
 #[rustfmt::skip]
 const NODES: [u8; 32] = [0, 2, 3, 4, 4, 8, 6, 5, 3, 6, 9, 10, 27, 18, 14, 1, 8, 20, 15, 13, 9, 10, 12, 15, 15, 21, 4, 5, 6, 20, 35, 56];
 
+/// How many nodes an element of this type has.
 fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
     match usize::try_from(kind).ok().and_then(|k| NODES.get(k)) {
         Some(&n) if n > 0 => Ok(n.into()),
@@ -315,6 +336,8 @@ fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
     }
 }
 
+/// Takes an element: corners, edges, triangles and tetrahedra of first and second order; a
+/// quadrilateral becomes two triangles, and all others are counted.
 fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], at: At) {
     let number = Some(number);
     match kind {
@@ -335,6 +358,7 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
     }
 }
 
+/// Elements of version 4.1, in blocks of one entity and one type.
 fn read_elements4(
     scan: &mut Scan<'_, '_>,
     builder: &mut Builder,
@@ -368,6 +392,7 @@ fn read_elements4(
     Ok(())
 }
 
+/// Elements of version 2, each with its own tags: the group, then the entity.
 fn read_elements2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     let mut nodes = Vec::new();
     for _ in 0..scan.size()? {

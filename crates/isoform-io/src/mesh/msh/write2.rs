@@ -7,6 +7,7 @@ use crate::mesh::out::Out;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
+/// Writes nodes and elements as text.
 pub(in crate::mesh) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -29,11 +30,13 @@ pub(in crate::mesh) fn write(
 
 /// Elements on their way out, numbered from 1.
 struct Elements<'o> {
+    /// Number of the element written last.
     number: usize,
     out: Out<'o>,
 }
 
 impl Elements<'_> {
+    /// Writes all elements: corners, edges, triangles, tetrahedra.
     fn write(&mut self, mesh: &Mesh) -> io::Result<()> {
         let count = mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len();
         self.out.int(count).line()?;

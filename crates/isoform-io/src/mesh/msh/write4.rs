@@ -1,4 +1,8 @@
 //! The writer of version 4.1.
+//!
+//! Nodes belong to the smallest entity that they lie on: a corner, else a curve, a part or a
+//! region. Elements stand in a block for each entity. A number is a word of text or a field of
+//! bytes, which [`Fields`] hides from the rest.
 
 use super::{Physical, element_type, tet_in_gmsh_order};
 use crate::mesh::boundary::parts_of_regions;
@@ -11,32 +15,38 @@ use std::io::{self, Write};
 /// Fields of text or of bytes.
 struct Fields<'o> {
     out: Out<'o>,
+    /// Whether fields are bytes, little endian.
     binary: bool,
 }
 
 impl Fields<'_> {
+    /// A whole number of 32 bits.
     fn int(&mut self, v: i32) {
         match self.binary {
             true => self.out.bytes(&v.to_le_bytes()),
             false => self.out.int(v).str(" "),
         };
     }
+    /// A count or number of 64 bits.
     fn size(&mut self, v: usize) {
         match self.binary {
             true => self.out.bytes(&(v as u64).to_le_bytes()),
             false => self.out.int(v).str(" "),
         };
     }
+    /// A double.
     fn double(&mut self, v: f64) {
         match self.binary {
             true => self.out.bytes(&v.to_le_bytes()),
             false => self.out.float(v).str(" "),
         };
     }
+    /// A box: its lower corner, then its upper one.
     fn bounds(&mut self, bounds: &Aabb) {
         let corners = bounds.lo.iter().chain(&bounds.hi);
         corners.for_each(|&v| self.double(v));
     }
+    /// The end of a line of text.
     fn end(&mut self) -> io::Result<()> {
         if self.binary {
             self.out.end()
@@ -44,9 +54,11 @@ impl Fields<'_> {
             self.out.line()
         }
     }
+    /// The line that begins a section, which is text in binary files too.
     fn section(&mut self, name: &str) -> io::Result<()> {
         self.out.str("$").str(name).line()
     }
+    /// The line that ends a section.
     fn close(&mut self, name: &str) -> io::Result<()> {
         if self.binary {
             self.out.str("\n");
@@ -59,12 +71,14 @@ impl Fields<'_> {
 struct Entities {
     /// Curves, surfaces, volumes.
     groups: [Groups; 3],
+    /// Nodes by the entity that owns them.
     nodes: Groups,
     /// Number of entities by dimension.
     count: [usize; 4],
 }
 
 impl Entities {
+    /// The entities of a mesh; one without elements has a surface for its nodes.
     fn of(mesh: &Mesh) -> Self {
         let groups = [
             Groups::curves(mesh),
@@ -137,6 +151,7 @@ fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
     owner
 }
 
+/// Writes the sections: format, physical names, entities, nodes, elements.
 pub(in crate::mesh) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
@@ -263,6 +278,8 @@ fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32]))
     }
 }
 
+/// Writes the section of nodes: a block for each entity that owns some, with all numbers before all
+/// coordinates.
 fn write_nodes(
     mesh: &Mesh,
     nodes: &Groups,
@@ -334,8 +351,11 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
 
 /// The elements of an entity.
 struct Block<'m> {
+    /// Dimension of the entity.
     dim: usize,
+    /// Tag of the entity, from 1.
     tag: i32,
+    /// Its elements, at least one.
     elements: &'m [u32],
     /// Number of elements of smaller dimensions, whose numbers come first.
     before: usize,

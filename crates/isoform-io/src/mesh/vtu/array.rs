@@ -1,4 +1,8 @@
 //! The arrays of a VTK file: text, base64 or raw bytes, as they are or deflated.
+//!
+//! Bytes come behind their size; deflated ones in blocks, behind the number and the sizes of the
+//! blocks. No size of the file is believed: reading ends with the bytes that are there, and
+//! unpacking at the limit of [`Coding`].
 
 use crate::binary::Type;
 use crate::input::parse_number;
@@ -8,9 +12,11 @@ use std::io::{self, Read};
 /// How the arrays of a file are kept.
 #[derive(Clone, Copy)]
 pub(super) struct Coding {
+    /// Whether numbers have their greatest byte first.
     pub(super) big_endian: bool,
     /// Sizes of 64 bits instead of 32.
     pub(super) wide_header: bool,
+    /// Whether arrays are deflated in blocks.
     pub(super) zlib: bool,
     /// Most bytes that an array may unpack to.
     pub(super) limit: u64,
@@ -24,6 +30,7 @@ pub(super) struct Array {
 }
 
 impl Array {
+    /// The number of values.
     pub(super) fn len(&self) -> usize {
         self.bytes.len() / self.kind.size()
     }
@@ -82,6 +89,7 @@ pub(super) fn from_bytes(source: impl Read, kind: Type, coding: Coding) -> Resul
     })
 }
 
+/// The next size, of 32 or 64 bits.
 fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     let mut bytes = [0; 8];
     let n = if coding.wide_header { 8 } else { 4 };
@@ -92,6 +100,7 @@ fn size(source: &mut impl Read, coding: Coding) -> io::Result<u64> {
     Ok(u64::from_le_bytes(bytes))
 }
 
+/// Bytes that are not deflated: as many as the size before them says.
 fn plain(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
     let n = size(&mut source, coding)?;
     let mut bytes = Vec::new();
@@ -136,9 +145,11 @@ fn inflate(mut source: impl Read, coding: Coding) -> io::Result<Vec<u8>> {
 /// Base64 as it is read: blanks are passed over, and padding in the middle ends a piece, not the
 /// stream.
 pub(super) struct Base64<'b> {
+    /// Characters that are left.
     text: &'b [u8],
     /// Bytes decoded and not taken.
     ready: [u8; 3],
+    /// How many of `ready` are left.
     count: usize,
 }
 
@@ -194,6 +205,7 @@ impl<'b> Base64<'b> {
 }
 
 impl Read for Base64<'_> {
+    /// Decodes as many bytes as fit.
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         let mut n = 0;
         while n < to.len() && (self.count > 0 || self.refill()) {

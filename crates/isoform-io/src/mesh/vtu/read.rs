@@ -1,4 +1,8 @@
 //! The reader: text, base64 and raw bytes, in place or appended, as they are or deflated by zlib.
+//!
+//! The elements of XML are walked over once, which finds where each array stands and how it is
+//! coded ([`Place`]). Then the arrays of every piece are decoded: points, cells as connectivity
+//! with offsets and types, and the tags of groups.
 
 use super::GROUPS;
 use super::array::{Array, Base64, Coding, from_bytes, from_text};
@@ -9,6 +13,7 @@ use crate::mesh::xml::{Item, Items, attribute, unescape};
 use crate::{At, ErrorKind, ReadReport};
 use isoform_geom::Mesh;
 
+/// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the VTK file";
 /// All arrays together may unpack to this many bytes, and this many for every byte of the file. The
 /// largest share is that of zlib (1032) in one array of constants; beside it lie the connectivity
@@ -19,11 +24,17 @@ const UNPACKED: (u64, u64) = (16 << 20, 256);
 struct Place<'b> {
     /// Element of the file that it stands in: Points, Cells, CellData, …
     section: &'b str,
+    /// Name, without escapes.
     name: String,
+    /// Type of its numbers, as VTK calls it.
     kind: &'b str,
+    /// How it is kept: ascii, binary (base64) or appended.
     format: &'b str,
+    /// Where it begins in the appended data.
     offset: usize,
+    /// The text of its element.
     content: &'b [u8],
+    /// Where its element ends in the file.
     at: usize,
 }
 
@@ -63,8 +74,11 @@ impl<'b> Piece<'b> {
 struct Cells {
     /// Where the connectivity stands.
     at: usize,
+    /// Nodes of all cells, one cell behind the other.
     connectivity: Array,
+    /// End of each cell in the connectivity.
     offsets: Array,
+    /// VTK's numbers of the kinds.
     types: Array,
     /// Tags of parts, regions and curves.
     tags: [Option<Array>; 3],
@@ -104,15 +118,19 @@ impl Cells {
 /// What is appended behind the grid.
 #[derive(Default)]
 struct Appended<'b> {
+    /// Bytes behind the mark `_`.
     bytes: &'b [u8],
+    /// Whether they are base64.
     base64: bool,
 }
 
+/// The file at hand, and how its arrays are coded.
 struct File<'i, 'b> {
     input: &'i Input<'b>,
     coding: Coding,
 }
 
+/// Reads the pieces one after the other; their points are numbered on.
 pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
     let bytes = input.head(usize::MAX)?;
     let mut builder = Builder::new();
@@ -134,6 +152,7 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
 }
 
 impl File<'_, '_> {
+    /// An error at a byte of the file.
     fn bad(&self, kind: ErrorKind, at: usize, why: impl Into<String>) -> crate::ReadError {
         self.input.error(
             kind,
@@ -206,6 +225,7 @@ impl File<'_, '_> {
         })
     }
 
+    /// Takes the attributes of the root: the kind of grid, byte order, width of sizes, compressor.
     fn header(&mut self, attributes: &str, at: usize) -> Result<()> {
         let kind = attribute(attributes, "type").unwrap_or("");
         if kind != "UnstructuredGrid" {
@@ -261,6 +281,7 @@ impl File<'_, '_> {
         Ok(array)
     }
 
+    /// Reads the points and cells of a piece.
     fn read_piece(
         &mut self,
         piece: &Piece<'_>,
@@ -322,6 +343,7 @@ impl File<'_, '_> {
         Ok(tags)
     }
 
+    /// Gives the cells to the builder.
     fn take_cells(&self, cells: &Cells, builder: &mut Builder) -> Result<()> {
         let at = At::Byte(cells.at as u64);
         let (mut start, mut nodes) = (0, Vec::new());

@@ -27,6 +27,7 @@ pub(super) enum Shown {
 
 /// A dimension as one view could show it, and how well.
 pub(super) struct Offer {
+    /// The larger the better; the view with the best offer shows the dimension.
     pub(super) merit: f64,
     pub(super) shown: Shown,
 }
@@ -63,6 +64,7 @@ pub(super) fn offer(
     }
 }
 
+/// The samples that a view shows.
 fn seen<'s>(view: &Placed<'_>, samples: &'s [Sample]) -> Vec<&'s Sample> {
     let picture = view.picture();
     samples
@@ -145,6 +147,8 @@ fn nearest_to_lane(view: &Placed<'_>, is_upright: bool, samples: &[&Sample]) -> 
 /// Directions of leaders, in degrees, one after the other.
 const TURNS: [f64; 7] = [35.0, -30.0, 62.0, -58.0, 8.0, 80.0, -80.0];
 
+/// Offers a radius or diameter: along the axis as an arrow from the centre, across the axis, where
+/// it merits less, to the outermost line.
 fn round_offer(
     view: &Placed<'_>,
     (center, axis, radius): (Point3, Option<Point3>, f64),
@@ -224,6 +228,7 @@ fn truest(rim: Vec<&Sample>, center: Point3, axis: Option<Point3>, radius: f64) 
     if true_ones.is_empty() { rim } else { true_ones }
 }
 
+/// Offers a wall or a bead where it is seen edge-on, at the sample farthest to the right.
 fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Offer> {
     let picture = view.picture();
     let toward = picture.view.toward;
@@ -252,6 +257,7 @@ fn offset_offer(view: &Placed<'_>, length: f64, places: &[Sample]) -> Option<Off
     })
 }
 
+/// Offers an arrow to the place that moves most, by the share of such places that are seen.
 fn place_offer(view: &Placed<'_>, places: &[Sample]) -> Option<Offer> {
     let few = &places[..places.len().min(400)];
     let visible = seen(view, few);

@@ -31,7 +31,9 @@ impl Label {
 
 /// A view with what it shows.
 pub(super) struct Panel<'a> {
+    /// The view.
     pub(super) placed: Placed<'a>,
+    /// Its dimensions with their labels.
     pub(super) shown: Vec<(Shown, Label)>,
 }
 
@@ -47,6 +49,7 @@ impl<'a> Panel<'a> {
             shown: Vec::new(),
         }
     }
+    /// How many lanes there are below, or on the left.
     fn lanes(&self, upright: bool) -> usize {
         let lanes = self
             .shown
@@ -54,6 +57,7 @@ impl<'a> Panel<'a> {
             .filter(|(s, _)| matches!(s, Shown::Lane { is_upright, .. } if *is_upright == upright));
         lanes.count()
     }
+    /// The leaders with their labels.
     pub(super) fn leaders(&self) -> impl Iterator<Item = (&Shown, &Label)> {
         self.shown
             .iter()
@@ -132,6 +136,7 @@ impl<'a> Panel<'a> {
         svg
     }
 
+    /// Draws the lanes, the shortest next to the view.
     fn lanes_svg(&self) -> String {
         let [left, _, _, bottom] = self.placed.bounds();
         let mut svg = String::new();
@@ -168,6 +173,7 @@ impl<'a> Panel<'a> {
         lanes
     }
 
+    /// Draws the leaders, their labels stacked on the right in the order of their arrows.
     fn leaders_svg(&self) -> String {
         let [_, right, top, bottom] = self.placed.bounds();
         let mut leaders: Vec<(&Shown, &Label)> = self.leaders().collect();
@@ -224,6 +230,7 @@ struct Lane {
 }
 
 impl Lane {
+    /// The length on paper.
     fn length(&self) -> f64 {
         (self.ends[0] - self.ends[1]).abs()
     }
@@ -266,6 +273,7 @@ impl Lane {
             .collect()
     }
 
+    /// Name and value along the lane: in one line below, in two on the left.
     fn text(&self, [x, y]: [f64; 2], label: &Label) -> String {
         let (name, value) = (escaped(&label.name), escaped(&label.value));
         if self.is_upright {
@@ -286,6 +294,8 @@ fn stroke(a: [f64; 2], b: [f64; 2]) -> String {
     format!("M{:.1} {:.1}L{:.1} {:.1}", a[0], a[1], b[0], b[1])
 }
 
+/// Draws a leader to its label at a place: an elbow, the line, its arrowheads, and a cross at a
+/// centre.
 fn leader_svg(shown: &Shown, label: &Label, x: f64, y: f64) -> String {
     let Shown::Leader {
         from,

@@ -12,10 +12,13 @@ const TONES: usize = 40;
 /// The tones of faces: the lightest, and by how much the darkest is darker in red, green and blue.
 #[derive(Clone, Copy)]
 pub(super) struct Paint {
+    /// Grey of the lightest tone, from 0 to 255.
     light: f64,
+    /// How much darker the darkest tone is in red, green and blue.
     range: [f64; 3],
 }
 
+/// The paint of faces on the sheet with dimensions.
 pub(super) const PAPER: Paint = Paint {
     light: 250.0,
     range: [160.0, 138.0, 112.0],
@@ -63,15 +66,18 @@ pub(super) struct Placed<'a> {
 }
 
 impl Placed<'_> {
+    /// The view's own picture.
     pub(super) fn picture(&self) -> &Picture {
         &self.drawn.picture
     }
+    /// A place of the view on the paper; y grows downwards there.
     pub(super) fn flat(&self, [u, v]: [f64; 2]) -> [f64; 2] {
         [
             self.origin[0] + self.scale * u,
             self.origin[1] - self.scale * v,
         ]
     }
+    /// A point of the model on the paper.
     pub(super) fn at(&self, p: Point3) -> [f64; 2] {
         let [u, v, _] = self.picture().view.of(p);
         self.flat([u, v])
@@ -167,6 +173,7 @@ impl Placed<'_> {
         }
     }
 
+    /// The name of the view and its axes, as a text at a place.
     pub(super) fn caption(&self, x: f64, y: f64) -> String {
         let view = &self.picture().view;
         format!(

@@ -26,8 +26,7 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
         for (i, mut placed) in scaled.into_iter().enumerate() {
             let x = AIR + (side + 2.0 * AIR) * (i as f64 + 0.5);
             let middle = y + 22.0 + 0.5 * height;
-            let [l, r, t, b] = placed.bounds();
-            placed.origin = [x - 0.5 * (l + r), middle - 0.5 * (t + b)];
+            center(&mut placed, [x, middle]);
             svg += &placed.shades(GREY);
             svg += &dots(&placed, &points, limit);
             svg += &placed.lines();
@@ -40,6 +39,12 @@ pub(in super::super) fn with_points(drawing: &Drawing<'_>, limit: f64) -> String
         "<svg class=\"sheet\" viewBox=\"0 0 {width:.0} {y:.0}\" role=\"img\" aria-label=\"the points of the scan on the fitted model, coloured by their deviation\">\
          <rect class=\"paper\" width=\"{width:.0}\" height=\"{y:.0}\"/>{svg}</svg>"
     )
+}
+
+/// Moves a view, which stands at the origin, to have its middle at a place on paper.
+fn center(placed: &mut Placed<'_>, [x, y]: [f64; 2]) {
+    let [l, r, t, b] = placed.bounds();
+    placed.origin = [x - 0.5 * (l + r), y - 0.5 * (t + b)];
 }
 
 /// The views in which points are shown.
@@ -63,11 +68,13 @@ fn shows_inside(section: &Picture) -> bool {
     behind as f64 > 0.15 * hits.count() as f64
 }
 
+/// Width and height on the paper.
 fn extent(placed: &Placed<'_>) -> [f64; 2] {
     let [l, r, t, b] = placed.bounds();
     [r - l, b - t]
 }
 
+/// A view scaled to a longest side.
 fn fitted(drawn: &Drawn, side: f64) -> Placed<'_> {
     let mut placed = Placed {
         drawn,
@@ -82,6 +89,7 @@ fn fitted(drawn: &Drawn, side: f64) -> Placed<'_> {
 /// A point in the model's frame with its deviation, NaN for an outlier.
 type Point = (Point3, f64);
 
+/// All points of the scan in the model's frame.
 fn points(drawing: &Drawing<'_>) -> Vec<Point> {
     let job = drawing.job;
     let all = job.found.cloud.points.iter().zip(job.found.deviation());
@@ -124,7 +132,9 @@ fn dots(placed: &Placed<'_>, points: &[Point], limit: f64) -> String {
 /// A point as a view shows it.
 #[derive(Clone, Copy)]
 struct Dot {
+    /// Coordinate toward the viewer.
     depth: f64,
+    /// Distance from the model, NaN for an outlier.
     deviation: f64,
     /// The coordinates u and v in the view.
     place: [f64; 2],
@@ -166,7 +176,7 @@ fn shade(deviation: f64, limit: f64) -> usize {
     (share * (SHADES - 1) as f64).round() as usize
 }
 
-/// The colours from −limit to +limit, and that of outliers.
+/// The colours from −limit to +limit, and the colour of outliers behind them.
 fn colors(limit: f64) -> Vec<[u8; 3]> {
     let middles: Vec<f64> = (0..SHADES)
         .map(|k| limit * (2.0 * k as f64 / (SHADES - 1) as f64 - 1.0))
