@@ -8,9 +8,7 @@ use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
-use isoform::{
-    CompareError, Distances, FrepTemplate, Side, SplineDistance, compare, surface_of,
-};
+use isoform::{CompareError, Distances, FrepTemplate, Side, SplineDistance, compare, surface_of};
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes and models, both ways

@@ -3,11 +3,11 @@
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use crate::spline;
-use isoform::{FrepTemplate, SplineDistance};
 use isoform::field::hyperfun::{Amount, Model, Pose};
 use isoform::fit::Template;
 use isoform::geom::{Field, ParamField};
 use isoform::spline::ImplicitSpline;
+use isoform::{FrepTemplate, SplineDistance};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -169,7 +169,10 @@ fn outcome(
     let (name, a) = (subject.name, subject.values);
     let failures = Failures::of(cells);
     failures.warn(context);
-    context.note(format_args!("{} rows of `{name}` with a = {a:?}", cells.len()));
+    context.note(format_args!(
+        "{} rows of `{name}` with a = {a:?}",
+        cells.len()
+    ));
     let (columns, csv) = csv(subject, rows, cells);
     let mut json = json!({"object": name, "parameters": a, "rows": cells.len(), "failed": failures.count, "columns": columns});
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));

@@ -66,8 +66,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         output::check_folder(path)?;
     }
     let started = Instant::now();
-    let (cloud, report) =
-        scan::read_points(&args.scan, args.from.as_deref(), None, MeshPoints::Vertices, context)?;
+    let (cloud, report) = scan::read_points(
+        &args.scan,
+        args.from.as_deref(),
+        None,
+        MeshPoints::Vertices,
+        context,
+    )?;
     for warning in &report.warnings {
         context.warn(format_args!("{}: {warning}", args.scan.display()));
     }
@@ -77,8 +82,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         progress: Some(&show),
         ..context.control()
     };
-    let made = implicitize_scan(&cloud, &options(args), &control)
-        .map_err(|e| failure(e, &args.scan))?;
+    let made =
+        implicitize_scan(&cloud, &options(args), &control).map_err(|e| failure(e, &args.scan))?;
     drop(progress);
     let report = ImplicitizeReport::new(&made, cloud.points.len(), started.elapsed().as_secs_f64());
     let mut stdout = Vec::new();
@@ -139,7 +144,9 @@ fn failure(error: ImplicitizeError, scan: &Path) -> Failure {
 fn say(report: &ImplicitizeReport, context: &Context) {
     let normals = &report.normals;
     match normals.source {
-        "turned" => context.warn("the normals given contradict one another: their sides were decided anew"),
+        "turned" => {
+            context.warn("the normals given contradict one another: their sides were decided anew")
+        }
         "estimated" if normals.pieces > 1 => context.warn(format_args!(
             "the outside of {} pieces was decided for each by itself",
             normals.pieces

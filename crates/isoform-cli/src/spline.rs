@@ -16,11 +16,17 @@ pub(crate) fn is_json(path: &Path) -> bool {
 pub(crate) fn read(path: &Path) -> Result<ImplicitSpline, Failure> {
     let text = output::text(output::read_file(path)?);
     let json: Value = serde_json::from_str(&text).map_err(|e| {
-        Failure::input("json", format!("not JSON: {e}")).at(path, e.line().max(1), e.column().max(1))
+        Failure::input("json", format!("not JSON: {e}")).at(
+            path,
+            e.line().max(1),
+            e.column().max(1),
+        )
     })?;
     if !is_spline_file(&json) {
-        return Err(Failure::input("spline", format!("{}: no implicit spline", path.display()))
-            .hint("isoform implicitize writes one; models are HyperFun programs"));
+        return Err(
+            Failure::input("spline", format!("{}: no implicit spline", path.display()))
+                .hint("isoform implicitize writes one; models are HyperFun programs"),
+        );
     }
     of_document(path, &json)
 }

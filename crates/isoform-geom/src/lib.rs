@@ -35,6 +35,6 @@ pub use point::{
     Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
-pub use spline::{LevelData, SplineData};
 pub use solid::{Csg, OnePiece, Solid};
+pub use spline::{LevelData, SplineData};
 pub use union_find::UnionFind;

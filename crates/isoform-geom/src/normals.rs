@@ -70,7 +70,11 @@ fn plane_of(points: &[Point3], found: &[(f64, u32)]) -> (Point3, f64) {
     }
     let (values, vectors) = symmetric_eigen(&moments, 3);
     let sum: f64 = values.iter().sum();
-    let variation = if sum > 0.0 { (values[0] / sum).max(0.0) } else { 0.0 };
+    let variation = if sum > 0.0 {
+        (values[0] / sum).max(0.0)
+    } else {
+        0.0
+    };
     ([vectors[0], vectors[1], vectors[2]], variation)
 }
 
@@ -108,7 +112,11 @@ fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
     let (a, b) = (normals[i], normals[j]);
     let along = sub(points[j], points[i]);
     let length = norm(along);
-    let e = if length > 0.0 { along.map(|v| v / length) } else { [0.0; 3] };
+    let e = if length > 0.0 {
+        along.map(|v| v / length)
+    } else {
+        [0.0; 3]
+    };
     let (straight, steep) = (dot(a, b), [dot(a, e), dot(b, e)]);
     let steepness = steep[0].abs().max(steep[1].abs());
     Pair {
@@ -127,8 +135,14 @@ fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
 pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
     let pairs = pairs(points, normals, tree);
     let flat = pairs.iter().filter(|p| p.steepness < FLAT && !p.is_wall);
-    let (all, agree) = flat.fold((0u32, 0), |(n, m), p| (n + 1, m + u32::from(!p.is_opposite)));
-    if all == 0 { 1.0 } else { f64::from(agree) / f64::from(all) }
+    let (all, agree) = flat.fold((0u32, 0), |(n, m), p| {
+        (n + 1, m + u32::from(!p.is_opposite))
+    });
+    if all == 0 {
+        1.0
+    } else {
+        f64::from(agree) / f64::from(all)
+    }
 }
 
 /// Turns normals to one side, outwards as a whole: in each piece of the cloud the sum of (p − c)·n is
@@ -136,9 +150,7 @@ pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
 /// sampled evenly.
 pub fn orient_normals(points: &[Point3], normals: &mut [Point3], tree: &KdTree) -> Agreement {
     let mut pairs = pairs(points, normals, tree);
-    pairs.par_sort_unstable_by(|a, b| {
-        a.unsafety.total_cmp(&b.unsafety).then(a.ends.cmp(&b.ends))
-    });
+    pairs.par_sort_unstable_by(|a, b| a.unsafety.total_cmp(&b.unsafety).then(a.ends.cmp(&b.ends)));
     let mut sets = UnionFind::new(points.len());
     let mut branches: Vec<Vec<(u32, bool)>> = vec![Vec::new(); points.len()];
     for pair in &pairs {
@@ -197,7 +209,10 @@ fn turn_outwards(points: &[Point3], normals: &mut [Point3], piece: &[usize]) {
             center[k] += points[*i][k] / piece.len() as f64;
         }
     }
-    let flux: f64 = piece.iter().map(|i| dot(sub(points[*i], center), normals[*i])).sum();
+    let flux: f64 = piece
+        .iter()
+        .map(|i| dot(sub(points[*i], center), normals[*i]))
+        .sum();
     if flux < 0.0 {
         for i in piece {
             normals[*i] = normals[*i].map(|v| -v);
@@ -220,7 +235,11 @@ pub fn vertex_normals(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<Point3> 
     }
     for n in &mut normals {
         let length = norm(*n);
-        *n = if length > 0.0 { n.map(|v| v / length) } else { [0.0; 3] };
+        *n = if length > 0.0 {
+            n.map(|v| v / length)
+        } else {
+            [0.0; 3]
+        };
     }
     normals
 }
@@ -273,17 +292,34 @@ mod tests {
             let [s, z] = [4.0 * random.unit(), 0.15 * random.unit() - 0.075];
             let k = (random.unit() * 4.0) as usize;
             points.push([[0.0, s, z], [4.0, s, z], [s, 0.0, z], [s, 4.0, z]][k]);
-            truth.push([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0]][k]);
+            truth.push(
+                [
+                    [-1.0, 0.0, 0.0],
+                    [1.0, 0.0, 0.0],
+                    [0.0, -1.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                ][k],
+            );
         }
         let tree = KdTree::new(&points);
         let mut random = Random::new(4);
         let mut normals: Vec<Point3> = truth
             .iter()
-            .map(|n| if random.unit() < 0.5 { *n } else { n.map(|v| -v) })
+            .map(|n| {
+                if random.unit() < 0.5 {
+                    *n
+                } else {
+                    n.map(|v| -v)
+                }
+            })
             .collect();
         assert!(agreement(&points, &normals, &tree) < 0.6);
         orient_normals(&points, &mut normals, &tree);
-        let wrong = normals.iter().zip(&truth).filter(|(n, t)| dot(**n, **t) < 0.0).count();
+        let wrong = normals
+            .iter()
+            .zip(&truth)
+            .filter(|(n, t)| dot(**n, **t) < 0.0)
+            .count();
         assert_eq!(wrong, 0);
     }
 
@@ -301,9 +337,18 @@ mod tests {
     fn vertices_of_a_cube_look_away_from_its_middle() {
         let p = |i: usize| [(i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64];
         let points: Vec<Point3> = (0..8).map(p).collect();
-        let quads = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
-        let triangles: Vec<[u32; 3]> =
-            quads.iter().flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]]).collect();
+        let quads = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let triangles: Vec<[u32; 3]> = quads
+            .iter()
+            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
+            .collect();
         let m = middle([points[0], points[7]]);
         for (n, p) in vertex_normals(&points, &triangles).iter().zip(&points) {
             assert!(dot(*n, sub(*p, m)) > 0.5);

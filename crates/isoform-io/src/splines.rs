@@ -166,7 +166,9 @@ mod tests {
             "level 1, cells: whole numbers are expected, three per cell"
         );
         assert_eq!(
-            with(&format!("{all}, \"levels\": [{{\"cells\": [], \"coefficients\": [null]}}]")),
+            with(&format!(
+                "{all}, \"levels\": [{{\"cells\": [], \"coefficients\": [null]}}]"
+            )),
             "level 1, coefficients: a list of numbers is expected"
         );
     }

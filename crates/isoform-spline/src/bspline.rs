@@ -32,8 +32,16 @@ pub(crate) fn values(degree: usize, t: f64) -> Row {
 fn raise(b: &mut Row, d: usize, t: f64) {
     let inverse = 1.0 / d as f64;
     for j in (0..=d).rev() {
-        let left = if j > 0 { (t + (d - j) as f64) * b[j - 1] } else { 0.0 };
-        let right = if j < d { ((1 + j) as f64 - t) * b[j] } else { 0.0 };
+        let left = if j > 0 {
+            (t + (d - j) as f64) * b[j - 1]
+        } else {
+            0.0
+        };
+        let right = if j < d {
+            ((1 + j) as f64 - t) * b[j]
+        } else {
+            0.0
+        };
         b[j] = (left + right) * inverse;
     }
 }
@@ -133,8 +141,16 @@ pub(crate) fn bernstein(degree: usize) -> [Row; MAX_DEGREE + 1] {
             let mut sum = [0.0; MAX_DEGREE + 1];
             let mut add = |row: &Row, at_0: f64, at_1: f64| {
                 for k in 0..=d {
-                    let a = if k < d { (d - k) as f64 * at_0 * row[k] } else { 0.0 };
-                    let c = if k > 0 { k as f64 * at_1 * row[k - 1] } else { 0.0 };
+                    let a = if k < d {
+                        (d - k) as f64 * at_0 * row[k]
+                    } else {
+                        0.0
+                    };
+                    let c = if k > 0 {
+                        k as f64 * at_1 * row[k - 1]
+                    } else {
+                        0.0
+                    };
                     sum[k] += (a + c) / (d * d) as f64;
                 }
             };
@@ -167,7 +183,12 @@ mod tests {
         for j in 0..4 {
             assert!((got[0][j] - want[j]).abs() < 1e-15);
         }
-        let slopes = [-0.5 * (1.0 - t) * (1.0 - t), 1.5 * t * t - 2.0 * t, -1.5 * t * t + t + 0.5, 0.5 * t * t];
+        let slopes = [
+            -0.5 * (1.0 - t) * (1.0 - t),
+            1.5 * t * t - 2.0 * t,
+            -1.5 * t * t + t + 0.5,
+            0.5 * t * t,
+        ];
         let bends = [1.0 - t, 3.0 * t - 2.0, 1.0 - 3.0 * t, t];
         for j in 0..4 {
             assert!((got[1][j] - slopes[j]).abs() < 1e-15, "{j}");
@@ -182,7 +203,11 @@ mod tests {
                 let sum: f64 = values(degree, t).iter().sum();
                 assert!((sum - 1.0).abs() < 1e-14);
                 // A coarse function in cell 4 at t is the weighted sum of fine ones in cell 8 or 9.
-                let (cell, s) = if t < 0.5 { (8, 2.0 * t) } else { (9, 2.0 * t - 1.0) };
+                let (cell, s) = if t < 0.5 {
+                    (8, 2.0 * t)
+                } else {
+                    (9, 2.0 * t - 1.0)
+                };
                 let (coarse, fine) = (values(degree, t), values(degree, s));
                 for j in 0..=degree {
                     let m = 4 + j as i64;

@@ -31,7 +31,7 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
         for (i, cell) in level.cells.places().enumerate() {
             if !level.is_refined[i] && changes_sign(&level.of_cell(cell, degree), degree, &rows) {
                 mine[i] = Some(sets.add());
-                has_data.push(spline.holds(l, i));
+                has_data.push(spline.holds(l, cell));
             }
         }
         of_cell.push(mine);
@@ -55,7 +55,9 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
         let root = sets.root(i) as usize;
         seen[root] |= has_data[i as usize];
     }
-    let roots = (0..has_data.len() as u32).filter(|i| sets.root(*i) == *i).collect::<Vec<_>>();
+    let roots = (0..has_data.len() as u32)
+        .filter(|i| sets.root(*i) == *i)
+        .collect::<Vec<_>>();
     let with_data = roots.iter().filter(|i| seen[**i as usize]).count();
     Components {
         with_data,
@@ -65,7 +67,12 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
 
 /// The set of the cell that covers a place of a level, of this level or a coarser one; finer ones
 /// look for this one themselves.
-fn leaf_set(spline: &ImplicitSpline, of_cell: &[Vec<Option<u32>>], l: usize, cell: Place) -> Option<u32> {
+fn leaf_set(
+    spline: &ImplicitSpline,
+    of_cell: &[Vec<Option<u32>>],
+    l: usize,
+    cell: Place,
+) -> Option<u32> {
     let mut cell = cell;
     for l in (0..=l).rev() {
         if let Some(i) = spline.levels()[l].cells.find(cell) {
@@ -81,7 +88,9 @@ fn changes_sign(c: &[f64], degree: usize, rows: &[bspline::Row; PLACES]) -> bool
     let n = degree + 1;
     let (lo, hi) = c[..n * n * n]
         .iter()
-        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(*v), hi.max(*v)));
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
+            (lo.min(*v), hi.max(*v))
+        });
     if lo > 0.0 || hi < 0.0 {
         return false;
     }

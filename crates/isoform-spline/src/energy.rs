@@ -76,7 +76,8 @@ impl Stencil {
     }
     /// The products of the rows with the coefficients of a cell.
     pub(crate) fn times(&self, c: &[f64]) -> [f64; 4] {
-        self.rows.map(|row| row.iter().zip(c).map(|(a, b)| a * b).sum())
+        self.rows
+            .map(|row| row.iter().zip(c).map(|(a, b)| a * b).sum())
     }
 }
 
@@ -102,7 +103,12 @@ impl Share {
     fn add(&mut self, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
         let n = self.size;
         let [v, x, y, z] = &stencil.rows;
-        let weighted = [residual[0], alpha * residual[1], alpha * residual[2], alpha * residual[3]];
+        let weighted = [
+            residual[0],
+            alpha * residual[1],
+            alpha * residual[2],
+            alpha * residual[3],
+        ];
         for i in 0..n {
             self.right[i] +=
                 v[i] * weighted[0] + x[i] * weighted[1] + y[i] * weighted[2] + z[i] * weighted[3];
@@ -114,7 +120,11 @@ impl Share {
         }
     }
     fn at(&self, i: usize, j: usize) -> f64 {
-        if i >= j { self.gram[i * self.size + j] } else { self.gram[j * self.size + i] }
+        if i >= j {
+            self.gram[i * self.size + j]
+        } else {
+            self.gram[j * self.size + i]
+        }
     }
 
     /// Adds it to the rows of a part.
@@ -152,10 +162,20 @@ pub(crate) struct Problem<'a> {
 }
 
 impl<'a> Problem<'a> {
-    pub(crate) fn new(level: &'a Level, degree: usize, points: &'a Sorted<'a>, weights: Weights) -> Self {
+    pub(crate) fn new(
+        level: &'a Level,
+        degree: usize,
+        points: &'a Sorted<'a>,
+        weights: Weights,
+    ) -> Self {
         let mut unknown = vec![FIXED; level.nodes.len()];
         let mut list = Vec::new();
-        for (i, node) in level.nodes.places().enumerate().filter(|(i, _)| level.is_active[*i]) {
+        for (i, node) in level
+            .nodes
+            .places()
+            .enumerate()
+            .filter(|(i, _)| level.is_active[*i])
+        {
             unknown[i] = list.len() as u32;
             list.push(crate::keys::key(node));
         }
@@ -211,9 +231,18 @@ impl<'a> Problem<'a> {
             let (t, normal) = self.points.local(k, cell, self.level.spacing);
             stencil.fill(t);
             let f = stencil.times(&coefficients).map(|v| v / self.level.spacing);
-            let residual = [-f[0], -normal[0] - f[1], -normal[1] - f[2], -normal[2] - f[3]];
+            let residual = [
+                -f[0],
+                -normal[0] - f[1],
+                -normal[1] - f[2],
+                -normal[2] - f[3],
+            ];
             // Points without a normal say nothing of the gradient.
-            share.add(&stencil, residual, self.weights.normals * dot(normal, normal));
+            share.add(
+                &stencil,
+                residual,
+                self.weights.normals * dot(normal, normal),
+            );
         }
         Some(share)
     }
@@ -223,7 +252,10 @@ impl<'a> Problem<'a> {
         self.level.cells.find(cell)?;
         let n = self.degree + 1;
         let mut local = [FIXED; MOST];
-        for (line, first) in self.level.runs(cell, self.degree)[..n * n].iter().enumerate() {
+        for (line, first) in self.level.runs(cell, self.degree)[..n * n]
+            .iter()
+            .enumerate()
+        {
             for a in 0..n {
                 local[line * n + a] = self.unknown[*first as usize + a];
             }
@@ -231,4 +263,3 @@ impl<'a> Problem<'a> {
         Some(local)
     }
 }
-

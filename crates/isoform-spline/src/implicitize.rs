@@ -186,7 +186,11 @@ pub fn implicitize(
         normals: directions,
     };
     let weights = Weights {
-        normals: if sides.source.is_given() { GIVEN } else { ESTIMATED },
+        normals: if sides.source.is_given() {
+            GIVEN
+        } else {
+            ESTIMATED
+        },
         smoothing: options.smoothing,
     };
     let mut fitting = Fitting {
@@ -225,7 +229,9 @@ fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
         _ => {}
     }
     if points.len() < FEWEST {
-        return Err(Error::Few { found: points.len() });
+        return Err(Error::Few {
+            found: points.len(),
+        });
     }
     if !points.iter().flatten().all(|v| v.is_finite()) {
         return Err(Error::NotFinite);
@@ -249,9 +255,9 @@ fn is_line(points: &[Point3], size: f64) -> bool {
         if d > best.0 { (d, *p) } else { best }
     });
     let along = sub(far.1, first).map(|v| v / far.0);
-    points.iter().all(|p| {
-        norm(isoform_geom::cross(sub(*p, first), along)) <= 1e-9 * size
-    })
+    points
+        .iter()
+        .all(|p| norm(isoform_geom::cross(sub(*p, first), along)) <= 1e-9 * size)
 }
 
 /// The first level's lattice.
@@ -270,14 +276,23 @@ impl Lattice {
         let margin = MARGIN * bounds.diagonal();
         let size = bounds.size().map(|s| s + 2.0 * margin);
         let longest = size[0].max(size[1]).max(size[2]);
-        let (spacing, depth) = match options.fineness {
-            Fineness::Cells(cells) => {
-                let finest = spacing_for(points, bounds, cells);
-                let depth = (longest / (COARSEST * finest)).log2().ceil().max(0.0) as u32;
-                (finest * f64::from(1u32 << depth), depth)
-            }
-            _ => (longest / COARSEST, 0),
+        let Fineness::Cells(cells) = options.fineness else {
+            return Self::around(bounds, size, longest / COARSEST, 0);
         };
+        let mut finest = spacing_for(points, bounds, cells);
+        loop {
+            let depth = (longest / (COARSEST * finest)).log2().ceil().max(0.0) as u32;
+            let lattice = Self::around(bounds, size, finest * f64::from(1u32 << depth), depth);
+            // The search counts cells from the corner of the points' box, not of the lattice.
+            if held(points, lattice.corner, finest) <= cells || finest > bounds.diagonal() {
+                return lattice;
+            }
+            finest *= 1.0 + 1.0 / 64.0;
+        }
+    }
+
+    /// The lattice about the middle of a box.
+    fn around(bounds: Aabb, size: Point3, spacing: f64, depth: u32) -> Self {
         let count = size.map(|s| ((s / spacing).ceil() as i32).max(1));
         let middle = bounds.center();
         Self {
@@ -289,17 +304,20 @@ impl Lattice {
     }
 }
 
+/// How many cells of a lattice hold points.
+fn held(points: &[Point3], corner: Point3, spacing: f64) -> usize {
+    let mut keys: Vec<u64> = points
+        .par_iter()
+        .map(|p| key(cell_of(sub(*p, corner), spacing, [1 << 20; 3])))
+        .collect();
+    keys.par_sort_unstable();
+    keys.dedup();
+    keys.len()
+}
+
 /// The least spacing at which at most `cells` cells of a lattice hold points, to a part in 64.
 fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
-    let held = |spacing: f64| {
-        let mut keys: Vec<u64> = points
-            .par_iter()
-            .map(|p| key(cell_of(sub(*p, bounds.lo), spacing, [1 << 20; 3])))
-            .collect();
-        keys.par_sort_unstable();
-        keys.dedup();
-        keys.len()
-    };
+    let held = |spacing: f64| held(points, bounds.lo, spacing);
     let mut high = bounds.diagonal();
     let mut low = high;
     while held(low) <= cells && low > 1e-5 * high {
@@ -307,7 +325,11 @@ fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
     }
     while low < high * (1.0 - 1.0 / 64.0) {
         let middle = (low * high).sqrt();
-        if held(middle) <= cells { high = middle } else { low = middle }
+        if held(middle) <= cells {
+            high = middle
+        } else {
+            low = middle
+        }
     }
     high
 }
@@ -330,20 +352,20 @@ impl<'a> Fitting<'a> {
 
     fn run(&mut self, fineness: Fineness, control: &Control<'_>) -> Result<(), Stopped> {
         match fineness {
-            Fineness::Cells(_) => self.to_depth(self.lattice.depth as usize, control),
+            Fineness::Cells(_) => self.fit_to_depth(self.lattice.depth as usize, control),
             Fineness::Data => {
                 let depth = self.depth_of_data(None, control)?;
-                self.to_depth(depth, control)
+                self.fit_to_depth(depth, control)
             }
             Fineness::Tolerance(tolerance) => {
                 let depth = self.depth_of_data(Some(tolerance), control)?;
-                self.to_tolerance(depth, tolerance, control)
+                self.fit_to_tolerance(depth, tolerance, control)
             }
         }
     }
 
     /// Fits all levels to a depth, the last one by all points.
-    fn to_depth(&mut self, depth: usize, control: &Control<'_>) -> Result<(), Stopped> {
+    fn fit_to_depth(&mut self, depth: usize, control: &Control<'_>) -> Result<(), Stopped> {
         for l in 0..=depth {
             let sorted = self.sorted(l);
             self.begin_level(l, &sorted, |_| true);
@@ -355,7 +377,12 @@ impl<'a> Fitting<'a> {
     }
 
     /// Fits levels where cells are off by more than a tolerance, down to a depth.
-    fn to_tolerance(&mut self, depth: usize, tolerance: f64, control: &Control<'_>) -> Result<(), Stopped> {
+    fn fit_to_tolerance(
+        &mut self,
+        depth: usize,
+        tolerance: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
         let mut rough: Vec<u64> = Vec::new();
         for l in 0..=depth {
             let sorted = self.sorted(l);
@@ -377,7 +404,8 @@ impl<'a> Fitting<'a> {
             .into_par_iter()
             .filter_map(|i| {
                 let (key, range) = sorted.cell(i);
-                data.binary_search_by_key(&key, |c| crate::keys::key(*c)).ok()?;
+                data.binary_search_by_key(&key, |c| crate::keys::key(*c))
+                    .ok()?;
                 let count = range.len() as f64;
                 let sum = self.squares(level, place(key), range, sorted);
                 (sum > tolerance * tolerance * count).then_some(key)
@@ -386,7 +414,13 @@ impl<'a> Fitting<'a> {
     }
 
     /// The sum of squared distances of a cell's points.
-    fn squares(&self, level: &Level, cell: Place, range: std::ops::Range<usize>, sorted: &Sorted<'_>) -> f64 {
+    fn squares(
+        &self,
+        level: &Level,
+        cell: Place,
+        range: std::ops::Range<usize>,
+        sorted: &Sorted<'_>,
+    ) -> f64 {
         let mut stencil = Stencil::new(self.degree);
         let c = level.of_cell(cell, self.degree);
         let squares = range.map(|k| {
@@ -394,13 +428,21 @@ impl<'a> Fitting<'a> {
             stencil.fill(t);
             let [f, x, y, z] = stencil.times(&c);
             let slope = norm([x, y, z]) / level.spacing;
-            if slope > 0.0 { (f / slope) * (f / slope) } else { level.spacing * level.spacing }
+            if slope > 0.0 {
+                (f / slope) * (f / slope)
+            } else {
+                level.spacing * level.spacing
+            }
         });
         squares.sum()
     }
 
     /// The depth down to which points that were left out are met better, or a tolerance.
-    fn depth_of_data(&mut self, tolerance: Option<f64>, control: &Control<'_>) -> Result<usize, Stopped> {
+    fn depth_of_data(
+        &mut self,
+        tolerance: Option<f64>,
+        control: &Control<'_>,
+    ) -> Result<usize, Stopped> {
         let n = self.samples.points.len();
         let mut before = f64::INFINITY;
         let mut depth = 0;

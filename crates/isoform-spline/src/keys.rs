@@ -60,7 +60,10 @@ impl Keys {
         list.dedup();
         list.shrink_to_fit();
         let index = list.iter().zip(0..).map(|(k, i)| (*k, i)).collect();
-        Self { sorted: list, index }
+        Self {
+            sorted: list,
+            index,
+        }
     }
     pub(crate) fn len(&self) -> usize {
         self.sorted.len()

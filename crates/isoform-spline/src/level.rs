@@ -29,8 +29,9 @@ pub(crate) struct Level {
 
 /// The places lo, …, hi, both included, along three axes.
 pub(crate) fn block(lo: Place, hi: Place) -> impl Iterator<Item = Place> {
-    (lo[2]..=hi[2])
-        .flat_map(move |z| (lo[1]..=hi[1]).flat_map(move |y| (lo[0]..=hi[0]).map(move |x| [x, y, z])))
+    (lo[2]..=hi[2]).flat_map(move |z| {
+        (lo[1]..=hi[1]).flat_map(move |y| (lo[0]..=hi[0]).map(move |x| [x, y, z]))
+    })
 }
 
 /// B-splines that touch one of the cells.
@@ -77,7 +78,10 @@ impl Level {
         }
         let cells = Keys::new(list);
         for cell in cells.places().filter(|c| c.iter().all(|v| v & 1 == 0)) {
-            let parent = self.cells.find(cell.map(|v| v / 2)).expect("levels are nested");
+            let parent = self
+                .cells
+                .find(cell.map(|v| v / 2))
+                .expect("levels are nested");
             self.is_refined[parent] = true;
         }
         let nodes = nodes_of(cells.places(), degree);
@@ -119,7 +123,10 @@ impl Level {
                 for a in 0..axis[0].count {
                     let at = [a, b, c];
                     let node = std::array::from_fn(|k| (first[k] + at[k] as i64) as i32);
-                    let i = self.nodes.find(node).expect("parents touch the parent cell");
+                    let i = self
+                        .nodes
+                        .find(node)
+                        .expect("parents touch the parent cell");
                     sum += weight * axis[0].weights[a] * self.coefficients[i];
                 }
             }
@@ -140,7 +147,9 @@ impl Level {
             for b in 0..=degree {
                 let node = [cell[0], cell[1] + b as i32, cell[2] + c as i32];
                 runs[c * (degree + 1) + b] =
-                    self.nodes.find(node).expect("B-splines of a cell are there") as u32;
+                    self.nodes
+                        .find(node)
+                        .expect("B-splines of a cell are there") as u32;
             }
         }
         runs

@@ -58,7 +58,10 @@ impl Matrix {
             }
             row
         };
-        let runs: Vec<Run> = (0..nodes.len()).into_par_iter().flat_map_iter(runs_of_row).collect();
+        let runs: Vec<Run> = (0..nodes.len())
+            .into_par_iter()
+            .flat_map_iter(runs_of_row)
+            .collect();
         let width = ((2 * reach + 1) * (2 * reach + 1)) as usize;
         let mut starts = Vec::with_capacity(nodes.len() + 1);
         let mut total = 0;
@@ -119,19 +122,22 @@ impl Matrix {
     /// y = A x.
     pub(crate) fn apply(&self, x: &[f64], y: &mut [f64]) {
         let width = self.width();
-        y.par_iter_mut().with_min_len(1 << 10).enumerate().for_each(|(i, y)| {
-            let mut at = self.starts[i];
-            let mut sum = 0.0;
-            for run in &self.runs[i * width..(i + 1) * width] {
-                let (first, length) = (run.first as usize, run.length as usize);
-                let values = &self.values[at..at + length];
-                for (a, b) in values.iter().zip(&x[first..first + length]) {
-                    sum += a * b;
+        y.par_iter_mut()
+            .with_min_len(1 << 10)
+            .enumerate()
+            .for_each(|(i, y)| {
+                let mut at = self.starts[i];
+                let mut sum = 0.0;
+                for run in &self.runs[i * width..(i + 1) * width] {
+                    let (first, length) = (run.first as usize, run.length as usize);
+                    let values = &self.values[at..at + length];
+                    for (a, b) in values.iter().zip(&x[first..first + length]) {
+                        sum += a * b;
+                    }
+                    at += length;
                 }
-                at += length;
-            }
-            *y = sum;
-        });
+                *y = sum;
+            });
     }
 }
 

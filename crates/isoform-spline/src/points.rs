@@ -63,7 +63,10 @@ impl<'a> Sorted<'a> {
     }
     /// The i-th cell with points, and which points.
     pub(crate) fn cell(&self, i: usize) -> (u64, Range<usize>) {
-        let end = self.cells.get(i + 1).map_or(self.order.len(), |c| c.1 as usize);
+        let end = self
+            .cells
+            .get(i + 1)
+            .map_or(self.order.len(), |c| c.1 as usize);
         (self.cells[i].0, self.cells[i].1 as usize..end)
     }
     /// The index of the k-th point.
@@ -74,6 +77,9 @@ impl<'a> Sorted<'a> {
     pub(crate) fn local(&self, k: usize, cell: Place, spacing: f64) -> (Point3, Point3) {
         let i = self.index(k);
         let p = self.samples.points[i];
-        (std::array::from_fn(|c| p[c] / spacing - f64::from(cell[c])), self.samples.normals[i])
+        (
+            std::array::from_fn(|c| p[c] / spacing - f64::from(cell[c])),
+            self.samples.normals[i],
+        )
     }
 }

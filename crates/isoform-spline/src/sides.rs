@@ -72,13 +72,21 @@ pub(crate) fn sided(
         let of_some: Vec<Point3> = unit.iter().step_by(stride).copied().collect();
         let share = agreement(&some, &of_some, &KdTree::new(&some));
         if share >= BELIEVED {
-            let sides = Sides { source: Source::Given, oriented_share: share, pieces: 0 };
+            let sides = Sides {
+                source: Source::Given,
+                oriented_share: share,
+                pieces: 0,
+            };
             return Ok((unit, sides));
         }
         control.check()?;
         let mut unit = unit;
         let found = orient_normals(points, &mut unit, &KdTree::new(points));
-        let sides = Sides { source: Source::Turned, oriented_share: found.share, pieces: found.pieces };
+        let sides = Sides {
+            source: Source::Turned,
+            oriented_share: found.share,
+            pieces: found.pieces,
+        };
         return Ok((unit, sides));
     }
     let tree = KdTree::new(points);
@@ -98,7 +106,11 @@ pub(crate) fn sided(
     control.check()?;
     let (mut directions, _) = best.expect("one number of neighbours is tried");
     let found = orient_normals(points, &mut directions, &tree);
-    let sides = Sides { source: Source::Estimated, oriented_share: found.share, pieces: found.pieces };
+    let sides = Sides {
+        source: Source::Estimated,
+        oriented_share: found.share,
+        pieces: found.pieces,
+    };
     Ok((directions, sides))
 }
 
@@ -108,7 +120,11 @@ fn unit_normals(given: &[Point3]) -> Option<Vec<Point3>> {
         .iter()
         .map(|n| {
             let length = norm(*n);
-            if length > 0.0 && length.is_finite() { n.map(|v| v / length) } else { [0.0; 3] }
+            if length > 0.0 && length.is_finite() {
+                n.map(|v| v / length)
+            } else {
+                [0.0; 3]
+            }
         })
         .collect();
     let known = unit.iter().filter(|n| **n != [0.0; 3]).count();

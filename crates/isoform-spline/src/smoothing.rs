@@ -57,8 +57,7 @@ impl Smoothing {
             if p != NONE && q != NONE {
                 let r = self.neighbours[p as usize][*b][1];
                 if r != NONE {
-                    out[3 + k] =
-                        TWICE * (c[i] - c[p as usize] - c[q as usize] + c[r as usize]);
+                    out[3 + k] = TWICE * (c[i] - c[p as usize] - c[q as usize] + c[r as usize]);
                 }
             }
         }
@@ -66,7 +65,13 @@ impl Smoothing {
     }
 
     /// Adds `weight` times half the gradient of the term at `c` to `out`; `scratch` is overwritten.
-    pub(crate) fn add_gradient(&self, weight: f64, c: &[f64], scratch: &mut Vec<Differences>, out: &mut [f64]) {
+    pub(crate) fn add_gradient(
+        &self,
+        weight: f64,
+        c: &[f64],
+        scratch: &mut Vec<Differences>,
+        out: &mut [f64],
+    ) {
         scratch.resize(self.neighbours.len(), [0.0; 6]);
         scratch
             .par_iter_mut()
@@ -74,32 +79,35 @@ impl Smoothing {
             .enumerate()
             .for_each(|(i, d)| *d = self.differences(i, c));
         let scratch = &*scratch;
-        out.par_iter_mut().with_min_len(1 << 10).enumerate().for_each(|(i, out)| {
-            let near = &self.neighbours[i];
-            let mut sum = 0.0;
-            for (axis, pair) in near.iter().enumerate() {
-                sum -= 2.0 * scratch[i][axis];
-                for j in pair.iter().filter(|j| **j != NONE) {
-                    sum += scratch[*j as usize][axis];
-                }
-            }
-            for (k, [a, b]) in MIXED.iter().enumerate() {
-                let (p, q) = (near[*a][0], near[*b][0]);
-                let mut mixed = scratch[i][3 + k];
-                if p != NONE {
-                    mixed -= scratch[p as usize][3 + k];
-                    let r = self.neighbours[p as usize][*b][0];
-                    if r != NONE {
-                        mixed += scratch[r as usize][3 + k];
+        out.par_iter_mut()
+            .with_min_len(1 << 10)
+            .enumerate()
+            .for_each(|(i, out)| {
+                let near = &self.neighbours[i];
+                let mut sum = 0.0;
+                for (axis, pair) in near.iter().enumerate() {
+                    sum -= 2.0 * scratch[i][axis];
+                    for j in pair.iter().filter(|j| **j != NONE) {
+                        sum += scratch[*j as usize][axis];
                     }
                 }
-                if q != NONE {
-                    mixed -= scratch[q as usize][3 + k];
+                for (k, [a, b]) in MIXED.iter().enumerate() {
+                    let (p, q) = (near[*a][0], near[*b][0]);
+                    let mut mixed = scratch[i][3 + k];
+                    if p != NONE {
+                        mixed -= scratch[p as usize][3 + k];
+                        let r = self.neighbours[p as usize][*b][0];
+                        if r != NONE {
+                            mixed += scratch[r as usize][3 + k];
+                        }
+                    }
+                    if q != NONE {
+                        mixed -= scratch[q as usize][3 + k];
+                    }
+                    sum += TWICE * mixed;
                 }
-                sum += TWICE * mixed;
-            }
-            *out += weight * sum;
-        });
+                *out += weight * sum;
+            });
     }
 
     /// The diagonal of the term's matrix.
@@ -127,7 +135,9 @@ mod tests {
         let n = nodes.len();
         let c: Vec<f64> = (0..n).map(|i| ((i * i * 7 + 3 * i) % 11) as f64).collect();
         let energy = |c: &[f64]| -> f64 {
-            (0..n).map(|i| s.differences(i, c).iter().map(|d| d * d).sum::<f64>()).sum()
+            (0..n)
+                .map(|i| s.differences(i, c).iter().map(|d| d * d).sum::<f64>())
+                .sum()
         };
         let mut gradient = vec![0.0; n];
         s.add_gradient(2.0, &c, &mut Vec::new(), &mut gradient);
@@ -135,7 +145,10 @@ mod tests {
             let (mut lo, mut hi) = (c.clone(), c.clone());
             lo[i] -= 0.5;
             hi[i] += 0.5;
-            assert!((energy(&hi) - energy(&lo) - gradient[i]).abs() < 1e-9, "{i}");
+            assert!(
+                (energy(&hi) - energy(&lo) - gradient[i]).abs() < 1e-9,
+                "{i}"
+            );
         }
     }
 }

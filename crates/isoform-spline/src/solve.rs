@@ -50,7 +50,12 @@ impl Operator<'_> {
             *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
         }
         self.gradient.fill(0.0);
-        self.smoothing.add_gradient(self.weight, &self.spread, &mut self.scratch, &mut self.gradient);
+        self.smoothing.add_gradient(
+            self.weight,
+            &self.spread,
+            &mut self.scratch,
+            &mut self.gradient,
+        );
         for (g, i) in self.gradient.iter().zip(&self.problem.unknown) {
             if *i != FIXED {
                 y[*i as usize] += g;
@@ -86,12 +91,21 @@ pub(crate) fn solve(
         scratch: Vec::new(),
     };
     // The smoothing term at the coefficients as they are.
-    let scaled: Vec<f64> = problem.level.coefficients.iter().map(|c| c / problem.level.spacing).collect();
+    let scaled: Vec<f64> = problem
+        .level
+        .coefficients
+        .iter()
+        .map(|c| c / problem.level.spacing)
+        .collect();
     let mut gradient = vec![0.0; n];
     smoothing.add_gradient(weight, &scaled, &mut operator.scratch, &mut gradient);
     let mut r = system.right.clone();
     let mut diagonal = system.matrix.diagonal();
-    for ((g, d), i) in gradient.iter().zip(smoothing.diagonal()).zip(&problem.unknown) {
+    for ((g, d), i) in gradient
+        .iter()
+        .zip(smoothing.diagonal())
+        .zip(&problem.unknown)
+    {
         if *i != FIXED {
             r[*i as usize] -= g;
             diagonal[*i as usize] += weight * d + operator.ridge[*i as usize];

@@ -95,7 +95,12 @@ struct Leaf<'a> {
 
 impl ImplicitSpline {
     /// A spline of fitted levels. `data` holds the cells with data of each level.
-    pub(crate) fn new(degree: usize, corner: Point3, levels: Vec<Level>, data: &[Vec<Place>]) -> Self {
+    pub(crate) fn new(
+        degree: usize,
+        corner: Point3,
+        levels: Vec<Level>,
+        data: &[Vec<Place>],
+    ) -> Self {
         let first = &levels[0].cells;
         let count = first.at(first.len() - 1).map(|v| v + 1);
         let flags = levels.iter().zip(data).map(|(level, cells)| {
@@ -123,16 +128,34 @@ impl ImplicitSpline {
     /// # Errors
     /// [`DataError`] where they do not fit together.
     pub fn from_data(data: &SplineData) -> Result<Self, DataError> {
-        let SplineData { degree, corner, spacing, count, levels } = data;
+        let SplineData {
+            degree,
+            corner,
+            spacing,
+            count,
+            levels,
+        } = data;
         if !(2..=MAX_DEGREE).contains(degree) {
             return Err(DataError::Degree(*degree));
         }
         let cells = count.iter().map(|c| i64::from(*c)).product::<i64>();
         let depth = levels.len() as u32;
-        if !spacing.is_finite() || *spacing <= 0.0 || count.iter().any(|c| *c < 1 || *c > FIRST as i32) || cells > FIRST {
-            return Err(DataError::Lattice { count: *count, spacing: *spacing });
+        if !spacing.is_finite()
+            || *spacing <= 0.0
+            || count.iter().any(|c| *c < 1 || *c > FIRST as i32)
+            || cells > FIRST
+        {
+            return Err(DataError::Lattice {
+                count: *count,
+                spacing: *spacing,
+            });
         }
-        if depth == 0 || depth > 20 || count.iter().any(|c| i64::from(*c) << depth >= i64::from(MOST) - 8) {
+        if depth == 0
+            || depth > 20
+            || count
+                .iter()
+                .any(|c| i64::from(*c) << depth >= i64::from(MOST) - 8)
+        {
             return Err(DataError::Levels(levels.len()));
         }
         let numbers = levels.iter().flat_map(|l| &l.coefficients).chain(corner);
@@ -146,8 +169,16 @@ impl ImplicitSpline {
             for cell in &given.cells {
                 let inside = (0..3).all(|k| (0..count[k] << l).contains(&cell[k]));
                 let parent = cell.map(|v| v >> 1);
-                if !inside || l > 0 && parents.binary_search_by_key(&key(parent), |p| key(*p)).is_err() {
-                    return Err(DataError::Cell { level: l, cell: *cell });
+                if !inside
+                    || l > 0
+                        && parents
+                            .binary_search_by_key(&key(parent), |p| key(*p))
+                            .is_err()
+                {
+                    return Err(DataError::Cell {
+                        level: l,
+                        cell: *cell,
+                    });
                 }
                 sorted.push(key(*cell));
             }
@@ -162,7 +193,11 @@ impl ImplicitSpline {
             let level = &mut built[l];
             let wanted = level.unknowns();
             if wanted != given.coefficients.len() {
-                return Err(DataError::Coefficients { level: l, found: given.coefficients.len(), wanted });
+                return Err(DataError::Coefficients {
+                    level: l,
+                    found: given.coefficients.len(),
+                    wanted,
+                });
             }
             let mut values = given.coefficients.iter();
             for (c, active) in level.coefficients.iter_mut().zip(&level.is_active) {
@@ -179,7 +214,11 @@ impl ImplicitSpline {
     pub fn data(&self) -> SplineData {
         let levels = self.levels.iter().zip(&self.data).map(|(level, holds)| {
             let cells = level.cells.places().zip(holds).filter(|(_, holds)| **holds);
-            let active = level.coefficients.iter().zip(&level.is_active).filter(|(_, a)| **a);
+            let active = level
+                .coefficients
+                .iter()
+                .zip(&level.is_active)
+                .filter(|(_, a)| **a);
             LevelData {
                 cells: cells.map(|(cell, _)| cell).collect(),
                 coefficients: active.map(|(c, _)| *c).collect(),
@@ -218,61 +257,70 @@ impl ImplicitSpline {
             hi: std::array::from_fn(|k| self.corner[k] + h * f64::from(self.count[k])),
         }
     }
-    /// How many cells of the finest level about them hold data: the polynomial pieces that were
+    /// How many cells hold data and were not refined for it: the polynomial pieces that were
     /// fitted.
     pub fn data_cells(&self) -> usize {
-        let leaves = self.levels.iter().zip(&self.data).map(|(level, holds)| {
-            holds.iter().zip(&level.is_refined).filter(|(h, r)| **h && !**r).count()
-        });
-        leaves.sum()
+        let of_level = |(l, level): (usize, &Level)| {
+            let cells = level.cells.places().enumerate();
+            cells
+                .filter(|(i, cell)| self.data[l][*i] && !self.has_finer_data(l, *cell))
+                .count()
+        };
+        self.levels.iter().enumerate().map(of_level).sum()
+    }
+
+    /// Whether a cell was refined for its data.
+    fn has_finer_data(&self, l: usize, cell: Place) -> bool {
+        let Some(finer) = self.levels.get(l + 1) else {
+            return false;
+        };
+        let lo = cell.map(|v| 2 * v);
+        block(lo, lo.map(|v| v + 1))
+            .any(|child| finer.cells.find(child).is_some_and(|i| self.data[l + 1][i]))
+    }
+
+    /// Whether data lies in a cell of a level; in a cell that data did not ask for, whether it lies
+    /// in the coarser one about it.
+    pub(crate) fn holds(&self, l: usize, cell: Place) -> bool {
+        let mut cell = cell;
+        for k in (0..=l).rev() {
+            let found = self.levels[k].cells.find(cell);
+            if found.is_some_and(|i| self.data[k][i]) {
+                return k == l || !self.has_finer_data(k, cell);
+            }
+            cell = cell.map(|v| v >> 1);
+        }
+        false
     }
 
     /// Whether data lies in the cell about a place.
     pub fn holds_data(&self, p: Point3) -> bool {
-        let domain = self.domain();
-        if (0..3).any(|k| p[k] < domain.lo[k] || p[k] > domain.hi[k]) {
-            return false;
+        self.is_in_domain(p) && {
+            let leaf = self.leaf(p);
+            self.holds(leaf.depth, leaf.cell)
         }
-        let leaf = self.leaf(p);
-        let cell = leaf.level.cells.find(leaf.cell);
-        cell.is_some_and(|i| self.data[leaf.depth][i])
     }
 
     /// Whether data lies in the cell about a place, or in one that shares a face with it.
     pub fn is_seen(&self, p: Point3) -> bool {
-        let domain = self.domain();
-        if (0..3).any(|k| p[k] < domain.lo[k] || p[k] > domain.hi[k]) {
+        if !self.is_in_domain(p) {
             return false;
         }
         let leaf = self.leaf(p);
-        let holds = |cell: Place| {
-            let mut cell = cell;
-            for l in (0..=leaf.depth).rev() {
-                if let Some(i) = self.levels[l].cells.find(cell) {
-                    return self.data[l][i];
-                }
-                cell = cell.map(|v| v >> 1);
-            }
-            false
+        let beside = |axis: usize, step: i32| {
+            let mut beside = leaf.cell;
+            beside[axis] += step;
+            beside[axis] >= 0 && self.holds(leaf.depth, beside)
         };
-        if holds(leaf.cell) {
-            return true;
-        }
-        (0..3).any(|axis| {
-            [-1, 1].into_iter().any(|step| {
-                let mut beside = leaf.cell;
-                beside[axis] += step;
-                beside[axis] >= 0 && holds(beside)
-            })
-        })
+        self.holds(leaf.depth, leaf.cell) || (0..3).any(|k| beside(k, -1) || beside(k, 1))
+    }
+
+    fn is_in_domain(&self, p: Point3) -> bool {
+        self.clamped(p) == p
     }
 
     pub(crate) fn levels(&self) -> &[Level] {
         &self.levels
-    }
-    /// Whether a cell of a level holds data.
-    pub(crate) fn holds(&self, level: usize, cell: usize) -> bool {
-        self.data[level][cell]
     }
 
     /// The finest level that covers a place of the domain, with the cell and the place in it.
@@ -283,7 +331,12 @@ impl ImplicitSpline {
                 std::array::from_fn(|k| (s[k] as i32).clamp(0, (self.count[k] << depth) - 1));
             if level.cells.find(cell).is_some() {
                 let at = std::array::from_fn(|k| s[k] - f64::from(cell[k]));
-                return Leaf { level, depth, cell, at };
+                return Leaf {
+                    level,
+                    depth,
+                    cell,
+                    at,
+                };
             }
         }
         unreachable!("the first level covers the domain")
@@ -343,16 +396,24 @@ impl ImplicitSpline {
         let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
         for (l, level) in self.levels.iter().enumerate().rev() {
             let finer = all.last().map(|ranges| (&self.levels[l + 1], ranges));
-            let ranges = level.cells.places().enumerate().map(|(i, cell)| match finer {
-                Some((next, ranges)) if level.is_refined[i] => {
-                    let lo = cell.map(|v| 2 * v);
-                    block(lo, lo.map(|v| v + 1)).fold([f64::INFINITY, f64::NEG_INFINITY], |r, c| {
-                        let [a, b] = ranges[next.cells.find(c).expect("cells come in eights")];
-                        [r[0].min(a), r[1].max(b)]
-                    })
-                }
-                _ => range_of(&self.bernstein(level, cell, &rows), self.degree),
-            });
+            let ranges = level
+                .cells
+                .places()
+                .enumerate()
+                .map(|(i, cell)| match finer {
+                    Some((next, ranges)) if level.is_refined[i] => {
+                        let lo = cell.map(|v| 2 * v);
+                        block(lo, lo.map(|v| v + 1)).fold(
+                            [f64::INFINITY, f64::NEG_INFINITY],
+                            |r, c| {
+                                let [a, b] =
+                                    ranges[next.cells.find(c).expect("cells come in eights")];
+                                [r[0].min(a), r[1].max(b)]
+                            },
+                        )
+                    }
+                    _ => range_of(&self.bernstein(level, cell, &rows), self.degree),
+                });
             let ranges = ranges.collect();
             all.push(ranges);
         }
@@ -396,7 +457,9 @@ impl ImplicitSpline {
     /// as `budget` of them are looked at.
     fn hull(&self, l: usize, cell: Place, region: Aabb, budget: &mut u32, out: &mut [f64; 2]) {
         let level = &self.levels[l];
-        let Some(i) = level.cells.find(cell) else { return };
+        let Some(i) = level.cells.find(cell) else {
+            return;
+        };
         let known = self.ranges[l][i];
         if known[0] >= out[0] && known[1] <= out[1] {
             return;
@@ -516,7 +579,11 @@ impl Field for ImplicitSpline {
     fn value(&self, p: Point3) -> f64 {
         let inside = self.clamped(p);
         let f = self.value_inside(inside);
-        if inside == p { f } else { f - norm(sub(p, inside)) }
+        if inside == p {
+            f
+        } else {
+            f - norm(sub(p, inside))
+        }
     }
 
     fn jet(&self, p: Point3) -> Jet2 {
@@ -553,10 +620,16 @@ impl Field for ImplicitSpline {
         }
         // The least and the largest distance of the region from the domain.
         let domain = self.domain();
-        let gap: Point3 =
-            std::array::from_fn(|k| (region.lo[k] - domain.hi[k]).max(domain.lo[k] - region.hi[k]).max(0.0));
-        let far: Point3 =
-            std::array::from_fn(|k| (region.hi[k] - domain.hi[k]).max(domain.lo[k] - region.lo[k]).max(0.0));
+        let gap: Point3 = std::array::from_fn(|k| {
+            (region.lo[k] - domain.hi[k])
+                .max(domain.lo[k] - region.hi[k])
+                .max(0.0)
+        });
+        let far: Point3 = std::array::from_fn(|k| {
+            (region.hi[k] - domain.hi[k])
+                .max(domain.lo[k] - region.lo[k])
+                .max(0.0)
+        });
         // Rounding of a norm and a difference.
         let slack = 1.0 + 8.0 * f64::EPSILON;
         let (low, high) = (lo - norm(far) * slack, hi - norm(gap) / slack);

@@ -5,8 +5,8 @@
 //! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
 //! reading and asked how far they went. Meshes and models are sampled evenly.
 
-use crate::{FrepTemplate, SplineDistance};
 use crate::facets::on_triangle;
+use crate::{FrepTemplate, SplineDistance};
 use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use serde::Serialize;

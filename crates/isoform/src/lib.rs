@@ -4,6 +4,7 @@
 //! | from | to | function |
 //! |---|---|---|
 //! | a scan and a HyperFun program | the program's parameters, with intervals | [`fit_scan`] |
+//! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
@@ -119,9 +120,7 @@ pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
-pub use implicitize_scan::{
-    ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan,
-};
+pub use implicitize_scan::{ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan};
 pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};

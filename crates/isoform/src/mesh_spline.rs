@@ -64,15 +64,20 @@ pub fn mesh_spline(
 /// Which triangles lie near points, or in small gaps between such.
 fn seen_triangles(mesh: &Mesh, spline: &ImplicitSpline) -> Vec<bool> {
     let corners = |t: &[u32; 3]| t.map(|v| mesh.points[v as usize]);
-    let mut seen: Vec<bool> =
-        mesh.triangles.iter().map(|t| spline.is_seen(middle(corners(t)))).collect();
+    let mut seen: Vec<bool> = mesh
+        .triangles
+        .iter()
+        .map(|t| spline.is_seen(middle(corners(t))))
+        .collect();
     let mut sets = UnionFind::new(mesh.triangles.len());
     let mut touches_seen = vec![false; mesh.triangles.len()];
     let mut by_edge: HashMap<[u32; 2], usize> = HashMap::new();
     for (i, t) in mesh.triangles.iter().enumerate() {
         for k in 0..3 {
             let (a, b) = (t[k], t[(k + 1) % 3]);
-            let Some(j) = by_edge.insert([a.min(b), a.max(b)], i) else { continue };
+            let Some(j) = by_edge.insert([a.min(b), a.max(b)], i) else {
+                continue;
+            };
             match (seen[i], seen[j]) {
                 (false, false) => {
                     sets.unite(i as u32, j as u32);
@@ -106,7 +111,12 @@ const HELD: f64 = 0.3;
 fn drop_strays(mesh: &Mesh, spline: &ImplicitSpline, is_seen: &mut [bool]) {
     let mut sets = UnionFind::new(mesh.triangles.len());
     let mut by_node: Vec<Option<u32>> = vec![None; mesh.points.len()];
-    for (i, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| is_seen[*i]) {
+    for (i, t) in mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_seen[*i])
+    {
         for v in t {
             match by_node[*v as usize] {
                 Some(j) => {
@@ -117,7 +127,12 @@ fn drop_strays(mesh: &Mesh, spline: &ImplicitSpline, is_seen: &mut [bool]) {
         }
     }
     let mut areas = vec![[0.0; 2]; mesh.triangles.len()];
-    for (i, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| is_seen[*i]) {
+    for (i, t) in mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_seen[*i])
+    {
         let [a, b, c] = t.map(|v| mesh.points[v as usize]);
         let area = norm(cross(sub(b, a), sub(c, a)));
         let sums = &mut areas[sets.root(i as u32) as usize];

@@ -137,7 +137,11 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
         if args.adapt.is_some() {
             return Err(Failure::usage("--adapt needs a HyperFun program"));
         }
-        let unseen = if args.close { Unseen::Close } else { Unseen::Cut };
+        let unseen = if args.close {
+            Unseen::Close
+        } else {
+            Unseen::Cut
+        };
         return Ok(Subject {
             name,
             shape: Shape::Spline(Box::new(spline::read(&args.model)?), unseen),

@@ -14,7 +14,8 @@ use isoform::mesh::features::ExtentError;
 use isoform::mesh::{MeshError, Options, Warning};
 use isoform::spline::ImplicitSpline;
 use isoform::{
-    Control, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model, mesh_model, mesh_spline,
+    Control, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model, mesh_model,
+    mesh_spline,
 };
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
