@@ -3,12 +3,12 @@
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
-use crate::{eval, gallery};
+use crate::{eval, gallery, spline};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
-use isoform::{CompareError, Distances, FrepTemplate, Side, compare, surface_of};
+use isoform::{CompareError, Distances, FrepTemplate, Side, SplineDistance, compare, surface_of};
 use std::path::{Path, PathBuf};
 
 /// Measures the deviation between two of points, meshes and models, both ways
@@ -19,7 +19,7 @@ Examples:
   isoform compare part.msh fitted.hf
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files with the ending .hf are
-models; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
+models, those with .json implicit splines; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
 agree: nothing is moved.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a model is not a number.")]
@@ -57,6 +57,7 @@ enum Loaded {
     Cloud(PointCloud),
     /// A model with the values of its parameters.
     Model(Box<FrepTemplate>, Vec<f64>),
+    Spline(Box<SplineDistance>),
 }
 
 /// Whether a file is named like a HyperFun program.
@@ -134,7 +135,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
     match as_side(loaded, vertices) {
         Side::Points(_) => "points",
         Side::Mesh(_) => "mesh",
-        Side::Model(..) => "model",
+        Side::Model(..) | Side::Spline(_) => "model",
     }
 }
 
@@ -147,6 +148,10 @@ fn load(
 ) -> Result<Loaded, Failure> {
     if is_model(path) && !scan::is_mesh(path, None) {
         return load_model(path, given, &args.language, context);
+    }
+    if spline::is_json(path) {
+        let metric = SplineDistance(spline::read(path)?);
+        return Ok(Loaded::Spline(Box::new(metric)));
     }
     let (cloud, warnings) = if scan::is_mesh(path, None) {
         let (mesh, report) = scan::read_mesh_file(path, None)?;
@@ -182,5 +187,6 @@ fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
         Loaded::Cloud(c) if c.triangles.is_empty() || vertices => Side::Points(c),
         Loaded::Cloud(c) => Side::Mesh(c),
         Loaded::Model(t, values) => Side::Model(t, values),
+        Loaded::Spline(s) => Side::Spline(s),
     }
 }

@@ -2,9 +2,12 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::spline;
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::Template;
-use isoform::{FrepTemplate, parameter_values};
+use isoform::geom::{Field, ParamField};
+use isoform::spline::ImplicitSpline;
+use isoform::{FrepTemplate, SplineDistance, parameter_values};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -21,7 +24,7 @@ where a model has attributes, s1, s2, ... follow f. Where the evaluation fails, 
 
 Exit code: 0, or 3 if some rows failed, 4 if all did.")]
 pub(crate) struct Args {
-    /// The model, a HyperFun program (- for stdin)
+    /// The model: a HyperFun program (- for stdin), or an implicit spline (.json)
     model: PathBuf,
     /// The points, a table with commas (- for stdin)
     #[arg(long, value_name = "POINTS")]
@@ -118,28 +121,67 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             Failure::usage("model and points cannot both be -").why("stdin can be read only once")
         );
     }
+    let table = output::text(output::read_file(&args.points)?);
+    if spline::is_json(&args.model) {
+        let spline = spline::read(&args.model)?;
+        let rows = points(&args.points, &table, 3)?;
+        let cells = cells_of_spline(spline, args.reading, &rows, context);
+        let subject = Subject {
+            name: "surface",
+            values: &[],
+            dimension: 3,
+            attributes: 0,
+        };
+        return outcome(args, &subject, &rows, &cells, context);
+    }
     let model = model::read(&args.model, &args.language, context)?;
     let a = values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
-    let table = output::text(output::read_file(&args.points)?);
     let rows = points(&args.points, &table, model.dimension())?;
     let cells = cells(args, &model, &rows, &a, context)?;
+    let subject = Subject {
+        name: model.name(),
+        values: &a,
+        dimension: model.dimension(),
+        attributes: model.n_attributes(),
+    };
+    outcome(args, &subject, &rows, &cells, context)
+}
 
-    let failures = Failures::of(&cells);
+/// What is evaluated.
+struct Subject<'m> {
+    name: &'m str,
+    /// Of its parameters.
+    values: &'m [f64],
+    /// Number of its coordinates.
+    dimension: usize,
+    /// Number of its attributes.
+    attributes: usize,
+}
+
+/// The table of the cells, written where it is asked for.
+fn outcome(
+    args: &Args,
+    subject: &Subject<'_>,
+    rows: &[Row<'_>],
+    cells: &[Cell],
+    context: &Context,
+) -> Result<Outcome, Failure> {
+    let (name, a) = (subject.name, subject.values);
+    let failures = Failures::of(cells);
     failures.warn(context);
     context.note(format_args!(
-        "{} rows of `{}` with a = {a:?}",
-        cells.len(),
-        model.name()
+        "{} rows of `{name}` with a = {a:?}",
+        cells.len()
     ));
-    let (columns, csv) = csv(&model, &rows, &cells);
-    let mut json = json!({"object": model.name(), "parameters": a, "rows": cells.len(), "failed": failures.count, "columns": columns});
+    let (columns, csv) = csv(subject, rows, cells);
+    let mut json = json!({"object": name, "parameters": a, "rows": cells.len(), "failed": failures.count, "columns": columns});
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
     let stdout = if let Some(path) = file {
         output::write_file(path, csv.as_bytes())?;
         json["output"] = json!(path.display().to_string());
         Vec::new()
     } else {
-        let rows = rows.iter().zip(&cells);
+        let rows = rows.iter().zip(cells);
         json["table"] = rows.map(|(row, cell)| json_row(row, cell)).collect();
         csv.into_bytes()
     };
@@ -169,6 +211,33 @@ fn cells(
         cells
     };
     Ok(rows.par_chunks(CHUNK).flat_map_iter(of_chunk).collect())
+}
+
+/// The cells of an implicit spline; chunks of rows run in parallel.
+fn cells_of_spline(
+    spline: ImplicitSpline,
+    reading: Reading,
+    rows: &[Row<'_>],
+    context: &Context,
+) -> Vec<Cell> {
+    let metric = SplineDistance(spline);
+    let of_row = |row: &Row<'_>| {
+        if context.is_late() {
+            return Cell::Error("error:1:1:not reached within the time limit".to_owned());
+        }
+        let p = [row.x[0], row.x[1], row.x[2]];
+        let mut distance = [0.0];
+        match reading {
+            Reading::Algebraic => Cell::Value(metric.0.value(p), Vec::new()),
+            Reading::Metric => {
+                metric.values(&[p], &[], &mut distance);
+                Cell::Value(distance[0], Vec::new())
+            }
+            Reading::Part if metric.0.is_seen(p) => Cell::Part("surface".to_owned(), Vec::new()),
+            Reading::Part => Cell::Part("unseen".to_owned(), Vec::new()),
+        }
+    };
+    rows.par_iter().with_min_len(CHUNK).map(of_row).collect()
 }
 
 /// The rows without a value.
@@ -351,9 +420,9 @@ fn row(line: &str, dimension: usize) -> Result<Row<'_>, Fault> {
 }
 
 /// The header's names and the table.
-fn csv(model: &Model, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String) {
-    let attributes = model.n_attributes();
-    let mut columns = coordinates(model.dimension());
+fn csv(subject: &Subject<'_>, rows: &[Row<'_>], cells: &[Cell]) -> (Vec<String>, String) {
+    let attributes = subject.attributes;
+    let mut columns = coordinates(subject.dimension);
     columns.push("f".to_owned());
     columns.extend((1..=attributes).map(|i| format!("s{i}")));
     let mut text = columns.join(",") + "\n";

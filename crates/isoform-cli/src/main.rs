@@ -7,6 +7,7 @@ mod convert;
 mod eval;
 mod fit;
 mod gallery;
+mod implicitize;
 mod inputs;
 mod inspect;
 mod interrupt;
@@ -18,6 +19,7 @@ mod progress;
 mod recover;
 mod report;
 mod scan;
+mod spline;
 mod triangulate;
 mod watchdog;
 
@@ -45,6 +47,7 @@ enum Verb {
     Mesh(Box<mesh::Args>),
     Parameterize(Box<parameterize::Args>),
     Triangulate(Box<triangulate::Args>),
+    Implicitize(implicitize::Args),
     Eval(eval::Args),
     Inspect(inspect::Args),
     Convert(convert::Args),
@@ -64,6 +67,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Mesh(args) => mesh::run(&args, context),
         Verb::Parameterize(args) => parameterize::run(&args, context),
         Verb::Triangulate(args) => triangulate::run(&args, context),
+        Verb::Implicitize(args) => implicitize::run(&args, context),
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),

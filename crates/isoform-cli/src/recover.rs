@@ -3,7 +3,7 @@
 use crate::eval;
 use crate::fit::{Settings, document, files, job, table};
 use crate::gallery;
-use crate::mesh::work::{self, Made, Subject};
+use crate::mesh::work::{self, Made, Shape, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
@@ -163,8 +163,7 @@ fn fitted_mesh(
     let unit = Some(job.unit.unit.clone()).filter(|u| !u.is_empty());
     let subject = Subject {
         name: format!("fitted {}", job.template_name),
-        model,
-        values,
+        shape: Shape::Model(Box::new(model), values),
         unit,
     };
     let mut made = work::make(&subject, settings, None, context)?;

@@ -9,12 +9,14 @@ mod field;
 mod gram;
 mod kdtree;
 mod mesh;
+mod normals;
 mod parts;
 mod patch;
 pub mod plane;
 mod point;
 mod quadric;
 mod solid;
+mod spline;
 mod union_find;
 
 pub use cloud::{Column, PointCloud, far_center};
@@ -25,6 +27,7 @@ pub use field::{
 pub use gram::Gram;
 pub use kdtree::KdTree;
 pub use mesh::{Curve, Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
+pub use normals::{Agreement, agreement, estimate_normals, orient_normals, vertex_normals};
 pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use plane::Point2;
@@ -33,4 +36,5 @@ pub use point::{
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use solid::{Csg, OnePiece, Solid};
+pub use spline::{LevelData, SplineData};
 pub use union_find::UnionFind;

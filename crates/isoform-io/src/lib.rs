@@ -62,6 +62,7 @@ mod read;
 mod registry;
 mod roles;
 mod sample;
+mod splines;
 mod step;
 mod stl;
 mod text;
@@ -85,5 +86,6 @@ pub use patches::{
 };
 pub use read::read;
 pub use registry::{format_named, formats};
+pub use splines::{SplineFileError, is_spline_file, read_spline, write_spline};
 pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
 pub use write::{write, write_path};

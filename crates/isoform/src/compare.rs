@@ -6,7 +6,7 @@
 //! reading and asked how far they went. Meshes and models are sampled evenly.
 
 use crate::facets::{CornerError, check_corners, on_triangle};
-use crate::{FrepTemplate, parameter_values};
+use crate::{FrepTemplate, SplineDistance, parameter_values};
 use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use serde::Serialize;
@@ -28,6 +28,8 @@ pub enum Side<'a> {
     /// The surface of a model with these values; missing ones are those of [`parameter_values`],
     /// and no motion for a pose.
     Model(&'a FrepTemplate, &'a [f64]),
+    /// The surface of an implicit spline.
+    Spline(&'a SplineDistance),
 }
 
 /// Distances of one side's points from the other side; NaN, in JSON null, where none of them has
@@ -113,12 +115,12 @@ pub fn compare(
     Ok((summary(&there), summary(&back)))
 }
 
-/// A side that was looked at: points are absolute and finite, their triangles have them, and a
-/// model has a value for each parameter.
+/// A side that was looked at: points are absolute and finite, their triangles have them, and the
+/// distance function of a model has a value for each parameter.
 enum Shape<'a> {
     Points(Vec<Point3>),
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
-    Model(&'a FrepTemplate, Vec<f64>),
+    Model(&'a dyn ParamField, Vec<f64>),
 }
 
 impl<'a> Shape<'a> {
@@ -130,8 +132,9 @@ impl<'a> Shape<'a> {
                 Self::Mesh(absolute(mesh, side)?, &mesh.triangles)
             }
             Side::Model(template, given) => {
-                Self::Model(template, all_values(template, given, side)?)
+                Self::Model(template.metric(), all_values(template, given, side)?)
             }
+            Side::Spline(spline) => Self::Model(spline, Vec::new()),
         })
     }
 
@@ -152,10 +155,10 @@ impl<'a> Shape<'a> {
                 points: points.clone(),
                 ..Sampled::default()
             },
-            Self::Model(template, values) => {
+            Self::Model(metric, values) => {
                 let region = region.ok_or(CompareError::NoRegion)?;
                 Sampled {
-                    points: surface_samples(template.metric(), values, region, wanted),
+                    points: surface_samples(*metric, values, region, wanted),
                     ..Sampled::default()
                 }
             }
@@ -237,12 +240,12 @@ impl Sampled {
 
 /// Distance by point; not finite where there is none.
 fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) -> Vec<f64> {
-    if let Shape::Model(template, values) = to {
+    if let Shape::Model(metric, values) = to {
         if exactly {
-            return feet(points, template.metric(), values);
+            return feet(points, *metric, values);
         }
         let mut f = vec![0.0; points.len()];
-        template.metric().values(points, values, &mut f);
+        metric.values(points, values, &mut f);
         return f.into_iter().map(f64::abs).collect();
     }
     let tree = KdTree::new(&sampled.points);

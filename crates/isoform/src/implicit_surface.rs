@@ -10,6 +10,7 @@ use isoform_patch::{
     Cover, Covering, Depth, Error, Options, Parameterized, cover, cover_parts, parameterize,
     parameterize_part,
 };
+use isoform_spline::ImplicitSpline;
 use std::fmt;
 
 /// The share of samples that a cover must have on patches to count as one. Samples on the border
@@ -54,6 +55,16 @@ impl ImplicitSurface {
             parts: None,
             is_run: false,
         }))
+    }
+}
+
+impl From<ImplicitSpline> for ImplicitSurface {
+    fn from(spline: ImplicitSpline) -> Self {
+        Self {
+            field: Box::new(spline),
+            parts: None,
+            is_run: false,
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 //! | from | to | function |
 //! |---|---|---|
 //! | a scan and a HyperFun program | the program's parameters, with intervals | [`fit_scan`] |
+//! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
@@ -100,10 +101,13 @@ mod fit_scan;
 mod gallery;
 mod held;
 mod implicit_surface;
+mod implicitize_scan;
 mod mesh_model;
+mod mesh_spline;
 mod meshing;
 mod patches;
 pub mod report;
+mod spline_distance;
 mod template;
 mod topology;
 
@@ -115,6 +119,7 @@ pub use held::{Bounds, HeldTemplate, ParameterError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
+pub use implicitize_scan::{ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan};
 pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
@@ -126,6 +131,7 @@ pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
+pub use isoform_spline as spline;
 pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
@@ -133,11 +139,13 @@ pub use isoform_tess::{
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };
+pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
     certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
 };
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,
 };
+pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

@@ -61,6 +61,8 @@ pub struct ModelMesh {
     pub certificate: Certificate,
     /// What was asked for, with the length of edges.
     pub options: Options,
+    /// Triangles that were cut away behind the certificate, as no points lie near them.
+    pub cut: usize,
 }
 
 /// What is good to know of a mesh beside its warnings.
@@ -75,6 +77,8 @@ pub enum MeshNote {
     BoxNotProved,
     /// It is not proved that every feature curve was found.
     FeaturesNotProved,
+    /// Triangles without points near them were left out, so that the surface has a border.
+    Cut,
 }
 
 impl fmt::Display for MeshNote {
@@ -88,6 +92,11 @@ impl fmt::Display for MeshNote {
             Self::BoxNotProved => {
                 "nothing more of the solid was found far outside of its box, but that is not \
                  proved; --box says where to look"
+            }
+            Self::Cut => {
+                "no points lie near a part of the surface: it is left out, and the surface has a \
+                 border there; --close keeps it as a part named unseen. The certificate is that of \
+                 the closed surface"
             }
             Self::FeaturesNotProved => {
                 "it is not proved that every feature curve was found; a smaller --size looks closer"
@@ -114,6 +123,7 @@ impl ModelMesh {
             (!self.meshed.caps.is_empty(), MeshNote::Caps),
             (!self.meshed.region_certified, MeshNote::BoxNotProved),
             (!self.meshed.features.certified, MeshNote::FeaturesNotProved),
+            (self.cut > 0, MeshNote::Cut),
         ];
         let there = notes.into_iter().filter(|note| note.0);
         there.map(|note| note.1).collect()
@@ -172,10 +182,33 @@ fn make(
         check_nodes(mesh)?;
     }
     let (solid, is_run) = solid_of(model, a)?;
-    let solid = solid.as_ref();
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
     }
+    let mut made = of_solid(solid.as_ref(), given, options, control)?;
+    if is_run {
+        let warning = Warning::of_all(WarningKind::NotProved);
+        made.meshed.warnings.push(warning);
+    }
+    Ok(made)
+}
+
+/// Meshes a solid and certifies the mesh, with a length of edges that suits it where none is asked
+/// for.
+pub(crate) fn mesh_solid(
+    solid: &dyn Solid,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    of_solid(solid, None, options, control)
+}
+
+fn of_solid(
+    solid: &dyn Solid,
+    given: Option<&Mesh>,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
     let size = match options.size {
         Some(size) => size,
         None => own_size(solid, given, options, control)?,
@@ -192,18 +225,15 @@ fn make(
         // A surface keeps its smaller triangles where it has them.
         inner.sizes = Some(own_sizes(mesh));
     }
-    let (mut meshed, certificate) = match given {
+    let (meshed, certificate) = match given {
         Some(mesh) => certified_adaptation(mesh, solid, &inner, options.limits, control)?,
         None => certified_mesh(solid, &inner, options.limits, control)?,
     };
-    if is_run {
-        let warning = Warning::of_all(WarningKind::NotProved);
-        meshed.warnings.push(warning);
-    }
     Ok(ModelMesh {
         meshed,
         certificate,
         options: inner,
+        cut: 0,
     })
 }
 

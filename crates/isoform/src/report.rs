@@ -7,6 +7,7 @@
 
 mod compare;
 mod fit;
+mod implicitize;
 mod inspect;
 mod mesh;
 mod patches;
@@ -18,6 +19,7 @@ pub use fit::{
     ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided, loss_name,
     method_name,
 };
+pub use implicitize::{ImplicitizeReport, NormalsReport};
 pub use inspect::{ColumnReport, InspectReport, UnitReport};
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,

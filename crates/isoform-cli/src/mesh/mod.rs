@@ -8,10 +8,11 @@ pub(crate) mod work;
 
 use crate::model::Language;
 use crate::output::{self, Context, Failure, Outcome};
-use crate::{eval, gallery, scan};
+use crate::{eval, gallery, scan, spline};
+use isoform::Unseen;
 use isoform::geom::Aabb;
 use std::path::PathBuf;
-use work::Subject;
+use work::{Shape, Subject};
 
 /// Meshes a model: tetrahedra with their labelled surface
 #[derive(clap::Args)]
@@ -30,7 +31,8 @@ msh (Gmsh), vtu (ParaView), inp (CalculiX, Abaqus) and others, see docs/meshing.
 Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
 mesh, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file (- for stdin), or the name of a built-in template
+    /// The model: a HyperFun file (- for stdin), the name of a built-in template, or an implicit
+    /// spline (.json, from isoform implicitize)
     model: PathBuf,
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
@@ -42,6 +44,9 @@ pub(crate) struct Args {
     /// they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
+    /// Of an implicit spline, keep the surface where there are no points, as a part named unseen
+    #[arg(long)]
+    close: bool,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
@@ -105,14 +110,7 @@ fn angles(text: &str) -> Result<Angles, String> {
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
-    let model = gallery::template(&args.model, &args.language, context)?;
-    let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
-    let subject = Subject {
-        name: args.model.display().to_string(),
-        unit: model.info().unit.clone(),
-        model,
-        values,
-    };
+    let subject = subject(args, context)?;
     let given = args
         .adapt
         .as_deref()
@@ -130,4 +128,31 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(Outcome::of(made.exit(), json, stdout, || {
         table::text(&made)
     }))
+}
+
+/// What is to be meshed: a file of JSON is an implicit spline, any other a program.
+fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
+    let name = args.model.display().to_string();
+    if spline::is_json(&args.model) {
+        if args.adapt.is_some() {
+            return Err(Failure::usage("--adapt needs a HyperFun program"));
+        }
+        let unseen = if args.close {
+            Unseen::Close
+        } else {
+            Unseen::Cut
+        };
+        return Ok(Subject {
+            name,
+            shape: Shape::Spline(Box::new(spline::read(&args.model)?), unseen),
+            unit: None,
+        });
+    }
+    let model = gallery::template(&args.model, &args.language, context)?;
+    let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    Ok(Subject {
+        name,
+        unit: model.info().unit.clone(),
+        shape: Shape::Model(Box::new(model), values),
+    })
 }

@@ -12,7 +12,11 @@ use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, Point3};
 use isoform::mesh::features::ExtentError;
 use isoform::mesh::{MeshError, Options, Warning};
-use isoform::{Control, MeshModelError, MeshModelOptions, ModelMesh, adapt_to_model, mesh_model};
+use isoform::spline::ImplicitSpline;
+use isoform::{
+    Control, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model, mesh_model,
+    mesh_spline,
+};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -21,10 +25,18 @@ use std::time::Instant;
 pub(crate) struct Subject {
     /// For messages.
     pub(crate) name: String,
-    pub(crate) model: Model,
-    pub(crate) values: Vec<f64>,
+    pub(crate) shape: Shape,
     /// Unit of its lengths.
     pub(crate) unit: Option<String>,
+}
+
+/// What has a mesh.
+#[derive(Debug)]
+pub(crate) enum Shape {
+    /// A program with the values of its parameters.
+    Model(Box<Model>, Vec<f64>),
+    /// A function fitted to points.
+    Spline(Box<ImplicitSpline>, Unseen),
 }
 
 /// A mesh with all that is known of it.
@@ -137,7 +149,7 @@ pub(crate) fn make(
     given: Option<&Mesh>,
     context: &Context,
 ) -> Result<Made, Failure> {
-    let (name, model, values) = (&subject.name, &subject.model, &subject.values);
+    let name = &subject.name;
     let options = options(settings, context)?;
     let phases = Phases::new(context);
     let show = |phase: &str, _: f64| phases.enter(phase);
@@ -145,9 +157,16 @@ pub(crate) fn make(
         progress: Some(&show),
         ..context.control()
     };
-    let made = match given {
-        Some(mesh) => adapt_to_model(mesh, model, values, &options, &control),
-        None => mesh_model(model, values, &options, &control),
+    let made = match (&subject.shape, given) {
+        (Shape::Model(model, values), Some(mesh)) => {
+            adapt_to_model(mesh, model, values, &options, &control)
+        }
+        (Shape::Model(model, values), None) => mesh_model(model, values, &options, &control),
+        (Shape::Spline(spline, unseen), _) => mesh_spline(spline, *unseen, &options, &control),
+    };
+    let (object, values) = match &subject.shape {
+        Shape::Model(model, values) => (model.name().to_owned(), values.clone()),
+        Shape::Spline(..) => ("surface".to_owned(), Vec::new()),
     };
     let mesh = made.map_err(|e| match e {
         MeshModelError::Solid(e) => no_solid(&e, name),
@@ -158,8 +177,8 @@ pub(crate) fn make(
     })?;
     Ok(Made {
         name: name.clone(),
-        object: model.name().to_owned(),
-        values: values.clone(),
+        object,
+        values,
         unit: subject.unit.clone(),
         mesh,
         written: Vec::new(),

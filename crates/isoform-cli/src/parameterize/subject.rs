@@ -2,10 +2,11 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, Failure};
-use crate::{eval, gallery};
+use crate::{eval, gallery, spline};
 use isoform::ImplicitSurface;
 use isoform::algebra::ParseError;
 use isoform::field::SolidError;
+use isoform::io::is_spline_file;
 use serde_json::Value;
 use std::path::Path;
 
@@ -16,8 +17,8 @@ pub(super) struct Subject {
     pub(super) warnings: Vec<String>,
 }
 
-/// Reads a model: a JSON file, or one of stdin that begins as such, holds a polynomial, and any
-/// other file, or a name out of the gallery, a program.
+/// Reads a model: a JSON file, or one of stdin that begins as such, holds a polynomial or an implicit
+/// spline, and any other file, or a name out of the gallery, a program.
 pub(super) fn read(
     path: &Path,
     language: &Language,
@@ -36,6 +37,15 @@ pub(super) fn read(
     if !is_json && !text.trim_start().starts_with('{') {
         let model = model::parse(path, &text, language, context)?;
         return program(&model, params, name);
+    }
+    if let Ok(json) = serde_json::from_str::<Value>(&text)
+        && is_spline_file(&json)
+    {
+        return Ok(Subject {
+            name,
+            surface: spline::of_document(path, &json)?.into(),
+            warnings: Vec::new(),
+        });
     }
     if params.is_some() {
         return Err(Failure::usage("a polynomial has no parameters").hint("leave out --params"));

@@ -1,0 +1,191 @@
+//! `isoform implicitize`: an implicit spline of a scan.
+
+use crate::interrupt;
+use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
+use crate::progress::Progress;
+use crate::scan;
+use isoform::io::{MeshPoints, write_spline};
+use isoform::report::{ImplicitizeReport, brief};
+use isoform::spline::{Error, Fineness, Options};
+use isoform::{Control, ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Fits a smooth function to a scan, without a template: f = 0 is its surface
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform implicitize scan.ply -o surface.json
+  isoform implicitize scan.ply --tol 0.05 -o surface.json --json
+  isoform mesh surface.json --surface-only -o surface.obj
+
+The result is a piecewise polynomial, a hierarchical B-spline, that eval, mesh, parameterize and compare take as a model;
+inside is f >= 0. How fine it becomes follows from the points: cells are halved until points that were left out are met no
+better. Normals are taken from the file, from its triangles, or estimated; given ones that contradict one another are
+turned to one side, which is said.
+
+Exit code: 0; 2 for unreadable input or too few points, 4 if the points have no surface, 130 after Ctrl-C.")]
+pub(crate) struct Args {
+    /// The points: any format that `isoform inspect` reads (- for stdin)
+    scan: PathBuf,
+    /// The degree of the polynomials in each variable
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=5))]
+    degree: u8,
+    /// At most this many cells hold points, all of one size
+    #[arg(long, value_name = "N", conflicts_with = "tol", value_parser = clap::value_parser!(u32).range(1..))]
+    cells: Option<u32>,
+    /// Smaller cells where points are farther than this from the surface
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    tol: Option<f64>,
+    /// Whose normals are taken
+    #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
+    normals: NormalsName,
+    /// The weight of smoothness; more of it rounds edges and averages noise
+    #[arg(long, value_name = "WEIGHT", default_value_t = Options::default().smoothing, value_parser = output::positive)]
+    smoothing: f64,
+    /// Format of the scan, where its name does not tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Write the function (- for stdout)
+    #[arg(short, long, value_name = "FILE")]
+    output: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum NormalsName {
+    /// The file's own ones, else of its triangles, else estimated
+    Auto,
+    /// The file's own ones, or of its triangles
+    Given,
+    /// Estimated from the points
+    Estimate,
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    if let Some(path) = &args.output {
+        output::check_folder(path)?;
+    }
+    let started = Instant::now();
+    let (cloud, report) = scan::read_points(
+        &args.scan,
+        args.from.as_deref(),
+        None,
+        MeshPoints::Vertices,
+        context,
+    )?;
+    for warning in &report.warnings {
+        context.warn(format_args!("{}: {warning}", args.scan.display()));
+    }
+    let progress = Progress::new(context);
+    let show = |phase: &str, done: f64| progress.show(phase, done);
+    let control = Control {
+        progress: Some(&show),
+        ..context.control()
+    };
+    let made =
+        implicitize_scan(&cloud, &options(args), &control).map_err(|e| failure(e, &args.scan))?;
+    drop(progress);
+    let report = ImplicitizeReport::new(&made, cloud.points.len(), started.elapsed().as_secs_f64());
+    let mut stdout = Vec::new();
+    match args.output.as_deref() {
+        Some(path) if path == Path::new("-") => stdout = write_spline(&made.spline.data()),
+        Some(path) => output::write_file(path, &write_spline(&made.spline.data()))?,
+        None => {}
+    }
+    say(&report, context);
+    Ok(Outcome::of(
+        output::exit(true),
+        output::json_of(&report),
+        stdout,
+        || text(&report, args.output.as_deref()),
+    ))
+}
+
+fn options(args: &Args) -> ImplicitizeOptions {
+    let fineness = match (args.cells, args.tol) {
+        (Some(cells), _) => Fineness::Cells(cells as usize),
+        (None, Some(tolerance)) => Fineness::Tolerance(tolerance),
+        (None, None) => Fineness::Data,
+    };
+    ImplicitizeOptions {
+        normals: match args.normals {
+            NormalsName::Auto => NormalsFrom::Auto,
+            NormalsName::Given => NormalsFrom::Given,
+            NormalsName::Estimate => NormalsFrom::Estimate,
+        },
+        spline: Options {
+            degree: usize::from(args.degree),
+            fineness,
+            smoothing: args.smoothing,
+        },
+    }
+}
+
+fn failure(error: ImplicitizeError, scan: &Path) -> Failure {
+    let message = format!("{}: {error}", scan.display());
+    match error {
+        ImplicitizeError::NoNormals => {
+            Failure::input("no-normals", message).hint("--normals estimate, or auto")
+        }
+        ImplicitizeError::Spline(Error::Few { .. } | Error::NotFinite) => {
+            Failure::new(INPUT, "points", message).hint("isoform inspect says what the file holds")
+        }
+        ImplicitizeError::Spline(Error::Stopped(_)) if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
+        }
+        ImplicitizeError::Spline(Error::Stopped(_)) => {
+            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit, or --cells")
+        }
+        _ => Failure::new(NO_RESULT, "no-surface", message),
+    }
+}
+
+/// What may be wrong.
+fn say(report: &ImplicitizeReport, context: &Context) {
+    let normals = &report.normals;
+    match normals.source {
+        "turned" => {
+            context.warn("the normals given contradict one another: their sides were decided anew")
+        }
+        "estimated" if normals.pieces > 1 => context.warn(format_args!(
+            "the outside of {} pieces was decided for each by itself",
+            normals.pieces
+        )),
+        _ => {}
+    }
+    if normals.oriented_share < 0.95 {
+        context.warn(format_args!(
+            "{:.0} % of neighbours have normals to different sides: noise, thin walls or wrong normals",
+            100.0 * (1.0 - normals.oriented_share)
+        ));
+    }
+    if report.components_without_data > 0 {
+        context.warn(format_args!(
+            "f = 0 has {} pieces more, where there are no points",
+            report.components_without_data
+        ));
+    }
+}
+
+/// The report for people.
+fn text(report: &ImplicitizeReport, output: Option<&Path>) -> String {
+    let [rms, p95, max] = [report.rms, report.p95, report.max].map(brief);
+    let mut text = format!(
+        "{} cells with points, {} unknowns, degree {}, spacing {}\n\
+         points from the surface: rms {rms}, 95 % within {p95}, max {max}\n\
+         normals {}; {} of the surface\n",
+        report.cells,
+        report.unknowns,
+        report.degree,
+        brief(report.spacing),
+        report.normals.source,
+        match report.components {
+            1 => "one piece".to_owned(),
+            n => format!("{n} pieces"),
+        },
+    );
+    if let Some(path) = output {
+        text += &format!("wrote {}\n", path.display());
+    }
+    text
+}

@@ -1,0 +1,39 @@
+//! Reading implicit splines.
+
+use crate::output::{self, Failure};
+use isoform::io::{is_spline_file, read_spline};
+use isoform::spline::ImplicitSpline;
+use serde_json::Value;
+use std::path::Path;
+
+/// Whether a file is JSON by its ending.
+pub(crate) fn is_json(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("json"))
+}
+
+/// The implicit spline of a file, as `isoform implicitize` writes it.
+pub(crate) fn read(path: &Path) -> Result<ImplicitSpline, Failure> {
+    let text = output::text(output::read_file(path)?);
+    let json: Value = serde_json::from_str(&text).map_err(|e| {
+        Failure::input("json", format!("not JSON: {e}")).at(
+            path,
+            e.line().max(1),
+            e.column().max(1),
+        )
+    })?;
+    if !is_spline_file(&json) {
+        return Err(
+            Failure::input("spline", format!("{}: no implicit spline", path.display()))
+                .hint("isoform implicitize writes one; models are HyperFun programs"),
+        );
+    }
+    of_document(path, &json)
+}
+
+/// The implicit spline of a document.
+pub(crate) fn of_document(path: &Path, json: &Value) -> Result<ImplicitSpline, Failure> {
+    let wrong = |what: String| Failure::input("spline", format!("{}: {what}", path.display()));
+    let data = read_spline(json).map_err(|e| wrong(e.to_string()))?;
+    ImplicitSpline::from_data(&data).map_err(|e| wrong(e.to_string()))
+}

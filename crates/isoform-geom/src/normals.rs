@@ -1,0 +1,357 @@
+//! Normals of points: estimated by local planes, given one side by a spanning tree.
+//!
+//! The plane of a point is that of its nearest neighbours: the direction of least variance (Hoppe
+//! et al. 1992). Which of its two sides is outside is passed on from neighbour to neighbour along the
+//! spanning tree whose pairs lie flattest and whose normals differ least.
+
+use crate::{KdTree, Point3, UnionFind, cross, dot, norm, sub};
+use isoform_num::linalg::symmetric_eigen;
+use rayon::prelude::*;
+
+/// Neighbours that pass orientation on to one another. Fewer tear a cloud of uneven density apart,
+/// more join opposite sides of thin walls.
+const PARTNERS: usize = 8;
+
+/// The largest cosine between a normal and the way to a neighbour at which the pair lies flat: 60°
+/// from the normal. Steeper pairs tell of noise or of the other side of a wall.
+const FLAT: f64 = 0.5;
+
+/// The least cosine between the inward normal and the way to a point that lies behind: 87°. Rounding
+/// and noise reach that only where points are as close as the noise.
+const BEHIND: f64 = 0.05;
+
+/// What is known of normals that were estimated or given.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Agreement {
+    /// The share of pairs of neighbours whose normals point to one side.
+    pub share: f64,
+    /// How many pieces of the cloud had to be given a side of their own.
+    pub pieces: usize,
+}
+
+/// Unit normals of the planes through the nearest `neighbours` of each point, either way round, and
+/// the share of the least variance in all three as the median over the points: 0 where points lie
+/// in planes, a third where they fill space.
+pub fn estimate_normals(points: &[Point3], tree: &KdTree, neighbours: usize) -> (Vec<Point3>, f64) {
+    let both: Vec<(Point3, f64)> = points
+        .par_iter()
+        .with_min_len(256)
+        .map_init(Vec::new, |found, p| {
+            tree.nearest_k(*p, neighbours, found);
+            plane_of(points, found)
+        })
+        .collect();
+    let mut variation: Vec<f64> = both.iter().map(|b| b.1).collect();
+    let half = variation.len() / 2;
+    let median = match variation.is_empty() {
+        true => 0.0,
+        false => *variation.select_nth_unstable_by(half, f64::total_cmp).1,
+    };
+    (both.into_iter().map(|b| b.0).collect(), median)
+}
+
+/// The direction of least variance, and that variance over the sum of all three.
+fn plane_of(points: &[Point3], found: &[(f64, u32)]) -> (Point3, f64) {
+    let count = found.len() as f64;
+    let mut center = [0.0; 3];
+    for (_, i) in found {
+        for k in 0..3 {
+            center[k] += points[*i as usize][k] / count;
+        }
+    }
+    let mut moments = [0.0; 9];
+    for (_, i) in found {
+        let d = sub(points[*i as usize], center);
+        for a in 0..3 {
+            for b in 0..3 {
+                moments[3 * a + b] += d[a] * d[b];
+            }
+        }
+    }
+    let (values, vectors) = symmetric_eigen(&moments, 3);
+    let sum: f64 = values.iter().sum();
+    let variation = if sum > 0.0 {
+        (values[0] / sum).max(0.0)
+    } else {
+        0.0
+    };
+    ([vectors[0], vectors[1], vectors[2]], variation)
+}
+
+/// Two neighbours.
+struct Pair {
+    ends: [u32; 2],
+    /// The larger cosine between a normal and the way to the other point.
+    steepness: f64,
+    /// How unsafe it is to pass a side on.
+    unsafety: f64,
+    /// Whether the normals look to different sides.
+    is_opposite: bool,
+    /// Whether each point lies behind the other, as on the two sides of a wall.
+    is_wall: bool,
+}
+
+fn pairs(points: &[Point3], normals: &[Point3], tree: &KdTree) -> Vec<Pair> {
+    (0..points.len() as u32)
+        .into_par_iter()
+        .with_min_len(256)
+        .map_init(Vec::new, |found, i| {
+            tree.nearest_k(points[i as usize], PARTNERS + 1, found);
+            found
+                .iter()
+                .filter(|(_, j)| *j != i)
+                .map(|(_, j)| pair(points, normals, [i, *j]))
+                .collect::<Vec<_>>()
+        })
+        .flatten_iter()
+        .collect()
+}
+
+fn pair(points: &[Point3], normals: &[Point3], ends: [u32; 2]) -> Pair {
+    let [i, j] = ends.map(|e| e as usize);
+    let (a, b) = (normals[i], normals[j]);
+    let along = sub(points[j], points[i]);
+    let length = norm(along);
+    let e = if length > 0.0 {
+        along.map(|v| v / length)
+    } else {
+        [0.0; 3]
+    };
+    let (straight, steep) = (dot(a, b), [dot(a, e), dot(b, e)]);
+    let steepness = steep[0].abs().max(steep[1].abs());
+    Pair {
+        ends,
+        steepness,
+        unsafety: steepness + 1.0 - straight.abs(),
+        // b reflected in the plane halfway between the points is a on circles, across edges and
+        // through walls (König and Gumhold 2009).
+        is_opposite: straight - 2.0 * steep[0] * steep[1] < 0.0,
+        is_wall: straight < 0.0 && steep[0] < -BEHIND && steep[1] > BEHIND,
+    }
+}
+
+/// The share of flat pairs of neighbours whose normals point to one side; pairs across a wall do
+/// not count.
+pub fn agreement(points: &[Point3], normals: &[Point3], tree: &KdTree) -> f64 {
+    let pairs = pairs(points, normals, tree);
+    let flat = pairs.iter().filter(|p| p.steepness < FLAT && !p.is_wall);
+    let (all, agree) = flat.fold((0u32, 0), |(n, m), p| {
+        (n + 1, m + u32::from(!p.is_opposite))
+    });
+    if all == 0 {
+        1.0
+    } else {
+        f64::from(agree) / f64::from(all)
+    }
+}
+
+/// Turns normals to one side, outwards as a whole: in each piece of the cloud the sum of (p − c)·n is
+/// positive, c the middle of its points, as the divergence theorem says of a closed surface that is
+/// sampled evenly.
+pub fn orient_normals(points: &[Point3], normals: &mut [Point3], tree: &KdTree) -> Agreement {
+    let mut pairs = pairs(points, normals, tree);
+    pairs.par_sort_unstable_by(|a, b| a.unsafety.total_cmp(&b.unsafety).then(a.ends.cmp(&b.ends)));
+    let mut sets = UnionFind::new(points.len());
+    let mut branches: Vec<Vec<(u32, bool)>> = vec![Vec::new(); points.len()];
+    for pair in &pairs {
+        let [i, j] = pair.ends;
+        if sets.unite(i, j) {
+            branches[i as usize].push((j, pair.is_opposite));
+            branches[j as usize].push((i, pair.is_opposite));
+        }
+    }
+    let mut is_known = vec![false; points.len()];
+    let mut pieces = 0;
+    for start in 0..points.len() {
+        if !is_known[start] {
+            let piece = pass_on(start, &branches, &mut is_known, normals);
+            turn_outwards(points, normals, &piece);
+            pieces += 1;
+        }
+    }
+    Agreement {
+        share: agreement(points, normals, tree),
+        pieces,
+    }
+}
+
+/// Passes the side of a point on to all that the tree connects with it; they are the result.
+fn pass_on(
+    start: usize,
+    branches: &[Vec<(u32, bool)>],
+    is_known: &mut [bool],
+    normals: &mut [Point3],
+) -> Vec<usize> {
+    let mut piece = vec![start];
+    is_known[start] = true;
+    let mut next = vec![(start, false)];
+    while let Some((i, is_turned)) = next.pop() {
+        for (j, is_opposite) in &branches[i] {
+            let j = *j as usize;
+            if !is_known[j] {
+                is_known[j] = true;
+                let turn = is_turned != *is_opposite;
+                if turn {
+                    normals[j] = normals[j].map(|v| -v);
+                }
+                piece.push(j);
+                next.push((j, turn));
+            }
+        }
+    }
+    piece
+}
+
+fn turn_outwards(points: &[Point3], normals: &mut [Point3], piece: &[usize]) {
+    let mut center = [0.0; 3];
+    for i in piece {
+        for k in 0..3 {
+            center[k] += points[*i][k] / piece.len() as f64;
+        }
+    }
+    let flux: f64 = piece
+        .iter()
+        .map(|i| dot(sub(points[*i], center), normals[*i]))
+        .sum();
+    if flux < 0.0 {
+        for i in piece {
+            normals[*i] = normals[*i].map(|v| -v);
+        }
+    }
+}
+
+/// Unit normals at the vertices of a mesh: those of its triangles, weighted by area; 0 at vertices
+/// without a triangle.
+pub fn vertex_normals(points: &[Point3], triangles: &[[u32; 3]]) -> Vec<Point3> {
+    let mut normals = vec![[0.0; 3]; points.len()];
+    for t in triangles {
+        let [a, b, c] = t.map(|i| points[i as usize]);
+        let n = cross(sub(b, a), sub(c, a));
+        for i in t {
+            for k in 0..3 {
+                normals[*i as usize][k] += n[k];
+            }
+        }
+    }
+    for n in &mut normals {
+        let length = norm(*n);
+        *n = if length > 0.0 {
+            n.map(|v| v / length)
+        } else {
+            [0.0; 3]
+        };
+    }
+    normals
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::middle;
+    use isoform_num::Random;
+
+    /// Points of a torus of radii 1 and 0.4, evenly by angle, with their normals.
+    fn torus(n: usize) -> (Vec<Point3>, Vec<Point3>) {
+        let mut random = Random::new(7);
+        (0..n)
+            .map(|_| {
+                let (u, v) = (random.unit(), random.unit());
+                let (u, v) = (u * std::f64::consts::TAU, v * std::f64::consts::TAU);
+                let n = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
+                ([u.cos() + 0.4 * n[0], u.sin() + 0.4 * n[1], 0.4 * n[2]], n)
+            })
+            .unzip()
+    }
+
+    #[test]
+    fn normals_of_a_torus_point_outwards() {
+        let (points, truth) = torus(4000);
+        let tree = KdTree::new(&points);
+        let (mut normals, variation) = estimate_normals(&points, &tree, 16);
+        assert!(variation < 0.02, "{variation}");
+        let agreement = orient_normals(&points, &mut normals, &tree);
+        assert_eq!(agreement.pieces, 1);
+        assert!(agreement.share > 0.999, "{agreement:?}");
+        for (n, t) in normals.iter().zip(&truth) {
+            assert!(dot(*n, *t) > 0.9, "{n:?} for {t:?}");
+        }
+    }
+
+    #[test]
+    fn sides_are_passed_on_across_edges_and_not_through_walls() {
+        // A plate of 4 × 4 × 0.15: the distance of its sides is that of its points.
+        let mut random = Random::new(3);
+        let (mut points, mut truth) = (Vec::new(), Vec::new());
+        for _ in 0..6000 {
+            let [x, y] = [4.0 * random.unit(), 4.0 * random.unit()];
+            let side = if random.unit() < 0.5 { 1.0 } else { -1.0 };
+            points.push([x, y, 0.075 * side]);
+            truth.push([0.0, 0.0, side]);
+        }
+        for _ in 0..900 {
+            let [s, z] = [4.0 * random.unit(), 0.15 * random.unit() - 0.075];
+            let k = (random.unit() * 4.0) as usize;
+            points.push([[0.0, s, z], [4.0, s, z], [s, 0.0, z], [s, 4.0, z]][k]);
+            truth.push(
+                [
+                    [-1.0, 0.0, 0.0],
+                    [1.0, 0.0, 0.0],
+                    [0.0, -1.0, 0.0],
+                    [0.0, 1.0, 0.0],
+                ][k],
+            );
+        }
+        let tree = KdTree::new(&points);
+        let mut random = Random::new(4);
+        let mut normals: Vec<Point3> = truth
+            .iter()
+            .map(|n| {
+                if random.unit() < 0.5 {
+                    *n
+                } else {
+                    n.map(|v| -v)
+                }
+            })
+            .collect();
+        assert!(agreement(&points, &normals, &tree) < 0.6);
+        orient_normals(&points, &mut normals, &tree);
+        let wrong = normals
+            .iter()
+            .zip(&truth)
+            .filter(|(n, t)| dot(**n, **t) < 0.0)
+            .count();
+        assert_eq!(wrong, 0);
+    }
+
+    #[test]
+    fn nothing_and_one_point_are_no_matter() {
+        for points in [vec![], vec![[1.0, 2.0, 3.0]], vec![[0.0; 3]; 20]] {
+            let tree = KdTree::new(&points);
+            let (mut normals, _) = estimate_normals(&points, &tree, 16);
+            orient_normals(&points, &mut normals, &tree);
+            assert!(normals.iter().flatten().all(|v| v.is_finite()));
+        }
+    }
+
+    #[test]
+    fn vertices_of_a_cube_look_away_from_its_middle() {
+        let p = |i: usize| [(i & 1) as f64, (i >> 1 & 1) as f64, (i >> 2 & 1) as f64];
+        let points: Vec<Point3> = (0..8).map(p).collect();
+        let quads = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let triangles: Vec<[u32; 3]> = quads
+            .iter()
+            .flat_map(|[a, b, c, d]| [[*a, *b, *c], [*a, *c, *d]])
+            .collect();
+        let m = middle([points[0], points[7]]);
+        for (n, p) in vertex_normals(&points, &triangles).iter().zip(&points) {
+            assert!(dot(*n, sub(*p, m)) > 0.5);
+        }
+    }
+}

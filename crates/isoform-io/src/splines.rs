@@ -1,0 +1,175 @@
+//! Implicit splines as JSON.
+//!
+//! ```json
+//! {"schema": 1, "kind": "implicit_spline", "degree": 3, "corner": [x, y, z], "spacing": h,
+//!  "count": [i, j, k], "levels": [{"cells": [i, j, k, …], "coefficients": [c, …]}, …]}
+//! ```
+//!
+//! The function is a sum of tensor-product B-splines on lattices of cells with the edges h, h/2,
+//! h/4, …, the first of `count` cells from `corner` on. `cells` lists by their three numbers the
+//! cells of a level that hold data; `coefficients` belong to the B-splines that touch one of them,
+//! on the first level to all, ordered by z, then y, then x. Those of the other B-splines follow
+//! from the level before by the two-scale relation.
+
+use isoform_geom::{LevelData, Point3, SplineData};
+use serde_json::{Value, json};
+
+/// What the key `kind` says.
+const KIND: &str = "implicit_spline";
+
+/// Why a document holds no implicit spline.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{at}: {problem}")]
+pub struct SplineFileError {
+    /// The key concerned.
+    pub at: String,
+    /// What is wrong there.
+    pub problem: &'static str,
+}
+
+/// Whether a JSON document is one of an implicit spline.
+pub fn is_spline_file(json: &Value) -> bool {
+    json.get("kind").and_then(Value::as_str) == Some(KIND)
+}
+
+/// The file of an implicit spline; equal splines give equal bytes.
+///
+/// ```
+/// use isoform_geom::{LevelData, SplineData};
+/// use isoform_io::{read_spline, write_spline};
+/// let level = LevelData { cells: vec![[0, 0, 0]], coefficients: vec![0.5; 27] };
+/// let spline = SplineData {
+///     degree: 2,
+///     corner: [0.0, 1.0, 2.0],
+///     spacing: 0.25,
+///     count: [1, 1, 1],
+///     levels: vec![level],
+/// };
+/// let bytes = write_spline(&spline);
+/// assert_eq!(read_spline(&serde_json::from_slice(&bytes)?)?, spline);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_spline(spline: &SplineData) -> Vec<u8> {
+    let level = |level: &LevelData| {
+        json!({
+            "cells": level.cells.as_flattened(),
+            "coefficients": level.coefficients,
+        })
+    };
+    let levels: Vec<Value> = spline.levels.iter().map(level).collect();
+    let mut bytes = json!({
+        "schema": 1,
+        "kind": KIND,
+        "degree": spline.degree,
+        "corner": spline.corner,
+        "spacing": spline.spacing,
+        "count": spline.count,
+        "levels": levels,
+    })
+    .to_string()
+    .into_bytes();
+    bytes.push(b'\n');
+    bytes
+}
+
+/// The numbers of an implicit spline. Whether they fit together is not looked at here.
+///
+/// # Errors
+/// [`SplineFileError`] where a key is missing or holds something else.
+pub fn read_spline(json: &Value) -> Result<SplineData, SplineFileError> {
+    let wrong = |at: &str, problem| SplineFileError {
+        at: at.to_owned(),
+        problem,
+    };
+    if !is_spline_file(json) {
+        return Err(wrong("kind", "implicit_spline is expected"));
+    }
+    let degree = json.get("degree").and_then(Value::as_u64);
+    let corner = json.get("corner").and_then(numbers);
+    let count = json.get("count").and_then(places);
+    let levels = json.get("levels").and_then(Value::as_array);
+    let levels = levels.ok_or_else(|| wrong("levels", "a list is expected"))?;
+    Ok(SplineData {
+        degree: degree.ok_or_else(|| wrong("degree", "a whole number is expected"))? as usize,
+        corner: corner
+            .and_then(|c| Point3::try_from(c).ok())
+            .ok_or_else(|| wrong("corner", "three numbers are expected"))?,
+        spacing: json
+            .get("spacing")
+            .and_then(Value::as_f64)
+            .ok_or_else(|| wrong("spacing", "a number is expected"))?,
+        count: count
+            .filter(|c| c.len() == 1)
+            .map(|c| c[0])
+            .ok_or_else(|| wrong("count", "three whole numbers are expected"))?,
+        levels: levels
+            .iter()
+            .enumerate()
+            .map(|(i, level)| read_level(i, level))
+            .collect::<Result<_, _>>()?,
+    })
+}
+
+fn read_level(i: usize, level: &Value) -> Result<LevelData, SplineFileError> {
+    let wrong = |key: &str, problem| SplineFileError {
+        at: format!("level {}, {key}", i + 1),
+        problem,
+    };
+    Ok(LevelData {
+        cells: level
+            .get("cells")
+            .and_then(places)
+            .ok_or_else(|| wrong("cells", "whole numbers are expected, three per cell"))?,
+        coefficients: level
+            .get("coefficients")
+            .and_then(numbers)
+            .ok_or_else(|| wrong("coefficients", "a list of numbers is expected"))?,
+    })
+}
+
+fn numbers(value: &Value) -> Option<Vec<f64>> {
+    value.as_array()?.iter().map(Value::as_f64).collect()
+}
+
+/// Whole numbers in threes.
+fn places(value: &Value) -> Option<Vec<[i32; 3]>> {
+    let whole = |v: &Value| v.as_i64().and_then(|v| i32::try_from(v).ok());
+    let list: Option<Vec<i32>> = value.as_array()?.iter().map(whole).collect();
+    let (threes, rest) = list.as_ref()?.as_chunks::<3>();
+    rest.is_empty().then(|| threes.to_vec())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_wrong_is_said() {
+        let said = |text: &str| {
+            let json: Value = serde_json::from_str(text).expect("JSON");
+            read_spline(&json).expect_err(text).to_string()
+        };
+        assert_eq!(said("{}"), "kind: implicit_spline is expected");
+        let with = |keys: &str| said(&format!("{{\"kind\": \"implicit_spline\", {keys}}}"));
+        assert_eq!(with("\"levels\": 3"), "levels: a list is expected");
+        assert_eq!(
+            with("\"levels\": [], \"degree\": -1"),
+            "degree: a whole number is expected"
+        );
+        assert_eq!(
+            with("\"levels\": [], \"degree\": 3, \"corner\": [1, 2]"),
+            "corner: three numbers are expected"
+        );
+        let all = "\"degree\": 3, \"corner\": [0, 0, 0], \"spacing\": 1, \"count\": [1, 1, 1]";
+        assert_eq!(
+            with(&format!("{all}, \"levels\": [{{\"cells\": [1, 2]}}]")),
+            "level 1, cells: whole numbers are expected, three per cell"
+        );
+        assert_eq!(
+            with(&format!(
+                "{all}, \"levels\": [{{\"cells\": [], \"coefficients\": [null]}}]"
+            )),
+            "level 1, coefficients: a list of numbers is expected"
+        );
+    }
+}

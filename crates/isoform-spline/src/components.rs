@@ -1,0 +1,114 @@
+//! Pieces of the surface, with data and without.
+
+use crate::bspline;
+use crate::keys::Place;
+use crate::surface::ImplicitSpline;
+use isoform_geom::UnionFind;
+
+/// How many pieces the surface f = 0 has within the spline's box, counted by cells: two pieces that
+/// pass through one cell count as one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Components {
+    /// Pieces with data.
+    pub with_data: usize,
+    /// Pieces without: extra branches, as two functions of one surface may have.
+    pub without_data: usize,
+}
+
+/// Places along an edge of a cell where the sign is looked at.
+const PLACES: usize = 3;
+
+pub(crate) fn components(spline: &ImplicitSpline) -> Components {
+    let degree = spline.degree();
+    let rows: [bspline::Row; PLACES] =
+        std::array::from_fn(|i| bspline::values(degree, i as f64 / (PLACES - 1) as f64));
+    let mut sets = UnionFind::new(0);
+    let mut has_data = Vec::new();
+    // Per level and cell the set of a cell that the surface passes through.
+    let mut of_cell: Vec<Vec<Option<u32>>> = Vec::new();
+    for (l, level) in spline.levels().iter().enumerate() {
+        let mut mine = vec![None; level.cells.len()];
+        for (i, cell) in level.cells.places().enumerate() {
+            if !level.is_refined[i] && changes_sign(&level.of_cell(cell, degree), degree, &rows) {
+                mine[i] = Some(sets.add());
+                has_data.push(spline.holds(l, cell));
+            }
+        }
+        of_cell.push(mine);
+    }
+    for (l, level) in spline.levels().iter().enumerate() {
+        for (i, cell) in level.cells.places().enumerate() {
+            let Some(set) = of_cell[l][i] else { continue };
+            for axis in 0..3 {
+                for step in [-1, 1] {
+                    let mut beside = cell;
+                    beside[axis] += step;
+                    if let Some(other) = leaf_set(spline, &of_cell, l, beside) {
+                        sets.unite(set, other);
+                    }
+                }
+            }
+        }
+    }
+    let mut seen = vec![false; has_data.len()];
+    for i in 0..has_data.len() as u32 {
+        let root = sets.root(i) as usize;
+        seen[root] |= has_data[i as usize];
+    }
+    let roots = (0..has_data.len() as u32)
+        .filter(|i| sets.root(*i) == *i)
+        .collect::<Vec<_>>();
+    let with_data = roots.iter().filter(|i| seen[**i as usize]).count();
+    Components {
+        with_data,
+        without_data: roots.len() - with_data,
+    }
+}
+
+/// The set of the cell that covers a place of a level, of this level or a coarser one; finer ones
+/// look for this one themselves.
+fn leaf_set(
+    spline: &ImplicitSpline,
+    of_cell: &[Vec<Option<u32>>],
+    l: usize,
+    cell: Place,
+) -> Option<u32> {
+    let mut cell = cell;
+    for l in (0..=l).rev() {
+        if let Some(i) = spline.levels()[l].cells.find(cell) {
+            return of_cell[l][i];
+        }
+        cell = cell.map(|v| v >> 1);
+    }
+    None
+}
+
+/// Whether f has both signs at the places of a cell.
+fn changes_sign(c: &[f64], degree: usize, rows: &[bspline::Row; PLACES]) -> bool {
+    let n = degree + 1;
+    let (lo, hi) = c[..n * n * n]
+        .iter()
+        .fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
+            (lo.min(*v), hi.max(*v))
+        });
+    if lo > 0.0 || hi < 0.0 {
+        return false;
+    }
+    let mut signs = [false; 2];
+    for z in rows {
+        for y in rows {
+            for x in rows {
+                let mut f = 0.0;
+                for k in 0..n {
+                    for j in 0..n {
+                        let line = &c[(k * n + j) * n..][..n];
+                        let along: f64 = line.iter().zip(x).map(|(c, b)| c * b).sum();
+                        f += along * y[j] * z[k];
+                    }
+                }
+                signs[usize::from(f >= 0.0)] = true;
+            }
+        }
+    }
+    signs == [true; 2]
+}

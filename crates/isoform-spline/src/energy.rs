@@ -1,0 +1,265 @@
+//! The least-squares problem of a level.
+//!
+//! Unknown are the corrections δ of the active coefficients. In units of the level's spacing h,
+//! with N the number of points and M the number of cells with data,
+//!
+//! ```text
+//! 1/N Σ ( (f/h)² + α |∇f + n|² )  +  λ/M |second differences of c/h|²
+//! ```
+//!
+//! is least (Jüttler and Felis 2002, section 3: values, normals, tension).
+
+use crate::bspline;
+use crate::keys::{Keys, Place, place};
+use crate::level::{CELL as MOST, Level};
+use crate::matrix::{Matrix, Rows};
+use crate::points::Sorted;
+use isoform_geom::{Point3, dot};
+use rayon::prelude::*;
+
+/// Parts of the rows that are filled side by side: enough for the processors of today; each looks at
+/// all cells.
+const PARTS: usize = 16;
+
+/// Cells whose shares are held at a time: some 10 MB of them.
+const CHUNK: usize = 512;
+
+/// Weights of the terms.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Weights {
+    /// α, of normals.
+    pub(crate) normals: f64,
+    /// λ, of smoothing.
+    pub(crate) smoothing: f64,
+}
+
+/// Number of no unknown.
+pub(crate) const FIXED: u32 = u32::MAX;
+
+/// The normal equations of the data.
+pub(crate) struct System {
+    pub(crate) matrix: Matrix,
+    pub(crate) right: Vec<f64>,
+}
+
+/// What a point gives to its cell: the four rows of the residuals.
+pub(crate) struct Stencil {
+    degree: usize,
+    /// Values and derivatives by x, y, z of the (d + 1)³ B-splines, x fastest.
+    pub(crate) rows: [[f64; MOST]; 4],
+}
+
+impl Stencil {
+    pub(crate) fn new(degree: usize) -> Self {
+        Self {
+            degree,
+            rows: [[0.0; MOST]; 4],
+        }
+    }
+    /// The rows at the place `t` of \[0, 1\]³ in a cell.
+    pub(crate) fn fill(&mut self, t: Point3) {
+        let n = self.degree + 1;
+        let [x, y, z] = t.map(|t| bspline::jets(self.degree, t));
+        let mut at = 0;
+        for c in 0..n {
+            for b in 0..n {
+                let (v, vy, vz) = (y[0][b] * z[0][c], y[1][b] * z[0][c], y[0][b] * z[1][c]);
+                for a in 0..n {
+                    self.rows[0][at] = x[0][a] * v;
+                    self.rows[1][at] = x[1][a] * v;
+                    self.rows[2][at] = x[0][a] * vy;
+                    self.rows[3][at] = x[0][a] * vz;
+                    at += 1;
+                }
+            }
+        }
+    }
+    /// The products of the rows with the coefficients of a cell.
+    pub(crate) fn times(&self, c: &[f64]) -> [f64; 4] {
+        self.rows
+            .map(|row| row.iter().zip(c).map(|(a, b)| a * b).sum())
+    }
+}
+
+/// One cell's share of the equations.
+struct Share {
+    size: usize,
+    /// Its unknowns, x fastest.
+    local: [u32; MOST],
+    /// The lower triangle, row by row.
+    gram: Vec<f64>,
+    right: [f64; MOST],
+}
+
+impl Share {
+    fn new(size: usize, local: [u32; MOST]) -> Self {
+        Self {
+            size,
+            local,
+            gram: vec![0.0; size * size],
+            right: [0.0; MOST],
+        }
+    }
+    fn add(&mut self, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
+        let n = self.size;
+        let [v, x, y, z] = &stencil.rows;
+        let weighted = [
+            residual[0],
+            alpha * residual[1],
+            alpha * residual[2],
+            alpha * residual[3],
+        ];
+        for i in 0..n {
+            self.right[i] +=
+                v[i] * weighted[0] + x[i] * weighted[1] + y[i] * weighted[2] + z[i] * weighted[3];
+            let (a, b, c, d) = (v[i], alpha * x[i], alpha * y[i], alpha * z[i]);
+            let row = &mut self.gram[i * n..i * n + i + 1];
+            for ((((g, v), x), y), z) in row.iter_mut().zip(v).zip(x).zip(y).zip(z) {
+                *g += a * v + b * x + c * y + d * z;
+            }
+        }
+    }
+    fn at(&self, i: usize, j: usize) -> f64 {
+        if i >= j {
+            self.gram[i * self.size + j]
+        } else {
+            self.gram[j * self.size + i]
+        }
+    }
+
+    /// Adds it to the rows of a part.
+    fn scatter(&self, n: usize, inverse: f64, rows: &mut Rows<'_>, right: &mut [f64]) {
+        let mut columns = Vec::with_capacity(n);
+        for (i, unknown) in self.local[..n * n * n].iter().enumerate() {
+            let row = *unknown as usize;
+            if *unknown == FIXED || !(rows.first..rows.end).contains(&row) {
+                continue;
+            }
+            right[row - rows.first] += inverse * self.right[i];
+            let (b, c) = (i / n % n, i / (n * n));
+            for line in 0..n * n {
+                let places = (line * n..(line + 1) * n).filter(|j| self.local[*j] != FIXED);
+                columns.clear();
+                columns.extend(places.map(|j| (self.local[j], inverse * self.at(i, j))));
+                if !columns.is_empty() {
+                    let away = [(line % n) as i32 - b as i32, (line / n) as i32 - c as i32];
+                    rows.add(row, away, &columns);
+                }
+            }
+        }
+    }
+}
+
+/// What the equations are made of.
+pub(crate) struct Problem<'a> {
+    pub(crate) level: &'a Level,
+    pub(crate) degree: usize,
+    pub(crate) points: &'a Sorted<'a>,
+    pub(crate) weights: Weights,
+    /// The active B-splines, and per B-spline of the level its number among them.
+    pub(crate) active: Keys,
+    pub(crate) unknown: Vec<u32>,
+}
+
+impl<'a> Problem<'a> {
+    pub(crate) fn new(
+        level: &'a Level,
+        degree: usize,
+        points: &'a Sorted<'a>,
+        weights: Weights,
+    ) -> Self {
+        let mut unknown = vec![FIXED; level.nodes.len()];
+        let mut list = Vec::new();
+        for (i, node) in level
+            .nodes
+            .places()
+            .enumerate()
+            .filter(|(i, _)| level.is_active[*i])
+        {
+            unknown[i] = list.len() as u32;
+            list.push(crate::keys::key(node));
+        }
+        Self {
+            level,
+            degree,
+            points,
+            weights,
+            active: Keys::new(list),
+            unknown,
+        }
+    }
+
+    /// The normal equations of the data, divided by the number of points.
+    pub(crate) fn system(&self) -> System {
+        let mut matrix = Matrix::new(&self.active, self.degree);
+        let mut right = vec![0.0; matrix.len()];
+        let inverse = 1.0 / self.points.len() as f64;
+        let mut parts = matrix.parts(PARTS);
+        let mut rest = right.as_mut_slice();
+        let mut rights = Vec::new();
+        for part in &parts {
+            let (mine, others) = rest.split_at_mut(part.end - part.first);
+            rights.push(mine);
+            rest = others;
+        }
+        let cells: Vec<usize> = (0..self.points.count()).collect();
+        for chunk in cells.chunks(CHUNK) {
+            let shares: Vec<Share> = chunk.par_iter().filter_map(|i| self.share(*i)).collect();
+            let filled = parts.par_iter_mut().zip(&mut rights);
+            filled.for_each(|(rows, right)| {
+                for share in &shares {
+                    share.scatter(self.degree + 1, inverse, rows, right);
+                }
+            });
+        }
+        System { matrix, right }
+    }
+
+    /// The share of the i-th cell with points; none if no unknown touches it.
+    fn share(&self, i: usize) -> Option<Share> {
+        let (key, range) = self.points.cell(i);
+        let cell = place(key);
+        let local = self.local(cell)?;
+        if local.iter().all(|i| *i == FIXED) {
+            return None;
+        }
+        let n = self.degree + 1;
+        let mut share = Share::new(n * n * n, local);
+        let mut stencil = Stencil::new(self.degree);
+        let coefficients = self.level.of_cell(cell, self.degree);
+        for k in range {
+            let (t, normal) = self.points.local(k, cell, self.level.spacing);
+            stencil.fill(t);
+            let f = stencil.times(&coefficients).map(|v| v / self.level.spacing);
+            let residual = [
+                -f[0],
+                -normal[0] - f[1],
+                -normal[1] - f[2],
+                -normal[2] - f[3],
+            ];
+            // Points without a normal say nothing of the gradient.
+            share.add(
+                &stencil,
+                residual,
+                self.weights.normals * dot(normal, normal),
+            );
+        }
+        Some(share)
+    }
+
+    /// The unknowns of a cell, x fastest; none if the level lacks the cell.
+    fn local(&self, cell: Place) -> Option<[u32; MOST]> {
+        self.level.cells.find(cell)?;
+        let n = self.degree + 1;
+        let mut local = [FIXED; MOST];
+        for (line, first) in self.level.runs(cell, self.degree)[..n * n]
+            .iter()
+            .enumerate()
+        {
+            for a in 0..n {
+                local[line * n + a] = self.unknown[*first as usize + a];
+            }
+        }
+        Some(local)
+    }
+}

@@ -1,0 +1,555 @@
+//! From points to an implicit spline, level by level.
+//!
+//! Each level is fitted to all points with the coefficients of the levels before as they are: its
+//! unknowns are the B-splines that touch cells with data, and what lies beyond them continues the
+//! coarser function smoothly. So no level has to be guessed: cells are refined until a number of
+//! cells is used up, a tolerance holds, or points that were left out are met no better.
+
+use crate::components::{Components, components};
+use crate::energy::{FIXED, Problem, Stencil, Weights};
+use crate::keys::{Place, key, place};
+use crate::level::Level;
+use crate::points::{Samples, Sorted, cell_of};
+use crate::sides::{Normals, Sides, sided};
+use crate::solve::solve;
+use crate::surface::ImplicitSpline;
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Aabb, Point3, norm, sub};
+use rayon::prelude::*;
+
+/// How fine an implicit spline becomes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Fineness {
+    /// Until points that are left out are met no better: as fine as the data can tell.
+    #[default]
+    Data,
+    /// At most this many cells hold data.
+    Cells(usize),
+    /// Until the points of every cell lie this close to the surface, as a root mean square, but no
+    /// finer than the data can tell.
+    Tolerance(f64),
+}
+
+/// How an implicit spline is fitted.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// The tri-degree, 2 to 5.
+    pub degree: usize,
+    /// How fine it becomes.
+    pub fineness: Fineness,
+    /// The weight of smoothing, λ. Larger values round edges and average noise over more cells;
+    /// without any, B-splines that data hardly touches are not determined.
+    pub smoothing: f64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            degree: 3,
+            fineness: Fineness::Data,
+            smoothing: 1e-6,
+        }
+    }
+}
+
+/// Why points have no implicit spline.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// There are fewer points than a surface needs.
+    #[error("{found} points: at least {FEWEST} are needed")]
+    Few {
+        /// Points given.
+        found: usize,
+    },
+    /// All points are in one place or on one line.
+    #[error("all points lie {}", if *.is_point { "in one place" } else { "on one line" })]
+    Degenerate {
+        /// Whether it is one place.
+        is_point: bool,
+    },
+    /// A coordinate is not finite.
+    #[error("a coordinate is not finite")]
+    NotFinite,
+    /// An option is out of its range.
+    #[error("{name}: {what}")]
+    Option {
+        /// Its name.
+        name: &'static str,
+        /// What is wrong with it.
+        what: &'static str,
+    },
+    /// The control ended the work.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+/// The fewest points that are fitted: fewer do not determine the normals of a surface.
+const FEWEST: usize = 10;
+
+/// What was fitted.
+#[derive(Clone, Debug)]
+pub struct Implicitized {
+    /// The function.
+    pub spline: ImplicitSpline,
+    /// The points' distances from f = 0, by one Newton step: root mean square, 95th percentile and
+    /// maximum.
+    pub distances: Distances,
+    /// Where normals came from.
+    pub sides: Sides,
+    /// Pieces of the surface.
+    pub components: Components,
+}
+
+/// Distances of points, in their unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Distances {
+    /// Root mean square.
+    pub rms: f64,
+    /// 95 % are at most this far.
+    pub p95: f64,
+    /// The largest.
+    pub max: f64,
+}
+
+/// The share of the data's diagonal by which the lattice is larger than their box on each side:
+/// what is not seen of a surface lies within it, and a box about the data for a mesh too.
+const MARGIN: f64 = 0.12;
+
+/// Cells of the coarsest level along the longest edge, at most: few enough to tell the function far
+/// away from the data by smoothness alone, enough to begin with the shape of the whole.
+const COARSEST: f64 = 6.0;
+
+/// Weights of normals, α. Estimated ones hold nothing that their points do not hold, but for their
+/// side, and round edges.
+const GIVEN: f64 = 0.1;
+const ESTIMATED: f64 = 0.01;
+
+/// The residual of a level's equations, relative to the first: 1e-4 is 1e-8 of the energy, which
+/// moves the surface by far less than the level's own error.
+const RESIDUAL: f64 = 1e-4;
+
+/// Most steps of conjugate gradients in a level; usual are 50 to 200.
+const STEPS: usize = 400;
+
+/// How much more smoothing weighs on levels that are refined further. They tell the function where
+/// there are no points: with 1 it swings there and f = 0 has extra pieces, with more the finest
+/// level has to repair too much.
+const COARSE: f64 = 1000.0;
+
+/// Each such point is left out where points decide on the fineness.
+const LEFT_OUT: usize = 10;
+
+/// A level is worth its cells if it brings the error of the points left out below this part of the
+/// level before. Where noise rules, errors fall no more, and rise later.
+const WORTH: f64 = 0.9;
+
+/// Points per cell below which a level is not tried, with given normals and without: a cell of a
+/// surface has some three coefficients of its own, a point with a normal gives three equations.
+const PER_CELL: [usize; 2] = [2, 3];
+
+/// Fits an implicit spline to points: values, normals and smoothness (Jüttler and Felis 2002).
+///
+/// ```
+/// use isoform_control::Control;
+/// use isoform_geom::Field;
+/// use isoform_spline::{Normals, Options, implicitize};
+/// // A unit sphere, seen at 500 places.
+/// let points: Vec<[f64; 3]> = (0..500)
+///     .map(|i| {
+///         let (z, u) = ((i as f64 + 0.5) / 250.0 - 1.0, 2.4 * i as f64);
+///         let r = (1.0 - z * z).sqrt();
+///         [r * u.cos(), r * u.sin(), z]
+///     })
+///     .collect();
+/// let made = implicitize(&points, Normals::Unknown, &Options::default(), &Control::default())?;
+/// assert!(made.spline.value([0.0, 0.0, 0.9]) > 0.0 && made.spline.value([0.0, 0.0, 1.1]) < 0.0);
+/// assert!(made.distances.rms < 1e-3);
+/// # Ok::<(), isoform_spline::Error>(())
+/// ```
+///
+/// # Errors
+/// [`Error`].
+pub fn implicitize(
+    points: &[Point3],
+    normals: Normals<'_>,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Implicitized, Error> {
+    check(points, options)?;
+    control.begin("normals")?;
+    let (directions, sides) = sided(points, normals, control)?;
+    control.begin("fitting")?;
+    let lattice = Lattice::new(points, options);
+    let samples = Samples {
+        points: points.par_iter().map(|p| sub(*p, lattice.corner)).collect(),
+        normals: directions,
+    };
+    let weights = Weights {
+        normals: if sides.source.is_given() {
+            GIVEN
+        } else {
+            ESTIMATED
+        },
+        smoothing: options.smoothing,
+    };
+    let mut fitting = Fitting {
+        samples: &samples,
+        lattice,
+        degree: options.degree,
+        weights,
+        levels: Vec::new(),
+        data: Vec::new(),
+    };
+    fitting.run(options.fineness, control)?;
+    let Fitting { levels, data, .. } = fitting;
+    let spline = ImplicitSpline::new(options.degree, lattice.corner, levels, &data);
+    control.begin("checking")?;
+    Ok(Implicitized {
+        distances: distances_of(&spline, points),
+        components: components(&spline),
+        spline,
+        sides,
+    })
+}
+
+fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
+    let wrong = |name, what| Err(Error::Option { name, what });
+    if !(2..=crate::MAX_DEGREE).contains(&options.degree) {
+        return wrong("degree", "from 2 to 5 are possible");
+    }
+    if !options.smoothing.is_finite() || options.smoothing <= 0.0 {
+        return wrong("smoothing", "a positive number is expected");
+    }
+    match options.fineness {
+        Fineness::Cells(0) => return wrong("cells", "at least one is needed"),
+        Fineness::Tolerance(t) if !t.is_finite() || t <= 0.0 => {
+            return wrong("tol", "a positive length is expected");
+        }
+        _ => {}
+    }
+    if points.len() < FEWEST {
+        return Err(Error::Few {
+            found: points.len(),
+        });
+    }
+    if !points.iter().flatten().all(|v| v.is_finite()) {
+        return Err(Error::NotFinite);
+    }
+    let bounds = Aabb::of(points);
+    let size = bounds.diagonal();
+    if size <= 0.0 || !size.is_finite() {
+        return Err(Error::Degenerate { is_point: true });
+    }
+    if is_line(points, size) {
+        return Err(Error::Degenerate { is_point: false });
+    }
+    Ok(())
+}
+
+/// Whether all points lie on a line, to 1e-9 of their size.
+fn is_line(points: &[Point3], size: f64) -> bool {
+    let first = points[0];
+    let far = points.iter().fold((0.0, first), |best: (f64, Point3), p| {
+        let d = norm(sub(*p, first));
+        if d > best.0 { (d, *p) } else { best }
+    });
+    let along = sub(far.1, first).map(|v| v / far.0);
+    points
+        .iter()
+        .all(|p| norm(isoform_geom::cross(sub(*p, first), along)) <= 1e-9 * size)
+}
+
+/// The first level's lattice.
+#[derive(Clone, Copy, Debug)]
+struct Lattice {
+    corner: Point3,
+    spacing: f64,
+    count: Place,
+    /// The level at which a number of cells that was asked for is reached.
+    depth: u32,
+}
+
+impl Lattice {
+    fn new(points: &[Point3], options: &Options) -> Self {
+        let bounds = Aabb::of(points);
+        let margin = MARGIN * bounds.diagonal();
+        let size = bounds.size().map(|s| s + 2.0 * margin);
+        let longest = size[0].max(size[1]).max(size[2]);
+        let Fineness::Cells(cells) = options.fineness else {
+            return Self::around(bounds, size, longest / COARSEST, 0);
+        };
+        let mut finest = spacing_for(points, bounds, cells);
+        loop {
+            let depth = (longest / (COARSEST * finest)).log2().ceil().max(0.0) as u32;
+            let lattice = Self::around(bounds, size, finest * f64::from(1u32 << depth), depth);
+            // The search counts cells from the corner of the points' box, not of the lattice.
+            if held(points, lattice.corner, finest) <= cells || finest > bounds.diagonal() {
+                return lattice;
+            }
+            finest *= 1.0 + 1.0 / 64.0;
+        }
+    }
+
+    /// The lattice about the middle of a box.
+    fn around(bounds: Aabb, size: Point3, spacing: f64, depth: u32) -> Self {
+        let count = size.map(|s| ((s / spacing).ceil() as i32).max(1));
+        let middle = bounds.center();
+        Self {
+            corner: std::array::from_fn(|k| middle[k] - 0.5 * spacing * f64::from(count[k])),
+            spacing,
+            count,
+            depth,
+        }
+    }
+}
+
+/// How many cells of a lattice hold points.
+fn held(points: &[Point3], corner: Point3, spacing: f64) -> usize {
+    let mut keys: Vec<u64> = points
+        .par_iter()
+        .map(|p| key(cell_of(sub(*p, corner), spacing, [1 << 20; 3])))
+        .collect();
+    keys.par_sort_unstable();
+    keys.dedup();
+    keys.len()
+}
+
+/// The least spacing at which at most `cells` cells of a lattice hold points, to a part in 64.
+fn spacing_for(points: &[Point3], bounds: Aabb, cells: usize) -> f64 {
+    let held = |spacing: f64| held(points, bounds.lo, spacing);
+    let mut high = bounds.diagonal();
+    let mut low = high;
+    while held(low) <= cells && low > 1e-5 * high {
+        low *= 0.5;
+    }
+    while low < high * (1.0 - 1.0 / 64.0) {
+        let middle = (low * high).sqrt();
+        if held(middle) <= cells {
+            high = middle
+        } else {
+            low = middle
+        }
+    }
+    high
+}
+
+/// The levels as they grow.
+struct Fitting<'a> {
+    samples: &'a Samples,
+    lattice: Lattice,
+    degree: usize,
+    weights: Weights,
+    levels: Vec<Level>,
+    /// Cells with data of each level.
+    data: Vec<Vec<Place>>,
+}
+
+impl<'a> Fitting<'a> {
+    fn count(&self, l: usize) -> Place {
+        self.lattice.count.map(|c| c << l)
+    }
+
+    fn run(&mut self, fineness: Fineness, control: &Control<'_>) -> Result<(), Stopped> {
+        match fineness {
+            Fineness::Cells(_) => self.fit_to_depth(self.lattice.depth as usize, control),
+            Fineness::Data => {
+                let depth = self.depth_of_data(None, control)?;
+                self.fit_to_depth(depth, control)
+            }
+            Fineness::Tolerance(tolerance) => {
+                let depth = self.depth_of_data(Some(tolerance), control)?;
+                self.fit_to_tolerance(depth, tolerance, control)
+            }
+        }
+    }
+
+    /// Fits all levels to a depth, the last one by all points.
+    fn fit_to_depth(&mut self, depth: usize, control: &Control<'_>) -> Result<(), Stopped> {
+        for l in 0..=depth {
+            let sorted = self.sorted(l);
+            self.begin_level(l, &sorted, |_| true);
+            let stiffness = if l == depth { 1.0 } else { COARSE };
+            self.fit(l, &sorted, stiffness, control)?;
+            control.report("fitting", (l + 1) as f64 / (depth + 1) as f64);
+        }
+        Ok(())
+    }
+
+    /// Fits levels where cells are off by more than a tolerance, down to a depth.
+    fn fit_to_tolerance(
+        &mut self,
+        depth: usize,
+        tolerance: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let mut rough: Vec<u64> = Vec::new();
+        for l in 0..=depth {
+            let sorted = self.sorted(l);
+            let is_rough = |cell: Place| rough.binary_search(&key(cell.map(|v| v >> 1))).is_ok();
+            self.begin_level(l, &sorted, |cell| l == 0 || is_rough(cell));
+            self.fit(l, &sorted, 1.0, control)?;
+            rough = self.rough_cells(l, &sorted, tolerance);
+            if rough.is_empty() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Cells of a level whose points are off by more than a tolerance, as keys in order.
+    fn rough_cells(&self, l: usize, sorted: &Sorted<'_>, tolerance: f64) -> Vec<u64> {
+        let (level, data) = (&self.levels[l], &self.data[l]);
+        (0..sorted.count())
+            .into_par_iter()
+            .filter_map(|i| {
+                let (key, range) = sorted.cell(i);
+                data.binary_search_by_key(&key, |c| crate::keys::key(*c))
+                    .ok()?;
+                let count = range.len() as f64;
+                let sum = self.squares(level, place(key), range, sorted);
+                (sum > tolerance * tolerance * count).then_some(key)
+            })
+            .collect()
+    }
+
+    /// The sum of squared distances of a cell's points.
+    fn squares(
+        &self,
+        level: &Level,
+        cell: Place,
+        range: std::ops::Range<usize>,
+        sorted: &Sorted<'_>,
+    ) -> f64 {
+        let mut stencil = Stencil::new(self.degree);
+        let c = level.of_cell(cell, self.degree);
+        let squares = range.map(|k| {
+            let (t, _) = sorted.local(k, cell, level.spacing);
+            stencil.fill(t);
+            let [f, x, y, z] = stencil.times(&c);
+            let slope = norm([x, y, z]) / level.spacing;
+            if slope > 0.0 {
+                (f / slope) * (f / slope)
+            } else {
+                level.spacing * level.spacing
+            }
+        });
+        squares.sum()
+    }
+
+    /// The depth down to which points that were left out are met better, or a tolerance.
+    fn depth_of_data(
+        &mut self,
+        tolerance: Option<f64>,
+        control: &Control<'_>,
+    ) -> Result<usize, Stopped> {
+        let n = self.samples.points.len();
+        let mut before = f64::INFINITY;
+        let mut depth = 0;
+        loop {
+            let l = self.levels.len();
+            let all = self.sorted(l);
+            let per_cell = PER_CELL[usize::from(self.weights.normals < GIVEN)];
+            if l > 0 && all.count() * per_cell > n {
+                break;
+            }
+            let kept = self.chosen(l, |i| i % LEFT_OUT != 0);
+            self.begin_level(l, &all, |_| true);
+            self.fit(l, &kept, 1.0, control)?;
+            let left = self.chosen(l, |i| i % LEFT_OUT == 0);
+            let squares: f64 = (0..left.count())
+                .into_par_iter()
+                .map(|i| {
+                    let (key, range) = left.cell(i);
+                    self.squares(&self.levels[l], place(key), range, &left)
+                })
+                .collect::<Vec<_>>()
+                .iter()
+                .sum();
+            let error = (squares / left.len().max(1) as f64).sqrt();
+            if error > WORTH * before {
+                break;
+            }
+            depth = l;
+            before = error;
+            if tolerance.is_some_and(|t| error < 0.25 * t) {
+                break;
+            }
+        }
+        self.levels.clear();
+        self.data.clear();
+        Ok(depth)
+    }
+
+    fn spacing(&self, l: usize) -> f64 {
+        self.lattice.spacing / f64::from(1u32 << l)
+    }
+
+    /// The points by cells of a level.
+    fn sorted(&self, l: usize) -> Sorted<'a> {
+        self.chosen(l, |_| true)
+    }
+
+    /// Points that are chosen by number, by cells of a level.
+    fn chosen(&self, l: usize, which: impl Fn(usize) -> bool + Sync) -> Sorted<'a> {
+        Sorted::new(self.samples, self.spacing(l), self.count(l), which)
+    }
+
+    /// Adds a level whose cells with data are those of `sorted` that `which` chooses.
+    fn begin_level(&mut self, l: usize, sorted: &Sorted<'_>, which: impl Fn(Place) -> bool) {
+        let cells = (0..sorted.count()).map(|i| place(sorted.cell(i).0));
+        let data: Vec<Place> = cells.filter(|cell| which(*cell)).collect();
+        let count = self.count(l);
+        let level = match self.levels.last_mut() {
+            Some(coarse) => coarse.refined(&data, count, self.degree),
+            None => Level::coarsest(count, self.lattice.spacing, self.degree),
+        };
+        self.levels.push(level);
+        self.data.push(data);
+    }
+
+    /// Solves for the unknowns of the last level; `stiffness` multiplies the weight of smoothing.
+    fn fit(
+        &mut self,
+        l: usize,
+        sorted: &Sorted<'_>,
+        stiffness: f64,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let weights = Weights {
+            smoothing: stiffness * self.weights.smoothing,
+            ..self.weights
+        };
+        let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
+        let x = solve(&problem, RESIDUAL, STEPS, control)?;
+        let unknown = problem.unknown;
+        let level = &mut self.levels[l];
+        for (c, i) in level.coefficients.iter_mut().zip(&unknown) {
+            if *i != FIXED {
+                *c += level.spacing * x[*i as usize];
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Distances of points from f = 0 by one Newton step.
+fn distances_of(spline: &ImplicitSpline, points: &[Point3]) -> Distances {
+    use isoform_geom::Field;
+    let mut all: Vec<f64> = points
+        .par_iter()
+        .map(|p| {
+            let jet = spline.jet(*p);
+            jet.v.abs() / norm(jet.g).max(f64::MIN_POSITIVE)
+        })
+        .collect();
+    let squares: f64 = all.iter().map(|d| d * d).sum();
+    let rms = (squares / all.len() as f64).sqrt();
+    let at = (all.len() * 95 / 100).min(all.len() - 1);
+    let p95 = *all.select_nth_unstable_by(at, f64::total_cmp).1;
+    Distances {
+        rms,
+        p95,
+        max: all.iter().copied().fold(0.0, f64::max),
+    }
+}

@@ -1,0 +1,21 @@
+//! Implicit B-spline surfaces through points.
+#![forbid(unsafe_code)]
+
+mod bspline;
+mod components;
+mod energy;
+mod implicitize;
+mod keys;
+mod level;
+mod matrix;
+mod points;
+mod sides;
+mod smoothing;
+mod solve;
+mod surface;
+
+pub use bspline::MAX_DEGREE;
+pub use components::Components;
+pub use implicitize::{Distances, Error, Fineness, Implicitized, Options, implicitize};
+pub use sides::{Normals, Sides, Source};
+pub use surface::{DataError, ImplicitSpline};

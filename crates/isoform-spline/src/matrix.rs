@@ -1,0 +1,159 @@
+//! Symmetric sparse matrices over the B-splines of a level.
+//!
+//! B-splines of degree d meet where their numbers differ by at most d along every axis. As they are
+//! sorted by z, y and x, those that meet one of them are (2d + 1)² runs of consecutive numbers: a
+//! row is stored as runs, without a column for every entry.
+
+use crate::keys::Keys;
+use rayon::prelude::*;
+
+/// Consecutive columns of a row.
+#[derive(Clone, Copy, Debug, Default)]
+struct Run {
+    first: u32,
+    length: u32,
+}
+
+/// See the module.
+#[derive(Debug)]
+pub(crate) struct Matrix {
+    reach: i32,
+    runs: Vec<Run>,
+    /// Where the values of a row begin, and where the last ends.
+    starts: Vec<usize>,
+    values: Vec<f64>,
+}
+
+/// Rows of a matrix that one thread fills.
+#[derive(Debug)]
+pub(crate) struct Rows<'a> {
+    reach: i32,
+    pub(crate) first: usize,
+    pub(crate) end: usize,
+    runs: &'a [Run],
+    starts: &'a [usize],
+    values: &'a mut [f64],
+}
+
+impl Matrix {
+    /// A matrix of zeros with a place for every two B-splines that meet.
+    pub(crate) fn new(nodes: &Keys, degree: usize) -> Self {
+        let reach = degree as i32;
+        let runs_of_row = |i: usize| {
+            let [x, y, z] = nodes.at(i);
+            let mut row = Vec::with_capacity(((2 * reach + 1) * (2 * reach + 1)) as usize);
+            for c in -reach..=reach {
+                for b in -reach..=reach {
+                    let mut run = Run::default();
+                    for a in -reach..=reach {
+                        if let Some(j) = nodes.find([x + a, y + b, z + c]) {
+                            if run.length == 0 {
+                                run.first = j as u32;
+                            }
+                            run.length = j as u32 - run.first + 1;
+                        }
+                    }
+                    row.push(run);
+                }
+            }
+            row
+        };
+        let runs: Vec<Run> = (0..nodes.len())
+            .into_par_iter()
+            .flat_map_iter(runs_of_row)
+            .collect();
+        let width = ((2 * reach + 1) * (2 * reach + 1)) as usize;
+        let mut starts = Vec::with_capacity(nodes.len() + 1);
+        let mut total = 0;
+        starts.push(0);
+        for row in runs.chunks(width) {
+            total += row.iter().map(|r| r.length as usize).sum::<usize>();
+            starts.push(total);
+        }
+        Self {
+            reach,
+            runs,
+            starts,
+            values: vec![0.0; total],
+        }
+    }
+
+    pub(crate) fn len(&self) -> usize {
+        self.starts.len() - 1
+    }
+    fn width(&self) -> usize {
+        ((2 * self.reach + 1) * (2 * self.reach + 1)) as usize
+    }
+
+    /// The rows in this many parts, to be filled side by side.
+    pub(crate) fn parts(&mut self, count: usize) -> Vec<Rows<'_>> {
+        let (n, width) = (self.len(), self.width());
+        let mut rest = self.values.as_mut_slice();
+        let mut parts = Vec::with_capacity(count);
+        for k in 0..count {
+            let (first, end) = (n * k / count, n * (k + 1) / count);
+            let (mine, others) = rest.split_at_mut(self.starts[end] - self.starts[first]);
+            rest = others;
+            parts.push(Rows {
+                reach: self.reach,
+                first,
+                end,
+                runs: &self.runs[first * width..end * width],
+                starts: &self.starts[first..=end],
+                values: mine,
+            });
+        }
+        parts
+    }
+
+    /// The diagonal.
+    pub(crate) fn diagonal(&self) -> Vec<f64> {
+        let (width, middle) = (self.width(), self.width() / 2);
+        (0..self.len())
+            .map(|i| {
+                let row = &self.runs[i * width..(i + 1) * width];
+                let before: usize = row[..middle].iter().map(|r| r.length as usize).sum();
+                let column = i - row[middle].first as usize;
+                self.values[self.starts[i] + before + column]
+            })
+            .collect()
+    }
+
+    /// y = A x.
+    pub(crate) fn apply(&self, x: &[f64], y: &mut [f64]) {
+        let width = self.width();
+        y.par_iter_mut()
+            .with_min_len(1 << 10)
+            .enumerate()
+            .for_each(|(i, y)| {
+                let mut at = self.starts[i];
+                let mut sum = 0.0;
+                for run in &self.runs[i * width..(i + 1) * width] {
+                    let (first, length) = (run.first as usize, run.length as usize);
+                    let values = &self.values[at..at + length];
+                    for (a, b) in values.iter().zip(&x[first..first + length]) {
+                        sum += a * b;
+                    }
+                    at += length;
+                }
+                *y = sum;
+            });
+    }
+}
+
+impl Rows<'_> {
+    /// Adds `values[k]` at row `row` and the columns `first + k`, all of one line in x that is away
+    /// from the row by `b` in y and `c` in z.
+    #[inline]
+    pub(crate) fn add(&mut self, row: usize, [b, c]: [i32; 2], columns: &[(u32, f64)]) {
+        let width = ((2 * self.reach + 1) * (2 * self.reach + 1)) as usize;
+        let k = row - self.first;
+        let runs = &self.runs[k * width..(k + 1) * width];
+        let line = ((c + self.reach) * (2 * self.reach + 1) + b + self.reach) as usize;
+        let before: usize = runs[..line].iter().map(|r| r.length as usize).sum();
+        let start = self.starts[k] - self.starts[0] + before;
+        for (column, value) in columns {
+            self.values[start + (column - runs[line].first) as usize] += value;
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! Points sorted into the cells of a level.
+
+use crate::keys::{MOST, Place, key};
+use isoform_geom::Point3;
+use rayon::prelude::*;
+use std::ops::Range;
+
+/// Points with normals, relative to the corner of the lattice.
+#[derive(Clone, Debug)]
+pub(crate) struct Samples {
+    pub(crate) points: Vec<Point3>,
+    /// Outward, of unit length; 0 where unknown.
+    pub(crate) normals: Vec<Point3>,
+}
+
+/// A choice of points in the order of their cells.
+#[derive(Debug)]
+pub(crate) struct Sorted<'a> {
+    samples: &'a Samples,
+    order: Vec<u32>,
+    /// Cells with points and where their points begin in `order`.
+    cells: Vec<(u64, u32)>,
+}
+
+/// The cell of a point.
+pub(crate) fn cell_of(p: Point3, spacing: f64, count: Place) -> Place {
+    std::array::from_fn(|k| ((p[k] / spacing) as i32).clamp(0, count[k] - 1))
+}
+
+impl<'a> Sorted<'a> {
+    /// Points that are chosen by number, by cell.
+    pub(crate) fn new(
+        samples: &'a Samples,
+        spacing: f64,
+        count: Place,
+        is_chosen: impl Fn(usize) -> bool + Sync,
+    ) -> Self {
+        debug_assert!(count.iter().all(|c| *c < MOST));
+        let mut keyed: Vec<(u64, u32)> = (0..samples.points.len())
+            .into_par_iter()
+            .filter(|i| is_chosen(*i))
+            .map(|i| (key(cell_of(samples.points[i], spacing, count)), i as u32))
+            .collect();
+        keyed.par_sort_unstable();
+        let mut cells: Vec<(u64, u32)> = Vec::new();
+        for (at, (k, _)) in keyed.iter().enumerate() {
+            if cells.last().is_none_or(|(last, _)| last != k) {
+                cells.push((*k, at as u32));
+            }
+        }
+        Self {
+            samples,
+            order: keyed.iter().map(|(_, i)| *i).collect(),
+            cells,
+        }
+    }
+    pub(crate) fn len(&self) -> usize {
+        self.order.len()
+    }
+    /// Numbers of cells with points.
+    pub(crate) fn count(&self) -> usize {
+        self.cells.len()
+    }
+    /// The i-th cell with points, and which points.
+    pub(crate) fn cell(&self, i: usize) -> (u64, Range<usize>) {
+        let end = self
+            .cells
+            .get(i + 1)
+            .map_or(self.order.len(), |c| c.1 as usize);
+        (self.cells[i].0, self.cells[i].1 as usize..end)
+    }
+    /// The index of the k-th point.
+    pub(crate) fn index(&self, k: usize) -> usize {
+        self.order[k] as usize
+    }
+    /// The k-th point's place in its cell, in \[0, 1\]³, and its normal.
+    pub(crate) fn local(&self, k: usize, cell: Place, spacing: f64) -> (Point3, Point3) {
+        let i = self.index(k);
+        let p = self.samples.points[i];
+        (
+            std::array::from_fn(|c| p[c] / spacing - f64::from(cell[c])),
+            self.samples.normals[i],
+        )
+    }
+}

@@ -1,0 +1,638 @@
+//! The function that an implicit spline is.
+
+use crate::bspline::{self, MAX_DEGREE, Row};
+use crate::keys::{MOST, Place, key};
+use crate::level::{CELL, Level, block};
+use isoform_geom::{Aabb, Field, LevelData, Point3, SplineData, norm, sub};
+use isoform_num::{Interval, Jet2};
+
+/// A truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
+///
+/// Its levels are lattices of cells, each with half the spacing of the one before; all cells of the
+/// first level are there, and of the others those near data. Within a cell of the finest level
+/// about a point f is a polynomial of degree d in each variable, and f is d − 1 times continuously
+/// differentiable. Outside of its box f falls with the distance from it, so that no solid is
+/// without bounds.
+#[derive(Clone, Debug)]
+pub struct ImplicitSpline {
+    degree: usize,
+    corner: Point3,
+    count: Place,
+    levels: Vec<Level>,
+    /// Per level and cell the range of f there, finer levels included.
+    ranges: Vec<Vec<[f64; 2]>>,
+    /// Per level and cell whether it holds data, finer levels included.
+    data: Vec<Vec<bool>>,
+}
+
+/// Why numbers are no implicit spline.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum DataError {
+    /// The degree is not between 2 and 5.
+    #[error("degree {0}: from 2 to {MAX_DEGREE} are possible")]
+    Degree(usize),
+    /// The lattice has no cell, too many, or no finite place.
+    #[error("the lattice of {count:?} cells of size {spacing} is impossible")]
+    Lattice {
+        /// Cells along the axes.
+        count: [i32; 3],
+        /// Their size.
+        spacing: f64,
+    },
+    /// There are no levels, or more than can be.
+    #[error("{0} levels")]
+    Levels(usize),
+    /// A cell lies outside of the box or not in a cell with data of the level before.
+    #[error("level {level}: the cell {cell:?} is not in a cell with data of the level before")]
+    Cell {
+        /// The level, from 0.
+        level: usize,
+        /// The cell.
+        cell: [i32; 3],
+    },
+    /// The number of coefficients is not that of the B-splines.
+    #[error("level {level}: {found} coefficients for {wanted} B-splines")]
+    Coefficients {
+        /// The level, from 0.
+        level: usize,
+        /// Coefficients given.
+        found: usize,
+        /// B-splines that need one.
+        wanted: usize,
+    },
+    /// A number is not finite.
+    #[error("a number is not finite")]
+    NotFinite,
+}
+
+/// The largest number of cells of the first level: a box of 64³ of them, far more than are needed to
+/// continue a function smoothly away from its data.
+const FIRST: i64 = 1 << 18;
+
+/// Orders of the derivatives by x, y and z of a 2-jet's ten numbers.
+const ORDERS: [[usize; 3]; 10] = [
+    [0, 0, 0],
+    [1, 0, 0],
+    [0, 1, 0],
+    [0, 0, 1],
+    [2, 0, 0],
+    [1, 1, 0],
+    [1, 0, 1],
+    [0, 2, 0],
+    [0, 1, 1],
+    [0, 0, 2],
+];
+
+/// A place in a cell of the finest level about it.
+struct Leaf<'a> {
+    level: &'a Level,
+    depth: usize,
+    cell: Place,
+    /// In \[0, 1\]³.
+    at: Point3,
+}
+
+impl ImplicitSpline {
+    /// A spline of fitted levels. `data` holds the cells with data of each level.
+    pub(crate) fn new(
+        degree: usize,
+        corner: Point3,
+        levels: Vec<Level>,
+        data: &[Vec<Place>],
+    ) -> Self {
+        let first = &levels[0].cells;
+        let count = first.at(first.len() - 1).map(|v| v + 1);
+        let flags = levels.iter().zip(data).map(|(level, cells)| {
+            let mut holds = vec![false; level.cells.len()];
+            for cell in cells {
+                holds[level.cells.find(*cell).expect("data lies in a cell")] = true;
+            }
+            holds
+        });
+        let data = flags.collect();
+        let mut spline = Self {
+            degree,
+            corner,
+            count,
+            levels,
+            ranges: Vec::new(),
+            data,
+        };
+        spline.ranges = spline.all_ranges();
+        spline
+    }
+
+    /// A spline from its numbers.
+    ///
+    /// # Errors
+    /// [`DataError`] where they do not fit together.
+    pub fn from_data(data: &SplineData) -> Result<Self, DataError> {
+        let SplineData {
+            degree,
+            corner,
+            spacing,
+            count,
+            levels,
+        } = data;
+        if !(2..=MAX_DEGREE).contains(degree) {
+            return Err(DataError::Degree(*degree));
+        }
+        let cells = count.iter().map(|c| i64::from(*c)).product::<i64>();
+        let depth = levels.len() as u32;
+        if !spacing.is_finite()
+            || *spacing <= 0.0
+            || count.iter().any(|c| *c < 1 || *c > FIRST as i32)
+            || cells > FIRST
+        {
+            return Err(DataError::Lattice {
+                count: *count,
+                spacing: *spacing,
+            });
+        }
+        if depth == 0
+            || depth > 20
+            || count
+                .iter()
+                .any(|c| i64::from(*c) << depth >= i64::from(MOST) - 8)
+        {
+            return Err(DataError::Levels(levels.len()));
+        }
+        let numbers = levels.iter().flat_map(|l| &l.coefficients).chain(corner);
+        if !numbers.into_iter().all(|v| v.is_finite()) {
+            return Err(DataError::NotFinite);
+        }
+        let mut built = vec![Level::coarsest(*count, *spacing, *degree)];
+        let mut parents: Vec<Place> = Vec::new();
+        for (l, given) in levels.iter().enumerate() {
+            let mut sorted: Vec<u64> = Vec::with_capacity(given.cells.len());
+            for cell in &given.cells {
+                let inside = (0..3).all(|k| (0..count[k] << l).contains(&cell[k]));
+                let parent = cell.map(|v| v >> 1);
+                if !inside
+                    || l > 0
+                        && parents
+                            .binary_search_by_key(&key(parent), |p| key(*p))
+                            .is_err()
+                {
+                    return Err(DataError::Cell {
+                        level: l,
+                        cell: *cell,
+                    });
+                }
+                sorted.push(key(*cell));
+            }
+            sorted.sort_unstable();
+            sorted.dedup();
+            parents = sorted.into_iter().map(crate::keys::place).collect();
+            if l > 0 {
+                let finer = count.map(|c| c << l);
+                let next = built[l - 1].refined(&parents, finer, *degree);
+                built.push(next);
+            }
+            let level = &mut built[l];
+            let wanted = level.unknowns();
+            if wanted != given.coefficients.len() {
+                return Err(DataError::Coefficients {
+                    level: l,
+                    found: given.coefficients.len(),
+                    wanted,
+                });
+            }
+            let mut values = given.coefficients.iter();
+            for (c, active) in level.coefficients.iter_mut().zip(&level.is_active) {
+                if *active {
+                    *c = *values.next().expect("as many as were counted");
+                }
+            }
+        }
+        let cells: Vec<Vec<Place>> = levels.iter().map(|l| l.cells.clone()).collect();
+        Ok(Self::new(*degree, *corner, built, &cells))
+    }
+
+    /// The spline in numbers.
+    pub fn data(&self) -> SplineData {
+        let levels = self.levels.iter().zip(&self.data).map(|(level, holds)| {
+            let cells = level.cells.places().zip(holds).filter(|(_, holds)| **holds);
+            let active = level
+                .coefficients
+                .iter()
+                .zip(&level.is_active)
+                .filter(|(_, a)| **a);
+            LevelData {
+                cells: cells.map(|(cell, _)| cell).collect(),
+                coefficients: active.map(|(c, _)| *c).collect(),
+            }
+        });
+        SplineData {
+            degree: self.degree,
+            corner: self.corner,
+            spacing: self.levels[0].spacing,
+            count: self.count,
+            levels: levels.collect(),
+        }
+    }
+
+    /// The tri-degree.
+    pub fn degree(&self) -> usize {
+        self.degree
+    }
+    /// The number of coefficients that do not follow from others.
+    pub fn unknowns(&self) -> usize {
+        self.levels.iter().map(Level::unknowns).sum()
+    }
+    /// The edge of the finest cells.
+    pub fn spacing(&self) -> f64 {
+        self.levels.last().map_or(0.0, |l| l.spacing)
+    }
+    /// The number of levels.
+    pub fn depth(&self) -> usize {
+        self.levels.len()
+    }
+    /// The box in which the function is a spline.
+    pub fn domain(&self) -> Aabb {
+        let h = self.levels[0].spacing;
+        Aabb {
+            lo: self.corner,
+            hi: std::array::from_fn(|k| self.corner[k] + h * f64::from(self.count[k])),
+        }
+    }
+    /// How many cells hold data and were not refined for it: the polynomial pieces that were
+    /// fitted.
+    pub fn data_cells(&self) -> usize {
+        let of_level = |(l, level): (usize, &Level)| {
+            let cells = level.cells.places().enumerate();
+            cells
+                .filter(|(i, cell)| self.data[l][*i] && !self.has_finer_data(l, *cell))
+                .count()
+        };
+        self.levels.iter().enumerate().map(of_level).sum()
+    }
+
+    /// Whether a cell was refined for its data.
+    fn has_finer_data(&self, l: usize, cell: Place) -> bool {
+        let Some(finer) = self.levels.get(l + 1) else {
+            return false;
+        };
+        let lo = cell.map(|v| 2 * v);
+        block(lo, lo.map(|v| v + 1))
+            .any(|child| finer.cells.find(child).is_some_and(|i| self.data[l + 1][i]))
+    }
+
+    /// Whether data lies in a cell of a level; in a cell that data did not ask for, whether it lies
+    /// in the coarser one about it.
+    pub(crate) fn holds(&self, l: usize, cell: Place) -> bool {
+        let mut cell = cell;
+        for k in (0..=l).rev() {
+            let found = self.levels[k].cells.find(cell);
+            if found.is_some_and(|i| self.data[k][i]) {
+                return k == l || !self.has_finer_data(k, cell);
+            }
+            cell = cell.map(|v| v >> 1);
+        }
+        false
+    }
+
+    /// Whether data lies in the cell about a place.
+    pub fn holds_data(&self, p: Point3) -> bool {
+        self.is_in_domain(p) && {
+            let leaf = self.leaf(p);
+            self.holds(leaf.depth, leaf.cell)
+        }
+    }
+
+    /// Whether data lies in the cell about a place, or in one that shares a face with it.
+    pub fn is_seen(&self, p: Point3) -> bool {
+        if !self.is_in_domain(p) {
+            return false;
+        }
+        let leaf = self.leaf(p);
+        let beside = |axis: usize, step: i32| {
+            let mut beside = leaf.cell;
+            beside[axis] += step;
+            beside[axis] >= 0 && self.holds(leaf.depth, beside)
+        };
+        self.holds(leaf.depth, leaf.cell) || (0..3).any(|k| beside(k, -1) || beside(k, 1))
+    }
+
+    fn is_in_domain(&self, p: Point3) -> bool {
+        self.clamped(p) == p
+    }
+
+    pub(crate) fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    /// The finest level that covers a place of the domain, with the cell and the place in it.
+    fn leaf(&self, p: Point3) -> Leaf<'_> {
+        for (depth, level) in self.levels.iter().enumerate().rev() {
+            let s: Point3 = std::array::from_fn(|k| (p[k] - self.corner[k]) / level.spacing);
+            let cell: Place =
+                std::array::from_fn(|k| (s[k] as i32).clamp(0, (self.count[k] << depth) - 1));
+            if level.cells.find(cell).is_some() {
+                let at = std::array::from_fn(|k| s[k] - f64::from(cell[k]));
+                return Leaf {
+                    level,
+                    depth,
+                    cell,
+                    at,
+                };
+            }
+        }
+        unreachable!("the first level covers the domain")
+    }
+
+    /// f with gradient and Hessian at a place of the domain.
+    fn jet_inside(&self, p: Point3) -> Jet2 {
+        let leaf = self.leaf(p);
+        let c = leaf.level.of_cell(leaf.cell, self.degree);
+        let n = self.degree + 1;
+        let [x, y, z] = leaf.at.map(|t| bspline::jets(self.degree, t));
+        let mut out = [0.0; 10];
+        for k in 0..n {
+            for j in 0..n {
+                let line = &c[(k * n + j) * n..][..n];
+                let along: [f64; 3] =
+                    std::array::from_fn(|o| line.iter().zip(&x[o]).map(|(c, b)| c * b).sum());
+                for (out, [a, b, d]) in out.iter_mut().zip(ORDERS) {
+                    *out += along[a] * y[b][j] * z[d][k];
+                }
+            }
+        }
+        let h = leaf.level.spacing;
+        Jet2 {
+            v: out[0],
+            g: [out[1] / h, out[2] / h, out[3] / h],
+            h: std::array::from_fn(|i| out[4 + i] / (h * h)),
+        }
+    }
+
+    /// f at a place of the domain.
+    fn value_inside(&self, p: Point3) -> f64 {
+        let leaf = self.leaf(p);
+        let c = leaf.level.of_cell(leaf.cell, self.degree);
+        let n = self.degree + 1;
+        let [x, y, z] = leaf.at.map(|t| bspline::values(self.degree, t));
+        let mut sum = 0.0;
+        for k in 0..n {
+            for j in 0..n {
+                let line = &c[(k * n + j) * n..][..n];
+                let along: f64 = line.iter().zip(&x).map(|(c, b)| c * b).sum();
+                sum += along * y[j] * z[k];
+            }
+        }
+        sum
+    }
+
+    /// The nearest place of the domain.
+    fn clamped(&self, p: Point3) -> Point3 {
+        let domain = self.domain();
+        std::array::from_fn(|k| p[k].clamp(domain.lo[k], domain.hi[k]))
+    }
+
+    /// Per level and cell the range of f there, from the finest level to the first.
+    fn all_ranges(&self) -> Vec<Vec<[f64; 2]>> {
+        let rows = bspline::bernstein(self.degree);
+        let mut all: Vec<Vec<[f64; 2]>> = Vec::new();
+        for (l, level) in self.levels.iter().enumerate().rev() {
+            let finer = all.last().map(|ranges| (&self.levels[l + 1], ranges));
+            let ranges = level
+                .cells
+                .places()
+                .enumerate()
+                .map(|(i, cell)| match finer {
+                    Some((next, ranges)) if level.is_refined[i] => {
+                        let lo = cell.map(|v| 2 * v);
+                        block(lo, lo.map(|v| v + 1)).fold(
+                            [f64::INFINITY, f64::NEG_INFINITY],
+                            |r, c| {
+                                let [a, b] =
+                                    ranges[next.cells.find(c).expect("cells come in eights")];
+                                [r[0].min(a), r[1].max(b)]
+                            },
+                        )
+                    }
+                    _ => range_of(&self.bernstein(level, cell, &rows), self.degree),
+                });
+            let ranges = ranges.collect();
+            all.push(ranges);
+        }
+        all.reverse();
+        all
+    }
+
+    /// The Bernstein coefficients of a cell, x fastest.
+    fn bernstein(&self, level: &Level, cell: Place, rows: &[Row; MAX_DEGREE + 1]) -> [f64; CELL] {
+        let n = self.degree + 1;
+        let mut c = level.of_cell(cell, self.degree);
+        for axis in 0..3 {
+            along(&mut c, n, axis, |line| {
+                let mut out = [0.0; MAX_DEGREE + 1];
+                for (v, row) in line.iter().zip(rows).take(n) {
+                    for k in 0..n {
+                        out[k] += v * row[k];
+                    }
+                }
+                out
+            });
+        }
+        c
+    }
+
+    /// The range of f over the part of a cell that lies in a region, given by the cell's own
+    /// coordinates.
+    fn range_in(&self, level: &Level, cell: Place, part: [[f64; 2]; 3]) -> [f64; 2] {
+        let rows = bspline::bernstein(self.degree);
+        let n = self.degree + 1;
+        let mut c = self.bernstein(level, cell, &rows);
+        for (axis, [lo, hi]) in part.into_iter().enumerate() {
+            if (lo, hi) != (0.0, 1.0) {
+                along(&mut c, n, axis, |line| restricted(line, n, lo, hi));
+            }
+        }
+        range_of(&c, self.degree)
+    }
+
+    /// The hull of f over the part of a cell in a region, by the cells of the finer levels as long
+    /// as `budget` of them are looked at.
+    fn hull(&self, l: usize, cell: Place, region: Aabb, budget: &mut u32, out: &mut [f64; 2]) {
+        let level = &self.levels[l];
+        let Some(i) = level.cells.find(cell) else {
+            return;
+        };
+        let known = self.ranges[l][i];
+        if known[0] >= out[0] && known[1] <= out[1] {
+            return;
+        }
+        let mut part = [[0.0, 1.0]; 3];
+        for k in 0..3 {
+            // The cell's coordinates of the region, outward by the rounding of a difference and a
+            // quotient.
+            let of = |p: f64| (p - self.corner[k]) / level.spacing;
+            let (a, b) = (of(region.lo[k]), of(region.hi[k]));
+            let slack = 4.0 * f64::EPSILON * (1.0 + a.abs().max(b.abs()));
+            let from = (a - slack - f64::from(cell[k])).max(0.0);
+            let to = (b + slack - f64::from(cell[k])).min(1.0);
+            if from > to {
+                return;
+            }
+            part[k] = [from, to];
+        }
+        let mut add = |r: [f64; 2]| *out = [out[0].min(r[0]), out[1].max(r[1])];
+        if *budget == 0 || part == [[0.0, 1.0]; 3] {
+            return add(known);
+        }
+        *budget -= 1;
+        if level.is_refined[i] {
+            let lo = cell.map(|v| 2 * v);
+            for child in block(lo, lo.map(|v| v + 1)) {
+                self.hull(l + 1, child, region, budget, out);
+            }
+        } else {
+            add(self.range_in(level, cell, part));
+        }
+    }
+
+    /// The range of f over a region of the domain.
+    fn range_inside(&self, region: Aabb) -> [f64; 2] {
+        let h = self.levels[0].spacing;
+        let first = |p: Point3, k: usize| ((p[k] - self.corner[k]) / h) as i32;
+        let lo = std::array::from_fn(|k| (first(region.lo, k) - 1).max(0));
+        let hi = std::array::from_fn(|k| (first(region.hi, k) + 1).min(self.count[k] - 1));
+        let mut out = [f64::INFINITY, f64::NEG_INFINITY];
+        let mut budget = BUDGET;
+        for cell in block(lo, hi) {
+            self.hull(0, cell, region, &mut budget, &mut out);
+        }
+        out
+    }
+}
+
+/// Cells that a bound looks at, at most; with fewer of them bounds of large regions are wider, with
+/// more they take longer. A region of the finest cells' size never needs as many.
+const BUDGET: u32 = 256;
+
+/// Replaces every line of (d + 1)³ numbers along an axis, x fastest, by what `f` makes of it.
+fn along(c: &mut [f64; CELL], n: usize, axis: usize, f: impl Fn(&[f64]) -> Row) {
+    let step = n.pow(axis as u32);
+    for a in 0..n {
+        for b in 0..n {
+            let first = match axis {
+                0 => (a * n + b) * n,
+                1 => a * n * n + b,
+                _ => a * n + b,
+            };
+            let mut line = [0.0; MAX_DEGREE + 1];
+            for k in 0..n {
+                line[k] = c[first + k * step];
+            }
+            let line = f(&line[..n]);
+            for k in 0..n {
+                c[first + k * step] = line[k];
+            }
+        }
+    }
+}
+
+/// Bernstein coefficients of a polynomial on \[lo, hi\] of \[0, 1\], by de Casteljau's algorithm.
+fn restricted(line: &[f64], n: usize, lo: f64, hi: f64) -> Row {
+    let mut c = [0.0; MAX_DEGREE + 1];
+    c[..n].copy_from_slice(line);
+    if hi < 1.0 {
+        // The left part of a cut at hi: the first coefficient of each round.
+        let mut left = [0.0; MAX_DEGREE + 1];
+        for round in 0..n {
+            left[round] = c[0];
+            for k in 0..n - 1 - round {
+                c[k] += hi * (c[k + 1] - c[k]);
+            }
+        }
+        c = left;
+    }
+    if lo > 0.0 {
+        let at = if hi > 0.0 { lo / hi } else { 1.0 };
+        // The right part of a cut: the last coefficient of each round.
+        for round in 0..n - 1 {
+            for k in 0..n - 1 - round {
+                c[k] += at * (c[k + 1] - c[k]);
+            }
+        }
+    }
+    c
+}
+
+/// The hull of Bernstein coefficients, outward by their rounding.
+///
+/// Each is a convex combination of B-spline coefficients (weights ≥ 0 of sum 1), made by at most
+/// three rounds of d + 1 products and two cuts of d rounds along each of three axes: below 64 d
+/// rounded operations on numbers of at most the largest coefficient's size.
+fn range_of(c: &[f64; CELL], degree: usize) -> [f64; 2] {
+    let n = degree + 1;
+    let c = &c[..n * n * n];
+    let lo = c.iter().copied().fold(f64::INFINITY, f64::min);
+    let hi = c.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+    let slack = 64.0 * degree as f64 * f64::EPSILON * lo.abs().max(hi.abs());
+    [lo - slack, hi + slack]
+}
+
+impl Field for ImplicitSpline {
+    fn value(&self, p: Point3) -> f64 {
+        let inside = self.clamped(p);
+        let f = self.value_inside(inside);
+        if inside == p {
+            f
+        } else {
+            f - norm(sub(p, inside))
+        }
+    }
+
+    fn jet(&self, p: Point3) -> Jet2 {
+        let inside = self.clamped(p);
+        let mut jet = self.jet_inside(inside);
+        if inside == p {
+            return jet;
+        }
+        let away = sub(p, inside);
+        let far = norm(away);
+        jet.v -= far;
+        for k in 0..3 {
+            if p[k] != inside[k] {
+                jet.g[k] = 0.0;
+            }
+            jet.g[k] -= away[k] / far;
+        }
+        jet.h = [0.0; 6];
+        jet
+    }
+
+    fn bounds(&self, region: Aabb) -> Interval {
+        let finite = region.lo.iter().chain(&region.hi).all(|v| v.is_finite());
+        if !finite || region.is_empty() {
+            return Interval::ALL;
+        }
+        let part = Aabb {
+            lo: self.clamped(region.lo),
+            hi: self.clamped(region.hi),
+        };
+        let [lo, hi] = self.range_inside(part);
+        if part == region {
+            return Interval::new(lo, hi);
+        }
+        // The least and the largest distance of the region from the domain.
+        let domain = self.domain();
+        let gap: Point3 = std::array::from_fn(|k| {
+            (region.lo[k] - domain.hi[k])
+                .max(domain.lo[k] - region.hi[k])
+                .max(0.0)
+        });
+        let far: Point3 = std::array::from_fn(|k| {
+            (region.hi[k] - domain.hi[k])
+                .max(domain.lo[k] - region.lo[k])
+                .max(0.0)
+        });
+        // Rounding of a norm and a difference.
+        let slack = 1.0 + 8.0 * f64::EPSILON;
+        let (low, high) = (lo - norm(far) * slack, hi - norm(gap) / slack);
+        Interval::new(low.next_down(), high.next_up())
+    }
+}

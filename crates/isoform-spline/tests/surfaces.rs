@@ -1,0 +1,258 @@
+//! Implicit splines of surfaces that are known.
+
+use isoform_control::Control;
+use isoform_geom::{Aabb, Field, Point3, norm};
+use isoform_num::Random;
+use isoform_spline::{
+    DataError, Error, Fineness, ImplicitSpline, Implicitized, Normals, Options, Source, implicitize,
+};
+
+/// Radii of the torus.
+const RADII: [f64; 2] = [1.0, 0.4];
+
+/// Points of the torus by area, with outward normals.
+fn torus(n: usize, seed: u64) -> (Vec<Point3>, Vec<Point3>) {
+    let mut random = Random::new(seed);
+    let [large, small] = RADII;
+    let mut pairs = Vec::new();
+    while pairs.len() < n {
+        let v = random.unit() * std::f64::consts::TAU;
+        if random.unit() * (large + small) > large + small * v.cos() {
+            continue;
+        }
+        let u = random.unit() * std::f64::consts::TAU;
+        let n = [u.cos() * v.cos(), u.sin() * v.cos(), v.sin()];
+        let p = [
+            large * u.cos() + small * n[0],
+            large * u.sin() + small * n[1],
+            small * n[2],
+        ];
+        pairs.push((p, n));
+    }
+    pairs.into_iter().unzip()
+}
+
+fn fitted(points: &[Point3], normals: Normals<'_>, fineness: Fineness) -> Implicitized {
+    let options = Options {
+        fineness,
+        ..Options::default()
+    };
+    implicitize(points, normals, &options, &Control::default()).expect("a surface")
+}
+
+/// The root mean square of the distances of points from f = 0, by one Newton step.
+fn error(spline: &ImplicitSpline, points: &[Point3]) -> f64 {
+    let squares = points.iter().map(|p| {
+        let jet = spline.jet(*p);
+        jet.v * jet.v / jet.g.iter().map(|g| g * g).sum::<f64>()
+    });
+    (squares.sum::<f64>() / points.len() as f64).sqrt()
+}
+
+#[test]
+fn errors_fall_with_the_fourth_power_of_the_spacing() {
+    let (points, normals) = torus(20_000, 1);
+    let (others, _) = torus(1000, 2);
+    let run = |cells| {
+        let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(cells));
+        assert!(made.spline.data_cells() <= cells);
+        (made.spline.unknowns() as f64, error(&made.spline, &others))
+    };
+    let (few, coarse) = run(150);
+    let (many, fine) = run(1000);
+    let order = (coarse / fine).ln() / (many / few).ln();
+    // A surface has h^-2 cells: 2 is order 4 in the spacing, as cubic splines have it.
+    assert!(order > 1.6, "{coarse:e} with {few}, {fine:e} with {many}");
+    assert!(fine < 1e-5);
+}
+
+#[test]
+fn inside_is_positive_and_unknown_normals_are_found() {
+    let (points, normals) = torus(6000, 3);
+    let mut random = Random::new(5);
+    let flipped: Vec<Point3> = normals
+        .iter()
+        .map(|n| {
+            if random.unit() < 0.5 {
+                *n
+            } else {
+                n.map(|v| -v)
+            }
+        })
+        .collect();
+    for (normals, source) in [
+        (Normals::Unknown, Source::Estimated),
+        (Normals::Given(&normals), Source::Given),
+        (Normals::Given(&flipped), Source::Turned),
+    ] {
+        let made = fitted(&points, normals, Fineness::Data);
+        assert_eq!(made.sides.source, source);
+        assert!(made.spline.value([1.0, 0.0, 0.2]) > 0.0, "{source:?}");
+        assert!(made.spline.value([0.0, 0.0, 0.0]) < 0.0, "{source:?}");
+        assert!(made.spline.value([9.0, 0.0, 0.0]) < 0.0, "{source:?}");
+        assert!(
+            made.distances.rms < 2e-3,
+            "{source:?}: {:?}",
+            made.distances
+        );
+        assert_eq!(made.components.with_data, 1);
+    }
+}
+
+#[test]
+fn noise_ends_refinement_and_is_averaged() {
+    let (clean, normals) = torus(8000, 7);
+    let mut random = Random::new(8);
+    let sigma = 0.02;
+    let noisy: Vec<Point3> = clean
+        .iter()
+        .map(|p| p.map(|v| v + sigma * 1.732 * random.symmetric()))
+        .collect();
+    let made = fitted(&noisy, Normals::Given(&normals), Fineness::Data);
+    // Of order sigma · sqrt(unknowns / points).
+    assert!(error(&made.spline, &clean) < 0.5 * sigma);
+    assert!(made.spline.unknowns() < 4000);
+}
+
+#[test]
+fn cells_are_refined_where_a_tolerance_asks() {
+    let (points, normals) = torus(8000, 9);
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Tolerance(5e-3));
+    assert!(made.distances.rms < 5e-3);
+    let finer = fitted(&points, Normals::Given(&normals), Fineness::Tolerance(2e-4));
+    assert!(finer.distances.rms < 2e-4);
+    assert!(finer.spline.data_cells() > made.spline.data_cells());
+}
+
+#[test]
+fn bounds_hold_the_values_and_derivatives_are_those_of_values() {
+    let (points, normals) = torus(4000, 11);
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(300));
+    let spline = &made.spline;
+    let mut random = Random::new(12);
+    for k in 0..400 {
+        // Boxes from a hundredth of a cell to beyond the domain.
+        let size = 3.0 * (0.5f64).powi(k % 12);
+        let lo: Point3 = std::array::from_fn(|_| 2.2 * random.symmetric());
+        let region = Aabb {
+            lo,
+            hi: lo.map(|v| v + size * random.unit()),
+        };
+        let bounds = spline.bounds(region);
+        for _ in 0..20 {
+            let p: Point3 = std::array::from_fn(|i| {
+                region.lo[i] + random.unit() * (region.hi[i] - region.lo[i])
+            });
+            let v = spline.value(p);
+            assert!(
+                bounds.lo() <= v && v <= bounds.hi(),
+                "{v} outside {bounds:?}"
+            );
+        }
+    }
+    for p in &points[..50] {
+        let jet = spline.jet(*p);
+        for axis in 0..3 {
+            let moved = |s: f64| {
+                let mut q = *p;
+                q[axis] += s;
+                spline.value(q)
+            };
+            let slope = (moved(1e-5) - moved(-1e-5)) / 2e-5;
+            assert!(
+                (slope - jet.g[axis]).abs() < 1e-7,
+                "{slope} {}",
+                jet.g[axis]
+            );
+        }
+        assert_eq!(jet.v.to_bits(), spline.value(*p).to_bits());
+    }
+}
+
+#[test]
+fn numbers_make_the_spline_again() {
+    let (points, normals) = torus(3000, 13);
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Tolerance(2e-4));
+    let data = made.spline.data();
+    let again = ImplicitSpline::from_data(&data).expect("a spline");
+    assert_eq!(again.data(), data);
+    for p in &points[..200] {
+        assert_eq!(again.value(*p).to_bits(), made.spline.value(*p).to_bits());
+        assert!(again.is_seen(*p) && again.holds_data(*p));
+    }
+    assert!(!again.is_seen([0.0; 3]));
+    let broken = |change: fn(&mut isoform_geom::SplineData)| {
+        let mut data = data.clone();
+        change(&mut data);
+        ImplicitSpline::from_data(&data).expect_err("no spline")
+    };
+    assert_eq!(broken(|d| d.degree = 9), DataError::Degree(9));
+    assert!(matches!(
+        broken(|d| d.count = [1 << 20; 3]),
+        DataError::Lattice { .. }
+    ));
+    assert_eq!(broken(|d| d.levels.clear()), DataError::Levels(0));
+    assert!(matches!(
+        broken(|d| d.levels[1].cells[0] = [-1; 3]),
+        DataError::Cell { .. }
+    ));
+    assert!(matches!(
+        broken(|d| {
+            d.levels[0].coefficients.pop();
+        }),
+        DataError::Coefficients { .. }
+    ));
+    assert_eq!(
+        broken(|d| d.levels[0].coefficients[0] = f64::NAN),
+        DataError::NotFinite
+    );
+}
+
+#[test]
+fn points_without_a_surface_are_refused() {
+    let run = |points: &[Point3]| {
+        implicitize(
+            points,
+            Normals::Unknown,
+            &Options::default(),
+            &Control::default(),
+        )
+        .map(|made| made.spline)
+    };
+    assert_eq!(run(&[]).expect_err("none"), Error::Few { found: 0 });
+    let one = vec![[1.0, 2.0, 3.0]; 50];
+    assert_eq!(
+        run(&one).expect_err("none"),
+        Error::Degenerate { is_point: true }
+    );
+    let line: Vec<Point3> = (0..50)
+        .map(|i| [f64::from(i), 2.0 * f64::from(i), 1.0])
+        .collect();
+    assert_eq!(
+        run(&line).expect_err("none"),
+        Error::Degenerate { is_point: false }
+    );
+    assert_eq!(
+        run(&[[f64::NAN; 3]; 50]).expect_err("none"),
+        Error::NotFinite
+    );
+    // A plane is a surface.
+    let plane: Vec<Point3> = (0..400)
+        .map(|i| [f64::from(i % 20), f64::from(i / 20), 5.0])
+        .collect();
+    let spline = run(&plane).expect("a plane");
+    let far = plane.iter().map(|p| {
+        let jet = spline.jet(*p);
+        jet.v.abs() / norm(jet.g)
+    });
+    assert!(far.fold(0.0, f64::max) < 1e-6);
+}
+
+#[test]
+fn a_stopped_fit_says_so() {
+    let (points, normals) = torus(3000, 15);
+    let control = Control::default().for_seconds(0.0);
+    let options = Options::default();
+    let made = implicitize(&points, Normals::Given(&normals), &options, &control);
+    assert!(matches!(made, Err(Error::Stopped(_))));
+}

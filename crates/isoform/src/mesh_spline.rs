@@ -1,0 +1,185 @@
+//! Meshes of implicit splines: the surface where there are points.
+
+use crate::mesh_model::{ModelMesh, mesh_solid};
+use crate::{MeshModelError, MeshModelOptions};
+use isoform_control::Control;
+use isoform_geom::{Aabb, Mesh, OnePiece, Point3, UnionFind, cross, middle, norm, sub};
+use isoform_spline::ImplicitSpline;
+use std::collections::HashMap;
+
+/// The part of triangles near points.
+const SEEN: &str = "surface";
+/// The part of triangles where there are none.
+const UNSEEN: &str = "unseen";
+
+/// The size of a hole between points that counts as seen, in cells of the spline: gaps of sampling
+/// are smaller, what a scanner missed is larger.
+const GAP: f64 = 4.0;
+
+/// What becomes of the surface where there are no points.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Unseen {
+    /// It is left out; the surface has a border there.
+    #[default]
+    Cut,
+    /// It stays, as a part called `unseen`.
+    Close,
+}
+
+/// Meshes an implicit spline and certifies the mesh, as [`mesh_model`](crate::mesh_model) does with
+/// a program. The certificate is that of the closed surface; of tetrahedra nothing is cut.
+///
+/// # Errors
+/// [`MeshModelError`].
+pub fn mesh_spline(
+    spline: &ImplicitSpline,
+    unseen: Unseen,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    let solid = OnePiece::new(spline.clone(), SEEN);
+    let mut made = mesh_solid(&solid, options, control)?;
+    let mesh = &mut made.meshed.mesh;
+    let mut is_seen = seen_triangles(mesh, spline);
+    drop_strays(mesh, spline, &mut is_seen);
+    if is_seen.iter().all(|s| *s) {
+        return Ok(made);
+    }
+    if unseen == Unseen::Cut && mesh.tets.is_empty() {
+        made.cut = is_seen.iter().filter(|s| !**s).count();
+        cut(mesh, &is_seen);
+    } else {
+        let part = mesh.parts.len() as u32;
+        mesh.parts.push(UNSEEN.to_owned());
+        mesh.triangle_parts.resize(mesh.triangles.len(), 0);
+        for (p, seen) in mesh.triangle_parts.iter_mut().zip(&is_seen) {
+            if !seen {
+                *p = part;
+            }
+        }
+    }
+    Ok(made)
+}
+
+/// Which triangles lie near points, or in small gaps between such.
+fn seen_triangles(mesh: &Mesh, spline: &ImplicitSpline) -> Vec<bool> {
+    let corners = |t: &[u32; 3]| t.map(|v| mesh.points[v as usize]);
+    let mut seen: Vec<bool> = mesh
+        .triangles
+        .iter()
+        .map(|t| spline.is_seen(middle(corners(t))))
+        .collect();
+    let mut sets = UnionFind::new(mesh.triangles.len());
+    let mut touches_seen = vec![false; mesh.triangles.len()];
+    let mut by_edge: HashMap<[u32; 2], usize> = HashMap::new();
+    for (i, t) in mesh.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let (a, b) = (t[k], t[(k + 1) % 3]);
+            let Some(j) = by_edge.insert([a.min(b), a.max(b)], i) else {
+                continue;
+            };
+            match (seen[i], seen[j]) {
+                (false, false) => {
+                    sets.unite(i as u32, j as u32);
+                }
+                (false, true) => touches_seen[i] = true,
+                (true, false) => touches_seen[j] = true,
+                (true, true) => {}
+            }
+        }
+    }
+    let mut boxes = vec![(Aabb::EMPTY, false); mesh.triangles.len()];
+    for (i, t) in mesh.triangles.iter().enumerate().filter(|(i, _)| !seen[*i]) {
+        let (bounds, touches) = &mut boxes[sets.root(i as u32) as usize];
+        corners(t).iter().for_each(|p: &Point3| bounds.add(*p));
+        *touches |= touches_seen[i];
+    }
+    for i in 0..seen.len() {
+        if !seen[i] {
+            let (bounds, touches) = boxes[sets.root(i as u32) as usize];
+            seen[i] = touches && bounds.diagonal() <= GAP * spline.spacing();
+        }
+    }
+    seen
+}
+
+/// The least share of a piece's area in cells that hold points. Surfaces through points reach 0.9;
+/// what passes beside them, as an extra branch does, is seen from neighbouring cells only.
+const HELD: f64 = 0.3;
+
+/// Takes pieces that pass beside the points for unseen.
+fn drop_strays(mesh: &Mesh, spline: &ImplicitSpline, is_seen: &mut [bool]) {
+    let mut sets = UnionFind::new(mesh.triangles.len());
+    let mut by_node: Vec<Option<u32>> = vec![None; mesh.points.len()];
+    for (i, t) in mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_seen[*i])
+    {
+        for v in t {
+            match by_node[*v as usize] {
+                Some(j) => {
+                    sets.unite(i as u32, j);
+                }
+                None => by_node[*v as usize] = Some(i as u32),
+            }
+        }
+    }
+    let mut areas = vec![[0.0; 2]; mesh.triangles.len()];
+    for (i, t) in mesh
+        .triangles
+        .iter()
+        .enumerate()
+        .filter(|(i, _)| is_seen[*i])
+    {
+        let [a, b, c] = t.map(|v| mesh.points[v as usize]);
+        let area = norm(cross(sub(b, a), sub(c, a)));
+        let sums = &mut areas[sets.root(i as u32) as usize];
+        sums[0] += area;
+        if spline.holds_data(middle([a, b, c])) {
+            sums[1] += area;
+        }
+    }
+    for (i, seen) in is_seen.iter_mut().enumerate().filter(|(_, seen)| **seen) {
+        let [all, held] = areas[sets.root(i as u32) as usize];
+        *seen = held >= HELD * all;
+    }
+}
+
+/// Leaves out triangles of a surface, and the nodes that they alone have.
+fn cut(mesh: &mut Mesh, is_kept: &[bool]) {
+    let keep = |i: &usize| is_kept[*i];
+    let kept: Vec<usize> = (0..mesh.triangles.len()).filter(keep).collect();
+    mesh.triangles = kept.iter().map(|i| mesh.triangles[*i]).collect();
+    if !mesh.triangle_mids.is_empty() {
+        mesh.triangle_mids = kept.iter().map(|i| mesh.triangle_mids[*i]).collect();
+    }
+    if !mesh.triangle_parts.is_empty() {
+        mesh.triangle_parts = kept.iter().map(|i| mesh.triangle_parts[*i]).collect();
+    }
+    let mut number = vec![u32::MAX; mesh.points.len()];
+    let mut points = Vec::new();
+    let mids = mesh.triangle_mids.as_flattened_mut();
+    for v in mesh.triangles.as_flattened_mut().iter_mut().chain(mids) {
+        let new = &mut number[*v as usize];
+        if *new == u32::MAX {
+            *new = points.len() as u32;
+            points.push(mesh.points[*v as usize]);
+        }
+        *v = *new;
+    }
+    for column in &mut mesh.columns {
+        let mut values = vec![0.0; points.len()];
+        for (old, new) in number.iter().enumerate().filter(|(_, n)| **n != u32::MAX) {
+            values[*new as usize] = column.values[old];
+        }
+        column.values = values;
+    }
+    mesh.points = points;
+    // A smooth surface has none of these.
+    mesh.edges.clear();
+    mesh.edge_mids.clear();
+    mesh.edge_curves.clear();
+    mesh.corners.clear();
+}
