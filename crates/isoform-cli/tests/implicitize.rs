@@ -17,7 +17,7 @@ fn sphere() -> String {
 #[test]
 fn a_scan_becomes_a_model_for_the_other_verbs() {
     let f = Folder::new("implicitize");
-    let scan = f.file("scan.xyz", &sphere());
+    let scan = f.file("scan.xyz", sphere());
     let model = f.file("surface.json", "");
     let o = isoform(&["implicitize", &scan, "-o", &model, "--json", "--force"]);
     let report = document(&o);
@@ -127,7 +127,7 @@ fn what_is_wrong_is_said() {
         "{}",
         stderr(&o)
     );
-    let scan = f.file("scan.xyz", &sphere());
+    let scan = f.file("scan.xyz", sphere());
     let o = isoform(&["implicitize", &scan, "--normals", "given"]);
     assert_eq!(code(&o), 2);
     assert!(
