@@ -1,14 +1,14 @@
 //! A compiled model with fixed parameters as a solid of smooth pieces.
 //!
 //! The parameters are put into the expression before it is split, so that factors have signs and
-//! what does not depend on space is computed once. Each piece has a tape of its own; where many
-//! pieces are wanted at once a common tape shares what they share.
+//! subexpressions that do not depend on space are computed once. Each piece has a tape of its own;
+//! where many pieces are wanted at once a common tape computes their shared subexpressions once.
 
 use crate::block::{Block, LANES, Row};
 use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::{Model, NotCompilable};
 use crate::ops::{Ops, Unary};
-use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
+use crate::split::{Function, MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
 use isoform_num::{Interval, Jet1, Jet2, Real};
@@ -72,14 +72,21 @@ impl From<SplitError> for SolidError {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Pieces {
+    /// The name of each piece.
     names: Vec<String>,
+    /// The solid as minima and maxima over the pieces.
     tree: Csg,
+    /// The tape of each piece.
     each: Vec<Tape>,
+    /// The common tape of all pieces.
     all: Tape,
+    /// The tape of the model's own function.
     own: Tape,
+    /// The ranges of the pieces over boxes.
     ranges: Ranges,
-    /// The functions of the pieces.
+    /// The functions of the pieces as expressions.
     graph: Graph,
+    /// The node of each piece in the graph.
     roots: Vec<NodeId>,
 }
 
@@ -137,26 +144,31 @@ impl Pieces {
         (self.graph.clone(), self.roots.clone())
     }
 
-    /// Number of operations of a piece's function: what its evaluation costs.
+    /// Number of operations of a piece's function, the cost of its evaluation.
     pub fn cost(&self, piece: u32) -> usize {
         self.each[piece as usize].len()
     }
 }
 
-/// How ranges of the pieces are computed. Interval arithmetic takes the arguments of a blend for
-/// independent and loses its width; since a blend is monotone in each, the ends of their ranges
-/// give its own.
+/// The computation of the pieces' ranges over a box. Interval arithmetic takes the arguments of a
+/// blend for independent and makes its range too wide; since a blend is monotone in each, the ends
+/// of their ranges give its own.
 #[derive(Clone, Debug)]
 struct Ranges {
+    /// The ranges that are computed, one step each.
     steps: Vec<RangeOf>,
+    /// The monotone functions of the steps.
     functions: Vec<Tape>,
-    /// By piece, the steps that its range takes, each after those that it uses; its own is last.
+    /// By piece, the steps that its range takes, each after the steps that it uses; its own is last.
     pieces: Vec<Vec<usize>>,
 }
 
+/// One step of the computation of ranges.
 #[derive(Clone, Debug)]
 enum RangeOf {
+    /// Interval arithmetic.
     Tape(Tape),
+    /// The negative of a step.
     Negative(usize),
     /// A function of steps, and whether it rises in each.
     Monotone(usize, Vec<(usize, bool)>),
@@ -173,36 +185,44 @@ impl RangeOf {
     }
 }
 
+/// The tapes of monotone functions, each compiled once.
+#[derive(Default)]
+struct Compiled {
+    functions: Vec<Tape>,
+    /// By address of a function, its place in the list.
+    known: HashMap<*const Function, usize>,
+}
+
+impl Compiled {
+    /// The place of a function of space and its inputs.
+    fn place(&mut self, of: &Monotone) -> usize {
+        let function = &of.function;
+        *self.known.entry(Rc::as_ptr(function)).or_insert_with(|| {
+            let n = 3 + of.inputs.len();
+            let tape = Tape::new(&function.graph, &[function.root], n, 0);
+            self.functions.push(tape);
+            self.functions.len() - 1
+        })
+    }
+}
+
 impl Ranges {
+    /// Settles the steps for all pieces; `monotone` are the blends that are known to be monotone.
     fn new(graph: &Graph, pieces: &[NodeId], monotone: &HashMap<NodeId, Monotone>) -> Self {
         let need = needed(graph, pieces, monotone);
         let step: HashMap<NodeId, usize> =
             need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
         let roots: Vec<NodeId> = need.keys().copied().collect();
         let together = Tape::new(graph, &roots, 3, 0);
-        let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
+        let mut compiled = Compiled::default();
         let steps: Vec<RangeOf> = need
             .iter()
             .enumerate()
             .map(|(k, (id, known))| match (known, graph.node(*id)) {
-                (Some(Monotone { function, inputs }), _) => {
-                    let at = *compiled.entry(Rc::as_ptr(function)).or_insert_with(|| {
-                        functions.push(Tape::new(
-                            &function.graph,
-                            &[function.root],
-                            3 + inputs.len(),
-                            0,
-                        ));
-                        functions.len() - 1
-                    });
-                    RangeOf::Monotone(
-                        at,
-                        inputs
-                            .iter()
-                            .map(|u| step[u])
-                            .zip(function.rises.iter().copied())
-                            .collect(),
-                    )
+                (Some(of), _) => {
+                    let inputs = of.inputs.iter().map(|u| step[u]);
+                    let rises = of.function.rises.iter().copied();
+                    RangeOf::Monotone(compiled.place(of), inputs.zip(rises).collect())
                 }
                 (None, Node::Unary(Unary::Neg, u)) => RangeOf::Negative(step[u]),
                 _ => RangeOf::Tape(together.result(k)),
@@ -211,7 +231,7 @@ impl Ranges {
         let pieces = pieces.iter().map(|id| order(&steps, step[id])).collect();
         Self {
             steps,
-            functions,
+            functions: compiled.functions,
             pieces,
         }
     }
@@ -230,7 +250,7 @@ impl Ranges {
         ranges[order.len() - 1]
     }
 
-    /// The range of a step, from those of the steps before it in the order.
+    /// The range of a step, from the ranges of the steps before it in the order.
     fn step(
         &self,
         step: usize,
@@ -247,26 +267,37 @@ impl Ranges {
             RangeOf::Tape(tape) => tape.range(x, &[], scratch),
             RangeOf::Negative(u) => -of(u),
             RangeOf::Monotone(function, inputs) => {
-                let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
-                for (k, (input, rises)) in inputs.iter().enumerate() {
-                    let range = of(input);
-                    let (low, high) = if *rises {
-                        (range.lo(), range.hi())
-                    } else {
-                        (range.hi(), range.lo())
-                    };
-                    ends[0][3 + k] = Interval::new(low, low);
-                    ends[1][3 + k] = Interval::new(high, high);
-                }
-                let [low, high] =
-                    ends.map(|ends| self.functions[*function].range(&ends, &[], scratch));
-                Interval::new(low.lo(), high.hi().max(low.lo()))
+                let ranges = inputs.iter().map(|(input, rises)| (of(input), *rises));
+                monotone_range(&self.functions[*function], ranges, scratch)
             }
         }
     }
 }
 
-/// The pieces and what their ranges are computed from, with what is known of each.
+/// The range of a function that is monotone in each input, from its values where all inputs are at
+/// the end that makes it least, and greatest. `inputs` are their ranges, and whether it rises in
+/// each.
+fn monotone_range(
+    function: &Tape,
+    inputs: impl Iterator<Item = (Interval, bool)>,
+    scratch: &mut Vec<Interval>,
+) -> Interval {
+    let mut ends = [[Interval::ALL; 3 + MOST_INPUTS]; 2];
+    for (k, (range, rises)) in inputs.enumerate() {
+        let (low, high) = if rises {
+            (range.lo(), range.hi())
+        } else {
+            (range.hi(), range.lo())
+        };
+        ends[0][3 + k] = Interval::new(low, low);
+        ends[1][3 + k] = Interval::new(high, high);
+    }
+    let [low, high] = ends.map(|ends| function.range(&ends, &[], scratch));
+    Interval::new(low.lo(), high.hi().max(low.lo()))
+}
+
+/// The nodes whose ranges are computed, for the pieces and for the inputs of monotone functions,
+/// each with its monotone function if it is one.
 ///
 /// A monotone function counts only where its inputs were made before it: of r - min(q, 0) the piece
 /// for 0 is r itself, a function of r and 0, and its range would be computed from itself.
@@ -296,7 +327,7 @@ fn needed(
     need
 }
 
-/// A step and those that it uses, all the way down, in the order of computation.
+/// A step and the steps that it depends on, in the order of computation.
 fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     let (mut found, mut pending) = (BTreeSet::new(), vec![last]);
     while let Some(step) = pending.pop() {
@@ -307,6 +338,7 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     found.into_iter().collect()
 }
 
+/// Whether the model is one of space, and `a` has a value for each parameter.
 fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
     if model.dimension() != 3 {
         return Err(SolidError::Dimension {
@@ -330,8 +362,8 @@ thread_local! {
     static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
 }
 
-/// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread
-/// would start with an empty one.
+/// Runs with this thread's scratch space, which is taken out meanwhile: a use within the run starts
+/// with an empty one.
 fn with<T, R>(
     scratch: &'static std::thread::LocalKey<Cell<Vec<T>>>,
     run: impl FnOnce(&mut Vec<T>) -> R,
@@ -342,7 +374,7 @@ fn with<T, R>(
     result
 }
 
-/// Fewer points than this are cheaper one by one than as a block.
+/// Number of points from which on a block is cheaper than one point after the other.
 const FEW: usize = 4;
 
 /// Results of a tape at the points: row r of `out` is result `result(r)`.
@@ -462,6 +494,7 @@ impl RunField {
         })
     }
 
+    /// Runs the program at each point, in any number type.
     fn run<R: Real + 'static>(
         &self,
         points: impl Iterator<Item = [R; 3]>,
