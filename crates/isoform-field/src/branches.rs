@@ -135,9 +135,7 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
 
 /// The expression with one question answered.
 fn decided(graph: &mut Graph, root: NodeId, question: Question, yes: bool) -> NodeId {
-    let (nx, na) = graph.inputs(root);
-    let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
-    let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
+    let (x, a) = graph.input_nodes(graph.inputs(root));
     let source = graph.clone();
     let mut target = Deciding {
         graph,

@@ -279,11 +279,7 @@ impl DistanceField for Distance {
         let mut points = vec![[0.0; 3]; self.piece()];
         for _ in 0..MOST_ROUNDS {
             for p in &mut points {
-                let mut step = 1.0;
-                for v in &mut even {
-                    step /= SPREAD;
-                    *v = (*v + step).fract();
-                }
+                spread(&mut even);
                 let at = std::array::from_fn(|i| region.lo[i] + even[i] * size[i]);
                 *p = frame.out(at);
             }
@@ -405,6 +401,22 @@ struct Crowd {
     first: usize,
     /// Distance to the best place found on the surface.
     best: f64,
+}
+
+impl Crowd {
+    /// The nearest of `count` pieces by their first-order distances `off`; the pieces within reach
+    /// are asked first.
+    fn new(point: usize, count: u32, reach: f64, off: impl Fn(u32) -> f64) -> Self {
+        let mut near: Vec<u32> = (0..count).collect();
+        near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
+        near.truncate(NEAR);
+        Self {
+            point,
+            first: near.iter().filter(|k| off(**k) <= reach).count(),
+            near,
+            best: f64::INFINITY,
+        }
+    }
 }
 
 /// Evaluates the pieces at given parameters, and finds foot points with them.
@@ -547,24 +559,12 @@ impl<'t> Finder<'t> {
     /// Foot points where several pieces are near. The pieces within [`CLEARLY`] first-order
     /// distances are asked first: no farther piece can matter unless none of them is met.
     fn crowded(&mut self, points: &[Point3], crowded: &[usize], d: &[f64], out: &mut [Foot]) {
-        let n = points.len();
-        let count = self.solid.sheets.len() as u32;
-        let mut cases: Vec<Crowd> = crowded
-            .iter()
-            .map(|&i| {
-                let off = |k: u32| d[k as usize * n + i].abs();
-                let mut near: Vec<u32> = (0..count).collect();
-                near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
-                near.truncate(NEAR);
-                let reach = CLEARLY * out[i].distance.abs() + aside(points[i]);
-                Crowd {
-                    point: i,
-                    first: near.iter().filter(|k| off(**k) <= reach).count(),
-                    near,
-                    best: f64::INFINITY,
-                }
-            })
-            .collect();
+        let (n, count) = (points.len(), self.solid.sheets.len() as u32);
+        let case = |&i: &usize| {
+            let reach = CLEARLY * out[i].distance.abs() + aside(points[i]);
+            Crowd::new(i, count, reach, |k| d[k as usize * n + i].abs())
+        };
+        let mut cases: Vec<Crowd> = crowded.iter().map(case).collect();
         self.combine(points, &mut cases, d, out);
         cases.retain(|c| c.best.is_infinite() && c.first < c.near.len());
         for case in &mut cases {
@@ -784,6 +784,15 @@ impl Try {
             (normals[0], [1.0, 0.0, 0.0])
         };
         (foot.at, foot.pieces, foot.order) = (self.q, self.pieces, self.order);
+    }
+}
+
+/// The next point of an even sequence in the unit cube.
+fn spread(even: &mut Point3) {
+    let mut step = 1.0;
+    for v in even {
+        step /= SPREAD;
+        *v = (*v + step).fract();
     }
 }
 

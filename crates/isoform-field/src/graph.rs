@@ -290,12 +290,17 @@ impl Graph {
         self.lowered_all(&[root]).remove(0)
     }
 
+    /// The nodes of the first coordinates and the first parameters.
+    pub(crate) fn input_nodes(&mut self, (nx, na): (usize, usize)) -> (Vec<NodeId>, Vec<NodeId>) {
+        let x = (0..nx).map(|i| self.x(i)).collect();
+        let a = (0..na).map(|i| self.param(i)).collect();
+        (x, a)
+    }
+
     /// [`Graph::lowered`] of several roots.
     pub(crate) fn lowered_all(&mut self, roots: &[NodeId]) -> Vec<NodeId> {
         let source = self.clone();
-        let (nx, na) = source.inputs_of(roots);
-        let x: Vec<NodeId> = (0..nx).map(|i| self.x(i)).collect();
-        let a: Vec<NodeId> = (0..na).map(|i| self.param(i)).collect();
+        let (x, a) = self.input_nodes(source.inputs_of(roots));
         source.rewrite_all(roots, &mut Lowering(self), &x, &a, |_, _, _| {})
     }
 

@@ -242,8 +242,17 @@ struct Sums {
 }
 
 impl Polynomial {
-    /// The sums for a point, its absolute values, and the absolute values of the farthest corner.
-    fn sums(&self, [here, near, far]: [Derivatives; 3]) -> Sums {
+    /// The sums of the terms, and of their absolute values, for a point and for the farthest corner
+    /// of a region.
+    fn sums(&self, at: Point3, region: Aabb) -> Sums {
+        let reach: Point3 =
+            std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
+        let [here, near, far] = [
+            at,
+            at.map(f64::abs),
+            std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
+        ]
+        .map(|p| Derivatives::new(p, self.degrees));
         let (mut signed, mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 20], [0.0f64; 10]);
         for (e, c) in &self.terms {
             let (h, n, f) = (here.of(e), near.of(e), far.of(e));
@@ -305,21 +314,11 @@ impl Field for Polynomial {
         })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        // Sums of the terms, and of their absolute values, for the point and for the farthest
-        // corner of the region.
-        let reach: Point3 =
-            std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
-        let [here, near, far] = [
-            at,
-            at.map(f64::abs),
-            std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
-        ]
-        .map(|p| Derivatives::new(p, self.degrees));
         let Sums {
             signed: sums,
             absolute,
             wide,
-        } = self.sums([here, near, far]);
+        } = self.sums(at, region);
         let rounding = self.rounding();
         let ball = |m: f64, r: f64| Interval::new((m - r).next_down(), (m + r).next_up());
         let point = |k: usize| ball(sums[k], rounding * absolute[k]);

@@ -101,12 +101,21 @@ struct Sums {
 }
 
 impl Sums {
-    /// For an even number of rows.
+    /// The sums over no points, for an even number of rows.
     fn new(rows: usize) -> Self {
         let pairs = rows / 2;
         Self {
             products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4],
         }
+    }
+    /// The sums for row m with itself, for row m with the rows before it, and for each pair of these.
+    fn list(&self, m: usize) -> Vec<f64> {
+        let gradient = (0..m).map(|i| self.get(m, i));
+        let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        std::iter::once(self.get(m, m))
+            .chain(gradient)
+            .chain(hessian.map(|(i, j)| self.get(i, j)))
+            .collect()
     }
     /// The sum for rows i ≥ j.
     fn get(&self, i: usize, j: usize) -> f64 {
@@ -203,12 +212,7 @@ impl Residual {
             let weights = Self::lane_weights(weights, from + k * LANES, chunk.len());
             accumulate(&mut sums, &rows, &weights);
         }
-        let gradient = (0..m).map(|i| sums.get(m, i));
-        let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
-        std::iter::once(sums.get(m, m))
-            .chain(gradient)
-            .chain(hessian.map(|(i, j)| sums.get(i, j)))
-            .collect()
+        sums.list(m)
     }
 
     /// A sum over the pieces of the points, each computed by `work` into a vector, added in the

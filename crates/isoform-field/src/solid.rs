@@ -94,15 +94,8 @@ impl Pieces {
     /// The expression `root` of three coordinates, with `a` for its parameters.
     pub fn new(graph: &Graph, root: NodeId, a: &[f64]) -> Result<Self, SolidError> {
         let (nx, na) = graph.inputs(root);
-        if nx > 3 {
-            return Err(SolidError::Dimension { found: nx });
-        }
-        if na > a.len() {
-            return Err(SolidError::Parameters {
-                expected: na,
-                found: a.len(),
-            });
-        }
+        // An expression need not use all coordinates and parameters.
+        check_inputs((nx.max(3), na.max(a.len())), a)?;
         let mut bound = Graph::new();
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
@@ -340,14 +333,17 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
 
 /// Whether the model is one of space, and `a` has a value for each parameter.
 fn check(model: &Model, a: &[f64]) -> Result<(), SolidError> {
-    if model.dimension() != 3 {
-        return Err(SolidError::Dimension {
-            found: model.dimension(),
-        });
+    check_inputs((model.dimension(), model.n_params()), a)
+}
+
+/// Whether there are three coordinates, and as many parameters as values.
+fn check_inputs((nx, na): (usize, usize), a: &[f64]) -> Result<(), SolidError> {
+    if nx != 3 {
+        return Err(SolidError::Dimension { found: nx });
     }
-    if model.n_params() != a.len() {
+    if na != a.len() {
         return Err(SolidError::Parameters {
-            expected: model.n_params(),
+            expected: na,
             found: a.len(),
         });
     }

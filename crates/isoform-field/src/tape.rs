@@ -82,6 +82,35 @@ enum Choice {
     Second,
 }
 
+/// The nodes of an expression as a tape has them, each kind in the order of creation.
+struct Order {
+    /// Constants, coordinates and parameters.
+    inputs: Vec<NodeId>,
+    /// Operations that do not depend on the coordinates.
+    uniform: Vec<NodeId>,
+    /// Operations that do.
+    varying: Vec<NodeId>,
+}
+
+impl Order {
+    /// The nodes that are needed.
+    fn new(graph: &Graph, need: &[bool]) -> Self {
+        let nodes = (0..graph.len()).filter(|&i| need[i]);
+        let nodes = nodes.map(|i| NodeId(i as u32));
+        let (inputs, computed): (Vec<NodeId>, Vec<NodeId>) = nodes.partition(|id| {
+            let node = graph.node(*id);
+            matches!(node, Node::Constant(_) | Node::X(_) | Node::Param(_))
+        });
+        let in_space = |id: &NodeId| graph.is_in_space(*id);
+        let (varying, uniform) = computed.into_iter().partition(in_space);
+        Self {
+            inputs,
+            uniform,
+            varying,
+        }
+    }
+}
+
 impl Tape {
     /// Compiles the expressions `roots`; library functions are expanded. `n_x` coordinates and
     /// `n_params` parameters are inputs, used or not.
@@ -92,27 +121,19 @@ impl Tape {
         let mut g = graph.clone();
         let roots = g.lowered_all(roots);
         let need = g.reachable(&roots);
-        let nodes: Vec<NodeId> = (0..g.len())
-            .filter(|&i| need[i])
-            .map(|i| NodeId(i as u32))
-            .collect();
-        let is_input =
-            |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
-        let (inputs, computed): (Vec<NodeId>, Vec<NodeId>) = nodes.into_iter().partition(is_input);
-        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) =
-            computed.into_iter().partition(|&id| g.is_in_space(id));
-        let constants = inputs.iter().filter_map(|&id| g.constant_value(id));
+        let order = Order::new(&g, &need);
+        let constants = order.inputs.iter().filter_map(|&id| g.constant_value(id));
         let mut tape = Self {
             n_x,
             n_params,
             constants: constants.collect(),
             code: Vec::new(),
-            uniform: uniform.len(),
+            uniform: order.uniform.len(),
             natives: Vec::new(),
             roots: Vec::new(),
         };
-        let mut slots = tape.slots_of(&g, &inputs);
-        for id in uniform.into_iter().chain(varying) {
+        let mut slots = tape.slots_of(&g, &order.inputs);
+        for id in order.uniform.into_iter().chain(order.varying) {
             let instruction = tape.instruction(&g, id, &slots);
             slots[id.at()] = (tape.first_code() + tape.code.len()) as u32;
             tape.code.push(instruction);
