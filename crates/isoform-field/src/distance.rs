@@ -300,9 +300,7 @@ impl ParamField for Distance {
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
         let piece = self.piece();
         let work = |(points, out): (&[Point3], &mut [f64])| {
-            let mut feet = vec![Foot::NONE; points.len()];
-            Finder::new(self, a).feet(points, &mut feet);
-            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+            Finder::new(self, a).distances(points, out);
         };
         points
             .par_chunks(piece)
@@ -318,9 +316,7 @@ impl ParamField for Distance {
         let (out, jac) = (&mut out[..points.len()], &mut jac[..points.len() * m]);
         let work = |((points, out), jac): ((&[Point3], &mut [f64]), &mut [f64])| {
             let mut finder = Finder::new(self, a);
-            let mut feet = vec![Foot::NONE; points.len()];
-            finder.feet(points, &mut feet);
-            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+            let feet = finder.distances(points, out);
             finder.by_params(&feet, jac);
         };
         if points.len() <= piece || m == 0 {
@@ -473,6 +469,14 @@ impl<'t> Finder<'t> {
                 );
             }
         }
+    }
+
+    /// The feet of the points; writes their distances.
+    fn distances(&mut self, points: &[Point3], out: &mut [f64]) -> Vec<Foot> {
+        let mut feet = vec![Foot::NONE; points.len()];
+        self.feet(points, &mut feet);
+        out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+        feet
     }
 
     /// The feet of the points. Faces come first: where the nearest one is near beyond doubt, nothing

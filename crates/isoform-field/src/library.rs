@@ -355,17 +355,21 @@ fn superellipsoid<O: Ops>(o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
     let two = o.constant(2.0);
     let (e1, e2) = (o.div(&two, &n[3]), o.div(&two, &n[4]));
     let ratio = o.div(&n[4], &n[3]);
-    let term = |o: &mut O, i: usize, e: &O::V| {
-        let t = o.div(&u[i], &n[i]);
-        let t = o.abs(&t);
-        power_from_zero(o, &t, e)
-    };
-    let (a, b, c) = (term(o, 0, &e2), term(o, 1, &e2), term(o, 2, &e1));
+    let a = scaled_power(o, &u[0], &n[0], &e2);
+    let b = scaled_power(o, &u[1], &n[1], &e2);
+    let c = scaled_power(o, &u[2], &n[2], &e1);
     let s = o.add(&a, &b);
     let s = power_from_zero(o, &s, &ratio);
     let one = o.constant(1.0);
     let s = o.sub(&one, &s);
     o.sub(&s, &c)
+}
+
+/// |u/a|^e
+fn scaled_power<O: Ops>(o: &mut O, u: &O::V, a: &O::V, e: &O::V) -> O::V {
+    let t = o.div(u, a);
+    let t = o.abs(&t);
+    power_from_zero(o, &t, e)
 }
 
 /// t^e for t ≥ 0, with 0^e = 0 and no derivative there.

@@ -129,12 +129,10 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     let Some(m) = second_largest_root(&c) else {
         return R::constant(0.0);
     };
-    let (f, g, r) = (args[0].clone(), args[1].clone(), args[2].clone());
-    let q = r.sqrt();
-    let k = R::constant;
-    let mut m = k(m);
+    let q = args[2].sqrt();
+    let mut m = R::constant(m);
     for _ in 0..3 {
-        let (value, slope) = sardf_quartic([&f, &g, &r, &q], &m);
+        let (value, slope) = sardf_quartic([&args[0], &args[1], &args[2], &q], &m);
         if slope.value() == 0.0 {
             break;
         }

@@ -151,6 +151,18 @@ fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES];
     (*into00, *into01, *into10, *into11) = (s00, s01, s10, s11);
 }
 
+/// Two rows times the weights, lane by lane.
+#[inline(always)]
+fn weighted(rows: [&Lane<LANES>; 2], w: &[f64; LANES]) -> [Lane<LANES>; 2] {
+    let mut weighted = [Lane([0.0; LANES]); 2];
+    for (to, row) in weighted.iter_mut().zip(rows) {
+        for l in 0..LANES {
+            to.0[l] = w[l] * row.0[l];
+        }
+    }
+    weighted
+}
+
 /// All products of pairs of rows, in squares of two by two. Rows 0 to n − 1 are the derivatives, row
 /// n the values. A product above the diagonal is computed with its square and never read.
 #[inline(always)]
@@ -158,12 +170,7 @@ fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     let n = rows.len();
     for i in (0..n).step_by(2) {
         let pair = [&rows[i], &rows[i + 1]];
-        let mut weighted = [Lane([0.0; LANES]); 2];
-        for (to, row) in weighted.iter_mut().zip(pair) {
-            for l in 0..LANES {
-                to.0[l] = w[l] * row.0[l];
-            }
-        }
+        let weighted = weighted(pair, w);
         for j in (0..=i).step_by(2) {
             let at = (i / 2 * (i / 2 + 1) / 2 + j / 2) * 4;
             let [s00, s01, s10, s11] = &mut sums.products[at..at + 4] else {

@@ -502,19 +502,25 @@ impl Reader<'_> {
             _ => self.own_name(id),
         };
         for factor in [u, v] {
-            let face = self.graph.mul(&sign, &factor);
-            let face = self.graph.lowered(face);
-            let distance = self.first_order(face).unwrap_or(face);
-            let (piece, distance) = self.signed(negative, face, distance);
-            let (part, tree) = self.single(name.clone(), piece);
-            steps.push(Step::Face(Face {
-                distance,
-                part,
-                tree,
-            }));
+            let function = self.graph.mul(&sign, &factor);
+            let face = self.slab_face(function, negative, name.clone());
+            steps.push(Step::Face(face));
         }
         steps.push(Step::Join { is_min: !negative });
         true
+    }
+
+    /// One of the two faces of a slab, where `function` vanishes.
+    fn slab_face(&mut self, function: NodeId, negative: bool, name: String) -> Face {
+        let face = self.graph.lowered(function);
+        let distance = self.first_order(face).unwrap_or(face);
+        let (piece, distance) = self.signed(negative, face, distance);
+        let (part, tree) = self.single(name, piece);
+        Face {
+            distance,
+            part,
+            tree,
+        }
     }
 
     /// −1 for parameters where the slab u·v with ∇u = −c ∇v is turned inside out, else 1: u + c v

@@ -373,6 +373,24 @@ fn with<T, R>(
 /// Number of points from which on a block is cheaper than one point after the other.
 const FEW: usize = 4;
 
+/// As [`values`], one point after the other.
+fn few_values(
+    tape: &Tape,
+    points: &[Point3],
+    rows: usize,
+    result: impl Fn(usize) -> usize,
+    out: &mut [f64],
+) {
+    with(&NUMBERS, |scratch| {
+        for (i, p) in points.iter().enumerate() {
+            tape.eval(p, &[], scratch);
+            for row in 0..rows {
+                out[row * points.len() + i] = scratch[tape.roots[result(row)] as usize];
+            }
+        }
+    });
+}
+
 /// Results of a tape at the points: row r of `out` is result `result(r)`.
 fn values(
     tape: &Tape,
@@ -383,14 +401,7 @@ fn values(
 ) {
     let n = points.len();
     if n < FEW {
-        return with(&NUMBERS, |scratch| {
-            for (i, p) in points.iter().enumerate() {
-                tape.eval(p, &[], scratch);
-                for row in 0..rows {
-                    out[row * n + i] = scratch[tape.roots[result(row)] as usize];
-                }
-            }
-        });
+        return few_values(tape, points, rows, result, out);
     }
     with(&ROWS, |space| {
         let mut block = Block::values_in(tape, std::mem::take(space));

@@ -123,15 +123,8 @@ impl Tape {
         let need = g.reachable(&roots);
         let order = Order::new(&g, &need);
         let constants = order.inputs.iter().filter_map(|&id| g.constant_value(id));
-        let mut tape = Self {
-            n_x,
-            n_params,
-            constants: constants.collect(),
-            code: Vec::new(),
-            uniform: order.uniform.len(),
-            natives: Vec::new(),
-            roots: Vec::new(),
-        };
+        let mut tape = Self::with_inputs(n_x, n_params, constants.collect());
+        tape.uniform = order.uniform.len();
         let mut slots = tape.slots_of(&g, &order.inputs);
         for id in order.uniform.into_iter().chain(order.varying) {
             let instruction = tape.instruction(&g, id, &slots);
@@ -358,11 +351,11 @@ impl Tape {
         need
     }
 
-    /// A tape with these constants and the inputs of this one, still without operations.
-    fn with_inputs_of(&self, constants: Vec<f64>) -> Self {
+    /// A tape with these inputs and constants, still without operations.
+    fn with_inputs(n_x: usize, n_params: usize, constants: Vec<f64>) -> Self {
         Self {
-            n_x: self.n_x,
-            n_params: self.n_params,
+            n_x,
+            n_params,
             constants,
             code: Vec::new(),
             uniform: 0,
@@ -382,7 +375,7 @@ impl Tape {
         let n = constants.len() as u32;
         place.extend(inputs.clone().map(|s| (s, s - inputs.start + n)));
         let values = constants.iter().map(|&s| self.constants[s as usize]);
-        let mut tape = self.with_inputs_of(values.collect());
+        let mut tape = Self::with_inputs(self.n_x, self.n_params, values.collect());
         for &slot in need.range(inputs.end..) {
             let (k, at) = (slot as usize - first, |s: u32| place[&s]);
             let moved = self.moved(&self.code[k], at, &mut tape.natives);

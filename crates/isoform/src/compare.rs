@@ -1,9 +1,10 @@
 //! Two-sided deviation between any two of points, meshes and models.
 //!
-//! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples
-//! are measured exactly); of a model the metric reading, which is the distance to first order;
-//! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
-//! reading and asked how far they went. Meshes and models are sampled evenly.
+//! The distance from points is the distance from the nearest point; from a mesh, from the nearest
+//! triangle (the triangles of the nearest samples are measured exactly); from a model, its metric
+//! reading, which is the distance to first order. Points of meshes, which lie near, are brought to
+//! the model's surface by Newton's method on that reading, and the way is measured. Meshes and
+//! models are sampled evenly.
 
 use crate::FrepTemplate;
 use crate::facets::on_triangle;
@@ -11,11 +12,11 @@ use isoform_fit::{Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use serde::Serialize;
 
-/// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among
-/// them.
+/// Number of nearest samples of a mesh whose triangles are measured: the nearest triangle is nearly
+/// always among them.
 const NEAREST: usize = 32;
 
-/// Fewest samples of a triangle.
+/// Smallest number of samples of a triangle.
 const LEAST: f64 = 4.0;
 
 /// One of the two things.
@@ -86,6 +87,7 @@ pub fn compare(
     Ok((summary(&there), summary(&back)))
 }
 
+/// The points in the coordinates of their file.
 fn absolute(cloud: &PointCloud) -> Vec<Point3> {
     (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect()
 }
@@ -93,10 +95,13 @@ fn absolute(cloud: &PointCloud) -> Vec<Point3> {
 /// Points of a side; of a mesh with the triangle of each.
 struct Sampled {
     points: Vec<Point3>,
+    /// The corners of each triangle.
     triangles: Vec<[Point3; 3]>,
+    /// By point, its triangle; empty if there are none.
     owner: Vec<u32>,
 }
 
+/// Samples of a side: `wanted` ones of a mesh or of a model's surface in the region, or its points.
 fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, CompareError> {
     let mut out = Sampled {
         points: Vec::new(),
@@ -116,24 +121,44 @@ fn sampled(side: &Side, region: Option<Aabb>, wanted: usize) -> Result<Sampled, 
                 .iter()
                 .map(|t| t.map(|v| corners[v as usize]))
                 .collect();
-            let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
-            let total: f64 = out.triangles.iter().map(area).sum();
-            let mut owed = 0.0;
-            for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-                // Every triangle has some, so that none is overlooked where nearest ones are
-                // sought.
-                owed += (area(t) / total * wanted as f64).max(LEAST);
-                while owed >= 1.0 {
-                    owed -= 1.0;
-                    out.points.push(on_triangle(out.points.len() as u32, *t));
-                    out.owner.push(i as u32);
-                }
-            }
+            out.sample_triangles(wanted);
         }
     }
     Ok(out)
 }
 
+impl Sampled {
+    /// Samples the triangles by area. Every triangle has some samples, so that none is overlooked
+    /// where nearest triangles are sought.
+    fn sample_triangles(&mut self, wanted: usize) {
+        let area = |t: &[Point3; 3]| 0.5 * norm(cross(sub(t[1], t[0]), sub(t[2], t[0])));
+        let total: f64 = self.triangles.iter().map(area).sum();
+        let mut owed = 0.0;
+        for (i, t) in self.triangles.iter().enumerate().filter(|_| total > 0.0) {
+            owed += (area(t) / total * wanted as f64).max(LEAST);
+            while owed >= 1.0 {
+                owed -= 1.0;
+                self.points.push(on_triangle(self.points.len() as u32, *t));
+                self.owner.push(i as u32);
+            }
+        }
+    }
+
+    /// The distance from the nearest triangle, or from the nearest point if there are none; `near`
+    /// is scratch.
+    fn distance(&self, tree: &KdTree, p: Point3, near: &mut Vec<(f64, u32)>) -> f64 {
+        if self.owner.is_empty() {
+            return tree.nearest(p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
+        }
+        tree.nearest_k(p, NEAREST, near);
+        let triangle = |i: usize| &self.triangles[self.owner[i] as usize];
+        near.iter()
+            .map(|f| to_triangle(p, triangle(f.1 as usize)))
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// Distances of points from a side; from a model `exactly` by foot points, else by its reading.
 fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> Vec<f64> {
     if let Side::Model(template, values) = to {
         if exactly {
@@ -151,25 +176,15 @@ fn distances(points: &[Point3], to: &Side, sampled: &Sampled, exactly: bool) -> 
     let mut found = Vec::new();
     points
         .iter()
-        .map(|p| {
-            if sampled.owner.is_empty() {
-                return tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
-            }
-            tree.nearest_k(*p, NEAREST, &mut found);
-            let triangle = |i: usize| &sampled.triangles[sampled.owner[i] as usize];
-            found
-                .iter()
-                .map(|f| to_triangle(*p, triangle(f.1 as usize)))
-                .fold(f64::INFINITY, f64::min)
-        })
+        .map(|p| sampled.distance(&tree, *p, &mut found))
         .collect()
 }
 
-/// Steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
+/// Number of steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
 const STEPS: usize = 6;
 
-/// How far each point is from its foot on the zero set, where Newton's method along gradients
-/// leads; by the value alone where it leads away.
+/// The distance of each point from its foot on the zero set, to which Newton's method along
+/// gradients leads; the value alone where it leads away.
 fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
@@ -220,6 +235,7 @@ fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
     (0..3).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
+/// Mean, largest and other figures of distances.
 fn summary(distances: &[f64]) -> Distances {
     let mut d: Vec<f64> = distances.to_vec();
     if d.is_empty() {

@@ -157,6 +157,7 @@ pub fn adapt_to_model(
     make(model, a, Some(given), options, control)
 }
 
+/// Meshes a model, or brings a given mesh onto it.
 fn make(
     model: &Model,
     a: &[f64],
@@ -170,22 +171,7 @@ fn make(
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
     }
-    let size = match options.size {
-        Some(size) => size,
-        None => own_size(solid, given, options, control)?,
-    };
-    let mut inner = Options {
-        size,
-        ..options.mesh.clone()
-    };
-    let is_surface = |mesh: &&Mesh| mesh.tets.is_empty();
-    if let Some(mesh) = given.filter(is_surface)
-        && options.size.is_none()
-        && inner.sizes.is_none()
-    {
-        // A surface keeps its smaller triangles where it has them.
-        inner.sizes = Some(own_sizes(mesh));
-    }
+    let inner = inner_options(solid, given, options, control)?;
     let (mut meshed, certificate) = match given {
         Some(mesh) => certified_adaptation(mesh, solid, &inner, options.limits, control)?,
         None => certified_mesh(solid, &inner, options.limits, control)?,
@@ -199,6 +185,32 @@ fn make(
         certificate,
         options: inner,
     })
+}
+
+/// The options of the mesher, with a length of edges if none is asked for. A surface keeps its
+/// smaller triangles where it has them.
+fn inner_options(
+    solid: &dyn Solid,
+    given: Option<&Mesh>,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<Options, MeshError> {
+    let size = match options.size {
+        Some(size) => size,
+        None => own_size(solid, given, options, control)?,
+    };
+    let mut inner = Options {
+        size,
+        ..options.mesh.clone()
+    };
+    let is_surface = |mesh: &&Mesh| mesh.tets.is_empty();
+    if let Some(mesh) = given.filter(is_surface)
+        && options.size.is_none()
+        && inner.sizes.is_none()
+    {
+        inner.sizes = Some(own_sizes(mesh));
+    }
+    Ok(inner)
 }
 
 /// The length of edges where none is asked for.

@@ -137,8 +137,7 @@ impl Finder<'_> {
             let is_on = self.has_both_signs(&own, &positive);
             for (l, &t) in good.iter().enumerate() {
                 // Pieces that are as close as the step can change their sign on the way.
-                let lone = close[l] <= u64::from(tries[t].order);
-                sound[t] = if lone {
+                sound[t] = if close[l] <= u64::from(tries[t].order) {
                     is_on >> l & 1 == 1
                 } else {
                     self.is_boundary(&tries[t], l)
