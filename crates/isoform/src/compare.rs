@@ -222,17 +222,20 @@ fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
     if is_inside && norm(n) > 0.0 {
         return (dot(sub(p, t[0]), n) / norm(n)).abs();
     }
-    let to_edge = |k: usize| {
-        let (e, v) = (sub(t[(k + 1) % 3], t[k]), sub(p, t[k]));
-        let ee = dot(e, e);
-        let s = if ee > 0.0 {
-            (dot(v, e) / ee).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        norm(sub(v, e.map(|c| s * c)))
-    };
+    let to_edge = |k: usize| to_segment(p, t[k], t[(k + 1) % 3]);
     (0..3).map(to_edge).fold(f64::INFINITY, f64::min)
+}
+
+/// Distance of a point from the segment between a and b.
+fn to_segment(p: Point3, a: Point3, b: Point3) -> f64 {
+    let (e, v) = (sub(b, a), sub(p, a));
+    let ee = dot(e, e);
+    let s = if ee > 0.0 {
+        (dot(v, e) / ee).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    norm(sub(v, e.map(|c| s * c)))
 }
 
 /// Mean, largest and other figures of distances.

@@ -360,19 +360,23 @@ fn kind_of(kind: ProgramKind) -> Kind {
     }
 }
 
+/// A bound, times the factor if it is a share of the box. A factor below 1 lowers a positive bound
+/// and must lower a negative one, too.
+fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
+    let value = bound.resolve(extents);
+    let factor = if value < 0.0 { 1.0 / factor } else { factor };
+    if bound.is_share() {
+        factor * value
+    } else {
+        value
+    }
+}
+
 /// A parameter of the program, for points in a box with these extents; `slack` are factors on its
 /// bounds where these are shares of the box.
 fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parameter {
     let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
-    // A factor below 1 lowers a positive bound and must lower a negative one, too.
-    let slackened = |v: Option<Amount>, factor: f64| {
-        let bound = amount(v)?;
-        let factor = if bound < 0.0 { 1.0 / factor } else { factor };
-        Some(match v {
-            Some(v) if v.is_share() => factor * bound,
-            _ => bound,
-        })
-    };
+    let slackened = |v: Option<Amount>, factor| v.map(|v| slackened(v, extents, factor));
     Parameter {
         name: info.name.clone(),
         kind: kind_of(info.kind),
@@ -481,14 +485,7 @@ fn posed_point(
         Pose::None | Pose::Translate => moved,
         Pose::Axis | Pose::Rigid | Pose::Similarity => {
             let y = in_base(g, base, &moved);
-            let zero = g.constant(0.0);
-            let r: [NodeId; 3] = std::array::from_fn(|i| {
-                if pose == Pose::Axis && i == 2 {
-                    zero
-                } else {
-                    g.param(first + 3 + i)
-                }
-            });
+            let r = rodrigues(g, pose, first + 3);
             turned_back(g, &r, &y)
         }
     };
@@ -497,6 +494,19 @@ fn posed_point(
     }
     let scale = g.param(first + 6);
     (turned.map(|p| g.div(&p, &scale)), Some(scale))
+}
+
+/// The Rodrigues vector of a pose with its parameters from index `first`; a pose that only tilts an
+/// axis has no turn about z.
+fn rodrigues(g: &mut Graph, pose: Pose, first: usize) -> [NodeId; 3] {
+    let zero = g.constant(0.0);
+    std::array::from_fn(|i| {
+        if pose == Pose::Axis && i == 2 {
+            zero
+        } else {
+            g.param(first + i)
+        }
+    })
 }
 
 /// R₀ᵀ x for the base rotation R₀.
