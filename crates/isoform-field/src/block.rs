@@ -1,8 +1,12 @@
-//! Evaluators that run a tape over blocks of points.
+//! Evaluators that run a tape over blocks of points: values forward, derivatives in reverse mode.
 //!
 //! Each slot holds one value per lane; the loops over lanes are compiled three times (baseline,
 //! AVX2, AVX-512) and chosen at run time. No fused multiply-add is used: every evaluator rounds
 //! like the oracle, on every machine.
+//!
+//! The reverse sweep passes the adjoint ∂f/∂w of a slot w on to its arguments: ∂f/∂u += ∂f/∂w ·
+//! ∂w/∂u. A [`Plan`] tells beforehand which slots have an adjoint that leads to a wanted input, and
+//! which contribution to a slot is its first, so that adjoints need not be cleared.
 
 use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
@@ -10,8 +14,8 @@ use crate::tape::{Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet1, Real};
 
-/// Points per block. 32 lanes keep values and adjoints of some sixty slots in the first-level
-/// cache; 64 were slower by 40 %.
+/// Number of points in a block. 32 lanes keep values and adjoints of some sixty slots in the
+/// first-level cache; 64 were slower by 40 %.
 pub(crate) const LANES: usize = 32;
 
 /// One value per lane, aligned to a cache line.
@@ -19,6 +23,7 @@ pub(crate) const LANES: usize = 32;
 #[repr(align(64))]
 pub(crate) struct Lane<const L: usize>(pub(crate) [f64; L]);
 
+/// A value at each point of a block.
 pub(crate) type Row = Lane<LANES>;
 const ZERO: Row = Lane([0.0; LANES]);
 
@@ -71,16 +76,19 @@ macro_rules! dispatch {
 }
 pub(crate) use dispatch;
 
-/// What a reverse sweep over a tape does, settled once.
+/// The course of a reverse sweep over a tape, settled once.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Plan {
+    /// By operation of the tape.
     steps: Vec<Step>,
     /// Wanted inputs without a path from the result: their adjoints are zero.
     unreached: Vec<u32>,
+    /// Whether adjoints that are zero stay zero whatever they are multiplied by.
     guard: bool,
 }
 
 impl Plan {
+    /// The sweep that computes the wanted derivatives of the first result.
     pub(crate) fn new(tape: &Tape, wanted: Wanted) -> Self {
         let (steps, unreached) = plan(tape, wanted);
         // Where a branch is not taken its operations may be singular: 0 · ∞ must then stay 0.
@@ -100,7 +108,9 @@ impl Plan {
 #[derive(Clone, Debug)]
 pub(crate) struct Block<'t> {
     tape: &'t Tape,
+    /// The values of the tape's slots.
     slots: Vec<Row>,
+    /// The derivatives of the first result by the slots; empty for values only.
     adjoints: Vec<Row>,
     plan: Option<&'t Plan>,
 }
@@ -131,6 +141,7 @@ impl<'t> Block<'t> {
         .with_constants()
     }
 
+    /// The rows of the slots, to be used again.
     pub(crate) fn into_rows(self) -> Vec<Row> {
         self.slots
     }
@@ -147,6 +158,7 @@ impl<'t> Block<'t> {
         .with_constants()
     }
 
+    /// Fills the slots of the constants.
     fn with_constants(mut self) -> Self {
         for (slot, &c) in self.slots.iter_mut().zip(&self.tape.constants) {
             slot.0 = [c; LANES];
@@ -154,7 +166,8 @@ impl<'t> Block<'t> {
         self
     }
 
-    /// Sets the parameters and computes what depends on them alone. To be called before any block.
+    /// Sets the parameters and computes the operations that depend on them alone. It is to be called
+    /// before any block is loaded.
     ///
     /// # Panics
     /// If `a` is shorter than the tape's parameters.
@@ -239,20 +252,32 @@ impl<'t> Block<'t> {
     }
 }
 
-fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
+/// The slots of the wanted inputs.
+fn wanted_inputs(tape: &Tape, wanted: Wanted) -> std::ops::Range<usize> {
     let (x, p, code) = (tape.first_x(), tape.first_param(), tape.first_code());
+    match wanted {
+        Wanted::Params => p..code,
+        Wanted::Space => x..p,
+        Wanted::All => x..code,
+    }
+}
+
+/// Which slots depend on one of the inputs.
+fn active_slots(tape: &Tape, inputs: std::ops::Range<usize>) -> Vec<bool> {
     let mut active = vec![false; tape.slots()];
-    let inputs: Vec<usize> = match wanted {
-        Wanted::Params => (p..code).collect(),
-        Wanted::Space => (x..p).collect(),
-        Wanted::All => (x..code).collect(),
-    };
-    for &i in &inputs {
-        active[i] = true;
-    }
+    active[inputs].fill(true);
     for (k, i) in tape.code.iter().enumerate() {
-        active[code + k] = tape.arguments(i).any(|a| active[a as usize]);
+        active[tape.first_code() + k] = tape.arguments(i).any(|a| active[a as usize]);
     }
+    active
+}
+
+/// The steps of the reverse sweep for the wanted inputs, and the wanted inputs that it does not
+/// reach.
+fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
+    let code = tape.first_code();
+    let inputs = wanted_inputs(tape, wanted);
+    let active = active_slots(tape, inputs.clone());
     let mut reached = vec![false; tape.slots()];
     reached[tape.roots[0] as usize] = true;
     let mut steps = vec![Step::default(); tape.code.len()];
@@ -277,14 +302,11 @@ fn plan(tape: &Tape, wanted: Wanted) -> (Vec<Step>, Vec<u32>) {
             }
         }
     }
-    let unreached = inputs
-        .into_iter()
-        .filter(|&i| !reached[i])
-        .map(|i| i as u32)
-        .collect();
+    let unreached = inputs.filter(|&i| !reached[i]).map(|i| i as u32).collect();
     (steps, unreached)
 }
 
+/// out = f(a), lane by lane.
 #[inline(always)]
 fn map1(out: &mut Row, a: &Row, f: impl Fn(f64) -> f64) {
     for l in 0..LANES {
@@ -292,6 +314,7 @@ fn map1(out: &mut Row, a: &Row, f: impl Fn(f64) -> f64) {
     }
 }
 
+/// out = f(a, b), lane by lane.
 #[inline(always)]
 fn map2(out: &mut Row, a: &Row, b: &Row, f: impl Fn(f64, f64) -> f64) {
     for l in 0..LANES {
@@ -301,6 +324,7 @@ fn map2(out: &mut Row, a: &Row, b: &Row, f: impl Fn(f64, f64) -> f64) {
 
 dispatch! { fn forward(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) = forward_body }
 
+/// Computes the operations `from..to` of the tape, one row of lanes each.
 #[inline(always)]
 fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
     let first = tape.first_code();
@@ -356,6 +380,7 @@ fn forward_body(tape: &Tape, from: usize, to: usize, slots: &mut [Row]) {
     }
 }
 
+/// A native function, lane by lane.
 #[inline(never)]
 fn native_values(f: Native, args: &[u32], s: &[Row], out: &mut Row) {
     let mut at = vec![0.0; args.len()];
@@ -411,6 +436,8 @@ fn pass<const GUARD: bool>(to: &mut Row, first: bool, g: &Row, d: impl Fn(usize)
     }
 }
 
+/// Passes the adjoint of each live operation on to its active arguments, the last one first. With
+/// GUARD an adjoint that is zero passes zero, also where a derivative is infinite.
 #[inline(always)]
 fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoints: &mut [Row]) {
     let first_code = tape.first_code();
@@ -581,7 +608,7 @@ fn reverse_body<const GUARD: bool>(tape: &Tape, plan: &[Step], s: &[Row], adjoin
     }
 }
 
-/// Comparisons are flat: they pass zero, which matters where that is the first contribution.
+/// Passes zero, since comparisons are flat: a slot whose first contribution it is must be cleared.
 #[inline(always)]
 fn clear<const N: usize>(low: &mut [Row], slots: [(bool, usize); N]) {
     for (first, slot) in slots {
@@ -591,9 +618,10 @@ fn clear<const N: usize>(low: &mut [Row], slots: [(bool, usize); N]) {
     }
 }
 
-/// Most arguments of a native function.
+/// The largest number of arguments of a native function.
 const NATIVE_ARGUMENTS: usize = 6;
 
+/// Passes the adjoint of a native function on to its arguments, lane by lane.
 #[inline(never)]
 fn native_adjoints(f: Native, args: &[u32], s: &[Row], g: &Row, low: &mut [Row]) {
     for l in 0..LANES {

@@ -17,7 +17,7 @@ use isoform_geom::{Field, Parts, SmoothPart, Solid};
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// A piece with more parts than this stays whole.
+/// The largest number of parts of a piece; a piece with more stays whole.
 const MOST_BRANCHES: usize = 32;
 
 /// The smooth parts of a model with the values `a` of its parameters.
@@ -48,20 +48,24 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     })
 }
 
-/// The functions of parts, and what they are at random places: two decisions often lead to one
+/// The functions of parts and their values at random places: two decisions often lead to one
 /// function, written differently.
 #[derive(Default)]
 struct Known {
+    /// The compiled functions.
     by_node: HashMap<NodeId, Arc<dyn Field>>,
+    /// The values of each different function, and the first part that has it.
     by_values: Vec<(Vec<f64>, usize)>,
 }
 
-/// Random places at which functions are compared.
+/// Number of random places at which functions are compared.
 const PLACES: usize = 24;
-/// They agree within this, relative to 1 and the values.
+/// The difference of two values, relative to 1 and the values, up to which they agree: above the
+/// rounding of a formula that is written in two ways.
 const SAME: f64 = 1e-12;
 
 impl Known {
+    /// The function of a node, compiled once.
     fn field(&mut self, graph: &Graph, root: NodeId) -> Arc<dyn Field> {
         let new = || {
             Arc::new(Bound::new(
@@ -72,7 +76,7 @@ impl Known {
         self.by_node.entry(root).or_insert_with(new).clone()
     }
 
-    /// The first part whose function agrees with that of this part.
+    /// The first part whose function agrees with the function `field` of this part.
     fn function(&mut self, field: &dyn Field, part: usize) -> usize {
         let mut random = Random::new();
         let values: Vec<f64> = (0..PLACES)
@@ -97,11 +101,11 @@ impl Known {
     }
 }
 
-/// What a kink depends on: whether the first is at least the second.
+/// The question that decides a kink: whether the first is at least the second.
 type Question = (NodeId, NodeId);
 
-/// The functions that a lowered expression consists of, each with what is not negative where it
-/// holds; none if they are too many.
+/// The functions that a lowered expression consists of, each with the differences that are not
+/// negative where it holds; `None` if they are too many.
 fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
@@ -120,21 +124,7 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
             if graph.constant_value(limit).is_some_and(|v| v < 0.0) {
                 continue;
             }
-            let (nx, na) = graph.inputs(root);
-            let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
-            let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
-            let source = graph.clone();
-            let decided = source.rewrite(
-                root,
-                &mut Deciding {
-                    graph,
-                    question,
-                    yes,
-                },
-                &x,
-                &a,
-                |_, _, _| {},
-            );
+            let decided = decided(graph, root, question, yes);
             let mut limits = limits.clone();
             limits.push(limit);
             pending.push((decided, limits));
@@ -143,7 +133,19 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
     Some(done)
 }
 
-/// The first question of an expression: it does not depend on the answer to another one.
+/// The expression with one question answered.
+fn decided(graph: &mut Graph, root: NodeId, question: Question, yes: bool) -> NodeId {
+    let (x, a) = graph.input_nodes(graph.inputs(root));
+    let source = graph.clone();
+    let mut target = Deciding {
+        graph,
+        question,
+        yes,
+    };
+    source.rewrite(root, &mut target, &x, &a, |_, _, _| {})
+}
+
+/// The first question of an expression, which does not depend on the answer to another one.
 fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
     let need = graph.reachable(&[root]);
     need.iter()
@@ -152,9 +154,9 @@ fn first_question(graph: &Graph, root: NodeId) -> Option<Question> {
         .find_map(|(i, _)| question(graph, graph.node(NodeId(i as u32))).map(|q| q.0))
 }
 
-/// The question of a node with a kink, and whether the node asks it the other way round. |u − v|
-/// and max(u − v, v − u) ask the same as max(u, v): asked apart, answers that contradict each other
-/// would make parts that hold where u = v only, and there spoil proofs.
+/// The question of a node with a kink, and whether the node asks it the other way round. |u − v|,
+/// max(u − v, v − u) and max(u, v) share one question: asked apart, answers that contradict each
+/// other would make parts that hold where u = v only, and there spoil proofs.
 fn question(graph: &Graph, node: &Node) -> Option<(Question, bool)> {
     let ordered = |u: NodeId, v: NodeId| {
         if u <= v {

@@ -6,11 +6,11 @@
 //!
 //! q ← p + Gᵀ (G Gᵀ)⁻¹ (G (q − p) − g(q)),  G = rows ∇gᵢ(q),
 //!
-//! which converges at the rate of distance times curvature. Whether q lies on the surface is told
-//! by the tree over the pieces' first-order distances a small step away from q in every sector
-//! between the pieces. The derivative by the parameters is that of the envelope theorem (the foot
-//! point moves along the surface only): ∂d/∂a = Σ λᵢ (∂gᵢ/∂a)(q)/|∇gᵢ(q)|, where the unit vector
-//! (p − q)/d is Σ λᵢ ∇gᵢ/|∇gᵢ|.
+//! which converges at the rate of distance times curvature. The tree over the pieces' first-order
+//! distances, a small step away from q in every sector between the pieces, tells whether q lies on
+//! the surface. The derivative by the parameters follows from the envelope theorem (the foot point
+//! moves along the surface only): ∂d/∂a = Σ λᵢ (∂gᵢ/∂a)(q)/|∇gᵢ(q)|, where the unit vector (p − q)/d
+//! is Σ λᵢ ∇gᵢ/|∇gᵢ|.
 //!
 //! After Ahn, Rauh, Cho, Warnecke (2002), *Orthogonal distance fitting of implicit curves and
 //! surfaces*, IEEE PAMI 24:620–638, who treat smooth surfaces; edges and corners are ours.
@@ -29,51 +29,55 @@ use isoform_geom::{
 };
 use rayon::prelude::*;
 
-/// Solids of more pieces have no foot points.
+/// The largest number of pieces of a solid with foot points.
 const MOST_PIECES: usize = 256;
-/// Points whose feet are sought together, for few pieces. More fill the blocks better, fewer keep
-/// the tables of all pieces' distances in the cache.
+/// Number of points whose feet are sought together, for few pieces. More fill the blocks better,
+/// fewer keep the tables of all pieces' distances in the cache.
 const PIECE: usize = 2048;
-/// Numbers in such a table at most: bounds the memory of solids with many pieces.
+/// Bound of the numbers in such a table, which bounds the memory of solids with many pieces.
 const TABLE: usize = 1 << 17;
-/// Steps towards a foot point. Each gains the factor distance × curvature: at a tenth, eight
-/// reach rounding.
+/// Number of steps towards a foot point. Each gains the factor distance × curvature: at a tenth,
+/// eight reach rounding.
 const STEPS: usize = 12;
-/// A foot point has settled when the last step is below this share of the distance...
+/// Share of the distance below which the last step must be for a foot point to have settled.
 const SETTLED: f64 = 1e-6;
-/// ... or of the coordinates' size, which is rounding.
+/// Share of the coordinates' size that counts as rounding; a step below it has settled, too.
 const ROUNDING: f64 = 1e-14;
-/// A foot point that did not settle is still taken when its last step is below this share of the
-/// distance: the distance is then good to the square of it.
+/// Share of the distance below which the last step must be for a foot point that did not settle to
+/// be taken: the distance is then good to the square of the share.
 const NEARLY: f64 = 1e-2;
-/// A foot point farther than this many first-order distances is not believed, nor are those of
-/// points where the first-order distance means nothing (near an axis).
+/// Number of first-order distances beyond which a foot point is not believed. Near an axis, where
+/// the first-order distance means nothing, foot points stray farther.
 const STRAYED: f64 = 4.0;
-/// A face is the nearest one beyond doubt when all others are farther by this factor. Less than 2
-/// could let the foot point lie beyond an edge; more only sends more points the long way.
+/// Factor by which all other faces must be farther for a face to be the nearest one beyond doubt.
+/// Less than 2 could let the foot point lie beyond an edge; more only sends more points the long
+/// way.
 const CLEARLY: f64 = 2.5;
-/// Pieces near a point that are combined to edges and corners. Corners of more faces are met at
-/// the nearest of their triples.
+/// Number of pieces near a point that are combined to edges and corners. A corner of more faces is
+/// met at the nearest of their triples.
 const NEAR: usize = 5;
 /// The step from a foot point that tells whether it lies on the surface, as a share of the
 /// coordinates' size: above the rounding of foot points, below any detail.
 const ASIDE: f64 = 1e-8;
-/// Half thickness of the shell about a piece that random points are drawn to the piece from, as a
-/// share of the region's diagonal. Thicker finds more samples a round, thinner makes them more
-/// uniform on curved pieces.
+/// Half thickness of the shell about a piece from which random points are drawn to the piece, as a
+/// share of the region's diagonal. A thicker shell finds more samples in a round, a thinner one
+/// makes them more uniform on curved pieces.
 const SHELL: f64 = 0.02;
 /// The root of x⁴ = x + 1. Steps of its powers spread points evenly in a box (Roberts).
 const SPREAD: f64 = 1.220_744_084_605_759_5;
-/// Rounds of random points: ends the search for a surface that is hardly there.
+/// Number of rounds of random points, which ends the search for a surface that is hardly there.
 const MOST_ROUNDS: usize = 200;
-/// Normals with a determinant below this are parallel: they make no edge.
+/// Determinant of unit normals below which they count as parallel: they make no edge.
 const PARALLEL: f64 = 1e-6;
 
 /// A smooth piece, compiled.
 #[derive(Clone, Debug)]
 struct Sheet {
+    /// The function g of the piece.
     tape: Tape,
+    /// The plan of ∇g.
     by_space: Plan,
+    /// The plan of the derivatives by coordinates and parameters.
     by_all: Plan,
 }
 
@@ -102,7 +106,9 @@ struct Sheet {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Distance {
+    /// The pieces.
     sheets: Vec<Sheet>,
+    /// The pieces' minima and maxima, in the order of computation.
     tree: Vec<Join>,
     n_params: usize,
 }
@@ -174,7 +180,7 @@ impl Distance {
         stack.pop().expect("a tree has a root")
     }
 
-    /// Points per piece of work.
+    /// Number of points in a piece of work.
     fn piece(&self) -> usize {
         (TABLE / (4 * self.sheets.len().max(1))).clamp(LANES, PIECE)
     }
@@ -273,11 +279,7 @@ impl DistanceField for Distance {
         let mut points = vec![[0.0; 3]; self.piece()];
         for _ in 0..MOST_ROUNDS {
             for p in &mut points {
-                let mut step = 1.0;
-                for v in &mut even {
-                    step /= SPREAD;
-                    *v = (*v + step).fract();
-                }
+                spread(&mut even);
                 let at = std::array::from_fn(|i| region.lo[i] + even[i] * size[i]);
                 *p = frame.out(at);
             }
@@ -298,9 +300,7 @@ impl ParamField for Distance {
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
         let piece = self.piece();
         let work = |(points, out): (&[Point3], &mut [f64])| {
-            let mut feet = vec![Foot::NONE; points.len()];
-            Finder::new(self, a).feet(points, &mut feet);
-            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+            Finder::new(self, a).distances(points, out);
         };
         points
             .par_chunks(piece)
@@ -316,9 +316,7 @@ impl ParamField for Distance {
         let (out, jac) = (&mut out[..points.len()], &mut jac[..points.len() * m]);
         let work = |((points, out), jac): ((&[Point3], &mut [f64]), &mut [f64])| {
             let mut finder = Finder::new(self, a);
-            let mut feet = vec![Foot::NONE; points.len()];
-            finder.feet(points, &mut feet);
-            out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+            let feet = finder.distances(points, out);
             finder.by_params(&feet, jac);
         };
         if points.len() <= piece || m == 0 {
@@ -359,20 +357,40 @@ impl ParamField for Distance {
 struct Try {
     /// Index of the point.
     point: u32,
+    /// The pieces; the first `order` of them count.
     pieces: [u32; 3],
+    /// 1 for a face, 2 for an edge, 3 for a corner.
     order: u8,
+    /// The present place of the foot point.
     q: Point3,
-    /// A foot point farther than this is of no use.
+    /// The distance beyond which a foot point is of no use.
     most: f64,
-    /// Values and gradients of the pieces at q.
+    /// Values of the pieces at q.
     g: [f64; 3],
+    /// Gradients of the pieces at q.
     grad: [Point3; 3],
+    /// Whether the search has ended.
     done: bool,
+    /// Whether the foot point may be taken.
     good: bool,
 }
 
+/// The first-order feet of some points.
+struct FirstFeet {
+    /// First-order distances: piece k from point i at k · points + i.
+    off: Vec<f64>,
+    /// By piece, the points whose nearest face it is beyond doubt.
+    lone: Vec<Vec<u32>>,
+    /// The other points.
+    crowded: Vec<usize>,
+}
+
+/// A question to a piece: the try or foot that asks, and the place of the piece among its pieces.
+type Asked = (u32, u8);
+
 /// A point with several pieces near.
 struct Crowd {
+    /// Index of the point.
     point: usize,
     /// The nearest pieces, nearest first; the first `first` are asked.
     near: Vec<u32>,
@@ -381,18 +399,39 @@ struct Crowd {
     best: f64,
 }
 
+impl Crowd {
+    /// The nearest of `count` pieces by their first-order distances `off`; the pieces within reach
+    /// are asked first.
+    fn new(point: usize, count: u32, reach: f64, off: impl Fn(u32) -> f64) -> Self {
+        let mut near: Vec<u32> = (0..count).collect();
+        near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
+        near.truncate(NEAR);
+        Self {
+            point,
+            first: near.iter().filter(|k| off(**k) <= reach).count(),
+            near,
+            best: f64::INFINITY,
+        }
+    }
+}
+
 /// Evaluates the pieces at given parameters, and finds foot points with them.
 struct Finder<'t> {
     solid: &'t Distance,
+    /// The values of the parameters.
     a: &'t [f64],
+    /// Scratch of the tree over values.
     stack: Vec<f64>,
+    /// The evaluator of each piece, made when it is first asked.
     blocks: Vec<Option<Block<'t>>>,
     /// First-order distances of a block of points from each piece.
     off: Vec<Row>,
+    /// Scratch of the tree over blocks of values.
     nearest: Vec<Nearest>,
 }
 
 impl<'t> Finder<'t> {
+    /// A finder at the parameters `a`.
     fn new(solid: &'t Distance, a: &'t [f64]) -> Self {
         Self {
             solid,
@@ -432,47 +471,64 @@ impl<'t> Finder<'t> {
         }
     }
 
+    /// The feet of the points; writes their distances.
+    fn distances(&mut self, points: &[Point3], out: &mut [f64]) -> Vec<Foot> {
+        let mut feet = vec![Foot::NONE; points.len()];
+        self.feet(points, &mut feet);
+        out.iter_mut().zip(&feet).for_each(|(o, f)| *o = f.distance);
+        feet
+    }
+
+    /// The feet of the points. Faces come first: where the nearest one is near beyond doubt, nothing
+    /// else is asked.
     fn feet(&mut self, points: &[Point3], out: &mut [Foot]) {
+        let first = self.first_feet(points, out);
+        for (k, wanted) in first.lone.iter().enumerate() {
+            for wanted in wanted.chunks(LANES) {
+                self.feet_on_face(k, wanted, points, out);
+            }
+        }
+        if !first.crowded.is_empty() {
+            self.crowded(points, &first.crowded, &first.off, out);
+        }
+    }
+
+    /// Writes the first-order feet of the points, and tells the points with one near face from the
+    /// points with several.
+    fn first_feet(&mut self, points: &[Point3], out: &mut [Foot]) -> FirstFeet {
         let (n, count) = (points.len(), self.solid.sheets.len());
-        let mut d = vec![0.0; n * count];
-        // Faces first: where the nearest one is near beyond doubt, nothing else is asked.
-        let mut lone: Vec<Vec<u32>> = vec![Vec::new(); count];
-        let mut crowded = Vec::new();
+        let mut found = FirstFeet {
+            off: vec![0.0; n * count],
+            lone: vec![Vec::new(); count],
+            crowded: Vec::new(),
+        };
         for (c, chunk) in points.chunks(LANES).enumerate() {
             let first = c * LANES;
             self.first_order(chunk);
             let (nearest, alone) = self.nearest_faces(chunk);
             for k in 0..count {
                 let at = k * n + first;
-                d[at..at + chunk.len()].copy_from_slice(&self.off[k].0[..chunk.len()]);
+                found.off[at..at + chunk.len()].copy_from_slice(&self.off[k].0[..chunk.len()]);
             }
             for (l, p) in chunk.iter().enumerate() {
                 let piece = nearest.piece[l];
                 out[first + l] = self.first_order_foot(piece, l, *p);
                 if alone[l] {
-                    lone[piece as usize].push((first + l) as u32);
+                    found.lone[piece as usize].push((first + l) as u32);
                 } else {
-                    crowded.push(first + l);
+                    found.crowded.push(first + l);
                 }
             }
         }
-        for (k, wanted) in lone.iter().enumerate() {
-            for wanted in wanted.chunks(LANES) {
-                self.feet_on_face(k, wanted, points, out);
-            }
-        }
-        if !crowded.is_empty() {
-            self.crowded(points, &crowded, &d, out);
-        }
+        found
     }
 
-    /// Appends the places of the surface that points within the shell about a piece are drawn to.
-    fn area_samples(&mut self, points: &[Point3], shell: f64, found: &mut Vec<Foot>) {
-        let mut near: Vec<Vec<Foot>> = vec![Vec::new(); self.solid.sheets.len()];
-        let mut from: Vec<Vec<Point3>> = vec![Vec::new(); self.solid.sheets.len()];
+    /// By piece, the first-order feet of the points within twice the shell about it, and the points.
+    fn within_shells(&mut self, points: &[Point3], shell: f64) -> Vec<(Vec<Foot>, Vec<Point3>)> {
+        let mut near = vec![(Vec::new(), Vec::new()); self.solid.sheets.len()];
         for chunk in points.chunks(LANES) {
             self.first_order(chunk);
-            for (k, (near, from)) in near.iter_mut().zip(&mut from).enumerate() {
+            for (k, (near, from)) in near.iter_mut().enumerate() {
                 for (l, p) in chunk.iter().enumerate() {
                     if self.off[k].0[l].abs() < 2.0 * shell {
                         near.push(self.first_order_foot(k as u32, l, *p));
@@ -481,7 +537,13 @@ impl<'t> Finder<'t> {
                 }
             }
         }
-        for (k, (mut near, from)) in near.into_iter().zip(from).enumerate() {
+        near
+    }
+
+    /// Appends the places of the surface that points within the shell about a piece are drawn to.
+    fn area_samples(&mut self, points: &[Point3], shell: f64, found: &mut Vec<Foot>) {
+        let shells = self.within_shells(points, shell);
+        for (k, (mut near, from)) in shells.into_iter().enumerate() {
             let all: Vec<u32> = (0..near.len() as u32).collect();
             for wanted in all.chunks(LANES) {
                 self.feet_on_face(k, wanted, &from, &mut near);
@@ -498,27 +560,15 @@ impl<'t> Finder<'t> {
         }
     }
 
-    /// Foot points where several pieces are near. Those within [`CLEARLY`] first-order distances
-    /// are asked first: no farther piece can matter unless none of them is met.
+    /// Foot points where several pieces are near. The pieces within [`CLEARLY`] first-order
+    /// distances are asked first: no farther piece can matter unless none of them is met.
     fn crowded(&mut self, points: &[Point3], crowded: &[usize], d: &[f64], out: &mut [Foot]) {
-        let n = points.len();
-        let count = self.solid.sheets.len() as u32;
-        let mut cases: Vec<Crowd> = crowded
-            .iter()
-            .map(|&i| {
-                let off = |k: u32| d[k as usize * n + i].abs();
-                let mut near: Vec<u32> = (0..count).collect();
-                near.sort_by(|j, k| off(*j).total_cmp(&off(*k)));
-                near.truncate(NEAR);
-                let reach = CLEARLY * out[i].distance.abs() + aside(points[i]);
-                Crowd {
-                    point: i,
-                    first: near.iter().filter(|k| off(**k) <= reach).count(),
-                    near,
-                    best: f64::INFINITY,
-                }
-            })
-            .collect();
+        let (n, count) = (points.len(), self.solid.sheets.len() as u32);
+        let case = |&i: &usize| {
+            let reach = CLEARLY * out[i].distance.abs() + aside(points[i]);
+            Crowd::new(i, count, reach, |k| d[k as usize * n + i].abs())
+        };
+        let mut cases: Vec<Crowd> = crowded.iter().map(case).collect();
         self.combine(points, &mut cases, d, out);
         cases.retain(|c| c.best.is_infinite() && c.first < c.near.len());
         for case in &mut cases {
@@ -553,24 +603,7 @@ impl<'t> Finder<'t> {
         out: &mut [Foot],
         choose: impl Fn(&[u32], &mut dyn FnMut([u32; 3], usize)),
     ) {
-        let n = points.len();
-        let (mut tries, mut whose) = (Vec::new(), Vec::new());
-        for (c, case) in cases.iter().enumerate() {
-            let p = points[case.point];
-            let off = |k: u32| d[k as usize * n + case.point].abs();
-            choose(&case.near[..case.first], &mut |pieces, order| {
-                // No place of the combination is nearer than its farthest piece.
-                let least = pieces[..order].iter().map(|&k| off(k)).fold(0.0, f64::max);
-                if least < case.best {
-                    let most = case.best.min(STRAYED * least + aside(p));
-                    tries.push(Try {
-                        most,
-                        ..Try::new(case.point, pieces, order as u8, p)
-                    });
-                    whose.push(c);
-                }
-            });
-        }
+        let (mut tries, whose) = useful_tries(points, cases, d, choose);
         self.descend(points, &mut tries);
         let sound = self.on_surface(&tries);
         for ((t, &c), sound) in tries.iter().zip(&whose).zip(&sound) {
@@ -581,11 +614,9 @@ impl<'t> Finder<'t> {
             }
         }
     }
-
     /// Draws all tries to their foot points, in blocks by piece.
     fn descend(&mut self, points: &[Point3], tries: &mut [Try]) {
-        let count = self.solid.sheets.len();
-        let mut by_piece: Vec<Vec<(u32, u8)>> = vec![Vec::new(); count];
+        let mut by_piece: Vec<Vec<Asked>> = vec![Vec::new(); self.solid.sheets.len()];
         let mut at = Vec::new();
         for _ in 0..STEPS {
             by_piece.iter_mut().for_each(Vec::clear);
@@ -614,39 +645,73 @@ impl<'t> Finder<'t> {
 
     /// ∂d/∂a by the envelope theorem, one row per foot.
     fn by_params(&mut self, feet: &[Foot], jac: &mut [f64]) {
-        let (solid, m) = (self.solid, self.solid.n_params);
         jac.fill(0.0);
-        let mut wanted: Vec<Vec<(u32, u8)>> = vec![Vec::new(); solid.sheets.len()];
+        let mut wanted: Vec<Vec<Asked>> = vec![Vec::new(); self.solid.sheets.len()];
         for (i, foot) in feet.iter().enumerate() {
             for c in 0..foot.order.max(1) {
                 wanted[foot.pieces[c as usize] as usize].push((i as u32, c));
             }
         }
         for (k, wanted) in wanted.iter().enumerate().filter(|(_, w)| !w.is_empty()) {
-            let sheet = &solid.sheets[k];
-            let at: Vec<Point3> = wanted.iter().map(|w| feet[w.0 as usize].at).collect();
-            let mut block = Block::gradients(&sheet.tape, &sheet.by_all);
-            block.bind(self.a);
-            for (chunk, wanted) in at.chunks(LANES).zip(wanted.chunks(LANES)) {
-                block.load(chunk);
-                block.forward();
-                block.reverse();
-                let by_space = block.by_space();
-                for (l, (i, s)) in wanted.iter().enumerate() {
-                    let gradient: Point3 = std::array::from_fn(|x| by_space[x].0[l]);
-                    let length = dot(gradient, gradient).sqrt();
-                    let share = feet[*i as usize].shares[*s as usize] / length.max(1e-300);
-                    let row = &mut jac[*i as usize * m..(*i as usize + 1) * m];
-                    for (v, by) in row.iter_mut().zip(block.by_params()) {
-                        *v += share * by.0[l];
-                    }
+            self.add_shares(k, wanted, feet, jac);
+        }
+    }
+
+    /// Adds λ ∂g/∂a/|∇g| of piece k at the feet that have a share λ of it.
+    fn add_shares(&self, k: usize, wanted: &[Asked], feet: &[Foot], jac: &mut [f64]) {
+        let (sheet, m) = (&self.solid.sheets[k], self.solid.n_params);
+        let at: Vec<Point3> = wanted.iter().map(|w| feet[w.0 as usize].at).collect();
+        let mut block = Block::gradients(&sheet.tape, &sheet.by_all);
+        block.bind(self.a);
+        for (chunk, wanted) in at.chunks(LANES).zip(wanted.chunks(LANES)) {
+            block.load(chunk);
+            block.forward();
+            block.reverse();
+            let by_space = block.by_space();
+            for (l, (i, s)) in wanted.iter().enumerate() {
+                let gradient: Point3 = std::array::from_fn(|x| by_space[x].0[l]);
+                let length = dot(gradient, gradient).sqrt();
+                let share = feet[*i as usize].shares[*s as usize] / length.max(1e-300);
+                let row = &mut jac[*i as usize * m..(*i as usize + 1) * m];
+                for (v, by) in row.iter_mut().zip(block.by_params()) {
+                    *v += share * by.0[l];
                 }
             }
         }
     }
 }
 
+/// The tries at the combinations that `choose` makes of the first pieces of each case, as far as
+/// they can lead nearer than the best place so far; and the case of each.
+fn useful_tries(
+    points: &[Point3],
+    cases: &[Crowd],
+    d: &[f64],
+    choose: impl Fn(&[u32], &mut dyn FnMut([u32; 3], usize)),
+) -> (Vec<Try>, Vec<usize>) {
+    let n = points.len();
+    let (mut tries, mut whose) = (Vec::new(), Vec::new());
+    for (c, case) in cases.iter().enumerate() {
+        let p = points[case.point];
+        let off = |k: u32| d[k as usize * n + case.point].abs();
+        choose(&case.near[..case.first], &mut |pieces, order| {
+            // No place of the combination is nearer than its farthest piece.
+            let least = pieces[..order].iter().map(|&k| off(k)).fold(0.0, f64::max);
+            if least < case.best {
+                let most = case.best.min(STRAYED * least + aside(p));
+                tries.push(Try {
+                    most,
+                    ..Try::new(case.point, pieces, order as u8, p)
+                });
+                whose.push(c);
+            }
+        });
+    }
+    (tries, whose)
+}
+
 impl Try {
+    /// A try from q, before the first evaluation.
     fn new(point: usize, pieces: [u32; 3], order: u8, q: Point3) -> Self {
         Self {
             point: point as u32,
@@ -691,42 +756,47 @@ impl Try {
         let far = distance_squared(q, p).sqrt();
         let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
         self.q = q;
-        // The last evaluation was at the place before; a settled step makes them one.
-        // Away on the way back, too: twice what is of use is given up.
+        // The last evaluation was at the place before, which a settled step is near to. A try may be
+        // far away on its way; twice the useful distance is given up.
         let is_lost = !far.is_finite() || far > 2.0 * self.most;
         self.done = moved <= SETTLED * far + ROUNDING * size || is_lost;
         self.good = !is_lost && moved <= NEARLY * far + 1e3 * ROUNDING * size;
     }
 
-    /// Writes what was found, if it is to be believed.
+    /// Writes the foot point that was found, if it is good.
     fn settle(&self, points: &[Point3], out: &mut [Foot]) {
+        if !self.good {
+            return;
+        }
         let i = self.point as usize;
         let (p, foot) = (points[i], &mut out[i]);
         let normals: [Point3; 3] = std::array::from_fn(|c| first_order(1.0, self.grad[c]).1);
         let away = sub(p, self.q);
         let far = dot(away, away).sqrt();
-        if !self.good {
-            return;
-        }
         let sign = if foot.distance < 0.0 { -1.0 } else { 1.0 };
         let order = self.order as usize;
-        if order == 1 {
-            foot.distance = if foot.order == 0 && foot.pieces[0] == self.pieces[0] {
-                dot(away, normals[0])
-            } else {
-                sign * far
-            };
-            (foot.inward, foot.shares) = (normals[0], [1.0, 0.0, 0.0]);
+        let is_of_own_face = order == 1 && foot.order == 0 && foot.pieces[0] == self.pieces[0];
+        foot.distance = if is_of_own_face {
+            dot(away, normals[0])
         } else {
-            foot.distance = sign * far;
-            if far > aside(p) {
-                foot.inward = away.map(|v| v / foot.distance);
-                foot.shares = shares_of(foot.inward, &normals[..order]);
-            } else {
-                (foot.inward, foot.shares) = (normals[0], [1.0, 0.0, 0.0]);
-            }
-        }
+            sign * far
+        };
+        (foot.inward, foot.shares) = if order > 1 && far > aside(p) {
+            let inward = away.map(|v| v / foot.distance);
+            (inward, shares_of(inward, &normals[..order]))
+        } else {
+            (normals[0], [1.0, 0.0, 0.0])
+        };
         (foot.at, foot.pieces, foot.order) = (self.q, self.pieces, self.order);
+    }
+}
+
+/// The next point of an even sequence in the unit cube.
+fn spread(even: &mut Point3) {
+    let mut step = 1.0;
+    for v in even {
+        step /= SPREAD;
+        *v = (*v + step).fract();
     }
 }
 
@@ -737,12 +807,12 @@ fn shares_of(direction: Point3, normals: &[Point3]) -> [f64; 3] {
     solve(normals, &wanted).unwrap_or([1.0, 0.0, 0.0])
 }
 
-/// The step that tells sides apart, at coordinates of this size.
+/// The step that tells sides apart, at coordinates of p's size.
 fn aside(p: Point3) -> f64 {
     ASIDE * p.iter().fold(1e-300, |s: f64, v| s.max(v.abs()))
 }
 
-/// g/|∇g| and ∇g/|∇g|; where the gradient vanishes or is none, a distance far off.
+/// g/|∇g| and ∇g/|∇g|; where the gradient vanishes or is not finite, a distance far off.
 fn first_order(g: f64, grad: Point3) -> (f64, Point3) {
     let length = dot(grad, grad).sqrt();
     if length > 0.0 && length.is_finite() && g.is_finite() {
@@ -772,7 +842,7 @@ fn combinations(near: &[u32], order: usize, each: &mut impl FnMut([u32; 3])) {
     }
 }
 
-/// x with G Gᵀ x = b for one to three rows G; none where they are nearly parallel.
+/// x with G Gᵀ x = b for one to three rows G; `None` where they are nearly parallel.
 fn solve(rows: &[Point3], b: &[f64; 3]) -> Option<[f64; 3]> {
     match *rows {
         [u] => {
@@ -790,17 +860,19 @@ fn solve(rows: &[Point3], b: &[f64; 3]) -> Option<[f64; 3]> {
                 ]
             })
         }
-        [u, v, w] => {
-            // x = G⁻ᵀ G⁻¹ b by the reciprocal basis.
-            let cross = isoform_geom::cross;
-            let det = dot(u, cross(v, w));
-            let sizes = dot(u, u) * dot(v, v) * dot(w, w);
-            (det * det > PARALLEL * sizes).then(|| {
-                let dual = [cross(v, w), cross(w, u), cross(u, v)].map(|c| c.map(|x| x / det));
-                let y: Point3 = std::array::from_fn(|x| (0..3).map(|c| b[c] * dual[c][x]).sum());
-                std::array::from_fn(|c| dot(dual[c], y))
-            })
-        }
+        [u, v, w] => solve_three([u, v, w], b),
         _ => None,
     }
+}
+
+/// x = G⁻ᵀ G⁻¹ b for three rows G, by the reciprocal basis.
+fn solve_three([u, v, w]: [Point3; 3], b: &[f64; 3]) -> Option<[f64; 3]> {
+    let cross = isoform_geom::cross;
+    let det = dot(u, cross(v, w));
+    let sizes = dot(u, u) * dot(v, v) * dot(w, w);
+    (det * det > PARALLEL * sizes).then(|| {
+        let dual = [cross(v, w), cross(w, u), cross(u, v)].map(|c| c.map(|x| x / det));
+        let y: Point3 = std::array::from_fn(|x| (0..3).map(|c| b[c] * dual[c][x]).sum());
+        std::array::from_fn(|c| dot(dual[c], y))
+    })
 }

@@ -11,18 +11,19 @@ use isoform_num::Real;
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, HashMap};
 
-/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before what
-/// uses them.
+/// A node of a [`Graph`]. Nodes are numbered in the order of creation: arguments come before their
+/// users.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct NodeId(pub(crate) u32);
 
 impl NodeId {
+    /// The place of the node in the graph's list.
     pub(crate) fn at(self) -> usize {
         self.0 as usize
     }
 }
 
-/// What a node computes.
+/// The operation of a node, with its arguments.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub enum Node {
     /// A constant, by its bits.
@@ -47,7 +48,7 @@ pub enum Node {
     Native(Native, Box<[NodeId]>),
 }
 
-/// What people call a node.
+/// The name of a node, for people.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Name {
     /// The variable that the node is assigned to, or the name that is suggested for it.
@@ -72,10 +73,13 @@ pub struct Name {
 /// ```
 #[derive(Clone, Debug, Default)]
 pub struct Graph {
+    /// The nodes in the order of creation.
     nodes: Vec<Node>,
     /// By node: whether it depends on the coordinates.
     in_space: Vec<bool>,
+    /// The number of each node: equal nodes are created once.
     known: HashMap<Node, NodeId>,
+    /// The nodes that have a name.
     names: BTreeMap<NodeId, Name>,
 }
 
@@ -152,6 +156,7 @@ impl Graph {
         self.in_space[id.at()]
     }
 
+    /// The node's number: of the equal node that is there, or of a new one.
     fn insert(&mut self, node: Node) -> NodeId {
         if let Some(&id) = self.known.get(&node) {
             return id;
@@ -211,9 +216,8 @@ impl Graph {
         need
     }
 
-    /// Rebuilds what `root` needs into `target`, with the inputs replaced: the copy of coordinate i
-    /// is `x[i]`, of parameter i
-    /// `a[i]`. Names go along. Library nodes become `library(target, f, arguments)`.
+    /// Rebuilds the nodes that `root` needs into `target`, with the inputs replaced: the copy of
+    /// coordinate i is `x[i]`, of parameter i `a[i]`. `named` is called for each node with a name.
     pub fn rewrite<O: Ops>(
         &self,
         root: NodeId,
@@ -225,7 +229,7 @@ impl Graph {
         self.rewrite_all(&[root], target, x, a, named).remove(0)
     }
 
-    /// [`Graph::rewrite`] of several roots, which share what they share.
+    /// [`Graph::rewrite`] of several roots; a node that several of them need is rebuilt once.
     pub(crate) fn rewrite_all<O: Ops>(
         &self,
         roots: &[NodeId],
@@ -237,28 +241,10 @@ impl Graph {
         let need = self.reachable(roots);
         let mut value: Vec<Option<O::V>> = vec![None; self.nodes.len()];
         for (i, _) in need.iter().enumerate().filter(|(_, need)| **need) {
-            let get = |id: &NodeId| {
-                value[id.at()]
-                    .as_ref()
-                    .expect("arguments precede their users")
-            };
             let v = match &self.nodes[i] {
-                Node::Constant(bits) => target.constant(f64::from_bits(*bits)),
                 Node::X(k) => x[*k as usize].clone(),
                 Node::Param(k) => a[*k as usize].clone(),
-                Node::Unary(op, u) => target.unary(*op, get(u)),
-                Node::Binary(op, u, v) => target.binary(*op, get(u), get(v)),
-                Node::PowI(u, n) => target.powi(get(u), *n),
-                Node::Set(op, u, v) => target.set(*op, get(u), get(v)),
-                Node::Select(c, u, v) => target.select(get(c), get(u), get(v)),
-                Node::Library(f, args) => {
-                    let args: Vec<O::V> = args.iter().map(|id| get(id).clone()).collect();
-                    target.library(*f, &args)
-                }
-                Node::Native(f, args) => {
-                    let args: Vec<O::V> = args.iter().map(|id| get(id).clone()).collect();
-                    target.native(*f, &args)
-                }
+                node => rebuilt(node, target, &value),
             };
             if let Some(name) = self.names.get(&NodeId(i as u32)) {
                 named(target, &v, name);
@@ -298,24 +284,28 @@ impl Graph {
         n
     }
 
-    /// Expands library nodes into their formulas: what is left is arithmetic, set operations and
-    /// native functions.
+    /// Expands library nodes into their formulas: arithmetic, set operations and native functions
+    /// are left.
     pub fn lowered(&mut self, root: NodeId) -> NodeId {
         self.lowered_all(&[root]).remove(0)
+    }
+
+    /// The nodes of the first coordinates and the first parameters.
+    pub(crate) fn input_nodes(&mut self, (nx, na): (usize, usize)) -> (Vec<NodeId>, Vec<NodeId>) {
+        let x = (0..nx).map(|i| self.x(i)).collect();
+        let a = (0..na).map(|i| self.param(i)).collect();
+        (x, a)
     }
 
     /// [`Graph::lowered`] of several roots.
     pub(crate) fn lowered_all(&mut self, roots: &[NodeId]) -> Vec<NodeId> {
         let source = self.clone();
-        let (nx, na) = source.inputs_of(roots);
-        let x: Vec<NodeId> = (0..nx).map(|i| self.x(i)).collect();
-        let a: Vec<NodeId> = (0..na).map(|i| self.param(i)).collect();
+        let (x, a) = self.input_nodes(source.inputs_of(roots));
         source.rewrite_all(roots, &mut Lowering(self), &x, &a, |_, _, _| {})
     }
 
     /// ∂root/∂xᵢ as an expression, of a lowered graph; `None` where a native function depends on
-    /// xᵢ.
-    /// `memo` keeps the derivatives of one `axis` between calls.
+    /// xᵢ. `memo` keeps the derivatives of one `axis` between calls.
     pub fn derivative(
         &mut self,
         root: NodeId,
@@ -347,6 +337,7 @@ impl Graph {
         memo.get(&root).copied()
     }
 
+    /// ∂/∂xᵢ of a node from the derivatives `d` of its arguments; `None` of a native function.
     fn chain_rule(
         &mut self,
         id: NodeId,
@@ -370,41 +361,62 @@ impl Graph {
                 let s = self.scale(f64::from(n), &p);
                 self.product(s, du[0])
             }
-            Node::Binary(op, u, v) => match op {
-                Binary::Add => self.sum(du[0], du[1]),
-                Binary::Sub => self.difference(du[0], du[1]),
-                Binary::Mul => {
-                    let (p, q) = (self.product(du[0], v), self.product(u, du[1]));
-                    self.sum(p, q)
-                }
-                Binary::Div => {
-                    let q = self.product(id, du[1]);
-                    let n = self.difference(du[0], q);
-                    self.div(&n, &v)
-                }
-                Binary::Pow => {
-                    // (v u'/u + v' ln u) u^v
-                    let (q, l) = (self.div(&v, &u), self.unary(Unary::Ln, &u));
-                    let (p, q) = (self.product(q, du[0]), self.product(l, du[1]));
-                    let s = self.sum(p, q);
-                    self.product(s, id)
-                }
-                Binary::Atan2 => {
-                    // angle of (x = v, y = u): (v u' − u v')/(u² + v²)
-                    let (p, q) = (self.product(v, du[0]), self.product(u, du[1]));
-                    let n = self.difference(p, q);
-                    let (u2, v2) = (self.square(&u), self.square(&v));
-                    let r = self.add(&u2, &v2);
-                    self.div(&n, &r)
-                }
-                Binary::Less | Binary::LessEq => zero,
-            },
+            Node::Binary(op, u, v) => self.binary_derivative(op, id, [u, v], [du[0], du[1]]),
             Node::Set(op, u, v) => self.set_derivative(op, id, [u, v], [du[0], du[1]]),
             Node::Select(c, _, _) => self.select(&c, &du[1], &du[2]),
             Node::Library(..) | Node::Native(..) => return None,
         })
     }
 
+    /// The derivative of the node `id`, a function of u and v, from their derivatives.
+    fn binary_derivative(
+        &mut self,
+        op: Binary,
+        id: NodeId,
+        [u, v]: [NodeId; 2],
+        [du, dv]: [NodeId; 2],
+    ) -> NodeId {
+        match op {
+            Binary::Add => self.sum(du, dv),
+            Binary::Sub => self.difference(du, dv),
+            Binary::Mul => {
+                let (p, q) = (self.product(du, v), self.product(u, dv));
+                self.sum(p, q)
+            }
+            Binary::Div => {
+                let q = self.product(id, dv);
+                let n = self.difference(du, q);
+                self.div(&n, &v)
+            }
+            Binary::Pow => self.power_derivative(id, [u, v], [du, dv]),
+            Binary::Atan2 => self.angle_derivative([u, v], [du, dv]),
+            Binary::Less | Binary::LessEq => self.constant(0.0),
+        }
+    }
+
+    /// (v u'/u + v' ln u) u^v, the derivative of the node `id` = u^v.
+    fn power_derivative(
+        &mut self,
+        id: NodeId,
+        [u, v]: [NodeId; 2],
+        [du, dv]: [NodeId; 2],
+    ) -> NodeId {
+        let (q, l) = (self.div(&v, &u), self.unary(Unary::Ln, &u));
+        let (p, q) = (self.product(q, du), self.product(l, dv));
+        let s = self.sum(p, q);
+        self.product(s, id)
+    }
+
+    /// (v u' − u v')/(u² + v²), the derivative of the angle of the point (x = v, y = u).
+    fn angle_derivative(&mut self, [u, v]: [NodeId; 2], [du, dv]: [NodeId; 2]) -> NodeId {
+        let (p, q) = (self.product(v, du), self.product(u, dv));
+        let n = self.difference(p, q);
+        let (u2, v2) = (self.square(&u), self.square(&v));
+        let r = self.add(&u2, &v2);
+        self.div(&n, &r)
+    }
+
+    /// The derivative of the node `id`, a set operation on u and v, from their derivatives.
     fn set_derivative(
         &mut self,
         op: SetOp,
@@ -421,44 +433,48 @@ impl Graph {
                 let c = self.less(&v, &u);
                 self.select(&c, &dv, &du)
             }
-            SetOp::RUnion | SetOp::RIntersection => {
-                // (u u' + v v')/h with h = √(u² + v²) = |w − (u + v)|; 0 where h = 0.
-                let s = self.add(&u, &v);
-                let h = if op == SetOp::RUnion {
-                    self.sub(&id, &s)
-                } else {
-                    self.sub(&s, &id)
-                };
-                let (p, q) = (self.product(u, du), self.product(v, dv));
-                let n = self.sum(p, q);
-                let (zero, one) = (self.constant(0.0), self.constant(1.0));
-                let positive = self.less(&zero, &h);
-                let safe = self.select(&positive, &h, &one);
-                let r = self.div(&n, &safe);
-                let d = self.sum(du, dv);
-                if op == SetOp::RUnion {
-                    self.sum(d, r)
-                } else {
-                    self.difference(d, r)
-                }
-            }
+            SetOp::RUnion => self.r_derivative(true, id, [u, v], [du, dv]),
+            SetOp::RIntersection => self.r_derivative(false, id, [u, v], [du, dv]),
         }
     }
 
+    /// u' + v' ± (u u' + v v')/h, the derivative of the R-function w = `id`; h = √(u² + v²) is
+    /// |w − (u + v)|, and the root counts as flat where h = 0.
+    fn r_derivative(
+        &mut self,
+        is_union: bool,
+        id: NodeId,
+        [u, v]: [NodeId; 2],
+        [du, dv]: [NodeId; 2],
+    ) -> NodeId {
+        let s = self.add(&u, &v);
+        let h = if is_union {
+            self.sub(&id, &s)
+        } else {
+            self.sub(&s, &id)
+        };
+        let (p, q) = (self.product(u, du), self.product(v, dv));
+        let n = self.sum(p, q);
+        let (zero, one) = (self.constant(0.0), self.constant(1.0));
+        let positive = self.less(&zero, &h);
+        let safe = self.select(&positive, &h, &one);
+        let r = self.div(&n, &safe);
+        let d = self.sum(du, dv);
+        if is_union {
+            self.sum(d, r)
+        } else {
+            self.difference(d, r)
+        }
+    }
+
+    /// The derivative of `id` = op(u) by u.
     fn unary_slope(&mut self, op: Unary, u: NodeId, id: NodeId) -> NodeId {
         let one = self.constant(1.0);
         match op {
             Unary::Neg => self.constant(-1.0),
             Unary::Abs => self.unary(Unary::Sign, &u),
             Unary::Square => self.scale(2.0, &u),
-            Unary::Sqrt => {
-                // 0 at the root's singularity, as in the jets.
-                let (zero, half) = (self.constant(0.0), self.constant(0.5));
-                let positive = self.less(&zero, &id);
-                let safe = self.select(&positive, &id, &one);
-                let d = self.div(&half, &safe);
-                self.select(&positive, &d, &zero)
-            }
+            Unary::Sqrt => self.root_slope(id),
             Unary::Exp => id,
             Unary::Ln => self.div(&one, &u),
             Unary::Sin => self.unary(Unary::Cos, &u),
@@ -474,12 +490,10 @@ impl Graph {
                     self.sub(&one, &t2)
                 }
             }
-            Unary::Asin | Unary::Acos => {
-                let u2 = self.square(&u);
-                let q = self.sub(&one, &u2);
-                let q = self.sqrt(&q);
-                let r = self.div(&one, &q);
-                if op == Unary::Asin { r } else { self.neg(&r) }
+            Unary::Asin => self.arcsine_slope(u),
+            Unary::Acos => {
+                let r = self.arcsine_slope(u);
+                self.neg(&r)
             }
             Unary::Atan => {
                 let u2 = self.square(&u);
@@ -492,8 +506,27 @@ impl Graph {
         }
     }
 
-    // In derivatives a factor or summand that is the constant 0 stands for "does not depend": it
-    // vanishes also beside an infinite partner, which plain constant folding must not assume.
+    /// 1/(2w), the slope of the root w = `id`; 0 at its singularity, as in the jets.
+    fn root_slope(&mut self, id: NodeId) -> NodeId {
+        let one = self.constant(1.0);
+        let (zero, half) = (self.constant(0.0), self.constant(0.5));
+        let positive = self.less(&zero, &id);
+        let safe = self.select(&positive, &id, &one);
+        let d = self.div(&half, &safe);
+        self.select(&positive, &d, &zero)
+    }
+
+    /// 1/√(1 − u²)
+    fn arcsine_slope(&mut self, u: NodeId) -> NodeId {
+        let one = self.constant(1.0);
+        let u2 = self.square(&u);
+        let q = self.sub(&one, &u2);
+        let q = self.sqrt(&q);
+        self.div(&one, &q)
+    }
+
+    /// u·v in a derivative: a factor that is the constant 0 stands for "does not depend" and
+    /// vanishes also beside an infinite partner, which plain constant folding must not assume.
     fn product(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if u == zero || v == zero {
@@ -502,6 +535,7 @@ impl Graph {
             self.mul(&u, &v)
         }
     }
+    /// u + v in a derivative, see [`Self::product`].
     fn sum(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if u == zero {
@@ -512,6 +546,7 @@ impl Graph {
             self.add(&u, &v)
         }
     }
+    /// u − v in a derivative, see [`Self::product`].
     fn difference(&mut self, u: NodeId, v: NodeId) -> NodeId {
         let zero = self.constant(0.0);
         if v == zero {
@@ -523,8 +558,30 @@ impl Graph {
         }
     }
 
+    /// The values of the arguments, if all of them are constants.
     fn folded(&self, args: &[NodeId]) -> Option<Vec<f64>> {
         args.iter().map(|a| self.constant_value(*a)).collect()
+    }
+}
+
+/// A node that is no input, built into `target` with the values of its arguments.
+#[inline]
+fn rebuilt<O: Ops>(node: &Node, target: &mut O, value: &[Option<O::V>]) -> O::V {
+    let get = |id: &NodeId| {
+        let value = value[id.at()].as_ref();
+        value.expect("arguments precede their users")
+    };
+    let all = |args: &[NodeId]| -> Vec<O::V> { args.iter().map(|id| get(id).clone()).collect() };
+    match node {
+        Node::Constant(bits) => target.constant(f64::from_bits(*bits)),
+        Node::X(_) | Node::Param(_) => unreachable!("inputs are replaced by the caller"),
+        Node::Unary(op, u) => target.unary(*op, get(u)),
+        Node::Binary(op, u, v) => target.binary(*op, get(u), get(v)),
+        Node::PowI(u, n) => target.powi(get(u), *n),
+        Node::Set(op, u, v) => target.set(*op, get(u), get(v)),
+        Node::Select(c, u, v) => target.select(get(c), get(u), get(v)),
+        Node::Library(f, args) => target.library(*f, &all(args)),
+        Node::Native(f, args) => target.native(*f, &all(args)),
     }
 }
 

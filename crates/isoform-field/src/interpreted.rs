@@ -1,16 +1,15 @@
 //! Programs that are no expression (a loop or an index depends on the point or on a parameter), as
 //! the residual of a fit.
 //!
-//! The program is run point by point in forward-mode jets, a few parameters at a time: some hundred
-//! times slower than a [`Tape`], and the same to the fit. Where the program stops with an error the
-//! value is NaN.
+//! The program is run point by point in forward-mode jets, a few parameters at a time, some hundred
+//! times slower than a [`Tape`]. Where the program stops with an error the value is NaN.
 
 use crate::hyperfun::{Evaluator, Model};
 use crate::tape::Tape;
 use isoform_geom::{ParamField, Point3};
 use isoform_num::{Jet1, Real};
 
-/// Parameters that one run differentiates by.
+/// Number of parameters that one run differentiates by.
 const AT_ONCE: usize = 8;
 
 /// A program run statement by statement.
@@ -19,18 +18,21 @@ pub struct Interpreted {
     model: Model,
     /// The model's point from the point of space and all parameters.
     point: Tape,
-    /// Divide by the length of the gradient in space.
+    /// Whether values are divided by the length of the gradient in space.
     is_metric: bool,
 }
 
 /// Memory of one evaluation after another.
 struct Runner<'m, R: Real + 'static> {
     of: &'m Interpreted,
+    /// The program.
     evaluator: Evaluator<'m, R>,
+    /// Scratch of the tape that gives the model's point.
     scratch: Vec<R>,
 }
 
 impl<R: Real + 'static> Runner<'_, R> {
+    /// The program's value at a point of space.
     fn run(&mut self, x: &[R; 3], a: &[R]) -> R {
         let p = self.of.point.eval_all(x, a, &mut self.scratch);
         let own = &a[..self.of.model.n_params()];
@@ -63,6 +65,7 @@ impl Interpreted {
         }
     }
 
+    /// A runner in one number type.
     fn runner<R: Real + 'static>(&self) -> Runner<'_, R> {
         Runner {
             of: self,
@@ -81,7 +84,7 @@ impl Interpreted {
             .collect()
     }
 
-    /// What values and derivatives are divided by: 1, or |∇f|.
+    /// The divisors of values and derivatives: 1, or |∇f|.
     fn divisors(&self, points: &[Point3], a: &[f64]) -> Vec<f64> {
         if !self.is_metric {
             return vec![1.0; points.len()];
@@ -92,6 +95,18 @@ impl Interpreted {
             .map(|s| isoform_geom::norm(s.g).max(1e-30))
             .collect()
     }
+}
+
+/// The parameters as jets that differentiate by the parameters from number `from` on.
+fn seeded(a: &[f64], from: usize) -> Vec<Jet1<AT_ONCE>> {
+    let jet = |(i, &v): (usize, &f64)| {
+        if (from..from + AT_ONCE).contains(&i) {
+            Jet1::variable(v, i - from)
+        } else {
+            Real::constant(v)
+        }
+    };
+    a.iter().enumerate().map(jet).collect()
 }
 
 impl ParamField for Interpreted {
@@ -106,24 +121,15 @@ impl ParamField for Interpreted {
         }
     }
 
-    /// Of the metric value the gradient's own dependence on the parameters is left out: it is
-    /// multiplied by f, which vanishes on the surface (Gauss-Newton's approximation).
+    /// The Jacobian by the parameters. In the metric value the gradient's own dependence on the
+    /// parameters is left out: it is multiplied by f, which vanishes on the surface (Gauss-Newton's
+    /// approximation).
     fn jacobian(&self, points: &[Point3], a: &[f64], out: &mut [f64], jac: &mut [f64]) {
         let n = self.dim();
         let divisors = self.divisors(points, a);
         let mut runner = self.runner::<Jet1<AT_ONCE>>();
         for from in (0..n.max(1)).step_by(AT_ONCE) {
-            let seeded: Vec<Jet1<AT_ONCE>> = a
-                .iter()
-                .enumerate()
-                .map(|(i, &v)| {
-                    if (from..from + AT_ONCE).contains(&i) {
-                        Jet1::variable(v, i - from)
-                    } else {
-                        Real::constant(v)
-                    }
-                })
-                .collect();
+            let seeded = seeded(a, from);
             for (k, (p, d)) in points.iter().zip(&divisors).enumerate() {
                 let f = runner.run(&p.map(Real::constant), &seeded);
                 out[k] = f.v / d;

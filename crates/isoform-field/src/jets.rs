@@ -6,27 +6,33 @@
 
 use crate::block::{Lane, dispatch};
 use crate::ops::{Binary, SetOp, Unary};
-use crate::tape::{Op, Tape};
+use crate::tape::{Instruction, Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet2, Real};
 
-/// Points per block; ten numbers per slot and point fill the first-level cache sooner than values
-/// do.
+/// Number of points in a block. It is smaller than for values, since ten numbers per slot and point
+/// fill the first-level cache sooner.
 pub(crate) const LANES: usize = 8;
 
+/// A value at each point of a block.
 type Row = Lane<LANES>;
 
-/// Derivatives in the order xx, xy, xz, yy, yz, zz.
+/// Second derivatives in the order xx, xy, xz, yy, yz, zz.
 const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
 
+/// The jets of one slot.
 #[derive(Clone, Copy, Debug)]
 struct Slot {
+    /// Values.
     v: Row,
+    /// Gradients.
     g: [Row; 3],
+    /// Hessians, in the order of [`PAIRS`].
     h: [Row; 6],
 }
 
 const ZERO: Row = Lane([0.0; LANES]);
+/// A slot without derivatives and with the value 0.
 const EMPTY: Slot = Slot {
     v: ZERO,
     g: [ZERO; 3],
@@ -41,10 +47,12 @@ type Mask = u16;
 pub(crate) struct JetBlock<'t> {
     tape: &'t Tape,
     slots: Vec<Slot>,
+    /// By slot, the entries that are computed.
     masks: Vec<Mask>,
 }
 
 impl<'t> JetBlock<'t> {
+    /// A block with the parameters bound, and the operations computed that depend on them alone.
     pub(crate) fn new(tape: &'t Tape, a: &[f64]) -> Self {
         let mut slots = vec![EMPTY; tape.slots()];
         for (slot, &c) in slots.iter_mut().zip(&tape.constants) {
@@ -98,29 +106,35 @@ fn products(a: Mask, b: Mask) -> Mask {
     })
 }
 
+/// By slot, the entries that can differ from zero.
 fn masks(tape: &Tape) -> Vec<Mask> {
     let mut m: Vec<Mask> = vec![0; tape.slots()];
     for axis in 0..tape.n_x.min(3) {
         m[tape.first_x() + axis] = 1 << axis;
     }
     for (k, i) in tape.code.iter().enumerate() {
-        let (a, b) = (m[i.a as usize % m.len()], m[i.b as usize % m.len()]);
-        m[tape.first_code() + k] = match i.op {
-            Op::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign)
-            | Op::Binary(Binary::Less | Binary::LessEq) => 0,
-            Op::Unary(Unary::Neg | Unary::Abs) => a,
-            Op::Binary(Binary::Add | Binary::Sub) | Op::Set(SetOp::Max | SetOp::Min) => a | b,
-            Op::Binary(Binary::Mul) => a | b | products(a, b),
-            Op::Unary(_) | Op::PowI => a | products(a, a),
-            Op::Binary(_) | Op::Set(_) => a | b | products(a | b, a | b),
-            Op::Select => b | m[i.c as usize],
-            Op::Native => {
-                let all = tape.arguments(i).fold(0, |s, k| s | m[k as usize]);
-                all | products(all, all)
-            }
-        };
+        m[tape.first_code() + k] = mask_of(tape, i, &m);
     }
     m
+}
+
+/// The mask of an operation, from the masks `m` of the slots before it.
+fn mask_of(tape: &Tape, i: &Instruction, m: &[Mask]) -> Mask {
+    let (a, b) = (m[i.a as usize % m.len()], m[i.b as usize % m.len()]);
+    match i.op {
+        Op::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign)
+        | Op::Binary(Binary::Less | Binary::LessEq) => 0,
+        Op::Unary(Unary::Neg | Unary::Abs) => a,
+        Op::Binary(Binary::Add | Binary::Sub) | Op::Set(SetOp::Max | SetOp::Min) => a | b,
+        Op::Binary(Binary::Mul) => a | b | products(a, b),
+        Op::Unary(_) | Op::PowI => a | products(a, a),
+        Op::Binary(_) | Op::Set(_) => a | b | products(a | b, a | b),
+        Op::Select => b | m[i.c as usize],
+        Op::Native => {
+            let all = tape.arguments(i).fold(0, |s, k| s | m[k as usize]);
+            all | products(all, all)
+        }
+    }
 }
 
 dispatch! { fn run(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Slot]) = run_body }
@@ -145,7 +159,7 @@ fn chain(out: &mut Slot, mask: Mask, u: &Slot, f: &[Row; 3]) {
     }
 }
 
-/// p u + q v with constants p, q.
+/// u + q v with a constant q.
 #[inline(always)]
 fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
     for l in 0..LANES {
@@ -167,6 +181,7 @@ fn linear(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, q: f64) {
     }
 }
 
+/// u v by the product rule.
 #[inline(always)]
 fn product(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot) {
     for l in 0..LANES {
@@ -224,6 +239,7 @@ fn r_function(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, sign: f64) {
     }
 }
 
+/// v in the lanes where `second` holds, else u.
 #[inline(always)]
 fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize) -> bool) {
     let mut take = [false; LANES];
@@ -248,6 +264,7 @@ fn choose(out: &mut Slot, mask: Mask, u: &Slot, v: &Slot, second: impl Fn(usize)
     }
 }
 
+/// The jet in one lane.
 fn jet_of(s: &Slot, l: usize) -> Jet2 {
     Jet2 {
         v: s.v.0[l],
@@ -256,7 +273,7 @@ fn jet_of(s: &Slot, l: usize) -> Jet2 {
     }
 }
 
-/// What has no formula of its own here goes through the scalar jets, lane by lane.
+/// A function without a formula of its own here, by scalar jets, lane by lane.
 #[inline(never)]
 fn by_lane(out: &mut Slot, f: impl Fn(usize) -> Jet2) {
     for l in 0..LANES {
@@ -300,6 +317,7 @@ fn unary(op: Unary, u: &Row) -> [Row; 3] {
     f
 }
 
+/// Computes the operations `from..to` of the tape.
 #[inline(always)]
 fn run_body(tape: &Tape, masks: &[Mask], from: usize, to: usize, slots: &mut [Slot]) {
     let first = tape.first_code();

@@ -144,23 +144,30 @@ impl Library {
             Self::Cone(axis) => cone(o, axis, &u, &n[0]),
             Self::EllipticCone(axis) => elliptic_cone(o, axis, &u, n),
             Self::Superellipsoid => superellipsoid(o, &u, n),
+            _ => self.signed_distance(o, &u, n),
+        }
+    }
+
+    /// The primitives whose own value is a distance, of u and the arguments behind the centre.
+    fn signed_distance<O: Ops>(self, o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
+        match self {
             Self::DistanceCone(axis) => {
-                let p = axis_distance(o, axis, &u);
+                let p = axis_distance(o, axis, u);
                 let (_, _, h) = axis.indices();
                 cone_distance(o, &u[h], &p, &n[0])
             }
             Self::DistanceCylinder => {
                 let (dir, r) = (&n[..3], &n[3]);
-                let d = distance_to_line(o, &u, dir);
+                let d = distance_to_line(o, u, dir);
                 o.sub(r, &d)
             }
             Self::DistanceTorus(axis) => {
                 let (_, _, h) = axis.indices();
-                let p = axis_distance(o, axis, &u);
+                let p = axis_distance(o, axis, u);
                 torus_distance(o, &p, &u[h], &n[0], &n[1])
             }
             Self::DistanceEllipsoid => o.native(Native::EllipsoidDistance, &[&u[..], n].concat()),
-            _ => unreachable!("combinations returned above"),
+            _ => unreachable!("the other primitives and combinations have formulas of their own"),
         }
     }
 
@@ -343,21 +350,26 @@ fn quadric<O: Ops>(o: &mut O, terms: &[(&O::V, &O::V)]) -> O::V {
     s
 }
 
+/// 1 − (|u₁/a|^(2/s2) + |u₂/b|^(2/s2))^(s2/s1) − |u₃/d|^(2/s1) for a, b, d, s1, s2 = n.
 fn superellipsoid<O: Ops>(o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
     let two = o.constant(2.0);
     let (e1, e2) = (o.div(&two, &n[3]), o.div(&two, &n[4]));
     let ratio = o.div(&n[4], &n[3]);
-    let term = |o: &mut O, i: usize, e: &O::V| {
-        let t = o.div(&u[i], &n[i]);
-        let t = o.abs(&t);
-        power_from_zero(o, &t, e)
-    };
-    let (a, b, c) = (term(o, 0, &e2), term(o, 1, &e2), term(o, 2, &e1));
+    let a = scaled_power(o, &u[0], &n[0], &e2);
+    let b = scaled_power(o, &u[1], &n[1], &e2);
+    let c = scaled_power(o, &u[2], &n[2], &e1);
     let s = o.add(&a, &b);
     let s = power_from_zero(o, &s, &ratio);
     let one = o.constant(1.0);
     let s = o.sub(&one, &s);
     o.sub(&s, &c)
+}
+
+/// |u/a|^e
+fn scaled_power<O: Ops>(o: &mut O, u: &O::V, a: &O::V, e: &O::V) -> O::V {
+    let t = o.div(u, a);
+    let t = o.abs(&t);
+    power_from_zero(o, &t, e)
 }
 
 /// t^e for t ≥ 0, with 0^e = 0 and no derivative there.
@@ -438,7 +450,8 @@ fn circular_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::
     o.select(&apart, &m, &blend)
 }
 
-/// SARDF intersection; every branch is built, the conditions choose.
+/// Signed approximate real distance function of an intersection (Fayolle, Pasko, Schmitt); every
+/// branch is built, the conditions choose. Values below 1e-7 count as 0.
 fn sardf_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, alpha: &O::V) -> O::V {
     let zero = o.constant(0.0);
     let small = |o: &mut O, v: &O::V| {
@@ -453,16 +466,33 @@ fn sardf_intersection<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, alpha: &O
     let (fp, gp) = (o.less(&zero, &f), o.less(&zero, &g));
     let (fn_, gn) = (o.less(&f, &zero), o.less(&g, &zero));
     let (both_p, both_n) = (o.mul(&fp, &gp), o.mul(&fn_, &gn));
-    // Different signs give the negative one, one zero gives min(other, 0): both are the minimum.
+    // Values of different signs give the negative one, and a zero gives min(other, 0): both are the
+    // minimum.
     let rest = o.select(&both_n, &negative, &m);
     o.select(&both_p, &positive, &rest)
 }
 
+/// The SARDF intersection where both values are negative: f in the sector f tan α ≤ g, g in the
+/// sector g tan α ≤ f, and the arc that joins them between.
 fn sardf_both_negative<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> O::V {
+    let (t, d) = sardf_arc(o, f, g, alpha);
+    let zero = o.constant(0.0);
+    // f/g ≥ 1/t and f/g ≤ t, with both negative: f t ≤ g and f ≥ t g.
+    let (ft, gt) = (o.mul(f, &t), o.mul(g, &t));
+    let (first, second) = (o.less_eq(&ft, g), o.less_eq(&gt, f));
+    // For alpha = 0 both conditions would hold trivially on the axes only; t = 0 has no sectors.
+    let has = o.less(&zero, &t);
+    let (first, second) = (o.mul(&first, &has), o.mul(&second, &has));
+    let d = o.select(&second, g, &d);
+    o.select(&first, f, &d)
+}
+
+/// t = tan α, and the root d of (1 − t² − 2t) d² + 2t (f + g) d − (f² + g²) = 0 with the negative
+/// square root.
+fn sardf_arc<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> (O::V, O::V) {
     let (sum, f2, g2) = (o.add(f, g), o.square(f), o.square(g));
     let s2 = o.add(&f2, &g2);
-    let zero = o.constant(0.0);
-    let one = o.constant(1.0);
+    let (zero, one) = (o.constant(0.0), o.constant(1.0));
     let t = o.unary(crate::ops::Unary::Tan, alpha);
     let t2 = o.square(&t);
     let two_t = o.scale(2.0, &t);
@@ -480,16 +510,11 @@ fn sardf_both_negative<O: Ops>(o: &mut O, f: &O::V, g: &O::V, alpha: &O::V) -> O
     let num = o.sub(&mb, &root);
     let two_a = o.scale(2.0, &a);
     let d = o.div(&num, &two_a);
-    // f/g ≥ 1/t and f/g ≤ t, with both negative: f t ≤ g and f ≥ t g.
-    let (ft, gt) = (o.mul(f, &t), o.mul(g, &t));
-    let (first, second) = (o.less_eq(&ft, g), o.less_eq(&gt, f));
-    // For alpha = 0 both conditions would hold trivially on the axes only; t = 0 has no sectors.
-    let has = o.less(&zero, &t);
-    let (first, second) = (o.mul(&first, &has), o.mul(&second, &has));
-    let d = o.select(&second, g, &d);
-    o.select(&first, f, &d)
+    (t, d)
 }
 
+/// The SARDF intersection where both values are positive: m² by the quartic's root m near the edge
+/// and inside its sector, the minimum beside it, and the circular blend far from the edge.
 fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V) -> O::V {
     let (f2, g2) = (o.square(f), o.square(g));
     let r4 = o.scale(4.0, r);
@@ -500,7 +525,12 @@ fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V
     let m2 = o.square(&root);
     let near_value = o.select(&inner, &m2, m);
     let far_value = circular_intersection(o, f, g, r);
-    // near: f ≤ R or g ≤ R or (f ≤ 2R and g ≤ 2R and (f−2R)² + (g−2R)² ≥ R²)
+    let near = sardf_is_near(o, f, g, r);
+    o.select(&near, &near_value, &far_value)
+}
+
+/// f ≤ R or g ≤ R or (f ≤ 2R and g ≤ 2R and (f − 2R)² + (g − 2R)² ≥ R²), as a condition.
+fn sardf_is_near<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V) -> O::V {
     let r2 = o.scale(2.0, r);
     let (a, b) = (o.less_eq(f, r), o.less_eq(g, r));
     let (c, d) = (o.less_eq(f, &r2), o.less_eq(g, &r2));
@@ -512,6 +542,5 @@ fn sardf_both_positive<O: Ops>(o: &mut O, f: &O::V, g: &O::V, r: &O::V, m: &O::V
     let corner = o.mul(&c, &d);
     let corner = o.mul(&corner, &e);
     let s = o.add(&a, &b);
-    let s = o.add(&s, &corner);
-    o.select(&s, &near_value, &far_value)
+    o.add(&s, &corner)
 }

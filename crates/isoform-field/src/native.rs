@@ -9,6 +9,8 @@ use isoform_num::Real;
 /// A share of s² that t + s² must be above for the foot point u s²/(t + s²) to be computed from it.
 /// Below it the root t is −s² up to rounding: u is on a principal plane within the focal curve.
 const OFF_PLANE: f64 = 1e-9;
+/// Number of halvings after which a bisection ends. Neighbouring doubles mostly end it sooner.
+const MOST_HALVINGS: usize = 200;
 
 /// Signed distance to an axis-parallel ellipsoid about 0, positive inside: `u[0..3]`, half axes
 /// `u[3..6]`.
@@ -38,7 +40,9 @@ pub(crate) fn ellipsoid_distance<R: Real>(args: &[R]) -> R {
 
 /// A point in the first octant and the half axes of an ellipsoid.
 struct Ellipsoid {
+    /// The point.
     u: [f64; 3],
+    /// The half axes.
     s: [f64; 3],
 }
 
@@ -53,18 +57,8 @@ impl Ellipsoid {
                 .sum::<f64>()
                 - 1.0
         };
-        let (mut lo, mut hi) = (
-            -least * least,
-            (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt(),
-        );
-        for _ in 0..200 {
-            let t = 0.5 * (lo + hi);
-            if t <= lo || t >= hi {
-                break;
-            }
-            if g(t) > 0.0 { lo = t } else { hi = t }
-        }
-        0.5 * (lo + hi)
+        let farthest = (0..3).map(|i| (u[i] * s[i]).powi(2)).sum::<f64>().sqrt();
+        bisected(-least * least, farthest, |t| g(t) > 0.0)
     }
 
     /// Whether coordinate i of the foot point is u s²/(t + s²).
@@ -73,6 +67,7 @@ impl Ellipsoid {
         t + s2 > OFF_PLANE * self.s[i] * self.s[i]
     }
 
+    /// Whether the point is in the ellipsoid: Σ (u/s)² ≤ 1.
     fn is_inside(&self) -> bool {
         (0..3).map(|i| (self.u[i] / self.s[i]).powi(2)).sum::<f64>() <= 1.0
     }
@@ -134,21 +129,10 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     let Some(m) = second_largest_root(&c) else {
         return R::constant(0.0);
     };
-    let (f, g, r) = (args[0].clone(), args[1].clone(), args[2].clone());
-    let q = r.sqrt();
-    let k = R::constant;
-    let mut m = k(m);
+    let q = args[2].sqrt();
+    let mut m = R::constant(m);
     for _ in 0..3 {
-        let m2 = m.square();
-        let value = m2.square()
-            - k(4.0) * q.clone() * m2.clone() * m.clone()
-            - k(4.0) * r.clone() * m2.clone()
-            + k(4.0) * q.clone() * (f.clone() + g.clone()) * m.clone()
-            - (f.square() + g.square());
-        let slope = k(4.0) * m2.clone() * m.clone()
-            - k(12.0) * q.clone() * m2
-            - k(8.0) * r.clone() * m.clone()
-            + k(4.0) * q.clone() * (f.clone() + g.clone());
+        let (value, slope) = sardf_quartic([&args[0], &args[1], &args[2], &q], &m);
         if slope.value() == 0.0 {
             break;
         }
@@ -157,15 +141,28 @@ pub(crate) fn sardf_root<R: Real>(args: &[R]) -> R {
     m
 }
 
-/// Real roots of a quartic (coefficients from constant to leading) by splitting at the roots of its
-/// derivatives.
+/// m⁴ − 4q m³ − 4R m² + 4q (f + g) m − (f² + g²) with q = √R, and its derivative by m.
+fn sardf_quartic<R: Real>([f, g, r, q]: [&R; 4], m: &R) -> (R, R) {
+    let k = R::constant;
+    let m2 = m.square();
+    let value =
+        m2.square() - k(4.0) * q.clone() * m2.clone() * m.clone() - k(4.0) * r.clone() * m2.clone()
+            + k(4.0) * q.clone() * (f.clone() + g.clone()) * m.clone()
+            - (f.square() + g.square());
+    let slope =
+        k(4.0) * m2.clone() * m.clone() - k(12.0) * q.clone() * m2 - k(8.0) * r.clone() * m.clone()
+            + k(4.0) * q.clone() * (f.clone() + g.clone());
+    (value, slope)
+}
+
+/// The second largest real root of a quartic with the coefficients from constant to leading.
 fn second_largest_root(c: &[f64; 5]) -> Option<f64> {
     let roots = real_roots(c);
     (roots.len() >= 2).then(|| roots[roots.len() - 2])
 }
 
-/// Real roots in rising order: between neighbouring roots of the derivative the polynomial is
-/// monotone and is bisected.
+/// Real roots of a polynomial in rising order: between neighbouring roots of the derivative it is
+/// monotone and is bisected. Cauchy's bound 1 + max |cᵢ/cₙ| holds all of them.
 fn real_roots(c: &[f64]) -> Vec<f64> {
     let degree = c.len() - 1;
     if degree == 1 {
@@ -191,29 +188,27 @@ fn real_roots(c: &[f64]) -> Vec<f64> {
     let eval = |t: f64| c.iter().rev().fold(0.0, |s, k| s * t + k);
     let mut roots = Vec::new();
     for w in cuts.windows(2) {
-        let (mut lo, mut hi) = (w[0], w[1]);
-        let (a, b) = (eval(lo), eval(hi));
-        if a == 0.0 && lo > -bound {
-            roots.push(lo);
-            continue;
+        let (a, b) = (eval(w[0]), eval(w[1]));
+        if a == 0.0 && w[0] > -bound {
+            roots.push(w[0]);
+        } else if a.signum() != b.signum() {
+            roots.push(bisected(w[0], w[1], |t| eval(t).signum() == a.signum()));
         }
-        if a.signum() == b.signum() {
-            continue;
-        }
-        for _ in 0..200 {
-            let m = 0.5 * (lo + hi);
-            if m <= lo || m >= hi {
-                break;
-            }
-            if eval(m).signum() == a.signum() {
-                lo = m
-            } else {
-                hi = m
-            }
-        }
-        roots.push(0.5 * (lo + hi));
     }
     roots
+}
+
+/// The place between `lo` and `hi` where `is_below` changes from true to false, by bisection down
+/// to neighbouring doubles.
+fn bisected(mut lo: f64, mut hi: f64, is_below: impl Fn(f64) -> bool) -> f64 {
+    for _ in 0..MOST_HALVINGS {
+        let m = 0.5 * (lo + hi);
+        if m <= lo || m >= hi {
+            break;
+        }
+        if is_below(m) { lo = m } else { hi = m }
+    }
+    0.5 * (lo + hi)
 }
 
 /// C's fmod; the derivative by u is 1, by v −trunc(u/v).
@@ -224,6 +219,27 @@ pub(crate) fn fmod<R: Real>(args: &[R]) -> R {
     }
     let n = ((u - u % v) / v).round();
     args[0].clone() - args[1].clone() * R::constant(n)
+}
+
+/// A mixture of the bits of a lattice point's coordinates, which takes the place of Perlin's
+/// permutation.
+fn lattice_hash(point: [f64; 3]) -> u64 {
+    let mut hash = 0x9E37_79B9_7F4A_7C15u64;
+    for c in point {
+        let at = c.clamp(-9e15, 9e15) as i64;
+        hash = (hash ^ at as u64).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        hash ^= hash >> 29;
+    }
+    hash
+}
+
+/// The product of d with the gradient that the hash chooses among the twelve edge directions of a
+/// cube.
+fn along_edge<R: Real>(hash: u64, d: &[R; 3]) -> R {
+    let n = (hash >> 33) % 12;
+    let (a, b) = [(0, 1), (0, 2), (1, 2)][(n / 4) as usize];
+    let sign = |s: u64| R::constant(if s == 0 { 1.0 } else { -1.0 });
+    sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone()
 }
 
 /// Ken Perlin's improved noise with a permutation of our own: p(i) from a fixed 64-bit mixing of i,
@@ -237,18 +253,9 @@ pub(crate) fn perlin<R: Real>(args: &[R]) -> R {
     let mut sum = k(0.0);
     for corner in 0..8u32 {
         let bit = |i: usize| (corner >> i) & 1;
-        let mut hash = 0x9E37_79B9_7F4A_7C15u64;
-        for (i, c) in cell.iter().enumerate() {
-            let at = (c + f64::from(bit(i))).clamp(-9e15, 9e15) as i64;
-            hash = (hash ^ at as u64).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            hash ^= hash >> 29;
-        }
+        let at = std::array::from_fn(|i| cell[i] + f64::from(bit(i)));
         let d: [R; 3] = std::array::from_fn(|i| p[i].clone() - k(f64::from(bit(i))));
-        // The twelve edge directions of a cube.
-        let n = (hash >> 33) % 12;
-        let (a, b) = [(0, 1), (0, 2), (1, 2)][(n / 4) as usize];
-        let sign = |s: u64| k(if s == 0 { 1.0 } else { -1.0 });
-        let mut term = sign(n & 1) * d[a].clone() + sign((n >> 1) & 1) * d[b].clone();
+        let mut term = along_edge(lattice_hash(at), &d);
         for (i, w) in w.iter().enumerate() {
             term = term
                 * if bit(i) == 1 {

@@ -1,4 +1,7 @@
 //! Polynomials in x, y, z with floating-point coefficients.
+//!
+//! f = Σ c x^a y^b z^c, term by term. Values over a box are interval sums; at a point they are
+//! enclosed by a running bound of the rounding error, γ Σ |c x^a y^b z^c|.
 
 use isoform_geom::{Aabb, Expansion, Field, Point3, Terms};
 use isoform_num::{Interval, Jet2, Jet3, Real};
@@ -34,8 +37,9 @@ pub struct Polynomial {
     degrees: [usize; 3],
 }
 
-/// The powers of the three coordinates: derivative k of x^e over k!·binomial stays with the caller.
+/// The powers of the three coordinates, in any number type.
 struct Powers<R> {
+    /// By axis and exponent.
     of: [Vec<R>; 3],
 }
 
@@ -58,7 +62,7 @@ impl<R: Real> Powers<R> {
         });
         Self { of }
     }
-    /// The derivative of x^a y^b z^c of the orders d.
+    /// The derivative of x^a y^b z^c of the orders d; `None` where it vanishes.
     fn derivative(&self, exponents: &[u16; 3], d: [usize; 3]) -> Option<R> {
         let mut factor = 1.0;
         let mut product: Option<R> = None;
@@ -159,6 +163,7 @@ impl Derivatives {
         all.set(at);
         all
     }
+    /// Computes the powers of another point.
     fn set(&mut self, at: Point3) {
         for (powers, x) in self.of.iter_mut().zip(at) {
             powers[0] = [1.0, 0.0, 0.0, 0.0];
@@ -170,6 +175,7 @@ impl Derivatives {
             }
         }
     }
+    /// The three factors of a monomial, each with its derivatives.
     fn of(&self, e: &[u16; 3]) -> [[f64; 4]; 3] {
         std::array::from_fn(|k| self.of[k][usize::from(e[k])])
     }
@@ -182,6 +188,7 @@ impl Polynomial {
     fn rounding(&self) -> f64 {
         (self.degrees.iter().sum::<usize>() + self.terms.len() + 16) as f64 * f64::EPSILON
     }
+    /// Value, gradient and Hessian from the powers' derivatives.
     fn jet_of(&self, d: &Derivatives) -> Jet2 {
         let mut j = Jet2 {
             v: 0.0,
@@ -221,6 +228,49 @@ impl Polynomial {
         }
         let r = self.rounding() * absolute;
         Interval::new((sum - r).next_down(), (sum + r).next_up())
+    }
+}
+
+/// Sums over the terms, by the derivatives of [`ORDERS`].
+struct Sums {
+    /// The derivatives at a point.
+    signed: [f64; 20],
+    /// The sums of absolute values at the point.
+    absolute: [f64; 20],
+    /// The sums of absolute values of third derivatives at the farthest corner of a region.
+    wide: [f64; 10],
+}
+
+impl Polynomial {
+    /// The sums of the terms, and of their absolute values, for a point and for the farthest corner
+    /// of a region.
+    fn sums(&self, at: Point3, region: Aabb) -> Sums {
+        let reach: Point3 =
+            std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
+        let [here, near, far] = [
+            at,
+            at.map(f64::abs),
+            std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
+        ]
+        .map(|p| Derivatives::new(p, self.degrees));
+        let (mut signed, mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 20], [0.0f64; 10]);
+        for (e, c) in &self.terms {
+            let (h, n, f) = (here.of(e), near.of(e), far.of(e));
+            for (k, d) in ORDERS.iter().enumerate() {
+                let product = |t: &[[f64; 4]; 3]| t[0][d[0]] * t[1][d[1]] * t[2][d[2]];
+                signed[k] += c * product(&h);
+                let size = c.abs() * product(&n);
+                absolute[k] += size;
+                if k >= 10 {
+                    wide[k - 10] += c.abs() * product(&f);
+                }
+            }
+        }
+        Sums {
+            signed,
+            absolute,
+            wide,
+        }
     }
 }
 
@@ -264,30 +314,11 @@ impl Field for Polynomial {
         })
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        // Sums of the terms, and of their absolute values, for the point and for the farthest
-        // corner of the region.
-        let reach: Point3 =
-            std::array::from_fn(|k| (region.hi[k] - at[k]).max(at[k] - region.lo[k]).next_up());
-        let [here, near, far] = [
-            at,
-            at.map(f64::abs),
-            std::array::from_fn(|k| (at[k].abs() + reach[k]).next_up()),
-        ]
-        .map(|p| Derivatives::new(p, self.degrees));
-        let mut sums = [0.0f64; 20];
-        let (mut absolute, mut wide) = ([0.0f64; 20], [0.0f64; 10]);
-        for (e, c) in &self.terms {
-            let (h, n, f) = (here.of(e), near.of(e), far.of(e));
-            for (k, d) in ORDERS.iter().enumerate() {
-                let product = |t: &[[f64; 4]; 3]| t[0][d[0]] * t[1][d[1]] * t[2][d[2]];
-                sums[k] += c * product(&h);
-                let size = c.abs() * product(&n);
-                absolute[k] += size;
-                if k >= 10 {
-                    wide[k - 10] += c.abs() * product(&f);
-                }
-            }
-        }
+        let Sums {
+            signed: sums,
+            absolute,
+            wide,
+        } = self.sums(at, region);
         let rounding = self.rounding();
         let ball = |m: f64, r: f64| Interval::new((m - r).next_down(), (m + r).next_up());
         let point = |k: usize| ball(sums[k], rounding * absolute[k]);

@@ -1,4 +1,8 @@
-//! A compiled model as the residual of a fit.
+//! A compiled model as the residual of a fit: values, Jacobians, and the normal equations JᵀWJ and
+//! JᵀWf, in blocks of points and on several threads.
+//!
+//! Sums are taken per piece of [`PIECE`] points and then in the order of the pieces, so that they
+//! do not depend on the number of threads.
 
 use crate::block::{Block, LANES, Lane, Plan, Wanted, dispatch};
 use crate::jets::{self, JetBlock};
@@ -7,16 +11,19 @@ use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
 use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real};
 use rayon::prelude::*;
 
-/// Points per piece of work: sums are taken per piece and then in the order of the pieces, whoever
-/// computed them.
+/// Number of points in a piece of work. Another number changes the order of sums, and with it their
+/// last digits.
 const PIECE: usize = 32 * LANES;
 
 /// A tape in x, y, z and parameters, evaluated in blocks, on all threads of the current pool for
 /// large inputs.
 #[derive(Clone, Debug)]
 pub struct Residual {
+    /// The compiled function.
     tape: Tape,
+    /// The plan of derivatives by the parameters.
     by_params: Plan,
+    /// The plan of derivatives by the coordinates.
     by_space: Plan,
 }
 
@@ -73,18 +80,12 @@ fn for_pieces(
         work(from..from + out.len(), out, rows);
     };
     let (out, rows) = (&mut out[..n], &mut rows[..n * width]);
-    if width == 0 {
-        if n <= PIECE || rayon::current_num_threads() == 1 {
-            work(0..n, out, rows);
-        } else {
-            out.par_chunks_mut(PIECE)
-                .enumerate()
-                .for_each(|(k, o)| piece(k, o, &mut []));
-        }
-        return;
-    }
     if n <= PIECE || rayon::current_num_threads() == 1 {
         work(0..n, out, rows);
+    } else if width == 0 {
+        out.par_chunks_mut(PIECE)
+            .enumerate()
+            .for_each(|(k, o)| piece(k, o, &mut []));
     } else {
         out.par_chunks_mut(PIECE)
             .zip(rows.par_chunks_mut(PIECE * width))
@@ -100,12 +101,21 @@ struct Sums {
 }
 
 impl Sums {
-    /// For an even number of rows.
+    /// The sums over no points, for an even number of rows.
     fn new(rows: usize) -> Self {
         let pairs = rows / 2;
         Self {
             products: vec![[0.0; 8]; pairs * (pairs + 1) / 2 * 4],
         }
+    }
+    /// The sums for row m with itself, for row m with the rows before it, and for each pair of these.
+    fn list(&self, m: usize) -> Vec<f64> {
+        let gradient = (0..m).map(|i| self.get(m, i));
+        let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
+        std::iter::once(self.get(m, m))
+            .chain(gradient)
+            .chain(hessian.map(|(i, j)| self.get(i, j)))
+            .collect()
     }
     /// The sum for rows i ≥ j.
     fn get(&self, i: usize, j: usize) -> f64 {
@@ -141,19 +151,26 @@ fn dot_pairs(into: [&mut [f64; 8]; 4], a: [&[f64; LANES]; 2], b: [&[f64; LANES];
     (*into00, *into01, *into10, *into11) = (s00, s01, s10, s11);
 }
 
-/// Rows 0 to n − 1 are the derivatives, row n the values: all products of pairs of rows, in squares
-/// of two by two. What lies above the diagonal is computed with its square and never read.
+/// Two rows times the weights, lane by lane.
+#[inline(always)]
+fn weighted(rows: [&Lane<LANES>; 2], w: &[f64; LANES]) -> [Lane<LANES>; 2] {
+    let mut weighted = [Lane([0.0; LANES]); 2];
+    for (to, row) in weighted.iter_mut().zip(rows) {
+        for l in 0..LANES {
+            to.0[l] = w[l] * row.0[l];
+        }
+    }
+    weighted
+}
+
+/// All products of pairs of rows, in squares of two by two. Rows 0 to n − 1 are the derivatives, row
+/// n the values. A product above the diagonal is computed with its square and never read.
 #[inline(always)]
 fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     let n = rows.len();
     for i in (0..n).step_by(2) {
         let pair = [&rows[i], &rows[i + 1]];
-        let mut weighted = [Lane([0.0; LANES]); 2];
-        for (to, row) in weighted.iter_mut().zip(pair) {
-            for l in 0..LANES {
-                to.0[l] = w[l] * row.0[l];
-            }
-        }
+        let weighted = weighted(pair, w);
         for j in (0..=i).step_by(2) {
             let at = (i / 2 * (i / 2 + 1) / 2 + j / 2) * 4;
             let [s00, s01, s10, s11] = &mut sums.products[at..at + 4] else {
@@ -168,6 +185,7 @@ fn accumulate_body(sums: &mut Sums, rows: &[Lane<LANES>], w: &[f64; LANES]) {
     }
 }
 
+/// The sum over eight lanes, in a fixed order.
 fn total(v: &[f64; 8]) -> f64 {
     ((v[0] + v[4]) + (v[1] + v[5])) + ((v[2] + v[6]) + (v[3] + v[7]))
 }
@@ -182,6 +200,26 @@ impl Residual {
             w[..n].copy_from_slice(&weights[from..from + n]);
         }
         w
+    }
+
+    /// All products of two columns of (J, f) over some points, weighted: f·f, then J·f by
+    /// parameter, then the lower triangle of J·J by rows.
+    fn products(&self, points: &[Point3], weights: &[f64], from: usize, a: &[f64]) -> Vec<f64> {
+        let m = self.tape.n_params;
+        let mut block = Block::gradients(&self.tape, &self.by_params);
+        block.bind(a);
+        let even = (m + 1).next_multiple_of(2);
+        let (mut sums, mut rows) = (Sums::new(even), vec![Lane([0.0; LANES]); even]);
+        for (k, chunk) in points.chunks(LANES).enumerate() {
+            block.load(chunk);
+            block.forward();
+            block.reverse();
+            rows[..m].copy_from_slice(block.by_params());
+            rows[m].0 = *block.result(0);
+            let weights = Self::lane_weights(weights, from + k * LANES, chunk.len());
+            accumulate(&mut sums, &rows, &weights);
+        }
+        sums.list(m)
     }
 
     /// A sum over the pieces of the points, each computed by `work` into a vector, added in the
@@ -257,28 +295,8 @@ impl ParamField for Residual {
     ) -> f64 {
         let m = self.tape.n_params;
         let sum = self.reduce(points.len(), 1 + m + m * (m + 1) / 2, |range| {
-            let mut block = Block::gradients(&self.tape, &self.by_params);
-            block.bind(a);
-            let even = (m + 1).next_multiple_of(2);
-            let (mut sums, mut rows) = (Sums::new(even), vec![Lane([0.0; LANES]); even]);
-            for (k, chunk) in points[range.clone()].chunks(LANES).enumerate() {
-                block.load(chunk);
-                block.forward();
-                block.reverse();
-                rows[..m].copy_from_slice(block.by_params());
-                rows[m].0 = *block.result(0);
-                accumulate(
-                    &mut sums,
-                    &rows,
-                    &Self::lane_weights(weights, range.start + k * LANES, chunk.len()),
-                );
-            }
-            let gradient = (0..m).map(|i| sums.get(m, i));
-            let hessian = (0..m).flat_map(|i| (0..=i).map(move |j| (i, j)));
-            std::iter::once(sums.get(m, m))
-                .chain(gradient)
-                .chain(hessian.map(|(i, j)| sums.get(i, j)))
-                .collect()
+            let from = range.start;
+            self.products(&points[range], weights, from, a)
         });
         gradient[..m].copy_from_slice(&sum[1..=m]);
         let mut at = m + 1;
@@ -341,6 +359,7 @@ impl ParamField for Residual {
 #[derive(Clone, Debug)]
 pub struct Bound {
     residual: Residual,
+    /// The values of the parameters.
     a: Vec<f64>,
 }
 
@@ -390,7 +409,8 @@ impl Bound {
         }
     }
 
-    /// f over a box, with the tape shortened to what matters there.
+    /// Bounds of f over a box, and f with a shorter tape for the box if some of its branches are
+    /// decided there.
     pub fn bounds_and_rest(&self, region: Aabb) -> (Interval, Option<Self>) {
         let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
         let a: Vec<Interval> = self.a.iter().map(|&v| Interval::new(v, v)).collect();

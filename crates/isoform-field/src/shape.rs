@@ -8,9 +8,9 @@
 //! inside. The min/max tree over these is close to a signed distance: at the minimum of a fit it is
 //! at the statistical limit, where the R-functions' own value is 4 to 15 standard deviations off.
 //!
-//! Which smooth pieces a face consists of, and what they are called, is read where the mesh's
-//! pieces are read ([`Naming`]): the parts of a fit, of a mesh and of patches have the same names.
-//! One piece may be several parts: where two bodies share a plane, and the two faces of a slab.
+//! The smooth pieces of a face and their names are read where the mesh's pieces are read
+//! ([`Naming`]), so that the parts of a fit, of a mesh and of patches share their names. One piece
+//! may be several parts: where two bodies share a plane, and the two faces of a slab.
 
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::Library;
@@ -30,21 +30,22 @@ pub struct Part {
     pub name: String,
 }
 
-/// Largest number of parts; what is left of the tree stays one part. Each part takes time in
-/// proportion to the whole expression: with more, programs of many thousand bodies take minutes.
+/// Largest number of parts; the rest of the tree stays one part. Each part takes time in proportion
+/// to the whole expression: with more, programs of many thousand bodies take minutes.
 const MOST_PARTS: usize = 4096;
 
-/// Products are read as slabs, and faces as several pieces, up to this many parts: each costs a copy
-/// of the expression.
+/// Largest number of parts up to which products are read as slabs, and faces as several pieces: each
+/// costs a copy of the expression.
 const MOST_SPLIT: usize = 256;
 
-/// Places at which the pieces of a face must have its sign. Where a parameter of the other sign
-/// would join them otherwise, every second place tells.
+/// Number of places at which the pieces of a face must have its sign. Where a parameter of the other
+/// sign would join them otherwise, every second place tells.
 const SIGNS_TRIED: usize = 48;
 
 /// A face of the solid: one distance, and one or several smooth parts.
 #[derive(Clone, Debug, PartialEq)]
 struct Face {
+    /// Near signed distance.
     distance: NodeId,
     /// The index of the part that decides.
     part: NodeId,
@@ -52,13 +53,15 @@ struct Face {
     tree: Vec<Join>,
 }
 
-/// The tree of minima and maxima over faces, in the order of computation: a program may join so
-/// many bodies, one after the other, that no stack suffices to walk it.
+/// A step of the tree of minima and maxima over faces, in the order of computation: a program may
+/// join thousands of bodies one after the other, and no stack would suffice to walk its tree.
 #[derive(Clone, Debug, PartialEq)]
 enum Step {
+    /// The value of a face.
     Face(Face),
-    /// Of the last two results that are not used yet.
+    /// The minimum or maximum of the last two results that are not used yet.
     Join {
+        /// Whether it is the minimum.
         is_min: bool,
     },
 }
@@ -75,12 +78,14 @@ pub enum Join {
 }
 
 impl Join {
+    /// The minimum or the maximum.
     fn of(is_min: bool) -> Self {
         if is_min { Self::Min } else { Self::Max }
     }
 }
 
 impl Step {
+    /// The steps over parts that make up this one.
     fn joins(&self) -> Vec<Join> {
         match self {
             Self::Face(face) => face.tree.clone(),
@@ -89,9 +94,11 @@ impl Step {
     }
 }
 
-/// What is left to be read.
+/// A part of the reading that is still to be done.
 enum Task {
+    /// To read a node, or the negative of its function.
     Read { id: NodeId, negative: bool },
+    /// To join the last two results.
     Join { is_min: bool },
 }
 
@@ -189,16 +196,19 @@ fn joined(g: &mut Graph, steps: &[Step]) -> Decided {
     results.pop().expect("a tree has a root")
 }
 
-/// What a face comes from.
+/// The origin of a face in the expression.
 #[derive(Clone, Copy)]
 struct Source {
+    /// The node.
     id: NodeId,
-    /// Which side of a primitive.
+    /// The side of a primitive; `None` where the face is the whole node.
     side: Option<usize>,
+    /// Whether the node is taken away.
     negative: bool,
 }
 
 impl Source {
+    /// The face of a whole node.
     fn whole(id: NodeId, negative: bool) -> Self {
         Self {
             id,
@@ -208,20 +218,24 @@ impl Source {
     }
 }
 
+/// The reading of an expression, face by face.
 struct Reader<'a> {
     graph: &'a mut Graph,
+    /// The parts so far.
     parts: Vec<Part>,
     /// By part, its function.
     pieces: Vec<NodeId>,
-    /// None for programs of too many pieces: parts then have the names of their nodes.
+    /// The names of pieces; `None` for programs of too many pieces, whose parts have the names of
+    /// their nodes.
     naming: Option<Naming>,
-    /// By name of a node, how many parts have it.
+    /// By name of a node, the number of parts that have it.
     taken: HashMap<String, u32>,
     /// Derivatives by axis, shared between pieces.
     memo: [HashMap<NodeId, NodeId>; 3],
 }
 
 impl Reader<'_> {
+    /// The tree of minima and maxima over faces.
     fn read(&mut self, root: NodeId) -> Vec<Step> {
         let (mut steps, mut tasks) = (Vec::new(), Vec::new());
         tasks.push(Task::Read {
@@ -297,6 +311,7 @@ impl Reader<'_> {
         }
     }
 
+    /// Whether the node, but for its sign, is a set operation or a primitive.
     fn has_sets(&self, mut id: NodeId) -> bool {
         loop {
             match self.graph.node(id) {
@@ -347,17 +362,15 @@ impl Reader<'_> {
         self.single(name, piece)
     }
 
-    /// A face of several parts: their values tell which one decides. None where there are too many,
-    /// or where they make up the face `whole` only for some values of the parameters.
+    /// A face of several parts, whose values tell which one decides. `None` where there are too
+    /// many, or where they make up the face `whole` only for some values of the parameters.
     fn several(&mut self, named: &Named, whole: NodeId) -> Option<(NodeId, Vec<Join>)> {
         let roots = named.pieces();
         if self.parts.len() + roots.len() > MOST_SPLIT {
             return None;
         }
         let from = self.naming.as_ref()?.graph();
-        let (nx, na) = from.inputs_of(&roots);
-        let x: Vec<NodeId> = (0..nx).map(|i| self.graph.x(i)).collect();
-        let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
+        let (x, a) = self.graph.input_nodes(from.inputs_of(&roots));
         let roots = from.rewrite_all(&roots, self.graph, &x, &a, |_, _, _| {});
         let pieces = self.graph.lowered_all(&roots);
         if !self.has_sign(named, &pieces, whole) {
@@ -380,11 +393,12 @@ impl Reader<'_> {
             let mut values = tape.eval_all(&x, &a, &mut scratch);
             let whole = values.pop().expect("the whole is the last one");
             let together = named.value(&mut values.into_iter());
-            // Where one is not defined, or is rounding, nothing is told.
+            // A value that is not defined, or is rounding, tells nothing.
             !(together.abs() > 1e-9 && whole.abs() > 1e-9) || (together > 0.0) == (whole > 0.0)
         })
     }
 
+    /// Adds the parts of named pieces and joins them: their value and the part that decides it.
     fn chosen(
         &mut self,
         named: &Named,
@@ -429,6 +443,7 @@ impl Reader<'_> {
         self.parts.len() as u32 - 1
     }
 
+    /// A primitive: one face for each of its sides, joined by minima.
     fn primitive(
         &mut self,
         id: NodeId,
@@ -467,7 +482,7 @@ impl Reader<'_> {
     /// A product u·v of functions with opposite gradients, as in x·(a − x), is a slab: the minimum
     /// of u and v (of −u and −v where the slab is turned inside out), two faces with distances of
     /// their own. f/|∇f| of the product is a distance only far from the other face.
-    /// False where it is none.
+    /// Returns whether the product is a slab.
     fn slab(
         &mut self,
         id: NodeId,
@@ -481,8 +496,37 @@ impl Reader<'_> {
         let Some(factor) = self.opposite(u, v) else {
             return false;
         };
-        // u + c v does not depend on x. Both factors are negative somewhere only where it is.
-        let scaled = self.graph.scale(factor, &v);
+        let sign = self.slab_sign(u, v, factor);
+        let name = match self.named(Source::whole(id, negative)) {
+            Some(Named::Piece { name, .. }) => name.to_string(),
+            _ => self.own_name(id),
+        };
+        for factor in [u, v] {
+            let function = self.graph.mul(&sign, &factor);
+            let face = self.slab_face(function, negative, name.clone());
+            steps.push(Step::Face(face));
+        }
+        steps.push(Step::Join { is_min: !negative });
+        true
+    }
+
+    /// One of the two faces of a slab, where `function` vanishes.
+    fn slab_face(&mut self, function: NodeId, negative: bool, name: String) -> Face {
+        let face = self.graph.lowered(function);
+        let distance = self.first_order(face).unwrap_or(face);
+        let (piece, distance) = self.signed(negative, face, distance);
+        let (part, tree) = self.single(name, piece);
+        Face {
+            distance,
+            part,
+            tree,
+        }
+    }
+
+    /// −1 for parameters where the slab u·v with ∇u = −c ∇v is turned inside out, else 1: u + c v
+    /// does not depend on x, and both factors are negative somewhere only where it is.
+    fn slab_sign(&mut self, u: NodeId, v: NodeId, c: f64) -> NodeId {
+        let scaled = self.graph.scale(c, &v);
         let sum = self.graph.add(&u, &scaled);
         let (_, na) = self.graph.inputs(sum);
         let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
@@ -492,29 +536,11 @@ impl Reader<'_> {
         let zero = self.graph.constant(0.0);
         let is_inside_out = self.graph.less(&sum, &zero);
         let (minus, plus) = (self.graph.constant(-1.0), self.graph.constant(1.0));
-        let sign = self.graph.select(&is_inside_out, &minus, &plus);
-        let name = match self.named(Source::whole(id, negative)) {
-            Some(Named::Piece { name, .. }) => name.to_string(),
-            _ => self.own_name(id),
-        };
-        for factor in [u, v] {
-            let face = self.graph.mul(&sign, &factor);
-            let face = self.graph.lowered(face);
-            let distance = self.first_order(face).unwrap_or(face);
-            let (piece, distance) = self.signed(negative, face, distance);
-            let (part, tree) = self.single(name.clone(), piece);
-            steps.push(Step::Face(Face {
-                distance,
-                part,
-                tree,
-            }));
-        }
-        steps.push(Step::Join { is_min: !negative });
-        true
+        self.graph.select(&is_inside_out, &minus, &plus)
     }
 
     /// The c > 0 with ∇u = −c ∇v everywhere and for all parameters, tried at pseudo-random places;
-    /// none where there is no such number or the gradients vanish.
+    /// `None` where there is no such number or the gradients vanish.
     fn opposite(&mut self, u: NodeId, v: NodeId) -> Option<f64> {
         let mut known: Option<f64> = None;
         let mut random = Random::new();
@@ -542,10 +568,7 @@ impl Reader<'_> {
         if nx > 3 {
             return None;
         }
-        let x: [Jet1<3>; 3] = std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
-        let a: Vec<Jet1<3>> = (0..na)
-            .map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0))
-            .collect();
+        let (x, a) = random_jets(na, random);
         let [gu, gv] = of.map(|id| self.graph.eval(id, &x, &a).g);
         let is_finite = gu.iter().chain(&gv).all(|v| v.is_finite());
         is_finite.then_some((gu, gv))
@@ -571,7 +594,7 @@ impl Reader<'_> {
         }
     }
 
-    /// ∇g and |∇g|² as expressions; none where a native function stands in the way or g is
+    /// ∇g and |∇g|² as expressions; `None` where a native function stands in the way or g is
     /// constant.
     fn gradient(&mut self, g: NodeId) -> Option<([NodeId; 3], NodeId)> {
         let zero = self.graph.constant(0.0);
@@ -584,6 +607,7 @@ impl Reader<'_> {
         (squares != zero).then_some((gradient, squares))
     }
 
+    /// g/|∇g|; `None` as [`Self::gradient`].
     fn first_order(&mut self, g: NodeId) -> Option<NodeId> {
         let (_, squares) = self.gradient(g)?;
         let norm = self.graph.sqrt(&squares);
@@ -613,15 +637,7 @@ impl Reader<'_> {
     fn second_step(&mut self, g: NodeId, distance: NodeId) -> Option<NodeId> {
         let (_, na) = self.graph.inputs(g);
         let a: Vec<NodeId> = (0..na).map(|i| self.graph.param(i)).collect();
-        let (gradient, squares) = self.gradient(g)?;
-        let tiny = self.graph.constant(1e-60);
-        let squares = self.graph.max(&squares, &tiny);
-        let step = self.graph.div(&g, &squares);
-        let q: [NodeId; 3] = std::array::from_fn(|axis| {
-            let x = self.graph.x(axis);
-            let by = self.graph.mul(&step, &gradient[axis]);
-            self.graph.sub(&x, &by)
-        });
+        let q = self.newton_step(g)?;
         let source = self.graph.clone();
         let rest = source.rewrite(distance, self.graph, &q, &a, |_, _, _| {});
         let (far, near) = (self.graph.abs(&distance), self.graph.abs(&rest));
@@ -630,9 +646,22 @@ impl Reader<'_> {
         Some(self.graph.select(&helps, &sum, &distance))
     }
 
+    /// x − g ∇g/|∇g|², the Newton step from x to the surface.
+    fn newton_step(&mut self, g: NodeId) -> Option<[NodeId; 3]> {
+        let (gradient, squares) = self.gradient(g)?;
+        let tiny = self.graph.constant(1e-60);
+        let squares = self.graph.max(&squares, &tiny);
+        let step = self.graph.div(&g, &squares);
+        Some(std::array::from_fn(|axis| {
+            let x = self.graph.x(axis);
+            let by = self.graph.mul(&step, &gradient[axis]);
+            self.graph.sub(&x, &by)
+        }))
+    }
+
     /// Whether the point (p, q, r) is a rigid image of space for all parameters: its Jacobian J
-    /// must satisfy JᵀJ = 1. Tested at pseudo-random places; a wrong answer would take probability
-    /// zero and only cost the piece its closed form.
+    /// must satisfy JᵀJ = 1. It is tested at pseudo-random places; a wrong answer has probability
+    /// zero and would only cost the piece its closed form.
     fn is_rigid(&mut self, point: [NodeId; 3]) -> bool {
         if (0..3).all(|i| self.graph.node(point[i]) == &Node::X(i as u32)) {
             return true;
@@ -646,26 +675,35 @@ impl Reader<'_> {
         }
         let mut random = Random::new();
         for _ in 0..4 {
-            let x: [Jet1<3>; 3] =
-                std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
-            let a: Vec<Jet1<3>> = (0..na)
-                .map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0))
-                .collect();
-            let rows = point.map(|p| self.graph.eval(p, &x, &a).g);
-            for i in 0..3 {
-                for j in 0..=i {
-                    let s: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
-                    // 1e-9: rounding of a few rotations stays below 1e-14; scales of real models
-                    // are never that close to 1.
-                    let off = (s - f64::from(u8::from(i == j))).abs();
-                    if off.is_nan() || off >= 1e-9 {
-                        return false;
-                    }
-                }
+            let (x, a) = random_jets(na, &mut random);
+            if !is_orthonormal(point.map(|p| self.graph.eval(p, &x, &a).g)) {
+                return false;
             }
         }
         true
     }
+}
+
+/// A pseudo-random point, as the variable of jets, and pseudo-random values of `na` parameters, all
+/// between −1 and 1.
+fn random_jets(na: usize, random: &mut Random) -> ([Jet1<3>; 3], Vec<Jet1<3>>) {
+    let x = std::array::from_fn(|i| Jet1::variable(2.0 * random.next() - 1.0, i));
+    let a = (0..na).map(|_| isoform_num::Real::constant(2.0 * random.next() - 1.0));
+    (x, a.collect())
+}
+
+/// Difference of rᵢ·rⱼ from 0 or 1 up to which rows are orthonormal: rounding of a few rotations
+/// stays below 1e-14, and scales of real models are never that close to 1.
+const ORTHONORMAL: f64 = 1e-9;
+
+/// Whether three rows are orthogonal and of unit length.
+fn is_orthonormal(rows: [Point3; 3]) -> bool {
+    (0..3).all(|i| {
+        (0..=i).all(|j| {
+            let s: f64 = (0..3).map(|k| rows[i][k] * rows[j][k]).sum();
+            (s - f64::from(u8::from(i == j))).abs() < ORTHONORMAL
+        })
+    })
 }
 
 #[cfg(test)]

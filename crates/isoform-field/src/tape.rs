@@ -11,17 +11,20 @@ use crate::ops::{Binary, SetOp, Unary};
 use isoform_num::{Interval, Real};
 use std::collections::{BTreeSet, HashMap};
 
-/// What an operation computes.
+/// The kind of an operation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Op {
+    /// A function of slot a.
     Unary(Unary),
+    /// A function of the slots a and b.
     Binary(Binary),
+    /// A set operation on the slots a and b.
     Set(SetOp),
-    /// slot a to the integer power in c
+    /// Slot a to the integer power in c.
     PowI,
-    /// slot a ? slot b : slot c
+    /// Slot b where slot a is not 0, else slot c.
     Select,
-    /// entry a of the list of native calls
+    /// Entry a of the list of native calls.
     Native,
 }
 
@@ -52,22 +55,60 @@ pub(crate) struct Instruction {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Tape {
+    /// Number of coordinates.
     pub(crate) n_x: usize,
+    /// Number of parameters.
     pub(crate) n_params: usize,
+    /// The values of the first slots.
     pub(crate) constants: Vec<f64>,
+    /// The operations in the order of computation.
     pub(crate) code: Vec<Instruction>,
-    /// How many of `code` do not depend on x.
+    /// Number of operations at the beginning of `code` that do not depend on x.
     pub(crate) uniform: usize,
+    /// The native functions that are called, with the slots of their arguments.
     pub(crate) natives: Vec<(Native, Box<[u32]>)>,
+    /// The slots of the results.
     pub(crate) roots: Vec<u32>,
 }
 
-/// Which branch of each min or max can be active over a region, from [`Tape::bounds`].
+/// The branch of a minimum, maximum or selection that can be active over a region.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Choice {
+    /// Not decided.
     Both,
+    /// The first alone.
     First,
+    /// The second alone.
     Second,
+}
+
+/// The nodes of an expression as a tape has them, each kind in the order of creation.
+struct Order {
+    /// Constants, coordinates and parameters.
+    inputs: Vec<NodeId>,
+    /// Operations that do not depend on the coordinates.
+    uniform: Vec<NodeId>,
+    /// Operations that do.
+    varying: Vec<NodeId>,
+}
+
+impl Order {
+    /// The nodes that are needed.
+    fn new(graph: &Graph, need: &[bool]) -> Self {
+        let nodes = (0..graph.len()).filter(|&i| need[i]);
+        let nodes = nodes.map(|i| NodeId(i as u32));
+        let (inputs, computed): (Vec<NodeId>, Vec<NodeId>) = nodes.partition(|id| {
+            let node = graph.node(*id);
+            matches!(node, Node::Constant(_) | Node::X(_) | Node::Param(_))
+        });
+        let in_space = |id: &NodeId| graph.is_in_space(*id);
+        let (varying, uniform) = computed.into_iter().partition(in_space);
+        Self {
+            inputs,
+            uniform,
+            varying,
+        }
+    }
 }
 
 impl Tape {
@@ -80,27 +121,12 @@ impl Tape {
         let mut g = graph.clone();
         let roots = g.lowered_all(roots);
         let need = g.reachable(&roots);
-        let nodes: Vec<NodeId> = (0..g.len())
-            .filter(|&i| need[i])
-            .map(|i| NodeId(i as u32))
-            .collect();
-        let is_input =
-            |id: &NodeId| matches!(g.node(*id), Node::Constant(_) | Node::X(_) | Node::Param(_));
-        let (inputs, computed): (Vec<NodeId>, Vec<NodeId>) = nodes.into_iter().partition(is_input);
-        let (varying, uniform): (Vec<NodeId>, Vec<NodeId>) =
-            computed.into_iter().partition(|&id| g.is_in_space(id));
-        let constants = inputs.iter().filter_map(|&id| g.constant_value(id));
-        let mut tape = Self {
-            n_x,
-            n_params,
-            constants: constants.collect(),
-            code: Vec::new(),
-            uniform: uniform.len(),
-            natives: Vec::new(),
-            roots: Vec::new(),
-        };
-        let mut slots = tape.slots_of(&g, &inputs);
-        for id in uniform.into_iter().chain(varying) {
+        let order = Order::new(&g, &need);
+        let constants = order.inputs.iter().filter_map(|&id| g.constant_value(id));
+        let mut tape = Self::with_inputs(n_x, n_params, constants.collect());
+        tape.uniform = order.uniform.len();
+        let mut slots = tape.slots_of(&g, &order.inputs);
+        for id in order.uniform.into_iter().chain(order.varying) {
             let instruction = tape.instruction(&g, id, &slots);
             slots[id.at()] = (tape.first_code() + tape.code.len()) as u32;
             tape.code.push(instruction);
@@ -180,15 +206,19 @@ impl Tape {
         self.roots.len()
     }
 
+    /// The slot of the first coordinate.
     pub(crate) fn first_x(&self) -> usize {
         self.constants.len()
     }
+    /// The slot of the first parameter.
     pub(crate) fn first_param(&self) -> usize {
         self.constants.len() + self.n_x
     }
+    /// The slot of the first operation.
     pub(crate) fn first_code(&self) -> usize {
         self.constants.len() + self.n_x + self.n_params
     }
+    /// Number of slots.
     pub(crate) fn slots(&self) -> usize {
         self.first_code() + self.code.len()
     }
@@ -253,26 +283,32 @@ impl Tape {
         rest[..self.n_params].clone_from_slice(&a[..self.n_params]);
         let first = self.first_code();
         for (k, i) in self.code.iter().enumerate() {
-            let (p, q) = (i.a as usize, i.b as usize);
-            s[first + k] = match i.op {
-                Op::Unary(op) => op.apply(&s[p]),
-                Op::Binary(op) => op.apply(&s[p], &s[q]),
-                Op::Set(op) => op.apply(&s[p], &s[q]),
-                Op::PowI => s[p].powi(i.c as i32),
-                Op::Select => s[p].select(&s[q], &s[i.c as usize]),
-                Op::Native => {
-                    let (f, args) = &self.natives[p];
-                    let args: Vec<R> = args.iter().map(|&k| s[k as usize].clone()).collect();
-                    native(*f, &args)
-                }
-            };
+            s[first + k] = self.apply(i, s, &native);
         }
     }
 
-    /// Bounds of the first result over a box of inputs, and a shorter tape for the same box: where
-    /// the bounds decide which side of a min or max is active, or which branch of a selection, the
-    /// other one is dropped. The shorter tape computes the same values in the box. R-functions
-    /// depend on both arguments everywhere and are kept.
+    /// The result of an operation, from the slots of its arguments.
+    #[inline(always)]
+    fn apply<R: Real>(&self, i: &Instruction, s: &[R], native: impl Fn(Native, &[R]) -> R) -> R {
+        let (p, q) = (i.a as usize, i.b as usize);
+        match i.op {
+            Op::Unary(op) => op.apply(&s[p]),
+            Op::Binary(op) => op.apply(&s[p], &s[q]),
+            Op::Set(op) => op.apply(&s[p], &s[q]),
+            Op::PowI => s[p].powi(i.c as i32),
+            Op::Select => s[p].select(&s[q], &s[i.c as usize]),
+            Op::Native => {
+                let (f, args) = &self.natives[p];
+                let args: Vec<R> = args.iter().map(|&k| s[k as usize].clone()).collect();
+                native(*f, &args)
+            }
+        }
+    }
+
+    /// Bounds of the first result over a box of inputs, and a shorter tape with equal values in the
+    /// box: where the bounds decide which side of a min or max is active, or which branch of a
+    /// selection, the other one is dropped. R-functions depend on both arguments everywhere and are
+    /// kept.
     pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
         let mut s = Vec::new();
         let range = self.range(x, a, &mut s);
@@ -303,34 +339,43 @@ impl Tape {
         (range, decided.then(|| self.simplified(&choices)))
     }
 
-    /// The tape of result `k` alone, with nothing that it does not need.
-    pub(crate) fn result(&self, k: usize) -> Self {
-        let first = self.first_code();
-        let mut need: BTreeSet<u32> = [self.roots[k]].into();
-        let mut pending = vec![self.roots[k]];
+    /// The slots that a slot depends on, itself included.
+    fn slots_below(&self, slot: u32) -> BTreeSet<u32> {
+        let mut need: BTreeSet<u32> = [slot].into();
+        let mut pending = vec![slot];
         while let Some(slot) = pending.pop() {
-            if let Some(at) = (slot as usize).checked_sub(first) {
+            if let Some(at) = (slot as usize).checked_sub(self.first_code()) {
                 pending.extend(self.arguments(&self.code[at]).filter(|&a| need.insert(a)));
             }
         }
+        need
+    }
+
+    /// A tape with these inputs and constants, still without operations.
+    fn with_inputs(n_x: usize, n_params: usize, constants: Vec<f64>) -> Self {
+        Self {
+            n_x,
+            n_params,
+            constants,
+            code: Vec::new(),
+            uniform: 0,
+            natives: Vec::new(),
+            roots: Vec::new(),
+        }
+    }
+
+    /// The tape of result `k` alone, with nothing that it does not need.
+    pub(crate) fn result(&self, k: usize) -> Self {
+        let first = self.first_code();
+        let need = self.slots_below(self.roots[k]);
         let inputs = self.first_x() as u32..first as u32;
         let constants: Vec<u32> = need.iter().copied().filter(|&s| s < inputs.start).collect();
         let mut place: HashMap<u32, u32> =
             constants.iter().zip(0..).map(|(&s, to)| (s, to)).collect();
         let n = constants.len() as u32;
         place.extend(inputs.clone().map(|s| (s, s - inputs.start + n)));
-        let mut tape = Self {
-            n_x: self.n_x,
-            n_params: self.n_params,
-            constants: constants
-                .iter()
-                .map(|&s| self.constants[s as usize])
-                .collect(),
-            code: Vec::new(),
-            uniform: 0,
-            natives: Vec::new(),
-            roots: Vec::new(),
-        };
+        let values = constants.iter().map(|&s| self.constants[s as usize]);
+        let mut tape = Self::with_inputs(self.n_x, self.n_params, values.collect());
         for &slot in need.range(inputs.end..) {
             let (k, at) = (slot as usize - first, |s: u32| place[&s]);
             let moved = self.moved(&self.code[k], at, &mut tape.natives);
@@ -373,9 +418,9 @@ impl Tape {
         }
     }
 
-    fn simplified(&self, choices: &[Choice]) -> Self {
+    /// By slot, the slot that has its value once decided operations are skipped.
+    fn decided(&self, choices: &[Choice]) -> Vec<u32> {
         let first = self.first_code();
-        // Where each slot's value is found once decided operations are skipped.
         let mut same: Vec<u32> = (0..self.slots() as u32).collect();
         for (k, (i, choice)) in self.code.iter().zip(choices).enumerate() {
             let (one, two) = if i.op == Op::Select {
@@ -389,6 +434,12 @@ impl Tape {
                 Choice::Second => same[first + k] = same[two as usize],
             }
         }
+        same
+    }
+
+    /// Which slots the results need, where slot s is found at `same[s]`.
+    fn needed(&self, same: &[u32]) -> Vec<bool> {
+        let first = self.first_code();
         let mut need = vec![false; self.slots()];
         for r in &self.roots {
             need[same[*r as usize] as usize] = true;
@@ -400,6 +451,15 @@ impl Tape {
                 }
             }
         }
+        need
+    }
+
+    /// The tape without the operations that the choices decide, and without what only the branches
+    /// that were not chosen need.
+    fn simplified(&self, choices: &[Choice]) -> Self {
+        let first = self.first_code();
+        let same = self.decided(choices);
+        let need = self.needed(&same);
         let mut place: Vec<u32> = (0..self.slots() as u32).collect();
         let (mut code, mut natives) = (Vec::new(), Vec::new());
         let mut uniform = 0;
@@ -428,10 +488,9 @@ impl Tape {
     }
 }
 
-/// For min(first, second): which side is surely not above the other. Ties keep the first, as
-/// evaluation does.
+/// The argument of min(first, second) that is surely below the other one. The maximum asks with the
+/// arguments swapped: there the one surely above is the first.
 fn decide(first: &Interval, second: &Interval) -> Choice {
-    // For max the caller swaps the arguments, and with them the meaning of the answer.
     if first.hi() < second.lo() {
         Choice::First
     } else if second.hi() < first.lo() {

@@ -1,4 +1,4 @@
-//! Points that lie on the surface that a faceted CAD model stands for.
+//! Samples of a faceted CAD model that lie on the surface it stands for.
 //!
 //! Vertices of such a mesh lie on the true surface, but there are few of them on flat faces; points
 //! inside the facets of a curved face lie off it, by the sagitta. So flat faces are sampled by
@@ -8,14 +8,16 @@
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 use std::collections::BTreeMap;
 
-/// Facets whose normals differ by less are one plane (CAD exports have rounding of 1e-4; scans have
-/// a degree and more).
+/// Angle between the normals of two facets below which they are one plane: CAD exports have
+/// rounding of 1e-4, scans have a degree and more.
 const FLAT: f64 = 0.05_f64.to_radians();
-/// Facets whose normals differ by more meet in an edge of the object, not within a curved face (a
-/// circle of 11 sides has 33°).
+/// Angle between the normals of two facets above which they meet in an edge of the object, not
+/// within a curved face: a circle of 11 sides has 33°.
 const SHARP: f64 = 35.0_f64.to_radians();
-/// A mesh with a smaller share of flat faces and facets along straight lines is no CAD model.
+/// Share of the area that flat faces and facets along straight lines have at least on a CAD model.
 const LEAST_EXACT: f64 = 0.2;
+/// Largest number of parts that a straight line is divided into.
+const MOST_PARTS: f64 = 1000.0;
 
 /// Most points that are added on faces.
 const MOST_ADDED: usize = 2_000_000;
@@ -65,61 +67,17 @@ fn with_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
     let is_flat: Vec<bool> = (0..mesh.triangles.len())
         .map(|t| faces.is_flat(t))
         .collect();
-    let straight: Vec<(u32, u32)> = faces
-        .edges
-        .iter()
-        .filter(|((u, v), pair)| faces.is_straight(*u, *v, pair))
-        .map(|e| *e.0)
-        .collect();
-    let mut is_exact = is_flat.clone();
-    straight
-        .iter()
-        .flat_map(|e| &faces.edges[e])
-        .for_each(|t| is_exact[*t as usize] = true);
-    let exact: f64 = is_exact
-        .iter()
-        .zip(&faces.area)
-        .filter(|f| *f.0)
-        .map(|f| f.1)
-        .sum();
+    let straight = faces.straight_edges();
+    let exact = faces.exact_area(&is_flat, &straight);
     if !(total > 0.0 && exact >= LEAST_EXACT * total) || wanted == 0 {
         return (mesh.clone(), 0);
     }
     let spacing = (total / wanted as f64).sqrt();
     let mut points = mesh.points.clone();
-    let mut owed = 0.0;
-    let mut k = 0_u32;
-    for (t, triangle) in mesh
-        .triangles
-        .iter()
-        .enumerate()
-        .filter(|(t, _)| is_flat[*t])
-    {
-        owed += faces.area[t] / (spacing * spacing);
-        while owed >= 1.0 {
-            owed -= 1.0;
-            k += 1;
-            // A low-discrepancy pair (Roberts, the plastic number), then the square root map onto
-            // the triangle.
-            let (r, s) = (
-                (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
-                (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract(),
-            );
-            let weights = [1.0 - r, r * (1.0 - s), r * s];
-            let corners = triangle.map(|v| mesh.points[v as usize]);
-            points.push(std::array::from_fn(|i| {
-                weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]
-            }));
-        }
-    }
+    sample_flat_faces(mesh, &faces, &is_flat, spacing, &mut points);
     for (u, v) in straight {
         let (p, q) = (mesh.points[u as usize], mesh.points[v as usize]);
-        let pieces = (norm(sub(q, p)) / spacing).ceil().min(1000.0) as usize;
-        if pieces > 1 {
-            let at = |j: usize| j as f64 / pieces as f64;
-            points
-                .extend((1..pieces).map(|j| std::array::from_fn(|i| p[i] + (q[i] - p[i]) * at(j))));
-        }
+        sample_line(p, q, spacing, &mut points);
     }
     let added = points.len() - mesh.points.len();
     let cloud = PointCloud {
@@ -129,6 +87,34 @@ fn with_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
         ..PointCloud::default()
     };
     (cloud, added)
+}
+
+/// Adds a point for each square of the spacing on the flat faces, by area.
+fn sample_flat_faces(
+    mesh: &PointCloud,
+    faces: &Faces,
+    is_flat: &[bool],
+    spacing: f64,
+    points: &mut Vec<Point3>,
+) {
+    let (mut owed, mut k) = (0.0, 0_u32);
+    let flat = mesh.triangles.iter().enumerate();
+    for (t, triangle) in flat.filter(|(t, _)| is_flat[*t]) {
+        owed += faces.area[t] / (spacing * spacing);
+        while owed >= 1.0 {
+            owed -= 1.0;
+            k += 1;
+            let corners = triangle.map(|v| mesh.points[v as usize]);
+            points.push(on_triangle(k, corners));
+        }
+    }
+}
+
+/// Adds points inside the segment from p to q, no farther apart than the spacing.
+fn sample_line(p: Point3, q: Point3, spacing: f64, points: &mut Vec<Point3>) {
+    let pieces = (norm(sub(q, p)) / spacing).ceil().min(MOST_PARTS) as usize;
+    let at = |j: usize| j as f64 / pieces as f64;
+    points.extend((1..pieces).map(|j| std::array::from_fn(|i| p[i] + (q[i] - p[i]) * at(j))));
 }
 
 /// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number)
@@ -146,14 +132,39 @@ pub(crate) fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
 
 /// Triangles by edge and by vertex.
 struct Faces {
+    /// Unit normals; 0 of a triangle without area.
     normals: Vec<Point3>,
+    /// Areas.
     area: Vec<f64>,
+    /// The triangles at each edge, by its ends in ascending order.
     edges: BTreeMap<(u32, u32), Vec<u32>>,
+    /// The triangles at each vertex.
     around: Vec<Vec<u32>>,
+    /// The triangles.
     of: Vec<[u32; 3]>,
 }
 
 impl Faces {
+    /// The edges that are straight lines of curved faces.
+    fn straight_edges(&self) -> Vec<(u32, u32)> {
+        self.edges
+            .iter()
+            .filter(|((u, v), pair)| self.is_straight(*u, *v, pair))
+            .map(|e| *e.0)
+            .collect()
+    }
+
+    /// The area of flat faces and of the facets at straight edges.
+    fn exact_area(&self, is_flat: &[bool], straight: &[(u32, u32)]) -> f64 {
+        let mut is_exact = is_flat.to_vec();
+        for t in straight.iter().flat_map(|e| &self.edges[e]) {
+            is_exact[*t as usize] = true;
+        }
+        let exact = is_exact.iter().zip(&self.area).filter(|f| *f.0);
+        exact.map(|f| f.1).sum()
+    }
+
+    /// The triangles of a mesh.
     fn new(mesh: &PointCloud) -> Self {
         let mut faces = Self {
             normals: Vec::new(),
@@ -226,6 +237,7 @@ impl Faces {
     }
 }
 
+/// The ends of an edge in ascending order.
 fn edge(u: u32, v: u32) -> (u32, u32) {
     (u.min(v), u.max(v))
 }

@@ -14,29 +14,29 @@ use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
 
-/// Starts of each other way to stand: enough to tell whether it is the right one.
+/// Number of starts of each other way to stand: enough to tell whether it is the right one.
 const STARTS_PER_TURN: usize = 8;
-/// A fit is better than another if its misfit is below this share of the other's. Alike ones, the
-/// symmetries of a part, differ by less, and count as one.
+/// Share of another fit's misfit below which a fit is better. Alike fits, the symmetries of a part,
+/// differ by less and count as one.
 const BETTER: f64 = 0.97;
-/// A scan that stands askew by more than this (as a Rodrigues vector: 0.6 degrees) is looked at
+/// Length of the Rodrigues vector (0.6 degrees) above which a scan stands askew and is looked at
 /// along the template's axes again, since shares of its box change with the frame.
 const ASKEW: f64 = 5e-3;
-/// Makes the seed of the second search, which must come to the place of the first.
+/// Bits by which the seed of the second search differs; it must come to the place of the first.
 const OTHER_SEED: u64 = 0x5EED;
-/// Two searches agree when their misfits differ by less than this share.
+/// Relative difference of two searches' misfits below which they agree.
 const AGREE: f64 = 0.03;
-/// A value this near to a bound, as a share of the range, has reached it.
+/// Distance from a bound, as a share of the range, within which a value has reached it.
 const AT_BOUND: f64 = 0.005;
-/// A value this near to a bound has reached it where the fit is not accepted: one that a bound
-/// keeps from its place may end beside the bound, too.
+/// Distance from a bound, as a share of the range, within which a value has reached it where the fit
+/// is not accepted: a value that a bound keeps from its place may end beside the bound, too.
 const BESIDE_BOUND: f64 = 0.05;
-/// Rounds in which bounds that are shares of the box give way.
+/// Number of rounds in which bounds that are shares of the box give way.
 const WIDENINGS: usize = 2;
-/// Most of the points that may be left out as clutter, as a share: with more gone, what is left
-/// need not be the part.
+/// Largest share of the points that may be left out as clutter: with more gone, the rest need not be
+/// the part.
 const MOST_LEFT_OUT: f64 = 0.6;
-/// About how many points are added on the flat faces of a CAD model.
+/// Approximate number of points that are added on the flat faces of a CAD model.
 const ON_FACES: usize = 6000;
 
 /// Lower and upper bounds of parameters, by name, 1-based number, or `a[number]`.

@@ -43,7 +43,8 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Option<Parts> {
         .filter(|parts| parts.parts.len() > 1)
 }
 
-/// Polynomials with smaller coefficients, and larger ones than its inverse, are scaled.
+/// Size of a polynomial's largest coefficient below which it is scaled; above the inverse it is
+/// scaled, too. Squares of gradients stay within the range of doubles.
 const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 
 /// A polynomial in x, y and z with rational coefficients, rounded to nearest; none where a
@@ -59,13 +60,6 @@ const LEAST_SCALE: f64 = 1.0 / (1u128 << 100) as f64;
 /// ```
 pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
     let exact = Poly::parse(text, &COORDINATES)?;
-    let rounded = |exact: &Poly| -> Vec<([u16; 3], f64)> {
-        exact
-            .to_f64()
-            .into_iter()
-            .map(|(e, c)| ([e[0], e[1], e[2]], c))
-            .collect()
-    };
     let mut terms = rounded(&exact);
     let usable = !exact.is_constant() && terms.iter().all(|t| t.1.is_finite());
     // Squares of gradients are to be finite, and not 0.
@@ -78,6 +72,12 @@ pub fn polynomial(text: &str) -> Result<Option<Polynomial>, ParseError> {
         terms = rounded(&scaled);
     }
     Ok(usable.then(|| Polynomial::new(terms)))
+}
+
+/// The terms of a polynomial in three variables, rounded to nearest.
+fn rounded(exact: &Poly) -> Vec<([u16; 3], f64)> {
+    let terms = exact.to_f64().into_iter();
+    terms.map(|(e, c)| ([e[0], e[1], e[2]], c)).collect()
 }
 
 /// Patches as faces for STEP, their outside up: that is where the function falls. Patches that are
@@ -138,32 +138,20 @@ pub fn patch_records(patches: &[Parameterized]) -> Vec<PatchRecord> {
 pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) -> Mesh {
     assert!(squares > 0, "a grid has squares");
     let mut mesh = Mesh::default();
-    let side = squares + 1;
     let (mut us, mut vs) = (Vec::new(), Vec::new());
     for (number, p) in patches.iter().enumerate() {
         let patch = &p.grown.patch;
-        let outward = is_outward(field, patch);
         let first = mesh.points.len() as u32;
-        for k in 0..side * side {
-            let (u, v) = (
-                (k / side) as f64 / squares as f64,
-                (k % side) as f64 / squares as f64,
-            );
+        for (u, v) in grid(squares) {
             mesh.points.push(patch.point(u, v));
             us.push(u);
             vs.push(v);
         }
-        for k in 0..squares * squares {
-            let corner =
-                |i: usize, j: usize| first + ((k / squares + i) * side + k % squares + j) as u32;
-            let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-            mesh.triangles.extend(if outward {
-                [[a, b, c], [a, c, d]]
-            } else {
-                [[a, c, b], [a, d, c]]
-            });
-            mesh.triangle_parts.extend([number as u32; 2]);
-        }
+        let triangles = grid_triangles(first, squares, is_outward(field, patch));
+        mesh.triangles.extend(triangles);
+        let count = 2 * squares * squares;
+        mesh.triangle_parts
+            .extend(std::iter::repeat_n(number as u32, count));
         mesh.parts.push(format!("patch {}", number + 1));
     }
     let distances = foot_distances(field, &mesh.points);
@@ -177,6 +165,37 @@ pub fn patch_mesh(field: &dyn Field, patches: &[Parameterized], squares: usize) 
         column("distance", distances),
     ];
     mesh
+}
+
+/// The parameters of the nodes of a grid of `squares`² squares over the unit square.
+fn grid(squares: usize) -> impl Iterator<Item = (f64, f64)> {
+    let side = squares + 1;
+    (0..side * side).map(move |k| {
+        (
+            (k / side) as f64 / squares as f64,
+            (k % side) as f64 / squares as f64,
+        )
+    })
+}
+
+/// Two triangles for each square of the grid whose nodes begin with number `first`, counterclockwise
+/// in u and v or clockwise.
+fn grid_triangles(
+    first: u32,
+    squares: usize,
+    counterclockwise: bool,
+) -> impl Iterator<Item = [u32; 3]> {
+    let side = squares + 1;
+    (0..squares * squares).flat_map(move |k| {
+        let corner =
+            |i: usize, j: usize| first + ((k / squares + i) * side + k % squares + j) as u32;
+        let [a, b, c, d] = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
+        if counterclockwise {
+            [[a, b, c], [a, c, d]]
+        } else {
+            [[a, c, b], [a, d, c]]
+        }
+    })
 }
 
 /// Whether ∂p/∂u × ∂p/∂v in the middle is on the side where the function falls.

@@ -54,7 +54,7 @@ impl FrepTemplate {
         Self::with_pose(model, model.info().pose.unwrap_or(Pose::None), points)
     }
 
-    /// The same with another pose than the program's.
+    /// Compiles the model with another pose than the program's.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
         let base = if matches!(pose, Pose::None | Pose::Translate) {
             IDENTITY
@@ -64,6 +64,7 @@ impl FrepTemplate {
         Self::with_base(model, pose, base, points)
     }
 
+    /// Compiles the model with a base rotation.
     fn with_base(
         model: &Model,
         pose: Pose,
@@ -74,6 +75,8 @@ impl FrepTemplate {
         Self::with_base_and_slack(model, pose, base, points, &slack)
     }
 
+    /// Compiles the model with a base rotation and with factors on bounds that are shares of the
+    /// box.
     fn with_base_and_slack(
         model: &Model,
         pose: Pose,
@@ -138,9 +141,9 @@ impl FrepTemplate {
         })
     }
 
-    /// The same template about other base rotations, for scans that do not stand upright: the
-    /// model's z axis along each principal axis of the points, both ways, and (where the pose turns
-    /// about it) four quarters about that. Those within 20° of this one's base are left out.
+    /// The template about other base rotations, for scans that do not stand upright: the model's z
+    /// axis along each principal axis of the points, both ways, and (where the pose turns about it)
+    /// four quarters about that. Rotations within 20° of this one's base are left out.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
         let spins = match self.pose {
             Pose::None | Pose::Translate => return Vec::new(),
@@ -152,34 +155,9 @@ impl FrepTemplate {
         };
         let mut bases: Vec<Rotation> = Vec::new();
         for spin in 0..spins {
-            for (k, sign) in [
-                (0, 1.0),
-                (0, -1.0),
-                (1, 1.0),
-                (1, -1.0),
-                (2, 1.0),
-                (2, -1.0),
-            ] {
-                let z = axes[k].map(|v| sign * v);
-                let x = if spin % 2 == 0 {
-                    axes[(k + 1) % 3]
-                } else {
-                    axes[(k + 2) % 3]
-                };
-                let x = if spin < 2 { x } else { x.map(|v| -v) };
-                let y = isoform_geom::cross(z, x);
-                let base: Rotation = std::array::from_fn(|i| [x[i], y[i], z[i]]);
-                let alike = |other: &Rotation| match self.pose {
-                    Pose::Axis => (0..3).map(|i| other[i][2] * z[i]).sum::<f64>() > 0.94,
-                    // The trace is 1 + 2 cos of the angle between the two.
-                    _ => {
-                        (0..3)
-                            .flat_map(|i| (0..3).map(move |j| (i, j)))
-                            .map(|(i, j)| other[i][j] * base[i][j])
-                            .sum::<f64>()
-                            > 2.88
-                    }
-                };
+            for (k, sign) in UPWARD {
+                let base = standing(&axes, k, sign, spin);
+                let alike = |other: &Rotation| is_alike(self.pose, other, &base);
                 if !alike(&self.base) && !bases.iter().any(alike) {
                     bases.push(base);
                 }
@@ -330,28 +308,78 @@ impl Template for FrepTemplate {
     }
 }
 
+/// The principal axis that the model's z axis goes along, and its sense.
+const UPWARD: [(usize, f64); 6] = [
+    (0, 1.0),
+    (0, -1.0),
+    (1, 1.0),
+    (1, -1.0),
+    (2, 1.0),
+    (2, -1.0),
+];
+
+/// The rotation with z along ± axis k and x along another axis, after `spin` quarter turns about z.
+fn standing(axes: &[Point3; 3], k: usize, sign: f64, spin: usize) -> Rotation {
+    let z = axes[k].map(|v| sign * v);
+    let x = if spin.is_multiple_of(2) {
+        axes[(k + 1) % 3]
+    } else {
+        axes[(k + 2) % 3]
+    };
+    let x = if spin < 2 { x } else { x.map(|v| -v) };
+    let y = isoform_geom::cross(z, x);
+    std::array::from_fn(|i| [x[i], y[i], z[i]])
+}
+
+/// Whether two base rotations differ by less than 20°; where the pose does not turn about z, whether
+/// their z axes do.
+fn is_alike(pose: Pose, a: &Rotation, b: &Rotation) -> bool {
+    match pose {
+        Pose::Axis => (0..3).map(|i| a[i][2] * b[i][2]).sum::<f64>() > 0.94,
+        // The trace is 1 + 2 cos of the angle between the two.
+        _ => {
+            (0..3)
+                .flat_map(|i| (0..3).map(move |j| (i, j)))
+                .map(|(i, j)| a[i][j] * b[i][j])
+                .sum::<f64>()
+                > 2.88
+        }
+    }
+}
+
+/// The kind of a program's parameter, as a fit knows it.
+fn kind_of(kind: ProgramKind) -> Kind {
+    match kind {
+        ProgramKind::X => Kind::X,
+        ProgramKind::Y => Kind::Y,
+        ProgramKind::Z => Kind::Z,
+        ProgramKind::Length => Kind::Length,
+        ProgramKind::Angle => Kind::Angle,
+        ProgramKind::Ratio => Kind::Ratio,
+        ProgramKind::Number => Kind::Number,
+    }
+}
+
+/// A bound, times the factor if it is a share of the box. A factor below 1 lowers a positive bound
+/// and must lower a negative one, too.
+fn slackened(bound: Amount, extents: Point3, factor: f64) -> f64 {
+    let value = bound.resolve(extents);
+    let factor = if value < 0.0 { 1.0 / factor } else { factor };
+    if bound.is_share() {
+        factor * value
+    } else {
+        value
+    }
+}
+
+/// A parameter of the program, for points in a box with these extents; `slack` are factors on its
+/// bounds where these are shares of the box.
 fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parameter {
     let amount = |v: Option<Amount>| v.map(|v| v.resolve(extents));
-    // A factor below 1 lowers a positive bound and must lower a negative one, too.
-    let slackened = |v: Option<Amount>, factor: f64| {
-        let bound = amount(v)?;
-        let factor = if bound < 0.0 { 1.0 / factor } else { factor };
-        Some(match v {
-            Some(v) if v.is_share() => factor * bound,
-            _ => bound,
-        })
-    };
+    let slackened = |v: Option<Amount>, factor| v.map(|v| slackened(v, extents, factor));
     Parameter {
         name: info.name.clone(),
-        kind: match info.kind {
-            ProgramKind::X => Kind::X,
-            ProgramKind::Y => Kind::Y,
-            ProgramKind::Z => Kind::Z,
-            ProgramKind::Length => Kind::Length,
-            ProgramKind::Angle => Kind::Angle,
-            ProgramKind::Ratio => Kind::Ratio,
-            ProgramKind::Number => Kind::Number,
-        },
+        kind: kind_of(info.kind),
         min: slackened(info.min, slack.0),
         max: slackened(info.max, slack.1),
         start: amount(info.start),
@@ -370,14 +398,15 @@ fn own_parameter(info: &ParamInfo, extents: Point3, slack: (f64, f64)) -> Parame
 
 /// Factor on a bound that gave way. A quarter of a round part shows half of its box: two steps do.
 const SLACK: f64 = 2.0;
-/// Rodrigues vectors are sought within this about the base rotation: 53° about each axis. The base
-/// is at most 45° off for shapes whose axes the points tell apart, and scans of others mostly stand
-/// upright.
+/// Bound of each component of the Rodrigues vector about the base rotation: 53° about each axis. The
+/// base is at most 45° off for shapes whose axes the points tell apart, and scans of other shapes
+/// mostly stand upright.
 const WIDEST_TURN: f64 = 0.5;
-/// The model's origin is sought within the data's box, enlarged by this on each side: templates
-/// keep their origin inside the shape.
+/// Share of the data's box by which it is enlarged on each side in the search for the model's
+/// origin: templates keep their origin inside the shape.
 const POSITION_MARGIN: f64 = 0.25;
 
+/// The parameters of a pose, for points in a box with these extents about `center`.
 fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter> {
     let turns: &[&str] = match pose {
         Pose::None => return Vec::new(),
@@ -455,19 +484,8 @@ fn posed_point(
     let turned = match pose {
         Pose::None | Pose::Translate => moved,
         Pose::Axis | Pose::Rigid | Pose::Similarity => {
-            let y: [NodeId; 3] = std::array::from_fn(|j| {
-                let terms: [NodeId; 3] = std::array::from_fn(|i| g.scale(base[i][j], &moved[i]));
-                let s = g.add(&terms[0], &terms[1]);
-                g.add(&s, &terms[2])
-            });
-            let zero = g.constant(0.0);
-            let r: [NodeId; 3] = std::array::from_fn(|i| {
-                if pose == Pose::Axis && i == 2 {
-                    zero
-                } else {
-                    g.param(first + 3 + i)
-                }
-            });
+            let y = in_base(g, base, &moved);
+            let r = rodrigues(g, pose, first + 3);
             turned_back(g, &r, &y)
         }
     };
@@ -476,6 +494,28 @@ fn posed_point(
     }
     let scale = g.param(first + 6);
     (turned.map(|p| g.div(&p, &scale)), Some(scale))
+}
+
+/// The Rodrigues vector of a pose with its parameters from index `first`; a pose that only tilts an
+/// axis has no turn about z.
+fn rodrigues(g: &mut Graph, pose: Pose, first: usize) -> [NodeId; 3] {
+    let zero = g.constant(0.0);
+    std::array::from_fn(|i| {
+        if pose == Pose::Axis && i == 2 {
+            zero
+        } else {
+            g.param(first + i)
+        }
+    })
+}
+
+/// R₀ᵀ x for the base rotation R₀.
+fn in_base(g: &mut Graph, base: &Rotation, x: &[NodeId; 3]) -> [NodeId; 3] {
+    std::array::from_fn(|j| {
+        let terms: [NodeId; 3] = std::array::from_fn(|i| g.scale(base[i][j], &x[i]));
+        let s = g.add(&terms[0], &terms[1]);
+        g.add(&s, &terms[2])
+    })
 }
 
 /// C(r)ᵀ y = ((1 − r²) y + 2 r (r·y) − 2 r × y) / (1 + r²)
@@ -508,6 +548,7 @@ fn turned_back(g: &mut Graph, r: &[NodeId; 3], y: &[NodeId; 3]) -> [NodeId; 3] {
     })
 }
 
+/// u v, and 0 where a factor is the constant 0.
 fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
     let zero = g.constant(0.0);
     if u == zero || v == zero {
@@ -517,6 +558,7 @@ fn product_or_zero(g: &mut Graph, u: NodeId, v: NodeId) -> NodeId {
     }
 }
 
+/// The matrix product.
 fn product(a: &Rotation, b: &Rotation) -> Rotation {
     std::array::from_fn(|i| std::array::from_fn(|j| (0..3).map(|k| a[i][k] * b[k][j]).sum()))
 }

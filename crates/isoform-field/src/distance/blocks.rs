@@ -1,4 +1,7 @@
-//! What is asked of all pieces, or of one face, for a block of points at a time.
+//! Questions to all pieces, or to one face, for a block of points at a time: first-order distances,
+//! the nearest faces, the foot points on a face, and whether foot points lie on the surface.
+//!
+//! The loops over lanes are compiled for several instruction sets (see [`crate::block`]).
 
 use super::{
     CLEARLY, Finder, NEARLY, ROUNDING, SETTLED, STEPS, STRAYED, Try, aside, first_order, solve,
@@ -7,21 +10,25 @@ use crate::block::{LANES, Lane, Row, dispatch};
 use crate::shape::Join;
 use isoform_geom::{Foot, Point3, dot, sub};
 
-/// A piece farther from a foot point than this many steps aside keeps its sign in all sectors:
-/// those reach some steps where pieces meet at sharp angles (see [`super::PARALLEL`]).
+/// Number of steps aside beyond which a piece keeps its sign in all sectors of a foot point. Sectors
+/// reach some steps far where pieces meet at sharp angles (see [`super::PARALLEL`]).
 const CLEAR: f64 = 2e3;
 const ZERO: Row = Lane([0.0; LANES]);
 
-/// The tree's value by lane, and the piece that decides it; of equal ones the first.
+/// The tree's value by lane, and the piece that decides it; of equal pieces the first.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Nearest {
+    /// The value.
     pub(super) value: Row,
+    /// The piece.
     pub(super) piece: [u32; LANES],
 }
 
 /// Points on their way to foot points on one face.
 struct Walk {
+    /// The points.
     p: [Row; 3],
+    /// Their present places.
     q: [Row; 3],
     /// Unit normals at the last places but one.
     normal: [Row; 3],
@@ -53,6 +60,22 @@ impl Finder<'_> {
     /// The piece whose distance in `off` is the tree's value, and whether all others are farther
     /// beyond doubt.
     pub(super) fn nearest_faces(&mut self, points: &[Point3]) -> (Nearest, [bool; LANES]) {
+        let nearest = self.nearest();
+        let mut reach = ZERO;
+        for l in 0..LANES {
+            let p = points[l.min(points.len() - 1)];
+            reach.0[l] = CLEARLY * nearest.value.0[l].abs() + aside(p);
+        }
+        let mut near = [0; LANES];
+        for off in &self.off {
+            count_near(off, &reach, &mut near);
+        }
+        // The nearest one itself is within its own reach.
+        (nearest, near.map(|count| count <= 1))
+    }
+
+    /// The tree over the distances in `off`.
+    fn nearest(&mut self) -> Nearest {
         let mut stack = std::mem::take(&mut self.nearest);
         stack.clear();
         let mut steps = self.solid.tree.iter().peekable();
@@ -79,17 +102,7 @@ impl Finder<'_> {
         }
         let nearest = stack.pop().expect("a tree has a root");
         self.nearest = stack;
-        let mut reach = ZERO;
-        for l in 0..LANES {
-            let p = points[l.min(points.len() - 1)];
-            reach.0[l] = CLEARLY * nearest.value.0[l].abs() + aside(p);
-        }
-        let mut near = [0; LANES];
-        for off in &self.off {
-            count_near(off, &reach, &mut near);
-        }
-        // The nearest one itself is within its own reach.
-        (nearest, near.map(|count| count <= 1))
+        nearest
     }
 
     /// The first-order foot on piece k of point p, lane l of the block that
@@ -124,8 +137,7 @@ impl Finder<'_> {
             let is_on = self.has_both_signs(&own, &positive);
             for (l, &t) in good.iter().enumerate() {
                 // Pieces that are as close as the step can change their sign on the way.
-                let lone = close[l] <= u64::from(tries[t].order);
-                sound[t] = if lone {
+                sound[t] = if close[l] <= u64::from(tries[t].order) {
                     is_on >> l & 1 == 1
                 } else {
                     self.is_boundary(&tries[t], l)
@@ -210,21 +222,7 @@ impl Finder<'_> {
         points: &[Point3],
         out: &mut [Foot],
     ) {
-        let mut walk = Walk {
-            p: [ZERO; 3],
-            q: [ZERO; 3],
-            normal: [ZERO; 3],
-            moved: ZERO,
-            done: ZERO,
-        };
-        for l in 0..LANES {
-            let i = wanted[l.min(wanted.len() - 1)] as usize;
-            let foot = &out[i];
-            for x in 0..3 {
-                walk.p[x].0[l] = points[i][x];
-                walk.q[x].0[l] = points[i][x] - foot.distance * foot.inward[x];
-            }
-        }
+        let mut walk = Walk::new(wanted, points, out);
         let block = self.block(k);
         for _ in 1..STEPS {
             block.load_rows(&walk.q);
@@ -236,24 +234,50 @@ impl Finder<'_> {
             }
         }
         for (l, i) in wanted.iter().enumerate() {
-            let (p, foot) = (points[*i as usize], &mut out[*i as usize]);
-            let q: Point3 = std::array::from_fn(|x| walk.q[x].0[l]);
-            let normal: Point3 = std::array::from_fn(|x| walk.normal[x].0[l]);
-            let away = sub(p, q);
-            let far = dot(away, away).sqrt();
-            let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
-            let has_met = walk.moved.0[l] <= NEARLY * far + 1e3 * ROUNDING * size;
-            // The first-order distance is off by more only where it means nothing.
-            if has_met && far <= STRAYED * foot.distance.abs() + aside(p) {
-                foot.distance = dot(away, normal);
-                (foot.at, foot.inward, foot.order) = (q, normal, 1);
+            walk.settle(l, points[*i as usize], &mut out[*i as usize]);
+        }
+    }
+}
+
+impl Walk {
+    /// The first steps of the points in `wanted`, along the normals that `feet` hold.
+    fn new(wanted: &[u32], points: &[Point3], feet: &[Foot]) -> Self {
+        let mut walk = Self {
+            p: [ZERO; 3],
+            q: [ZERO; 3],
+            normal: [ZERO; 3],
+            moved: ZERO,
+            done: ZERO,
+        };
+        for l in 0..LANES {
+            let i = wanted[l.min(wanted.len() - 1)] as usize;
+            let foot = &feet[i];
+            for x in 0..3 {
+                walk.p[x].0[l] = points[i][x];
+                walk.q[x].0[l] = points[i][x] - foot.distance * foot.inward[x];
             }
+        }
+        walk
+    }
+
+    /// Writes the foot point of p, in lane l, if it has met the face and is to be believed.
+    fn settle(&self, l: usize, p: Point3, foot: &mut Foot) {
+        let q: Point3 = std::array::from_fn(|x| self.q[x].0[l]);
+        let normal: Point3 = std::array::from_fn(|x| self.normal[x].0[l]);
+        let away = sub(p, q);
+        let far = dot(away, away).sqrt();
+        let size = p.iter().fold(0.0_f64, |s, v| s.max(v.abs()));
+        let has_met = self.moved.0[l] <= NEARLY * far + 1e3 * ROUNDING * size;
+        // The first-order distance is off by more only where it means nothing.
+        if has_met && far <= STRAYED * foot.distance.abs() + aside(p) {
+            foot.distance = dot(away, normal);
+            (foot.at, foot.inward, foot.order) = (q, normal, 1);
         }
     }
 }
 
 dispatch! {
-    /// g/|∇g| by lane; a distance far off where the gradient vanishes or is none.
+    /// g/|∇g| by lane; a distance far off where the gradient vanishes or is not finite.
     fn first_order_rows(value: &[f64; LANES], gradient: &[Row], out: &mut [f64; LANES]) = first_order_rows_body
 }
 
@@ -271,7 +295,7 @@ fn first_order_rows_body(value: &[f64; LANES], gradient: &[Row], out: &mut [f64;
 }
 
 dispatch! {
-    /// Takes the second one where it is less, with `sign` −1 where it is greater.
+    /// Takes the second value where it is less, or with the `sign` −1 where it is greater.
     fn choose(first: &mut Nearest, value: &Row, piece: &[u32; LANES], sign: f64) = choose_body
 }
 
@@ -327,7 +351,7 @@ fn step_body(walk: &mut Walk, value: &[f64; LANES], gradient: &[Row]) {
         let moved = (u * u + v * v + w * w).sqrt();
         let far = (share * share * squared).sqrt();
         let size = p[0].abs().max(p[1].abs()).max(p[2].abs());
-        // Not a number: nothing is met, and a step that does not end says so.
+        // NaN ends the walk; a step that is not a number is never near, so that nothing is met.
         let has_settled = moved <= SETTLED * far + ROUNDING * size || moved.is_nan();
         let is_done = walk.done.0[l] == 1.0;
         let keep = |old: f64, new: f64| if is_done { old } else { new };

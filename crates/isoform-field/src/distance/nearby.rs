@@ -1,11 +1,15 @@
-//! What else of the surface is near its places, and how its faces bend there.
+//! Edges near places of the surface, and the curvature of its faces there.
+//!
+//! An edge is where two pieces cross and the tree over the signs of both, all others kept, is
+//! inside in one sector (convex) or in three (concave). The bend of a face is the divergence of its
+//! unit normal, by differences over a step along the surface.
 
 use super::{Finder, STRAYED, Try, first_order};
 use crate::block::LANES;
 use isoform_geom::{Edge, Foot, Nearby, Point3, cross, distance_squared, dot, norm};
 
-/// Pieces near a place whose signs are combined: one bit of a mask each combination. Where more are
-/// near, there is more than an edge.
+/// Number of pieces near a place whose signs are combined, one bit of a mask for each combination.
+/// Where more are near, there is more than an edge.
 const MOST_NEAR: usize = 5;
 /// All combinations of the signs of [`MOST_NEAR`] pieces: bit c of mask i is the sign of piece i
 /// in combination c.
@@ -17,8 +21,9 @@ const COMBINATIONS: [u32; MOST_NEAR] = [
     0xFFFF_0000,
 ];
 
-/// How far from a place edges are sought.
+/// The distances from a place within which edges are sought.
 struct Reach {
+    /// The half width of the strip along an edge.
     strip: f64,
     /// The least width of an edge.
     least: f64,
@@ -48,9 +53,9 @@ impl Finder<'_> {
         }
     }
 
-    /// What is known of each place by the faces within reach of it, and the tries to meet the
-    /// surface where the place's own face and another one within the strip cross, each with the
-    /// number of faces in reach.
+    /// Writes whether a place has faces within reach, and returns the tries to meet the surface
+    /// where the place's own face and another one within the strip cross, each with the number of
+    /// faces in reach.
     fn meetings(
         &mut self,
         places: &[Foot],
@@ -117,7 +122,7 @@ impl Finder<'_> {
     }
 
     /// Distance to the nearest face but for two that meet in lane l, at most `far`; where too many
-    /// faces are that near to tell which of them matter, what is known within `near`.
+    /// faces are that near to tell which of them matter, the distance within `near`.
     fn third(&self, own: [u32; 2], l: usize, far: f64, near: f64) -> f64 {
         let nearest = |faces: &[u32], most: f64| {
             let off = faces.iter().map(|k| self.off[*k as usize].0[l].abs());
@@ -133,8 +138,8 @@ impl Finder<'_> {
     }
 
     /// The pieces within reach of lane l of the block that was asked last, but for `own`, which may
-    /// be of the surface there: those that decide the tree for some signs of all that are near.
-    /// None where too many are near.
+    /// be of the surface there: the pieces that decide the tree for some signs of all that are near.
+    /// `None` where too many are near.
     fn others(&self, own: &[u32], l: usize, reach: f64) -> Option<Vec<u32>> {
         let is_near = |k: &u32| self.off[*k as usize].0[l].abs() <= reach;
         let count = self.off.len() as u32;
@@ -167,7 +172,7 @@ impl Finder<'_> {
         self.solid.is_inside(&mut Vec::new(), &leaves)
     }
 
-    /// The angle through the material between two pieces whose common curve lane l is on; none
+    /// The angle through the material between two pieces whose common curve lane l is on; `None`
     /// where they do not make an edge.
     fn angle(&self, pieces: [u32; 2], [m, n]: [Point3; 2], l: usize) -> Option<f64> {
         let inside = self.combined(&pieces, l) & 0b1111;
@@ -190,7 +195,7 @@ impl Finder<'_> {
             along.clear();
             at.clear();
             for (c, &i) in own.iter().enumerate() {
-                // To either side in turn: what one place has too much its neighbour lacks.
+                // To either side in turn: the errors of neighbouring places cancel.
                 let side = if c % 2 == 0 { step } else { -step };
                 for t in tangents(places[i].inward) {
                     along.push((i, t.map(|v| v / side)));
@@ -209,7 +214,7 @@ impl Finder<'_> {
 
 /// Two directions that make a right-handed frame with a unit vector.
 fn tangents(n: Point3) -> [Point3; 2] {
-    // Across the axis that it is least along.
+    // The cross product with the axis that n is least along is far from zero.
     let least = (0..3).fold(0, |b, i| if n[i].abs() < n[b].abs() { i } else { b });
     let axis = std::array::from_fn(|i| f64::from(u8::from(i == least)));
     let u = cross(n, axis);

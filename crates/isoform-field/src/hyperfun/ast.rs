@@ -34,6 +34,7 @@ pub(crate) enum Level {
 }
 
 impl Operator {
+    /// The operators as they are written.
     const ALL: [(&'static str, Self); 17] = [
         ("+", Self::Add),
         ("-", Self::Subtract),
@@ -53,18 +54,21 @@ impl Operator {
         ("and", Self::And),
         ("or", Self::Or),
     ];
+    /// The operator that is written so.
     pub(crate) fn of(text: &str) -> Option<Self> {
         Self::ALL
             .iter()
             .find(|(t, _)| *t == text)
             .map(|(_, op)| *op)
     }
+    /// The operator as it is written.
     pub(crate) fn text(self) -> &'static str {
         Self::ALL
             .iter()
             .find(|(_, op)| *op == self)
             .map_or("", |(t, _)| t)
     }
+    /// The precedence of the operator.
     pub(crate) fn level(self) -> Level {
         match self {
             Self::And | Self::Or => Level::Logic,
@@ -84,6 +88,7 @@ impl Operator {
             Self::Power => Level::Power,
         }
     }
+    /// Whether the operator joins solids.
     pub(crate) fn is_set_operator(self) -> bool {
         matches!(
             self,
@@ -186,6 +191,7 @@ impl Expr {
     }
 }
 
+/// A statement.
 #[derive(Clone, Debug)]
 pub(crate) enum Statement {
     Assign {
@@ -214,6 +220,7 @@ pub(crate) enum Statement {
     },
 }
 
+/// An array of an object.
 #[derive(Clone, Debug)]
 pub(crate) struct Array {
     pub(crate) name: String,
@@ -245,9 +252,11 @@ pub(crate) struct Object {
 }
 
 impl Object {
+    /// Number of coordinates.
     pub(crate) fn dimension(&self) -> usize {
         self.arrays[0].len as usize
     }
+    /// Number of parameters.
     pub(crate) fn n_params(&self) -> usize {
         self.arrays[1].len as usize
     }
@@ -259,6 +268,7 @@ impl Object {
     pub(crate) fn memory(&self) -> usize {
         self.first_variable as usize + self.variables.len()
     }
+    /// The name of the variable at a place in memory.
     pub(crate) fn variable(&self, slot: u32) -> &str {
         &self.variables[(slot - self.first_variable) as usize]
     }

@@ -42,12 +42,16 @@ pub(crate) struct Executor<'p, M: Machine> {
     base: usize,
     /// Operands of chains under evaluation.
     operands: Vec<M::V>,
+    /// Arguments of the function that is called.
     flat: Vec<M::V>,
+    /// Steps of the present run.
     steps: u64,
+    /// The number of steps after which a run is stopped.
     limit: u64,
 }
 
 impl<'p, M: Machine> Executor<'p, M> {
+    /// An executor without a run so far.
     pub(crate) fn new(program: &'p Program, machine: M, limit: u64) -> Self {
         Self {
             program,
@@ -60,12 +64,15 @@ impl<'p, M: Machine> Executor<'p, M> {
             limit,
         }
     }
+    /// The machine with what the runs left in it.
     pub(crate) fn into_machine(self) -> M {
         self.machine.into_inner()
     }
+    /// The machine.
     fn m(&mut self) -> &mut M {
         self.machine.get_mut()
     }
+    /// Whether the reference is followed in everything.
     fn is_strict(&self) -> bool {
         self.program.mode == Mode::Strict
     }
@@ -113,6 +120,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(f)
     }
 
+    /// Counts `cost` steps; an end beyond the limit.
     fn step(&mut self, at: u32, cost: usize) -> Outcome<()> {
         self.steps += cost as u64;
         if self.steps <= self.limit {
@@ -126,6 +134,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
+    /// Runs statements one after the other.
     fn block(&mut self, object: &'p Object, statements: &'p [Statement]) -> Outcome<()> {
         for statement in statements {
             self.statement(object, statement)?;
@@ -133,6 +142,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(())
     }
 
+    /// Runs one statement.
     #[inline(always)]
     fn statement(&mut self, object: &'p Object, statement: &'p Statement) -> Outcome<()> {
         match statement {
@@ -253,9 +263,6 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(self.m().truth(&v))
     }
 
-    // ---- expressions
-    // ------------------------------------------------------------------------------------------------------
-
     /// Where an item lies in memory.
     fn item(&mut self, object: &'p Object, array: ArrayRef, index: &'p Expr) -> Outcome<usize> {
         let value = match index {
@@ -289,6 +296,8 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
+    /// The value at a place of the memory; without one an error, or NaN where the machine does not
+    /// check.
     fn read(&mut self, at: u32, place: usize, name: impl FnOnce() -> String) -> Outcome<M::V> {
         match &self.memory[place] {
             Some(v) => Ok(v.clone()),
@@ -297,6 +306,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         }
     }
 
+    /// The value of an expression.
     fn eval(&mut self, object: &'p Object, expr: &'p Expr) -> Outcome<M::V> {
         self.steps += 1;
         match expr {
@@ -306,14 +316,9 @@ impl<'p, M: Machine> Executor<'p, M> {
             }),
             Expr::Item { at, array, index } => {
                 let place = self.item(object, *array, index)?;
-                let first = self.base + array.start as usize;
-                self.read(*at, place, || {
-                    format!(
-                        "`{}[{}]`",
-                        object.arrays[array.id as usize].name,
-                        place - first + 1
-                    )
-                })
+                let number = place - (self.base + array.start as usize) + 1;
+                let name = &object.arrays[array.id as usize].name;
+                self.read(*at, place, || format!("`{name}[{number}]`"))
             }
             Expr::Group { inner, .. } => self.eval(object, inner),
             Expr::Sign { sign, operand, .. } => {
@@ -322,10 +327,7 @@ impl<'p, M: Machine> Executor<'p, M> {
             }
             Expr::Not { operand, .. } => {
                 let v = self.condition(object, operand)?;
-                let m = self.m();
-                let (zero, one) = (m.constant(0.0), m.constant(1.0));
-                let n = m.select(&v, &zero, &one);
-                Ok(m.boolean(n))
+                Ok(negation(self.m(), &v))
             }
             Expr::Chain { first, rest } => self.chain(object, first, rest),
             Expr::Function {
@@ -365,6 +367,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(left)
     }
 
+    /// The value of one operator in a chain.
     fn operator(&mut self, link: &Link, u: &M::V, v: &M::V) -> Outcome<M::V> {
         let strict = self.is_strict();
         let m = self.machine.get_mut();
@@ -376,13 +379,7 @@ impl<'p, M: Machine> Executor<'p, M> {
             Operator::Add => m.add(u, v),
             Operator::Subtract => m.sub(u, v),
             Operator::Multiply => m.mul(u, v),
-            Operator::Divide => {
-                let least = if strict { EPS } else { f64::MIN_POSITIVE };
-                if M::CHECKED && m.known(v).is_some_and(|v| v.abs() < least) {
-                    return error(link.at, "division by zero");
-                }
-                m.div(u, v)
-            }
+            Operator::Divide => return quotient(m, link.at, strict, u, v),
             Operator::Power => return power(m, link.at, strict, u, v, link.operand.is_literal()),
             Operator::Union => m.set(SetOp::RUnion, u, v),
             Operator::Intersection | Operator::Cartesian => m.set(SetOp::RIntersection, u, v),
@@ -403,20 +400,13 @@ impl<'p, M: Machine> Executor<'p, M> {
                     compare(m, Binary::LessEq, &eps, &d)
                 }
             }
-            Operator::And | Operator::Or => {
-                let (u, v) = (m.truth(u), m.truth(v));
-                let c = if link.operator == Operator::And {
-                    let zero = m.constant(0.0);
-                    m.select(&u, &v, &zero)
-                } else {
-                    let one = m.constant(1.0);
-                    m.select(&u, &one, &v)
-                };
-                m.boolean(c)
-            }
+            Operator::And => both_hold(m, u, v),
+            Operator::Or => one_holds(m, u, v),
         })
     }
 
+    /// Calls an object: a frame for it behind the caller's, with the arguments copied in and `s`
+    /// copied back.
     fn call(
         &mut self,
         object: &'p Object,
@@ -445,18 +435,23 @@ impl<'p, M: Machine> Executor<'p, M> {
         let f = self.object(callee)?;
         self.base = caller;
         if let Some((_, array)) = arguments.get(2) {
-            let (from, to) = (
-                base + callee.dimension() + callee.n_params(),
-                caller + array.start as usize,
-            );
-            for i in 0..array.len as usize {
-                self.memory[to + i] = self.memory[from + i].take();
-            }
+            let from = base + callee.dimension() + callee.n_params();
+            let to = caller + array.start as usize;
+            self.take_back(from, to, array.len as usize);
         }
         self.memory.truncate(base);
         Ok(f)
     }
 
+    /// Moves items from one place of the memory to another.
+    fn take_back(&mut self, from: usize, to: usize, n: usize) {
+        for i in 0..n {
+            self.memory[to + i] = self.memory[from + i].take();
+        }
+    }
+
+    /// Requires that all items of an array have values; where the machine does not check, the others
+    /// become NaN.
     fn require_set(&mut self, object: &Object, at: u32, array: ArrayRef) -> Outcome<()> {
         let start = self.base + array.start as usize;
         let Some(i) = self.memory[start..start + array.len as usize]
@@ -485,6 +480,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(())
     }
 
+    /// Calls a function of the library.
     fn function(
         &mut self,
         object: &'p Object,
@@ -541,6 +537,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         Ok(items)
     }
 
+    /// A library function that stays one node, of arguments laid out flat.
     #[inline]
     fn primitive(
         &mut self,
@@ -568,6 +565,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         v
     }
 
+    /// A library function that is a formula of its own, with the steps that are left.
     #[inline]
     fn formula(&mut self, at: u32, run: Formula<M>, args: &Arguments<M::V>) -> Outcome<M::V> {
         let (strict, left) = (self.is_strict(), self.limit.saturating_sub(self.steps));
@@ -605,11 +603,11 @@ impl<'p, M: Machine> Executor<'p, M> {
     }
 }
 
-/// What an array item that goes to a function counts against the limit of expressions: about the
-/// nodes that it makes, the largest are triangles with 150 nodes for 9 items.
+/// The steps that an array item costs which goes to a function of an expression: about the number of
+/// nodes that it makes. The costliest are triangles with 150 nodes for 9 items.
 const ITEM_COST: usize = 16;
 
-/// What the reference returns for bad arguments.
+/// The value that the reference returns for bad arguments.
 pub(crate) const SENTINEL: f64 = -1111111111111.0;
 
 /// The name of an inline primitive: its centre's if that is a local array, else the function's
@@ -624,6 +622,38 @@ fn part_name(object: &Object, function: &str, arguments: &[Argument]) -> String 
             .unwrap_or(function)
             .to_ascii_lowercase(),
     }
+}
+
+/// u / v; an error where v is known to be 0, strictly where |v| < EPS.
+fn quotient<M: Machine>(m: &mut M, at: u32, strict: bool, u: &M::V, v: &M::V) -> Outcome<M::V> {
+    let least = if strict { EPS } else { f64::MIN_POSITIVE };
+    if M::CHECKED && m.known(v).is_some_and(|v| v.abs() < least) {
+        return error(at, "division by zero");
+    }
+    Ok(m.div(u, v))
+}
+
+/// 1 where u and v are true, else 0.
+fn both_hold<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
+    let (u, v) = (m.truth(u), m.truth(v));
+    let zero = m.constant(0.0);
+    let c = m.select(&u, &v, &zero);
+    m.boolean(c)
+}
+
+/// 1 where u or v is true, else 0.
+fn one_holds<M: Machine>(m: &mut M, u: &M::V, v: &M::V) -> M::V {
+    let (u, v) = (m.truth(u), m.truth(v));
+    let one = m.constant(1.0);
+    let c = m.select(&u, &one, &v);
+    m.boolean(c)
+}
+
+/// 0 where the condition holds, else 1.
+fn negation<M: Machine>(m: &mut M, condition: &M::V) -> M::V {
+    let (zero, one) = (m.constant(0.0), m.constant(1.0));
+    let n = m.select(condition, &zero, &one);
+    m.boolean(n)
 }
 
 /// u ^ v: an integer power where v − ⌊v⌋ < EPS, else exp(v ln u). Strictly, u counts as 0 where |u|
@@ -643,18 +673,18 @@ fn power<M: Machine>(
     if M::CHECKED
         && let Some(base) = m.known(u)
     {
-        if if strict {
+        let is_zero = if strict {
             base.abs() < EPS
         } else {
             base == 0.0
-        } {
-            if exponent <= EPS {
-                return error(at, "power of zero with an exponent that is not positive");
-            }
-            if strict {
-                return Ok(m.constant(0.0));
-            }
-        } else if base < 0.0 && !whole {
+        };
+        if is_zero && exponent <= EPS {
+            return error(at, "power of zero with an exponent that is not positive");
+        }
+        if is_zero && strict {
+            return Ok(m.constant(0.0));
+        }
+        if !is_zero && base < 0.0 && !whole {
             return error(
                 at,
                 "power of a negative number with an exponent that is not an integer",

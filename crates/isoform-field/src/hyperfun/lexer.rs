@@ -23,6 +23,7 @@ pub(crate) enum Word {
     Xor,
 }
 
+/// The reserved words as they are written, in any case.
 const WORDS: [(&str, Word); 15] = [
     ("x", Word::X),
     ("a", Word::A),
@@ -50,6 +51,7 @@ const SYMBOLS: [&str; 24] = [
 /// Names of this length or longer are refused, as the reference does.
 const MAX_NAME: usize = 256;
 
+/// The kind of a token, with its value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Kind {
     Word(Word),
@@ -63,6 +65,7 @@ pub(crate) enum Kind {
     End,
 }
 
+/// A token and its byte range in the text.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Token {
     pub(crate) kind: Kind,
@@ -143,6 +146,7 @@ fn word(text: &str) -> (Kind, usize) {
     (kind, length)
 }
 
+/// A number and its length.
 fn number_token(text: &str) -> (Kind, usize) {
     let length = number_end(text.as_bytes(), 0);
     (number(&text[..length]), length)

@@ -10,7 +10,7 @@ use std::collections::HashSet;
 /// HyperFun's tolerance: truth is |v| ≥ EPS, equality |u − v| < EPS.
 pub(crate) const EPS: f64 = 1e-6;
 
-/// What the executor needs beyond formulas.
+/// The abilities that the executor needs beyond formulas.
 pub(crate) trait Machine: Ops + 'static {
     /// Whether values are at hand, so that run-time errors are found.
     const CHECKED: bool;
@@ -51,11 +51,14 @@ impl<R: Real + 'static> Machine for Direct<R> {
 #[derive(Default)]
 pub(crate) struct Symbolic {
     pub(crate) graph: Graph,
+    /// The nodes that are noted to be 0 or 1.
     booleans: HashSet<NodeId>,
+    /// Names that wait for the assignment that their nodes are part of.
     suggested: Vec<(NodeId, String)>,
 }
 
 impl Symbolic {
+    /// Builds into a graph.
     pub(crate) fn new(graph: Graph) -> Self {
         Self {
             graph,

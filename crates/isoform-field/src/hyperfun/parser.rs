@@ -1,6 +1,9 @@
-//! Recursive descent over the tokens; names are checked and resolved on the way, so that the first
-//! error in text order is the one reported, at the token where the reference implementation reports
-//! it.
+//! The parser of HyperFun, by recursive descent over the tokens.
+//!
+//! Names are checked and resolved on the way, so that the first error in text order is reported, at
+//! the token where the reference implementation reports it. Operators of one level make one chain,
+//! read from left to right; the levels are, loosest first, logic, comparisons, sums with set
+//! operators, products, and powers.
 
 use super::ast::{
     Argument, Array, ArrayRef, Expr, HEAD_ARRAYS, Level, Link, Object, Operator, Statement,
@@ -13,13 +16,14 @@ use std::collections::HashMap;
 
 type Parsed<T> = Result<T, SyntaxError>;
 
+/// The meaning of a name in an object.
 #[derive(Clone, Copy)]
 enum Name {
     Variable(u32),
     Array(ArrayRef),
 }
 
-/// All objects of a program and what to warn about.
+/// All objects of a program, and the warnings.
 pub(crate) fn parse(
     source: &Source,
     tokens: &[Token],
@@ -54,37 +58,51 @@ pub(crate) fn parse(
     Ok((parser.objects, parser.warnings))
 }
 
+/// The reading of a program, token by token.
 struct Parser<'s> {
     source: &'s Source,
     tokens: &'s [Token],
+    /// Number of the present token.
     at: usize,
     mode: Mode,
     precedence: Precedence,
+    /// The objects so far.
     objects: Vec<Object>,
+    /// The number of each object.
     object_names: HashMap<String, u32>,
-    // Of the object being read:
+    /// The names of the object that is being read.
     names: HashMap<String, Name>,
+    /// The name of the object that is being read.
     own_name: String,
+    /// The arrays of the object that is being read.
     arrays: Vec<Array>,
+    /// Number of items in its memory so far.
     memory: u32,
+    /// Its variables.
     variables: Vec<String>,
     /// Array items of the whole program.
     items: u64,
+    /// Present depth of nesting.
     depth: u32,
+    /// Greatest depth of nesting in the object.
     deepest: u32,
     warnings: Vec<Warning>,
 }
 
 impl Parser<'_> {
+    /// The present token.
     fn token(&self) -> Token {
         self.tokens[self.at]
     }
+    /// The kind of the present token.
     fn kind(&self) -> Kind {
         self.token().kind
     }
+    /// The byte offset of the present token.
     fn start(&self) -> u32 {
         self.token().start
     }
+    /// Goes on to the next token; returns the present one.
     fn advance(&mut self) -> Token {
         let token = self.token();
         if token.kind != Kind::End {
@@ -97,14 +115,16 @@ impl Parser<'_> {
         let token = self.token();
         self.source.text()[token.start as usize..token.end as usize].to_ascii_lowercase()
     }
+    /// Whether the present token is a symbol.
     fn is_symbol(&self, symbol: &str) -> bool {
         matches!(self.kind(), Kind::Symbol(s) if s == symbol)
     }
+    /// Whether the present token is a reserved word.
     fn is_word(&self, word: Word) -> bool {
         self.kind() == Kind::Word(word)
     }
 
-    /// What stands here, for messages.
+    /// The present token as it is written, for messages.
     fn found(&self) -> String {
         let token = self.token();
         match token.kind {
@@ -116,6 +136,7 @@ impl Parser<'_> {
             }
         }
     }
+    /// The error that something else stands here.
     fn expected<T>(&self, what: &str) -> Parsed<T> {
         Err(self.source.error(
             self.start(),
@@ -123,9 +144,11 @@ impl Parser<'_> {
             what,
         ))
     }
+    /// An error at a byte offset.
     fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
         Err(self.source.error(at, message, ""))
     }
+    /// Reads a symbol; `what` is its name in the message if it is not there.
     fn symbol(&mut self, symbol: &str, what: &str) -> Parsed<()> {
         if self.is_symbol(symbol) {
             self.advance();
@@ -133,6 +156,7 @@ impl Parser<'_> {
         }
         self.expected(what)
     }
+    /// Reads a reserved word; `what` is its name in the message if it is not there.
     fn word(&mut self, word: Word, what: &str) -> Parsed<()> {
         if self.is_word(word) {
             self.advance();
@@ -140,6 +164,7 @@ impl Parser<'_> {
         }
         self.expected(what)
     }
+    /// Reads one level deeper.
     fn nested<T>(&mut self, inner: impl FnOnce(&mut Self) -> Parsed<T>) -> Parsed<T> {
         self.go_deeper(1)?;
         self.depth += 1;
@@ -147,6 +172,8 @@ impl Parser<'_> {
         self.depth -= 1;
         result
     }
+    /// Notes a depth of nesting; an error beyond the bound, which keeps evaluation within any
+    /// stack.
     fn go_deeper(&mut self, by: u32) -> Parsed<()> {
         if self.depth + by > MAX_DEPTH {
             return self.fail(
@@ -158,9 +185,7 @@ impl Parser<'_> {
         Ok(())
     }
 
-    // ---- objects
-    // ----------------------------------------------------------------------------------------------------------
-
+    /// name head { array declarations, statements, name = expression; }
     fn object(&mut self) -> Parsed<Object> {
         let start = self.start();
         if self.kind() != Kind::Name {
@@ -241,6 +266,7 @@ impl Parser<'_> {
         )?;
         Ok(has_s)
     }
+    /// The size of an array of the head.
     fn head_array(&mut self, name: &str, least: u32) -> Parsed<()> {
         self.symbol("[", "left bracket `[`")?;
         let len = self.size(least)?;
@@ -270,6 +296,7 @@ impl Parser<'_> {
         self.items += size as u64;
         Ok(size as u32)
     }
+    /// Adds an array to the memory of the object.
     fn declare(&mut self, name: &str, len: u32) -> Parsed<()> {
         let array = ArrayRef {
             id: self.arrays.len() as u32,
@@ -284,6 +311,7 @@ impl Parser<'_> {
         self.names.insert(name.to_owned(), Name::Array(array));
         Ok(())
     }
+    /// name\[size\] (, name\[size\])* ; behind the word `array`.
     fn declaration(&mut self) -> Parsed<()> {
         loop {
             let at = self.start();
@@ -318,9 +346,7 @@ impl Parser<'_> {
         }
     }
 
-    // ---- statements
-    // -------------------------------------------------------------------------------------------------------
-
+    /// Statements up to something that begins none.
     fn block(&mut self) -> Parsed<Vec<Statement>> {
         let mut statements = Vec::new();
         loop {
@@ -341,6 +367,7 @@ impl Parser<'_> {
         }
     }
 
+    /// if condition then block \[else block\] endif;
     fn if_statement(&mut self) -> Parsed<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
@@ -369,6 +396,7 @@ impl Parser<'_> {
         })
     }
 
+    /// while condition loop block endloop;
     fn while_statement(&mut self) -> Parsed<Statement> {
         let at = self.advance().start;
         let condition = self.condition()?.0;
@@ -383,6 +411,7 @@ impl Parser<'_> {
         })
     }
 
+    /// name = expression; or array\[index\] = expression; or array = \[numbers\];
     fn assignment(&mut self) -> Parsed<Statement> {
         let name = self.text();
         self.advance();
@@ -419,6 +448,7 @@ impl Parser<'_> {
         self.symbol(";", "semicolon `;`")?;
         Ok(statement)
     }
+    /// A place in memory for a variable that is assigned to for the first time.
     fn new_variable(&mut self, name: String) -> Parsed<u32> {
         let slot = self.memory;
         self.memory += 1;
@@ -452,10 +482,7 @@ impl Parser<'_> {
         Ok(values)
     }
 
-    // ---- expressions
-    // ------------------------------------------------------------------------------------------------------
-
-    /// The operator that stands here, if it is one of those.
+    /// The operator that stands here, if `those` holds for it.
     fn operator(&self, those: impl Fn(Operator) -> bool) -> Option<Operator> {
         let operator = match self.kind() {
             Kind::Symbol(symbol) => Operator::of(symbol)?,
@@ -506,6 +533,7 @@ impl Parser<'_> {
             plain,
         ))
     }
+    /// Expressions joined by comparisons; tells also whether it is a plain expression.
     fn comparison(&mut self) -> Parsed<(Expr, bool)> {
         let (first, plain) = self.condition_primary()?;
         let plain = plain && self.operator(|o| o.level() == Level::Comparison).is_none();
@@ -518,6 +546,7 @@ impl Parser<'_> {
             plain,
         ))
     }
+    /// not condition, (condition), or an expression; tells also whether it is a plain expression.
     fn condition_primary(&mut self) -> Parsed<(Expr, bool)> {
         let at = self.start();
         if self.is_word(Word::Not) {
@@ -542,6 +571,7 @@ impl Parser<'_> {
         Ok((self.expr()?, true))
     }
 
+    /// An expression.
     fn expr(&mut self) -> Parsed<Expr> {
         self.expr_from(None)
     }
@@ -562,10 +592,12 @@ impl Parser<'_> {
         let here = |o: Operator| o.level() == Level::Sum && !(only_sums && o.is_set_operator());
         self.chain(here, first, |p| p.product(None))
     }
+    /// Powers joined by * and /.
     fn product(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = self.power(begun)?;
         self.chain(|o| o.level() == Level::Product, first, |p| p.power(None))
     }
+    /// Primaries joined by ^, left to right.
     fn power(&mut self, begun: Option<Expr>) -> Parsed<Expr> {
         let first = match begun {
             Some(expr) => expr,
@@ -574,6 +606,7 @@ impl Parser<'_> {
         self.chain(|o| o.level() == Level::Power, first, Self::unary)
     }
 
+    /// A signed primary, a parenthesis, a number, or something with a name.
     fn unary(&mut self) -> Parsed<Expr> {
         let token = self.token();
         let at = token.start;
@@ -601,6 +634,7 @@ impl Parser<'_> {
         }
     }
 
+    /// A call of a function or an object, a variable, or an item of an array.
     fn named(&mut self, at: u32) -> Parsed<Expr> {
         let name = self.text();
         if let Some(function) = functions::find(&name) {
@@ -640,6 +674,7 @@ impl Parser<'_> {
             (None, None) => self.unassigned(at, &name, next_is_parenthesis),
         }
     }
+    /// The error that a name has no value here.
     fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> Parsed<T> {
         let message = if name == self.own_name {
             format!("`{name}` is the result of this object and has no value here")
@@ -651,6 +686,7 @@ impl Parser<'_> {
         self.fail(at, message)
     }
 
+    /// The arguments of a library function, checked against their shapes.
     fn function(&mut self, at: u32, function: u16) -> Parsed<Expr> {
         self.symbol("(", "left parenthesis `(`")?;
         let shapes = functions::entry(function).arguments;
@@ -705,6 +741,7 @@ impl Parser<'_> {
         Ok((at, array))
     }
 
+    /// The arguments of an object that was read before: whole arrays of the sizes of its head.
     fn call(&mut self, at: u32, object: u32) -> Parsed<Expr> {
         let called = &self.objects[object as usize];
         let (depth, name) = (called.depth, called.name.clone());

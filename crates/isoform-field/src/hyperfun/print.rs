@@ -27,7 +27,7 @@ fn operand(v: f64) -> String {
     }
 }
 
-/// `name`, or with a number behind it if that is taken.
+/// `name`, or `name` with a number behind it if that is taken.
 fn free_name(program: &Program, name: &str) -> String {
     let taken =
         |n: &str| functions::find(n).is_some() || program.objects.iter().any(|o| o.name == n);
@@ -38,6 +38,8 @@ fn free_name(program: &Program, name: &str) -> String {
         .unwrap_or_default()
 }
 
+/// The program's text with an object behind it that is the chosen one with these values, moved by
+/// the placement if there is one and the object lies in space.
 pub(super) fn fitted(
     program: &Program,
     object: usize,
@@ -142,6 +144,7 @@ fn renamed(program: &Program, object: usize, new: &str) -> String {
     out
 }
 
+/// The program's text with these values for starts in the annotations of the parameters.
 pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> String {
     let text = program.source.text();
     let mut changes: Vec<((u32, u32), f64)> = values
@@ -161,6 +164,7 @@ pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> St
     out
 }
 
+/// The program in one layout, without comments.
 pub(super) fn pretty(program: &Program) -> String {
     let mut printer = Printer {
         program,
@@ -173,17 +177,22 @@ pub(super) fn pretty(program: &Program) -> String {
     printer.out
 }
 
+/// Writes a program in one layout.
 struct Printer<'p> {
     program: &'p Program,
+    /// The text so far.
     out: String,
+    /// Depth of the present block.
     indent: usize,
 }
 
 impl Printer<'_> {
+    /// Writes a line at the present depth.
     fn line(&mut self, text: &str) {
         let _ = writeln!(self.out, "{:width$}{text}", "", width = 2 * self.indent);
     }
 
+    /// Writes an object: its head, its arrays, its statements and its result.
     fn object(&mut self, object: &Object) {
         let s = if object.has_s {
             format!(", s[{}]", object.n_s())
@@ -210,6 +219,7 @@ impl Printer<'_> {
         self.out.push_str("}\n");
     }
 
+    /// Writes statements at the present depth.
     fn block(&mut self, object: &Object, statements: &[Statement]) {
         for statement in statements {
             match statement {
@@ -241,12 +251,7 @@ impl Printer<'_> {
                 } => {
                     let condition = self.expr(object, condition);
                     self.line(&format!("if {condition} then"));
-                    self.inner(object, then);
-                    if let Some(otherwise) = otherwise {
-                        self.line("else");
-                        self.inner(object, otherwise);
-                    }
-                    self.line("endif;");
+                    self.branches(object, then, otherwise.as_deref());
                 }
                 Statement::While {
                     condition, body, ..
@@ -259,18 +264,30 @@ impl Printer<'_> {
             }
         }
     }
+    /// Writes the branches of a decision, behind its condition.
+    fn branches(&mut self, object: &Object, then: &[Statement], otherwise: Option<&[Statement]>) {
+        self.inner(object, then);
+        if let Some(otherwise) = otherwise {
+            self.line("else");
+            self.inner(object, otherwise);
+        }
+        self.line("endif;");
+    }
+    /// Writes statements one level deeper.
     fn inner(&mut self, object: &Object, statements: &[Statement]) {
         self.indent += 1;
         self.block(object, statements);
         self.indent -= 1;
     }
 
+    /// An expression as text.
     fn expr(&self, object: &Object, expr: &Expr) -> String {
         let mut text = String::new();
         self.write(object, expr, &mut text);
         text
     }
 
+    /// Appends an expression.
     fn write(&self, object: &Object, expr: &Expr, out: &mut String) {
         match expr {
             Expr::Number { value, .. } => {
@@ -309,36 +326,43 @@ impl Printer<'_> {
                 arguments,
                 ..
             } => {
-                let _ = write!(out, "{}(", functions::entry(*function).names[0]);
-                for (i, argument) in arguments.iter().enumerate() {
-                    out.push_str(if i > 0 { ", " } else { "" });
-                    match argument {
-                        Argument::Number(expr) => self.write(object, expr, out),
-                        Argument::Array(_, array) => out.push_str(name(object, *array)),
-                    }
-                }
-                out.push(')');
+                let called = functions::entry(*function).names[0];
+                self.write_function(object, called, arguments, out);
             }
             Expr::Call {
                 object: called,
                 arguments,
                 ..
             } => {
-                let names: Vec<&str> = arguments
-                    .iter()
-                    .map(|(_, array)| name(object, *array))
-                    .collect();
-                let _ = write!(
-                    out,
-                    "{}({})",
-                    self.program.objects[*called as usize].name,
-                    names.join(", ")
-                );
+                let called = &self.program.objects[*called as usize].name;
+                let names = arguments.iter().map(|(_, array)| name(object, *array));
+                let names: Vec<&str> = names.collect();
+                let _ = write!(out, "{called}({})", names.join(", "));
             }
         }
     }
+
+    /// Appends a call of a library function.
+    fn write_function(
+        &self,
+        object: &Object,
+        called: &str,
+        arguments: &[Argument],
+        out: &mut String,
+    ) {
+        let _ = write!(out, "{called}(");
+        for (i, argument) in arguments.iter().enumerate() {
+            out.push_str(if i > 0 { ", " } else { "" });
+            match argument {
+                Argument::Number(expr) => self.write(object, expr, out),
+                Argument::Array(_, array) => out.push_str(name(object, *array)),
+            }
+        }
+        out.push(')');
+    }
 }
 
+/// The name of an array.
 fn name(object: &Object, array: ArrayRef) -> &str {
     &object.arrays[array.id as usize].name
 }

@@ -5,6 +5,7 @@ use crate::hyperfun::formula::{E, norm2};
 use crate::hyperfun::machine::Machine;
 use crate::library::Native;
 
+/// lo + (hi − lo) (1 + sin(f t))/2
 pub(super) fn wave<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (lo, hi) = (c.n(1).min(&c.n(2)), c.n(1).max(&c.n(2)));
     Ok(&lo + (hi - &lo) * (1.0 + (c.n(3) * c.n(0)).sin()) * 0.5)
@@ -59,6 +60,7 @@ pub(super) fn union<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(u)
 }
 
+/// Writes three numbers into an array where f ≥ 0.
 pub(super) fn set_color<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let inside = c.c(0.0).less_eq(&c.n(0));
     for k in 0..3 {
@@ -68,6 +70,7 @@ pub(super) fn set_color<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.c(1.0))
 }
 
+/// Copies an array into another one where f ≥ 0.
 pub(super) fn set_attributes<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let inside = c.c(0.0).less_eq(&c.n(0));
     for k in 0..c.len(1).min(c.len(2)) {
@@ -94,10 +97,12 @@ fn cubic<'c, M: Machine>(w: &E<'c, M>) -> E<'c, M> {
     w.square() * (3.0 - 2.0 * w)
 }
 
+/// min(max(t, a), b)
 pub(super) fn clamp<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(c.n(0).max(&c.n(1)).min(&c.n(2)))
 }
 
+/// a − b trunc(a/b), and b more where that is negative.
 pub(super) fn modulo<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let (a, b) = (c.n(0), c.n(1));
     let r = &a - &b * (&a / &b).trunc();
@@ -114,6 +119,7 @@ pub(super) fn pulse<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(lo.less_eq(&c.n(0)).and(&c.n(0).less_eq(&hi)))
 }
 
+/// 3w² − 2w³ with w = (t − t0)/(t1 − t0) held in \[0, 1\].
 pub(super) fn smooth_step<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let w = (c.n(3) - c.n(4)) / (c.n(5) - c.n(4));
     Ok(cubic(&w.clamp(0.0, 1.0)))

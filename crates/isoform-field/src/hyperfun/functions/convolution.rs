@@ -2,7 +2,7 @@
 //! and rendering convolution surfaces, Computer Graphics Forum 17, 1998). Each value is the sum of
 //! the elements' integrals minus T.
 
-use super::{Call, Outcome};
+use super::{Call, Fault, Outcome};
 use crate::hyperfun::formula::{E, E3, cross, dot, minus, norm2};
 use crate::hyperfun::machine::Machine;
 
@@ -17,6 +17,7 @@ pub(super) fn point<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
+/// Σ ∫ k over the segments from array 1 to array 2.
 pub(super) fn line<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(4);
@@ -26,6 +27,7 @@ pub(super) fn line<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
+/// Σ ∫ k over the segments of a polyline.
 pub(super) fn curve<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(3);
@@ -61,6 +63,7 @@ fn segment<'c, M: Machine>(
     there.select(&value, &value.constant(0.0))
 }
 
+/// Σ ∫ k over triangles that are given by their corners.
 pub(super) fn triangle<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let mut sum = -c.n(3);
@@ -71,7 +74,7 @@ pub(super) fn triangle<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(sum)
 }
 
-/// Indices count from 1.
+/// Σ ∫ k over the triangles of a mesh, whose indices count from 1.
 pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let x = c.point(0);
     let points = c.len(1) / 3;
@@ -79,25 +82,29 @@ pub(super) fn mesh<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     for i in 0..c.len(2) / 3 {
         let mut at = [0; 3];
         for (k, at) in at.iter_mut().enumerate() {
-            let index = c.item(2, 3 * i + k);
-            let Some(index) = index.known() else {
-                return Err(super::Fault {
-                    message: "a corner's index depends on the point or the parameters".to_owned(),
-                    unknown: true,
-                });
-            };
-            let index = (index + 0.5).floor();
-            if !(1.0..=points as f64).contains(&index) {
-                return c.fail(format!(
-                    "triangle {} has the corner {index}; there are the points 1 to {points}",
-                    i + 1
-                ));
-            }
-            *at = index as usize - 1;
+            *at = corner(c, i, k, points)?;
         }
         sum = sum + surface(&x, &at.map(|k| c.triple(1, k)), &c.item(3, i));
     }
     Ok(sum)
+}
+
+/// The point, from 0, of corner k of triangle i, where there are so many points.
+fn corner<M: Machine>(c: &Call<'_, M>, i: usize, k: usize, points: usize) -> Result<usize, Fault> {
+    let Some(index) = c.item(2, 3 * i + k).known() else {
+        return Err(Fault {
+            message: "a corner's index depends on the point or the parameters".to_owned(),
+            unknown: true,
+        });
+    };
+    let index = (index + 0.5).floor();
+    if !(1.0..=points as f64).contains(&index) {
+        return c.fail(format!(
+            "triangle {} has the corner {index}; there are the points 1 to {points}",
+            i + 1
+        ));
+    }
+    Ok(index as usize - 1)
 }
 
 /// S³ times ∫ k over a triangle (the factor is the reference's; models are made with it).

@@ -1,6 +1,6 @@
 //! Sums of points, noise, Bézier volumes and the like.
 
-use super::{Call, Outcome};
+use super::{Call, Fault, Outcome};
 use crate::hyperfun::formula::{E, norm2};
 use crate::hyperfun::machine::Machine;
 use crate::library::Library;
@@ -11,6 +11,7 @@ fn distance2<'c, M: Machine>(c: &Call<'c, M>, k: usize) -> E<'c, M> {
     norm2(&std::array::from_fn(|i| c.item(0, i) - c.item(i + 1, k)))
 }
 
+/// Σ b exp(−a r²) − T
 pub(super) fn blobby<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     let mut sum = -c.n(6);
     for k in 0..c.len(1) {
@@ -55,6 +56,7 @@ pub(super) fn noise_g<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
     Ok(noise(c, &amplitude, &frequency, &phase))
 }
 
+/// The noise of [`noise_g`] for amplitude, frequency and phase.
 pub(super) fn noise<'c, M: Machine>(
     c: &Call<'c, M>,
     a: &E<'c, M>,
@@ -74,24 +76,7 @@ const MAX_CONTROL: usize = 21;
 /// Σ Bᵢ(t₁) Bⱼ(t₃) Bₖ(t₂) w[(i m + j) n + k], R-intersected with the box; m goes with z and n with
 /// y.
 pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, M> {
-    let mut counts = [0; 3];
-    for (i, count) in counts.iter_mut().enumerate() {
-        let n = (c.need(i + 1, "a number of control values")? + 0.5).floor();
-        if !(1.0..=MAX_CONTROL as f64).contains(&n) {
-            return c.fail(format!(
-                "{n} control values in one direction; 1 to {MAX_CONTROL} are possible"
-            ));
-        }
-        *count = n as usize;
-    }
-    let [l, m, n] = counts;
-    if c.len(5) < l * m * n {
-        return c.fail(format!(
-            "{l} x {m} x {n} control values are needed, the array has {}",
-            c.len(5)
-        ));
-    }
-    c.spend((l * m * n) as u64)?;
+    let [l, m, n] = control_counts(c)?;
     let x = c.point(0);
     let (low, high) = (|i: usize| c.item(4, i), |i: usize| c.item(4, i + 3));
     let t: Vec<E<'c, M>> = (0..3)
@@ -116,6 +101,29 @@ pub(super) fn bezier_volume<'c, M: Machine>(c: &mut Call<'c, M>) -> Outcome<'c, 
         .intersection(&slab(1))
         .intersection(&slab(2))
         .intersection(&sum))
+}
+
+/// The numbers of control values in the three directions; there must be as many in the array.
+fn control_counts<M: Machine>(c: &mut Call<'_, M>) -> Result<[usize; 3], Fault> {
+    let mut counts = [0; 3];
+    for (i, count) in counts.iter_mut().enumerate() {
+        let n = (c.need(i + 1, "a number of control values")? + 0.5).floor();
+        if !(1.0..=MAX_CONTROL as f64).contains(&n) {
+            return c.fail(format!(
+                "{n} control values in one direction; 1 to {MAX_CONTROL} are possible"
+            ));
+        }
+        *count = n as usize;
+    }
+    let [l, m, n] = counts;
+    if c.len(5) < l * m * n {
+        return c.fail(format!(
+            "{l} x {m} x {n} control values are needed, the array has {}",
+            c.len(5)
+        ));
+    }
+    c.spend((l * m * n) as u64)?;
+    Ok(counts)
 }
 
 /// The `count` Bernstein polynomials of degree count − 1.
