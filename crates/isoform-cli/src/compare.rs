@@ -18,11 +18,13 @@ Examples:
   isoform compare scan.ply fitted.hf
   isoform compare part.msh fitted.hf
 
-Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files with the ending .hf are
-models, those with .json implicit splines; their distances are those of the metric reading, and from meshes those of Newton's method on it. Coordinates must
-agree: nothing is moved.
+Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files
+with the ending .hf are models, those with .json implicit splines; their distances are those of the
+metric reading, and from meshes those of Newton's method on it. Coordinates must agree: nothing is
+moved.
 
-Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a model is not a number.")]
+Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
+model is not a number.")]
 pub(crate) struct Args {
     /// Points, a mesh, or a model
     first: PathBuf,

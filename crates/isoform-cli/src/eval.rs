@@ -174,7 +174,13 @@ fn outcome(
         cells.len()
     ));
     let (columns, csv) = csv(subject, rows, cells);
-    let mut json = json!({"object": name, "parameters": a, "rows": cells.len(), "failed": failures.count, "columns": columns});
+    let mut json = json!({
+        "object": name,
+        "parameters": a,
+        "rows": cells.len(),
+        "failed": failures.count,
+        "columns": columns,
+    });
     let file = args.output.as_deref().filter(|p| *p != Path::new("-"));
     let stdout = if let Some(path) = file {
         output::write_file(path, csv.as_bytes())?;

@@ -4,21 +4,7 @@
 //! enclosed by a running bound of the rounding error, γ Σ |c x^a y^b z^c|.
 
 use isoform_geom::{Aabb, Expansion, Field, Point3, Terms};
-use isoform_num::{Interval, Jet2, Jet3, Real};
-
-/// Index triples of third derivatives, in the order of jets.
-const TRIPLES: [[usize; 3]; 10] = [
-    [0, 0, 0],
-    [0, 0, 1],
-    [0, 0, 2],
-    [0, 1, 1],
-    [0, 1, 2],
-    [0, 2, 2],
-    [1, 1, 1],
-    [1, 1, 2],
-    [1, 2, 2],
-    [2, 2, 2],
-];
+use isoform_num::{Interval, Jet2, Jet3, ORDERS, Real, TRIPLES};
 
 /// A polynomial, as a function of space.
 ///
@@ -125,30 +111,6 @@ impl Polynomial {
             .unwrap_or(0)
     }
 }
-
-/// The orders of all derivatives up to the third, in the order of jets.
-const ORDERS: [[usize; 3]; 20] = [
-    [0, 0, 0],
-    [1, 0, 0],
-    [0, 1, 0],
-    [0, 0, 1],
-    [2, 0, 0],
-    [1, 1, 0],
-    [1, 0, 1],
-    [0, 2, 0],
-    [0, 1, 1],
-    [0, 0, 2],
-    [3, 0, 0],
-    [2, 1, 0],
-    [2, 0, 1],
-    [1, 2, 0],
-    [1, 1, 1],
-    [1, 0, 2],
-    [0, 3, 0],
-    [0, 2, 1],
-    [0, 1, 2],
-    [0, 0, 3],
-];
 
 /// By axis and exponent: the power and its derivatives to order 3.
 struct Derivatives {
@@ -305,7 +267,7 @@ impl Field for Polynomial {
     fn jet3(&self, p: Point3) -> Option<Jet3> {
         let powers = Powers::new(p, self.degrees);
         let low = self.jet(p);
-        let t = TRIPLES.map(|axes| powers.sum(&self.terms, orders(&axes)));
+        let t = TRIPLES.map(|(i, j, k)| powers.sum(&self.terms, orders(&[i, j, k])));
         Some(Jet3 {
             v: low.v,
             g: low.g,

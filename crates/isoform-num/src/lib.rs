@@ -25,7 +25,7 @@ mod svd;
 pub use double_double::DoubleDouble;
 pub use interval::Interval;
 pub use interval_jet::IntervalJet;
-pub use jet::{Jet1, Jet2, Jet3, PAIRS, SECOND, THIRD, TRIPLES, hessian};
+pub use jet::{Jet1, Jet2, Jet3, ORDERS, PAIRS, SECOND, THIRD, TRIPLES, hessian};
 pub use quadrature::gauss_legendre;
 pub use random::Random;
 pub use real::Real;

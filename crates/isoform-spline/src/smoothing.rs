@@ -25,6 +25,10 @@ const MIXED: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 /// √2, the weight of a mixed difference: the sum of squares of a Hessian holds it twice.
 const TWICE: f64 = std::f64::consts::SQRT_2;
 
+/// The diagonal of the term's matrix where no difference is left out: 1 + 4 + 1 from each axis and
+/// twice 4 from each pair of axes.
+pub(crate) const DIAGONAL: f64 = 3.0 * 6.0 + 3.0 * 8.0;
+
 impl Smoothing {
     pub(crate) fn new(nodes: &Keys) -> Self {
         let neighbours = (0..nodes.len())
@@ -108,12 +112,6 @@ impl Smoothing {
                 }
                 *out += weight * sum;
             });
-    }
-
-    /// The diagonal of the term's matrix.
-    pub(crate) fn diagonal(&self) -> Vec<f64> {
-        let full = 6.0 * 3.0 + 2.0 * 4.0 * 3.0;
-        vec![full; self.neighbours.len()]
     }
 }
 

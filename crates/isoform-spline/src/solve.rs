@@ -1,7 +1,7 @@
 //! Conjugate gradients for the corrections of a level.
 
 use crate::energy::{FIXED, Problem, System};
-use crate::smoothing::Smoothing;
+use crate::smoothing::{DIAGONAL, Smoothing};
 use isoform_control::{Control, Stopped};
 
 /// The weight that holds a coefficient which data hardly touches at the level before: without it
@@ -79,7 +79,8 @@ pub(crate) fn solve(
     let smoothing = Smoothing::new(&problem.level.nodes);
     let n = problem.level.nodes.len();
     let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
-    let ridge = ridge(&system.matrix.diagonal());
+    let mut diagonal = system.matrix.diagonal();
+    let ridge = ridge(&diagonal);
     let mut operator = Operator {
         problem,
         system: &system,
@@ -100,15 +101,10 @@ pub(crate) fn solve(
     let mut gradient = vec![0.0; n];
     smoothing.add_gradient(weight, &scaled, &mut operator.scratch, &mut gradient);
     let mut r = system.right.clone();
-    let mut diagonal = system.matrix.diagonal();
-    for ((g, d), i) in gradient
-        .iter()
-        .zip(smoothing.diagonal())
-        .zip(&problem.unknown)
-    {
+    for (g, i) in gradient.iter().zip(&problem.unknown) {
         if *i != FIXED {
             r[*i as usize] -= g;
-            diagonal[*i as usize] += weight * d + operator.ridge[*i as usize];
+            diagonal[*i as usize] += weight * DIAGONAL + operator.ridge[*i as usize];
         }
     }
     let mut x = vec![0.0; r.len()];

@@ -4,7 +4,7 @@ use crate::bspline::{self, MAX_DEGREE, Row};
 use crate::keys::{MOST, Place, key};
 use crate::level::{CELL, Level, block};
 use isoform_geom::{Aabb, Field, LevelData, Point3, SplineData, norm, sub};
-use isoform_num::{Interval, Jet2};
+use isoform_num::{Interval, Jet2, ORDERS};
 
 /// A truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
 ///
@@ -69,20 +69,6 @@ pub enum DataError {
 /// The largest number of cells of the first level: a box of 64³ of them, far more than are needed to
 /// continue a function smoothly away from its data.
 const FIRST: i64 = 1 << 18;
-
-/// Orders of the derivatives by x, y and z of a 2-jet's ten numbers.
-const ORDERS: [[usize; 3]; 10] = [
-    [0, 0, 0],
-    [1, 0, 0],
-    [0, 1, 0],
-    [0, 0, 1],
-    [2, 0, 0],
-    [1, 1, 0],
-    [1, 0, 1],
-    [0, 2, 0],
-    [0, 1, 1],
-    [0, 0, 2],
-];
 
 /// A place in a cell of the finest level about it.
 struct Leaf<'a> {
