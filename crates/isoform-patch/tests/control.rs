@@ -6,7 +6,7 @@ use isoform_geom::{Aabb, Parts};
 use isoform_patch::{
     Control, Covering, Error, Options, Weights, cover, parameterize, parameterize_part,
 };
-use std::sync::Mutex;
+use isoform_testdata::shares_told;
 use std::sync::atomic::AtomicBool;
 use std::time::{Duration, Instant};
 
@@ -119,32 +119,18 @@ fn without_time_there_is_no_patch_but_not_for_lack_of_surface() {
     assert_eq!(made.expect_err("cancelled"), Error::Stopped);
 }
 
-/// What is told while something is made: phases, each with shares that never fall.
+/// The phases that are told while something is made.
 fn told(make: impl FnOnce(&Control<'_>)) -> Vec<String> {
-    let heard: Mutex<Vec<(String, f64)>> = Mutex::default();
-    let hear = |phase: &str, done: f64| {
-        let mut heard = heard.lock().expect("no panic");
-        heard.push((phase.to_owned(), done));
-    };
-    make(&Control {
-        progress: Some(&hear),
-        ..Control::default()
+    let told = shares_told(|hear| {
+        make(&Control {
+            progress: Some(hear),
+            ..Control::default()
+        });
     });
-    let heard = heard.into_inner().expect("no panic");
-    let mut phases: Vec<String> = Vec::new();
-    for (phase, _) in &heard {
-        if !phases.contains(phase) {
-            phases.push(phase.clone());
-        }
-    }
-    for phase in &phases {
-        let of = heard.iter().filter(|h| h.0 == *phase).map(|h| h.1);
-        let shares: Vec<f64> = of.collect();
-        assert!(shares.is_sorted(), "{phase}: {shares:?}");
+    for (_, shares) in &told {
         assert!(shares.iter().all(|s| (0.0..=1.0).contains(s)), "{shares:?}");
-        assert_eq!(shares.last(), Some(&1.0), "{phase}");
     }
-    phases
+    told.into_iter().map(|(phase, _)| phase).collect()
 }
 
 #[test]

@@ -6,7 +6,7 @@ use isoform_tess::{
     Control, Finding, Map, MeshOptions, Mode, Patch, PatchesError, SurfaceBox, TriangulateError,
     TriangulateOptions, triangulate, triangulate_once, triangulate_patches,
 };
-use std::sync::Mutex;
+use isoform_testdata::shares_told;
 
 fn map(polynomials: [&str; 4]) -> Map {
     Map::parse(polynomials, Default::default()).expect("a map")
@@ -113,31 +113,18 @@ fn patches_are_certified_with_their_own_options() {
     assert!(surface.is_certified(), "{:?}", surface.findings);
 }
 
-/// What is told while something is made: phases, each with shares that never fall.
+/// The phases that are told while something is made.
 fn told(make: impl FnOnce(&Control<'_>)) -> Vec<String> {
-    let heard: Mutex<Vec<(String, f64)>> = Mutex::default();
-    let hear = |phase: &str, done: f64| {
-        let mut heard = heard.lock().expect("no panic");
-        heard.push((phase.to_owned(), done));
-    };
-    make(&Control {
-        progress: Some(&hear),
-        ..Control::default()
+    let told = shares_told(|hear| {
+        make(&Control {
+            progress: Some(hear),
+            ..Control::default()
+        });
     });
-    let heard = heard.into_inner().expect("no panic");
-    let mut phases: Vec<String> = Vec::new();
-    for (phase, _) in &heard {
-        if !phases.contains(phase) {
-            phases.push(phase.clone());
-        }
+    for (phase, shares) in &told {
+        assert_eq!(shares[0], 0.0, "{phase}");
     }
-    for phase in &phases {
-        let of = heard.iter().filter(|h| h.0 == *phase).map(|h| h.1);
-        let shares: Vec<f64> = of.collect();
-        assert!(shares.is_sorted(), "{phase}: {shares:?}");
-        assert_eq!((shares[0], shares.last()), (0.0, Some(&1.0)), "{phase}");
-    }
-    phases
+    told.into_iter().map(|(phase, _)| phase).collect()
 }
 
 /// The phases are those whose seconds the analysis names.

@@ -1,4 +1,4 @@
-//! Where tests find their data, and the list of failures that they expect.
+//! Where tests find their data, the list of failures that they expect, and what is told of progress.
 //!
 //! Small data lies in the repository, in tests/data: [`data`] and [`files`] panic where it is not
 //! there, since nothing excuses that. Data too large for the repository lies in a folder `shared`
@@ -7,8 +7,10 @@
 #![forbid(unsafe_code)]
 
 mod expected;
+mod progress;
 
 pub use expected::ExpectedFailures;
+pub use progress::shares_told;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
