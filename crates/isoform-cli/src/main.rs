@@ -16,6 +16,7 @@ mod model;
 mod output;
 mod parameterize;
 mod progress;
+mod recognize;
 mod recover;
 mod report;
 mod scan;
@@ -48,6 +49,7 @@ enum Verb {
     Parameterize(Box<parameterize::Args>),
     Triangulate(Box<triangulate::Args>),
     Implicitize(implicitize::Args),
+    Recognize(recognize::Args),
     Eval(eval::Args),
     Inspect(inspect::Args),
     Convert(convert::Args),
@@ -68,6 +70,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Parameterize(args) => parameterize::run(&args, context),
         Verb::Triangulate(args) => triangulate::run(&args, context),
         Verb::Implicitize(args) => implicitize::run(&args, context),
+        Verb::Recognize(args) => recognize::run(&args, context),
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),

@@ -5,6 +5,7 @@
 //! |---|---|---|
 //! | a scan and a HyperFun program | the program's parameters, with intervals | [`fit_scan`] |
 //! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
+//! | a scan | the planes, spheres, cylinders, cones and tori that it consists of | [`recognize_scan`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
@@ -106,6 +107,7 @@ mod mesh_model;
 mod mesh_spline;
 mod meshing;
 mod patches;
+mod recognize_scan;
 pub mod report;
 mod spline_distance;
 mod template;
@@ -131,6 +133,8 @@ pub use isoform_io as io;
 pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
+pub use isoform_recognize as recognize;
+pub use isoform_recognize::Options as RecognizeOptions;
 pub use isoform_spline as spline;
 pub use isoform_tess as tess;
 pub use isoform_tess::{
@@ -146,6 +150,7 @@ pub use meshing::{
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,
 };
+pub use recognize_scan::{RecognizeError, Recognized, recognize_scan};
 pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

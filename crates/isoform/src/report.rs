@@ -11,6 +11,7 @@ mod implicitize;
 mod inspect;
 mod mesh;
 mod patches;
+mod recognize;
 mod surface;
 
 pub use compare::{CompareReport, SideReport};
@@ -30,6 +31,7 @@ pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
     PatchesReport, WeightsReport, solver_name,
 };
+pub use recognize::{EntityReport, Parameters, RecognizeReport, RelationReport};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
     PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,

@@ -8,12 +8,13 @@ use std::path::Path;
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates none of which may use another of them: the stages, and the functions that they work on.
-const APART: [&str; 7] = [
+const APART: [&str; 8] = [
     "isoform-field",
     "isoform-fit",
     "isoform-io",
     "isoform-mesh",
     "isoform-patch",
+    "isoform-recognize",
     "isoform-spline",
     "isoform-tess",
 ];

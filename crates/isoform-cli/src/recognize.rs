@@ -1,0 +1,192 @@
+//! `isoform recognize`: planes, spheres, cylinders, cones and tori of a scan.
+
+use crate::interrupt;
+use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
+use crate::progress::Progress;
+use crate::scan;
+use isoform::geom::{Column, PointCloud};
+use isoform::io::{MeshPoints, WriteOptions, write};
+use isoform::recognize::Error;
+use isoform::report::{Parameters, RecognizeReport, brief};
+use isoform::{Control, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Finds the planes, spheres, cylinders, cones and tori that a scan consists of
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform recognize scan.ply
+  isoform recognize scan.ply -o entities.json -o labels.ply
+  isoform recognize part.stl --min-points 100 --json
+
+Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular, coaxial, coplanar,
+concentric, equal_radius) are those that hold within them. labels.ply holds the points with the number of their entity, -1
+for none. Of CAD meshes points inside the flat faces are taken as well.
+
+Exit code: 0, also where nothing is found; 2 for unreadable input or too few points, 4 where they lie on one line, 130 after
+Ctrl-C.")]
+pub(crate) struct Args {
+    /// The points: any format that `isoform inspect` reads (- for stdin)
+    scan: PathBuf,
+    /// How far points lie from their surface: the standard deviation [default: as the points show]
+    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    tol: Option<f64>,
+    /// The fewest points of an entity
+    #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
+    min_points: usize,
+    /// Format of the scan, where its name does not tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Write a file, by its ending: .json the entities, .ply, .xyz or .csv the points with their
+    /// entities
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+}
+
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    for path in &args.output {
+        output::check_folder(path)?;
+    }
+    let started = Instant::now();
+    let (cloud, report) = scan::read_points(
+        &args.scan,
+        args.from.as_deref(),
+        None,
+        MeshPoints::Vertices,
+        context,
+    )?;
+    for warning in &report.warnings {
+        context.warn(format_args!("{}: {warning}", args.scan.display()));
+    }
+    let progress = Progress::new(context);
+    let show = |phase: &str, done: f64| progress.show(phase, done);
+    let control = Control {
+        progress: Some(&show),
+        ..context.control()
+    };
+    let options = RecognizeOptions {
+        noise: args.tol,
+        min_points: args.min_points,
+    };
+    let found = recognize_scan(&cloud, &options, &control).map_err(|e| failure(e, &args.scan))?;
+    drop(progress);
+    let report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
+    let json = output::json_of(&report);
+    for path in &args.output {
+        let bytes = match path.extension().and_then(|e| e.to_str()) {
+            Some("json") => output::document(true, json.clone()),
+            _ => labelled(&found, path)?,
+        };
+        output::write_file(path, &bytes)?;
+    }
+    Ok(Outcome::of(output::exit(true), json, Vec::new(), || {
+        text(&report, &args.output)
+    }))
+}
+
+/// The points with their entities, in the format of the file's ending.
+fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
+    let label = |l: &Option<u32>| l.map_or(-1.0, f64::from);
+    let values = found.recognition.labels.iter().map(label).collect();
+    let cloud = PointCloud {
+        points: found.scan.points.clone(),
+        origin: found.scan.origin,
+        columns: vec![Column {
+            name: "entity".to_owned(),
+            values,
+        }],
+        ..PointCloud::default()
+    };
+    let mut bytes = Vec::new();
+    let ending = path.extension().unwrap_or_default().to_string_lossy();
+    write(&cloud, &mut bytes, &ending, &WriteOptions::default())
+        .map_err(|e| scan::unwritable(&e))?;
+    Ok(bytes)
+}
+
+fn failure(error: RecognizeError, scan: &Path) -> Failure {
+    let message = format!("{}: {error}", scan.display());
+    match error {
+        RecognizeError::Stage(Error::Line) => Failure::new(NO_RESULT, "no-surface", message),
+        RecognizeError::Stage(Error::Stopped(_)) if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", message)
+        }
+        RecognizeError::Stage(Error::Stopped(_)) => {
+            Failure::new(NO_RESULT, "time-limit", message).hint("a longer --time-limit")
+        }
+        _ => {
+            Failure::new(INPUT, "points", message).hint("isoform inspect says what the file holds")
+        }
+    }
+}
+
+/// The report for people.
+fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
+    let mut text = format!(
+        "{} points, noise {}: {} entities, {} points without\n",
+        report.points,
+        brief(report.noise),
+        report.entities.len(),
+        report.n_unassigned
+    );
+    for e in &report.entities {
+        text += &format!(
+            "{:>4} {:<9} {:>7} points, rms {:<9} {}\n",
+            e.id,
+            e.kind,
+            e.n_points,
+            brief(e.rms),
+            sizes(&e.parameters, &e.sd)
+        );
+    }
+    for path in outputs {
+        text += &format!("wrote {}\n", path.display());
+    }
+    text
+}
+
+/// Its sizes with their deviations, and where it lies.
+fn sizes(parameters: &Parameters, sd: &Parameters) -> String {
+    let point = |p: &[f64; 3]| format!("({}, {}, {})", brief(p[0]), brief(p[1]), brief(p[2]));
+    let of = |value: &f64, sd: &f64| format!("{} ± {}", brief(*value), brief(*sd));
+    use Parameters::{Cone, Cylinder, Plane, Sphere, Torus};
+    match (parameters, sd) {
+        (Plane { normal, d }, Plane { d: sd, .. }) => {
+            format!("normal {}, d {}", point(normal), of(d, sd))
+        }
+        (Sphere { center, radius }, Sphere { radius: sd, .. }) => {
+            format!("radius {}, centre {}", of(radius, sd), point(center))
+        }
+        (Cylinder { axis, radius, .. }, Cylinder { radius: sd, .. }) => {
+            format!("radius {}, axis {}", of(radius, sd), point(axis))
+        }
+        (
+            Cone {
+                axis, half_angle, ..
+            },
+            Cone { half_angle: sd, .. },
+        ) => format!(
+            "half angle {}°, axis {}",
+            of(&half_angle.to_degrees(), &sd.to_degrees()),
+            point(axis)
+        ),
+        (
+            Torus {
+                major_radius,
+                minor_radius,
+                ..
+            },
+            Torus {
+                major_radius: major,
+                minor_radius: minor,
+                ..
+            },
+        ) => format!(
+            "radii {}, {}",
+            of(major_radius, major),
+            of(minor_radius, minor)
+        ),
+        _ => String::new(),
+    }
+}

@@ -1,0 +1,391 @@
+//! Surfaces in minimal parameters: distances, their derivatives, and moves.
+
+use isoform_geom::{Point3, Quadric, cross, dot, norm, sub};
+
+/// The most parameters that a surface has: those of a torus.
+pub(crate) const MOST: usize = 7;
+
+/// A row of the Jacobian; what lies beyond the surface's own parameters is 0.
+pub(crate) type Row = [f64; MOST];
+
+/// The largest radius, in diagonals of the scan: its arc bends by an eighth of a thousandth of the
+/// diagonal over it, which planes explain.
+const LARGEST: f64 = 1000.0;
+/// The largest half angle of a cone: 86°. Wider ones are planes.
+const WIDEST: f64 = 1.5;
+
+/// The kinds of surfaces, those with fewer parameters first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Kind {
+    Plane,
+    Sphere,
+    Cylinder,
+    Cone,
+    Torus,
+}
+
+impl Kind {
+    pub(crate) const ALL: &'static [Self; 5] = &[
+        Self::Plane,
+        Self::Sphere,
+        Self::Cylinder,
+        Self::Cone,
+        Self::Torus,
+    ];
+
+    /// The kinds with fewer parameters.
+    pub(crate) fn simpler(self) -> &'static [Self] {
+        &Self::ALL[..self as usize]
+    }
+
+    /// How many parameters determine it.
+    pub(crate) fn parameters(self) -> usize {
+        match self {
+            Self::Plane => 3,
+            Self::Sphere => 4,
+            Self::Cylinder => 5,
+            Self::Cone => 6,
+            Self::Torus => 7,
+        }
+    }
+}
+
+/// A surface about a point of its own. A cone is given by its radius at that point, so that it
+/// passes into a cylinder without a singularity.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Surface {
+    pub(crate) kind: Kind,
+    /// A point of the plane, the centre, or a point of the axis.
+    pub(crate) place: Point3,
+    /// The plane's normal or the axis, of length 1.
+    pub(crate) axis: Point3,
+    /// The radius; of a cone at `place`, of a torus that of its circle.
+    pub(crate) size: f64,
+    /// A cone's half angle, positive where it widens along the axis; the radius of a torus's tube.
+    pub(crate) other: f64,
+}
+
+/// A point in the coordinates of an axis.
+struct Around {
+    /// Along the axis.
+    height: f64,
+    /// From the axis.
+    radius: f64,
+    /// The unit vector away from the axis; any one on the axis itself.
+    away: Point3,
+}
+
+impl Surface {
+    /// Two unit vectors that make a frame with the axis.
+    pub(crate) fn frame(&self) -> [Point3; 2] {
+        frame(self.axis)
+    }
+
+    fn around(&self, p: Point3) -> Around {
+        let d = sub(p, self.place);
+        let height = dot(d, self.axis);
+        let v: Point3 = std::array::from_fn(|k| d[k] - height * self.axis[k]);
+        let radius = norm(v);
+        let away = match radius > 0.0 {
+            true => v.map(|x| x / radius),
+            false => self.frame()[0],
+        };
+        Around {
+            height,
+            radius,
+            away,
+        }
+    }
+
+    /// The signed distance: positive on the side of the normal, away from centre and axis.
+    pub(crate) fn distance(&self, p: Point3) -> f64 {
+        match self.kind {
+            Kind::Plane => dot(sub(p, self.place), self.axis),
+            Kind::Sphere => norm(sub(p, self.place)) - self.size,
+            Kind::Cylinder => self.around(p).radius - self.size,
+            Kind::Cone => {
+                let q = self.around(p);
+                let (sin, cos) = self.other.sin_cos();
+                (q.radius - self.size) * cos - q.height * sin
+            }
+            Kind::Torus => {
+                let q = self.around(p);
+                (q.radius - self.size).hypot(q.height) - self.other
+            }
+        }
+    }
+
+    /// The gradient of the distance, of length 1.
+    pub(crate) fn normal(&self, p: Point3) -> Point3 {
+        let along = |q: &Around, r: f64, h: f64| -> Point3 {
+            std::array::from_fn(|k| r * q.away[k] + h * self.axis[k])
+        };
+        match self.kind {
+            Kind::Plane => self.axis,
+            Kind::Sphere => {
+                let d = sub(p, self.place);
+                let length = norm(d).max(f64::MIN_POSITIVE);
+                d.map(|x| x / length)
+            }
+            Kind::Cylinder => self.around(p).away,
+            Kind::Cone => {
+                let (sin, cos) = self.other.sin_cos();
+                along(&self.around(p), cos, -sin)
+            }
+            Kind::Torus => {
+                let q = self.around(p);
+                let (r, h) = (q.radius - self.size, q.height);
+                let length = r.hypot(h).max(f64::MIN_POSITIVE);
+                along(&q, r / length, h / length)
+            }
+        }
+    }
+
+    /// The distance and its derivatives by the parameters of [`Self::moved`], with the two vectors of
+    /// [`Self::frame`].
+    pub(crate) fn distance_row(&self, [e, f]: &[Point3; 2], p: Point3) -> (f64, Row) {
+        if self.kind <= Kind::Sphere {
+            return self.simple_row([e, f], p);
+        }
+        let d = sub(p, self.place);
+        let height = dot(d, self.axis);
+        let v: Point3 = std::array::from_fn(|k| d[k] - height * self.axis[k]);
+        let radius = norm(v);
+        let (ue, uf) = match radius > 0.0 {
+            true => (dot(v, *e) / radius, dot(v, *f) / radius),
+            false => (1.0, 0.0),
+        };
+        let r = radius - self.size;
+        if self.kind == Kind::Torus {
+            let length = r.hypot(height).max(f64::MIN_POSITIVE);
+            let tilt = height * self.size / length;
+            let n: Point3 = std::array::from_fn(|k| {
+                let away = (ue * e[k] + uf * f[k]) * r;
+                (away + height * self.axis[k]) / length
+            });
+            let row = [tilt * ue, tilt * uf, -n[0], -n[1], -n[2], -r / length, -1.0];
+            return (length - self.other, row);
+        }
+        let (sin, cos) = match self.kind {
+            Kind::Cone => self.other.sin_cos(),
+            _ => (0.0, 1.0),
+        };
+        let tilt = -(height * cos + radius * sin);
+        let turn = match self.kind {
+            Kind::Cone => -r * sin - height * cos,
+            _ => 0.0,
+        };
+        let row = [tilt * ue, tilt * uf, -ue * cos, -uf * cos, -cos, turn, 0.0];
+        (r * cos - height * sin, row)
+    }
+
+    /// The row of a plane or sphere.
+    fn simple_row(&self, [e, f]: [&Point3; 2], p: Point3) -> (f64, Row) {
+        let d = sub(p, self.place);
+        if self.kind == Kind::Plane {
+            let row = [dot(d, *e), dot(d, *f), -1.0, 0.0, 0.0, 0.0, 0.0];
+            return (dot(d, self.axis), row);
+        }
+        let length = norm(d).max(f64::MIN_POSITIVE);
+        let n = d.map(|x| x / length);
+        (
+            length - self.size,
+            [-n[0], -n[1], -n[2], -1.0, 0.0, 0.0, 0.0],
+        )
+    }
+
+    /// The surface with its parameters moved: the axis tilted along the two vectors of the frame,
+    /// the place (of a plane along its normal, of cylinders and cones across the axis), the sizes.
+    pub(crate) fn moved(&self, step: &Row) -> Self {
+        let [e, f] = self.frame();
+        let tilted = || {
+            unit(std::array::from_fn(|k| {
+                self.axis[k] + step[0] * e[k] + step[1] * f[k]
+            }))
+        };
+        let mut new = *self;
+        match self.kind {
+            Kind::Plane => {
+                new.axis = tilted();
+                new.place = std::array::from_fn(|k| self.place[k] + step[2] * self.axis[k]);
+            }
+            Kind::Sphere => {
+                new.place = std::array::from_fn(|k| self.place[k] + step[k]);
+                new.size += step[3];
+            }
+            Kind::Cylinder | Kind::Cone => {
+                new.axis = tilted();
+                let shift = |k: usize| step[2] * e[k] + step[3] * f[k];
+                new.place = std::array::from_fn(|k| self.place[k] + shift(k));
+                new.size += step[4];
+                new.other += step[5];
+            }
+            Kind::Torus => {
+                new.axis = tilted();
+                new.place = std::array::from_fn(|k| self.place[k] + step[2 + k]);
+                new.size += step[5];
+                new.other += step[6];
+            }
+        }
+        new
+    }
+
+    /// The surface, given about the foot of this point on its plane or axis.
+    pub(crate) fn about(&self, p: Point3) -> Self {
+        let mut new = *self;
+        match self.kind {
+            Kind::Plane => {
+                let d = self.distance(p);
+                new.place = std::array::from_fn(|k| p[k] - d * self.axis[k]);
+            }
+            Kind::Cylinder | Kind::Cone => {
+                let h = dot(sub(p, self.place), self.axis);
+                new.place = std::array::from_fn(|k| self.place[k] + h * self.axis[k]);
+                if self.kind == Kind::Cone {
+                    new.size += h * self.other.tan();
+                }
+            }
+            Kind::Sphere | Kind::Torus => {}
+        }
+        new
+    }
+
+    /// Whether its sizes are those of a surface: radii positive, a cone's angle below a right one.
+    pub(crate) fn is_proper(&self) -> bool {
+        let are_finite = self.place.iter().chain(&self.axis).all(|x| x.is_finite());
+        let radius = |r: f64| r > 0.0 && r < LARGEST;
+        are_finite
+            && match self.kind {
+                Kind::Plane => true,
+                Kind::Sphere | Kind::Cylinder => radius(self.size),
+                Kind::Cone => self.other.abs() < WIDEST && self.size.abs() < LARGEST,
+                Kind::Torus => radius(self.size) && radius(self.other) && self.size > self.other,
+            }
+    }
+
+    /// The surface in units `unit` times as large about another origin, as CAD systems name it.
+    pub(crate) fn quadric(&self, unit: f64, origin: Point3) -> Quadric {
+        let at = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] * unit + origin[k]) };
+        let place = at(self.place);
+        match self.kind {
+            Kind::Plane => Quadric::Plane {
+                normal: self.axis,
+                offset: dot(self.axis, place),
+            },
+            Kind::Sphere => Quadric::Sphere {
+                center: place,
+                radius: self.size * unit,
+            },
+            Kind::Cylinder => Quadric::Cylinder {
+                point: place,
+                axis: self.axis,
+                radius: self.size * unit,
+            },
+            Kind::Cone => Quadric::Cone {
+                apex: at(self.apex()),
+                axis: self.axis.map(|x| x * self.other.signum()),
+                half_angle: self.other.abs(),
+            },
+            Kind::Torus => Quadric::Torus {
+                center: place,
+                axis: self.axis,
+                major: self.size * unit,
+                minor: self.other * unit,
+            },
+        }
+    }
+
+    /// A cone's apex.
+    pub(crate) fn apex(&self) -> Point3 {
+        let h = -self.size / self.other.tan();
+        std::array::from_fn(|k| self.place[k] + h * self.axis[k])
+    }
+}
+
+/// The vector at length 1; itself where it has none.
+pub(crate) fn unit(v: Point3) -> Point3 {
+    let length = norm(v);
+    if length > 0.0 {
+        v.map(|x| x / length)
+    } else {
+        v
+    }
+}
+
+/// Two unit vectors that make a frame with this one.
+pub(crate) fn frame(axis: Point3) -> [Point3; 2] {
+    let least = (0..3).fold(0, |m, k| if axis[k].abs() < axis[m].abs() { k } else { m });
+    let mut e = [0.0; 3];
+    e[least] = 1.0;
+    let f = unit(cross(axis, e));
+    [f, cross(axis, f)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn shapes() -> Vec<Surface> {
+        let axis = unit([1.0, 2.0, -0.5]);
+        let of = |kind, size, other| Surface {
+            kind,
+            place: [0.3, -0.2, 0.1],
+            axis,
+            size,
+            other,
+        };
+        vec![
+            of(Kind::Plane, 0.0, 0.0),
+            of(Kind::Sphere, 0.7, 0.0),
+            of(Kind::Cylinder, 0.4, 0.0),
+            of(Kind::Cone, 0.4, 0.3),
+            of(Kind::Torus, 0.9, 0.25),
+        ]
+    }
+
+    #[test]
+    fn derivatives_are_those_of_the_distance() {
+        let p = [0.9, 0.5, -0.4];
+        for shape in shapes() {
+            let (_, row) = shape.distance_row(&shape.frame(), p);
+            for k in 0..MOST {
+                let h = 1e-6;
+                let at = |s: f64| {
+                    let mut step = [0.0; MOST];
+                    step[k] = s;
+                    shape.moved(&step).distance(p)
+                };
+                let want = match k < shape.kind.parameters() {
+                    true => (at(h) - at(-h)) / (2.0 * h),
+                    false => 0.0,
+                };
+                assert!(
+                    (row[k] - want).abs() < 1e-8,
+                    "{shape:?} {k}: {} {want}",
+                    row[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn normals_are_gradients_and_feet_lie_on_the_surface() {
+        let p = [0.9, 0.5, -0.4];
+        for shape in shapes() {
+            let n = shape.normal(p);
+            for k in 0..3 {
+                let at = |s: f64| {
+                    shape.distance(std::array::from_fn(|j| p[j] + if j == k { s } else { 0.0 }))
+                };
+                assert!(
+                    (n[k] - (at(1e-6) - at(-1e-6)) / 2e-6).abs() < 1e-8,
+                    "{shape:?}"
+                );
+            }
+            let d = shape.distance(p);
+            let foot = std::array::from_fn(|k| p[k] - d * n[k]);
+            assert!(shape.distance(foot).abs() < 1e-14, "{shape:?}");
+            assert!((shape.about(p).distance(p) - d).abs() < 1e-14, "{shape:?}");
+        }
+    }
+}

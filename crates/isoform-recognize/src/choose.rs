@@ -1,0 +1,238 @@
+//! Which kind of surface a place lies on: the simplest one that explains it as well as any.
+
+use crate::chart::{Kind, Surface};
+use crate::cloud::{Cloud, FLOOR};
+use crate::fit::{Precision, fit, squares};
+use crate::grow::{Region, correlation, grow};
+use crate::start::bent_squares;
+use isoform_geom::dot;
+use rayon::prelude::*;
+
+/// What a parameter more has to gain in Σ r²/σ²: ln n, as the criterion of Bayes says, and 2 more.
+const EACH: f64 = 0.0;
+/// What another kind has to gain at least. Many kinds are tried at many places: by chance 30 is
+/// passed once in 10⁶ trials.
+const AT_LEAST: f64 = 8.0;
+/// Two surfaces whose distance is below this share of the noise (squared here: 0.1²) are one to
+/// any use; without this bound a form error of a scan would count as evidence.
+const MATERIAL: f64 = 0.01;
+/// A kind with more parameters also wins where it explains this many times as many points: the
+/// simpler one then is a strip of it.
+const WIDER: f64 = 1.6;
+/// Correlation of neighbouring distances that a few points of other faces cause, and how many
+/// deviations of its estimate are chance.
+const CORRELATED: f64 = 0.03;
+const CHANCE: f64 = 4.0;
+/// Sizes of the sets of neighbours that regions grow from: small ones lie within small faces, large
+/// ones tell curvatures in noise; and whether only neighbours with like normals are taken, which
+/// keeps to one side of edges.
+const SEEDS: [(usize, bool); 5] = [
+    (48, true),
+    (24, true),
+    (12, true),
+    (128, false),
+    (48, false),
+];
+/// A region that has grown to this many times its seed needs no other seed.
+const GROWN: usize = 3;
+/// Points of a plane's core that show a bend if there is one.
+const FLAT: usize = 150;
+/// Neighbours out of which seeds are taken.
+const CANDIDATES: usize = 128;
+/// The least |cosine| of like normals: 40°.
+const ALIKE: f64 = 0.77;
+
+/// The standard deviation of points, and how well it is known.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Noise {
+    pub(crate) deviation: f64,
+    /// The deviation may be this many times as large.
+    pub(crate) slack: f64,
+}
+
+/// Noise below this is that of rounding, in diagonals.
+pub(crate) const EXACT: f64 = 1e-7;
+
+/// The least number of points of an entity by kind. Five times the parameters and more: with fewer,
+/// bent kinds follow any smooth scrap.
+pub(crate) fn least_points(kind: Kind, noise: f64) -> usize {
+    let is_exact = noise < EXACT;
+    match kind {
+        Kind::Plane => {
+            if is_exact {
+                16
+            } else {
+                35
+            }
+        }
+        Kind::Sphere => {
+            if is_exact {
+                20
+            } else {
+                70
+            }
+        }
+        Kind::Cylinder => {
+            if is_exact {
+                24
+            } else {
+                50
+            }
+        }
+        Kind::Cone => {
+            if is_exact {
+                30
+            } else {
+                70
+            }
+        }
+        Kind::Torus => {
+            if is_exact {
+                40
+            } else {
+                80
+            }
+        }
+    }
+}
+
+/// Whether a surface with more parameters is called for: by how much Σ r² falls from `simple` to
+/// `bent` on the same points.
+pub(crate) fn is_called_for(
+    more: usize,
+    points: usize,
+    simple: f64,
+    bent: f64,
+    parameters: usize,
+    noise: f64,
+) -> bool {
+    let n = points as f64;
+    let free = points.saturating_sub(parameters).max(1) as f64;
+    let variance = (noise * noise).max(bent / free);
+    let gain = (simple - bent) / variance;
+    let asked = more as f64 * (n.ln() + EACH) + AT_LEAST;
+    gain > asked.max(MATERIAL * n)
+}
+
+/// The region about a seed, of the kind that its points ask for.
+pub(crate) fn best_region(
+    cloud: &Cloud,
+    seed: u32,
+    kinds: &[Kind],
+    noise: Noise,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> Option<Region> {
+    let mut found = Vec::new();
+    cloud
+        .tree
+        .nearest_k(cloud.points[seed as usize], CANDIDATES, &mut found);
+    let near: Vec<u32> = found.iter().map(|f| f.1).filter(|i| is_free(*i)).collect();
+    let normal = cloud.normals[seed as usize];
+    let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= ALIKE;
+    let alike: Vec<u32> = near.iter().filter(is_alike).copied().collect();
+    let sets: Vec<&[u32]> = SEEDS
+        .iter()
+        .map(|(size, is_smooth)| (*size, if *is_smooth { &alike } else { &near }))
+        .filter(|(size, from)| *size <= from.len())
+        .map(|(size, from)| &from[..size])
+        .collect();
+    let grown = |kind: Kind| largest(cloud, &sets, kind, noise, is_free);
+    let (first, others) = kinds.split_first()?;
+    let simple = grown(*first);
+    if simple
+        .as_ref()
+        .is_some_and(|r| is_plainly_flat(cloud, r, noise))
+    {
+        return simple;
+    }
+    let bent: Vec<Option<Region>> = others.par_iter().map(|kind| grown(*kind)).collect();
+    choose(cloud, [simple].into_iter().chain(bent).flatten(), noise)
+}
+
+/// The largest region of a kind that follows its points, from the first sets that give one which has
+/// grown well beyond them.
+fn largest(
+    cloud: &Cloud,
+    sets: &[&[u32]],
+    kind: Kind,
+    noise: Noise,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> Option<Region> {
+    let mut best: Option<Region> = None;
+    for set in sets {
+        let Some(region) = grow(cloud, set, kind, noise.deviation, is_free) else {
+            continue;
+        };
+        if region.points.len() < least_points(kind, noise.deviation)
+            || !follows(cloud, &region.core, &region.surface, noise)
+        {
+            continue;
+        }
+        let has_grown = region.points.len() >= GROWN * set.len();
+        if best
+            .as_ref()
+            .is_none_or(|b| region.points.len() > b.points.len())
+        {
+            best = Some(region);
+        }
+        if has_grown {
+            break;
+        }
+    }
+    best
+}
+
+/// Whether a plane is large and without a bend: no other kind need be tried.
+fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
+    let surface = &region.surface;
+    if surface.kind != Kind::Plane || region.core.len() < FLAT {
+        return false;
+    }
+    let points = cloud.at(&region.core);
+    let before = squares(surface, &points);
+    let after = bent_squares(surface, &points);
+    !is_called_for(1, points.len(), before, after, 6, noise.deviation)
+}
+
+/// The simplest of regions, by rising kind, that no other one beats.
+fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) -> Option<Region> {
+    let mut best: Option<Region> = None;
+    for region in regions {
+        best = match best {
+            None => Some(region),
+            Some(simple) if beats(cloud, &region, &simple, noise) => Some(region),
+            simple => simple,
+        };
+    }
+    best
+}
+
+/// Whether a surface follows points up to independent noise.
+pub(crate) fn follows(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bool {
+    if noise.deviation <= FLOOR {
+        return true;
+    }
+    let free = points
+        .len()
+        .saturating_sub(surface.kind.parameters())
+        .max(1) as f64;
+    let rms = (squares(surface, &cloud.at(points)) / free).sqrt() / noise.deviation;
+    let (correlation, deviation) = correlation(cloud, points, surface);
+    rms <= noise.slack + CHANCE / (2.0 * free).sqrt()
+        && correlation <= CORRELATED + CHANCE * deviation
+}
+
+/// Whether a region of a kind with more parameters explains a place better.
+fn beats(cloud: &Cloud, bent: &Region, simple: &Region, noise: Noise) -> bool {
+    if bent.core.len() as f64 >= WIDER * simple.core.len() as f64 {
+        return true;
+    }
+    let points = cloud.at(&simple.core);
+    let Some((surface, after)) = fit(&bent.surface, &points, Precision::Rough) else {
+        return false;
+    };
+    let [p, q] = [simple.surface.kind, surface.kind].map(Kind::parameters);
+    let before = squares(&simple.surface, &points);
+    bent.core.len() * 10 >= simple.core.len() * 9
+        && is_called_for(q - p, points.len(), before, after, q, noise.deviation)
+}

@@ -1,0 +1,199 @@
+//! The scan as recognition sees it: in an order and a unit of its own, with neighbours, normals and
+//! an idea of its noise.
+
+use crate::chart::Kind;
+use crate::fit::{Precision, fit};
+use crate::local::{Local, local};
+use crate::start::starts;
+use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
+use rayon::prelude::*;
+
+/// Neighbours along which regions grow and labels compete. Fewer tear regions apart where points
+/// lie unevenly; more carry labels over narrow gaps.
+pub(crate) const NEIGHBOURS: usize = 12;
+/// Points about each, itself among them, that tell its normal and its noise: a quadratic height has
+/// 6 coefficients, which leaves 19 of 25 free.
+const AROUND: usize = 25;
+/// A neighbour lies on another sheet, across a wall, where it is this many deviations of the noise
+/// off the plane of a point, steeper than this tangent, and its normal is parallel to this cosine.
+const ACROSS: (f64, f64, f64) = (5.0, 1.0, 0.8);
+/// Places at which the noise of exact surfaces is tried; and points of each such place.
+const TRIALS: (usize, usize) = (400, 14);
+/// Points lie exactly on surfaces where at this share of the trials some kind of surface is met
+/// this many times better than smooth heights are.
+const EXACT: (f64, f64) = (0.15, 0.1);
+/// The share of points that lie on smooth places at least, whose quadratic heights tell the noise.
+const SMOOTH_SHARE: f64 = 0.2;
+/// That quantile of χ²/f for f = 19.
+const SMOOTH_QUANTILE: f64 = 0.72;
+/// The least noise, as a share of the diagonal: what rounding leaves after a few operations.
+pub(crate) const FLOOR: f64 = 1e-9;
+
+/// The scan, scaled to a diagonal of 1 about the middle of its box, each place once, sorted by its
+/// coordinates: what is found does not depend on unit, place and order.
+pub(crate) struct Cloud {
+    pub(crate) points: Vec<Point3>,
+    /// Unit normals, outwards.
+    pub(crate) normals: Vec<Point3>,
+    /// The nearest neighbours of each point on its own sheet, [`NEIGHBOURS`] each where there are.
+    neighbours: Vec<u32>,
+    /// Where those of each point begin.
+    first: Vec<u32>,
+    /// The deviation of the neighbours of each point from a quadratic height.
+    pub(crate) roughness: Vec<f64>,
+    /// The noise that the smoothest places show.
+    pub(crate) noise: f64,
+    pub(crate) tree: KdTree,
+}
+
+/// How the scan's points became those of a [`Cloud`].
+pub(crate) struct Scaling {
+    /// The middle of the scan's box.
+    pub(crate) origin: Point3,
+    /// The diagonal of the scan's box.
+    pub(crate) unit: f64,
+}
+
+impl Scaling {
+    /// `None` where the points have no extent.
+    pub(crate) fn of(points: &[Point3]) -> Option<Self> {
+        let bounds = Aabb::of(points);
+        let unit = bounds.diagonal();
+        let is_usable = !bounds.is_empty() && unit.is_normal() && (1.0 / unit).is_normal();
+        is_usable.then(|| Self {
+            origin: bounds.center(),
+            unit,
+        })
+    }
+
+    pub(crate) fn apply(&self, p: Point3) -> Point3 {
+        std::array::from_fn(|k| (p[k] - self.origin[k]) / self.unit)
+    }
+}
+
+/// Points sorted by their coordinates, each place once, and for each point given its index there.
+pub(crate) fn sorted(points: &[Point3]) -> (Vec<Point3>, Vec<u32>) {
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    let key = |i: u32| points[i as usize];
+    let compare = |a: &Point3, b: &Point3| {
+        (0..3).fold(std::cmp::Ordering::Equal, |o, k| {
+            o.then(a[k].total_cmp(&b[k]))
+        })
+    };
+    order.par_sort_unstable_by(|&i, &j| compare(&key(i), &key(j)).then(i.cmp(&j)));
+    let (mut places, mut index): (Vec<Point3>, Vec<u32>) = (vec![], vec![0; points.len()]);
+    for i in order {
+        if places.last() != Some(&key(i)) {
+            places.push(key(i));
+        }
+        index[i as usize] = places.len() as u32 - 1;
+    }
+    (places, index)
+}
+
+impl Cloud {
+    /// Of points in order, of a diagonal of 1.
+    pub(crate) fn new(points: Vec<Point3>) -> Self {
+        let tree = KdTree::new(&points);
+        let found: Vec<(Vec<u32>, Local)> = (0..points.len())
+            .into_par_iter()
+            .with_min_len(64)
+            .map_init(Vec::new, |found, i| {
+                tree.nearest_k(points[i], AROUND, found);
+                let near = found.iter().map(|f| f.1).filter(|j| *j != i as u32);
+                (near.collect(), local(&points, i, found))
+            })
+            .collect();
+        let mut normals: Vec<Point3> = found.iter().map(|f| f.1.normal).collect();
+        let roughness: Vec<f64> = found.iter().map(|f| f.1.roughness).collect();
+        let noise = exact_noise(&points, &normals, &found).unwrap_or(smooth_noise(&roughness));
+        let (mut neighbours, mut first) = (Vec::new(), vec![0]);
+        for (i, (near, _)) in found.iter().enumerate() {
+            let is_across = |j: &u32| is_across(&points, &normals, [i, *j as usize], noise);
+            neighbours.extend(
+                near.iter()
+                    .copied()
+                    .filter(|j| !is_across(j))
+                    .take(NEIGHBOURS),
+            );
+            first.push(neighbours.len() as u32);
+        }
+        orient_normals(&points, &mut normals, &tree);
+        Self {
+            neighbours,
+            first,
+            noise,
+            roughness,
+            points,
+            normals,
+            tree,
+        }
+    }
+
+    /// The nearest neighbours of a point.
+    pub(crate) fn near(&self, i: u32) -> &[u32] {
+        let [from, to] = [i as usize, i as usize + 1].map(|k| self.first[k] as usize);
+        &self.neighbours[from..to]
+    }
+
+    /// Positions of some points.
+    pub(crate) fn at(&self, which: &[u32]) -> Vec<Point3> {
+        which.iter().map(|i| self.points[*i as usize]).collect()
+    }
+
+    /// Normals of some points.
+    pub(crate) fn normals_at(&self, which: &[u32]) -> Vec<Point3> {
+        which.iter().map(|i| self.normals[*i as usize]).collect()
+    }
+}
+
+/// The noise of the smoothest places.
+fn smooth_noise(roughness: &[f64]) -> f64 {
+    let mut values: Vec<f64> = roughness
+        .iter()
+        .copied()
+        .filter(|s| s.is_finite())
+        .collect();
+    if values.is_empty() {
+        return FLOOR;
+    }
+    let at = (values.len() as f64 * SMOOTH_SHARE) as usize;
+    let low = *values.select_nth_unstable_by(at, f64::total_cmp).1;
+    (low / SMOOTH_QUANTILE.sqrt()).max(FLOOR)
+}
+
+/// The noise of points that lie on surfaces of our kinds more exactly than smooth heights tell: those
+/// bend within a neighbourhood. `None` where points show noise.
+fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)]) -> Option<f64> {
+    let (trials, size) = TRIALS;
+    let step = points.len().div_ceil(trials).max(1);
+    let smooth = smooth_noise(&found.iter().map(|f| f.1.roughness).collect::<Vec<_>>());
+    let mut least: Vec<f64> = (0..points.len())
+        .into_par_iter()
+        .step_by(step)
+        .map(|i| {
+            let near = found[i].0.iter().take(size - 1).map(|j| *j as usize);
+            let near: Vec<usize> = near.chain([i]).collect();
+            let at: Vec<Point3> = near.iter().map(|j| points[*j]).collect();
+            let n: Vec<Point3> = near.iter().map(|j| normals[*j]).collect();
+            Kind::ALL.iter().copied().fold(f64::INFINITY, |best, kind| {
+                let free = (at.len() as f64 - kind.parameters() as f64).max(1.0);
+                let fits = starts(kind, &at, &n).into_iter();
+                let fits = fits.filter_map(|s| fit(&s, &at, Precision::Full));
+                fits.fold(best, |best, f| best.min((f.1 / free).sqrt()))
+            })
+        })
+        .collect();
+    let at = (least.len() as f64 * EXACT.0) as usize;
+    let low = *least.select_nth_unstable_by(at, f64::total_cmp).1;
+    (low < EXACT.1 * smooth).then_some(low.max(FLOOR))
+}
+
+/// Whether two neighbours lie on the two sides of a wall.
+fn is_across(points: &[Point3], normals: &[Point3], [i, j]: [usize; 2], noise: f64) -> bool {
+    let (deviations, tangent, cosine) = ACROSS;
+    let d = sub(points[j], points[i]);
+    let off = dot(d, normals[i]).abs();
+    let along = (dot(d, d) - off * off).max(0.0).sqrt();
+    off > deviations * noise && off > tangent * along && dot(normals[i], normals[j]).abs() > cosine
+}

@@ -1,0 +1,78 @@
+//! What is recognised: surfaces that CAD systems have a name for, and how they lie to one another.
+
+use isoform_geom::{Point3, Quadric};
+
+/// A surface recognised in a scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entity {
+    /// The surface: a plane, sphere, cylinder, cone or torus. A cone's axis points from the apex into
+    /// the nappe that holds the points.
+    pub surface: Quadric,
+    /// Standard deviations of its parameters.
+    pub deviations: Deviations,
+    /// Which side is outside, by the normals of its points: +1 where the outward normal is that of the
+    /// surface (away from the centre, the axis, the circle of a torus; along a plane's normal), −1
+    /// where it is the opposite one, as in a hole, 0 where the normals do not tell.
+    pub outward: i8,
+    /// How many points it explains.
+    pub points: usize,
+    /// The root mean square of their distances.
+    pub rms: f64,
+}
+
+/// Standard deviations of an entity's parameters, from the covariance of the fit; 0 where a
+/// parameter does not exist.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Deviations {
+    /// Of each component of the plane's normal or the axis.
+    pub direction: Point3,
+    /// Of each component of the centre, the apex or the point of the axis.
+    pub place: Point3,
+    /// Of a plane's offset, a radius, a half angle or the major radius.
+    pub size: f64,
+    /// Of the minor radius.
+    pub minor: f64,
+}
+
+/// How two entities lie to one another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum RelationKind {
+    /// Their directions (normal of a plane, axis of the others) are one.
+    Parallel,
+    /// Their directions are at right angles.
+    Perpendicular,
+    /// Their axes are one line.
+    Coaxial,
+    /// Two pieces of one plane.
+    Coplanar,
+    /// Their centres are one point.
+    Concentric,
+    /// Two cylinders or two spheres of one radius.
+    EqualRadius,
+}
+
+/// A relation that holds within the uncertainty.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Relation {
+    /// Which.
+    pub kind: RelationKind,
+    /// The indices of the two entities.
+    pub entities: [usize; 2],
+    /// By how much it fails: radians for directions, lengths for places and radii.
+    pub deviation: f64,
+}
+
+/// What was recognised in a scan.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Recognition {
+    /// The entities, those with most points first.
+    pub entities: Vec<Entity>,
+    /// For each point of the scan the index of its entity.
+    pub labels: Vec<Option<u32>>,
+    /// Unit normals of the points, outwards.
+    pub normals: Vec<Point3>,
+    /// Relations that hold.
+    pub relations: Vec<Relation>,
+    /// The standard deviation of the points along the normal, as they show it.
+    pub noise: f64,
+}

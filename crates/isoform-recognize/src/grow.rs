@@ -1,0 +1,229 @@
+//! Regions that grow from a seed along neighbours, as far as a surface explains the points.
+
+use crate::chart::{Kind, Surface};
+use crate::choose::EXACT;
+use crate::cloud::Cloud;
+use crate::fit::{Precision, fit};
+use crate::start::starts;
+use isoform_geom::dot;
+
+/// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
+/// larger. Fewer lose points, more take those of neighbours at flat edges.
+pub(crate) const WITHIN: f64 = 3.0;
+/// The least |cosine| between the normal of a point and that of the surface: 55°. Normals near an
+/// edge are the mean of both sides, 45° off at a right angle.
+const ALIGNED: f64 = 0.57;
+/// A region grows by this factor between two fits: the surface is known well enough to be carried on
+/// as far again.
+const GROWTH: f64 = 1.7;
+/// Fits of a region until it has to stand still.
+const ROUNDS: usize = 24;
+/// Fits while a region grows take at most this many of its points: their error is far below the
+/// tolerance.
+const SAMPLE: usize = 200;
+/// The first fit may deviate by this many times the noise, and a region by this many: the first is
+/// uncertain with few points.
+const FIRST_RMS: f64 = 2.0;
+const RMS: f64 = 1.35;
+
+/// Points that a surface explains.
+#[derive(Clone, Debug)]
+pub(crate) struct Region {
+    pub(crate) surface: Surface,
+    pub(crate) points: Vec<u32>,
+    /// Those whose neighbours belong to it, too: edges with other faces are not among them. All
+    /// points where there are too few of these.
+    pub(crate) core: Vec<u32>,
+}
+
+/// Grows regions of a kind of surface from the points of a seed; the largest of those from all first
+/// guesses. Points for which `is_free` is false stay out.
+pub(crate) fn grow(
+    cloud: &Cloud,
+    seed: &[u32],
+    kind: Kind,
+    noise: f64,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> Option<Region> {
+    let (points, normals) = (cloud.at(seed), cloud.normals_at(seed));
+    let precision = match noise < EXACT {
+        true => Precision::Full,
+        false => Precision::Rough,
+    };
+    let mut best: Option<Region> = None;
+    for start in starts(kind, &points, &normals) {
+        let Some((surface, squares)) = fit(&start, &points, precision) else {
+            continue;
+        };
+        let free = (points.len() - kind.parameters()).max(1) as f64;
+        if squares > (FIRST_RMS * noise).powi(2) * free {
+            continue;
+        }
+        let Some(region) = spread(cloud, seed, surface, noise, is_free) else {
+            continue;
+        };
+        if best
+            .as_ref()
+            .is_none_or(|b| region.points.len() > b.points.len())
+        {
+            best = Some(region);
+        }
+    }
+    best
+}
+
+/// Whether a surface explains a point.
+pub(crate) fn explains(surface: &Surface, cloud: &Cloud, i: u32, tolerance: f64) -> bool {
+    let p = cloud.points[i as usize];
+    surface.distance(p).abs() <= tolerance
+        && dot(surface.normal(p), cloud.normals[i as usize]).abs() >= ALIGNED
+}
+
+/// Collects points and fits in turn until nothing changes.
+fn spread(
+    cloud: &Cloud,
+    seed: &[u32],
+    mut surface: Surface,
+    noise: f64,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> Option<Region> {
+    let mut points = seed.to_vec();
+    let mut is_whole = false;
+    for _ in 0..ROUNDS {
+        let most = (points.len() as f64 * GROWTH) as usize + NEIGHBOURHOOD;
+        let (new, reached_end) = collect(cloud, &points, &surface, noise, most, is_free);
+        if new.len() < kind_least(surface.kind) || new.len() * 2 < points.len() {
+            return None;
+        }
+        let stands = reached_end && is_whole && new == points;
+        is_whole = reached_end;
+        points = new;
+        if stands {
+            break;
+        }
+        surface = fit(&surface, &cloud.at(&sample(&points)), Precision::Rough)?.0;
+    }
+    let core = core(cloud, &points, surface.kind);
+    let some = cloud.at(&sample(&core));
+    let precision = match noise < EXACT {
+        true => Precision::Full,
+        false => Precision::Rough,
+    };
+    let (surface, squares) = fit(&surface, &some, precision)?;
+    let free = some.len().saturating_sub(surface.kind.parameters()).max(1) as f64;
+    (squares <= (RMS * noise).powi(2) * free).then_some(Region {
+        surface,
+        points,
+        core,
+    })
+}
+
+/// The points nearly all of whose neighbours belong to the region; all of its points where these
+/// are less than three times the parameters.
+pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: Kind) -> Vec<u32> {
+    let mut is_in = vec![false; cloud.points.len()];
+    points.iter().for_each(|i| is_in[*i as usize] = true);
+    let is_inner = |i: &u32| {
+        let near = cloud.near(*i);
+        near.iter().filter(|j| !is_in[**j as usize]).count() <= STRAY
+    };
+    let core: Vec<u32> = points.iter().copied().filter(is_inner).collect();
+    if core.len() < 3 * kind.parameters() {
+        points.to_vec()
+    } else {
+        core
+    }
+}
+
+/// By how much neighbours agree in the sign and size of their distances: Moran's coefficient, 0 for
+/// independent noise, towards 1 where the surface does not follow the points; and its deviation for
+/// noise.
+pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (f64, f64) {
+    let mut distance = vec![f64::NAN; cloud.points.len()];
+    for i in points {
+        distance[*i as usize] = surface.distance(cloud.points[*i as usize]);
+    }
+    let (mut products, mut pairs, mut squares) = (0.0, 0.0, 0.0);
+    for i in points {
+        let r = distance[*i as usize];
+        squares += r * r;
+        for j in far_pairs(cloud, *i) {
+            let s = distance[j as usize];
+            if !s.is_nan() {
+                products += r * s;
+                pairs += 1.0;
+            }
+        }
+    }
+    if pairs == 0.0 || squares == 0.0 {
+        return (0.0, 1.0);
+    }
+    // Most pairs count from both ends.
+    (
+        products / pairs * points.len() as f64 / squares,
+        (2.0_f64 / pairs).sqrt(),
+    )
+}
+
+/// Neighbours of neighbours of a point, the farther ones: the nearest in space are those with
+/// nearly the same distance from the surface where noise is as large as the spacing.
+fn far_pairs(cloud: &Cloud, i: u32) -> impl Iterator<Item = u32> {
+    let near = cloud.near(i);
+    let outer = &near[near.len() / 2..];
+    outer.iter().filter_map(move |j| {
+        let next = cloud.near(*j).iter().rev();
+        next.copied().find(|k| *k != i && !near.contains(k))
+    })
+}
+
+/// Neighbours of a point of the core that may lie outside of its region: outliers.
+const STRAY: usize = 1;
+
+/// Points that a region may gain beyond its growth: a ring about a small seed.
+const NEIGHBOURHOOD: usize = 10;
+
+/// The fewest points that a region of a kind has while it grows: twice its parameters.
+fn kind_least(kind: Kind) -> usize {
+    2 * kind.parameters()
+}
+
+/// Every so many-th point, so that at most [`SAMPLE`] remain.
+fn sample(points: &[u32]) -> Vec<u32> {
+    let step = points.len().div_ceil(SAMPLE);
+    points.iter().copied().step_by(step).collect()
+}
+
+/// The points that the surface explains, reached from others along neighbours, in ascending order;
+/// and whether all of them were reached before there were `most`.
+fn collect(
+    cloud: &Cloud,
+    from: &[u32],
+    surface: &Surface,
+    noise: f64,
+    most: usize,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> (Vec<u32>, bool) {
+    let tolerance = WITHIN * noise;
+    let takes = |i: u32| is_free(i) && explains(surface, cloud, i, tolerance);
+    let mut is_seen = vec![false; cloud.points.len()];
+    let mut ring: Vec<u32> = from.iter().copied().filter(|i| takes(*i)).collect();
+    ring.iter().for_each(|i| is_seen[*i as usize] = true);
+    let mut all = ring.clone();
+    while !ring.is_empty() && all.len() < most {
+        let mut next = Vec::new();
+        for i in &ring {
+            for j in cloud.near(*i) {
+                if !is_seen[*j as usize] {
+                    is_seen[*j as usize] = true;
+                    if takes(*j) {
+                        next.push(*j);
+                    }
+                }
+            }
+        }
+        all.extend(&next);
+        ring = next;
+    }
+    all.sort_unstable();
+    (all, ring.is_empty())
+}

@@ -1,0 +1,73 @@
+//! Of which kind the surface through given points is.
+
+use crate::chart::{Kind, Surface};
+use crate::choose::{is_called_for, least_points};
+use crate::cloud::Cloud;
+use crate::fit::{Precision, fit, fit_weighted};
+use crate::share::Shares;
+use crate::start::starts;
+
+/// First guesses take at most this many points.
+const SAMPLE: usize = 400;
+
+/// The simplest kind of surface that explains the points as well as any.
+pub(crate) fn best_kind(cloud: &Cloud, shares: &Shares, surface: &Surface, noise: f64) -> Surface {
+    let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
+    let points = cloud.at(&of);
+    let count = weights.iter().sum::<f64>() as usize;
+    let mut best: Option<(Surface, f64)> = None;
+    for kind in Kind::ALL.iter().copied() {
+        if count < least_points(kind, noise) {
+            continue;
+        }
+        let start = match kind == surface.kind {
+            true => Some(*surface),
+            false => first_guess(cloud, shares, kind),
+        };
+        let full = |s: Surface| fit_weighted(&s, &points, Some(&weights), Precision::Full);
+        let Some((fitted, squares)) = start.and_then(full) else {
+            continue;
+        };
+        let is_better = best.is_none_or(|(simple, more): (Surface, f64)| {
+            let [p, q] = [simple.kind, kind].map(Kind::parameters);
+            is_called_for(q - p, count, more, squares, q, noise)
+        });
+        if is_better {
+            best = Some((fitted, squares));
+        }
+    }
+    best.map_or(*surface, |b| b.0)
+}
+
+/// The cone, or the cylinder where that is as good, which explains points as well as a sphere does.
+pub(crate) fn zone(
+    cloud: &Cloud,
+    shares: &Shares,
+    sphere: &Surface,
+    noise: f64,
+) -> Option<Surface> {
+    let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
+    let points = cloud.at(&of);
+    let full = |s: Surface| fit_weighted(&s, &points, Some(&weights), Precision::Full);
+    let (_, before) = full(*sphere)?;
+    let cone = first_guess(cloud, shares, Kind::Cone).and_then(full)?;
+    if cone.1 > before {
+        return None;
+    }
+    let cylinder = first_guess(cloud, shares, Kind::Cylinder).and_then(full);
+    let simple = cylinder.filter(|c| !is_called_for(1, points.len(), c.1, cone.1, 6, noise));
+    Some(simple.unwrap_or(cone).0)
+}
+
+/// A surface of a kind through a sample of the points.
+fn first_guess(cloud: &Cloud, shares: &Shares, kind: Kind) -> Option<Surface> {
+    let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
+    let step = own.len().div_ceil(SAMPLE).max(1);
+    let some: Vec<u32> = own.into_iter().step_by(step).collect();
+    let (points, normals) = (cloud.at(&some), cloud.normals_at(&some));
+    starts(kind, &points, &normals)
+        .iter()
+        .filter_map(|s| fit(s, &points, Precision::Rough))
+        .min_by(|a, b| a.1.total_cmp(&b.1))
+        .map(|s| s.0)
+}

@@ -1,0 +1,20 @@
+//! Recognition: which planes, spheres, cylinders, cones and tori a scan consists of.
+#![forbid(unsafe_code)]
+
+mod chart;
+mod choose;
+mod cloud;
+mod entity;
+mod fit;
+mod grow;
+mod kinds;
+mod local;
+mod recognize;
+mod relations;
+mod segment;
+mod share;
+mod split;
+mod start;
+
+pub use entity::{Deviations, Entity, Recognition, Relation, RelationKind};
+pub use recognize::{Error, Options, recognize};

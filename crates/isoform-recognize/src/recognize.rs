@@ -1,0 +1,265 @@
+//! Recognition of a scan.
+
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::cloud::{Cloud, Scaling, sorted};
+use crate::entity::{Deviations, Entity, Recognition};
+use crate::fit::{covariance, squares};
+use crate::relations::{Known, relations};
+use crate::segment::{Limits, NONE, Segmentation, segment};
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Point3, PointCloud, dot};
+
+/// How a scan is recognised.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// The standard deviation of points from their surface, in the scan's unit; taken from the points
+    /// where it is `None`.
+    pub noise: Option<f64>,
+    /// The fewest points of an entity.
+    pub min_points: usize,
+}
+
+impl Default for Options {
+    /// The noise from the points; 20 points: a plane of fewer is a scrap at an edge.
+    fn default() -> Self {
+        Self {
+            noise: None,
+            min_points: 20,
+        }
+    }
+}
+
+/// Why nothing is recognised.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum Error {
+    /// A surface needs more points.
+    #[error("{points} points are too few for a surface")]
+    Few {
+        /// How many there are at different places.
+        points: usize,
+    },
+    /// A coordinate is not finite.
+    #[error("a coordinate is not finite")]
+    NotFinite,
+    /// The noise given is no length.
+    #[error("a noise of {0} is no length")]
+    Noise(f64),
+    /// The points lie at one place or on one line.
+    #[error("the points lie on one line")]
+    Line,
+    /// The work was cancelled, or its deadline is over.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+/// The fewest points that a scan needs.
+const FEWEST: usize = 16;
+
+/// Recognises the planes, spheres, cylinders, cones and tori of a scan.
+///
+/// # Errors
+/// [`Error`].
+pub fn recognize(
+    scan: &PointCloud,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Recognition, Error> {
+    let points = &scan.points;
+    if !points.iter().flatten().all(|x| x.is_finite()) {
+        return Err(Error::NotFinite);
+    }
+    if let Some(noise) = options.noise.filter(|n| !(n.is_finite() && *n >= 0.0)) {
+        return Err(Error::Noise(noise));
+    }
+    control.begin("neighbours")?;
+    let (places, index) = sorted(points);
+    if places.len() < FEWEST {
+        return Err(Error::Few {
+            points: places.len(),
+        });
+    }
+    let mut scaling = Scaling::of(&places).ok_or(Error::Line)?;
+    let cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
+    let limits = Limits {
+        min_points: options.min_points,
+        noise: options
+            .noise
+            .map(|n| (n / scaling.unit).max(crate::cloud::FLOOR)),
+    };
+    let found = segment(&cloud, limits, control)?;
+    for k in 0..3 {
+        scaling.origin[k] += scan.origin[k];
+    }
+    Ok(report(&cloud, &found, &index, &scaling))
+}
+
+/// What was found, in the scan's unit and order.
+fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling) -> Recognition {
+    let members = found.members();
+    let mut counts = vec![0; members.len()];
+    for place in index {
+        let label = found.labels[*place as usize];
+        if label != NONE {
+            counts[label as usize] += 1;
+        }
+    }
+    let mut order: Vec<usize> = (0..members.len()).collect();
+    order.sort_by_key(|i| (std::cmp::Reverse(counts[*i]), *i));
+    let mut rank = vec![0; order.len()];
+    order
+        .iter()
+        .enumerate()
+        .for_each(|(new, old)| rank[*old] = new as u32);
+    let entity = |i: &usize| entity(cloud, found, &members[*i], *i, counts[*i], scaling);
+    let known: Vec<Known> = order
+        .iter()
+        .map(|i| known(cloud, found, &members[*i], *i))
+        .collect();
+    let label = |place: &u32| match found.labels[*place as usize] {
+        NONE => None,
+        label => Some(rank[label as usize]),
+    };
+    Recognition {
+        entities: order.iter().map(entity).collect(),
+        labels: index.iter().map(label).collect(),
+        normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
+        relations: relations(&known, found.noise, scaling.unit),
+        noise: found.noise * scaling.unit,
+    }
+}
+
+/// A surface about the middle of its points, with its covariance: infinite where it is open.
+fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
+    let points = cloud.at(members);
+    let surface = found.surfaces[label].about(crate::fit::mean(&points));
+    let variance = found.noise * found.noise;
+    let open = [[f64::INFINITY; MOST]; MOST];
+    let covariance = covariance(&surface, &points);
+    Known {
+        surface,
+        covariance: covariance.map_or(open, |c| c.map(|row| row.map(|x| x * variance))),
+    }
+}
+
+fn entity(
+    cloud: &Cloud,
+    found: &Segmentation,
+    members: &[u32],
+    label: usize,
+    count: usize,
+    scaling: &Scaling,
+) -> Entity {
+    let points = cloud.at(members);
+    let mut surface = found.surfaces[label].about(crate::fit::mean(&points));
+    if surface.kind == Kind::Cone && surface.other < 0.0 {
+        surface.axis = surface.axis.map(|x| -x);
+        surface.other = -surface.other;
+    }
+    let rms = (squares(&surface, &points) / points.len() as f64).sqrt();
+    let free = points
+        .len()
+        .saturating_sub(surface.kind.parameters())
+        .max(1);
+    let sigma = rms * (points.len() as f64 / free as f64).sqrt();
+    let side: f64 = members
+        .iter()
+        .map(|i| {
+            let i = *i as usize;
+            dot(surface.normal(cloud.points[i]), cloud.normals[i]).signum()
+        })
+        .sum();
+    let outward = match side / points.len() as f64 {
+        s if s > 0.5 => 1,
+        s if s < -0.5 => -1,
+        _ => 0,
+    };
+    Entity {
+        surface: surface.quadric(scaling.unit, scaling.origin),
+        deviations: deviations(&surface, &points, sigma, scaling),
+        outward,
+        points: count,
+        rms: rms * scaling.unit,
+    }
+}
+
+/// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
+fn deviations(surface: &Surface, points: &[Point3], sigma: f64, scaling: &Scaling) -> Deviations {
+    let unit = scaling.unit;
+    let Some(covariance) = covariance(surface, points) else {
+        return Deviations {
+            direction: [f64::INFINITY; 3],
+            place: [f64::INFINITY; 3],
+            size: f64::INFINITY,
+            minor: f64::INFINITY,
+        };
+    };
+    let n = surface.kind.parameters();
+    // The deviation of a value with these derivatives by the minimal parameters.
+    let of = |row: &Row| -> f64 {
+        let mut sum = 0.0;
+        for i in 0..n {
+            for j in 0..n {
+                sum += row[i] * covariance[i][j] * row[j];
+            }
+        }
+        sigma * sum.max(0.0).sqrt()
+    };
+    let [e, f] = surface.frame();
+    let row = |at: &[(usize, f64)]| {
+        let mut row = [0.0; MOST];
+        at.iter().for_each(|(k, v)| row[*k] = *v);
+        of(&row)
+    };
+    let direction = std::array::from_fn(|k| row(&[(0, e[k]), (1, f[k])]));
+    let a = surface.axis;
+    match surface.kind {
+        Kind::Plane => Deviations {
+            direction,
+            size: {
+                // d = n·x at the middle of the points, which a tilt turns about the origin.
+                let x: Point3 =
+                    std::array::from_fn(|k| surface.place[k] * unit + scaling.origin[k]);
+                row(&[(0, dot(e, x)), (1, dot(f, x)), (2, unit)])
+            },
+            ..Deviations::default()
+        },
+        Kind::Sphere => Deviations {
+            place: std::array::from_fn(|k| unit * row(&[(k, 1.0)])),
+            size: unit * row(&[(3, 1.0)]),
+            ..Deviations::default()
+        },
+        Kind::Cylinder => Deviations {
+            direction,
+            place: std::array::from_fn(|k| unit * row(&[(2, e[k]), (3, f[k])])),
+            size: unit * row(&[(4, 1.0)]),
+            ..Deviations::default()
+        },
+        Kind::Cone => {
+            let (tan, sin) = (surface.other.tan(), surface.other.sin());
+            let h = -surface.size / tan;
+            let place = std::array::from_fn(|k| {
+                unit * row(&[
+                    (0, h * e[k]),
+                    (1, h * f[k]),
+                    (2, e[k]),
+                    (3, f[k]),
+                    (4, -a[k] / tan),
+                    (5, a[k] * surface.size / (sin * sin)),
+                ])
+            });
+            Deviations {
+                direction,
+                place,
+                size: row(&[(5, 1.0)]),
+                minor: 0.0,
+            }
+        }
+        Kind::Torus => Deviations {
+            direction,
+            place: std::array::from_fn(|k| unit * row(&[(2 + k, 1.0)])),
+            size: unit * row(&[(5, 1.0)]),
+            minor: unit * row(&[(6, 1.0)]),
+        },
+    }
+}

@@ -1,0 +1,210 @@
+//! How entities lie to one another: what holds within the uncertainty of both.
+//!
+//! Each relation is a vector g of the parameters of both that is 0 where it holds. With the
+//! covariance S of g, gᵀ S⁻¹ g is of χ² with as many degrees of freedom as g has components (Wald's
+//! test).
+
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::entity::{Relation, RelationKind};
+use isoform_geom::{Point3, dot, sub};
+use isoform_num::linalg::{cholesky, cholesky_solve};
+use rayon::prelude::*;
+
+/// χ² that 1, 2, 3, 4 components exceed once in 10⁵: of some thousand pairs hardly one that is
+/// related is left out.
+const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
+/// Deviations that rounding causes, in radians and diagonals.
+const ROUNDING: f64 = 1e-8;
+/// The largest deviation (one standard deviation) of directions at which a relation can be told, in
+/// radians, or in units of the noise over the diagonal: less well known ones are parallel to
+/// anything.
+const DIRECTION: (f64, f64) = (0.01, 15.0);
+/// That of places and radii, in diagonals or units of the noise.
+const PLACE: (f64, f64) = (1e-6, 1.0);
+/// Directions farther apart than this need no closer look.
+const FAR: f64 = 0.1;
+/// The step of differences, in radians and diagonals.
+const STEP: f64 = 1e-6;
+
+/// A surface with the covariance of its parameters.
+pub(crate) struct Known {
+    pub(crate) surface: Surface,
+    pub(crate) covariance: [Row; MOST],
+}
+
+/// The relations that hold, in the order of their entities; lengths in units of `unit`.
+pub(crate) fn relations(known: &[Known], noise: f64, unit: f64) -> Vec<Relation> {
+    let pairs = |i: usize| {
+        (i + 1..known.len())
+            .flat_map(|j| {
+                let pair = [&known[i], &known[j]];
+                ALL.into_iter().filter_map(move |kind| {
+                    let deviation = deviation(kind, pair, noise)?;
+                    let scale = if is_angle(kind) { 1.0 } else { unit };
+                    Some(Relation {
+                        kind,
+                        entities: [i, j],
+                        deviation: deviation * scale,
+                    })
+                })
+            })
+            .collect::<Vec<_>>()
+    };
+    (0..known.len())
+        .into_par_iter()
+        .flat_map_iter(pairs)
+        .collect()
+}
+
+const ALL: [RelationKind; 6] = [
+    RelationKind::Parallel,
+    RelationKind::Perpendicular,
+    RelationKind::Coaxial,
+    RelationKind::Coplanar,
+    RelationKind::Concentric,
+    RelationKind::EqualRadius,
+];
+
+fn is_angle(kind: RelationKind) -> bool {
+    matches!(kind, RelationKind::Parallel | RelationKind::Perpendicular)
+}
+
+/// By how much a relation fails, if it holds within the uncertainty.
+fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
+    let surfaces = pair.map(|k| &k.surface);
+    if !has_meaning(kind, surfaces) {
+        return None;
+    }
+    let frame = Frame::of(surfaces);
+    let g = failure(kind, &frame, surfaces);
+    let n = g.count;
+    let covariance = covariance(kind, &frame, pair);
+    let is_angle = |k: usize| k < g.angles;
+    for k in 0..n {
+        let (least, noises) = if is_angle(k) { DIRECTION } else { PLACE };
+        if covariance[k * n + k].sqrt() > least.max(noises * noise) {
+            return None;
+        }
+    }
+    let mut factor = covariance;
+    let mut x = g.values[..n].to_vec();
+    if !cholesky(&mut factor, n) {
+        return None;
+    }
+    cholesky_solve(&factor, n, &mut x);
+    let squared: f64 = (0..n).map(|k| x[k] * g.values[k]).sum();
+    // A direction for angles, else what is left beside them.
+    let shown = if g.angles == n { 0..n } else { g.angles..n };
+    let size = g.values[shown].iter().map(|v| v * v).sum::<f64>().sqrt();
+    (squared <= CHI_SQUARED[n - 1]).then_some(size)
+}
+
+/// Whether two surfaces can be so related, and may be.
+fn has_meaning(kind: RelationKind, [a, b]: [&Surface; 2]) -> bool {
+    let cosine = dot(a.axis, b.axis).abs();
+    let have_directions = a.kind != Kind::Sphere && b.kind != Kind::Sphere;
+    let are_along = have_directions && cosine > 1.0 - FAR * FAR / 2.0;
+    let have_axes = a.kind > Kind::Sphere && b.kind > Kind::Sphere;
+    let has_center = |s: &Surface| matches!(s.kind, Kind::Sphere | Kind::Torus);
+    match kind {
+        RelationKind::Parallel => are_along,
+        RelationKind::Perpendicular => have_directions && cosine < FAR,
+        RelationKind::Coaxial => are_along && have_axes,
+        RelationKind::Coplanar => are_along && a.kind == Kind::Plane && b.kind == Kind::Plane,
+        RelationKind::Concentric => has_center(a) && has_center(b),
+        RelationKind::EqualRadius => {
+            a.kind == b.kind && matches!(a.kind, Kind::Sphere | Kind::Cylinder)
+        }
+    }
+}
+
+/// A fixed frame, so that small moves change coordinates only through the surfaces.
+struct Frame {
+    axis: Point3,
+    across: [Point3; 2],
+    /// Whether the second direction is turned round.
+    sign: f64,
+}
+
+impl Frame {
+    fn of([a, b]: [&Surface; 2]) -> Self {
+        Self {
+            axis: a.axis,
+            across: a.frame(),
+            sign: if dot(a.axis, b.axis) < 0.0 { -1.0 } else { 1.0 },
+        }
+    }
+}
+
+/// The vector that is 0 where a relation holds: directions first.
+struct Failure {
+    values: [f64; 4],
+    count: usize,
+    angles: usize,
+}
+
+fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) -> Failure {
+    let [e, f] = frame.across;
+    let turn: Point3 = std::array::from_fn(|k| frame.sign * b.axis[k] - a.axis[k]);
+    let tilt = [dot(turn, e), dot(turn, f)];
+    let way = sub(b.place, a.place);
+    let of = |values: [f64; 4], count, angles| Failure {
+        values,
+        count,
+        angles,
+    };
+    match kind {
+        RelationKind::Parallel => of([tilt[0], tilt[1], 0.0, 0.0], 2, 2),
+        RelationKind::Perpendicular => of([dot(a.axis, b.axis), 0.0, 0.0, 0.0], 1, 1),
+        RelationKind::Coaxial => {
+            // Where the two axes pass the middle between the places.
+            let h = dot(way, frame.axis) / 2.0;
+            let at = |s: &Surface, h: f64, sign: f64| -> Point3 {
+                std::array::from_fn(|k| s.place[k] + h * sign * s.axis[k])
+            };
+            let apart = sub(at(b, -h, frame.sign), at(a, h, 1.0));
+            of([tilt[0], tilt[1], dot(apart, e), dot(apart, f)], 4, 2)
+        }
+        RelationKind::Coplanar => {
+            let mean: Point3 = std::array::from_fn(|k| (a.axis[k] + frame.sign * b.axis[k]) / 2.0);
+            of([tilt[0], tilt[1], dot(way, mean), 0.0], 3, 2)
+        }
+        RelationKind::Concentric => of([way[0], way[1], way[2], 0.0], 3, 0),
+        RelationKind::EqualRadius => of([b.size - a.size, 0.0, 0.0, 0.0], 1, 0),
+    }
+}
+
+/// The covariance of the failure, by differences.
+fn covariance(kind: RelationKind, frame: &Frame, pair: [&Known; 2]) -> Vec<f64> {
+    let surfaces = pair.map(|k| k.surface);
+    let n = failure(kind, frame, [&surfaces[0], &surfaces[1]]).count;
+    let mut sum = vec![0.0; n * n];
+    for (which, known) in pair.iter().enumerate() {
+        let parameters = known.surface.kind.parameters();
+        let derivative = |k: usize| -> [f64; 4] {
+            let at = |h: f64| {
+                let mut step = [0.0; MOST];
+                step[k] = h;
+                let mut moved = surfaces;
+                moved[which] = known.surface.moved(&step);
+                failure(kind, frame, [&moved[0], &moved[1]]).values
+            };
+            let (plus, minus) = (at(STEP), at(-STEP));
+            std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * STEP))
+        };
+        let rows: Vec<[f64; 4]> = (0..parameters).map(derivative).collect();
+        for i in 0..n {
+            for j in 0..n {
+                for (p, row) in rows.iter().enumerate() {
+                    for (q, other) in rows.iter().enumerate() {
+                        sum[i * n + j] += row[i] * known.covariance[p][q] * other[j];
+                    }
+                }
+            }
+        }
+    }
+    for k in 0..n {
+        sum[k * n + k] += ROUNDING * ROUNDING;
+    }
+    sum
+}

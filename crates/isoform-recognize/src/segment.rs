@@ -1,0 +1,598 @@
+//! Which points belong to which surface: regions one after another, then all at once.
+
+use crate::chart::{Kind, Surface};
+use crate::choose::{EXACT, Noise, best_region, follows, is_called_for, least_points};
+use crate::cloud::{Cloud, FLOOR};
+use crate::fit::{Precision, fit, fit_weighted, squares};
+use crate::grow::{Region, WITHIN, core};
+use crate::kinds::{best_kind, zone};
+use crate::share::shares;
+use crate::split::split;
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Point3, dot};
+use rayon::prelude::*;
+
+/// No entity.
+pub(crate) const NONE: u32 = u32::MAX;
+/// What a point costs where nothing explains it: Σ r²/2σ² at the tolerance.
+const UNEXPLAINED: f64 = WITHIN * WITHIN / 2.0;
+/// What it costs a point that all its neighbours belong elsewhere: as much as 3 deviations. More
+/// smooths borders of small faces away, less lets crossing planes cut strips out of walls.
+const APART: f64 = 4.5;
+/// Sweeps over the points until labels stand still.
+const SWEEPS: usize = 8;
+/// Labels and fits in turn at most; labels along tangent faces move slowly.
+const RELAXATIONS: usize = 10;
+/// Rounds of labels, fits, mergers and new regions.
+const ROUNDS: usize = 3;
+/// By what factor the noise may be larger than estimated: before any surface is known, and after.
+const FIRST_SLACK: f64 = 1.1;
+const SLACK: f64 = 1.03;
+/// About how many places are tried with half the noise, and the share (its inverse) of the points
+/// that a region has which counts: small ones follow any noise.
+const HALVING: (usize, usize) = (24, 30);
+/// The least cosine between the axis of a zone and one that others have: 8°.
+const BESIDE: f64 = 0.99;
+/// An entity stays where its points would cost this much more without it, beyond its parameters.
+const EVIDENCE: f64 = 20.0;
+/// The median of |x| of a normal deviate.
+const MEDIAN: f64 = 0.6745;
+
+/// Entities so far, and for each point that of its label.
+pub(crate) struct Segmentation {
+    pub(crate) surfaces: Vec<Surface>,
+    pub(crate) labels: Vec<u32>,
+    pub(crate) noise: f64,
+    /// The noise before any surface was known.
+    first_noise: f64,
+}
+
+/// Limits that the user sets.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Limits {
+    /// The fewest points of an entity.
+    pub(crate) min_points: usize,
+    /// The noise, if it is not to be taken from the points.
+    pub(crate) noise: Option<f64>,
+}
+
+/// Finds the surfaces of a cloud.
+pub(crate) fn segment(
+    cloud: &Cloud,
+    limits: Limits,
+    control: &Control<'_>,
+) -> Result<Segmentation, Stopped> {
+    let mut now = Segmentation {
+        surfaces: Vec::new(),
+        labels: vec![NONE; cloud.points.len()],
+        noise: limits.noise.unwrap_or(cloud.noise),
+        first_noise: cloud.noise,
+    };
+    if limits.noise.is_none() {
+        now.noise = lower_noise(cloud, now.noise);
+    }
+    now.first_noise = now.noise;
+    for round in 0..ROUNDS {
+        control.report("recognize", round as f64 / ROUNDS as f64);
+        let slack = if round == 0 { FIRST_SLACK } else { SLACK };
+        now.add_regions(cloud, slack, limits, control)?;
+        now.settle(cloud, limits);
+        if round == 0 && now.add_scattered_planes(cloud, limits) {
+            now.settle(cloud, limits);
+        }
+        if !now.dissolve(cloud) {
+            break;
+        }
+    }
+    now.turn_zones(cloud);
+    now.relax(cloud, limits);
+    Ok(now)
+}
+
+/// Directions of planes and axes, each once.
+fn directions(surfaces: &[Surface]) -> Vec<Point3> {
+    let mut directions: Vec<Point3> = Vec::new();
+    for surface in surfaces.iter().filter(|s| s.kind != Kind::Sphere) {
+        let is_known = |d: &Point3| dot(*d, surface.axis).abs() > 0.999;
+        if !directions.iter().any(is_known) {
+            directions.push(surface.axis);
+        }
+    }
+    directions
+}
+
+/// The window of this width that holds most of sorted heights, if it holds three times as many as
+/// its two neighbours.
+fn fullest(heights: &[(f64, u32)], width: f64) -> Option<std::ops::Range<usize>> {
+    let mut best = 0..0;
+    let mut from = 0;
+    for to in 0..heights.len() {
+        while heights[to].0 - heights[from].0 > width {
+            from += 1;
+        }
+        if to + 1 - from > best.len() {
+            best = from..to + 1;
+        }
+    }
+    let bounds = (heights.get(best.start)?.0, heights[best.end - 1].0);
+    let beside = heights
+        .iter()
+        .filter(|h| h.0 >= bounds.0 - width && h.0 <= bounds.1 + width)
+        .count()
+        - best.len();
+    (beside * 3 <= best.len()).then_some(best)
+}
+
+/// The order in which points are tried as seeds: far from edges first, then smooth places.
+fn seeds(cloud: &Cloud, noise: f64) -> Vec<u32> {
+    let n = cloud.points.len();
+    let mut depth = vec![u32::MAX; n];
+    let rough = |i: &u32| cloud.roughness[*i as usize] > 1.6 * noise;
+    let mut ring: Vec<u32> = (0..n as u32).filter(rough).collect();
+    let mut at = 0;
+    while !ring.is_empty() {
+        ring.iter().for_each(|i| depth[*i as usize] = at);
+        at += 1;
+        let mut next: Vec<u32> = ring.iter().flat_map(|i| cloud.near(*i)).copied().collect();
+        next.retain(|i| depth[*i as usize] == u32::MAX);
+        next.sort_unstable();
+        next.dedup();
+        ring = next;
+    }
+    let mut order: Vec<u32> = (0..n as u32).collect();
+    order.sort_by(|&i, &j| {
+        let rough = |i: u32| cloud.roughness[i as usize];
+        depth[j as usize]
+            .cmp(&depth[i as usize])
+            .then(rough(i).total_cmp(&rough(j)))
+            .then(i.cmp(&j))
+    });
+    order
+}
+
+/// Half the noise, or a quarter, where surfaces follow points as well with it: neighbourhoods that
+/// reach over thin walls make it look larger.
+fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
+    let order = seeds(cloud, noise);
+    let step = (order.len() / HALVING.0).max(1);
+    let succeeds = |noise: f64, seed: &u32| {
+        let noise = Noise {
+            deviation: noise,
+            slack: SLACK,
+        };
+        best_region(cloud, *seed, &Kind::ALL[..3], noise, &|_| true)
+            .is_some_and(|r| r.points.len() * HALVING.1 >= cloud.points.len())
+    };
+    let mut noise = noise;
+    for _ in 0..2 {
+        if noise < EXACT {
+            break;
+        }
+        let tried: Vec<bool> = order
+            .par_iter()
+            .step_by(step)
+            .map(|seed| succeeds(noise / 2.0, seed))
+            .collect();
+        if tried.iter().filter(|t| **t).count() * 2 < tried.len() {
+            break;
+        }
+        noise /= 2.0;
+    }
+    noise
+}
+
+impl Segmentation {
+    /// Adds planes along the directions of others through points without an entity that lie in many
+    /// small pieces, such as the floors of counterbores.
+    fn add_scattered_planes(&mut self, cloud: &Cloud, limits: Limits) -> bool {
+        let open: Vec<u32> = (0..self.labels.len() as u32)
+            .filter(|i| self.labels[*i as usize] == NONE)
+            .collect();
+        let mut is_new = false;
+        for axis in directions(&self.surfaces) {
+            let mut heights: Vec<(f64, u32)> = open
+                .iter()
+                .filter(|i| self.labels[**i as usize] == NONE)
+                .map(|i| (dot(cloud.points[*i as usize], axis), *i))
+                .collect();
+            heights.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+            while let Some(layer) = fullest(&heights, 4.0 * self.noise) {
+                let of: Vec<u32> = heights[layer.clone()].iter().map(|h| h.1).collect();
+                if of.len() < least_points(Kind::Plane, self.noise).max(limits.min_points) {
+                    break;
+                }
+                self.add(&Region {
+                    surface: crate::start::plane(&cloud.at(&of)),
+                    core: of.clone(),
+                    points: of,
+                });
+                heights.drain(layer);
+                is_new = true;
+            }
+        }
+        is_new
+    }
+
+    /// Grows regions from points without a label.
+    fn add_regions(
+        &mut self,
+        cloud: &Cloud,
+        slack: f64,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let mut is_tried: Vec<bool> = self.labels.iter().map(|l| *l != NONE).collect();
+        let noise = Noise {
+            deviation: self.noise,
+            slack,
+        };
+        for seed in seeds(cloud, self.noise) {
+            if is_tried[seed as usize] || self.labels[seed as usize] != NONE {
+                continue;
+            }
+            control.check()?;
+            is_tried[seed as usize] = true;
+            let labels = &self.labels;
+            let region = best_region(cloud, seed, Kind::ALL, noise, &|i| {
+                labels[i as usize] == NONE
+            });
+            match region {
+                Some(region) if region.points.len() >= limits.min_points => self.add(&region),
+                _ => {
+                    for j in &cloud.near(seed)[..3.min(cloud.near(seed).len())] {
+                        is_tried[*j as usize] = true;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn add(&mut self, region: &Region) {
+        let label = self.surfaces.len() as u32;
+        self.surfaces.push(region.surface);
+        for i in &region.points {
+            self.labels[*i as usize] = label;
+        }
+    }
+
+    /// Removes entities that do not follow their points.
+    fn dissolve(&mut self, cloud: &Cloud) -> bool {
+        let noise = Noise {
+            deviation: self.noise,
+            slack: SLACK,
+        };
+        let members = self.members();
+        let kept: Vec<Option<Surface>> = members
+            .par_iter()
+            .zip(&self.surfaces)
+            .map(|(points, surface)| {
+                let core = core(cloud, points, surface.kind);
+                follows(cloud, &core, surface, noise).then_some(*surface)
+            })
+            .collect();
+        for label in self.labels.iter_mut().filter(|l| **l != NONE) {
+            if kept[*label as usize].is_none() {
+                *label = NONE;
+            }
+        }
+        self.keep(&kept);
+        kept.iter().any(Option::is_none)
+    }
+
+    /// The points of each entity.
+    pub(crate) fn members(&self) -> Vec<Vec<u32>> {
+        let mut members = vec![Vec::new(); self.surfaces.len()];
+        for (i, label) in self.labels.iter().enumerate() {
+            if *label != NONE {
+                members[*label as usize].push(i as u32);
+            }
+        }
+        members
+    }
+
+    /// Labels, surfaces, noise, mergers and removals in turn.
+    fn settle(&mut self, cloud: &Cloud, limits: Limits) {
+        for _ in 0..4 {
+            self.relax(cloud, limits);
+            let merged = self.merge(cloud);
+            let removed = self.prune(cloud, limits);
+            let changed = self.change_kinds(cloud) | self.split(cloud, limits);
+            if !(merged || removed || changed) {
+                break;
+            }
+        }
+        self.relax(cloud, limits);
+    }
+
+    /// Labels, surfaces and noise in turn until labels stand nearly still.
+    fn relax(&mut self, cloud: &Cloud, limits: Limits) {
+        for _ in 0..RELAXATIONS {
+            let before = self.labels.clone();
+            self.compete(cloud);
+            self.refit(cloud, limits);
+            self.measure_noise(cloud, limits);
+            let changed = before.iter().zip(&self.labels).filter(|(a, b)| a != b);
+            if changed.count() * 1000 < before.len() {
+                break;
+            }
+        }
+    }
+
+    /// Gives each point to the surface of a neighbour that explains it best.
+    fn compete(&mut self, cloud: &Cloud) {
+        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        for _ in 0..SWEEPS {
+            let mut changed = 0;
+            for i in 0..cloud.points.len() {
+                let near = cloud.near(i as u32);
+                let share = APART / near.len().max(1) as f64;
+                let mut tried: Vec<u32> = near.iter().map(|j| self.labels[*j as usize]).collect();
+                tried.push(self.labels[i]);
+                tried.push(NONE);
+                tried.sort_unstable();
+                tried.dedup();
+                let mut best = (f64::INFINITY, NONE);
+                for label in tried {
+                    let apart = near
+                        .iter()
+                        .filter(|j| self.labels[**j as usize] != label)
+                        .count();
+                    let cost = share * apart as f64 + self.cost(cloud, i, label, scale);
+                    if cost < best.0 {
+                        best = (cost, label);
+                    }
+                }
+                if best.1 != self.labels[i] {
+                    self.labels[i] = best.1;
+                    changed += 1;
+                }
+            }
+            if changed == 0 {
+                break;
+            }
+        }
+    }
+
+    /// r²/2σ² of a point, infinite beyond the tolerance.
+    fn cost(&self, cloud: &Cloud, i: usize, label: u32, scale: f64) -> f64 {
+        if label == NONE {
+            return UNEXPLAINED;
+        }
+        let r = self.surfaces[label as usize].distance(cloud.points[i]);
+        let cost = r * r * scale;
+        if cost <= UNEXPLAINED {
+            cost
+        } else {
+            f64::INFINITY
+        }
+    }
+
+    /// Fits each surface to its points, and drops those with too few.
+    fn refit(&mut self, cloud: &Cloud, limits: Limits) {
+        let mut counts = vec![0; self.surfaces.len()];
+        let known = self.labels.iter().filter(|l| **l != NONE);
+        known.for_each(|l| counts[*l as usize] += 1);
+        let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
+        let fitted: Vec<Option<Surface>> = shares
+            .par_iter()
+            .zip(&self.surfaces)
+            .zip(&counts)
+            .map(|((shares, surface), count)| {
+                if *count < least_points(surface.kind, self.noise).max(limits.min_points) {
+                    return None;
+                }
+                let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
+                let fitted = fit_weighted(surface, &cloud.at(&of), Some(&weights), Precision::Full);
+                fitted.map(|f| f.0)
+            })
+            .collect();
+        self.keep(&fitted);
+    }
+
+    /// Takes these surfaces; labels of those that are `None` are cleared.
+    fn keep(&mut self, surfaces: &[Option<Surface>]) {
+        let mut new = vec![NONE; surfaces.len()];
+        self.surfaces.clear();
+        for (old, surface) in surfaces.iter().enumerate() {
+            if let Some(surface) = surface {
+                new[old] = self.surfaces.len() as u32;
+                self.surfaces.push(*surface);
+            }
+        }
+        for label in self.labels.iter_mut().filter(|l| **l != NONE) {
+            *label = new[*label as usize];
+        }
+    }
+
+    /// The noise that explained points show: the median of their distances.
+    fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
+        if limits.noise.is_some() {
+            return;
+        }
+        let explained = (0..cloud.points.len()).filter(|i| self.labels[*i] != NONE);
+        let distance = |i: usize| {
+            let surface = &self.surfaces[self.labels[i] as usize];
+            surface.distance(cloud.points[i]).abs()
+        };
+        let mut distances: Vec<f64> = explained.map(distance).collect();
+        if distances.is_empty() {
+            return;
+        }
+        let half = distances.len() / 2;
+        let median = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
+        self.noise = (median / MEDIAN).min(1.5 * self.first_noise).max(FLOOR);
+    }
+
+    /// Joins entities of one kind that one surface explains.
+    fn merge(&mut self, cloud: &Cloud) -> bool {
+        let mut members = self.members();
+        let mut surfaces: Vec<Option<Surface>> = self.surfaces.iter().copied().map(Some).collect();
+        let mut order: Vec<usize> = (0..surfaces.len()).collect();
+        order.sort_by_key(|i| (std::cmp::Reverse(members[*i].len()), *i));
+        let mut changed = false;
+        for (k, &a) in order.iter().enumerate() {
+            for &b in &order[k + 1..] {
+                let (Some(first), Some(second)) = (surfaces[a], surfaces[b]) else {
+                    continue;
+                };
+                if let Some(one) = self.joined(cloud, [&first, &second], [&members[a], &members[b]])
+                {
+                    surfaces[a] = Some(one);
+                    surfaces[b] = None;
+                    let moved = std::mem::take(&mut members[b]);
+                    moved
+                        .iter()
+                        .for_each(|i| self.labels[*i as usize] = a as u32);
+                    members[a].extend(moved);
+                    changed = true;
+                }
+            }
+        }
+        self.keep(&surfaces);
+        changed
+    }
+
+    /// The surface of two entities, if they are pieces of one.
+    fn joined(&self, cloud: &Cloud, two: [&Surface; 2], of: [&[u32]; 2]) -> Option<Surface> {
+        let [large, small] = two;
+        if large.kind < small.kind {
+            return None;
+        }
+        let (first, second) = (cloud.at(of[0]), cloud.at(of[1]));
+        // Points of the smaller one far from the other: no need for a fit.
+        let apart = (squares(large, &second) / second.len() as f64).sqrt();
+        if apart > 30.0 * self.noise.max(1e-6) {
+            return None;
+        }
+        let both: Vec<_> = first.iter().chain(&second).copied().collect();
+        let (one, joint) = fit(large, &both, Precision::Full)?;
+        let alone = squares(large, &first) + squares(small, &second);
+        let [p, q] = [
+            small.kind.parameters(),
+            large.kind.parameters() + small.kind.parameters(),
+        ];
+        (!is_called_for(
+            p,
+            both.len().min(4 * second.len()),
+            joint,
+            alone,
+            q,
+            self.noise,
+        ))
+        .then_some(one)
+    }
+
+    /// Removes entities whose points others explain nearly as well.
+    fn prune(&mut self, cloud: &Cloud, limits: Limits) -> bool {
+        let members = self.members();
+        let mut order: Vec<usize> = (0..members.len()).collect();
+        order.sort_by_key(|i| (members[*i].len(), *i));
+        let mut surfaces: Vec<Option<Surface>> = self.surfaces.iter().copied().map(Some).collect();
+        for label in order {
+            let gain = self.gain(cloud, label as u32, &members[label]);
+            let p = self.surfaces[label].kind.parameters() as f64;
+            let n = members[label].len().max(1) as f64;
+            if gain < p * n.ln() / 2.0 + EVIDENCE || members[label].len() < limits.min_points {
+                surfaces[label] = None;
+                // Points go to the neighbours' surfaces when labels compete next.
+                members[label]
+                    .iter()
+                    .for_each(|i| self.labels[*i as usize] = NONE);
+            }
+        }
+        let removed = surfaces.iter().any(Option::is_none);
+        self.keep(&surfaces);
+        removed
+    }
+
+    /// By how much more its points cost without an entity, with the surfaces of entities nearby.
+    fn gain(&self, cloud: &Cloud, label: u32, members: &[u32]) -> f64 {
+        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        let mut around: Vec<u32> = members
+            .iter()
+            .flat_map(|i| cloud.near(*i))
+            .map(|j| self.labels[*j as usize])
+            .filter(|l| *l != label && *l != NONE)
+            .collect();
+        around.sort_unstable();
+        around.dedup();
+        let other = |i: usize| {
+            let costs = around.iter().map(|l| self.cost(cloud, i, *l, scale));
+            costs.fold(UNEXPLAINED, f64::min)
+        };
+        members
+            .iter()
+            .map(|i| {
+                other(*i as usize) - self.cost(cloud, *i as usize, label, scale).min(UNEXPLAINED)
+            })
+            .sum()
+    }
+
+    /// Gives entities another kind where their points ask for it.
+    fn change_kinds(&mut self, cloud: &Cloud) -> bool {
+        let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
+        let new: Vec<Surface> = shares
+            .par_iter()
+            .zip(&self.surfaces)
+            .map(|(of, surface)| best_kind(cloud, of, surface, self.noise))
+            .collect();
+        let changed = new
+            .iter()
+            .zip(&self.surfaces)
+            .any(|(a, b)| a.kind != b.kind);
+        self.surfaces = new;
+        changed
+    }
+
+    /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
+    /// cones or cylinders that fit as well: chamfers and short bores.
+    fn turn_zones(&mut self, cloud: &Cloud) {
+        let known = directions(&self.surfaces);
+        let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
+        for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
+            if surface.kind != Kind::Sphere {
+                continue;
+            }
+            let other = zone(cloud, of, surface, self.noise);
+            let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
+            if let Some(other) = other.filter(is_along) {
+                *surface = other;
+            }
+        }
+    }
+
+    /// Takes entities apart where simpler ones explain their points better.
+    fn split(&mut self, cloud: &Cloud, limits: Limits) -> bool {
+        let members = self.members();
+        let noise = Noise {
+            deviation: self.noise,
+            slack: SLACK,
+        };
+        let parts: Vec<Option<Vec<Region>>> = members
+            .par_iter()
+            .zip(&self.surfaces)
+            .map(|(of, surface)| split(cloud, of, surface, noise))
+            .collect();
+        let is_large = |r: &Region| r.points.len() >= limits.min_points;
+        let mut changed = false;
+        for (label, parts) in parts.into_iter().enumerate() {
+            let Some(parts) = parts.filter(|p| p.iter().all(is_large)) else {
+                continue;
+            };
+            changed = true;
+            for (k, part) in parts.iter().enumerate() {
+                let new = if k == 0 { label } else { self.surfaces.len() };
+                if k == 0 {
+                    self.surfaces[label] = part.surface;
+                } else {
+                    self.surfaces.push(part.surface);
+                }
+                part.points
+                    .iter()
+                    .for_each(|i| self.labels[*i as usize] = new as u32);
+            }
+        }
+        changed
+    }
+}

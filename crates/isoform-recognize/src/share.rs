@@ -1,0 +1,155 @@
+//! Points near an edge belong to each of its faces with some probability: fits with these as weights
+//! are not drawn over the edge, as fits to points sorted by the nearer surface are.
+
+use crate::chart::{Surface, unit};
+use crate::cloud::Cloud;
+use crate::fit::mean;
+use crate::grow::WITHIN;
+use crate::segment::NONE;
+use isoform_geom::{dot, sub};
+use std::collections::BTreeMap;
+
+/// Points this many deviations off another surface tell on which side of it a face lies.
+const TELLING: f64 = 1.5;
+/// The share of these points that have to lie on one side, and how many there have to be.
+const ONE_SIDED: (f64, usize) = (0.9, 6);
+/// A foot this many deviations beyond an edge counts e times less: the noise along the surface.
+const EDGE: f64 = 0.3;
+/// Surfaces whose normals have a cosine above this touch or nearly do: below 26°.
+const TANGENT: f64 = 0.9;
+/// Weights below this are left out.
+const LEAST: f64 = 1e-3;
+
+/// Points with their weights.
+pub(crate) type Shares = Vec<(u32, f64)>;
+
+/// On which side of a surface (first) a face (second) lies: +1 or −1; not listed where on both.
+type Sides = BTreeMap<(u32, u32), f64>;
+
+/// The points of each surface with the probability that they are its own.
+pub(crate) fn shares(
+    cloud: &Cloud,
+    surfaces: &[Surface],
+    labels: &[u32],
+    noise: f64,
+) -> Vec<Shares> {
+    let sides = sides(cloud, surfaces, labels, noise);
+    let mut shares = vec![Shares::new(); surfaces.len()];
+    for (i, own) in labels.iter().enumerate() {
+        if *own == NONE {
+            continue;
+        }
+        let around = around(cloud, labels, i);
+        if around.len() == 1 {
+            shares[*own as usize].push((i as u32, 1.0));
+            continue;
+        }
+        let likely: Vec<f64> = around
+            .iter()
+            .map(|label| likelihood(cloud, surfaces, &sides, labels, &around, *label, i, noise))
+            .collect();
+        let sum: f64 = likely.iter().sum();
+        for (label, l) in around.iter().zip(likely) {
+            if l > LEAST * sum {
+                shares[*label as usize].push((i as u32, l / sum));
+            }
+        }
+    }
+    shares
+}
+
+/// The labels of a point and its neighbours.
+fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Vec<u32> {
+    let near = cloud.near(i as u32).iter().map(|j| labels[*j as usize]);
+    let mut around: Vec<u32> = near.chain([labels[i]]).filter(|l| *l != NONE).collect();
+    around.sort_unstable();
+    around.dedup();
+    around
+}
+
+/// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
+fn likelihood(
+    cloud: &Cloud,
+    surfaces: &[Surface],
+    sides: &Sides,
+    labels: &[u32],
+    around: &[u32],
+    label: u32,
+    i: usize,
+    noise: f64,
+) -> f64 {
+    let (p, surface) = (cloud.points[i], &surfaces[label as usize]);
+    let r = surface.distance(p);
+    if r.abs() > WITHIN * noise {
+        return 0.0;
+    }
+    let n = surface.normal(p);
+    let foot = std::array::from_fn(|k| p[k] - r * n[k]);
+    let mut likely = (-r * r / (2.0 * noise * noise)).exp();
+    for other in around.iter().filter(|o| **o != label) {
+        let next = &surfaces[*other as usize];
+        let inside = if dot(n, next.normal(p)).abs() > TANGENT {
+            before_contact(cloud, labels, i, [label, *other], [surface, next])
+        } else {
+            let side = sides.get(&(*other, label));
+            side.map(|side| side * next.distance(foot))
+        };
+        if let Some(inside) = inside {
+            likely /= 1.0 + (-inside / (EDGE * noise)).exp();
+        }
+    }
+    likely
+}
+
+/// How far a point lies before the curve where two surfaces touch or meet, on the side of the first:
+/// with D the difference of their distances, 2|D|/|∇D·u| along the way u from the points of one to
+/// those of the other. Along tangent surfaces D has one sign, and only its growth tells the side.
+fn before_contact(
+    cloud: &Cloud,
+    labels: &[u32],
+    i: usize,
+    [own, other]: [u32; 2],
+    [first, second]: [&Surface; 2],
+) -> Option<f64> {
+    let p = cloud.points[i];
+    let middle = |label: u32| {
+        let near = cloud.near(i as u32).iter().copied().chain([i as u32]);
+        let of: Vec<u32> = near.filter(|j| labels[*j as usize] == label).collect();
+        (!of.is_empty()).then(|| mean(&cloud.at(&of)))
+    };
+    let way = unit(sub(middle(other)?, middle(own)?));
+    let (m, n) = (first.normal(p), second.normal(p));
+    let sign = dot(m, n).signum();
+    let difference = sign * second.distance(p) - first.distance(p);
+    let slope: f64 = (0..3).map(|k| (sign * n[k] - m[k]) * way[k]).sum();
+    let length = 2.0 * difference / slope;
+    length.is_finite().then_some(-length)
+}
+
+/// On which side of their neighbours' surfaces faces lie.
+fn sides(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Sides {
+    let mut counts: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
+    for (i, own) in labels.iter().enumerate() {
+        if *own == NONE {
+            continue;
+        }
+        for other in around(cloud, labels, i) {
+            let r = surfaces[other as usize].distance(cloud.points[i]);
+            if other != *own && r.abs() > TELLING * noise {
+                counts.entry((other, *own)).or_default()[usize::from(r > 0.0)] += 1;
+            }
+        }
+    }
+    let (share, least) = ONE_SIDED;
+    let side = |[minus, plus]: [usize; 2]| {
+        let all = minus + plus;
+        let most = minus.max(plus);
+        (all >= least && most as f64 >= share * all as f64).then_some(if plus > minus {
+            1.0
+        } else {
+            -1.0
+        })
+    };
+    let found = counts.into_iter().filter_map(|(k, c)| Some((k, side(c)?)));
+    found.collect()
+}

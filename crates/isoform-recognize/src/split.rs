@@ -1,0 +1,106 @@
+//! Surfaces that bend over an edge, taken apart into the faces there.
+
+use crate::chart::{Kind, Surface};
+use crate::choose::{Noise, best_region, is_called_for, least_points};
+use crate::cloud::Cloud;
+use crate::grow::{Region, WITHIN};
+use crate::kinds::best_kind;
+use crate::share::Shares;
+
+/// The most faces that an entity is taken apart into.
+const MOST: usize = 3;
+/// The share of its points that these explain at least.
+const EXPLAINED: f64 = 0.85;
+/// Rounds of points and surfaces of the parts.
+const SETTLING: usize = 3;
+/// Seeds that are tried in vain before that.
+const SEEDS: usize = 6;
+
+/// The simpler surfaces that explain the points of an entity better than its own.
+pub(crate) fn split(
+    cloud: &Cloud,
+    members: &[u32],
+    surface: &Surface,
+    noise: Noise,
+) -> Option<Vec<Region>> {
+    let kinds = surface.kind.simpler();
+    if kinds.is_empty() || members.is_empty() {
+        return None;
+    }
+    let mut is_free = vec![false; cloud.points.len()];
+    members.iter().for_each(|i| is_free[*i as usize] = true);
+    let mut parts: Vec<Region> = Vec::new();
+    let (mut left, mut failed) = (members.to_vec(), 0);
+    while parts.len() < MOST && failed < SEEDS && !left.is_empty() {
+        // Places evenly over what is left: the points are sorted by their coordinates.
+        let seed = left[(2 * failed + 1) * left.len() / (2 * SEEDS)];
+        let region = best_region(cloud, seed, kinds, noise, &|i| is_free[i as usize]);
+        match region {
+            Some(region) => {
+                region
+                    .points
+                    .iter()
+                    .for_each(|i| is_free[*i as usize] = false);
+                left.retain(|i| is_free[*i as usize]);
+                parts.push(region);
+                failed = 0;
+            }
+            None => failed += 1,
+        }
+    }
+    let explained = (members.len() - left.len()) as f64;
+    let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
+    (is_whole && is_better(cloud, members, surface, &mut parts, noise.deviation)).then_some(parts)
+}
+
+/// Whether parts explain the points better than one surface; gives each point to the nearest, and
+/// each part the kind that its points ask for.
+fn is_better(
+    cloud: &Cloud,
+    members: &[u32],
+    surface: &Surface,
+    parts: &mut [Region],
+    noise: f64,
+) -> bool {
+    let most = (WITHIN * noise).powi(2);
+    let one: f64 = squares_of(cloud, members, &[*surface], most);
+    for _ in 0..SETTLING {
+        share_out(cloud, members, parts);
+        for part in parts.iter_mut() {
+            if part.points.len() < least_points(Kind::Plane, noise) {
+                return false;
+            }
+            let shares: Shares = part.points.iter().map(|i| (*i, 1.0)).collect();
+            part.surface = best_kind(cloud, &shares, &part.surface, noise);
+        }
+    }
+    let surfaces: Vec<Surface> = parts.iter().map(|p| p.surface).collect();
+    let many = squares_of(cloud, members, &surfaces, most);
+    let all: usize = surfaces.iter().map(|s| s.kind.parameters()).sum();
+    let more = all.saturating_sub(surface.kind.parameters());
+    is_called_for(more, members.len(), one, many, all, noise)
+}
+
+/// Σ of squared distances to the nearest of surfaces, each at most `most`.
+fn squares_of(cloud: &Cloud, members: &[u32], surfaces: &[Surface], most: f64) -> f64 {
+    let square = |i: &u32| {
+        let p = cloud.points[*i as usize];
+        let squares = surfaces.iter().map(|s| s.distance(p).powi(2));
+        squares.fold(most, f64::min)
+    };
+    members.iter().map(square).sum()
+}
+
+/// Gives each point to the nearest part.
+fn share_out(cloud: &Cloud, members: &[u32], parts: &mut [Region]) {
+    let mut points = vec![Vec::new(); parts.len()];
+    for i in members {
+        let p = cloud.points[*i as usize];
+        let distance = |k: &usize| parts[*k].surface.distance(p).abs();
+        let nearest = (0..parts.len()).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        points[nearest.unwrap_or(0)].push(*i);
+    }
+    for (part, points) in parts.iter_mut().zip(points) {
+        part.points = points;
+    }
+}

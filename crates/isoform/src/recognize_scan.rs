@@ -1,0 +1,65 @@
+//! Surfaces recognised in scans.
+
+use crate::{CornerError, points_on_faces};
+use isoform_control::Control;
+use isoform_geom::PointCloud;
+use isoform_recognize::{Error, Options, Recognition, recognize};
+use std::borrow::Cow;
+
+/// About how many points are taken on the flat faces of a CAD mesh. Fewer leave small faces bare,
+/// more take longer.
+const ON_FACES: usize = 20_000;
+
+/// Why a scan is not recognised.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum RecognizeError {
+    /// A triangle has a corner that is no point.
+    #[error(transparent)]
+    Corner(#[from] CornerError),
+    /// The stage has no result.
+    #[error(transparent)]
+    Stage(#[from] Error),
+}
+
+/// What was recognised, and in which points.
+#[derive(Clone, Debug)]
+pub struct Recognized<'a> {
+    /// The points: those of the scan; of a CAD mesh further ones on its flat faces, after its own.
+    pub scan: Cow<'a, PointCloud>,
+    /// The entities, and the labels of these points.
+    pub recognition: Recognition,
+}
+
+/// Recognises planes, spheres, cylinders, cones and tori in a scan or a CAD mesh.
+///
+/// ```
+/// use isoform::geom::{PointCloud, Quadric};
+/// use isoform::{Control, RecognizeOptions, recognize_scan};
+/// // Points of a sphere of radius 2 about (10, 0, 0).
+/// let point = |i: u32| {
+///     let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 500.0 - 1.0);
+///     let r = (1.0 - z * z).sqrt();
+///     [10.0 + 2.0 * r * t.cos(), 2.0 * r * t.sin(), 2.0 * z]
+/// };
+/// let scan = PointCloud::from_points((0..1000).map(point).collect());
+/// let found = recognize_scan(&scan, &RecognizeOptions::default(), &Control::default())?;
+/// let Quadric::Sphere { radius, .. } = found.recognition.entities[0].surface else { panic!() };
+/// assert!((radius - 2.0).abs() < 1e-9);
+/// # Ok::<(), isoform::RecognizeError>(())
+/// ```
+///
+/// # Errors
+/// [`RecognizeError`].
+pub fn recognize_scan<'a>(
+    scan: &'a PointCloud,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Recognized<'a>, RecognizeError> {
+    let scan = match scan.triangles.is_empty() {
+        true => Cow::Borrowed(scan),
+        false => Cow::Owned(points_on_faces(scan, ON_FACES)?.0),
+    };
+    let recognition = recognize(&scan, options, control)?;
+    Ok(Recognized { scan, recognition })
+}

@@ -1,0 +1,221 @@
+//! The report of a recognition.
+
+use isoform_geom::{Point3, Quadric};
+use isoform_recognize::{Entity, Recognition, Relation, RelationKind};
+use serde::Serialize;
+
+/// What was recognised in a scan; lengths in its unit.
+#[derive(Clone, Debug, Serialize)]
+pub struct RecognizeReport {
+    /// `recognize`.
+    pub verb: &'static str,
+    /// The points looked at.
+    pub points: usize,
+    /// The deviation of points along the normal.
+    pub noise: f64,
+    /// The surfaces, those with most points first.
+    pub entities: Vec<EntityReport>,
+    /// How they lie to one another.
+    pub relations: Vec<RelationReport>,
+    /// The points that no entity explains.
+    pub n_unassigned: usize,
+    /// The time that it took.
+    pub seconds: f64,
+}
+
+/// A surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct EntityReport {
+    /// What labels and relations call it.
+    pub id: usize,
+    /// `plane`, `sphere`, `cylinder`, `cone` or `torus`.
+    #[serde(rename = "type")]
+    pub kind: &'static str,
+    /// Its parameters.
+    pub parameters: Parameters,
+    /// Their standard deviations.
+    pub sd: Parameters,
+    /// +1 where the outside is away from the centre or axis, or along a plane's normal; −1 where it
+    /// is the other side, as in a hole; 0 where the points do not tell.
+    pub outward: i8,
+    /// The points that it explains.
+    pub n_points: usize,
+    /// The root mean square of their distances.
+    pub rms: f64,
+}
+
+/// Parameters of a surface, or their deviations.
+#[derive(Clone, Debug, Serialize)]
+#[serde(untagged)]
+pub enum Parameters {
+    /// normal · x = d.
+    Plane {
+        /// The unit normal.
+        normal: Point3,
+        /// d.
+        d: f64,
+    },
+    /// A sphere.
+    Sphere {
+        /// Its centre.
+        center: Point3,
+        /// Its radius.
+        radius: f64,
+    },
+    /// A cylinder.
+    Cylinder {
+        /// A point of the axis.
+        point: Point3,
+        /// The unit vector along the axis.
+        axis: Point3,
+        /// Its radius.
+        radius: f64,
+    },
+    /// A cone.
+    Cone {
+        /// Its apex.
+        apex: Point3,
+        /// The unit vector along the axis, into the nappe.
+        axis: Point3,
+        /// The angle between axis and surface, in radians.
+        half_angle: f64,
+    },
+    /// A torus.
+    Torus {
+        /// Its centre.
+        center: Point3,
+        /// The unit vector along the axis.
+        axis: Point3,
+        /// The radius of the circle.
+        major_radius: f64,
+        /// The radius of the tube.
+        minor_radius: f64,
+    },
+}
+
+/// A relation of two entities.
+#[derive(Clone, Debug, Serialize)]
+pub struct RelationReport {
+    /// `parallel`, `perpendicular`, `coaxial`, `coplanar`, `concentric` or `equal_radius`.
+    pub kind: &'static str,
+    /// The two.
+    pub entities: [usize; 2],
+    /// By how much it fails: radians for directions, lengths for places and radii.
+    pub deviation: f64,
+}
+
+impl RecognizeReport {
+    /// The report of a recognition that took some seconds.
+    pub fn new(found: &Recognition, seconds: f64) -> Self {
+        let entities = found.entities.iter().enumerate();
+        Self {
+            verb: "recognize",
+            points: found.labels.len(),
+            noise: found.noise,
+            entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
+            relations: found.relations.iter().map(RelationReport::new).collect(),
+            n_unassigned: found.labels.iter().filter(|l| l.is_none()).count(),
+            seconds,
+        }
+    }
+}
+
+impl EntityReport {
+    fn new(id: usize, entity: &Entity) -> Self {
+        Self {
+            id,
+            kind: entity.surface.name(),
+            parameters: Parameters::of(entity),
+            sd: Parameters::deviations(entity),
+            outward: entity.outward,
+            n_points: entity.points,
+            rms: entity.rms,
+        }
+    }
+}
+
+impl Parameters {
+    fn of(entity: &Entity) -> Self {
+        match entity.surface {
+            Quadric::Plane { normal, offset } => Self::Plane { normal, d: offset },
+            Quadric::Sphere { center, radius } => Self::Sphere { center, radius },
+            Quadric::Cylinder {
+                point,
+                axis,
+                radius,
+            } => Self::Cylinder {
+                point,
+                axis,
+                radius,
+            },
+            Quadric::Cone {
+                apex,
+                axis,
+                half_angle,
+            } => Self::Cone {
+                apex,
+                axis,
+                half_angle,
+            },
+            Quadric::Torus {
+                center,
+                axis,
+                major,
+                minor,
+            } => Self::Torus {
+                center,
+                axis,
+                major_radius: major,
+                minor_radius: minor,
+            },
+            Quadric::Other { .. } => unreachable!("entities are of the five kinds"),
+        }
+    }
+
+    fn deviations(entity: &Entity) -> Self {
+        let d = entity.deviations;
+        match Self::of(entity) {
+            Self::Plane { .. } => Self::Plane {
+                normal: d.direction,
+                d: d.size,
+            },
+            Self::Sphere { .. } => Self::Sphere {
+                center: d.place,
+                radius: d.size,
+            },
+            Self::Cylinder { .. } => Self::Cylinder {
+                point: d.place,
+                axis: d.direction,
+                radius: d.size,
+            },
+            Self::Cone { .. } => Self::Cone {
+                apex: d.place,
+                axis: d.direction,
+                half_angle: d.size,
+            },
+            Self::Torus { .. } => Self::Torus {
+                center: d.place,
+                axis: d.direction,
+                major_radius: d.size,
+                minor_radius: d.minor,
+            },
+        }
+    }
+}
+
+impl RelationReport {
+    fn new(relation: &Relation) -> Self {
+        Self {
+            kind: match relation.kind {
+                RelationKind::Parallel => "parallel",
+                RelationKind::Perpendicular => "perpendicular",
+                RelationKind::Coaxial => "coaxial",
+                RelationKind::Coplanar => "coplanar",
+                RelationKind::Concentric => "concentric",
+                RelationKind::EqualRadius => "equal_radius",
+            },
+            entities: relation.entities,
+            deviation: relation.deviation,
+        }
+    }
+}
