@@ -6,7 +6,7 @@ use crate::progress::Progress;
 use crate::scan;
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{MeshPoints, WriteOptions, write};
-use isoform::recognize::Error;
+use isoform::recognize::{Error, ProposeError};
 use isoform::report::{Parameters, RecognizeReport, brief};
 use isoform::{Control, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
 use std::path::{Path, PathBuf};
@@ -76,6 +76,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for path in &args.output {
         let bytes = match path.extension().and_then(|e| e.to_str()) {
             Some("json") => output::document(true, json.clone()),
+            Some("hf") => {
+                let proposal = found.template(&title(&args.scan), &context.control());
+                let proposal = proposal.map_err(|e| no_template(&e, &args.scan))?;
+                for gap in &proposal.gaps {
+                    context.warn(format_args!("{}: {gap}", path.display()));
+                }
+                proposal.program.into_bytes()
+            }
             _ => labelled(&found, path)?,
         };
         output::write_file(path, &bytes)?;
@@ -103,6 +111,18 @@ fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     write(&cloud, &mut bytes, &ending, &WriteOptions::default())
         .map_err(|e| scan::unwritable(&e))?;
     Ok(bytes)
+}
+
+/// The title of a template for a scan.
+fn title(scan: &Path) -> String {
+    let name = scan.file_stem().unwrap_or_default().to_string_lossy();
+    format!("Proposed for {name}")
+}
+
+fn no_template(error: &ProposeError, scan: &Path) -> Failure {
+    let message = format!("{}: {error}", scan.display());
+    Failure::new(NO_RESULT, "no-template", message)
+        .hint("isoform implicitize, which needs no entities")
 }
 
 fn failure(error: RecognizeError, scan: &Path) -> Failure {

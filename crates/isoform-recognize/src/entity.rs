@@ -18,6 +18,9 @@ pub struct Entity {
     pub points: usize,
     /// The root mean square of their distances.
     pub rms: f64,
+    /// Where its points begin and end along the axis, from the centre, the apex or the point of the
+    /// axis; of planes and spheres 0.
+    pub extent: [f64; 2],
 }
 
 /// Standard deviations of an entity's parameters, from the covariance of the fit; 0 where a

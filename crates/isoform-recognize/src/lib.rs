@@ -15,6 +15,8 @@ mod segment;
 mod share;
 mod split;
 mod start;
+mod template;
 
 pub use entity::{Deviations, Entity, Recognition, Relation, RelationKind};
 pub use recognize::{Error, Options, recognize};
+pub use template::{Gap, Proposal, ProposeError, propose};

@@ -7,7 +7,7 @@ use crate::fit::{covariance, squares};
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, dot};
+use isoform_geom::{Point3, PointCloud, dot, sub};
 
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -180,7 +180,21 @@ fn entity(
         outward,
         points: count,
         rms: rms * scaling.unit,
+        extent: extent(&surface, &points).map(|h| h * scaling.unit),
     }
+}
+
+/// Where points begin and end along the axis of a surface.
+fn extent(surface: &Surface, points: &[Point3]) -> [f64; 2] {
+    let from = match surface.kind {
+        Kind::Plane | Kind::Sphere => return [0.0; 2],
+        Kind::Cone => surface.apex(),
+        Kind::Cylinder | Kind::Torus => surface.place,
+    };
+    let heights = points.iter().map(|p| dot(sub(*p, from), surface.axis));
+    heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], h| {
+        [lo.min(h), hi.max(h)]
+    })
 }
 
 /// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.

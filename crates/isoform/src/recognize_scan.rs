@@ -3,7 +3,7 @@
 use crate::{CornerError, points_on_faces};
 use isoform_control::Control;
 use isoform_geom::PointCloud;
-use isoform_recognize::{Error, Options, Recognition, recognize};
+use isoform_recognize::{Error, Options, Proposal, ProposeError, Recognition, propose, recognize};
 use std::borrow::Cow;
 
 /// About how many points are taken on the flat faces of a CAD mesh. Fewer leave small faces bare,
@@ -29,6 +29,16 @@ pub struct Recognized<'a> {
     pub scan: Cow<'a, PointCloud>,
     /// The entities, and the labels of these points.
     pub recognition: Recognition,
+}
+
+impl Recognized<'_> {
+    /// A HyperFun template of the entities, for [`fit_scan`](crate::fit_scan) to polish.
+    ///
+    /// # Errors
+    /// [`ProposeError`].
+    pub fn template(&self, title: &str, control: &Control<'_>) -> Result<Proposal, ProposeError> {
+        propose(&self.scan, &self.recognition, title, control)
+    }
 }
 
 /// Recognises planes, spheres, cylinders, cones and tori in a scan or a CAD mesh.

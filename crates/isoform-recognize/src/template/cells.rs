@@ -1,0 +1,181 @@
+//! On which side of the half spaces the solid lies: places on both sides of the points, and places
+//! all over the box with the generalised winding number of the oriented points (Barill et al., Fast
+//! winding numbers for soups and clouds, ACM Trans. Graphics 37, 2018; here summed directly).
+
+use super::half::{Half, Source};
+use super::solid::{Bits, Cell};
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
+use isoform_num::Random;
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// Places all over the box. A cell that has a hundred-thousandth of the box is hardly met.
+const PLACES: usize = 30_000;
+/// Points whose dipoles are summed, at most.
+const DIPOLES: usize = 3000;
+/// Points on both sides of which places are taken, at most.
+const BESIDE: usize = 8000;
+/// How far beside, in diagonals and in deviations of the noise.
+const OFF: (f64, f64) = (1e-3, 8.0);
+/// By how much the box of the places is larger than that of the points, as a share of its diagonal.
+const MARGIN: f64 = 0.05;
+/// Winding numbers closer to 1/2 tell nothing.
+const CLEAR: f64 = 0.25;
+/// Neighbours whose distance tells the area of a point.
+const NEIGHBOURS: usize = 8;
+/// Places closer to the points than this many times their spacing are left to those beside points.
+const NEAR: f64 = 2.0;
+/// Cells with less weight are left open: a few places may be on the wrong side.
+const LEAST: f64 = 3.0;
+/// What a place beside a point counts; one elsewhere counts 1.
+const BESIDE_WEIGHT: f64 = 2.0;
+
+/// A place of space.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub(super) at: Point3,
+    pub(super) is_inside: bool,
+    pub(super) weight: f64,
+}
+
+/// Points with unit normals outwards and the numbers of their half spaces.
+pub(super) struct Oriented<'a> {
+    pub(super) points: &'a [Point3],
+    pub(super) normals: &'a [Point3],
+    pub(super) halves: &'a [Option<usize>],
+    pub(super) noise: f64,
+}
+
+/// Places whose side is known.
+pub(super) fn places(
+    cloud: &Oriented<'_>,
+    halves: &[Half],
+    control: &Control<'_>,
+) -> Result<Vec<Place>, Stopped> {
+    let bounds = Aabb::of(cloud.points);
+    let off = (OFF.0 * bounds.diagonal()).max(OFF.1 * cloud.noise);
+    let mut places = beside(cloud, halves, off);
+    control.check()?;
+    places.extend(all_over(cloud, &bounds));
+    control.check()?;
+    Ok(places)
+}
+
+/// Every so many-th number, so that at most `most` remain.
+fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
+    (0..n).step_by(n.div_ceil(most).max(1))
+}
+
+/// Places on both sides of points, off all other surfaces.
+fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
+    let of = |i: usize| {
+        let own = cloud.halves[i]?;
+        let (p, surface) = (cloud.points[i], &halves[own].surface);
+        let (d, n) = (surface.distance(p), surface.normal(p));
+        let foot: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
+        let is_free = |(j, h): (usize, &Half)| {
+            j == own
+                || !matches!(h.source, Source::Entity(_))
+                || h.value(foot).abs() > 2.0 * off
+        };
+        if !halves.iter().enumerate().all(is_free) {
+            return None;
+        }
+        let out = if dot(n, cloud.normals[i]) < 0.0 { -off } else { off };
+        Some([true, false].map(|is_inside| {
+            let way = if is_inside { -out } else { out };
+            Place {
+                at: std::array::from_fn(|k| foot[k] + way * n[k]),
+                is_inside,
+                weight: BESIDE_WEIGHT,
+            }
+        }))
+    };
+    let numbers: Vec<usize> = thinned(cloud.points.len(), BESIDE).collect();
+    numbers.into_par_iter().filter_map(of).flatten_iter().collect()
+}
+
+/// Places all over the box, off the points.
+fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
+    let some: Vec<usize> = thinned(cloud.points.len(), DIPOLES).collect();
+    let points: Vec<Point3> = some.iter().map(|i| cloud.points[*i]).collect();
+    let tree = KdTree::new(&points);
+    let areas: Vec<f64> = points
+        .par_iter()
+        .map_init(Vec::new, |found, p| {
+            tree.nearest_k(*p, NEIGHBOURS + 1, found);
+            let squared = found.last().map_or(0.0, |f| f.0);
+            std::f64::consts::PI * squared / NEIGHBOURS as f64
+        })
+        .collect();
+    let spacing = (areas.iter().sum::<f64>() / areas.len().max(1) as f64).sqrt();
+    let [lo, hi] = widened(bounds);
+    let mut random = Random::new(1);
+    let at: Vec<Point3> = (0..PLACES)
+        .map(|_| std::array::from_fn(|k| lo[k] + random.unit() * (hi[k] - lo[k])))
+        .collect();
+    let winding = |at: Point3| -> f64 {
+        let of = |(k, p): (usize, &Point3)| {
+            let d = sub(*p, at);
+            let r = norm(d);
+            areas[k] * dot(cloud.normals[some[k]], d) / (r * r * r)
+        };
+        points.iter().enumerate().map(of).sum::<f64>() / (4.0 * std::f64::consts::PI)
+    };
+    let place = |at: Point3| {
+        let near = tree.nearest(at).map_or(0.0, |f| f.1.sqrt());
+        if near < NEAR * spacing {
+            return None;
+        }
+        let w = winding(at);
+        ((w - 0.5).abs() > CLEAR).then_some(Place {
+            at,
+            is_inside: w > 0.5,
+            weight: 1.0,
+        })
+    };
+    at.into_par_iter().filter_map(place).collect()
+}
+
+/// The corners of the box in which places are taken.
+fn widened(bounds: &Aabb) -> [Point3; 2] {
+    let more = MARGIN * bounds.diagonal();
+    [bounds.lo.map(|x| x - more), bounds.hi.map(|x| x + more)]
+}
+
+/// The sides of a place.
+pub(super) fn bits(halves: &[Half], at: Point3) -> Bits {
+    let of = |bits: Bits, (k, h): (usize, &Half)| bits | Bits::from(h.value(at) > 0.0) << k;
+    halves.iter().enumerate().fold(0, of)
+}
+
+/// The weight of the places in a cell, inside and outside.
+type Votes = BTreeMap<Bits, [f64; 2]>;
+
+pub(super) fn votes(halves: &[Half], places: &[Place]) -> Votes {
+    let sides: Vec<Bits> = places.par_iter().map(|p| bits(halves, p.at)).collect();
+    let mut votes = Votes::new();
+    for (place, bits) in places.iter().zip(sides) {
+        votes.entry(bits).or_default()[usize::from(place.is_inside)] += place.weight;
+    }
+    votes
+}
+
+/// The cells of which enough is known.
+pub(super) fn cells(votes: &Votes) -> Vec<Cell> {
+    let cell = |(bits, [outside, inside]): (&Bits, &[f64; 2])| {
+        let weight = inside.max(*outside);
+        (weight >= LEAST).then_some(Cell {
+            bits: *bits,
+            is_inside: inside > outside,
+            weight,
+        })
+    };
+    votes.iter().filter_map(cell).collect()
+}
+
+/// The weight of places that lie in one cell with more weight of the other side.
+pub(super) fn contradiction(votes: &Votes) -> f64 {
+    votes.values().map(|[outside, inside]| inside.min(*outside)).sum()
+}

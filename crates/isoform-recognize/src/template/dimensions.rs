@@ -1,0 +1,321 @@
+//! The parameters of a template: where its surfaces lie in its own frame, and how large they are.
+
+use super::frame::Frame;
+use crate::chart::{Kind, Surface};
+use crate::entity::{Entity, Recognition, RelationKind};
+use isoform_geom::{UnionFind, dot};
+
+/// Two lengths are one where they differ by at most this many deviations of their difference.
+const WITHIN: f64 = 4.0;
+/// The largest such difference, as a share of the diagonal: what is less well known is not tied.
+const TIED: f64 = 2e-3;
+/// The least deviation, as a share of the diagonal: what rounding leaves.
+const ROUNDING: f64 = 1e-7;
+/// Half the range of a position, as a share of the diagonal, and of a size, as a share of it. A
+/// template whose bounds are wider than some 5 % of its size can end in a wrong place; narrower
+/// ones would not hold the next part of the kind.
+const RANGE: (f64, f64) = (0.02, 0.1);
+/// Half the range in deviations at least.
+const DEVIATIONS: f64 = 10.0;
+/// Half the range of an angle in radians: 2.9°.
+const TURN: f64 = 0.05;
+/// The share of the distance to the next parallel face that the range takes, so that they keep
+/// their order.
+const APART: f64 = 0.45;
+
+/// What a parameter measures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Measure {
+    Length,
+    Angle,
+}
+
+/// A parameter of the template.
+#[derive(Clone, Debug)]
+pub(super) struct Parameter {
+    pub(super) name: String,
+    pub(super) measure: Measure,
+    pub(super) start: f64,
+    pub(super) range: [f64; 2],
+    pub(super) about: String,
+    /// Held: nothing in the scan tells it.
+    pub(super) is_fixed: bool,
+}
+
+/// What stands for a number in the program.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Term {
+    /// The frame's own zero.
+    Zero,
+    /// A parameter of this number.
+    Of(usize),
+}
+
+/// A coordinate that several surfaces may share.
+struct Shared {
+    system: usize,
+    axis: usize,
+    is_plane: bool,
+    value: f64,
+    sd: f64,
+    term: Term,
+}
+
+/// The parameters so far, and where the origin of the frame is.
+pub(super) struct Dimensions<'a> {
+    frame: &'a Frame,
+    entities: &'a [Entity],
+    pub(super) parameters: Vec<Parameter>,
+    /// The origin in the frame's coordinates about the middle of the scan; whether something lies
+    /// there, by axis.
+    pub(super) origin: [f64; 3],
+    pub(super) is_known: [bool; 3],
+    shared: Vec<Shared>,
+    /// Entities of one radius.
+    radii: Vec<usize>,
+    radius_of: Vec<Option<usize>>,
+    /// The diagonal of the scan, and the noise of its points.
+    diagonal: f64,
+    noise: f64,
+}
+
+impl<'a> Dimensions<'a> {
+    /// Without parameters, with the origin in what the used entities are measured from.
+    pub(super) fn new(
+        frame: &'a Frame,
+        found: &'a Recognition,
+        used: &[bool],
+        diagonal: f64,
+    ) -> Self {
+        let n = found.entities.len();
+        let mut radii = UnionFind::new(n);
+        for r in &found.relations {
+            if r.kind == RelationKind::EqualRadius {
+                radii.unite(r.entities[0] as u32, r.entities[1] as u32);
+            }
+        }
+        let mut new = Self {
+            frame,
+            entities: &found.entities,
+            parameters: Vec::new(),
+            origin: [0.0; 3],
+            is_known: [false; 3],
+            shared: Vec::new(),
+            radii: (0..n).map(|i| radii.root(i as u32) as usize).collect(),
+            radius_of: vec![None; n],
+            diagonal,
+            noise: found.noise,
+        };
+        new.place_origin(used);
+        new
+    }
+
+    /// Puts the origin where a designer would: on the main axis, if that has more of the surface
+    /// than the planes along it, else in the lowest faces.
+    fn place_origin(&mut self, used: &[bool]) {
+        let surfaces = &self.frame.surfaces;
+        let own = |i: usize| self.frame.along[i].filter(|w| w.0 == 0).map(|w| w.1);
+        let is_axial = |i: &usize| used[*i] && surfaces[*i].kind > Kind::Sphere;
+        let along_z = |i: &usize| is_axial(i) && own(*i) == Some(2);
+        let points = |i: usize| self.entities[i].points;
+        let main = (0..surfaces.len()).filter(along_z).max_by_key(|i| (points(*i), usize::MAX - i));
+        let about_main: usize = main.map_or(0, |m| {
+            let is_coaxial = |i: &usize| {
+                let [p, q] = [m, *i].map(|j| surfaces[j].place);
+                (p[0] - q[0]).hypot(p[1] - q[1]) <= TIED * self.diagonal
+            };
+            (0..surfaces.len()).filter(along_z).filter(is_coaxial).map(points).sum()
+        });
+        let is_plane = |i: &usize| used[*i] && surfaces[*i].kind == Kind::Plane;
+        let planes = |k: usize| (0..surfaces.len()).filter(is_plane).filter(move |i| own(*i) == Some(k));
+        let beside: usize = planes(0).chain(planes(1)).map(points).sum();
+        for k in 0..3 {
+            let lowest = planes(k).map(|i| surfaces[i].place[k]).reduce(f64::min);
+            let of_axis = main.filter(|_| k < 2).map(|m| surfaces[m].place[k]);
+            let first = if about_main > beside { of_axis.or(lowest) } else { lowest.or(of_axis) };
+            let place = first.or_else(|| self.any_place(k, used));
+            self.is_known[k] = place.is_some();
+            self.origin[k] = place.unwrap_or(0.0);
+        }
+    }
+
+    /// Where the first entity that has a place along an axis lies.
+    fn any_place(&self, k: usize, used: &[bool]) -> Option<f64> {
+        let surfaces = &self.frame.surfaces;
+        let has_place = |i: &usize| {
+            let s = &surfaces[*i];
+            let slides = matches!(s.kind, Kind::Cylinder) && s.axis[k].abs() == 1.0;
+            used[*i] && s.kind != Kind::Plane && !slides
+        };
+        (0..surfaces.len()).find(has_place).map(|i| surfaces[i].place[k])
+    }
+
+    /// A new parameter.
+    pub(super) fn add(&mut self, parameter: Parameter) -> usize {
+        self.parameters.push(parameter);
+        self.parameters.len() - 1
+    }
+
+    /// A parameter for a position of the frame along one of its axes, which is where the origin is.
+    pub(super) fn add_origin(&mut self, k: usize) -> usize {
+        let half = RANGE.0 * self.diagonal;
+        let start = self.origin[k];
+        self.add(Parameter {
+            name: format!("origin_{}", LETTERS[k]),
+            measure: Measure::Length,
+            start,
+            range: [start - half, start + half],
+            about: "where the part lies, along its own axes".to_owned(),
+            is_fixed: false,
+        })
+    }
+
+    /// A parameter for an angle.
+    pub(super) fn add_angle(&mut self, name: String, start: f64, about: &str) -> usize {
+        self.add(Parameter {
+            name,
+            measure: Measure::Angle,
+            start,
+            range: [start - TURN, start + TURN],
+            about: about.to_owned(),
+            is_fixed: false,
+        })
+    }
+
+    /// The coordinate of a place in a system, from the origin.
+    fn coordinate(&self, system: usize, axis: usize, s: &Surface) -> f64 {
+        let row = self.frame.systems[system].rows[axis];
+        dot(row, s.place) - dot(row, self.origin)
+    }
+
+    /// The deviation of an entity's coordinates, with that of rounding.
+    fn deviation(&self, entity: usize) -> f64 {
+        let e = &self.entities[entity];
+        let mean = self.noise / (e.points.max(1) as f64).sqrt();
+        let [x, y, z] = e.deviations.place;
+        let place = x.max(y).max(z);
+        let sd = if place > 0.0 && place.is_finite() { place } else { mean };
+        sd.max(ROUNDING * self.diagonal)
+    }
+
+    /// The coordinate of an entity along an axis of a system: zero, a parameter that there is, or a
+    /// new one of this name.
+    pub(super) fn position(
+        &mut self,
+        entity: usize,
+        [system, axis]: [usize; 2],
+        name: &str,
+        about: &str,
+    ) -> Term {
+        let surface = self.frame.surfaces[entity];
+        let value = self.coordinate(system, axis, &surface);
+        let (is_plane, sd) = (surface.kind == Kind::Plane, self.deviation(entity));
+        let limit = TIED * self.diagonal;
+        let is_one = |v: f64, other: f64| (v - value).abs() <= (WITHIN * sd.hypot(other)).min(limit);
+        let fits = |s: &&Shared| {
+            s.system == system && s.axis == axis && s.is_plane == is_plane && is_one(s.value, s.sd)
+        };
+        if let Some(shared) = self.shared.iter().find(fits) {
+            return shared.term;
+        }
+        let term = match system == 0 && is_one(0.0, sd) {
+            true => Term::Zero,
+            false => Term::Of(self.add_position(value, sd, is_plane, [system, axis], name, about)),
+        };
+        self.shared.push(Shared {
+            system,
+            axis,
+            is_plane,
+            value: if term == Term::Zero { 0.0 } else { value },
+            sd,
+            term,
+        });
+        term
+    }
+
+    /// A parameter for a position, with a range that keeps parallel faces in their order.
+    fn add_position(
+        &mut self,
+        value: f64,
+        sd: f64,
+        is_plane: bool,
+        [system, axis]: [usize; 2],
+        name: &str,
+        about: &str,
+    ) -> usize {
+        let next = (0..self.frame.surfaces.len())
+            .filter(|i| {
+                let is_parallel = self.frame.along[*i] == Some((system, axis));
+                is_plane && is_parallel && self.frame.surfaces[*i].kind == Kind::Plane
+            })
+            .map(|i| (self.coordinate(system, axis, &self.frame.surfaces[i]) - value).abs())
+            .filter(|d| *d > TIED * self.diagonal)
+            .fold(f64::INFINITY, f64::min);
+        let half = (RANGE.0 * self.diagonal).min(APART * next).max(DEVIATIONS * sd);
+        let name = self.free(name);
+        self.add(Parameter {
+            name,
+            measure: Measure::Length,
+            start: value,
+            range: [value - half, value + half],
+            about: about.to_owned(),
+            is_fixed: false,
+        })
+    }
+
+    /// The radius of an entity: that of entities of equal radius, or a new parameter.
+    pub(super) fn radius(&mut self, entity: usize, name: &str) -> Term {
+        let root = self.radii[entity];
+        if let Some(parameter) = self.radius_of[root] {
+            return Term::Of(parameter);
+        }
+        let s = self.frame.surfaces[entity];
+        let size = if s.kind == Kind::Torus { s.other } else { s.size };
+        let parameter = self.size(entity, size, name, "");
+        self.radius_of[root] = Some(parameter);
+        Term::Of(parameter)
+    }
+
+    /// A parameter for a size of an entity.
+    pub(super) fn size(&mut self, entity: usize, size: f64, name: &str, about: &str) -> usize {
+        let sd = self.entities[entity].deviations.size.max(self.entities[entity].deviations.minor);
+        let sd = if sd.is_finite() { sd } else { 0.0 };
+        let half = (RANGE.1 * size).max((DEVIATIONS * sd).min(size / 2.0));
+        let name = self.free(name);
+        self.add(Parameter {
+            name,
+            measure: Measure::Length,
+            start: size,
+            range: [size - half, size + half],
+            about: about.to_owned(),
+            is_fixed: false,
+        })
+    }
+
+    /// A held parameter: where a side of the box of the data lies that shows no face.
+    pub(super) fn unseen(&mut self, axis: usize, is_upper: bool, place: f64) -> usize {
+        let (start, side) = (place - self.origin[axis], if is_upper { "high" } else { "low" });
+        let name = self.free(&format!("unseen_{}_{side}", LETTERS[axis]));
+        self.add(Parameter {
+            name,
+            measure: Measure::Length,
+            start,
+            range: [start - RANGE.0 * self.diagonal, start + RANGE.0 * self.diagonal],
+            about: "no face was seen here: the end of the data".to_owned(),
+            is_fixed: true,
+        })
+    }
+
+    /// A name that no parameter has: this one, or with a number behind it.
+    fn free(&self, name: &str) -> String {
+        let is_free = |n: &String| self.parameters.iter().all(|p| p.name != *n);
+        let numbered = (2..).map(|k| format!("{name}_{k}"));
+        std::iter::once(name.to_owned())
+            .chain(numbered)
+            .find(is_free)
+            .expect("there are more numbers than parameters")
+    }
+}
+
+/// The names of the axes.
+pub(super) const LETTERS: [char; 3] = ['x', 'y', 'z'];

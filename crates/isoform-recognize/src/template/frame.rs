@@ -1,0 +1,326 @@
+//! The frame of a part: the directions that most of its surface has, each class of parallel
+//! entities with one direction.
+
+use crate::chart::{Kind, Surface, frame, unit};
+use crate::entity::{Entity, Recognition, RelationKind};
+use isoform_geom::{Point3, Quadric, UnionFind, cross, dot, sub};
+
+/// What a point of an entity with an axis counts against one of a plane: a part is drawn along its
+/// bores.
+const AXIAL: f64 = 2.0;
+/// An angle within this many deviations of a multiple of [`STEP`] is one.
+const WITHIN: f64 = 4.0;
+/// Angles that designers choose, in radians: 15°.
+const STEP: f64 = std::f64::consts::PI / 12.0;
+/// The least deviation of an angle: what rounding leaves.
+const ROUNDING: f64 = 1e-6;
+/// The largest deviation of an angle that may be taken for a multiple of [`STEP`]: half a degree.
+const TOLD: f64 = 0.009;
+
+/// Coordinates turned against the part's own.
+#[derive(Clone, Debug)]
+pub(super) struct System {
+    /// Axes of the frame (0 to 2) about which it is turned one after the other, by which angles, and
+    /// whether they are known from the design.
+    pub(super) turns: Vec<Turn>,
+    /// Its axes in the frame's coordinates.
+    pub(super) rows: [Point3; 3],
+}
+
+/// A turn about an axis.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Turn {
+    pub(super) about: usize,
+    pub(super) angle: f64,
+    pub(super) is_design: bool,
+}
+
+/// The frame, and what it makes of the entities.
+pub(super) struct Frame {
+    /// The axes in the scan's coordinates.
+    pub(super) rows: [Point3; 3],
+    /// The entities' surfaces in the frame's coordinates about the middle of the scan.
+    pub(super) surfaces: Vec<Surface>,
+    /// The part's own coordinates, and further ones.
+    pub(super) systems: Vec<System>,
+    /// For each entity with a direction the system and the axis of it.
+    pub(super) along: Vec<Option<(usize, usize)>>,
+    /// Whether the first axis is that of an entity, or leads to one beside the main axis.
+    pub(super) is_first_known: bool,
+}
+
+impl Frame {
+    /// A point of the scan in the frame's coordinates about `middle`.
+    pub(super) fn apply(&self, p: Point3, middle: Point3) -> Point3 {
+        let d = sub(p, middle);
+        self.rows.map(|r| dot(r, d))
+    }
+
+    /// Of what was recognised in a scan with this middle.
+    pub(super) fn of(found: &Recognition, middle: Point3) -> Self {
+        let surfaces: Vec<Surface> = found
+            .entities
+            .iter()
+            .map(|e| Surface::of(&e.surface, middle))
+            .collect();
+        let classes = Classes::of(found, &surfaces);
+        let (rows, is_first_known) = classes.axes(&surfaces);
+        let turned = |v: Point3| rows.map(|r| dot(r, v));
+        let mut new = Self {
+            rows,
+            surfaces: Vec::new(),
+            systems: vec![System {
+                turns: Vec::new(),
+                rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+            }],
+            along: Vec::new(),
+            is_first_known,
+        };
+        let ways: Vec<(usize, usize)> = (0..classes.directions.len())
+            .map(|c| new.system_for(&classes, c, turned(classes.directions[c])))
+            .collect();
+        for (s, class) in surfaces.iter().zip(&classes.of_entity) {
+            let way = class.map(|c| ways[c]);
+            let mut axis = turned(s.axis);
+            if let Some((system, k)) = way {
+                let exact = new.systems[system].rows[k];
+                axis = exact.map(|x| x * dot(exact, axis).signum());
+            }
+            new.along.push(way);
+            new.surfaces.push(Surface {
+                place: turned(s.place),
+                axis,
+                ..*s
+            });
+        }
+        new
+    }
+
+    /// The system and its axis along which a class lies: an old system, or a new one.
+    fn system_for(&mut self, classes: &Classes, class: usize, direction: Point3) -> (usize, usize) {
+        let sd = classes.deviations[class].max(ROUNDING);
+        let is_along = |s: &System, k: usize| {
+            let off = dot(cross(s.rows[k], direction), cross(s.rows[k], direction)).sqrt();
+            off <= WITHIN * sd && off < TOLD
+        };
+        for (i, system) in self.systems.iter().enumerate() {
+            if let Some(k) = (0..3).find(|k| is_along(system, *k)) {
+                return (i, k);
+            }
+        }
+        let is_across = |k: &usize| direction[*k].abs() <= (WITHIN * sd).min(TOLD);
+        let turn = |about: usize, angle: f64| {
+            let design = (angle / STEP).round() * STEP;
+            let is_design = (angle - design).abs() <= WITHIN * sd && sd < TOLD;
+            Turn {
+                about,
+                angle: if is_design { design } else { angle },
+                is_design,
+            }
+        };
+        let [x, y, z] = direction;
+        let (turns, axis) = match [2, 1, 0].into_iter().find(is_across) {
+            Some(2) => (vec![turn(2, y.atan2(x))], 0),
+            Some(1) => (vec![turn(1, x.atan2(z))], 2),
+            Some(_) => (vec![turn(0, (-y).atan2(z))], 2),
+            None => {
+                let across = x.hypot(y);
+                (vec![turn(2, y.atan2(x)), turn(1, across.atan2(z))], 2)
+            }
+        };
+        let rows = turned_axes(&turns);
+        self.systems.push(System { turns, rows });
+        (self.systems.len() - 1, axis)
+    }
+}
+
+/// The axes of the frame after turns, the first of them last.
+pub(super) fn turned_axes(turns: &[Turn]) -> [Point3; 3] {
+    let mut rows: [Point3; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    for turn in turns.iter().rev() {
+        let (sin, cos) = turn.angle.sin_cos();
+        let (i, j) = ((turn.about + 1) % 3, (turn.about + 2) % 3);
+        for row in &mut rows {
+            let (u, v) = (row[i], row[j]);
+            (row[i], row[j]) = (cos * u - sin * v, sin * u + cos * v);
+        }
+    }
+    rows
+}
+
+/// Entities of one direction.
+struct Classes {
+    of_entity: Vec<Option<usize>>,
+    directions: Vec<Point3>,
+    /// Deviation of each direction, in radians.
+    deviations: Vec<f64>,
+    /// How much of the part has it.
+    weights: Vec<f64>,
+    /// Pairs at right angles.
+    across: Vec<(usize, usize)>,
+}
+
+impl Classes {
+    fn of(found: &Recognition, surfaces: &[Surface]) -> Self {
+        let n = surfaces.len();
+        let mut sets = UnionFind::new(n);
+        for r in &found.relations {
+            let is_one = matches!(
+                r.kind,
+                RelationKind::Parallel | RelationKind::Coplanar | RelationKind::Coaxial
+            );
+            if is_one {
+                sets.unite(r.entities[0] as u32, r.entities[1] as u32);
+            }
+        }
+        let mut new = Self {
+            of_entity: vec![None; n],
+            directions: Vec::new(),
+            deviations: Vec::new(),
+            weights: Vec::new(),
+            across: Vec::new(),
+        };
+        let mut class_of_root = vec![None; n];
+        for (i, s) in surfaces.iter().enumerate() {
+            if s.kind == Kind::Sphere {
+                continue;
+            }
+            let root = sets.root(i as u32) as usize;
+            let class = *class_of_root[root].get_or_insert_with(|| {
+                new.directions.push(s.axis);
+                new.deviations.push(0.0);
+                new.weights.push(0.0);
+                new.directions.len() - 1
+            });
+            new.of_entity[i] = Some(class);
+        }
+        new.average(&found.entities, surfaces);
+        for r in found.relations.iter().filter(|r| r.kind == RelationKind::Perpendicular) {
+            if let [Some(a), Some(b)] = r.entities.map(|i| new.of_entity[i]) {
+                new.across.extend([(a, b), (b, a)]);
+            }
+        }
+        new
+    }
+
+    /// Directions as means by their deviations, and what they weigh.
+    fn average(&mut self, entities: &[Entity], surfaces: &[Surface]) {
+        let mut sums = vec![([0.0; 3], 0.0); self.directions.len()];
+        for ((e, s), class) in entities.iter().zip(surfaces).zip(&self.of_entity) {
+            let Some(c) = *class else { continue };
+            let d = e.deviations.direction;
+            let sd = dot(d, d).sqrt().clamp(1e-9, 1.0);
+            let sign = dot(s.axis, self.directions[c]).signum();
+            let weight = 1.0 / (sd * sd);
+            for k in 0..3 {
+                sums[c].0[k] += weight * sign * s.axis[k];
+            }
+            sums[c].1 += weight;
+            let each = if s.kind == Kind::Plane { 1.0 } else { AXIAL };
+            self.weights[c] += each * e.points as f64;
+        }
+        for (c, (sum, weight)) in sums.into_iter().enumerate() {
+            self.directions[c] = unit(sum);
+            self.deviations[c] = weight.sqrt().recip();
+        }
+    }
+
+    fn are_across(&self, a: usize, b: usize) -> bool {
+        self.across.contains(&(a, b))
+            || dot(self.directions[a], self.directions[b]).abs() < ROUNDING
+    }
+
+    /// The class of most weight out of some.
+    fn heaviest(&self, of: impl Fn(usize) -> bool) -> Option<usize> {
+        let all = (0..self.directions.len()).filter(|c| of(*c));
+        all.max_by(|a, b| self.weights[*a].total_cmp(&self.weights[*b]).then(b.cmp(a)))
+    }
+
+    /// The axes of the frame: the third along the class of most weight, the first along the heaviest
+    /// across it, else from the main axis to another one; and whether the first is known.
+    fn axes(&self, surfaces: &[Surface]) -> ([Point3; 3], bool) {
+        let Some(main) = self.heaviest(|_| true) else {
+            let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            return (plain, false);
+        };
+        let z = upwards(self.directions[main]);
+        let across = |v: Point3| -> Point3 {
+            let h = dot(v, z);
+            unit(std::array::from_fn(|k| v[k] - h * z[k]))
+        };
+        let first = self.heaviest(|c| c != main && self.are_across(main, c));
+        let first = first.map(|c| across(upwards(self.directions[c])));
+        let x = first.or_else(|| self.off_axis(main, surfaces).map(across));
+        let known = x.is_some();
+        let x = x.unwrap_or_else(|| frame(z)[0]);
+        ([x, cross(z, x), z], known)
+    }
+
+    /// The way from the axis of the entity of most points along a class to the first entity that
+    /// lies clearly beside it.
+    fn off_axis(&self, main: usize, surfaces: &[Surface]) -> Option<Point3> {
+        let z = self.directions[main];
+        let is_along = |i: &usize| {
+            let s = &surfaces[*i];
+            s.kind == Kind::Sphere || s.kind > Kind::Sphere && self.of_entity[*i] == Some(main)
+        };
+        let mut beside = (0..surfaces.len()).filter(is_along).map(|i| surfaces[i].place);
+        let middle = beside.next()?;
+        let size = surfaces.iter().map(|s| s.size).fold(0.0, f64::max);
+        let way = |p: Point3| {
+            let d = sub(p, middle);
+            let h = dot(d, z);
+            let v: Point3 = std::array::from_fn(|k| d[k] - h * z[k]);
+            (dot(v, v).sqrt() > BESIDE * size).then_some(v)
+        };
+        beside.find_map(way)
+    }
+}
+
+/// An axis this share of the largest radius off the main axis lies beside it.
+const BESIDE: f64 = 0.02;
+
+/// The direction or its opposite, whichever has the larger component positive.
+fn upwards(d: Point3) -> Point3 {
+    let k = (0..3).fold(0, |m, k| if d[k].abs() > d[m].abs() { k } else { m });
+    if d[k] < 0.0 { d.map(|x| -x) } else { d }
+}
+
+impl Surface {
+    /// A recognised surface, about a point.
+    fn of(quadric: &Quadric, about: Point3) -> Self {
+        let of = |kind, place, axis, size, other| Self {
+            kind,
+            place: sub(place, about),
+            axis,
+            size,
+            other,
+        };
+        let any = [0.0, 0.0, 1.0];
+        match *quadric {
+            Quadric::Plane { normal, offset } => {
+                let h = offset - dot(normal, about);
+                let place = std::array::from_fn(|k| about[k] + h * normal[k]);
+                of(Kind::Plane, place, normal, 0.0, 0.0)
+            }
+            Quadric::Sphere { center, radius } => of(Kind::Sphere, center, any, radius, 0.0),
+            Quadric::Cylinder {
+                point,
+                axis,
+                radius,
+            } => of(Kind::Cylinder, point, axis, radius, 0.0),
+            Quadric::Cone {
+                apex,
+                axis,
+                half_angle,
+            } => of(Kind::Cone, apex, axis, 0.0, half_angle),
+            Quadric::Torus {
+                center,
+                axis,
+                major,
+                minor,
+            } => of(Kind::Torus, center, axis, major, minor),
+            Quadric::Other { .. } => unreachable!("entities are of the five kinds"),
+        }
+    }
+}

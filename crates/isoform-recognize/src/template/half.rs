@@ -1,0 +1,104 @@
+//! Half spaces: one for each entity, and those that tell apart what the entities' surfaces do not.
+//! All is in the coordinates of the part's frame.
+
+use crate::chart::{Kind, Surface};
+use isoform_geom::{Aabb, Point3};
+
+/// Where a half space comes from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Source {
+    /// An entity of this number.
+    Entity(usize),
+    /// The plane through the centre or axis of an entity (its number), normal to an axis of the
+    /// frame.
+    Through(usize, usize),
+    /// The cylinder about a torus (its number) through the circle in its middle.
+    Around(usize),
+    /// A side of the data's box along an axis of the frame (true: the upper one), where no face was
+    /// seen.
+    Side(usize, bool),
+}
+
+/// A half space bounded by a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Half {
+    pub(super) surface: Surface,
+    /// 1 where it lies on the side of the surface's normal, −1 on the other.
+    pub(super) sign: f64,
+    pub(super) source: Source,
+}
+
+impl Half {
+    /// The distance from its surface, positive inside.
+    pub(super) fn value(&self, p: Point3) -> f64 {
+        self.sign * self.surface.distance(p)
+    }
+
+    /// The half space of an entity: of a plane the side of the material, of other surfaces that of
+    /// their axis or centre.
+    pub(super) fn of_entity(surface: &Surface, outward: i8, number: usize) -> Self {
+        let is_along = surface.kind == Kind::Plane && outward < 0;
+        Self {
+            surface: *surface,
+            sign: if is_along { 1.0 } else { -1.0 },
+            source: Source::Entity(number),
+        }
+    }
+
+    /// The side of a plane away from its normal, which is an axis of the frame.
+    fn below(place: Point3, axis: usize, source: Source) -> Self {
+        let mut normal = [0.0; 3];
+        normal[axis] = 1.0;
+        Self {
+            surface: Surface {
+                kind: Kind::Plane,
+                place,
+                axis: normal,
+                size: 0.0,
+                other: 0.0,
+            },
+            sign: -1.0,
+            source,
+        }
+    }
+}
+
+/// Half spaces that may be needed beside those of the entities: where a sphere passes into a
+/// cylinder, or a torus into a plane, no entity's surface separates the one from the other; and
+/// where nothing was seen, the box of the data is the border.
+pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
+    let mut halves = Vec::new();
+    for (i, s) in surfaces.iter().enumerate() {
+        if s.kind == Kind::Plane {
+            continue;
+        }
+        if s.kind == Kind::Torus {
+            halves.push(Half {
+                surface: Surface {
+                    kind: Kind::Cylinder,
+                    ..*s
+                },
+                sign: -1.0,
+                source: Source::Around(i),
+            });
+        }
+        for k in 0..3 {
+            // Planes through the axis of a cylinder or cone; the plane of a torus's circle, too.
+            let cosine = s.axis[k].abs();
+            let suits = match s.kind {
+                Kind::Sphere => true,
+                Kind::Torus => cosine == 1.0 || cosine == 0.0,
+                _ => cosine == 0.0,
+            };
+            if suits {
+                halves.push(Half::below(s.place, k, Source::Through(i, k)));
+            }
+        }
+    }
+    for k in 0..3 {
+        let low = Half::below(bounds.lo, k, Source::Side(k, false));
+        halves.push(Half { sign: 1.0, ..low });
+        halves.push(Half::below(bounds.hi, k, Source::Side(k, true)));
+    }
+    halves
+}

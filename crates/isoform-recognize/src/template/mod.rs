@@ -1,0 +1,225 @@
+//! A HyperFun template of what was recognised: half spaces of the entities, joined by set operations
+//! to the solid that the points bound, with named parameters.
+
+mod cells;
+mod dimensions;
+mod frame;
+mod half;
+mod program;
+mod solid;
+
+use crate::entity::Recognition;
+use cells::{Oriented, Place, cells, contradiction, places, votes};
+use frame::Frame;
+use half::{Half, Source, separators};
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Aabb, Point3, PointCloud, dot};
+use program::Part;
+use solid::{MOST_HALVES, Solid, ones, solid};
+
+/// Half spaces added at most where the entities' own do not separate the solid.
+const MOST_ADDED: usize = 24;
+/// One is added where it takes this share of the contradictions away, and this much of their weight
+/// at least: a few places may be on the wrong side.
+const HELPS: (f64, f64) = (0.1, 8.0);
+/// The solid is closed where at most this share of the places' weight is contradictory.
+const OPEN: f64 = 0.01;
+/// Lengths of the program are rounded to this share of the diagonal; a fit starts from there.
+const DIGITS: f64 = 1e-7;
+
+/// A template proposed for a scan.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Proposal {
+    /// The HyperFun program, with starts and bounds of its parameters.
+    pub program: String,
+    /// For each entity whether it bounds the solid.
+    pub used: Vec<bool>,
+    /// The share of the scan's points that lie on those entities.
+    pub explained: f64,
+    /// What is missing.
+    pub gaps: Vec<Gap>,
+}
+
+/// What a proposed template lacks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Gap {
+    /// This share of the points lies on no entity.
+    Unassigned(f64),
+    /// No face was seen on this side of the box (axis of the part's frame, and whether it is the upper
+    /// one); the box of the data closes the solid there.
+    Unseen(usize, bool),
+    /// This share of the places near the surface cannot be told apart by the entities.
+    Open(f64),
+    /// This many entities do not bound the solid.
+    Unused(usize),
+}
+
+impl std::fmt::Display for Gap {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            Self::Unassigned(share) => write!(
+                f,
+                "{:.1} % of the points lie on no recognised entity",
+                100.0 * share
+            ),
+            Self::Unseen(axis, is_upper) => {
+                let (axis, side) = (['x', 'y', 'z'][*axis], if *is_upper { "upper" } else { "lower" });
+                write!(
+                    f,
+                    "no face closes the {side} end along the part's {axis} axis: the end of the data \
+                     stands for it"
+                )
+            }
+            Self::Open(share) => write!(
+                f,
+                "the entities do not close: {:.1} % of the places looked at lie on the wrong side",
+                100.0 * share
+            ),
+            Self::Unused(count) => write!(f, "{count} entities do not bound the solid"),
+        }
+    }
+}
+
+/// Why no template is proposed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProposeError {
+    /// There is nothing to make a template of.
+    #[error("no entity was recognised")]
+    NoEntities,
+    /// There are more entities than a template can hold.
+    #[error("{0} entities are too many for a template, which holds 100")]
+    Many(usize),
+    /// The entities bound no solid.
+    #[error("the entities bound no solid")]
+    NoSolid,
+    /// The work was cancelled, or its deadline is over.
+    #[error(transparent)]
+    Stopped(#[from] Stopped),
+}
+
+/// Proposes a template for the points of which something was recognised.
+///
+/// # Errors
+/// [`ProposeError`].
+pub fn propose(
+    scan: &PointCloud,
+    found: &Recognition,
+    title: &str,
+    control: &Control<'_>,
+) -> Result<Proposal, ProposeError> {
+    let count = found.entities.len();
+    if count == 0 {
+        return Err(ProposeError::NoEntities);
+    }
+    if count + MOST_ADDED > MOST_HALVES {
+        return Err(ProposeError::Many(count));
+    }
+    control.report("template", 0.0);
+    let center = Aabb::of(&scan.points).center();
+    let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
+    let frame = Frame::of(found, middle);
+    let points: Vec<Point3> = scan.points.iter().map(|p| frame.apply(*p, center)).collect();
+    let normals: Vec<Point3> = found.normals.iter().map(|n| frame.rows.map(|r| dot(r, *n))).collect();
+    let bounds = Aabb::of(&points);
+    let mut halves: Vec<Half> = (0..count)
+        .map(|i| Half::of_entity(&frame.surfaces[i], found.entities[i].outward, i))
+        .collect();
+    let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
+    let cloud = Oriented {
+        points: &points,
+        normals: &normals,
+        halves: &of,
+        noise: found.noise,
+    };
+    let places = places(&cloud, &halves, control)?;
+    let open = separate(&mut halves, &separators(&frame.surfaces, &bounds), &places);
+    control.check()?;
+    let solid = solid(&cells(&votes(&halves, &places)), halves.len());
+    if matches!(&solid, Solid::All(of) | Solid::Any(of) if of.is_empty()) {
+        return Err(ProposeError::NoSolid);
+    }
+    let part = Part {
+        frame: &frame,
+        found,
+        halves: &halves,
+        solid: &solid,
+        middle,
+        bounds,
+        digits: digits(bounds.diagonal()),
+    };
+    let used = part.used();
+    Ok(Proposal {
+        program: part.program(title),
+        explained: share(&found.labels, |l| l.is_some_and(|l| used[l as usize])),
+        gaps: gaps(found, &halves, &solid, &used, open),
+        used,
+    })
+}
+
+/// Digits behind the point that tell a ten-millionth of the diagonal.
+fn digits(diagonal: f64) -> usize {
+    (-(diagonal * DIGITS).log10()).ceil().clamp(0.0, 18.0) as usize
+}
+
+fn share<T>(of: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {
+    of.iter().filter(|x| is_counted(x)).count() as f64 / of.len().max(1) as f64
+}
+
+/// Adds half spaces while they take contradictions away; the share of weight that is left.
+fn separate(halves: &mut Vec<Half>, candidates: &[Half], places: &[Place]) -> f64 {
+    let all: f64 = places.iter().map(|p| p.weight).sum();
+    for _ in 0..MOST_ADDED {
+        let now = contradiction(&votes(halves, places));
+        let torn = torn(halves, places);
+        let left = |candidate: &Half| {
+            let mut more = halves.clone();
+            more.push(*candidate);
+            contradiction(&votes(&more, &torn))
+        };
+        let best = candidates.iter().map(|c| (left(c), c));
+        let Some((left, best)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+            break;
+        };
+        if now - left < HELPS.1.max(HELPS.0 * now) {
+            break;
+        }
+        halves.push(*best);
+    }
+    contradiction(&votes(halves, places)) / all.max(1.0)
+}
+
+/// The places in cells with both sides.
+fn torn(halves: &[Half], places: &[Place]) -> Vec<Place> {
+    let votes = votes(halves, places);
+    let is_torn = |p: &&Place| votes[&cells::bits(halves, p.at)].iter().all(|w| *w > 0.0);
+    places.iter().filter(is_torn).copied().collect()
+}
+
+fn gaps(
+    found: &Recognition,
+    halves: &[Half],
+    solid: &Solid,
+    used: &[bool],
+    open: f64,
+) -> Vec<Gap> {
+    let mut gaps = Vec::new();
+    let unassigned = share(&found.labels, Option::is_none);
+    if unassigned > 0.0 {
+        gaps.push(Gap::Unassigned(unassigned));
+    }
+    for k in ones(solid.halves()) {
+        if let Source::Side(axis, is_upper) = halves[k].source {
+            gaps.push(Gap::Unseen(axis, is_upper));
+        }
+    }
+    if open > OPEN {
+        gaps.push(Gap::Open(open));
+    }
+    let unused = used.iter().filter(|u| !**u).count();
+    if unused > 0 {
+        gaps.push(Gap::Unused(unused));
+    }
+    gaps
+}

@@ -1,0 +1,475 @@
+//! The template as a HyperFun program.
+
+use super::dimensions::{Dimensions, LETTERS, Measure, Term};
+use super::frame::{Frame, System, Turn};
+use super::half::{Half, Source};
+use super::solid::{Solid, ones};
+use crate::chart::Kind;
+use crate::entity::Recognition;
+use isoform_geom::{Aabb, Point3};
+use std::fmt::Write;
+
+/// What a program is written from.
+pub(super) struct Part<'a> {
+    pub(super) frame: &'a Frame,
+    pub(super) found: &'a Recognition,
+    pub(super) halves: &'a [Half],
+    pub(super) solid: &'a Solid,
+    /// The middle of the scan in its file's coordinates, and the box in the frame's about it.
+    pub(super) middle: Point3,
+    pub(super) bounds: Aabb,
+    /// Lengths are written to this number of digits behind the point.
+    pub(super) digits: usize,
+}
+
+/// Statements in the making.
+struct Writer<'a> {
+    part: &'a Part<'a>,
+    dimensions: Dimensions<'a>,
+    body: String,
+    /// The names of the half spaces' variables.
+    names: Vec<String>,
+}
+
+impl Part<'_> {
+    /// The program, with a title.
+    pub(super) fn program(&self, title: &str) -> String {
+        let used = self.used();
+        let diagonal = self.bounds.diagonal();
+        let mut writer = Writer {
+            part: self,
+            dimensions: Dimensions::new(self.frame, self.found, &used, diagonal),
+            body: String::new(),
+            names: vec![String::new(); self.halves.len()],
+        };
+        writer.frame(&used);
+        writer.systems(&used);
+        for k in writer.order() {
+            writer.half(k);
+        }
+        writer.solid();
+        writer.text(title)
+    }
+
+    /// Whether a half space that the solid is written with comes from an entity.
+    pub(super) fn used(&self) -> Vec<bool> {
+        let mut used = vec![false; self.found.entities.len()];
+        for k in ones(self.solid.halves()) {
+            match self.halves[k].source {
+                Source::Entity(i) | Source::Through(i, _) | Source::Around(i) => used[i] = true,
+                Source::Side(..) => {}
+            }
+        }
+        used
+    }
+}
+
+impl Writer<'_> {
+    fn line(&mut self, text: &str) {
+        self.body.push_str("  ");
+        self.body.push_str(text);
+        self.body.push('\n');
+    }
+
+    /// The text of a term.
+    fn term(&self, term: Term) -> String {
+        match term {
+            Term::Zero => "0".to_owned(),
+            Term::Of(k) => self.dimensions.parameters[k].name.clone(),
+        }
+    }
+
+    /// The part's own coordinates p.
+    fn frame(&mut self, used: &[bool]) {
+        let frame = self.part.frame;
+        self.line("-- the part's own frame");
+        let m = self.part.middle;
+        let place = (0..3).map(|k| format!("d[{}] = x[{}] - {};", k + 1, k + 1, number(m[k])));
+        let place: Vec<String> = place.collect();
+        self.line(&place.join(" "));
+        for (k, row) in frame.rows.iter().enumerate() {
+            let terms = (0..3).map(|j| format!("{}*d[{}]", number(row[j]), j + 1));
+            let terms: Vec<String> = terms.collect();
+            self.line(&format!("p[{}] = {};", k + 1, terms.join(" + ")));
+        }
+        let has_direction = (0..used.len()).any(|i| used[i] && frame.along[i].is_some());
+        let turns = [has_direction, has_direction, has_direction && frame.is_first_known];
+        for k in (0..3).filter(|k| turns[*k]) {
+            let name = format!("turn_{}", LETTERS[k]);
+            let about = "how the part is turned, about its own axes";
+            self.dimensions.add_angle(name.clone(), 0.0, about);
+            let axis = LETTERS[k].to_ascii_uppercase();
+            self.line(&format!("ok = hfRotate3D{axis}(p, {name});"));
+        }
+        for k in (0..3).filter(|k| self.dimensions.is_known[*k]).collect::<Vec<_>>() {
+            let parameter = self.dimensions.add_origin(k);
+            let name = self.term(Term::Of(parameter));
+            self.line(&format!("p[{0}] = p[{0}] - {name};", k + 1));
+        }
+    }
+
+    /// The coordinates that are turned against p.
+    fn systems(&mut self, used: &[bool]) {
+        let frame = self.part.frame;
+        for (i, system) in frame.systems.iter().enumerate().skip(1) {
+            let is_along = |e: usize| used[e] && frame.along[e].is_some_and(|w| w.0 == i);
+            if !(0..used.len()).any(is_along) {
+                continue;
+            }
+            let array = array(i);
+            let copies: Vec<String> = (1..=3).map(|k| format!("{array}[{k}] = p[{k}];")).collect();
+            self.line(&copies.join(" "));
+            self.turns(i, system);
+        }
+    }
+
+    fn turns(&mut self, i: usize, system: &System) {
+        for Turn {
+            about,
+            angle,
+            is_design,
+        } in &system.turns
+        {
+            let by = if *is_design {
+                number(*angle)
+            } else {
+                let name = format!("angle_{i}_{}", LETTERS[*about]);
+                self.dimensions.add_angle(name.clone(), *angle, "of faces and axes askew");
+                name
+            };
+            let axis = LETTERS[*about].to_ascii_uppercase();
+            self.line(&format!("ok = hfRotate3D{axis}({}, {by});", array(i)));
+        }
+    }
+
+    /// The half spaces in the order of the text: planes first, by axis and place.
+    fn order(&self) -> Vec<usize> {
+        let mut order: Vec<usize> = ones(self.part.solid.halves()).collect();
+        let key = |k: &usize| {
+            let half = &self.part.halves[*k];
+            let Source::Entity(i) = half.source else {
+                return (9, 0, 0, 0.0);
+            };
+            let s = &half.surface;
+            let (system, axis) = self.part.frame.along[i].unwrap_or((0, 0));
+            match s.kind {
+                Kind::Plane => (0, system, axis, s.place[axis]),
+                _ => (1, s.kind as usize, 0, -(self.part.found.entities[i].points as f64)),
+            }
+        };
+        order.sort_by(|a, b| {
+            let (p, q) = (key(a), key(b));
+            (p.0, p.1, p.2).cmp(&(q.0, q.1, q.2)).then(p.3.total_cmp(&q.3)).then(a.cmp(b))
+        });
+        order
+    }
+
+    /// The statement of a half space, and the parameters that it needs.
+    fn half(&mut self, k: usize) {
+        let half = self.part.halves[k];
+        let value = match half.source {
+            Source::Entity(i) => self.entity(k, i, &half),
+            Source::Through(i, axis) => self.through(k, i, axis),
+            Source::Around(i) => self.around(k, i),
+            Source::Side(axis, is_upper) => self.side(k, axis, is_upper),
+        };
+        let name = self.names[k].clone();
+        self.line(&format!("{name} = {value};"));
+    }
+
+    fn side(&mut self, k: usize, axis: usize, is_upper: bool) -> String {
+        let bounds = &self.part.bounds;
+        let place = if is_upper { bounds.hi } else { bounds.lo }[axis];
+        let parameter = self.dimensions.unseen(axis, is_upper, place);
+        let at = self.term(Term::Of(parameter));
+        self.names[k] = format!("{at}_face");
+        let x = format!("p[{}]", axis + 1);
+        if is_upper { format!("{at} - {x}") } else { format!("{x} - {at}") }
+    }
+
+    fn through(&mut self, k: usize, i: usize, axis: usize) -> String {
+        let base = self.name_of(i);
+        self.names[k] = format!("{base}_middle_{}", LETTERS[axis]);
+        let name = format!("{base}_{}", LETTERS[axis]);
+        let at = self.dimensions.position(i, [0, axis], &name, "");
+        let at = self.term(at);
+        format!("{at} - p[{}]", axis + 1)
+    }
+
+    fn around(&mut self, k: usize, i: usize) -> String {
+        let base = self.name_of(i);
+        self.names[k] = format!("{base}_middle");
+        let (center, (system, axis)) = self.center(i, &base);
+        let radius = self.circle_radius(i, &base);
+        let letter = LETTERS[axis].to_ascii_uppercase();
+        let p = array(system);
+        self.line(&center);
+        format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
+    }
+
+    /// The name of an entity in the program.
+    fn name_of(&self, i: usize) -> String {
+        let (e, s) = (&self.part.found.entities[i], &self.part.frame.surfaces[i]);
+        let kind = match (s.kind, e.outward) {
+            (Kind::Plane, _) => "face",
+            (Kind::Sphere, _) => "ball",
+            (Kind::Cylinder, ..0) => "hole",
+            (Kind::Cylinder, _) => "boss",
+            (Kind::Cone, _) => "cone",
+            (Kind::Torus, _) => "ring",
+        };
+        let is_alike = |j: &usize| {
+            let other = &self.part.frame.surfaces[*j];
+            let is_hole = |k: usize| self.part.found.entities[k].outward < 0;
+            other.kind == s.kind && (s.kind != Kind::Cylinder || is_hole(*j) == is_hole(i))
+        };
+        let before = (0..i).filter(is_alike).count();
+        format!("{kind}_{}", before + 1)
+    }
+
+    fn entity(&mut self, k: usize, i: usize, half: &Half) -> String {
+        let s = self.part.frame.surfaces[i];
+        if s.kind == Kind::Plane {
+            return self.plane(k, i, half);
+        }
+        let base = self.name_of(i);
+        self.names[k].clone_from(&base);
+        let (center, (system, axis)) = self.center(i, &base);
+        let letter = LETTERS[axis].to_ascii_uppercase();
+        let p = array(system);
+        match s.kind {
+            Kind::Cone => self.cone(i, &base, [system, axis]),
+            Kind::Torus => {
+                let major = self.circle_radius(i, &base);
+                let minor = self.dimensions.radius(i, &format!("{base}_tube_radius"));
+                let minor = self.term(minor);
+                self.line(&center);
+                format!("hfDTorus{letter}({p}, c, {major}, {minor})")
+            }
+            kind => {
+                let radius = self.dimensions.radius(i, &format!("{base}_radius"));
+                let radius = self.term(radius);
+                self.line(&center);
+                let call = match kind {
+                    Kind::Sphere => "hfSphere".to_owned(),
+                    _ => format!("hfCylinder{letter}"),
+                };
+                format!("{call}({p}, c, {radius})/(2*{radius})")
+            }
+        }
+    }
+
+    /// The radius of a torus's circle, as a parameter.
+    fn circle_radius(&mut self, i: usize, base: &str) -> String {
+        let name = format!("{base}_radius");
+        let known = self.dimensions.parameters.iter().any(|p| p.name == name);
+        if !known {
+            let size = self.part.frame.surfaces[i].size;
+            self.dimensions.size(i, size, &name, "");
+        }
+        name
+    }
+
+    /// The statements of the centre c of an entity, or of a point of its axis; its system and axis.
+    fn center(&mut self, i: usize, base: &str) -> (String, (usize, usize)) {
+        let s = self.part.frame.surfaces[i];
+        let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
+        let slides = s.kind == Kind::Cylinder || s.kind == Kind::Cone;
+        let mut statements = Vec::new();
+        for k in 0..3 {
+            let at = if slides && k == axis {
+                Term::Zero
+            } else {
+                let name = format!("{base}_{}", LETTERS[k]);
+                self.dimensions.position(i, [system, k], &name, "")
+            };
+            statements.push(format!("c[{}] = {};", k + 1, self.term(at)));
+        }
+        (statements.join(" "), (system, axis))
+    }
+
+    /// A cone by its radius at a height and its half angle.
+    fn cone(&mut self, i: usize, base: &str, [system, axis]: [usize; 2]) -> String {
+        let s = self.part.frame.surfaces[i];
+        let row = self.part.frame.systems[system].rows[axis];
+        let dot = |a: Point3, b: Point3| isoform_geom::dot(a, b);
+        let apex = dot(row, s.place) - dot(row, self.dimensions.origin);
+        let sign = dot(row, s.axis).signum();
+        // Where its points are: about as far from the apex as the solid reaches.
+        let height = self.height_of(i);
+        let radius = height * s.other.tan();
+        let at = apex + sign * height;
+        let angle = format!("{base}_half_angle");
+        self.dimensions.add_angle(angle.clone(), s.other, "between axis and side");
+        let about = format!("at {} = {}", LETTERS[axis], self.length(at));
+        let radius = self.dimensions.size(i, radius, &format!("{base}_radius"), &about);
+        let radius = self.term(Term::Of(radius));
+        let (center, _) = self.center(i, base);
+        self.line(&center);
+        self.line(&format!("slope = tan({angle});"));
+        let (way, letter) = (if sign > 0.0 { "-" } else { "+" }, LETTERS[axis].to_ascii_uppercase());
+        let p = array(system);
+        self.line(&format!("c[{}] = {} {way} {radius}/slope;", axis + 1, self.length(at)));
+        let above = format!("{p}[{0}] - c[{0}]", axis + 1);
+        let nappe = if sign > 0.0 { above } else { format!("c[{0}] - {p}[{0}]", axis + 1) };
+        format!("hfDCone{letter}({p}, c, slope) & ({nappe})")
+    }
+
+    /// How far from the apex of a cone its points are, along the axis.
+    fn height_of(&self, i: usize) -> f64 {
+        let heights = &self.part.found.entities[i].extent;
+        ((heights[0] + heights[1]) / 2.0).max(1e-6 * self.part.bounds.diagonal())
+    }
+
+    /// A plane, with its position as a parameter.
+    fn plane(&mut self, k: usize, i: usize, half: &Half) -> String {
+        let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
+        let row = self.part.frame.systems[system].rows[axis];
+        let is_above = isoform_geom::dot(row, half.surface.axis) * half.sign > 0.0;
+        let [name, face] = self.plane_names(i, [system, axis], is_above);
+        let at = self.dimensions.position(i, [system, axis], &name, "");
+        self.names[k] = face;
+        let x = format!("{}[{}]", array(system), axis + 1);
+        match (at, is_above) {
+            (Term::Zero, true) => x,
+            (Term::Zero, false) => format!("0 - {x}"),
+            (_, true) => format!("{x} - {}", self.term(at)),
+            (_, false) => format!("{} - {x}", self.term(at)),
+        }
+    }
+
+    /// The names of a plane's parameter and variable: the extents of the part for outer faces.
+    fn plane_names(&self, i: usize, [system, axis]: [usize; 2], is_above: bool) -> [String; 2] {
+        let frame = self.part.frame;
+        let row = frame.systems[system].rows[axis];
+        let height = |j: usize| isoform_geom::dot(row, frame.surfaces[j].place);
+        let is_parallel = |j: &usize| {
+            frame.along[*j] == Some((system, axis)) && frame.surfaces[*j].kind == Kind::Plane
+        };
+        let parallel = || (0..frame.surfaces.len()).filter(is_parallel);
+        let lower = parallel().filter(|j| height(*j) < height(i)).count();
+        let is_lowest = is_above && lower == 0;
+        let is_highest = !is_above && parallel().all(|j| height(j) <= height(i));
+        let letter = match system {
+            0 => LETTERS[axis].to_string(),
+            _ => format!("{}{system}", LETTERS[axis]),
+        };
+        if system == 0 && is_highest {
+            let extent = ["length", "width", "height"][axis];
+            return [extent.to_owned(), format!("{letter}_high")];
+        }
+        if is_lowest {
+            return [format!("{letter}_lowest"), format!("{letter}_low")];
+        }
+        [format!("{letter}_{lower}"), format!("{letter}_face_{lower}")]
+    }
+
+    /// The solid, step by step.
+    fn solid(&mut self) {
+        let solid = self.part.solid.clone();
+        let Solid::All(mut operands) = solid else {
+            let text = self.expression(&solid);
+            self.line(&format!("my_model = {text};"));
+            return;
+        };
+        let rank = |s: &Solid| match s {
+            Solid::Half(_) => 0,
+            Solid::All(_) => 1,
+            Solid::Any(_) => 2,
+            Solid::Not(_) => 3,
+        };
+        operands.sort_by_key(rank);
+        let kept: Vec<Solid> = operands.iter().filter(|s| rank(s) < 3).cloned().collect();
+        let body = self.expression(&Solid::All(kept));
+        self.line(&format!("body = {body};"));
+        for operand in operands {
+            let Solid::Not(of) = operand else { continue };
+            let removed = self.expression(&of);
+            self.line(&format!("body = body \\ {removed};"));
+        }
+        self.line("my_model = body;");
+    }
+
+    /// Set operations in parentheses.
+    fn expression(&self, solid: &Solid) -> String {
+        match solid {
+            Solid::Half(k) => self.names[*k].clone(),
+            Solid::Not(of) => format!("(~{})", self.expression(of)),
+            Solid::All(of) => self.joined(of, "&"),
+            Solid::Any(of) => self.joined(of, "|"),
+        }
+    }
+
+    fn joined(&self, of: &[Solid], sign: &str) -> String {
+        let mut text = String::new();
+        let mut ordered: Vec<&Solid> = of.iter().collect();
+        ordered.sort_by_key(|s| matches!(s, Solid::Not(_)));
+        for operand in ordered {
+            let is_taken = matches!(operand, Solid::Not(_)) && sign == "&" && !text.is_empty();
+            text = match (operand, is_taken) {
+                (Solid::Not(of), true) => format!("({text} \\ {})", self.expression(of)),
+                _ if text.is_empty() => self.expression(operand),
+                _ => format!("({text} {sign} {})", self.expression(operand)),
+            };
+        }
+        text
+    }
+
+    /// A length to the digits that matter.
+    fn length(&self, v: f64) -> String {
+        let rounded: f64 = format!("{v:.*}", self.part.digits).parse().unwrap_or(v);
+        number(rounded)
+    }
+
+    /// The whole text.
+    fn text(&self, title: &str) -> String {
+        let parameters = &self.dimensions.parameters;
+        let mut text = format!("-- @title {title}\n");
+        for (k, p) in parameters.iter().enumerate() {
+            let kind = match p.measure {
+                Measure::Length => "length",
+                Measure::Angle => "angle",
+            };
+            let digits = match p.measure {
+                Measure::Length => self.part.digits,
+                Measure::Angle => ANGLE_DIGITS,
+            };
+            let [start, min, max] = [p.start, p.range[0], p.range[1]].map(|v| {
+                let rounded = format!("{v:.digits$}");
+                rounded.parse::<f64>().unwrap_or(v)
+            });
+            let about = if p.about.is_empty() { String::new() } else { format!(" : {}", p.about) };
+            let fixed = if p.is_fixed { " fixed" } else { "" };
+            let name = &p.name;
+            let _ = writeln!(
+                text,
+                "-- @param a[{}] {name} {kind} start={start:?} min={min:?} max={max:?}{fixed}{about}",
+                k + 1
+            );
+        }
+        let n = parameters.len().max(1);
+        let _ = writeln!(text, "my_model(x[3], a[{n}])\n{{");
+        let systems = (1..self.part.frame.systems.len()).map(|i| format!(", {}[3]", array(i)));
+        let _ = writeln!(text, "  array c[3], d[3], p[3]{};", systems.collect::<String>());
+        for (k, p) in parameters.iter().enumerate() {
+            let _ = writeln!(text, "  {} = a[{}];", p.name, k + 1);
+        }
+        text + &self.body + "}\n"
+    }
+}
+
+/// Digits of angles behind the point: a millionth of a radian moves nothing that shows.
+const ANGLE_DIGITS: usize = 7;
+
+/// The array of a system's coordinates.
+fn array(system: usize) -> String {
+    match system {
+        0 => "p".to_owned(),
+        k => format!("q{k}"),
+    }
+}
+
+/// A number that reads back exactly, in parentheses where its sign could meet an operator.
+fn number(v: f64) -> String {
+    if v < 0.0 { format!("({v:?})") } else { format!("{v:?}") }
+}

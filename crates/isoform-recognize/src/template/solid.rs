@@ -1,0 +1,406 @@
+//! A solid as set operations of half spaces, from cells of space that are known to lie inside or
+//! outside.
+//!
+//! Half spaces that hold the whole solid (or lie within it) are taken first, since nothing else is
+//! written as short (dominating half spaces: V. Shapiro and D. L. Vossler, Separation for
+//! boundary to CSG conversion, ACM Trans. Graphics 12, 1993). What is left is covered by products
+//! of half spaces that are taken away or added, each with as few factors as tell the two sides
+//! apart, the one that covers most first.
+
+/// The most half spaces of a solid: bits of a cell.
+pub(super) const MOST_HALVES: usize = 128;
+/// Cells from which products are grown in each round, those of most weight. More find better
+/// products in parts of hundreds of faces, and take longer.
+const SEEDS: usize = 24;
+
+/// A set of half spaces, or the sides of all of them: bit k is half space k.
+pub(super) type Bits = u128;
+
+/// Places on the same sides of all half spaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Cell {
+    /// Which half spaces hold it.
+    pub(super) bits: Bits,
+    /// Whether it lies inside the solid.
+    pub(super) is_inside: bool,
+    /// How much speaks for that.
+    pub(super) weight: f64,
+}
+
+/// A solid.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Solid {
+    /// A half space.
+    Half(usize),
+    /// What is outside.
+    Not(Box<Self>),
+    /// What all hold; all of space where there are none.
+    All(Vec<Self>),
+    /// What one of them holds; nothing where there are none.
+    Any(Vec<Self>),
+}
+
+impl Solid {
+    /// Whether a place with these sides is inside.
+    pub(super) fn holds(&self, bits: Bits) -> bool {
+        match self {
+            Self::Half(k) => bits >> k & 1 == 1,
+            Self::Not(of) => !of.holds(bits),
+            Self::All(of) => of.iter().all(|s| s.holds(bits)),
+            Self::Any(of) => of.iter().any(|s| s.holds(bits)),
+        }
+    }
+
+    /// The half spaces that it is written with.
+    pub(super) fn halves(&self) -> Bits {
+        match self {
+            Self::Half(k) => 1 << k,
+            Self::Not(of) => of.halves(),
+            Self::All(of) | Self::Any(of) => of.iter().fold(0, |all, s| all | s.halves()),
+        }
+    }
+
+    /// A half space, or the space outside of it.
+    fn literal(k: usize, is_positive: bool) -> Self {
+        if is_positive {
+            Self::Half(k)
+        } else {
+            Self::Not(Box::new(Self::Half(k)))
+        }
+    }
+}
+
+/// The half spaces of `mask`, each on the side that `bits` tells.
+#[derive(Clone, Copy, Debug)]
+struct Product {
+    mask: Bits,
+    bits: Bits,
+}
+
+impl Product {
+    fn holds(&self, bits: Bits) -> bool {
+        (bits ^ self.bits) & self.mask == 0
+    }
+
+    fn solid(&self) -> Solid {
+        let factor = |k: usize| Solid::literal(k, self.bits >> k & 1 == 1);
+        let mut factors: Vec<Solid> = ones(self.mask).map(factor).collect();
+        match factors.len() {
+            1 => factors.remove(0),
+            _ => Solid::All(factors),
+        }
+    }
+}
+
+/// The numbers of the bits that are set.
+pub(super) fn ones(bits: Bits) -> impl Iterator<Item = usize> {
+    (0..MOST_HALVES).filter(move |k| bits >> k & 1 == 1)
+}
+
+/// A solid with all cells on their sides, of `count` half spaces.
+pub(super) fn solid(cells: &[Cell], count: usize) -> Solid {
+    let solid = rest(cells.to_vec(), count);
+    let solid = flat(solid);
+    flat(irredundant(solid, cells))
+}
+
+/// The solid of the cells that are left.
+fn rest(mut cells: Vec<Cell>, count: usize) -> Solid {
+    let all: Bits = if count == MOST_HALVES {
+        Bits::MAX
+    } else {
+        (1 << count) - 1
+    };
+    let is_inside = cells.iter().any(|c| c.is_inside);
+    if !is_inside || cells.iter().all(|c| c.is_inside) {
+        let nothing = Vec::new();
+        return if is_inside {
+            Solid::All(nothing)
+        } else {
+            Solid::Any(nothing)
+        };
+    }
+    if let Some((k, is_positive)) = dominating(&cells, all, true) {
+        cells.retain(|c| (c.bits >> k & 1 == 1) == is_positive);
+        return Solid::All(vec![Solid::literal(k, is_positive), rest(cells, count)]);
+    }
+    if let Some((k, is_positive)) = dominating(&cells, all, false) {
+        cells.retain(|c| (c.bits >> k & 1 == 1) != is_positive);
+        return Solid::Any(vec![Solid::literal(k, is_positive), rest(cells, count)]);
+    }
+    let taken = best_product(&cells, all, false);
+    let added = best_product(&cells, all, true);
+    let (product, is_taken) = match (taken, added) {
+        (Some((p, share)), Some((q, other))) => {
+            if other > share {
+                (q, false)
+            } else {
+                (p, true)
+            }
+        }
+        (Some((p, _)), None) => (p, true),
+        (None, Some((q, _))) => (q, false),
+        (None, None) => return Solid::Any(Vec::new()),
+    };
+    cells.retain(|c| !product.holds(c.bits));
+    let others = rest(cells, count);
+    if is_taken {
+        Solid::All(vec![others, Solid::Not(Box::new(product.solid()))])
+    } else {
+        Solid::Any(vec![others, product.solid()])
+    }
+}
+
+/// The half space, or outside of one, that holds all cells inside and leaves out most of the weight
+/// outside; or (`of_inside` false) that holds no cell outside and most of the weight inside.
+fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool)> {
+    let (mut always, mut ever) = (all, 0);
+    for c in cells.iter().filter(|c| c.is_inside == of_inside) {
+        always &= c.bits;
+        ever |= c.bits;
+    }
+    // For the solid: sides of all cells inside. For its parts: sides of no cell outside.
+    let positive = if of_inside { always } else { all & !ever };
+    let negative = if of_inside { all & !ever } else { always };
+    let mut best: Option<(f64, (usize, bool))> = None;
+    for (candidates, is_positive) in [(positive, true), (negative, false)] {
+        for k in ones(candidates) {
+            let decides = |c: &&Cell| {
+                c.is_inside != of_inside && ((c.bits >> k & 1 == 1) == is_positive) != of_inside
+            };
+            let weight: f64 = cells.iter().filter(decides).map(|c| c.weight).sum();
+            if weight > 0.0 && best.is_none_or(|b| weight > b.0) {
+                best = Some((weight, (k, is_positive)));
+            }
+        }
+    }
+    best.map(|b| b.1)
+}
+
+/// The product that holds most of the weight on one side and no cell of the other, with the share
+/// of the weight.
+fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, f64)> {
+    let mut own: Vec<Cell> = cells.iter().copied().filter(|c| c.is_inside == is_inside).collect();
+    let other: Vec<Bits> = cells.iter().filter(|c| c.is_inside != is_inside).map(|c| c.bits).collect();
+    own.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.bits.cmp(&b.bits)));
+    let total: f64 = own.iter().map(|c| c.weight).sum();
+    let mut best: Option<(Product, f64)> = None;
+    let mut seeds = 0;
+    for cell in &own {
+        // A cell that the best product holds would grow to much the same one.
+        if best.is_some_and(|b| b.0.holds(cell.bits)) {
+            continue;
+        }
+        let product = grown(cell.bits, all, &own, &other);
+        let weight = weight_of(&product, &own);
+        if best.is_none_or(|b| weight > b.1) {
+            best = Some((product, weight));
+        }
+        seeds += 1;
+        if seeds == SEEDS {
+            break;
+        }
+    }
+    best.map(|(product, weight)| (product, weight / total))
+}
+
+fn weight_of(product: &Product, cells: &[Cell]) -> f64 {
+    cells.iter().filter(|c| product.holds(c.bits)).map(|c| c.weight).sum()
+}
+
+/// The product of all sides of a cell without those that may go, each time the one whose loss gains
+/// most weight.
+fn grown(bits: Bits, all: Bits, own: &[Cell], other: &[Bits]) -> Product {
+    let mut product = Product { mask: all, bits };
+    // Sides that alone keep a cell of the other side out have to stay.
+    let mut open = all;
+    for o in other {
+        let differ = (o ^ bits) & all;
+        if differ.count_ones() == 1 {
+            open &= !differ;
+        }
+    }
+    while open != 0 {
+        let mut best: Option<(f64, usize)> = None;
+        for k in ones(open) {
+            let without = Product {
+                mask: product.mask & !(1 << k),
+                bits,
+            };
+            if other.iter().any(|o| without.holds(*o)) {
+                open &= !(1 << k);
+                continue;
+            }
+            let weight = weight_of(&without, own);
+            if best.is_none_or(|b| weight > b.0) {
+                best = Some((weight, k));
+            }
+        }
+        let Some((_, k)) = best else { break };
+        product.mask &= !(1 << k);
+        open &= !(1 << k);
+    }
+    product
+}
+
+/// The solid without the operands that change no cell, the last first: they were found when less was
+/// known.
+fn irredundant(solid: Solid, cells: &[Cell]) -> Solid {
+    let mut solid = solid;
+    let mut path = Vec::new();
+    while let Some(next) = last_before(&solid, &path) {
+        path = next;
+        let without = removed(&solid, &path);
+        let is_right = |c: &Cell| without.holds(c.bits) == c.is_inside;
+        let was_right = |c: &Cell| solid.holds(c.bits) == c.is_inside;
+        if cells.iter().all(|c| is_right(c) || !was_right(c)) {
+            solid = without;
+        }
+    }
+    solid
+}
+
+/// The operands of a node.
+fn operands(solid: &Solid) -> &[Solid] {
+    match solid {
+        Solid::All(of) | Solid::Any(of) => of,
+        Solid::Not(of) => std::slice::from_ref(of),
+        Solid::Half(_) => &[],
+    }
+}
+
+/// The paths of all operands of sets, in the order of the text.
+fn paths(solid: &Solid, path: &mut Vec<usize>, found: &mut Vec<Vec<usize>>) {
+    let is_set = matches!(solid, Solid::All(_) | Solid::Any(_));
+    for (k, of) in operands(solid).iter().enumerate() {
+        path.push(k);
+        if is_set {
+            found.push(path.clone());
+        }
+        paths(of, path, found);
+        path.pop();
+    }
+}
+
+/// The last path before another one; the last of all where that is empty.
+fn last_before(solid: &Solid, path: &[usize]) -> Option<Vec<usize>> {
+    let mut found = Vec::new();
+    paths(solid, &mut Vec::new(), &mut found);
+    let is_before = |p: &Vec<usize>| path.is_empty() || p.as_slice() < path;
+    found.into_iter().filter(is_before).max()
+}
+
+/// The solid without the operand at a path.
+fn removed(solid: &Solid, path: &[usize]) -> Solid {
+    let (first, rest) = (path[0], &path[1..]);
+    let without = |of: &[Solid]| -> Vec<Solid> {
+        let mut new = of.to_vec();
+        if rest.is_empty() {
+            new.remove(first);
+        } else {
+            new[first] = removed(&of[first], rest);
+        }
+        new
+    };
+    match solid {
+        Solid::All(of) => Solid::All(without(of)),
+        Solid::Any(of) => Solid::Any(without(of)),
+        Solid::Not(of) => Solid::Not(Box::new(removed(of, rest))),
+        Solid::Half(k) => Solid::Half(*k),
+    }
+}
+
+/// The solid with sets of sets of one kind joined, sets of one operand replaced by it, and double
+/// complements gone.
+fn flat(solid: Solid) -> Solid {
+    match solid {
+        Solid::Half(_) => solid,
+        Solid::Not(of) => match flat(*of) {
+            Solid::Not(inner) => *inner,
+            of => Solid::Not(Box::new(of)),
+        },
+        Solid::All(of) => joined(of, true),
+        Solid::Any(of) => joined(of, false),
+    }
+}
+
+fn joined(of: Vec<Solid>, is_all: bool) -> Solid {
+    let mut operands = Vec::new();
+    for operand in of {
+        match (flat(operand), is_all) {
+            (Solid::All(inner), true) | (Solid::Any(inner), false) => operands.extend(inner),
+            // The whole space among what one has to hold, or nothing among what all have to.
+            (Solid::All(inner), false) if inner.is_empty() => return Solid::All(inner),
+            (Solid::Any(inner), true) if inner.is_empty() => return Solid::Any(inner),
+            (operand, _) => operands.push(operand),
+        }
+    }
+    let is_literal = |s: &Solid| matches!(s, Solid::Half(_) | Solid::Not(_));
+    let is_taken = operands.iter().any(|s| matches!(s, Solid::Not(_)));
+    match (operands.len(), is_all) {
+        (1, _) => operands.remove(0),
+        (_, true) => Solid::All(operands),
+        // What is taken away, such as a bore down to its floor, is written so.
+        (_, false) if is_taken && operands.iter().all(is_literal) => {
+            let opposite = |s: Solid| match s {
+                Solid::Not(of) => *of,
+                s => Solid::Not(Box::new(s)),
+            };
+            let taken = operands.into_iter().map(opposite).collect();
+            Solid::Not(Box::new(joined(taken, true)))
+        }
+        (_, false) => Solid::Any(operands),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Random;
+
+    /// All cells of `n` half spaces, with the sides that a function tells.
+    fn cells(n: usize, is_inside: impl Fn(&dyn Fn(usize) -> bool) -> bool) -> Vec<Cell> {
+        let cell = |bits: Bits| Cell {
+            bits,
+            is_inside: is_inside(&|k| bits >> k & 1 == 1),
+            weight: 1.0,
+        };
+        (0..1 << n).map(cell).collect()
+    }
+
+    #[test]
+    fn a_plate_with_a_counterbore_is_written_as_one() {
+        // Half spaces 0 to 2 hold the plate, 3 is the bore, 4 and 5 cylinder and space above.
+        let plate = cells(6, |h| h(0) && h(1) && h(2) && !h(3) && !(h(4) && h(5)));
+        let found = solid(&plate, 6);
+        let Solid::All(of) = &found else {
+            panic!("{found:?}")
+        };
+        assert_eq!(of.len(), 5, "{found:?}");
+        let counterbore = Solid::All(vec![Solid::Half(4), Solid::Half(5)]);
+        assert!(of.contains(&Solid::Not(Box::new(counterbore))), "{found:?}");
+    }
+
+    #[test]
+    fn every_boolean_function_is_met() {
+        let mut random = Random::new(3);
+        for _ in 0..200 {
+            let table = random.bits();
+            let all = cells(6, |h| {
+                let at = (0..6).fold(0, |at, k| at | usize::from(h(k)) << k);
+                table >> at & 1 == 1
+            });
+            let found = solid(&all, 6);
+            for cell in &all {
+                assert_eq!(found.holds(cell.bits), cell.is_inside, "{table:x} {found:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn nothing_and_everything_are_solids() {
+        assert_eq!(solid(&cells(2, |_| true), 2), Solid::All(vec![]));
+        assert_eq!(solid(&cells(2, |_| false), 2), Solid::Any(vec![]));
+        assert_eq!(solid(&[], 128), Solid::Any(vec![]));
+    }
+}
