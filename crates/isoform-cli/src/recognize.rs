@@ -8,7 +8,7 @@ use isoform::geom::{Column, PointCloud};
 use isoform::io::{MeshPoints, WriteOptions, write};
 use isoform::recognize::{Error, ProposeError};
 use isoform::report::{Parameters, RecognizeReport, brief};
-use isoform::{Control, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
+use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -18,6 +18,7 @@ use std::time::Instant;
 Examples:
   isoform recognize scan.ply
   isoform recognize scan.ply -o entities.json -o labels.ply
+  isoform recognize scan.ply -o part.hf && isoform fit scan.ply --template part.hf -o fitted.hf
   isoform recognize part.stl --min-points 100 --json
 
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular, coaxial, coplanar,
@@ -39,7 +40,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "FORMAT")]
     from: Option<String>,
     /// Write a file, by its ending: .json the entities, .ply, .xyz or .csv the points with their
-    /// entities
+    /// entities, .hf a template of them for `fit`
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -59,31 +60,17 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for warning in &report.warnings {
         context.warn(format_args!("{}: {warning}", args.scan.display()));
     }
-    let progress = Progress::new(context);
-    let show = |phase: &str, done: f64| progress.show(phase, done);
-    let control = Control {
-        progress: Some(&show),
-        ..context.control()
-    };
     let options = RecognizeOptions {
         noise: args.tol,
         min_points: args.min_points,
     };
-    let found = recognize_scan(&cloud, &options, &control).map_err(|e| failure(e, &args.scan))?;
-    drop(progress);
+    let found = recognised(&cloud, &args.scan, &options, context)?;
     let report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
     let json = output::json_of(&report);
     for path in &args.output {
         let bytes = match path.extension().and_then(|e| e.to_str()) {
             Some("json") => output::document(true, json.clone()),
-            Some("hf") => {
-                let proposal = found.template(&title(&args.scan), &context.control());
-                let proposal = proposal.map_err(|e| no_template(&e, &args.scan))?;
-                for gap in &proposal.gaps {
-                    context.warn(format_args!("{}: {gap}", path.display()));
-                }
-                proposal.program.into_bytes()
-            }
+            Some("hf") => proposal(&found, &args.scan, context)?.program.into_bytes(),
             _ => labelled(&found, path)?,
         };
         output::write_file(path, &bytes)?;
@@ -113,10 +100,36 @@ fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     Ok(bytes)
 }
 
-/// The title of a template for a scan.
-fn title(scan: &Path) -> String {
+/// What a scan consists of, with progress on the terminal.
+pub(crate) fn recognised<'a>(
+    cloud: &'a PointCloud,
+    scan: &Path,
+    options: &RecognizeOptions,
+    context: &Context,
+) -> Result<Recognized<'a>, Failure> {
+    let progress = Progress::new(context);
+    let show = |phase: &str, done: f64| progress.show(phase, done);
+    let control = Control {
+        progress: Some(&show),
+        ..context.control()
+    };
+    recognize_scan(cloud, options, &control).map_err(|e| failure(e, scan))
+}
+
+/// The template of what was recognised; what it lacks is said.
+pub(crate) fn proposal(
+    found: &Recognized<'_>,
+    scan: &Path,
+    context: &Context,
+) -> Result<Proposal, Failure> {
     let name = scan.file_stem().unwrap_or_default().to_string_lossy();
-    format!("Proposed for {name}")
+    let proposal = found
+        .template(&format!("Proposed for {name}"), &context.control())
+        .map_err(|e| no_template(&e, scan))?;
+    for gap in &proposal.gaps {
+        context.warn(format_args!("template of {}: {gap}", scan.display()));
+    }
+    Ok(proposal)
 }
 
 fn no_template(error: &ProposeError, scan: &Path) -> Failure {

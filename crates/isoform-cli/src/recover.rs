@@ -1,4 +1,5 @@
-//! `isoform recover`: from points to a fitted model and a report, in one go.
+//! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one is
+//! proposed from what is recognised in the scan.
 
 use crate::eval;
 use crate::fit::{Settings, document, files, job, table};
@@ -7,12 +8,18 @@ use crate::mesh::work::{self, Made, Shape, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::recognize;
+use isoform::Proposal;
+use isoform::RecognizeOptions;
+use isoform::field::hyperfun::Model;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// The template that is fitted unless another is named.
+/// The template that is fitted to the built-in scan.
 const TEMPLATE: &str = "cup";
+/// What a template is called that is made from the scan.
+const PROPOSED: &str = "proposed template";
 /// The folder that results go to without -o.
 const FOLDER: &str = "isoform-recover";
 
@@ -21,18 +28,20 @@ const FOLDER: &str = "isoform-recover";
 #[command(after_help = "\
 Examples:
   isoform recover
+  isoform recover scan.ply
   isoform recover scan.ply bottle -o bottle.hf -o report.html
   isoform recover scan.ply part.hf -o part.inp --size 0.5
 
-Without arguments the scan of a cup that the program carries is fitted. Without -o, fitted.hf, deviation.ply and
+Without arguments the scan of a cup that the program carries is fitted. Without a template the planes, spheres, cylinders, cones
+and tori of the scan are recognised (see recognize), and the template made of them is fitted. Without -o, fitted.hf, deviation.ply and
 report.html go to the folder isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed,
 see mesh. Exit codes are those of fit, and 3 where the mesh is not certified. Where a stage fails the code is its own, and what
 was made before it is written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
-    #[arg(requires = "template")]
     scan: Option<PathBuf>,
-    /// The template: a HyperFun file or a name out of `fit --list`
+    /// The template: a HyperFun file or a name out of `fit --list` [default: made of what is
+    /// recognised]
     template: Option<PathBuf>,
     #[command(flatten)]
     options: Settings,
@@ -46,14 +55,24 @@ pub(crate) struct Args {
 
 /// Runs the verb: fits, writes the results, then meshes the fitted model.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let template = args.template.clone().unwrap_or_else(|| TEMPLATE.into());
-    // What the template says wrong is said before a folder is made.
+    let is_proposed = args.scan.is_some() && args.template.is_none();
+    let named = if is_proposed { PROPOSED } else { TEMPLATE };
+    let template = args.template.clone().unwrap_or_else(|| named.into());
     let request = args.options.request(&template);
-    let model = gallery::template(&template, &request.language, context)?;
+    // What the template says wrong is said before a folder is made.
+    let read = || gallery::template(&template, &request.language, context);
+    let model = if is_proposed { None } else { Some(read()?) };
     let (outputs, targets) = outputs(args, context)?;
     let scan = match &args.scan {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded(),
+    };
+    let (model, proposal) = match model {
+        Some(model) => (model, None),
+        None => {
+            let (model, proposal) = proposed(&scan, &request.language, context)?;
+            (model, Some(proposal))
+        }
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
     let written = files::write(&mut job, &outputs, context)?;
@@ -61,6 +80,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
     let mut told = Told::of(&job, &written);
+    if let Some(proposal) = &proposal {
+        told.add_proposal(proposal);
+    }
     if !targets.is_empty() {
         let made = output::stage("mesh of the fitted model", || {
             fitted_mesh(&job, &request.language, &args.mesh, &targets, context)
@@ -74,6 +96,20 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
     }
     Ok(told.outcome())
+}
+
+/// A template made of what is recognised in a scan.
+fn proposed(
+    scan: &job::Scan,
+    language: &Language,
+    context: &Context,
+) -> Result<(Model, Proposal), Failure> {
+    let path = Path::new(&scan.name);
+    let options = RecognizeOptions::default();
+    let found = recognize::recognised(&scan.cloud, path, &options, context)?;
+    let proposal = recognize::proposal(&found, path, context)?;
+    let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
+    Ok((model, proposal))
 }
 
 /// The files to write: results of the fit, and meshes.
@@ -117,6 +153,23 @@ impl Told {
             text,
             files,
         }
+    }
+    /// The template was made of the scan.
+    fn add_proposal(&mut self, proposal: &Proposal) {
+        let gaps: Vec<String> = proposal.gaps.iter().map(ToString::to_string).collect();
+        let used = proposal.used.iter().filter(|u| **u).count();
+        self.text = format!(
+            "template  made of {used} of {} recognised entities, which explain {:.1} % of the points\n\n{}",
+            proposal.used.len(),
+            100.0 * proposal.explained,
+            self.text
+        );
+        self.json["proposal"] = json!({
+            "entities": proposal.used.len(),
+            "entities_used": used,
+            "explained": proposal.explained,
+            "gaps": gaps,
+        });
     }
     /// There is a mesh. Its exit code counts where the fit is as asked for.
     fn add_mesh(&mut self, made: &Made) {

@@ -134,7 +134,7 @@ pub use isoform_mesh as mesh;
 pub use isoform_num as num;
 pub use isoform_patch as patch;
 pub use isoform_recognize as recognize;
-pub use isoform_recognize::Options as RecognizeOptions;
+pub use isoform_recognize::{Options as RecognizeOptions, Proposal};
 pub use isoform_spline as spline;
 pub use isoform_tess as tess;
 pub use isoform_tess::{

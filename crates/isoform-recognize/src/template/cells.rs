@@ -175,7 +175,10 @@ pub(super) fn cells(votes: &Votes) -> Vec<Cell> {
     votes.iter().filter_map(cell).collect()
 }
 
-/// The weight of places that lie in one cell with more weight of the other side.
+/// By how much cells hold places of both sides: Σ ab/(a + b) with the weights a and b of a cell
+/// (Gini's impurity times the weight), 0 where none does. It falls with each step of several that
+/// part a cell, which the weight of the smaller side alone does not.
 pub(super) fn contradiction(votes: &Votes) -> f64 {
-    votes.values().map(|[outside, inside]| inside.min(*outside)).sum()
+    let of = |[a, b]: &[f64; 2]| a * b / (a + b);
+    votes.values().map(of).sum()
 }

@@ -21,7 +21,7 @@ use solid::{MOST_HALVES, Solid, ones, solid};
 const MOST_ADDED: usize = 24;
 /// One is added where it takes this share of the contradictions away, and this much of their weight
 /// at least: a few places may be on the wrong side.
-const HELPS: (f64, f64) = (0.1, 8.0);
+const HELPS: (f64, f64) = (0.05, 4.0);
 /// The solid is closed where at most this share of the places' weight is contradictory.
 const OPEN: f64 = 0.01;
 /// Lengths of the program are rounded to this share of the diagonal; a fit starts from there.
