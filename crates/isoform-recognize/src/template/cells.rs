@@ -63,7 +63,7 @@ pub(super) fn places(
 }
 
 /// Every so many-th number, so that at most `most` remain.
-fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
+pub(super) fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
     (0..n).step_by(n.div_ceil(most).max(1))
 }
 

@@ -36,8 +36,8 @@ impl Half {
 
     /// The half space of an entity: of a plane the side of the material, of other surfaces that of
     /// their axis or centre.
-    pub(super) fn of_entity(surface: &Surface, outward: i8, number: usize) -> Self {
-        let is_along = surface.kind == Kind::Plane && outward < 0;
+    pub(super) fn of_entity(surface: &Surface, outward: f64, number: usize) -> Self {
+        let is_along = surface.kind == Kind::Plane && outward < 0.0;
         Self {
             surface: *surface,
             sign: if is_along { 1.0 } else { -1.0 },

@@ -5,15 +5,18 @@ mod cells;
 mod dimensions;
 mod frame;
 mod half;
+mod orient;
 mod program;
 mod solid;
 
+use crate::chart::Surface;
 use crate::entity::Recognition;
 use cells::{Oriented, Place, cells, contradiction, places, votes};
 use frame::Frame;
 use half::{Half, Source, separators};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PointCloud, dot};
+use orient::orient;
 use program::Part;
 use solid::{MOST_HALVES, Solid, ones, solid};
 
@@ -24,8 +27,9 @@ const MOST_ADDED: usize = 24;
 const HELPS: (f64, f64) = (0.05, 4.0);
 /// The solid is closed where at most this share of the places' weight is contradictory.
 const OPEN: f64 = 0.01;
-/// Lengths of the program are rounded to this share of the diagonal; a fit starts from there.
-const DIGITS: f64 = 1e-7;
+/// Lengths of the program are rounded to this share of the diagonal, or of the noise where that is
+/// more: a fit starts from there, and need not find back what rounding took.
+const DIGITS: (f64, f64) = (1e-10, 1e-2);
 
 /// A template proposed for a scan.
 #[derive(Clone, Debug, PartialEq)]
@@ -121,12 +125,14 @@ pub fn propose(
     let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
     let frame = Frame::of(found, middle);
     let points: Vec<Point3> = scan.points.iter().map(|p| frame.apply(*p, center)).collect();
-    let normals: Vec<Point3> = found.normals.iter().map(|n| frame.rows.map(|r| dot(r, *n))).collect();
+    let mut normals: Vec<Point3> = found.normals.iter().map(|n| frame.rows.map(|r| dot(r, *n))).collect();
     let bounds = Aabb::of(&points);
-    let mut halves: Vec<Half> = (0..count)
-        .map(|i| Half::of_entity(&frame.surfaces[i], found.entities[i].outward, i))
-        .collect();
     let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
+    orient(&points, &mut normals, &of, &frame.surfaces);
+    let outward = outward(&points, &normals, &of, &frame.surfaces);
+    let mut halves: Vec<Half> = (0..count)
+        .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
+        .collect();
     let cloud = Oriented {
         points: &points,
         normals: &normals,
@@ -145,9 +151,10 @@ pub fn propose(
         found,
         halves: &halves,
         solid: &solid,
+        outward: &outward,
         middle,
         bounds,
-        digits: digits(bounds.diagonal()),
+        digits: digits(bounds.diagonal(), found.noise),
     };
     let used = part.used();
     Ok(Proposal {
@@ -158,9 +165,26 @@ pub fn propose(
     })
 }
 
-/// Digits behind the point that tell a ten-millionth of the diagonal.
-fn digits(diagonal: f64) -> usize {
-    (-(diagonal * DIGITS).log10()).ceil().clamp(0.0, 18.0) as usize
+/// On which side of their surfaces most of the outward normals lie: 1 or −1.
+fn outward(
+    points: &[Point3],
+    normals: &[Point3],
+    labels: &[Option<usize>],
+    surfaces: &[Surface],
+) -> Vec<f64> {
+    let mut sums = vec![0.0; surfaces.len()];
+    for (i, label) in labels.iter().enumerate() {
+        if let Some(l) = label {
+            sums[*l] += dot(surfaces[*l].normal(points[i]), normals[i]).signum();
+        }
+    }
+    sums.into_iter().map(f64::signum).collect()
+}
+
+/// Digits behind the point of lengths.
+fn digits(diagonal: f64, noise: f64) -> usize {
+    let least = (diagonal * DIGITS.0).max(noise * DIGITS.1);
+    (-least.log10()).ceil().clamp(0.0, 18.0) as usize
 }
 
 fn share<T>(of: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {

@@ -15,6 +15,8 @@ pub(super) struct Part<'a> {
     pub(super) found: &'a Recognition,
     pub(super) halves: &'a [Half],
     pub(super) solid: &'a Solid,
+    /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
+    pub(super) outward: &'a [f64],
     /// The middle of the scan in its file's coordinates, and the box in the frame's about it.
     pub(super) middle: Point3,
     pub(super) bounds: Aabb,
@@ -209,18 +211,18 @@ impl Writer<'_> {
 
     /// The name of an entity in the program.
     fn name_of(&self, i: usize) -> String {
-        let (e, s) = (&self.part.found.entities[i], &self.part.frame.surfaces[i]);
-        let kind = match (s.kind, e.outward) {
+        let is_hole = |k: usize| self.part.outward[k] < 0.0;
+        let s = &self.part.frame.surfaces[i];
+        let kind = match (s.kind, is_hole(i)) {
             (Kind::Plane, _) => "face",
             (Kind::Sphere, _) => "ball",
-            (Kind::Cylinder, ..0) => "hole",
+            (Kind::Cylinder, true) => "hole",
             (Kind::Cylinder, _) => "boss",
             (Kind::Cone, _) => "cone",
             (Kind::Torus, _) => "ring",
         };
         let is_alike = |j: &usize| {
             let other = &self.part.frame.surfaces[*j];
-            let is_hole = |k: usize| self.part.found.entities[k].outward < 0;
             other.kind == s.kind && (s.kind != Kind::Cylinder || is_hole(*j) == is_hole(i))
         };
         let before = (0..i).filter(is_alike).count();

@@ -1,0 +1,131 @@
+//! Which way the normals of points have to face, by what rays from them meet: a ray outwards leaves
+//! the solid for good or meets its surface an even number of times, a ray inwards an odd number.
+//!
+//! Spanning trees of neighbours lose their way at edges and on thin walls. The surfaces of entities
+//! are met exactly, and count where they have points.
+
+use super::cells::thinned;
+use crate::chart::Surface;
+use isoform_geom::{Aabb, KdTree, Point3, dot};
+use rayon::prelude::*;
+
+/// Rays of a group of points, at most.
+const RAYS: usize = 48;
+/// Where rays begin, in diagonals.
+const BEGIN: f64 = 1e-3;
+/// The least step along a ray, in diagonals: surfaces closer to one another are met as one.
+const STEP: f64 = 2e-4;
+/// Steps along a ray until it counts as having left.
+const STEPS: usize = 400;
+/// A surface has points where one of this many nearest is its own, within this many spacings.
+const NEAREST: usize = 6;
+const NEAR: f64 = 3.0;
+/// A group of points is turned where the votes for that are this many times those against.
+const CLEAR: f64 = 2.0;
+
+/// Turns normals outwards; those of one entity that face one way are turned together.
+pub(super) fn orient(
+    points: &[Point3],
+    normals: &mut [Point3],
+    labels: &[Option<usize>],
+    surfaces: &[Surface],
+) {
+    let rays = Rays {
+        points,
+        labels,
+        surfaces,
+        tree: KdTree::new(points),
+        size: Aabb::of(points).diagonal(),
+    };
+    let spacing = rays.spacing();
+    let group = |i: usize| {
+        labels[i].map(|l| 2 * l + usize::from(dot(surfaces[l].normal(points[i]), normals[i]) > 0.0))
+    };
+    let mut groups = vec![Vec::new(); 2 * surfaces.len()];
+    for i in 0..points.len() {
+        if let Some(g) = group(i) {
+            groups[g].push(i);
+        }
+    }
+    let is_turned: Vec<bool> = groups
+        .par_iter()
+        .map(|of| {
+            let votes = thinned(of.len(), RAYS).map(|k| {
+                let i = of[k];
+                let [out, back] = [1.0, -1.0].map(|s| {
+                    let way = normals[i].map(|x| s * x);
+                    rays.crossings(points[i], way, spacing) % 2
+                });
+                // Where both are alike, something was not seen.
+                back as f64 - out as f64
+            });
+            let votes: Vec<f64> = votes.collect();
+            let right: f64 = votes.iter().filter(|v| **v > 0.0).sum();
+            let wrong: f64 = -votes.iter().filter(|v| **v < 0.0).sum::<f64>();
+            wrong > CLEAR * right
+        })
+        .collect();
+    for (of, _) in groups.iter().zip(&is_turned).filter(|(_, t)| **t) {
+        for i in of {
+            normals[*i] = normals[*i].map(|x| -x);
+        }
+    }
+}
+
+/// What rays meet.
+struct Rays<'a> {
+    points: &'a [Point3],
+    labels: &'a [Option<usize>],
+    surfaces: &'a [Surface],
+    tree: KdTree,
+    size: f64,
+}
+
+impl Rays<'_> {
+    /// The median distance of a point from its nearest.
+    fn spacing(&self) -> f64 {
+        let mut found = Vec::new();
+        let mut distances: Vec<f64> = thinned(self.points.len(), 1000)
+            .map(|i| {
+                self.tree.nearest_k(self.points[i], 2, &mut found);
+                found.last().map_or(0.0, |f| f.0.sqrt())
+            })
+            .collect();
+        let half = distances.len() / 2;
+        *distances.select_nth_unstable_by(half, f64::total_cmp).1
+    }
+
+    /// How often a ray meets the surface of an entity where it has points.
+    fn crossings(&self, from: Point3, way: Point3, spacing: f64) -> usize {
+        let of = |s: usize| self.crossings_of(s, from, way, spacing);
+        (0..self.surfaces.len()).map(of).sum()
+    }
+
+    /// Along a ray the distance changes no faster than the ray goes: steps of its size pass no
+    /// zero.
+    fn crossings_of(&self, which: usize, from: Point3, way: Point3, spacing: f64) -> usize {
+        let surface = &self.surfaces[which];
+        let at = |t: f64| -> Point3 { std::array::from_fn(|k| from[k] + t * way[k]) };
+        let (mut t, mut count) = (BEGIN * self.size, 0);
+        let mut before = surface.distance(at(t));
+        for _ in 0..STEPS {
+            t += before.abs().max(STEP * self.size);
+            if t > 1.1 * self.size {
+                break;
+            }
+            let now = surface.distance(at(t));
+            if (now < 0.0) != (before < 0.0) && self.has_points(which, at(t), spacing) {
+                count += 1;
+            }
+            before = now;
+        }
+        count
+    }
+
+    fn has_points(&self, which: usize, at: Point3, spacing: f64) -> bool {
+        let mut found = Vec::new();
+        self.tree.nearest_k(at, NEAREST, &mut found);
+        let limit = (NEAR * spacing + STEP * self.size).powi(2);
+        found.iter().any(|f| f.0 <= limit && self.labels[f.1 as usize] == Some(which))
+    }
+}
