@@ -17,7 +17,7 @@ const DIPOLES: usize = 3000;
 /// Points on both sides of which places are taken, at most.
 const BESIDE: usize = 8000;
 /// How far beside, in diagonals and in deviations of the noise.
-const OFF: (f64, f64) = (1e-3, 8.0);
+const OFF: (f64, f64) = (1e-3, 2.0);
 /// By how much the box of the places is larger than that of the points, as a share of its diagonal.
 const MARGIN: f64 = 0.05;
 /// Winding numbers closer to 1/2 tell nothing.
