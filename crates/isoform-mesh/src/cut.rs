@@ -21,7 +21,8 @@ use isoform_control::Control;
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Vertices snapped, or edges cut, between two looks at the clock: some milliseconds.
+/// Vertices snapped, or tetrahedra looked at for edges to cut, between two looks at the clock: a
+/// millisecond or less. More let a stop wait; fewer cost time, each look about a microsecond.
 const LOOK: usize = 64;
 
 /// The complex while it is cut.

@@ -11,11 +11,13 @@ use crate::complex::{Complex, Ring};
 use crate::points::midpoint;
 use isoform_control::Control;
 use isoform_geom::{KdTree, Point3};
+use rayon::prelude::*;
 use std::collections::VecDeque;
 
 /// Lengths that differ by less are equal: halves of lattice edges are exact but for rounding.
 const SAME: f64 = 1.0 + 1e-9;
-/// Tetrahedra bisected between two looks at the clock, some milliseconds.
+/// Tetrahedra looked at between two looks at the clock, some milliseconds where all are bisected.
+/// Fewer cost time where none is; more let a stop wait.
 const LOOK: usize = 256;
 /// Edges that are looked at for one tetrahedron: chains of ever longer ones, until it is halved. In
 /// a lattice they never exceed a few.
@@ -52,18 +54,18 @@ impl Refiner<'_> {
     pub(crate) fn bisect(&mut self, mut wanted: impl FnMut(&Complex, u32) -> f64) -> bool {
         let mut queue: VecDeque<u32> = self.complex.live().collect();
         let (mut ring, mut made) = (Ring::default(), Vec::new());
-        let mut done = 0usize;
+        let mut looked = 0usize;
         while let Some(t) = queue.pop_front() {
+            looked += 1;
+            if looked.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return false;
+            }
             let complex = &self.complex;
             if !complex.is_there(t) || longest(complex, t).0 <= wanted(complex, t) * SAME {
                 continue;
             }
             if complex.tets.len() > self.limit {
                 return true;
-            }
-            done += 1;
-            if done.is_multiple_of(LOOK) && self.control.is_stopped() {
-                return false;
             }
             let mut steps = CHAIN;
             while let Some(m) = self.halve_longest_near(t, &mut steps, &mut ring, &mut made) {
@@ -107,12 +109,15 @@ impl Refiner<'_> {
         None
     }
 
-    /// Halves the edges of tetrahedra next to the places given.
+    /// Halves the edges of tetrahedra next to the places given. A stop ends it.
     pub(crate) fn bisect_near(&mut self, places: &[Point3]) {
         let places = KdTree::new(places);
-        let complex = &self.complex;
-        let near: Vec<(u32, f64)> = complex
-            .live()
+        let (complex, control) = (&self.complex, self.control);
+        let live: Vec<u32> = complex.live().collect();
+        let near: Vec<(u32, f64)> = live
+            .into_par_iter()
+            .with_min_len(CHUNK)
+            .filter(|_| !control.is_stopped())
             .filter_map(|t| {
                 let (length, _) = longest(complex, t);
                 let (_, d) = places.nearest(complex.middle(t))?;

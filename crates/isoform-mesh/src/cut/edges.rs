@@ -62,11 +62,13 @@ impl Cutter<'_> {
         let mut queue: VecDeque<u32> = self.complex.live().collect();
         let mut budget = queue.len() / BUDGET + LEAST_BUDGET;
         let mut ring = Ring::default();
+        let mut looked = 0usize;
         while let Some(t) = queue.pop_front() {
             if !self.complex.is_there(t) {
                 continue;
             }
-            if budget == 0 || (budget.is_multiple_of(LOOK) && self.control.is_stopped()) {
+            looked += 1;
+            if budget == 0 || (looked.is_multiple_of(LOOK) && self.control.is_stopped()) {
                 queue.push_front(t);
                 self.give_up(queue);
                 return;
@@ -86,10 +88,17 @@ impl Cutter<'_> {
         }
     }
 
-    /// Leaves the tetrahedra of the queue undecided.
+    /// Leaves the tetrahedra of the queue undecided that would be cut: of the others, mostly far
+    /// more, the vertices decide. After a stop none is looked at any more.
     fn give_up(&mut self, queue: VecDeque<u32>) {
-        let left = queue.into_iter().filter(|&t| self.complex.is_there(t));
-        self.undecided.extend(left.map(|t| self.complex.middle(t)));
+        for (k, t) in queue.into_iter().enumerate() {
+            if k.is_multiple_of(LOOK) && self.control.is_stopped() {
+                return;
+            }
+            if self.complex.is_there(t) && self.crossing(t).is_some() {
+                self.undecided.push(self.complex.middle(t));
+            }
+        }
     }
 
     /// The longest edge of a tetrahedron that the surface crosses, or that a piece crosses which

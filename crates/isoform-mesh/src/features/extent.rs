@@ -6,8 +6,9 @@
 //! whatever the tolerance.
 //!
 //! First the region searched grows until the solid lies within it; then shells farther out are
-//! searched for other parts of the solid, each twice as large as the one before; last, the box is
-//! made as tight as asked for.
+//! searched for other parts of the solid, each twice as large as the one before. Where a part is
+//! met there but the proof fails beside it, the part may go on behind, and the region grows again.
+//! Last, the box is made as tight as asked for.
 
 mod boxes;
 
@@ -155,6 +156,16 @@ struct Found {
     met: bool,
 }
 
+/// What looking farther out came to.
+enum Beyond {
+    /// Nothing else is there, or nothing more is to be found out.
+    Done,
+    /// In a slab the proof failed where no sample met anything. A part met beside it may go on
+    /// there and beyond; or nothing at all is known yet, and the solid is thin. The region is to be
+    /// searched as a whole.
+    Unproved(Aabb),
+}
+
 /// The part of the solid that is known so far.
 #[derive(Clone, Copy)]
 struct Known {
@@ -213,8 +224,11 @@ impl<'a> Search<'a> {
 
 impl Search<'_> {
     fn find(&mut self, start: Aabb) -> Result<Extent, ExtentError> {
-        let (region, known) = self.grow(start)?;
-        let (region, known) = self.look_beyond(region, known);
+        let (mut region, mut known) = self.grow(start)?;
+        // Each time around the region is at least twice as large: the limit ends it.
+        while let Beyond::Unproved(outer) = self.look_beyond(&mut region, &mut known) {
+            (region, known) = self.grow(outer)?;
+        }
         if touches(known.bounds, region) && !self.inside.is_empty() && at_limit(region) {
             return Err(ExtentError::Unbounded { limit: LIMIT });
         }
@@ -255,22 +269,28 @@ impl Search<'_> {
         }
     }
 
-    /// Looks for other parts of the solid farther out, as long as the proof holds. Returns the
-    /// region searched and all that is known.
-    fn look_beyond(&mut self, region: Aabb, mut known: Known) -> (Aabb, Known) {
-        let mut inner = region;
-        while known.certified && !at_limit(inner) {
-            let outer = doubled(inner, LIMIT);
-            for slab in shell(inner, outer) {
+    /// Looks for other parts of the solid farther out, as long as the proof holds, and enlarges the
+    /// region searched and what is known.
+    fn look_beyond(&mut self, region: &mut Aabb, known: &mut Known) -> Beyond {
+        let mut met = false;
+        while known.certified && !at_limit(*region) {
+            let outer = doubled(*region, LIMIT);
+            for slab in shell(*region, outer) {
                 let found = self.look_into(slab, self.coarse(outer));
                 if found.met {
                     known.bounds = union(known.bounds, found.bounds);
                 }
+                met |= found.met;
                 known.certified &= found.met || found.bounds.is_empty();
             }
-            inner = outer;
+            *region = outer;
         }
-        (inner, known)
+        let may_go_on = met || self.inside.is_empty();
+        if may_go_on && !known.certified && !at_limit(*region) && !self.control.is_stopped() {
+            Beyond::Unproved(*region)
+        } else {
+            Beyond::Done
+        }
     }
 
     /// Searches a slab of a shell. If no sample meets what is there, searches again, with a smaller
