@@ -1,6 +1,7 @@
 //! Recognition: which planes, spheres, cylinders, cones and tori a scan consists of.
 #![forbid(unsafe_code)]
 
+mod blends;
 mod chart;
 mod choose;
 mod cloud;
@@ -17,6 +18,6 @@ mod split;
 mod start;
 mod template;
 
-pub use entity::{Deviations, Entity, Recognition, Relation, RelationKind};
+pub use entity::{Blend, Deviations, Entity, Recognition, Relation, RelationKind};
 pub use recognize::{Error, Options, recognize};
 pub use template::{Gap, Proposal, ProposeError, propose};

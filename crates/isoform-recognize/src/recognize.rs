@@ -1,5 +1,6 @@
 //! Recognition of a scan.
 
+use crate::blends::blends;
 use crate::chart::{Kind, MOST, Row, Surface};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
@@ -7,7 +8,7 @@ use crate::fit::{covariance, squares};
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, dot, sub};
+use isoform_geom::{Point3, PointCloud, dot};
 
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,10 +113,17 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         .enumerate()
         .for_each(|(new, old)| rank[*old] = new as u32);
     let entity = |i: &usize| entity(cloud, found, &members[*i], *i, counts[*i], scaling);
-    let known: Vec<Known> = order
-        .iter()
-        .map(|i| known(cloud, found, &members[*i], *i))
+    let known: Vec<Known> = (0..members.len())
+        .map(|i| known(cloud, found, &members[i], i))
         .collect();
+    let mut blends = blends(cloud, found, &members, &known, scaling.unit);
+    for blend in &mut blends {
+        blend.entity = rank[blend.entity] as usize;
+        blend.between.iter_mut().for_each(|i| *i = rank[*i] as usize);
+        blend.between.sort_unstable();
+    }
+    blends.sort_by_key(|b| b.entity);
+    let known: Vec<Known> = order.iter().map(|i| known[*i].clone()).collect();
     let label = |place: &u32| match found.labels[*place as usize] {
         NONE => None,
         label => Some(rank[label as usize]),
@@ -124,6 +132,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         entities: order.iter().map(entity).collect(),
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
+        blends,
         relations: relations(&known, found.noise, scaling.unit),
         noise: found.noise * scaling.unit,
     }
@@ -180,21 +189,8 @@ fn entity(
         outward,
         points: count,
         rms: rms * scaling.unit,
-        extent: extent(&surface, &points).map(|h| h * scaling.unit),
+        extent: surface.extent(&points).map(|h| h * scaling.unit),
     }
-}
-
-/// Where points begin and end along the axis of a surface.
-fn extent(surface: &Surface, points: &[Point3]) -> [f64; 2] {
-    let from = match surface.kind {
-        Kind::Plane | Kind::Sphere => return [0.0; 2],
-        Kind::Cone => surface.apex(),
-        Kind::Cylinder | Kind::Torus => surface.place,
-    };
-    let heights = points.iter().map(|p| dot(sub(*p, from), surface.axis));
-    heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], h| {
-        [lo.min(h), hi.max(h)]
-    })
 }
 
 /// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
