@@ -71,7 +71,9 @@ pub(crate) fn blends(
 fn has_angle(surfaces: &[Surface], between: &[usize], p: Point3) -> bool {
     let normal = |i: &usize| surfaces[*i].normal(p);
     let first = normal(&between[0]);
-    between[1..].iter().any(|j| dot(first, normal(j)).abs() < OPPOSITE)
+    between[1..]
+        .iter()
+        .any(|j| dot(first, normal(j)).abs() < OPPOSITE)
 }
 
 /// The deviation of a surface's places and sizes: the largest along a length.

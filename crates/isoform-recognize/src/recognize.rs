@@ -119,7 +119,10 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
     let mut blends = blends(cloud, found, &members, &known, scaling.unit);
     for blend in &mut blends {
         blend.entity = rank[blend.entity] as usize;
-        blend.between.iter_mut().for_each(|i| *i = rank[*i] as usize);
+        blend
+            .between
+            .iter_mut()
+            .for_each(|i| *i = rank[*i] as usize);
         blend.between.sort_unstable();
     }
     blends.sort_by_key(|b| b.entity);

@@ -68,7 +68,10 @@ impl std::fmt::Display for Gap {
                 100.0 * share
             ),
             Self::Unseen(axis, is_upper) => {
-                let (axis, side) = (['x', 'y', 'z'][*axis], if *is_upper { "upper" } else { "lower" });
+                let (axis, side) = (
+                    ['x', 'y', 'z'][*axis],
+                    if *is_upper { "upper" } else { "lower" },
+                );
                 write!(
                     f,
                     "no face closes the {side} end along the part's {axis} axis: the end of the data \
@@ -124,8 +127,16 @@ pub fn propose(
     let center = Aabb::of(&scan.points).center();
     let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
     let frame = Frame::of(found, middle);
-    let points: Vec<Point3> = scan.points.iter().map(|p| frame.apply(*p, center)).collect();
-    let mut normals: Vec<Point3> = found.normals.iter().map(|n| frame.rows.map(|r| dot(r, *n))).collect();
+    let points: Vec<Point3> = scan
+        .points
+        .iter()
+        .map(|p| frame.apply(*p, center))
+        .collect();
+    let mut normals: Vec<Point3> = found
+        .normals
+        .iter()
+        .map(|n| frame.rows.map(|r| dot(r, *n)))
+        .collect();
     let bounds = Aabb::of(&points);
     let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
     orient(&points, &mut normals, &of, &frame.surfaces);
@@ -221,13 +232,7 @@ fn torn(halves: &[Half], places: &[Place]) -> Vec<Place> {
     places.iter().filter(is_torn).copied().collect()
 }
 
-fn gaps(
-    found: &Recognition,
-    halves: &[Half],
-    solid: &Solid,
-    used: &[bool],
-    open: f64,
-) -> Vec<Gap> {
+fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open: f64) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let unassigned = share(&found.labels, Option::is_none);
     if unassigned > 0.0 {
