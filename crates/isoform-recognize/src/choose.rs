@@ -3,7 +3,7 @@
 use crate::chart::{Kind, Surface};
 use crate::cloud::{Cloud, FLOOR};
 use crate::fit::{Precision, fit, squares};
-use crate::grow::{Region, correlation, far_correlation, grow};
+use crate::grow::{Region, correlation, grow};
 use crate::start::bent_squares;
 use isoform_geom::dot;
 use rayon::prelude::*;
@@ -20,8 +20,9 @@ const MATERIAL: f64 = 0.01;
 /// simpler one then is a strip of it.
 const WIDER: f64 = 1.6;
 /// Correlation of neighbouring distances that a few points of other faces cause, and how many
-/// deviations of its estimate are chance.
-const CORRELATED: f64 = 0.03;
+/// deviations of its estimate are chance. With 0.03 true faces of noisy scans are dropped, with 0.06
+/// tori that bend over two cones stay.
+const CORRELATED: f64 = 0.045;
 const CHANCE: f64 = 4.0;
 /// Sizes of the sets of neighbours that regions grow from: small ones lie within small faces, large
 /// ones tell curvatures in noise; and whether only neighbours with like normals are taken, which
@@ -179,7 +180,12 @@ fn largest(
             continue;
         };
         if region.points.len() < least_points(kind, noise.deviation)
-            || !is_followed(cloud, &region, noise)
+            || !follows(
+                cloud,
+                [&region.core, &region.points],
+                &region.surface,
+                noise,
+            )
         {
             continue;
         }
@@ -222,7 +228,7 @@ fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) ->
     best
 }
 
-/// Whether a settled surface follows its points up to independent noise: those of its core, or all
+/// Whether a surface follows its points up to independent noise: those of its core, or all
 /// of them. Along edges all have strips of other faces; in the core of a face behind a thin wall are
 /// only places where the noise of neighbours happens to be alike.
 pub(crate) fn follows(
@@ -236,14 +242,6 @@ pub(crate) fn follows(
             && is_independent(correlation(cloud, points, surface))
     };
     noise.deviation <= FLOOR || is_one(core) || is_one(points)
-}
-
-/// Whether the core of a growing region follows its points.
-fn is_followed(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
-    let (core, surface) = (&region.core, &region.surface);
-    noise.deviation <= FLOOR
-        || is_near(cloud, core, surface, noise)
-            && is_independent(far_correlation(cloud, core, surface))
 }
 
 /// Whether points deviate by no more than the noise.

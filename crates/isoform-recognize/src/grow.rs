@@ -171,46 +171,6 @@ pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (
     (products / pairs / mean, (2.0_f64 / pairs).sqrt())
 }
 
-/// As [`correlation`], of neighbours of neighbours: what growing regions are held against. Their
-/// surfaces are not yet settled, and strips beyond edges are alike.
-pub(crate) fn far_correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (f64, f64) {
-    let mut distance = vec![f64::NAN; cloud.points.len()];
-    for i in points {
-        distance[*i as usize] = surface.distance(cloud.points[*i as usize]);
-    }
-    let (mut products, mut pairs, mut squares) = (0.0, 0.0, 0.0);
-    for i in points {
-        let r = distance[*i as usize];
-        squares += r * r;
-        for j in far_pairs(cloud, *i) {
-            let s = distance[j as usize];
-            if !s.is_nan() {
-                products += r * s;
-                pairs += 1.0;
-            }
-        }
-    }
-    if pairs == 0.0 || squares == 0.0 {
-        return (0.0, 1.0);
-    }
-    // Most pairs count from both ends.
-    (
-        products / pairs * points.len() as f64 / squares,
-        (2.0_f64 / pairs).sqrt(),
-    )
-}
-
-/// Neighbours of neighbours of a point, the farther ones: the nearest in space are those with
-/// nearly the same distance from the surface where noise is as large as the spacing.
-fn far_pairs(cloud: &Cloud, i: u32) -> impl Iterator<Item = u32> {
-    let near = cloud.near(i);
-    let outer = &near[near.len() / 2..];
-    outer.iter().filter_map(move |j| {
-        let next = cloud.near(*j).iter().rev();
-        next.copied().find(|k| *k != i && !near.contains(k))
-    })
-}
-
 /// Neighbours of a point of the core that may lie outside of its region: outliers.
 const STRAY: usize = 1;
 
