@@ -1,14 +1,14 @@
 //! Recognition of a scan.
 
 use crate::blends::blends;
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::chart::{Kind, MOST, Row, Surface, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, dot};
+use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -82,6 +82,9 @@ pub fn recognize(
     }
     let mut scaling = Scaling::of(&places).ok_or(Error::Line)?;
     let cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
+    if is_line(&cloud.points) {
+        return Err(Error::Line);
+    }
     let limits = Limits {
         min_points: options.min_points,
         noise: options
@@ -93,6 +96,16 @@ pub fn recognize(
         scaling.origin[k] += scan.origin[k];
     }
     Ok(report(&cloud, &found, &index, &scaling))
+}
+
+/// Whether sorted points lie on one line: that through the first and the last.
+fn is_line(points: &[Point3]) -> bool {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return true;
+    };
+    let along = unit(sub(*last, *first));
+    let off = |p: &Point3| norm(cross(sub(*p, *first), along));
+    points.iter().all(|p| off(p) <= crate::cloud::FLOOR)
 }
 
 /// What was found, in the scan's unit and order.
