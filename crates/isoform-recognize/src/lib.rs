@@ -5,6 +5,7 @@ mod chart;
 mod choose;
 mod cloud;
 mod entity;
+mod facets;
 mod fit;
 mod grow;
 mod kinds;
@@ -17,4 +18,5 @@ mod split;
 mod start;
 
 pub use entity::{Deviations, Entity, Recognition, Relation, RelationKind};
+pub use facets::{FacetRecognition, recognize_facets};
 pub use recognize::{Error, Options, recognize};

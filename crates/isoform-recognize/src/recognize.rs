@@ -184,7 +184,12 @@ fn entity(
 }
 
 /// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
-fn deviations(surface: &Surface, points: &[Point3], sigma: f64, scaling: &Scaling) -> Deviations {
+pub(crate) fn deviations(
+    surface: &Surface,
+    points: &[Point3],
+    sigma: f64,
+    scaling: &Scaling,
+) -> Deviations {
     let unit = scaling.unit;
     let Some(covariance) = covariance(surface, points) else {
         return Deviations {

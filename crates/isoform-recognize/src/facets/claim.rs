@@ -1,0 +1,225 @@
+//! Which triangles belong to which surface: plain planes first, then bent surfaces, what is left
+//! that is flat, and pieces of one surface joined.
+
+use super::flat::Flats;
+use super::mesh::{Facets, NONE};
+use super::part::{Part, exact, follows, turn};
+use super::seeds::Free;
+use crate::chart::{Kind, Surface};
+use isoform_control::{Control, Stopped};
+use rayon::prelude::*;
+
+/// Facets that lead to no bent surface until the search ends, and until it ends where none was
+/// found at all: free-form faces have thousands of facets, each of which takes some milliseconds.
+const FAILURES: (usize, usize) = (400, 60);
+/// Flat pieces in a row over smooth edges that are planes each; more are a free-form face.
+const FEW: usize = 3;
+/// A facet over which the surface turns this many times as far as over nearly all others of its
+/// part is a flat cut into it.
+const FLAT_CUT: f64 = 2.5;
+/// How many of a hundred facets those are.
+const NEARLY_ALL: usize = 90;
+/// Two pieces of one surface are no farther from each other's than this many tolerances: each is
+/// carried on from where it is known.
+const APART: f64 = 1000.0;
+
+/// Parts of a mesh, and for each triangle that of its own.
+pub(crate) struct Claims {
+    pub(crate) parts: Vec<Part>,
+    pub(crate) taken: Vec<u32>,
+}
+
+/// Finds the parts of a mesh.
+pub(crate) fn claim(
+    mesh: &Facets,
+    flats: &Flats,
+    control: &Control<'_>,
+) -> Result<Claims, Stopped> {
+    let mut claims = Claims {
+        parts: Vec::new(),
+        taken: vec![NONE; mesh.triangles.len()],
+    };
+    let plain = |k: &u32| flats.is_plain(mesh, *k);
+    let pieces = 0..flats.pieces.len() as u32;
+    let plain: Vec<u32> = pieces.into_par_iter().filter(plain).collect();
+    for k in plain {
+        claims.add(flats.pieces[k as usize].clone());
+    }
+    claims.add_bent(mesh, flats, control)?;
+    claims.complete(mesh);
+    claims.add_flat(mesh, flats);
+    claims.join(mesh);
+    Ok(claims)
+}
+
+impl Claims {
+    fn add(&mut self, part: Part) {
+        let id = self.parts.len() as u32;
+        for t in &part.triangles {
+            self.taken[*t as usize] = id;
+        }
+        self.parts.push(part);
+    }
+
+    /// Bent surfaces, from the largest facets first.
+    fn add_bent(
+        &mut self,
+        mesh: &Facets,
+        flats: &Flats,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let mut order: Vec<u32> = (0..flats.pieces.len() as u32).collect();
+        let area = |k: &u32| flats.areas[*k as usize];
+        order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
+        let (mut failures, mut successes) = (0, 0);
+        for (k, piece) in order.iter().enumerate() {
+            let seed = flats.pieces[*piece as usize].triangles[0];
+            if self.taken[seed as usize] != NONE || !has_smooth_edge(mesh, flats, *piece) {
+                continue;
+            }
+            control.check()?;
+            control.report("recognize", k as f64 / order.len() as f64);
+            let free = Free {
+                mesh,
+                flats,
+                taken: &self.taken,
+            };
+            match free.best(*piece) {
+                Some(part) => {
+                    successes += 1;
+                    self.add(without_cuts(mesh, part));
+                }
+                None => failures += 1,
+            }
+            let most = if successes > 0 {
+                FAILURES.0
+            } else {
+                FAILURES.1
+            };
+            if failures >= most {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds free triangles that lie on a bent surface apart from its part.
+    fn complete(&mut self, mesh: &Facets) {
+        let bent = |p: &&Part| p.surface.kind != Kind::Plane;
+        let surfaces: Vec<(usize, Surface)> = (0..self.parts.len())
+            .filter(|k| bent(&&self.parts[*k]))
+            .map(|k| (k, self.parts[k].surface))
+            .collect();
+        let open = (0..mesh.triangles.len() as u32).filter(|t| self.taken[*t as usize] == NONE);
+        let open: Vec<u32> = open.collect();
+        let of = |t: &u32| {
+            let mut on = surfaces.iter().filter(|s| follows(mesh, &s.1, *t));
+            on.next().map(|s| (s.0, *t))
+        };
+        let found: Vec<(usize, u32)> = open.par_iter().filter_map(of).collect();
+        for (k, t) in found {
+            self.taken[t as usize] = k as u32;
+            self.parts[k].triangles.push(t);
+        }
+        self.parts
+            .iter_mut()
+            .for_each(|p| p.triangles.sort_unstable());
+    }
+
+    /// Planes of what is left: flat pieces in short rows. Longer rows over smooth edges are faces
+    /// of a free form.
+    fn add_flat(&mut self, mesh: &Facets, flats: &Flats) {
+        let is_left = |k: u32| {
+            let first = flats.pieces[k as usize].triangles[0];
+            self.taken[first as usize] == NONE
+        };
+        let mut rows = isoform_geom::UnionFind::new(flats.pieces.len());
+        for t in 0..mesh.triangles.len() as u32 {
+            for u in mesh.near(t) {
+                let [a, b] = [t, *u].map(|t| flats.of[t as usize]);
+                if a != b && is_left(a) && is_left(b) && flats.are_alike(mesh, [t, *u]) {
+                    rows.unite(a, b);
+                }
+            }
+        }
+        let mut sizes = vec![0; flats.pieces.len()];
+        (0..flats.pieces.len() as u32).for_each(|k| sizes[rows.root(k) as usize] += 1);
+        let pieces = (0..flats.pieces.len() as u32)
+            .filter(|k| is_left(*k) && sizes[rows.root(*k) as usize] <= FEW);
+        let new: Vec<Part> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
+        for mut part in new {
+            part.triangles.retain(|t| self.taken[*t as usize] == NONE);
+            self.add(part);
+        }
+    }
+
+    /// Joins parts of one surface, the largest first, and fits each to all its vertices.
+    fn join(&mut self, mesh: &Facets) {
+        let parts = std::mem::take(&mut self.parts);
+        let mut order: Vec<Part> = parts;
+        let key = |p: &Part| (std::cmp::Reverse(p.triangles.len()), p.triangles[0]);
+        order.sort_by_key(key);
+        let mut joined: Vec<Part> = Vec::new();
+        for part in order {
+            let same = joined.iter().enumerate().find_map(|(k, large)| {
+                let one = together(mesh, large, &part)?;
+                Some((k, one))
+            });
+            match same {
+                Some((k, surface)) => {
+                    joined[k].surface = surface;
+                    joined[k].triangles.extend(part.triangles);
+                }
+                None => joined.push(part),
+            }
+        }
+        self.taken.fill(NONE);
+        for mut part in joined {
+            part.triangles.sort_unstable();
+            self.add(part);
+        }
+    }
+}
+
+/// Whether a flat piece may be a facet of something bent.
+fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
+    flats.pieces[piece as usize].triangles.iter().any(|t| {
+        let others = mesh.near(*t).iter();
+        let mut others = others.filter(|u| flats.of[**u as usize] != piece);
+        others.any(|u| flats.are_alike(mesh, [*t, *u]))
+    })
+}
+
+/// The part without facets that are flat cuts into its surface.
+fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
+    let of = |t: &u32| turn(&part.surface, mesh.corners(*t));
+    let turns: Vec<f64> = part.triangles.iter().map(of).collect();
+    let mut sorted = turns.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted[(sorted.len() - 1) * NEARLY_ALL / 100];
+    let mut turns = turns.into_iter();
+    part.triangles
+        .retain(|_| turns.next().is_some_and(|turn| turn <= FLAT_CUT * usual));
+    part
+}
+
+/// The surface of two parts, if they are pieces of one.
+fn together(mesh: &Facets, large: &Part, small: &Part) -> Option<Surface> {
+    if large.surface.kind != small.surface.kind {
+        return None;
+    }
+    let near = |a: &Part, b: &Part| {
+        let some = b.triangles.iter().take(FEW);
+        let mut corners = some.flat_map(|t| mesh.corners(*t));
+        corners.all(|p| a.surface.distance(p).abs() <= APART * mesh.tolerance)
+    };
+    if !near(large, small) && !near(small, large) {
+        return None;
+    }
+    let mut vertices = mesh.vertices(&large.triangles);
+    vertices.extend(mesh.vertices(&small.triangles));
+    let surface = exact(mesh, &large.surface, &vertices)?;
+    let alone = [large, small].map(|p| mesh.vertices(&p.triangles));
+    let is_on = |v: &u32| surface.distance(mesh.points[*v as usize]).abs() <= mesh.tolerance;
+    alone.iter().flatten().all(is_on).then_some(surface)
+}

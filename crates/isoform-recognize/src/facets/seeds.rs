@@ -1,0 +1,220 @@
+//! Bent surfaces about a facet: hypotheses from the facets around it, each grown as far as it
+//! holds, and the one that explains most.
+
+use super::evidence::shows;
+use super::flat::Flats;
+use super::mesh::Facets;
+use super::part::{Part, SAMPLE, TURN, exact, follows, grow};
+use crate::chart::{Kind, Surface, unit};
+use crate::fit::{Precision, fit};
+use crate::start::starts;
+use isoform_geom::{Point3, dot};
+use rayon::prelude::*;
+
+/// Triangles that hypotheses are made from: few stay within small faces, many show the curvature
+/// of fine meshes.
+const BALLS: [usize; 5] = [7, 14, 48, 200, 800];
+/// Balls of up to this many triangles hold facets like the seed only.
+const SMALL: usize = 48;
+/// Facets beside one that are tried in pairs.
+const BESIDE: usize = 6;
+/// Vertices of a rough fit farther from it than this many tolerances do not lie on such a surface.
+const ROUGHLY: f64 = 1e4;
+/// A kind with more parameters wins where it explains this many times as many triangles.
+const MORE: f64 = 1.15;
+/// The bent kinds, the simplest first: what can be unrolled before a sphere, though that has fewer
+/// parameters, since two rings of vertices lie on a sphere always.
+const KINDS: [Kind; 4] = [Kind::Cylinder, Kind::Cone, Kind::Sphere, Kind::Torus];
+
+/// What is free to be explained.
+pub(crate) struct Free<'a> {
+    pub(crate) mesh: &'a Facets,
+    pub(crate) flats: &'a Flats,
+    /// The entity of each triangle.
+    pub(crate) taken: &'a [u32],
+}
+
+impl Free<'_> {
+    pub(crate) fn is_free(&self, t: u32) -> bool {
+        self.taken[t as usize] == super::mesh::NONE
+    }
+
+    /// The bent surface about a flat piece that explains most triangles.
+    pub(crate) fn best(&self, piece: u32) -> Option<Part> {
+        let sets = self.sets(piece);
+        let found = KINDS.par_iter().map(|kind| self.largest(*kind, &sets));
+        let found: Vec<Option<Part>> = found.collect();
+        let best = simplest(found.into_iter().flatten())?;
+        if !matches!(best.surface.kind, Kind::Cylinder | Kind::Cone) {
+            return Some(best);
+        }
+        // Each ring of facets of a sphere or a torus is a cone, too.
+        let wider = [self.widened(&best.triangles)];
+        let found = KINDS[2..].iter().map(|kind| self.largest(*kind, &wider));
+        simplest([Some(best)].into_iter().chain(found).flatten())
+    }
+
+    /// Sets of triangles that hypotheses are made from.
+    fn sets(&self, piece: u32) -> Vec<Vec<u32>> {
+        let own = &self.flats.pieces[piece as usize].triangles;
+        let mut beside: Vec<u32> = Vec::new();
+        for t in own {
+            for u in self.mesh.near(*t) {
+                let other = self.flats.of[*u as usize];
+                let is_new = other != piece && !beside.contains(&other);
+                if is_new && self.is_free(*u) && self.flats.are_alike(self.mesh, [*t, *u]) {
+                    beside.push(other);
+                }
+            }
+        }
+        beside.truncate(BESIDE);
+        let mut sets = Vec::new();
+        for (k, a) in beside.iter().enumerate() {
+            for b in &beside[k + 1..] {
+                let more = [a, b].map(|p| &self.flats.pieces[*p as usize].triangles[..]);
+                sets.push([own, more[0], more[1]].concat());
+            }
+        }
+        for most in BALLS {
+            let set = self.ball(own[0], most);
+            if sets.last().is_none_or(|s| s.len() < set.len()) || most == BALLS[0] {
+                sets.push(set);
+            }
+        }
+        sets
+    }
+
+    /// The free triangles nearest to one, across edges at which the surface turns little.
+    fn ball(&self, seed: u32, most: usize) -> Vec<u32> {
+        let (mut all, mut at) = (vec![seed], 0);
+        let mut seen = std::collections::BTreeSet::from([seed]);
+        while at < all.len() && all.len() < most {
+            let t = all[at];
+            for u in self.mesh.near(t) {
+                let continues = match most <= SMALL {
+                    true => self.flats.are_alike(self.mesh, [t, *u]),
+                    false => self.mesh.cosine(t, *u) >= TURN.cos(),
+                };
+                if self.is_free(*u) && continues && seen.insert(*u) {
+                    all.push(*u);
+                }
+            }
+            at += 1;
+        }
+        all
+    }
+
+    /// Triangles with the free ones that continue them.
+    fn widened(&self, of: &[u32]) -> Vec<u32> {
+        let mut all = of.to_vec();
+        for _ in 0..2 {
+            let smooth = |t: &u32| {
+                let near = self.mesh.near(*t).iter().copied();
+                let t = *t;
+                near.filter(move |u| self.is_free(*u) && self.flats.are_alike(self.mesh, [t, *u]))
+            };
+            let more: Vec<u32> = all.iter().flat_map(smooth).collect();
+            all.extend(more);
+            all.sort_unstable();
+            all.dedup();
+        }
+        all
+    }
+
+    /// The largest part of a kind that the sets lead to.
+    fn largest(&self, kind: Kind, sets: &[Vec<u32>]) -> Option<Part> {
+        let mut best: Option<Part> = None;
+        for set in sets {
+            for surface in self.hypotheses(kind, set) {
+                let is_known = |b: &Part| is_same(self.mesh, &surface, b);
+                if best.as_ref().is_some_and(is_known) {
+                    continue;
+                }
+                let Some(part) = grow(self.mesh, set, surface, &|t| self.is_free(t)) else {
+                    continue;
+                };
+                let is_larger = |b: &Part| part.triangles.len() > b.triangles.len();
+                if best.as_ref().is_none_or(is_larger) && shows(self.mesh, &part) {
+                    best = Some(part);
+                }
+            }
+        }
+        best
+    }
+
+    /// Surfaces of a kind that all vertices of a set lie on.
+    fn hypotheses(&self, kind: Kind, set: &[u32]) -> Vec<Surface> {
+        let mesh = self.mesh;
+        let vertices = mesh.vertices(set);
+        if vertices.len() <= kind.parameters() {
+            return Vec::new();
+        }
+        let (corners, facets) = self.corners(set);
+        let smooth = self.smooth(set, &vertices);
+        let step = vertices.len().div_ceil(SAMPLE).max(1);
+        let some = |of: &[Point3]| -> Vec<Point3> { of.iter().copied().step_by(step).collect() };
+        let (points, smooth) = (some(&mesh.at(&vertices)), some(&smooth));
+        let mut from = match kind {
+            Kind::Cylinder | Kind::Cone => starts(kind, &corners, &facets),
+            _ => Vec::new(),
+        };
+        from.extend(starts(kind, &points, &smooth));
+        let roughly = |s: &Surface| -> Option<Surface> {
+            let (surface, squares) = fit(s, &points, Precision::Rough)?;
+            let limit = (ROUGHLY * mesh.tolerance).powi(2) * points.len() as f64;
+            (squares <= limit).then_some(surface)
+        };
+        let fitted = from.iter().filter_map(roughly);
+        let fitted = fitted.filter_map(|s| exact(mesh, &s, &vertices));
+        fitted
+            .filter(|s| set.iter().all(|t| follows(mesh, s, *t)))
+            .collect()
+    }
+
+    /// Corners of facets, each with the normal of its facet: tangent planes of what can be
+    /// unrolled.
+    fn corners(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
+        let step = (3 * set.len()).div_ceil(SAMPLE).max(1);
+        let of = |t: &u32| {
+            let n = self.mesh.normals[*t as usize];
+            self.mesh.corners(*t).map(|p| (p, n))
+        };
+        set.iter().step_by(step).flat_map(of).unzip()
+    }
+
+    /// Normals at vertices: the sum of those of the facets at each, by area.
+    fn smooth(&self, set: &[u32], vertices: &[u32]) -> Vec<Point3> {
+        let mut sums = vec![[0.0; 3]; vertices.len()];
+        for t in set {
+            let (n, area) = (self.mesh.normals[*t as usize], self.mesh.areas[*t as usize]);
+            for v in self.mesh.triangles[*t as usize] {
+                let k = vertices.partition_point(|w| *w < v);
+                for i in 0..3 {
+                    sums[k][i] += area * n[i];
+                }
+            }
+        }
+        sums.into_iter().map(unit).collect()
+    }
+}
+
+/// Whether a surface is that of a part.
+fn is_same(mesh: &Facets, surface: &Surface, part: &Part) -> bool {
+    let vertices = mesh.vertices(&part.triangles);
+    let step = vertices.len().div_ceil(SAMPLE).max(1);
+    let mut some = vertices.iter().step_by(step);
+    let along = |t: &u32| {
+        let p = mesh.corners(*t)[0];
+        dot(surface.normal(p), part.surface.normal(p)).abs() > 0.99
+    };
+    some.all(|v| surface.distance(mesh.points[*v as usize]).abs() <= mesh.tolerance)
+        && part.triangles.first().is_some_and(along)
+}
+
+/// The first of parts, by rising kind, that no other one explains far more than.
+fn simplest(parts: impl Iterator<Item = Part>) -> Option<Part> {
+    parts.fold(None, |best: Option<Part>, part| match best {
+        Some(b) if (part.triangles.len() as f64) < MORE * b.triangles.len() as f64 => Some(b),
+        _ => Some(part),
+    })
+}
