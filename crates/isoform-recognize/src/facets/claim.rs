@@ -7,11 +7,14 @@ use super::part::{Part, exact, follows, turn};
 use super::seeds::Free;
 use crate::chart::{Kind, Surface};
 use isoform_control::{Control, Stopped};
+use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Facets that lead to no bent surface until the search ends, and until it ends where none was
+/// Facets that lead to no bent surface until a pass ends, and until it ends where none was
 /// found at all: free-form faces have thousands of facets, each of which takes some milliseconds.
 const FAILURES: (usize, usize) = (400, 60);
+/// Passes over the facets at most: each has to find something.
+const PASSES: usize = 5;
 /// Flat pieces in a row over smooth edges that are planes each; more are a free-form face.
 const FEW: usize = 3;
 /// A facet over which the surface turns this many times as far as over nearly all others of its
@@ -46,6 +49,7 @@ pub(crate) fn claim(
         claims.add(flats.pieces[k as usize].clone());
     }
     claims.add_bent(mesh, flats, control)?;
+    claims.give_rings(mesh);
     claims.complete(mesh);
     claims.add_flat(mesh, flats);
     claims.join(mesh);
@@ -61,55 +65,87 @@ impl Claims {
         self.parts.push(part);
     }
 
-    /// Bent surfaces, from the largest facets first.
+    /// Bent surfaces, from the largest facets first, in passes until one finds none: facets beside
+    /// others of their size lead somewhere once those are taken.
     fn add_bent(
         &mut self,
         mesh: &Facets,
         flats: &Flats,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        let mut order: Vec<u32> = (0..flats.pieces.len() as u32).collect();
+        let pieces = 0..flats.pieces.len() as u32;
+        let may = |k: &u32| has_smooth_edge(mesh, flats, *k);
+        let mut order: Vec<u32> = pieces.into_par_iter().filter(may).collect();
         let area = |k: &u32| flats.areas[*k as usize];
         order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
-        let (mut failures, mut successes) = (0, 0);
-        for (k, piece) in order.iter().enumerate() {
-            let seed = flats.pieces[*piece as usize].triangles[0];
-            if self.taken[seed as usize] != NONE || !has_smooth_edge(mesh, flats, *piece) {
-                continue;
-            }
-            control.check()?;
-            control.report("recognize", k as f64 / order.len() as f64);
-            let free = Free {
-                mesh,
-                flats,
-                taken: &self.taken,
-            };
-            match free.best(*piece) {
-                Some(part) => {
-                    successes += 1;
-                    self.add(without_cuts(mesh, part));
+        let mut found = 0;
+        for pass in 0..PASSES {
+            control.report("recognize", pass as f64 / PASSES as f64);
+            let before = found;
+            let mut failures = 0;
+            for piece in &order {
+                let seed = flats.pieces[*piece as usize].triangles[0];
+                if self.taken[seed as usize] != NONE {
+                    continue;
                 }
-                None => failures += 1,
+                control.check()?;
+                if failures >= if found > 0 { FAILURES.0 } else { FAILURES.1 } {
+                    break;
+                }
+                let free = Free {
+                    mesh,
+                    flats,
+                    taken: &self.taken,
+                };
+                match free.best(*piece) {
+                    Some(part) => {
+                        found += 1;
+                        self.add(without_cuts(mesh, part));
+                    }
+                    None => failures += 1,
+                }
             }
-            let most = if successes > 0 {
-                FAILURES.0
-            } else {
-                FAILURES.1
-            };
-            if failures >= most {
+            if found == before {
                 break;
             }
         }
         Ok(())
     }
 
+    /// The bent surfaces so far, with their parts.
+    fn bent(&self) -> Vec<(usize, Surface)> {
+        let surfaces = self.parts.iter().map(|p| p.surface).enumerate();
+        surfaces.filter(|s| s.1.kind != Kind::Plane).collect()
+    }
+
+    /// Gives parts all of whose facets are those of a larger bent part to that, the smallest first:
+    /// planes such as the top ring of a torus, and rings that were found before their torus.
+    fn give_rings(&mut self, mesh: &Facets) {
+        let bent = self.bent();
+        let mut order: Vec<usize> = (0..self.parts.len()).collect();
+        let size = |parts: &[Part], k: usize| parts[k].triangles.len();
+        order.sort_by_key(|k| (size(&self.parts, *k), *k));
+        for old in order {
+            let part = &self.parts[old];
+            let mut larger = bent.iter().filter(|(k, _)| {
+                let is_plane = part.surface.kind == Kind::Plane;
+                *k != old && (is_plane || size(&self.parts, *k) > part.triangles.len())
+            });
+            let all_follow = |s: &Surface| part.triangles.iter().all(|t| follows(mesh, s, *t));
+            let Some((new, _)) = larger.find(|(_, surface)| all_follow(surface)) else {
+                continue;
+            };
+            let moved = std::mem::take(&mut self.parts[old].triangles);
+            for t in &moved {
+                self.taken[*t as usize] = *new as u32;
+            }
+            self.parts[*new].triangles.extend(moved);
+        }
+    }
+
     /// Adds free triangles that lie on a bent surface apart from its part.
     fn complete(&mut self, mesh: &Facets) {
-        let bent = |p: &&Part| p.surface.kind != Kind::Plane;
-        let surfaces: Vec<(usize, Surface)> = (0..self.parts.len())
-            .filter(|k| bent(&&self.parts[*k]))
-            .map(|k| (k, self.parts[k].surface))
-            .collect();
+        let surfaces = self.bent();
         let open = (0..mesh.triangles.len() as u32).filter(|t| self.taken[*t as usize] == NONE);
         let open: Vec<u32> = open.collect();
         let of = |t: &u32| {
@@ -144,8 +180,10 @@ impl Claims {
         }
         let mut sizes = vec![0; flats.pieces.len()];
         (0..flats.pieces.len() as u32).for_each(|k| sizes[rows.root(k) as usize] += 1);
-        let pieces = (0..flats.pieces.len() as u32)
-            .filter(|k| is_left(*k) && sizes[rows.root(*k) as usize] <= FEW);
+        let pieces = (0..flats.pieces.len() as u32).filter(|k| {
+            let of = &flats.pieces[*k as usize].triangles;
+            is_left(*k) && sizes[rows.root(*k) as usize] <= FEW && is_face(mesh, of)
+        });
         let new: Vec<Part> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
         for mut part in new {
             part.triangles.retain(|t| self.taken[*t as usize] == NONE);
@@ -155,8 +193,8 @@ impl Claims {
 
     /// Joins parts of one surface, the largest first, and fits each to all its vertices.
     fn join(&mut self, mesh: &Facets) {
-        let parts = std::mem::take(&mut self.parts);
-        let mut order: Vec<Part> = parts;
+        let mut order = std::mem::take(&mut self.parts);
+        order.retain(|p| !p.triangles.is_empty());
         let key = |p: &Part| (std::cmp::Reverse(p.triangles.len()), p.triangles[0]);
         order.sort_by_key(key);
         let mut joined: Vec<Part> = Vec::new();
@@ -179,6 +217,11 @@ impl Claims {
             self.add(part);
         }
     }
+}
+
+/// Whether triangles in one plane show it: four vertices do, and a triangle with others around it.
+fn is_face(mesh: &Facets, of: &[u32]) -> bool {
+    mesh.vertices(of).len() > 3 || mesh.near(of[0]).len() >= 3
 }
 
 /// Whether a flat piece may be a facet of something bent.
@@ -216,10 +259,9 @@ fn together(mesh: &Facets, large: &Part, small: &Part) -> Option<Surface> {
     if !near(large, small) && !near(small, large) {
         return None;
     }
-    let mut vertices = mesh.vertices(&large.triangles);
-    vertices.extend(mesh.vertices(&small.triangles));
-    let surface = exact(mesh, &large.surface, &vertices)?;
-    let alone = [large, small].map(|p| mesh.vertices(&p.triangles));
-    let is_on = |v: &u32| surface.distance(mesh.points[*v as usize]).abs() <= mesh.tolerance;
-    alone.iter().flatten().all(is_on).then_some(surface)
+    let both = [&large.triangles[..], &small.triangles].concat();
+    let surface = exact(mesh, &large.surface, &both)?;
+    let is_on = |p: Point3| surface.distance(p).abs() <= mesh.tolerance;
+    let is_whole = both.iter().all(|t| mesh.corners(*t).into_iter().all(is_on));
+    is_whole.then_some(surface)
 }

@@ -2,7 +2,8 @@
 //! surface of its kind by construction.
 //!
 //! Vertices of a mesh stand in rows. Any three parallel lines lie on a cylinder, any three coaxial
-//! circles on a torus: a fourth row on it is no coincidence, as it is met within the tolerance.
+//! circles on a torus: a fourth row on it is no coincidence, as it is met within the tolerance. Any
+//! two coaxial circles lie on a sphere: it needs a vertex with facets all around it.
 
 use super::mesh::Facets;
 use super::part::Part;
@@ -37,7 +38,7 @@ pub(crate) fn shows(mesh: &Facets, part: &Part) -> bool {
         Kind::Plane => true,
         Kind::Cylinder => around(ROWS),
         Kind::Cone => around(CONE_ROWS),
-        Kind::Sphere => points.len() >= SPHERE,
+        Kind::Sphere => points.len() >= SPHERE && mesh.surround_a_vertex(&part.triangles),
         Kind::Torus => {
             let tube = points.iter().map(|p| section(surface, *p));
             points.len() >= TORUS && around(ROWS) && has_rows(tube, ROWS)

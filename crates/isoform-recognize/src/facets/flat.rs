@@ -19,7 +19,7 @@ const LEAVES: f64 = 10.0;
 /// The share of the border along which it has to.
 const MOSTLY: f64 = 0.8;
 /// Facets side by side differ in area by less than this factor, as a mesh refines slowly.
-const COMPARABLE: f64 = 8.0;
+pub(crate) const COMPARABLE: f64 = 8.0;
 
 /// The flat pieces of a mesh.
 pub(crate) struct Flats {
@@ -88,10 +88,14 @@ impl Flats {
 
     /// Whether the surface turns little from one piece to another beyond an edge, and both are of
     /// about the same size: they may be facets of one thing.
-    pub(crate) fn are_alike(&self, mesh: &Facets, [t, u]: [u32; 2]) -> bool {
+    pub(crate) fn are_alike(&self, mesh: &Facets, pair: [u32; 2]) -> bool {
+        self.are_within(mesh, pair, COMPARABLE)
+    }
+
+    /// The same, with areas that differ by less than a factor.
+    pub(crate) fn are_within(&self, mesh: &Facets, [t, u]: [u32; 2], factor: f64) -> bool {
         let [a, b] = [t, u].map(|t| self.areas[self.of[t as usize] as usize]);
-        let is_comparable = a.max(b) <= COMPARABLE * a.min(b);
-        is_comparable && mesh.cosine(t, u) >= TURN.cos()
+        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN.cos()
     }
 
     /// Whether a piece cannot be a facet of something bent.

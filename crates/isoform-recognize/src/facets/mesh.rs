@@ -12,8 +12,9 @@ use std::collections::VecDeque;
 /// the programs that made them computed no better. Fewer lose facets, more join facets that are
 /// bent.
 const WITHIN: f64 = 10.0;
-/// The least tolerance, in diagonals: how exactly modellers compute where two surfaces meet.
-const LEAST: f64 = 1e-7;
+/// The least tolerance, in diagonals: how exactly modellers compute where two surfaces meet, and
+/// five roundings of single precision, which a mesh has that was scaled after it had been rounded.
+const LEAST: f64 = 3e-7;
 /// The most triangles at an edge that are neighbours: more are a bundle of sheets.
 const MOST_AT_EDGE: usize = 4;
 /// No triangle, no cluster, no entity.
@@ -34,6 +35,8 @@ pub(crate) struct Facets {
     pub(crate) tolerance: f64,
     /// The largest rounding error of a coordinate.
     pub(crate) rounding: f64,
+    /// How many triangles there are at each point.
+    pub(crate) valence: Vec<u32>,
     near: Vec<u32>,
     first: Vec<u32>,
 }
@@ -61,6 +64,9 @@ impl Facets {
             triangles.iter_mut().for_each(|t| t.swap(1, 2));
         }
         let (near, first) = neighbours(&sides, triangles.len());
+        let mut valence = vec![0; points.len()];
+        let corners = triangles.as_flattened().iter();
+        corners.for_each(|v| valence[*v as usize] += 1);
         let shape = |t: &[u32; 3]| shape(t.map(|v| points[v as usize]));
         let shapes: Vec<(Point3, f64, f64)> = triangles.par_iter().map(shape).collect();
         Self {
@@ -72,6 +78,7 @@ impl Facets {
             triangles,
             tolerance,
             rounding,
+            valence,
             near,
             first,
         }
@@ -95,6 +102,15 @@ impl Facets {
         vertices.sort_unstable();
         vertices.dedup();
         vertices
+    }
+
+    /// Whether all triangles at some vertex are among these.
+    pub(crate) fn surround_a_vertex(&self, of: &[u32]) -> bool {
+        let corners = of.iter().flat_map(|t| self.triangles[*t as usize]);
+        let mut corners: Vec<u32> = corners.collect();
+        corners.sort_unstable();
+        let mut groups = corners.chunk_by(|a, b| a == b);
+        groups.any(|g| g.len() == self.valence[g[0] as usize] as usize)
     }
 
     /// Positions of vertices.

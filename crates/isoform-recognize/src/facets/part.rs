@@ -15,6 +15,9 @@ use isoform_geom::{Point3, dot};
 /// where nobody asks for more, and designers draw hexagons and octagons; less would lose coarse
 /// bores, more would round octagons.
 pub(crate) const TURN: f64 = 40.0_f64.to_radians();
+/// The factor of that for surfaces that turn both ways: from corner to corner of a facet. It keeps
+/// out the icosahedron, whose corners turn by 63°.
+const BOTH_WAYS: f64 = std::f64::consts::SQRT_2;
 /// What a facet's normal may be off beyond the turn of its surface, in radians, and in tolerances
 /// over the height of the facet.
 const OFF: (f64, f64) = (2e-3, 3.0);
@@ -24,7 +27,7 @@ const SLIVER: f64 = 20.0;
 const GROWTH: (f64, usize) = (1.7, 4);
 /// Fits of a part at most: a million triangles are reached after 30.
 const ROUNDS: usize = 60;
-/// Fits take at most this many vertices, of which all are exact.
+/// Fits take the corners of at most this many triangles, all of which are exact.
 pub(crate) const SAMPLE: usize = 200;
 
 /// Triangles that one surface explains.
@@ -35,7 +38,7 @@ pub(crate) struct Part {
     pub(crate) triangles: Vec<u32>,
 }
 
-/// The cosine and the sign of the angle between a facet and the surface, if it follows it.
+/// Whether a triangle is a facet of the surface.
 pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     let corners = mesh.corners(t);
     let tolerance = mesh.tolerance;
@@ -47,7 +50,11 @@ pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     }
     let height = mesh.heights[t as usize];
     let turn = turn(surface, corners);
-    if turn > TURN {
+    let most = match surface.kind {
+        Kind::Sphere | Kind::Torus => TURN * BOTH_WAYS,
+        _ => TURN,
+    };
+    if turn > most {
         return false;
     }
     if height < SLIVER * tolerance {
@@ -56,7 +63,7 @@ pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     let n = corners.map(|p| surface.normal(p));
     let mean = unit(std::array::from_fn(|k| n[0][k] + n[1][k] + n[2][k]));
     let off = angle(dot(mean, mesh.normals[t as usize]).abs());
-    off <= turn + OFF.0 + OFF.1 * tolerance / height && off <= TURN
+    off <= turn + OFF.0 + OFF.1 * tolerance / height && off <= most
 }
 
 /// The largest angle between the surface's normals at the corners of a facet.
@@ -97,19 +104,24 @@ pub(crate) fn grow(
         if stands {
             return Some(part);
         }
-        part.surface = exact(mesh, &part.surface, &mesh.vertices(&part.triangles))?;
+        part.surface = exact(mesh, &part.surface, &part.triangles)?;
     }
     Some(part)
 }
 
-/// The surface fitted to vertices, if all of a sample of them lie on it.
-pub(crate) fn exact(mesh: &Facets, start: &Surface, vertices: &[u32]) -> Option<Surface> {
-    let step = vertices.len().div_ceil(SAMPLE).max(1);
-    let some: Vec<u32> = vertices.iter().copied().step_by(step).collect();
-    let points = mesh.at(&some);
+/// The surface fitted to the corners of a sample of triangles, if all of these lie on it.
+pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surface> {
+    let points = corners(mesh, of);
     let (surface, _) = fit(start, &points, Precision::Full)?;
     let is_on = |p: &Point3| surface.distance(*p).abs() <= mesh.tolerance;
     points.iter().all(is_on).then_some(surface)
+}
+
+/// The corners of at most [`SAMPLE`] of some triangles.
+pub(crate) fn corners(mesh: &Facets, of: &[u32]) -> Vec<Point3> {
+    let step = of.len().div_ceil(SAMPLE).max(1);
+    let some = of.iter().step_by(step);
+    some.flat_map(|t| mesh.corners(*t)).collect()
 }
 
 /// The triangles that follow the surface, reached from those of a part along edges, in ascending

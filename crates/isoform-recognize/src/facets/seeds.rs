@@ -2,26 +2,36 @@
 //! holds, and the one that explains most.
 
 use super::evidence::shows;
-use super::flat::Flats;
+use super::flat::{COMPARABLE, Flats};
 use super::mesh::Facets;
-use super::part::{Part, SAMPLE, TURN, exact, follows, grow};
+use super::part::{Part, SAMPLE, corners, exact, follows, grow};
 use crate::chart::{Kind, Surface, unit};
 use crate::fit::{Precision, fit};
 use crate::start::starts;
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// Triangles that hypotheses are made from: few stay within small faces, many show the curvature
-/// of fine meshes.
-const BALLS: [usize; 5] = [7, 14, 48, 200, 800];
-/// Balls of up to this many triangles hold facets like the seed only.
-const SMALL: usize = 48;
+/// Numbers of triangles that hypotheses are made from: few stay within small faces, many show the
+/// curvature of fine meshes; and the factor by which neighbours may differ in area: one face has
+/// facets of one size often.
+const BALLS: [(usize, f64); 7] = [
+    (7, 1.5),
+    (24, 1.5),
+    (7, COMPARABLE),
+    (14, COMPARABLE),
+    (48, COMPARABLE),
+    (200, f64::INFINITY),
+    (800, f64::INFINITY),
+];
 /// Facets beside one that are tried in pairs.
 const BESIDE: usize = 6;
 /// Vertices of a rough fit farther from it than this many tolerances do not lie on such a surface.
 const ROUGHLY: f64 = 1e4;
 /// A kind with more parameters wins where it explains this many times as many triangles.
 const MORE: f64 = 1.15;
+/// The least cosine between normals of one surface, given twice: 0.08°. Less would take a torus for the
+/// cone of a narrow ring of it.
+const SAME: f64 = 0.999_999;
 /// The bent kinds, the simplest first: what can be unrolled before a sphere, though that has fewer
 /// parameters, since two rings of vertices lie on a sphere always.
 const KINDS: [Kind; 4] = [Kind::Cylinder, Kind::Cone, Kind::Sphere, Kind::Torus];
@@ -42,16 +52,22 @@ impl Free<'_> {
     /// The bent surface about a flat piece that explains most triangles.
     pub(crate) fn best(&self, piece: u32) -> Option<Part> {
         let sets = self.sets(piece);
-        let found = KINDS.par_iter().map(|kind| self.largest(*kind, &sets));
-        let found: Vec<Option<Part>> = found.collect();
-        let best = simplest(found.into_iter().flatten())?;
+        let mut found = Vec::new();
+        for kind in KINDS {
+            found.extend(self.largest(kind, &sets, &found));
+        }
+        let best = simplest(found.into_iter())?;
         if !matches!(best.surface.kind, Kind::Cylinder | Kind::Cone) {
             return Some(best);
         }
         // Each ring of facets of a sphere or a torus is a cone, too.
         let wider = [self.widened(&best.triangles)];
-        let found = KINDS[2..].iter().map(|kind| self.largest(*kind, &wider));
-        simplest([Some(best)].into_iter().chain(found).flatten())
+        let known = [best];
+        let found = KINDS[2..].iter();
+        let found: Vec<Part> = found
+            .filter_map(|kind| self.largest(*kind, &wider, &known))
+            .collect();
+        simplest(known.into_iter().chain(found))
     }
 
     /// Sets of triangles that hypotheses are made from.
@@ -75,26 +91,24 @@ impl Free<'_> {
                 sets.push([own, more[0], more[1]].concat());
             }
         }
-        for most in BALLS {
-            let set = self.ball(own[0], most);
-            if sets.last().is_none_or(|s| s.len() < set.len()) || most == BALLS[0] {
+        for (most, factor) in BALLS {
+            let set = self.ball(own[0], most, factor);
+            if !sets.contains(&set) {
                 sets.push(set);
             }
         }
         sets
     }
 
-    /// The free triangles nearest to one, across edges at which the surface turns little.
-    fn ball(&self, seed: u32, most: usize) -> Vec<u32> {
+    /// The free triangles nearest to one, across edges at which the surface turns little and areas
+    /// differ by less than a factor.
+    fn ball(&self, seed: u32, most: usize, factor: f64) -> Vec<u32> {
         let (mut all, mut at) = (vec![seed], 0);
         let mut seen = std::collections::BTreeSet::from([seed]);
         while at < all.len() && all.len() < most {
             let t = all[at];
             for u in self.mesh.near(t) {
-                let continues = match most <= SMALL {
-                    true => self.flats.are_alike(self.mesh, [t, *u]),
-                    false => self.mesh.cosine(t, *u) >= TURN.cos(),
-                };
+                let continues = self.flats.are_within(self.mesh, [t, *u], factor);
                 if self.is_free(*u) && continues && seen.insert(*u) {
                     all.push(*u);
                 }
@@ -121,13 +135,17 @@ impl Free<'_> {
         all
     }
 
-    /// The largest part of a kind that the sets lead to.
-    fn largest(&self, kind: Kind, sets: &[Vec<u32>]) -> Option<Part> {
+    /// The largest part of a kind that the sets lead to, other than those known.
+    fn largest(&self, kind: Kind, sets: &[Vec<u32>], known: &[Part]) -> Option<Part> {
+        let tried: Vec<Vec<Surface>> = sets
+            .par_iter()
+            .map(|set| self.hypotheses(kind, set))
+            .collect();
         let mut best: Option<Part> = None;
-        for set in sets {
-            for surface in self.hypotheses(kind, set) {
-                let is_known = |b: &Part| is_same(self.mesh, &surface, b);
-                if best.as_ref().is_some_and(is_known) {
+        for (set, surfaces) in sets.iter().zip(tried) {
+            for surface in surfaces {
+                let mut all = known.iter().chain(&best);
+                if all.any(|part| is_same(self.mesh, &surface, part)) {
                     continue;
                 }
                 let Some(part) = grow(self.mesh, set, surface, &|t| self.is_free(t)) else {
@@ -149,13 +167,13 @@ impl Free<'_> {
         if vertices.len() <= kind.parameters() {
             return Vec::new();
         }
-        let (corners, facets) = self.corners(set);
+        let (tangent, facets) = self.tangent_planes(set);
         let smooth = self.smooth(set, &vertices);
         let step = vertices.len().div_ceil(SAMPLE).max(1);
         let some = |of: &[Point3]| -> Vec<Point3> { of.iter().copied().step_by(step).collect() };
         let (points, smooth) = (some(&mesh.at(&vertices)), some(&smooth));
         let mut from = match kind {
-            Kind::Cylinder | Kind::Cone => starts(kind, &corners, &facets),
+            Kind::Cylinder | Kind::Cone => starts(kind, &tangent, &facets),
             _ => Vec::new(),
         };
         from.extend(starts(kind, &points, &smooth));
@@ -165,7 +183,7 @@ impl Free<'_> {
             (squares <= limit).then_some(surface)
         };
         let fitted = from.iter().filter_map(roughly);
-        let fitted = fitted.filter_map(|s| exact(mesh, &s, &vertices));
+        let fitted = fitted.filter_map(|s| exact(mesh, &s, set));
         fitted
             .filter(|s| set.iter().all(|t| follows(mesh, s, *t)))
             .collect()
@@ -173,7 +191,7 @@ impl Free<'_> {
 
     /// Corners of facets, each with the normal of its facet: tangent planes of what can be
     /// unrolled.
-    fn corners(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
+    fn tangent_planes(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
         let step = (3 * set.len()).div_ceil(SAMPLE).max(1);
         let of = |t: &u32| {
             let n = self.mesh.normals[*t as usize];
@@ -200,15 +218,11 @@ impl Free<'_> {
 
 /// Whether a surface is that of a part.
 fn is_same(mesh: &Facets, surface: &Surface, part: &Part) -> bool {
-    let vertices = mesh.vertices(&part.triangles);
-    let step = vertices.len().div_ceil(SAMPLE).max(1);
-    let mut some = vertices.iter().step_by(step);
-    let along = |t: &u32| {
-        let p = mesh.corners(*t)[0];
-        dot(surface.normal(p), part.surface.normal(p)).abs() > 0.99
-    };
-    some.all(|v| surface.distance(mesh.points[*v as usize]).abs() <= mesh.tolerance)
-        && part.triangles.first().is_some_and(along)
+    let mut corners = corners(mesh, &part.triangles).into_iter();
+    corners.all(|p| {
+        surface.distance(p).abs() <= mesh.tolerance
+            && dot(surface.normal(p), part.surface.normal(p)).abs() > SAME
+    })
 }
 
 /// The first of parts, by rising kind, that no other one explains far more than.
