@@ -10,9 +10,9 @@ use isoform_control::{Control, Stopped};
 use isoform_geom::Point3;
 use rayon::prelude::*;
 
-/// Facets that lead to no bent surface until a pass ends, and until it ends where none was
-/// found at all: free-form faces have thousands of facets, each of which takes some milliseconds.
-const FAILURES: (usize, usize) = (400, 60);
+/// Facets that may lead to no bent surface until the search ends, and how many more for each that
+/// was found: free-form faces have thousands, each of which takes some milliseconds.
+const FAILURES: (usize, usize) = (60, 10);
 /// Passes over the facets at most: each has to find something.
 const PASSES: usize = 5;
 /// Flat pieces in a row over smooth edges that are planes each; more are a free-form face.
@@ -78,19 +78,18 @@ impl Claims {
         let mut order: Vec<u32> = pieces.into_par_iter().filter(may).collect();
         let area = |k: &u32| flats.areas[*k as usize];
         order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
-        let mut found = 0;
+        let (mut found, mut failures) = (0, 0);
         for pass in 0..PASSES {
             control.report("recognize", pass as f64 / PASSES as f64);
             let before = found;
-            let mut failures = 0;
             for piece in &order {
                 let seed = flats.pieces[*piece as usize].triangles[0];
                 if self.taken[seed as usize] != NONE {
                     continue;
                 }
                 control.check()?;
-                if failures >= if found > 0 { FAILURES.0 } else { FAILURES.1 } {
-                    break;
+                if failures >= FAILURES.0 + FAILURES.1 * found {
+                    return Ok(());
                 }
                 let free = Free {
                     mesh,
@@ -235,7 +234,7 @@ fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
 
 /// The part without facets that are flat cuts into its surface.
 fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
-    let of = |t: &u32| turn(&part.surface, mesh.corners(*t));
+    let of = |t: &u32| turn(&part.surface, mesh.corners(*t)).acos();
     let turns: Vec<f64> = part.triangles.iter().map(of).collect();
     let mut sorted = turns.clone();
     sorted.sort_by(f64::total_cmp);

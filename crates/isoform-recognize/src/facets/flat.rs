@@ -95,7 +95,7 @@ impl Flats {
     /// The same, with areas that differ by less than a factor.
     pub(crate) fn are_within(&self, mesh: &Facets, [t, u]: [u32; 2], factor: f64) -> bool {
         let [a, b] = [t, u].map(|t| self.areas[self.of[t as usize] as usize]);
-        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN.cos()
+        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN
     }
 
     /// Whether a piece cannot be a facet of something bent.

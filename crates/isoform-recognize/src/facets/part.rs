@@ -10,14 +10,14 @@ use crate::chart::{Kind, Surface, unit};
 use crate::fit::{Precision, fit};
 use isoform_geom::{Point3, dot};
 
-/// The most that a surface turns over one of its facets: 40°. A circle of 9 sides turns by 40° from
-/// side to side and one of 10 by 36°: fewer than 10 sides are planes. Modellers allow 30° at most
-/// where nobody asks for more, and designers draw hexagons and octagons; less would lose coarse
-/// bores, more would round octagons.
-pub(crate) const TURN: f64 = 40.0_f64.to_radians();
-/// The factor of that for surfaces that turn both ways: from corner to corner of a facet. It keeps
-/// out the icosahedron, whose corners turn by 63°.
-const BOTH_WAYS: f64 = std::f64::consts::SQRT_2;
+/// The cosine of the most that a surface turns over one of its facets, 40°. A circle of 9 sides
+/// turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes. Modellers
+/// allow 30° at most where nobody asks for more, and designers draw hexagons and octagons; a smaller
+/// angle would lose coarse bores, a larger one round octagons.
+pub(crate) const TURN: f64 = 0.766_05;
+/// That for surfaces that turn both ways, √2 · 40°, from corner to corner of a facet. It keeps out
+/// the icosahedron, whose corners turn by 63°.
+const BOTH_WAYS: f64 = 0.551;
 /// What a facet's normal may be off beyond the turn of its surface, in radians, and in tolerances
 /// over the height of the facet.
 const OFF: (f64, f64) = (2e-3, 3.0);
@@ -28,7 +28,7 @@ const GROWTH: (f64, usize) = (1.7, 4);
 /// Fits of a part at most: a million triangles are reached after 30.
 const ROUNDS: usize = 60;
 /// Fits take the corners of at most this many triangles, all of which are exact.
-pub(crate) const SAMPLE: usize = 200;
+pub(crate) const SAMPLE: usize = 70;
 
 /// Triangles that one surface explains.
 #[derive(Clone, Debug)]
@@ -51,10 +51,10 @@ pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     let height = mesh.heights[t as usize];
     let turn = turn(surface, corners);
     let most = match surface.kind {
-        Kind::Sphere | Kind::Torus => TURN * BOTH_WAYS,
+        Kind::Sphere | Kind::Torus => BOTH_WAYS,
         _ => TURN,
     };
-    if turn > most {
+    if turn < most {
         return false;
     }
     if height < SLIVER * tolerance {
@@ -62,17 +62,18 @@ pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
     }
     let n = corners.map(|p| surface.normal(p));
     let mean = unit(std::array::from_fn(|k| n[0][k] + n[1][k] + n[2][k]));
-    let off = angle(dot(mean, mesh.normals[t as usize]).abs());
-    off <= turn + OFF.0 + OFF.1 * tolerance / height && off <= most
+    let off = dot(mean, mesh.normals[t as usize]).abs();
+    let allowed = || angle(turn) + OFF.0 + OFF.1 * tolerance / height;
+    off >= turn || off >= most && angle(off) <= allowed()
 }
 
-/// The largest angle between the surface's normals at the corners of a facet.
+/// The cosine of the largest angle between the surface's normals at the corners of a facet.
 pub(crate) fn turn(surface: &Surface, corners: [Point3; 3]) -> f64 {
     if surface.kind == Kind::Plane {
-        return 0.0;
+        return 1.0;
     }
     let [a, b, c] = corners.map(|p| surface.normal(p));
-    angle(dot(a, b).min(dot(b, c)).min(dot(c, a)))
+    dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
 }
 
 fn angle(cosine: f64) -> f64 {

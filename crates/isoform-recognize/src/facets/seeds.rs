@@ -26,7 +26,8 @@ const BALLS: [(usize, f64); 7] = [
 /// Facets beside one that are tried in pairs.
 const BESIDE: usize = 6;
 /// Vertices of a rough fit farther from it than this many tolerances do not lie on such a surface.
-const ROUGHLY: f64 = 1e4;
+/// Fewer would lose those that converge slowly, more take time at free-form faces.
+const ROUGHLY: f64 = 100.0;
 /// A kind with more parameters wins where it explains this many times as many triangles.
 const MORE: f64 = 1.15;
 /// The least cosine between normals of one surface, given twice: 0.08°. Less would take a torus for the
@@ -144,8 +145,11 @@ impl Free<'_> {
         let mut best: Option<Part> = None;
         for (set, surfaces) in sets.iter().zip(tried) {
             for surface in surfaces {
-                let mut all = known.iter().chain(&best);
-                if all.any(|part| is_same(self.mesh, &surface, part)) {
+                let is_known = |part: &Part| {
+                    is_same(self.mesh, [&surface, &part.surface], &part.triangles)
+                        || is_same(self.mesh, [&surface, &part.surface], set)
+                };
+                if known.iter().chain(&best).any(is_known) {
                     continue;
                 }
                 let Some(part) = grow(self.mesh, set, surface, &|t| self.is_free(t)) else {
@@ -216,12 +220,12 @@ impl Free<'_> {
     }
 }
 
-/// Whether a surface is that of a part.
-fn is_same(mesh: &Facets, surface: &Surface, part: &Part) -> bool {
-    let mut corners = corners(mesh, &part.triangles).into_iter();
+/// Whether two surfaces are the same over triangles that lie on one of them.
+fn is_same(mesh: &Facets, [a, b]: [&Surface; 2], of: &[u32]) -> bool {
+    let mut corners = corners(mesh, of).into_iter();
     corners.all(|p| {
-        surface.distance(p).abs() <= mesh.tolerance
-            && dot(surface.normal(p), part.surface.normal(p)).abs() > SAME
+        let are_near = [a, b].map(|s| s.distance(p).abs() <= mesh.tolerance);
+        are_near == [true; 2] && dot(a.normal(p), b.normal(p)).abs() > SAME
     })
 }
 
