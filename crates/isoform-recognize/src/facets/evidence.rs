@@ -6,7 +6,7 @@
 //! two coaxial circles lie on a sphere: it needs a vertex with facets all around it.
 
 use super::mesh::Facets;
-use super::part::Part;
+use super::part::{Part, ends_clearly};
 use crate::chart::{Kind, Surface};
 use crate::start::plane;
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -30,7 +30,7 @@ pub(crate) fn shows(mesh: &Facets, part: &Part) -> bool {
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
     let bend = points.iter().map(|p| flat.distance(*p).abs());
-    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance {
+    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part) {
         return false;
     }
     let around = |rows: usize| has_rows(points.iter().map(|p| around(surface, *p)), rows);

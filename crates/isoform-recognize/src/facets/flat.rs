@@ -2,7 +2,7 @@
 //! a facet of something bent.
 
 use super::mesh::{Facets, NONE};
-use super::part::{Part, TURN};
+use super::part::{Part, TURN, ends_clearly};
 use crate::chart::{Kind, Surface};
 use crate::start::plane;
 use isoform_geom::{Point3, dot, sub};
@@ -13,11 +13,6 @@ const OFF: (f64, f64) = (1e-4, 2.0);
 /// A piece with so many corners is a plane of the object: a facet of something bent has four, and
 /// up to five where the border cuts a corner off.
 const MANY_CORNERS: usize = 6;
-/// Where a piece ends, what follows leaves its plane by this many tolerances at least, if it is a
-/// plane: in a fine mesh of something bent it leaves little by little.
-const LEAVES: f64 = 10.0;
-/// The share of the border along which it has to.
-const MOSTLY: f64 = 0.8;
 /// Facets side by side differ in area by less than this factor, as a mesh refines slowly.
 pub(crate) const COMPARABLE: f64 = 8.0;
 
@@ -108,24 +103,7 @@ impl Flats {
         }
         let points = mesh.at(&mesh.vertices(&part.triangles));
         let corners = hull(points.iter().map(flat).collect(), mesh.tolerance);
-        corners.len() >= MANY_CORNERS && self.leaves_at_once(mesh, piece)
-    }
-
-    /// Whether what follows beyond the border leaves the plane of a piece clearly.
-    fn leaves_at_once(&self, mesh: &Facets, piece: u32) -> bool {
-        let part = &self.pieces[piece as usize];
-        let (mut clear, mut all) = (0.0, 0.0);
-        for t in &part.triangles {
-            for u in mesh.near(*t) {
-                if self.of[*u as usize] != piece {
-                    let off = |p: Point3| part.surface.distance(p).abs();
-                    let far = mesh.corners(*u).map(off).into_iter().fold(0.0, f64::max);
-                    all += 1.0;
-                    clear += f64::from(u8::from(far > LEAVES * mesh.tolerance));
-                }
-            }
-        }
-        clear >= MOSTLY * all
+        corners.len() >= MANY_CORNERS && ends_clearly(mesh, part)
     }
 }
 

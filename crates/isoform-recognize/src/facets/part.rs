@@ -30,6 +30,13 @@ const ROUNDS: usize = 60;
 /// Fits take the corners of at most this many triangles, all of which are exact.
 pub(crate) const SAMPLE: usize = 70;
 
+/// Where a part ends, what follows leaves its surface by this many tolerances at least: in a fine
+/// mesh of another shape it leaves little by little. Fewer would take patches of free forms, more
+/// would lose faces of fine meshes that pass into others smoothly.
+const LEAVES: f64 = 10.0;
+/// The share of the border along which it has to.
+const MOSTLY: f64 = 0.8;
+
 /// Triangles that one surface explains.
 #[derive(Clone, Debug)]
 pub(crate) struct Part {
@@ -40,8 +47,11 @@ pub(crate) struct Part {
 
 /// Whether a triangle is a facet of the surface.
 pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
+    follows_within(mesh, surface, t, mesh.tolerance)
+}
+
+fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> bool {
     let corners = mesh.corners(t);
-    let tolerance = mesh.tolerance;
     if corners
         .iter()
         .any(|p| surface.distance(*p).abs() > tolerance)
@@ -116,6 +126,20 @@ pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surfac
     let (surface, _) = fit(start, &points, Precision::Full)?;
     let is_on = |p: &Point3| surface.distance(*p).abs() <= mesh.tolerance;
     points.iter().all(is_on).then_some(surface)
+}
+
+/// Whether few triangles beyond the border of a part leave its surface little by little.
+pub(crate) fn ends_clearly(mesh: &Facets, part: &Part) -> bool {
+    let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
+    let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
+    let nearly = |t: u32| follows(t, LEAVES * mesh.tolerance) && !follows(t, mesh.tolerance);
+    let near = part.triangles.iter().flat_map(|t| mesh.near(*t));
+    let (mut vague, mut all) = (0.0, 0.0);
+    for t in near.filter(|t| is_outside(t)) {
+        all += 1.0;
+        vague += f64::from(u8::from(nearly(*t)));
+    }
+    vague <= (1.0 - MOSTLY) * all
 }
 
 /// The corners of at most [`SAMPLE`] of some triangles.
