@@ -7,10 +7,8 @@
 //! cylinder, the circle of a torus, the centre of a sphere) has one distance from each: the radius.
 
 use crate::chart::{Kind, Surface};
-use crate::cloud::Cloud;
 use crate::entity::Blend;
 use crate::relations::Known;
-use crate::segment::{NONE, Segmentation};
 use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
 
@@ -24,39 +22,39 @@ const WITHIN: f64 = 4.0;
 const OFF: f64 = 0.05;
 /// The least deviation, in diagonals: what rounding leaves.
 const ROUNDING: f64 = 1e-8;
-/// Neighbouring pairs of points of two entities for them to be neighbours.
+/// Places where two entities lie beside each other for them to be neighbours: a corner is one or
+/// two.
 const PAIRS: usize = 4;
 /// |cosine| of the normals at the two contacts above which the entity is no rounded edge but the
 /// round end of a slot.
 const OPPOSITE: f64 = 0.99;
 
-/// The blends among entities, in their order.
+/// The blends among entities, in their order, with lengths in units of `unit`: given their points,
+/// and the pairs of entities that lie beside each other, once for each place where they do.
 pub(crate) fn blends(
-    cloud: &Cloud,
-    found: &Segmentation,
-    members: &[Vec<u32>],
     known: &[Known],
+    points: &[Vec<Point3>],
+    pairs: impl Iterator<Item = (usize, usize)>,
     unit: f64,
 ) -> Vec<Blend> {
-    let beside = neighbours(cloud, found);
-    let surfaces = &found.surfaces;
+    let beside = neighbours(pairs);
     let mut blends = Vec::new();
-    for (i, s) in surfaces.iter().enumerate() {
+    for (i, Known { surface: s, .. }) in known.iter().enumerate() {
         let radius = match s.kind {
             Kind::Cylinder | Kind::Sphere => s.size,
             Kind::Torus => s.other,
             Kind::Plane | Kind::Cone => continue,
         };
-        let middle = middle(s, &cloud.at(&members[i]));
+        let middle = middle(s, &points[i]);
         let sd = |k: usize| deviation(&known[k]).max(ROUNDING);
         let touches = |j: &usize| {
             let limit = (WITHIN * sd(i).hypot(sd(*j))).min(OFF * radius);
-            let off = |p: &Point3| (surfaces[*j].distance(*p).abs() - radius).abs();
+            let off = |p: &Point3| (known[*j].surface.distance(*p).abs() - radius).abs();
             *j != i && middle.iter().all(|p| off(p) <= limit)
         };
-        let next = beside.get(&(i as u32)).into_iter().flatten();
-        let between: Vec<usize> = next.map(|j| *j as usize).filter(touches).collect();
-        if between.len() >= 2 && has_angle(surfaces, &between, middle[0]) {
+        let next = beside.get(&i).into_iter().flatten();
+        let between: Vec<usize> = next.copied().filter(touches).collect();
+        if between.len() >= 2 && has_angle(known, &between, middle[0]) {
             blends.push(Blend {
                 entity: i,
                 between,
@@ -68,8 +66,8 @@ pub(crate) fn blends(
 }
 
 /// Whether the normals of two of the surfaces make an angle at their contacts.
-fn has_angle(surfaces: &[Surface], between: &[usize], p: Point3) -> bool {
-    let normal = |i: &usize| surfaces[*i].normal(p);
+fn has_angle(known: &[Known], between: &[usize], p: Point3) -> bool {
+    let normal = |i: &usize| known[*i].surface.normal(p);
     let first = normal(&between[0]);
     between[1..]
         .iter()
@@ -107,20 +105,15 @@ fn middle(s: &Surface, points: &[Point3]) -> Vec<Point3> {
     }
 }
 
-/// For each entity those whose points lie beside its own.
-fn neighbours(cloud: &Cloud, found: &Segmentation) -> BTreeMap<u32, Vec<u32>> {
-    let mut pairs: BTreeMap<(u32, u32), usize> = BTreeMap::new();
-    for (i, own) in found.labels.iter().enumerate().filter(|l| *l.1 != NONE) {
-        for j in cloud.near(i as u32) {
-            let other = found.labels[*j as usize];
-            if other != NONE && other != *own {
-                *pairs.entry((*own, other)).or_default() += 1;
-                *pairs.entry((other, *own)).or_default() += 1;
-            }
-        }
+/// For each entity those beside it.
+fn neighbours(pairs: impl Iterator<Item = (usize, usize)>) -> BTreeMap<usize, Vec<usize>> {
+    let mut counts: BTreeMap<(usize, usize), usize> = BTreeMap::new();
+    for (a, b) in pairs {
+        *counts.entry((a, b)).or_default() += 1;
+        *counts.entry((b, a)).or_default() += 1;
     }
-    let mut beside: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-    for ((a, b), _) in pairs.into_iter().filter(|p| p.1 >= PAIRS) {
+    let mut beside: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    for ((a, b), _) in counts.into_iter().filter(|p| p.1 >= PAIRS) {
         beside.entry(a).or_default().push(b);
     }
     beside

@@ -6,6 +6,7 @@ mod chart;
 mod choose;
 mod cloud;
 mod entity;
+mod facets;
 mod fit;
 mod grow;
 mod kinds;
@@ -19,5 +20,6 @@ mod start;
 mod template;
 
 pub use entity::{Blend, Deviations, Entity, Recognition, Relation, RelationKind};
+pub use facets::{FacetRecognition, recognize_facets};
 pub use recognize::{Error, Options, recognize};
 pub use template::{Gap, Proposal, ProposeError, propose};

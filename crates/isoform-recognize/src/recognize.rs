@@ -126,20 +126,21 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         .enumerate()
         .for_each(|(new, old)| rank[*old] = new as u32);
     let entity = |i: &usize| entity(cloud, found, &members[*i], *i, counts[*i], scaling);
-    let known: Vec<Known> = (0..members.len())
-        .map(|i| known(cloud, found, &members[i], i))
+    let known: Vec<Known> = order
+        .iter()
+        .map(|i| known(cloud, found, &members[*i], *i))
         .collect();
-    let mut blends = blends(cloud, found, &members, &known, scaling.unit);
-    for blend in &mut blends {
-        blend.entity = rank[blend.entity] as usize;
-        blend
-            .between
-            .iter_mut()
-            .for_each(|i| *i = rank[*i] as usize);
-        blend.between.sort_unstable();
-    }
-    blends.sort_by_key(|b| b.entity);
-    let known: Vec<Known> = order.iter().map(|i| known[*i].clone()).collect();
+    let points: Vec<Vec<Point3>> = order.iter().map(|i| cloud.at(&members[*i])).collect();
+    let of = |i: usize| rank.get(found.labels[i] as usize).map(|l| *l as usize);
+    let pairs = (0..cloud.points.len()).flat_map(|i| {
+        let beside = cloud
+            .near(i as u32)
+            .iter()
+            .filter_map(move |j| of(*j as usize));
+        let own = of(i).into_iter();
+        own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
+            .filter(|p| p.0 != p.1)
+    });
     let label = |place: &u32| match found.labels[*place as usize] {
         NONE => None,
         label => Some(rank[label as usize]),
@@ -148,7 +149,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         entities: order.iter().map(entity).collect(),
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
-        blends,
+        blends: blends(&known, &points, pairs, scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
         noise: found.noise * scaling.unit,
     }
@@ -210,7 +211,12 @@ fn entity(
 }
 
 /// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
-fn deviations(surface: &Surface, points: &[Point3], sigma: f64, scaling: &Scaling) -> Deviations {
+pub(crate) fn deviations(
+    surface: &Surface,
+    points: &[Point3],
+    sigma: f64,
+    scaling: &Scaling,
+) -> Deviations {
     let unit = scaling.unit;
     let Some(covariance) = covariance(surface, points) else {
         return Deviations {

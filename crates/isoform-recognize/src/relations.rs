@@ -27,7 +27,6 @@ const FAR: f64 = 0.1;
 const STEP: f64 = 1e-6;
 
 /// A surface with the covariance of its parameters.
-#[derive(Clone)]
 pub(crate) struct Known {
     pub(crate) surface: Surface,
     pub(crate) covariance: [Row; MOST],
