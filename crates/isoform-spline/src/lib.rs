@@ -4,6 +4,7 @@
 mod bspline;
 mod components;
 mod energy;
+mod expansion;
 mod implicitize;
 mod keys;
 mod level;
