@@ -1,9 +1,10 @@
 //! Pieces of the surface, with data and without.
 
 use crate::bspline;
-use crate::keys::Place;
+use crate::keys::{Place, key};
 use crate::surface::ImplicitSpline;
-use isoform_geom::UnionFind;
+use isoform_geom::{Point3, PolynomialData, UnionFind};
+use rayon::prelude::*;
 
 /// How many pieces the surface f = 0 has within the spline's box, counted by cells: two pieces that
 /// pass through one cell count as one.
@@ -50,6 +51,11 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
             }
         }
     }
+    counted(&mut sets, &has_data)
+}
+
+/// The pieces that sets make of their members, by which members hold data.
+fn counted(sets: &mut UnionFind, has_data: &[bool]) -> Components {
     let mut seen = vec![false; has_data.len()];
     for i in 0..has_data.len() as u32 {
         let root = sets.root(i) as usize;
@@ -63,6 +69,61 @@ pub(crate) fn components(spline: &ImplicitSpline) -> Components {
         with_data,
         without_data: roots.len() - with_data,
     }
+}
+
+/// Pieces of a polynomial's surface in the lattice that says where points were.
+pub(crate) fn of_lattice(
+    lattice: &PolynomialData,
+    value: impl Fn(Point3) -> f64 + Sync,
+) -> Components {
+    let count = lattice.count.map(|c| c as usize);
+    let corners = count.map(|c| c + 1);
+    let is_inside: Vec<bool> = (0..corners.iter().product())
+        .into_par_iter()
+        .map(|i: usize| {
+            let at = [
+                i % corners[0],
+                i / corners[0] % corners[1],
+                i / (corners[0] * corners[1]),
+            ];
+            let place = |k: usize| lattice.corner[k] + lattice.spacing * at[k] as f64;
+            value(std::array::from_fn(place)) >= 0.0
+        })
+        .collect();
+    let crosses = |[x, y, z]: [usize; 3]| {
+        let at = |k: usize| {
+            let (x, y, z) = (x + (k & 1), y + (k >> 1 & 1), z + (k >> 2));
+            is_inside[(z * corners[1] + y) * corners[0] + x]
+        };
+        (1..8).any(|k| at(k) != at(0))
+    };
+    let number = |[x, y, z]: [usize; 3]| (z * count[1] + y) * count[0] + x;
+    let mut sets = UnionFind::new(0);
+    let mut has_data = Vec::new();
+    let mut of_cell = vec![None; count.iter().product()];
+    for i in 0..of_cell.len() {
+        let cell = [
+            i % count[0],
+            i / count[0] % count[1],
+            i / (count[0] * count[1]),
+        ];
+        if !crosses(cell) {
+            continue;
+        }
+        let set = sets.add();
+        of_cell[i] = Some(set);
+        let place = cell.map(|v| v as i32);
+        let holds = lattice.cells.binary_search_by_key(&key(place), |c| key(*c));
+        has_data.push(holds.is_ok());
+        for axis in (0..3).filter(|k| cell[*k] > 0) {
+            let mut before = cell;
+            before[axis] -= 1;
+            if let Some(other) = of_cell[number(before)] {
+                sets.unite(set, other);
+            }
+        }
+    }
+    counted(&mut sets, &has_data)
 }
 
 /// The set of the cell that covers a place of a level, of this level or a coarser one; finer ones

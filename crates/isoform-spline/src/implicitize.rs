@@ -79,6 +79,9 @@ pub enum Error {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// Points leave a polynomial of that degree open.
+    #[error("the points do not determine a polynomial of this degree")]
+    Undetermined,
     /// The control ended the work.
     #[error(transparent)]
     Stopped(#[from] Stopped),
@@ -228,6 +231,11 @@ fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
         }
         _ => {}
     }
+    check_points(points)
+}
+
+/// Whether points have a surface.
+pub(crate) fn check_points(points: &[Point3]) -> Result<(), Error> {
     if points.len() < FEWEST {
         return Err(Error::Few {
             found: points.len(),
@@ -262,20 +270,44 @@ fn is_line(points: &[Point3], size: f64) -> bool {
 
 /// The first level's lattice.
 #[derive(Clone, Copy, Debug)]
-struct Lattice {
-    corner: Point3,
-    spacing: f64,
-    count: Place,
+pub(crate) struct Lattice {
+    pub(crate) corner: Point3,
+    pub(crate) spacing: f64,
+    pub(crate) count: Place,
     /// The level at which a number of cells that was asked for is reached.
     depth: u32,
 }
 
+/// Points per cell where a lattice says where points are, about: enough for cells between them to
+/// hold one.
+const PER_SEEN: usize = 10;
+
+/// Cells that hold points, about, where a lattice says where they are: the least and the most.
+const SEEN: [usize; 2] = [50, 2000];
+
+/// Cells along the longest edge of such a lattice, at most.
+const FINEST: f64 = 64.0;
+
 impl Lattice {
-    fn new(points: &[Point3], options: &Options) -> Self {
+    /// A lattice that says where points are.
+    pub(crate) fn seen(points: &[Point3]) -> Self {
         let bounds = Aabb::of(points);
+        let (size, longest) = Self::size(bounds);
+        let cells = (points.len() / PER_SEEN).clamp(SEEN[0], SEEN[1]);
+        let spacing = spacing_for(points, bounds, cells).max(longest / FINEST);
+        Self::around(bounds, size, spacing, 0)
+    }
+
+    /// The edges of a lattice about a box, and the longest of them.
+    fn size(bounds: Aabb) -> (Point3, f64) {
         let margin = MARGIN * bounds.diagonal();
         let size = bounds.size().map(|s| s + 2.0 * margin);
-        let longest = size[0].max(size[1]).max(size[2]);
+        (size, size[0].max(size[1]).max(size[2]))
+    }
+
+    fn new(points: &[Point3], options: &Options) -> Self {
+        let bounds = Aabb::of(points);
+        let (size, longest) = Self::size(bounds);
         let Fineness::Cells(cells) = options.fineness else {
             return Self::around(bounds, size, longest / COARSEST, 0);
         };
@@ -536,13 +568,15 @@ impl<'a> Fitting<'a> {
 /// Distances of points from f = 0 by one Newton step.
 fn distances_of(spline: &ImplicitSpline, points: &[Point3]) -> Distances {
     use isoform_geom::Field;
-    let mut all: Vec<f64> = points
-        .par_iter()
-        .map(|p| {
-            let jet = spline.jet(*p);
-            jet.v.abs() / norm(jet.g).max(f64::MIN_POSITIVE)
-        })
-        .collect();
+    let of_point = |p: &Point3| {
+        let jet = spline.jet(*p);
+        jet.v.abs() / norm(jet.g).max(f64::MIN_POSITIVE)
+    };
+    summary(points.par_iter().map(of_point).collect())
+}
+
+/// What is said of distances, of which there is at least one.
+pub(crate) fn summary(mut all: Vec<f64>) -> Distances {
     let squares: f64 = all.iter().map(|d| d * d).sum();
     let rms = (squares / all.len() as f64).sqrt();
     let at = (all.len() * 95 / 100).min(all.len() - 1);

@@ -1,10 +1,12 @@
 //! Implicit B-spline surfaces through points.
 #![forbid(unsafe_code)]
 
+mod basis;
 mod bspline;
 mod components;
 mod energy;
 mod expansion;
+mod global;
 mod implicitize;
 mod keys;
 mod level;
@@ -17,6 +19,7 @@ mod surface;
 
 pub use bspline::MAX_DEGREE;
 pub use components::Components;
+pub use global::{Global, MAX_GLOBAL, implicitize_globally};
 pub use implicitize::{Distances, Error, Fineness, Implicitized, Options, implicitize};
 pub use sides::{Normals, Sides, Source};
 pub use surface::{DataError, ImplicitSpline};

@@ -1,6 +1,7 @@
-//! The report of an implicit spline.
+//! The report of an implicit spline or polynomial.
 
-use isoform_spline::{Implicitized, Source};
+use crate::GlobalFit;
+use isoform_spline::{Implicitized, Sides, Source};
 use serde::Serialize;
 
 /// What was fitted to a scan; lengths in its unit.
@@ -14,7 +15,7 @@ pub struct ImplicitizeReport {
     pub unknowns: usize,
     /// Cells of the finest level about them that hold data: the polynomial pieces fitted.
     pub cells: usize,
-    /// The tri-degree.
+    /// The tri-degree, or of one polynomial the total degree.
     pub degree: usize,
     /// Levels of the hierarchy.
     pub levels: usize,
@@ -62,18 +63,46 @@ impl ImplicitizeReport {
             rms: made.distances.rms,
             p95: made.distances.p95,
             max: made.distances.max,
-            normals: NormalsReport {
-                source: match made.sides.source {
-                    Source::Given => "given",
-                    Source::Turned => "turned",
-                    _ => "estimated",
-                },
-                oriented_share: made.sides.oriented_share,
-                pieces: made.sides.pieces,
-            },
+            normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
             seconds,
+        }
+    }
+
+    /// The report of one polynomial. It counts as one cell, the box about the points.
+    pub fn of_polynomial(made: &GlobalFit, points: usize, seconds: f64) -> Self {
+        let data = made.polynomial.data();
+        let longest = data.count.into_iter().max().unwrap_or(1);
+        Self {
+            verb: "implicitize",
+            points,
+            unknowns: data.coefficients.len(),
+            cells: 1,
+            degree: data.degree,
+            levels: 1,
+            spacing: data.spacing * f64::from(longest),
+            rms: made.distances.rms,
+            p95: made.distances.p95,
+            max: made.distances.max,
+            normals: NormalsReport::new(made.sides),
+            components: made.components.with_data,
+            components_without_data: made.components.without_data,
+            seconds,
+        }
+    }
+}
+
+impl NormalsReport {
+    fn new(sides: Sides) -> Self {
+        Self {
+            source: match sides.source {
+                Source::Given => "given",
+                Source::Turned => "turned",
+                _ => "estimated",
+            },
+            oriented_share: sides.oriented_share,
+            pieces: sides.pieces,
         }
     }
 }
