@@ -186,6 +186,12 @@ fn say(report: &ImplicitizeReport, context: &Context) {
             100.0 * (1.0 - normals.oriented_share)
         ));
     }
+    if report.outliers > 0 {
+        context.warn(format_args!(
+            "{} of {} points belong to no surface: they were left out",
+            report.outliers, report.points
+        ));
+    }
     if report.components_without_data > 0 {
         context.warn(format_args!(
             "f = 0 has {} pieces more, where there are no points",

@@ -16,12 +16,13 @@
 
 use crate::basis::{Basis, Rows};
 use crate::components::{Components, of_lattice};
-use crate::implicitize::{Distances, Error, Lattice, check_points, summary};
+use crate::feet::{Distances, distance};
+use crate::implicitize::{Error, Lattice, check_points};
 use crate::keys::{Place, place};
 use crate::points::cell_of;
 use crate::sides::{Normals, Sides, sided};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Aabb, Point3, PolynomialData, norm, sub};
+use isoform_geom::{Aabb, Point3, PolynomialData, sub};
 use isoform_num::linalg::{cholesky, cholesky_solve};
 use rayon::prelude::*;
 
@@ -63,7 +64,7 @@ const HELD: usize = 16;
 pub struct Global {
     /// The polynomial.
     pub polynomial: PolynomialData,
-    /// The points' distances from F = 0, by one Newton step.
+    /// The points' distances from F = 0.
     pub distances: Distances,
     /// Where normals came from.
     pub sides: Sides,
@@ -135,9 +136,11 @@ pub fn implicitize_globally(
     };
     control.begin("checking")?;
     let jet = Evaluation::new(&polynomial);
-    let distances = points.par_iter().map(|p| jet.distance(*p)).collect();
+    let off = points
+        .par_iter()
+        .map(|p| distance(|p| jet.at(p), *p, frame.unit));
     Ok(Global {
-        distances: summary(distances),
+        distances: Distances::of(off.collect()),
         components: of_lattice(&polynomial, |p| jet.at(p).0),
         polynomial,
         sides,
@@ -407,11 +410,5 @@ impl<'a> Evaluation<'a> {
             g[2] += c * x[0] * y[0] * z[1];
         }
         (f, g.map(|g| g / self.data.unit))
-    }
-
-    /// The distance of a point from F = 0, to first order.
-    fn distance(&self, p: Point3) -> f64 {
-        let (f, g) = self.at(p);
-        f.abs() / norm(g).max(f64::MIN_POSITIVE)
     }
 }

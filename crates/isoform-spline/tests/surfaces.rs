@@ -373,3 +373,53 @@ fn polynomials_are_asked_for_in_range() {
         .map(|p| polynomial_at(&made.polynomial, *p).0.abs());
     assert!(off.fold(0.0, f64::max) < 1e-2);
 }
+
+#[test]
+fn outliers_are_counted_and_left_out() {
+    let (mut points, mut normals) = torus(8000, 31);
+    let others = torus(1000, 32).0;
+    let clean = fitted(&points, Normals::Given(&normals), Fineness::Cells(400));
+    assert_eq!(clean.outliers, 0);
+    let mut random = Random::new(33);
+    for _ in 0..400 {
+        points.push(std::array::from_fn(|_| 1.5 * random.symmetric()));
+        normals.push([0.0, 0.0, 1.0]);
+    }
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(400));
+    // Those within half a cell of the surface do little harm.
+    assert!((250..=400).contains(&made.outliers), "{}", made.outliers);
+    assert!(error(&made.spline, &others) < 2e-3);
+    assert_eq!(made.components.with_data, 1);
+}
+
+#[test]
+fn edges_bring_no_extra_pieces() {
+    // A bored cylinder with sharp edges: normals jump where cells hold two faces.
+    let mut random = Random::new(35);
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    for i in 0..20_000 {
+        let (u, s) = (
+            random.unit() * std::f64::consts::TAU,
+            0.4 * random.symmetric(),
+        );
+        let (e, flat) = ([u.cos(), u.sin()], (0.04 + 0.12 * random.unit()).sqrt());
+        let (r, z, n) = match i % 24 {
+            0..12 => (0.4, s, [e[0], e[1], 0.0]),
+            12..18 => (0.2, s, [-e[0], -e[1], 0.0]),
+            18..21 => (flat, 0.4, [0.0, 0.0, 1.0]),
+            _ => (flat, -0.4, [0.0, 0.0, -1.0]),
+        };
+        points.push([r * e[0], r * e[1], z]);
+        normals.push(n);
+    }
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(800));
+    assert_eq!(made.outliers, 0);
+    // Deep inside f is positive and far outside negative, everywhere.
+    for k in 0..4000 {
+        let u = f64::from(k) * 2.4;
+        let z = 0.33 * (2.0 * f64::from(k) / 4000.0 - 1.0);
+        let at = |r: f64, z: f64| made.spline.value([r * u.cos(), r * u.sin(), z]);
+        assert!(at(0.3, z) > 0.0 && at(0.32, z) > 0.0, "{u} {z}");
+        assert!(at(0.5, z) < 0.0 && at(0.1, z) < 0.0, "{u} {z}");
+    }
+}

@@ -101,7 +101,7 @@ fn known<'a>(given: &'a Option<Cow<'_, [Point3]>>) -> Normals<'a> {
 pub struct GlobalFit {
     /// The polynomial; inside is f ≥ 0.
     pub polynomial: GlobalPolynomial,
-    /// The points' distances from f = 0, by one Newton step.
+    /// The points' distances from f = 0.
     pub distances: Distances,
     /// Where normals came from.
     pub sides: Sides,

@@ -11,6 +11,8 @@ pub struct ImplicitizeReport {
     pub verb: &'static str,
     /// The points fitted.
     pub points: usize,
+    /// Points that belong to no surface, and were left out of the fit and of the distances.
+    pub outliers: usize,
     /// Coefficients that do not follow from others.
     pub unknowns: usize,
     /// Cells of the finest level about them that hold data: the polynomial pieces fitted.
@@ -55,6 +57,7 @@ impl ImplicitizeReport {
         Self {
             verb: "implicitize",
             points,
+            outliers: made.outliers,
             unknowns: spline.unknowns(),
             cells: spline.data_cells(),
             degree: spline.degree(),
@@ -77,6 +80,7 @@ impl ImplicitizeReport {
         Self {
             verb: "implicitize",
             points,
+            outliers: 0,
             unknowns: data.coefficients.len(),
             cells: 1,
             degree: data.degree,
