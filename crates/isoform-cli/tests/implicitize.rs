@@ -119,7 +119,7 @@ fn one_polynomial_is_a_model_for_the_other_verbs() {
     assert_eq!(code(&o), 0, "{}", stderr(&o));
 
     let o = isoform(&["implicitize", &scan, "--global", "13"]);
-    assert!(code(&o) == 2 && stderr(&o).contains("13 is not in 1..=12"));
+    assert!(code(&o) == 1 && stderr(&o).contains("13 is not in 1..=12"));
     let wrong = r#"{"kind": "implicit_polynomial", "degree": 2, "origin": [0, 0, 0], "unit": 1,
         "coefficients": [1], "corner": [0, 0, 0], "spacing": 1, "count": [1, 1, 1], "cells": []}"#;
     let o = isoform(&["mesh", &f.file("bad.json", wrong)]);
