@@ -7,7 +7,7 @@ use common::*;
 /// Points of a disc of radius 5 and height 2 about (1, 2, 3), without noise.
 fn disc() -> String {
     let point = |i: u32| {
-        let (t, w) = (f64::from(i) * 2.399_963, (f64::from(i) * 0.618_034).fract());
+        let (t, w) = (f64::from(i) * 2.399_963, (f64::from(i) * 0.754_878).fract());
         let [r, z] = match i % 4 {
             0 => [5.0, 2.0 * w],
             1 => [5.0 * w.sqrt(), 0.0],

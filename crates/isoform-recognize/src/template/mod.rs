@@ -169,7 +169,10 @@ pub fn propose(
     let open = separate(&mut halves, &separators(&frame.surfaces, &bounds), &places);
     control.check()?;
     let solid = solid(&cells(&votes(&halves, &places)), halves.len());
-    if matches!(&solid, Solid::All(of) | Solid::Any(of) if of.is_empty()) {
+    let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
+    let (sides, faces): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
+    // A sheet, say: what was seen is less than what was not.
+    if faces.len() < sides.len() {
         return Err(ProposeError::NoSolid);
     }
     let part = Part {
