@@ -19,7 +19,7 @@ Examples:
   isoform compare part.msh fitted.hf
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files
-with the ending .hf are models, those with .json implicit splines; their distances are those of the
+with the ending .hf are models, those with .json functions of implicitize; their distances are those of the
 metric reading, and from meshes those of Newton's method on it. Coordinates must agree: nothing is
 moved.
 

@@ -6,8 +6,7 @@ use crate::spline;
 use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::Template;
 use isoform::geom::{Field, ParamField};
-use isoform::spline::ImplicitSpline;
-use isoform::{FrepTemplate, SplineDistance, parameter_values};
+use isoform::{FrepTemplate, Implicit, SplineDistance, parameter_values};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -24,7 +23,7 @@ where a model has attributes, s1, s2, ... follow f. Where the evaluation fails, 
 
 Exit code: 0, or 3 if some rows failed, 4 if all did.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun program (- for stdin), or an implicit spline (.json)
+    /// The model: a HyperFun program (- for stdin), or a function of implicitize (.json)
     model: PathBuf,
     /// The points, a table with commas (- for stdin)
     #[arg(long, value_name = "POINTS")]
@@ -219,9 +218,9 @@ fn cells(
     Ok(rows.par_chunks(CHUNK).flat_map_iter(of_chunk).collect())
 }
 
-/// The cells of an implicit spline; chunks of rows run in parallel.
+/// The cells of a function fitted to points; chunks of rows run in parallel.
 fn cells_of_spline(
-    spline: ImplicitSpline,
+    spline: Implicit,
     reading: Reading,
     rows: &[Row<'_>],
     context: &Context,

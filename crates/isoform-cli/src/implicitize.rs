@@ -1,13 +1,17 @@
-//! `isoform implicitize`: an implicit spline of a scan.
+//! `isoform implicitize`: an implicit spline, or one polynomial, of a scan.
 
 use crate::interrupt;
 use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use crate::scan;
-use isoform::io::{MeshPoints, write_spline};
+use isoform::geom::PointCloud;
+use isoform::io::{MeshPoints, write_polynomial, write_spline};
 use isoform::report::{ImplicitizeReport, brief};
 use isoform::spline::{Error, Fineness, Options};
-use isoform::{Control, ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan};
+use isoform::{
+    Control, ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan,
+    implicitize_scan_globally,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -17,11 +21,12 @@ use std::time::Instant;
 Examples:
   isoform implicitize scan.ply -o surface.json
   isoform implicitize scan.ply --tol 0.05 -o surface.json --json
+  isoform implicitize scan.ply --global 4 -o surface.json
   isoform mesh surface.json --surface-only -o surface.obj
 
 The result is a piecewise polynomial, a hierarchical B-spline, that eval, mesh, parameterize and compare take as a model;
 inside is f >= 0. How fine it becomes follows from the points: cells are halved until points that were left out are met no
-better. Normals are taken from the file, from its triangles, or estimated; given ones that contradict one another are
+better. With --global it is one polynomial, for shapes that are algebraic as a whole: quadrics, tori. Normals are taken from the file, from its triangles, or estimated; given ones that contradict one another are
 turned to one side, which is said.
 
 Exit code: 0; 2 for unreadable input or too few points, 4 if the points have no surface, 130 after Ctrl-C.")]
@@ -37,6 +42,9 @@ pub(crate) struct Args {
     /// Smaller cells where points are farther than this from the surface
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
+    /// One polynomial of at most this total degree in place of a spline
+    #[arg(long, value_name = "DEGREE", conflicts_with_all = ["cells", "tol", "degree", "smoothing"], value_parser = clap::value_parser!(u8).range(1..=12))]
+    global: Option<u8>,
     /// Whose normals are taken
     #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
     normals: NormalsName,
@@ -82,14 +90,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         progress: Some(&show),
         ..context.control()
     };
-    let made =
-        implicitize_scan(&cloud, &options(args), &control).map_err(|e| failure(e, &args.scan))?;
+    let (report, file) =
+        fitted(&cloud, args, started, &control).map_err(|e| failure(e, &args.scan))?;
     drop(progress);
-    let report = ImplicitizeReport::new(&made, cloud.points.len(), started.elapsed().as_secs_f64());
     let mut stdout = Vec::new();
     match args.output.as_deref() {
-        Some(path) if path == Path::new("-") => stdout = write_spline(&made.spline.data()),
-        Some(path) => output::write_file(path, &write_spline(&made.spline.data()))?,
+        Some(path) if path == Path::new("-") => stdout = file,
+        Some(path) => output::write_file(path, &file)?,
         None => {}
     }
     say(&report, context);
@@ -99,6 +106,26 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         stdout,
         || text(&report, args.output.as_deref()),
     ))
+}
+
+/// What is fitted to the points: the report, and the function's file.
+fn fitted(
+    cloud: &PointCloud,
+    args: &Args,
+    started: Instant,
+    control: &Control<'_>,
+) -> Result<(ImplicitizeReport, Vec<u8>), ImplicitizeError> {
+    let options = options(args);
+    let points = cloud.points.len();
+    let seconds = || started.elapsed().as_secs_f64();
+    let Some(degree) = args.global else {
+        let made = implicitize_scan(cloud, &options, control)?;
+        let report = ImplicitizeReport::new(&made, points, seconds());
+        return Ok((report, write_spline(&made.spline.data())));
+    };
+    let made = implicitize_scan_globally(cloud, options.normals, usize::from(degree), control)?;
+    let report = ImplicitizeReport::of_polynomial(&made, points, seconds());
+    Ok((report, write_polynomial(made.polynomial.data())))
 }
 
 fn options(args: &Args) -> ImplicitizeOptions {
@@ -157,6 +184,12 @@ fn say(report: &ImplicitizeReport, context: &Context) {
         context.warn(format_args!(
             "{:.0} % of neighbours have normals to different sides: noise, thin walls or wrong normals",
             100.0 * (1.0 - normals.oriented_share)
+        ));
+    }
+    if report.outliers > 0 {
+        context.warn(format_args!(
+            "{} of {} points belong to no surface: they were left out",
+            report.outliers, report.points
         ));
     }
     if report.components_without_data > 0 {

@@ -35,7 +35,8 @@ Examples:
 Without arguments the scan of a cup that the program carries is fitted. Without a template the planes, spheres, cylinders, cones
 and tori of the scan are recognised (see recognize), and the template made of them is fitted. Without -o, fitted.hf, deviation.ply and
 report.html go to the folder isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed,
-see mesh. Exit codes are those of fit, and 3 where the mesh is not certified. Where a stage fails the code is its own, and what
+see mesh. Exit codes are those of fit, and 3 where the mesh is not certified or a proposed template leaves a
+fiftieth of the points, or a side that was not seen. Where a stage fails the code is its own, and what
 was made before it is written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
@@ -164,10 +165,14 @@ impl Told {
             100.0 * proposal.explained,
             self.text
         );
+        if self.exit == DONE {
+            self.exit = output::exit(proposal.is_complete());
+        }
         self.json["proposal"] = json!({
             "entities": proposal.used.len(),
             "entities_used": used,
             "explained": proposal.explained,
+            "complete": proposal.is_complete(),
             "gaps": gaps,
         });
     }

@@ -1,8 +1,9 @@
-//! Reading implicit splines.
+//! Reading implicit splines and polynomials that were fitted to points.
 
 use crate::output::{self, Failure};
-use isoform::io::{is_spline_file, read_spline};
+use isoform::io::{is_polynomial_file, is_spline_file, read_polynomial, read_spline};
 use isoform::spline::ImplicitSpline;
+use isoform::{GlobalPolynomial, Implicit};
 use serde_json::Value;
 use std::path::Path;
 
@@ -12,8 +13,13 @@ pub(crate) fn is_json(path: &Path) -> bool {
         .is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
-/// The implicit spline of a file, as `isoform implicitize` writes it.
-pub(crate) fn read(path: &Path) -> Result<ImplicitSpline, Failure> {
+/// Whether a document is one that `isoform implicitize` writes.
+pub(crate) fn is_fitted(json: &Value) -> bool {
+    is_spline_file(json) || is_polynomial_file(json)
+}
+
+/// The function of a file, as `isoform implicitize` writes it.
+pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
     let text = output::text(output::read_file(path)?);
     let json: Value = serde_json::from_str(&text).map_err(|e| {
         Failure::input("json", format!("not JSON: {e}")).at(
@@ -22,7 +28,7 @@ pub(crate) fn read(path: &Path) -> Result<ImplicitSpline, Failure> {
             e.column().max(1),
         )
     })?;
-    if !is_spline_file(&json) {
+    if !is_fitted(&json) {
         return Err(
             Failure::input("spline", format!("{}: no implicit spline", path.display()))
                 .hint("isoform implicitize writes one; models are HyperFun programs"),
@@ -31,9 +37,15 @@ pub(crate) fn read(path: &Path) -> Result<ImplicitSpline, Failure> {
     of_document(path, &json)
 }
 
-/// The implicit spline of a document.
-pub(crate) fn of_document(path: &Path, json: &Value) -> Result<ImplicitSpline, Failure> {
+/// The function of a document.
+pub(crate) fn of_document(path: &Path, json: &Value) -> Result<Implicit, Failure> {
     let wrong = |what: String| Failure::input("spline", format!("{}: {what}", path.display()));
+    if is_polynomial_file(json) {
+        let data = read_polynomial(json).map_err(|e| wrong(e.to_string()))?;
+        let made = GlobalPolynomial::from_data(data).map_err(|e| wrong(e.to_string()))?;
+        return Ok(Implicit::Polynomial(made));
+    }
     let data = read_spline(json).map_err(|e| wrong(e.to_string()))?;
-    ImplicitSpline::from_data(&data).map_err(|e| wrong(e.to_string()))
+    let made = ImplicitSpline::from_data(&data).map_err(|e| wrong(e.to_string()))?;
+    Ok(Implicit::Spline(made))
 }

@@ -559,8 +559,8 @@ fn recover_runs_without_arguments() {
     }
     assert_eq!(
         code(&isoform(&["recover", &f.path("scan.ply")])),
-        1,
-        "a scan needs a template"
+        2,
+        "there is no such scan"
     );
 }
 

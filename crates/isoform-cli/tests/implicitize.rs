@@ -65,6 +65,65 @@ fn a_scan_becomes_a_model_for_the_other_verbs() {
     ];
     let o = isoform(&[&["parameterize", &model, "--box", "5"][..], &options].concat());
     assert!(document(&o)["patches"][0].is_object(), "{}", stdout(&o));
+    assert_eq!(code(&o), 0, "the distance is proved: {}", stderr(&o));
+}
+
+#[test]
+fn one_polynomial_is_a_model_for_the_other_verbs() {
+    let f = Folder::new("implicitize-global");
+    let scan = f.file("scan.xyz", sphere());
+    let model = f.file("ball.json", "");
+    let options = ["--global", "2", "-o", &model, "--json", "--force"];
+    let o = isoform(&[&["implicitize", &scan][..], &options].concat());
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let report = document(&o);
+    assert_eq!(
+        (&report["unknowns"], &report["cells"]),
+        (&10.into(), &1.into())
+    );
+    assert!(report["max"].as_f64().expect("a distance") < 1e-9);
+
+    let points = f.file("p.csv", "3,0,0.9\n3,0,1\n1e3,0,0\n");
+    let o = isoform(&["eval", &model, "--points", &points]);
+    let values: Vec<f64> = stdout(&o)
+        .lines()
+        .skip(1)
+        .map(|l| l.rsplit(',').next().expect("f").parse().expect("a number"))
+        .collect();
+    // (1 − r²)/2 everywhere; its steepness is that along estimated normals.
+    let want = [0.095, 0.0, (1.0 - 997.0 * 997.0) / 2.0];
+    for (value, want) in values.iter().zip(want) {
+        let off = (value - want).abs();
+        assert!(off < 1e-9 + 1e-3 * f64::abs(want), "{values:?}");
+    }
+
+    let o = isoform(&["mesh", &model, "--surface-only", "--size", "0.2", "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let volume = document(&o)["certificate"]["volume"].as_f64();
+    assert!((volume.expect("a volume") / 4.18879 - 1.0).abs() < 0.02);
+
+    let o = isoform(&["compare", &scan, &model, "--json"]);
+    let far = document(&o)["first_to_second"]["max"].as_f64();
+    assert!(far.expect("a distance") < 1e-9);
+
+    let tolerance = [
+        "--tol",
+        "1e-2",
+        "--seed-point",
+        "3,0,1",
+        "--box",
+        "5",
+        "--json",
+    ];
+    let o = isoform(&[&["parameterize", &model][..], &tolerance].concat());
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+
+    let o = isoform(&["implicitize", &scan, "--global", "13"]);
+    assert!(code(&o) == 1 && stderr(&o).contains("13 is not in 1..=12"));
+    let wrong = r#"{"kind": "implicit_polynomial", "degree": 2, "origin": [0, 0, 0], "unit": 1,
+        "coefficients": [1], "corner": [0, 0, 0], "spacing": 1, "count": [1, 1, 1], "cells": []}"#;
+    let o = isoform(&["mesh", &f.file("bad.json", wrong)]);
+    assert!(code(&o) == 2 && stderr(&o).contains("1 coefficients for 10 monomials"));
 }
 
 #[test]

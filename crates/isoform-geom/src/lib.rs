@@ -36,5 +36,5 @@ pub use point::{
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use solid::{Csg, OnePiece, Solid};
-pub use spline::{LevelData, SplineData};
+pub use spline::{LevelData, PolynomialData, SplineData};
 pub use union_find::UnionFind;

@@ -86,6 +86,9 @@ pub use patches::{
 };
 pub use read::read;
 pub use registry::{format_named, formats};
-pub use splines::{SplineFileError, is_spline_file, read_spline, write_spline};
+pub use splines::{
+    SplineFileError, is_polynomial_file, is_spline_file, read_polynomial, read_spline,
+    write_polynomial, write_spline,
+};
 pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
 pub use write::{write, write_path};

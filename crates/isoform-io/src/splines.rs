@@ -1,4 +1,4 @@
-//! Implicit splines as JSON.
+//! Functions fitted to points as JSON: implicit splines, and polynomials.
 //!
 //! ```json
 //! {"schema": 1, "kind": "implicit_spline", "degree": 3, "corner": [x, y, z], "spacing": h,
@@ -10,14 +10,26 @@
 //! cells of a level that hold data; `coefficients` belong to the B-splines that touch one of them,
 //! on the first level to all, ordered by z, then y, then x. Those of the other B-splines follow
 //! from the level before by the two-scale relation.
+//!
+//! ```json
+//! {"schema": 1, "kind": "implicit_polynomial", "degree": 4, "origin": [x, y, z], "unit": u,
+//!  "coefficients": [c, …], "corner": [x, y, z], "spacing": h, "count": [i, j, k],
+//!  "cells": [i, j, k, …]}
+//! ```
+//!
+//! With q = (p − origin)/unit, f(p) is the sum of c qxⁱ qyʲ qzᵏ over i + j + k ≤ degree, ordered by k,
+//! then j, then i. The lattice says where the points were.
 
-use isoform_geom::{LevelData, Point3, SplineData};
+use isoform_geom::{LevelData, Point3, PolynomialData, SplineData};
 use serde_json::{Value, json};
 
-/// What the key `kind` says.
+/// What the key `kind` says of a spline.
 const KIND: &str = "implicit_spline";
 
-/// Why a document holds no implicit spline.
+/// What the key `kind` says of a polynomial.
+const POLYNOMIAL: &str = "implicit_polynomial";
+
+/// Why a document holds no implicit spline or polynomial.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{at}: {problem}")]
 pub struct SplineFileError {
@@ -30,6 +42,11 @@ pub struct SplineFileError {
 /// Whether a JSON document is one of an implicit spline.
 pub fn is_spline_file(json: &Value) -> bool {
     json.get("kind").and_then(Value::as_str) == Some(KIND)
+}
+
+/// Whether a JSON document is one of a polynomial that was fitted to points.
+pub fn is_polynomial_file(json: &Value) -> bool {
+    json.get("kind").and_then(Value::as_str) == Some(POLYNOMIAL)
 }
 
 /// The file of an implicit spline; equal splines give equal bytes.
@@ -77,37 +94,114 @@ pub fn write_spline(spline: &SplineData) -> Vec<u8> {
 /// # Errors
 /// [`SplineFileError`] where a key is missing or holds something else.
 pub fn read_spline(json: &Value) -> Result<SplineData, SplineFileError> {
-    let wrong = |at: &str, problem| SplineFileError {
-        at: at.to_owned(),
-        problem,
-    };
     if !is_spline_file(json) {
         return Err(wrong("kind", "implicit_spline is expected"));
     }
-    let degree = json.get("degree").and_then(Value::as_u64);
-    let corner = json.get("corner").and_then(numbers);
-    let count = json.get("count").and_then(places);
     let levels = json.get("levels").and_then(Value::as_array);
     let levels = levels.ok_or_else(|| wrong("levels", "a list is expected"))?;
     Ok(SplineData {
-        degree: degree.ok_or_else(|| wrong("degree", "a whole number is expected"))? as usize,
-        corner: corner
-            .and_then(|c| Point3::try_from(c).ok())
-            .ok_or_else(|| wrong("corner", "three numbers are expected"))?,
-        spacing: json
-            .get("spacing")
-            .and_then(Value::as_f64)
-            .ok_or_else(|| wrong("spacing", "a number is expected"))?,
-        count: count
-            .filter(|c| c.len() == 1)
-            .map(|c| c[0])
-            .ok_or_else(|| wrong("count", "three whole numbers are expected"))?,
+        degree: whole(json, "degree")?,
+        corner: point(json, "corner")?,
+        spacing: number(json, "spacing")?,
+        count: count(json)?,
         levels: levels
             .iter()
             .enumerate()
             .map(|(i, level)| read_level(i, level))
             .collect::<Result<_, _>>()?,
     })
+}
+
+/// The file of a polynomial that was fitted to points; equal ones give equal bytes.
+///
+/// ```
+/// use isoform_geom::PolynomialData;
+/// use isoform_io::{read_polynomial, write_polynomial};
+/// // z/4 about (1, 0, 0).
+/// let plane = PolynomialData {
+///     degree: 1,
+///     origin: [1.0, 0.0, 0.0],
+///     unit: 2.0,
+///     coefficients: vec![0.0, 0.0, 0.0, 0.5],
+///     corner: [0.0, -1.0, -1.0],
+///     spacing: 0.5,
+///     count: [4; 3],
+///     cells: vec![[1, 2, 1]],
+/// };
+/// let bytes = write_polynomial(&plane);
+/// assert_eq!(read_polynomial(&serde_json::from_slice(&bytes)?)?, plane);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn write_polynomial(polynomial: &PolynomialData) -> Vec<u8> {
+    let mut bytes = json!({
+        "schema": 1,
+        "kind": POLYNOMIAL,
+        "degree": polynomial.degree,
+        "origin": polynomial.origin,
+        "unit": polynomial.unit,
+        "coefficients": polynomial.coefficients,
+        "corner": polynomial.corner,
+        "spacing": polynomial.spacing,
+        "count": polynomial.count,
+        "cells": polynomial.cells.as_flattened(),
+    })
+    .to_string()
+    .into_bytes();
+    bytes.push(b'\n');
+    bytes
+}
+
+/// The numbers of a polynomial. Whether they fit together is not looked at here.
+///
+/// # Errors
+/// [`SplineFileError`] where a key is missing or holds something else.
+pub fn read_polynomial(json: &Value) -> Result<PolynomialData, SplineFileError> {
+    if !is_polynomial_file(json) {
+        return Err(wrong("kind", "implicit_polynomial is expected"));
+    }
+    let coefficients = json.get("coefficients").and_then(numbers);
+    let cells = json.get("cells").and_then(places);
+    Ok(PolynomialData {
+        degree: whole(json, "degree")?,
+        origin: point(json, "origin")?,
+        unit: number(json, "unit")?,
+        coefficients: coefficients
+            .ok_or_else(|| wrong("coefficients", "a list of numbers is expected"))?,
+        corner: point(json, "corner")?,
+        spacing: number(json, "spacing")?,
+        count: count(json)?,
+        cells: cells.ok_or_else(|| wrong("cells", "whole numbers are expected, three per cell"))?,
+    })
+}
+
+fn wrong(at: &str, problem: &'static str) -> SplineFileError {
+    SplineFileError {
+        at: at.to_owned(),
+        problem,
+    }
+}
+
+fn whole(json: &Value, key: &str) -> Result<usize, SplineFileError> {
+    let value = json.get(key).and_then(Value::as_u64);
+    let value = value.and_then(|v| usize::try_from(v).ok());
+    value.ok_or_else(|| wrong(key, "a whole number is expected"))
+}
+
+fn number(json: &Value, key: &str) -> Result<f64, SplineFileError> {
+    let value = json.get(key).and_then(Value::as_f64);
+    value.ok_or_else(|| wrong(key, "a number is expected"))
+}
+
+fn point(json: &Value, key: &str) -> Result<Point3, SplineFileError> {
+    let value = json.get(key).and_then(numbers);
+    let value = value.and_then(|c| Point3::try_from(c).ok());
+    value.ok_or_else(|| wrong(key, "three numbers are expected"))
+}
+
+fn count(json: &Value) -> Result<[i32; 3], SplineFileError> {
+    let value = json.get("count").and_then(places);
+    let value = value.filter(|c| c.len() == 1).map(|c| c[0]);
+    value.ok_or_else(|| wrong("count", "three whole numbers are expected"))
 }
 
 fn read_level(i: usize, level: &Value) -> Result<LevelData, SplineFileError> {

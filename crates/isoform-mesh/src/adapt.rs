@@ -79,7 +79,7 @@ pub fn adapt(
         })?;
     let region = found.bounds;
     let lattice = lattice_around(&bare, solid, region, options, control)?;
-    let surface = Surface::new(solid, &lattice, region.diagonal(), control);
+    let surface = Surface::new(solid, &lattice, region, control);
     control.begin("features")?;
     let features = features_of(solid, region, options, control);
     let mut warnings = Vec::new();

@@ -8,7 +8,7 @@ use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{Extent, FeatureOptions, Features, START, extent_within, find};
+use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::optimise::Optimiser;
@@ -62,7 +62,7 @@ pub fn mesh(
         meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
         Ok(meshed)
     } else {
-        let extent = extent_within(solid, START, options.size, control)?;
+        let extent = extent_within(solid, options.start, options.size, control)?;
         mesh_within(solid, &extent, options, control)
     }
 }
@@ -76,7 +76,7 @@ fn mesh_within(
 ) -> Result<Meshed, MeshError> {
     let region = extent.bounds;
     let lattice = lattice_over(solid, region, options, control)?;
-    let surface = Surface::new(solid, &lattice, region.diagonal(), control);
+    let surface = Surface::new(solid, &lattice, region, control);
     if let Some(at) = surface.not_a_number() {
         return Err(MeshError::NotANumber { at });
     }

@@ -1,6 +1,7 @@
 //! What the mesher is asked to make.
 
 use crate::error::MeshError;
+use crate::features::START;
 use isoform_geom::{Aabb, KdTree, Point3};
 use std::sync::Arc;
 
@@ -27,6 +28,9 @@ pub struct Options {
     /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so
     /// on. The solid's own box if not given.
     pub region: Option<Aabb>,
+    /// The box in which the solid is looked for first where there is no `region`: about where it is,
+    /// if that is known.
+    pub start: Aabb,
     /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
     /// helps any more.
     pub angles: [f64; 2],
@@ -43,6 +47,7 @@ impl Default for Options {
             order: 1,
             surface_only: false,
             region: None,
+            start: START,
             angles: [21.0, 149.0],
             memory: 16 << 30,
         }

@@ -12,7 +12,7 @@ mod on;
 use crate::lattice::{IN, Lattice, OUT};
 use crate::points::along;
 use isoform_control::Control;
-use isoform_geom::{Point3, Solid, cross, dot, norm};
+use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use newton::{Bracket, newton};
 pub(crate) use on::On;
 use rayon::prelude::*;
@@ -36,6 +36,9 @@ const MEETING_STEPS: usize = 12;
 const SHRINKING: f64 = 0.9;
 /// Share of the diagonal of the box below which distances are rounding.
 const ROUNDING: f64 = 1e-13;
+/// Share of the largest coordinate below which distances are rounding: a few roundings of the three
+/// coordinates. It counts where the box is far from the origin.
+const OF_COORDINATES: f64 = 8.0 * f64::EPSILON;
 /// Newton steps onto pieces, at most; some five are usual.
 const STEPS: usize = 30;
 /// Cells between two looks at the queue of threads, where a look at each costs a microsecond.
@@ -104,17 +107,19 @@ pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
 }
 
 impl<'s> Surface<'s> {
-    /// The surface of a solid in a box with a diagonal of this length.
+    /// The surface of a solid in a box.
     pub(crate) fn new(
         solid: &'s dyn Solid,
         lattice: &'s Lattice,
-        diagonal: f64,
+        region: Aabb,
         control: &'s Control<'s>,
     ) -> Self {
+        let reach = region.lo.into_iter().chain(region.hi);
+        let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
         Self {
             solid,
             lattice,
-            zero: ROUNDING * diagonal,
+            zero: (ROUNDING * region.diagonal()).max(OF_COORDINATES * far),
             control,
         }
     }

@@ -193,6 +193,27 @@ fn a_thin_plate_with_a_bore_beyond_the_start_box_is_found() {
 }
 
 #[test]
+fn boxes_to_begin_with_may_lie_far_out() {
+    let center = [3e6, -5e7, 0.0];
+    let far = made(block(center, center.map(|v| v + 2.0)));
+    let start = Aabb {
+        lo: center.map(|v| v - 1.0),
+        hi: center.map(|v| v + 4.0),
+    };
+    let found = extent(&far, start, 0.1).expect("a box");
+    for k in 0..3 {
+        assert!((found.bounds.lo[k] - center[k]).abs() < 0.1);
+        assert!((found.bounds.hi[k] - center[k] - 2.0).abs() < 0.1);
+    }
+    let endless = Aabb {
+        lo: [0.0; 3],
+        hi: [f64::INFINITY; 3],
+    };
+    let error = extent(&far, endless, 0.1);
+    assert!(matches!(error, Err(ExtentError::Start { .. })));
+}
+
+#[test]
 fn what_has_no_box() {
     let empty = made(Node::Min(vec![
         block([0.0; 3], [1.0; 3]),

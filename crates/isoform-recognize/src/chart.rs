@@ -295,6 +295,20 @@ impl Surface {
         }
     }
 
+    /// Where points begin and end along the axis, from the apex of a cone, else from the place; 0 of
+    /// planes and spheres.
+    pub(crate) fn extent(&self, points: &[Point3]) -> [f64; 2] {
+        let from = match self.kind {
+            Kind::Plane | Kind::Sphere => return [0.0; 2],
+            Kind::Cone => self.apex(),
+            Kind::Cylinder | Kind::Torus => self.place,
+        };
+        let heights = points.iter().map(|p| dot(sub(*p, from), self.axis));
+        heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], h| {
+            [lo.min(h), hi.max(h)]
+        })
+    }
+
     /// A cone's apex.
     pub(crate) fn apex(&self) -> Point3 {
         let h = -self.size / self.other.tan();

@@ -20,8 +20,9 @@ const MATERIAL: f64 = 0.01;
 /// simpler one then is a strip of it.
 const WIDER: f64 = 1.6;
 /// Correlation of neighbouring distances that a few points of other faces cause, and how many
-/// deviations of its estimate are chance.
-const CORRELATED: f64 = 0.03;
+/// deviations of its estimate are chance. With 0.03 true faces of noisy scans are dropped, with 0.06
+/// tori that bend over two cones stay.
+const CORRELATED: f64 = 0.045;
 const CHANCE: f64 = 4.0;
 /// Sizes of the sets of neighbours that regions grow from: small ones lie within small faces, large
 /// ones tell curvatures in noise; and whether only neighbours with like normals are taken, which
@@ -114,6 +115,33 @@ pub(crate) fn is_called_for(
     gain > asked.max(MATERIAL * n)
 }
 
+/// Sets of free points about a seed that regions grow from.
+struct Sets {
+    near: Vec<u32>,
+    /// Those with like normals.
+    alike: Vec<u32>,
+}
+
+impl Sets {
+    fn about(cloud: &Cloud, seed: u32, is_free: &impl Fn(u32) -> bool) -> Self {
+        let mut near = cloud.around(seed, CANDIDATES);
+        near.retain(|i| is_free(*i));
+        let normal = cloud.normals[seed as usize];
+        let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= ALIKE;
+        let alike = near.iter().filter(is_alike).copied().collect();
+        Self { near, alike }
+    }
+
+    fn all(&self) -> Vec<&[u32]> {
+        SEEDS
+            .iter()
+            .map(|(size, is_smooth)| (*size, if *is_smooth { &self.alike } else { &self.near }))
+            .filter(|(size, from)| *size <= from.len())
+            .map(|(size, from)| &from[..size])
+            .collect()
+    }
+}
+
 /// The region about a seed, of the kind that its points ask for.
 pub(crate) fn best_region(
     cloud: &Cloud,
@@ -122,20 +150,8 @@ pub(crate) fn best_region(
     noise: Noise,
     is_free: &(impl Fn(u32) -> bool + Sync),
 ) -> Option<Region> {
-    let mut found = Vec::new();
-    cloud
-        .tree
-        .nearest_k(cloud.points[seed as usize], CANDIDATES, &mut found);
-    let near: Vec<u32> = found.iter().map(|f| f.1).filter(|i| is_free(*i)).collect();
-    let normal = cloud.normals[seed as usize];
-    let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= ALIKE;
-    let alike: Vec<u32> = near.iter().filter(is_alike).copied().collect();
-    let sets: Vec<&[u32]> = SEEDS
-        .iter()
-        .map(|(size, is_smooth)| (*size, if *is_smooth { &alike } else { &near }))
-        .filter(|(size, from)| *size <= from.len())
-        .map(|(size, from)| &from[..size])
-        .collect();
+    let sets = Sets::about(cloud, seed, is_free);
+    let sets = sets.all();
     let grown = |kind: Kind| largest(cloud, &sets, kind, noise, is_free);
     let (first, others) = kinds.split_first()?;
     let simple = grown(*first);
@@ -164,7 +180,12 @@ fn largest(
             continue;
         };
         if region.points.len() < least_points(kind, noise.deviation)
-            || !follows(cloud, &region.core, &region.surface, noise)
+            || !follows(
+                cloud,
+                [&region.core, &region.points],
+                &region.surface,
+                noise,
+            )
         {
             continue;
         }
@@ -207,19 +228,32 @@ fn choose(cloud: &Cloud, regions: impl Iterator<Item = Region>, noise: Noise) ->
     best
 }
 
-/// Whether a surface follows points up to independent noise.
-pub(crate) fn follows(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bool {
-    if noise.deviation <= FLOOR {
-        return true;
-    }
-    let free = points
-        .len()
-        .saturating_sub(surface.kind.parameters())
-        .max(1) as f64;
+/// Whether a surface follows its points up to independent noise: those of its core, or all
+/// of them. Along edges all have strips of other faces; in the core of a face behind a thin wall are
+/// only places where the noise of neighbours happens to be alike.
+pub(crate) fn follows(
+    cloud: &Cloud,
+    [core, points]: [&[u32]; 2],
+    surface: &Surface,
+    noise: Noise,
+) -> bool {
+    let is_one = |points: &[u32]| {
+        is_near(cloud, points, surface, noise)
+            && is_independent(correlation(cloud, points, surface))
+    };
+    noise.deviation <= FLOOR || is_one(core) || is_one(points)
+}
+
+/// Whether points deviate by no more than the noise.
+fn is_near(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bool {
+    let parameters = surface.kind.parameters();
+    let free = points.len().saturating_sub(parameters).max(1) as f64;
     let rms = (squares(surface, &cloud.at(points)) / free).sqrt() / noise.deviation;
-    let (correlation, deviation) = correlation(cloud, points, surface);
     rms <= noise.slack + CHANCE / (2.0 * free).sqrt()
-        && correlation <= CORRELATED + CHANCE * deviation
+}
+
+fn is_independent((correlation, deviation): (f64, f64)) -> bool {
+    correlation <= CORRELATED + CHANCE * deviation
 }
 
 /// Whether a region of a kind with more parameters explains a place better.

@@ -65,6 +65,17 @@ pub struct Relation {
     pub deviation: f64,
 }
 
+/// An entity that rounds the edge of others with a constant radius: it touches them along curves.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Blend {
+    /// The cylinder, torus or sphere.
+    pub entity: usize,
+    /// The two or more entities that it touches.
+    pub between: Vec<usize>,
+    /// Its radius; of a torus that of the tube.
+    pub radius: f64,
+}
+
 /// What was recognised in a scan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recognition {
@@ -76,6 +87,8 @@ pub struct Recognition {
     pub normals: Vec<Point3>,
     /// Relations that hold.
     pub relations: Vec<Relation>,
+    /// Entities that are blends of others.
+    pub blends: Vec<Blend>,
     /// The standard deviation of the points along the normal, as they show it.
     pub noise: f64,
 }

@@ -172,3 +172,91 @@ pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; M
     }
     Some(inverse)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::Kind;
+
+    /// Points of a fixed sphere of radius 0.5 with errors of this deviation, uniform in ±√3 of it.
+    fn sphere(count: usize, deviation: f64, seed: u64) -> Vec<Point3> {
+        let mut state = seed;
+        let mut random = move || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (state >> 11) as f64 / (1_u64 << 53) as f64
+        };
+        let mut point = || {
+            let (z, turn) = (2.0 * random() - 1.0, std::f64::consts::TAU * random());
+            let r = 0.5 + deviation * 3.0_f64.sqrt() * (2.0 * random() - 1.0);
+            let across = (1.0 - z * z).sqrt();
+            [
+                r * across * turn.cos() + 0.1,
+                r * across * turn.sin(),
+                r * z - 0.2,
+            ]
+        };
+        (0..count).map(|_| point()).collect()
+    }
+
+    fn start() -> Surface {
+        Surface {
+            kind: Kind::Sphere,
+            place: [0.15, -0.05, -0.1],
+            axis: [0.0, 0.0, 1.0],
+            size: 0.4,
+            other: 0.0,
+        }
+    }
+
+    #[test]
+    fn exact_points_give_their_sphere() {
+        let (found, squares) = fit(&start(), &sphere(60, 0.0, 1), Precision::Full).expect("fits");
+        assert!(
+            (found.size - 0.5).abs() < 1e-13 && squares < 1e-26,
+            "{found:?}"
+        );
+    }
+
+    /// Of points all over a sphere the variance of its radius is σ²/n, of each coordinate 3σ²/n.
+    #[test]
+    fn covariance_of_a_whole_sphere_is_that_of_the_closed_form() {
+        let points = sphere(20_000, 0.0, 2);
+        let (found, _) = fit(&start(), &points, Precision::Full).expect("fits");
+        let c = covariance(&found, &points).expect("all is determined");
+        let n = points.len() as f64;
+        assert!((c[3][3] * n - 1.0).abs() < 0.01, "{}", c[3][3] * n);
+        (0..3).for_each(|k| assert!((c[k][k] * n - 3.0).abs() < 0.1, "{}", c[k][k] * n));
+    }
+
+    /// The errors of the radius over many samples are those that the covariance says.
+    #[test]
+    fn errors_are_at_the_limit_of_cramer_and_rao() {
+        let (count, sigma, tries) = (200, 1e-3, 300);
+        let error = |seed: u64| {
+            let points = sphere(count, sigma, 1 + 7919 * seed);
+            fit(&start(), &points, Precision::Full)
+                .expect("fits")
+                .0
+                .size
+                - 0.5
+        };
+        let squares: f64 = (0..tries).map(|k| error(k).powi(2)).sum();
+        let ratio = (squares / tries as f64).sqrt() / (sigma / (count as f64).sqrt());
+        assert!((0.85..1.15).contains(&ratio), "{ratio}");
+    }
+
+    #[test]
+    fn open_parameters_have_no_covariance() {
+        let points: Vec<Point3> = (0..9).map(|k| [f64::from(k), 0.0, 0.0]).collect();
+        let plane = Surface {
+            kind: Kind::Plane,
+            place: [0.0; 3],
+            axis: [0.0, 0.0, 1.0],
+            size: 0.0,
+            other: 0.0,
+        };
+        assert!(covariance(&plane, &points).is_none());
+    }
+}

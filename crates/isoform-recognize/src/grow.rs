@@ -5,7 +5,7 @@ use crate::choose::EXACT;
 use crate::cloud::Cloud;
 use crate::fit::{Precision, fit};
 use crate::start::starts;
-use isoform_geom::dot;
+use isoform_geom::{KdTree, Point3, dot};
 
 /// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
 /// larger. Fewer lose points, more take those of neighbours at flat edges.
@@ -135,45 +135,40 @@ pub(crate) fn core(cloud: &Cloud, points: &[u32], kind: Kind) -> Vec<u32> {
     }
 }
 
+/// Points whose neighbours are compared at most: the correlation is known to 2 % then.
+const COMPARED: usize = 2000;
+/// Points beside each that its distance is compared with. Fewer say less, more reach farther, where
+/// distances are less alike.
+const COMPARED_WITH: usize = 6;
+
 /// By how much neighbours agree in the sign and size of their distances: Moran's coefficient, 0 for
 /// independent noise, towards 1 where the surface does not follow the points; and its deviation for
-/// noise.
+/// noise. Neighbours are those whose feet on the surface are near: of the nearest in space the
+/// distances are alike wherever noise is as large as the spacing.
 pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (f64, f64) {
-    let mut distance = vec![f64::NAN; cloud.points.len()];
-    for i in points {
-        distance[*i as usize] = surface.distance(cloud.points[*i as usize]);
-    }
-    let (mut products, mut pairs, mut squares) = (0.0, 0.0, 0.0);
-    for i in points {
-        let r = distance[*i as usize];
-        squares += r * r;
-        for j in far_pairs(cloud, *i) {
-            let s = distance[j as usize];
-            if !s.is_nan() {
-                products += r * s;
-                pairs += 1.0;
-            }
+    let at = cloud.at(points);
+    let distances: Vec<f64> = at.iter().map(|p| surface.distance(*p)).collect();
+    let foot = |(p, r): (&Point3, &f64)| -> Point3 {
+        let n = surface.normal(*p);
+        std::array::from_fn(|k| p[k] - r * n[k])
+    };
+    let feet: Vec<Point3> = at.iter().zip(&distances).map(foot).collect();
+    let tree = KdTree::new(&feet);
+    let (mut products, mut pairs, mut near) = (0.0, 0.0, Vec::new());
+    for i in (0..feet.len()).step_by(feet.len().div_ceil(COMPARED).max(1)) {
+        tree.nearest_k(feet[i], COMPARED_WITH + 1, &mut near);
+        for (_, j) in near.iter().filter(|f| f.1 as usize != i) {
+            products += distances[i] * distances[*j as usize];
+            pairs += 1.0;
         }
     }
+    let squares: f64 = distances.iter().map(|r| r * r).sum();
     if pairs == 0.0 || squares == 0.0 {
         return (0.0, 1.0);
     }
     // Most pairs count from both ends.
-    (
-        products / pairs * points.len() as f64 / squares,
-        (2.0_f64 / pairs).sqrt(),
-    )
-}
-
-/// Neighbours of neighbours of a point, the farther ones: the nearest in space are those with
-/// nearly the same distance from the surface where noise is as large as the spacing.
-fn far_pairs(cloud: &Cloud, i: u32) -> impl Iterator<Item = u32> {
-    let near = cloud.near(i);
-    let outer = &near[near.len() / 2..];
-    outer.iter().filter_map(move |j| {
-        let next = cloud.near(*j).iter().rev();
-        next.copied().find(|k| *k != i && !near.contains(k))
-    })
+    let mean = squares / distances.len() as f64;
+    (products / pairs / mean, (2.0_f64 / pairs).sqrt())
 }
 
 /// Neighbours of a point of the core that may lie outside of its region: outliers.

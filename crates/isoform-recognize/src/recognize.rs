@@ -1,13 +1,14 @@
 //! Recognition of a scan.
 
-use crate::chart::{Kind, MOST, Row, Surface};
+use crate::blends::blends;
+use crate::chart::{Kind, MOST, Row, Surface, unit};
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, dot, sub};
+use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,6 +82,9 @@ pub fn recognize(
     }
     let mut scaling = Scaling::of(&places).ok_or(Error::Line)?;
     let cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
+    if is_line(&cloud.points) {
+        return Err(Error::Line);
+    }
     let limits = Limits {
         min_points: options.min_points,
         noise: options
@@ -92,6 +96,16 @@ pub fn recognize(
         scaling.origin[k] += scan.origin[k];
     }
     Ok(report(&cloud, &found, &index, &scaling))
+}
+
+/// Whether sorted points lie on one line: that through the first and the last.
+fn is_line(points: &[Point3]) -> bool {
+    let (Some(first), Some(last)) = (points.first(), points.last()) else {
+        return true;
+    };
+    let along = unit(sub(*last, *first));
+    let off = |p: &Point3| norm(cross(sub(*p, *first), along));
+    points.iter().all(|p| off(p) <= crate::cloud::FLOOR)
 }
 
 /// What was found, in the scan's unit and order.
@@ -116,6 +130,17 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         .iter()
         .map(|i| known(cloud, found, &members[*i], *i))
         .collect();
+    let points: Vec<Vec<Point3>> = order.iter().map(|i| cloud.at(&members[*i])).collect();
+    let of = |i: usize| rank.get(found.labels[i] as usize).map(|l| *l as usize);
+    let pairs = (0..cloud.points.len()).flat_map(|i| {
+        let beside = cloud
+            .near(i as u32)
+            .iter()
+            .filter_map(move |j| of(*j as usize));
+        let own = of(i).into_iter();
+        own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
+            .filter(|p| p.0 != p.1)
+    });
     let label = |place: &u32| match found.labels[*place as usize] {
         NONE => None,
         label => Some(rank[label as usize]),
@@ -124,6 +149,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         entities: order.iter().map(entity).collect(),
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
+        blends: blends(&known, &points, pairs, scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
         noise: found.noise * scaling.unit,
     }
@@ -180,25 +206,17 @@ fn entity(
         outward,
         points: count,
         rms: rms * scaling.unit,
-        extent: extent(&surface, &points).map(|h| h * scaling.unit),
+        extent: surface.extent(&points).map(|h| h * scaling.unit),
     }
 }
 
-/// Where points begin and end along the axis of a surface.
-fn extent(surface: &Surface, points: &[Point3]) -> [f64; 2] {
-    let from = match surface.kind {
-        Kind::Plane | Kind::Sphere => return [0.0; 2],
-        Kind::Cone => surface.apex(),
-        Kind::Cylinder | Kind::Torus => surface.place,
-    };
-    let heights = points.iter().map(|p| dot(sub(*p, from), surface.axis));
-    heights.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], h| {
-        [lo.min(h), hi.max(h)]
-    })
-}
-
 /// Standard deviations of what CAD systems name, from the covariance of the minimal parameters.
-fn deviations(surface: &Surface, points: &[Point3], sigma: f64, scaling: &Scaling) -> Deviations {
+pub(crate) fn deviations(
+    surface: &Surface,
+    points: &[Point3],
+    sigma: f64,
+    scaling: &Scaling,
+) -> Deviations {
     let unit = scaling.unit;
     let Some(covariance) = covariance(surface, points) else {
         return Deviations {

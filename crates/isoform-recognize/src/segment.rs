@@ -68,6 +68,9 @@ pub(crate) fn segment(
         noise: limits.noise.unwrap_or(cloud.noise),
         first_noise: cloud.noise,
     };
+    if cloud.is_volume() {
+        return Ok(now);
+    }
     if limits.noise.is_none() {
         now.noise = lower_noise(cloud, now.noise);
     }
@@ -268,7 +271,7 @@ impl Segmentation {
             .zip(&self.surfaces)
             .map(|(points, surface)| {
                 let core = core(cloud, points, surface.kind);
-                follows(cloud, &core, surface, noise).then_some(*surface)
+                follows(cloud, [&core, points], surface, noise).then_some(*surface)
             })
             .collect();
         for label in self.labels.iter_mut().filter(|l| **l != NONE) {

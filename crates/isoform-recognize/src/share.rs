@@ -33,7 +33,13 @@ pub(crate) fn shares(
     labels: &[u32],
     noise: f64,
 ) -> Vec<Shares> {
-    let sides = sides(cloud, surfaces, labels, noise);
+    let faces = Faces {
+        cloud,
+        surfaces,
+        labels,
+        sides: sides(cloud, surfaces, labels, noise),
+        noise,
+    };
     let mut shares = vec![Shares::new(); surfaces.len()];
     for (i, own) in labels.iter().enumerate() {
         if *own == NONE {
@@ -46,7 +52,7 @@ pub(crate) fn shares(
         }
         let likely: Vec<f64> = around
             .iter()
-            .map(|label| likelihood(cloud, surfaces, &sides, labels, &around, *label, i, noise))
+            .map(|label| faces.likelihood(&around, *label, i))
             .collect();
         let sum: f64 = likely.iter().sum();
         for (label, l) in around.iter().zip(likely) {
@@ -67,38 +73,40 @@ fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Vec<u32> {
     around
 }
 
-/// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
-fn likelihood(
-    cloud: &Cloud,
-    surfaces: &[Surface],
-    sides: &Sides,
-    labels: &[u32],
-    around: &[u32],
-    label: u32,
-    i: usize,
+/// Faces as they are now.
+struct Faces<'a> {
+    cloud: &'a Cloud,
+    surfaces: &'a [Surface],
+    labels: &'a [u32],
+    sides: Sides,
     noise: f64,
-) -> f64 {
-    let (p, surface) = (cloud.points[i], &surfaces[label as usize]);
-    let r = surface.distance(p);
-    if r.abs() > WITHIN * noise {
-        return 0.0;
-    }
-    let n = surface.normal(p);
-    let foot = std::array::from_fn(|k| p[k] - r * n[k]);
-    let mut likely = (-r * r / (2.0 * noise * noise)).exp();
-    for other in around.iter().filter(|o| **o != label) {
-        let next = &surfaces[*other as usize];
-        let inside = if dot(n, next.normal(p)).abs() > TANGENT {
-            before_contact(cloud, labels, i, [label, *other], [surface, next])
-        } else {
-            let side = sides.get(&(*other, label));
-            side.map(|side| side * next.distance(foot))
-        };
-        if let Some(inside) = inside {
-            likely /= 1.0 + (-inside / (EDGE * noise)).exp();
+}
+
+impl Faces<'_> {
+    /// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
+    fn likelihood(&self, around: &[u32], label: u32, i: usize) -> f64 {
+        let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
+        let r = surface.distance(p);
+        if r.abs() > WITHIN * self.noise {
+            return 0.0;
         }
+        let n = surface.normal(p);
+        let foot = std::array::from_fn(|k| p[k] - r * n[k]);
+        let mut likely = (-r * r / (2.0 * self.noise * self.noise)).exp();
+        for other in around.iter().filter(|o| **o != label) {
+            let next = &self.surfaces[*other as usize];
+            let inside = if dot(n, next.normal(p)).abs() > TANGENT {
+                before_contact(self.cloud, self.labels, i, [label, *other], [surface, next])
+            } else {
+                let side = self.sides.get(&(*other, label));
+                side.map(|side| side * next.distance(foot))
+            };
+            if let Some(inside) = inside {
+                likely /= 1.0 + (-inside / (EDGE * self.noise)).exp();
+            }
+        }
+        likely
     }
-    likely
 }
 
 /// How far a point lies before the curve where two surfaces touch or meet, on the side of the first:

@@ -7,14 +7,16 @@
 
 use crate::components::{Components, components};
 use crate::energy::{FIXED, Problem, Stencil, Weights};
+use crate::feet::{Distances, distance};
 use crate::keys::{Place, key, place};
 use crate::level::Level;
+use crate::outliers::{beside, strays};
 use crate::points::{Samples, Sorted, cell_of};
 use crate::sides::{Normals, Sides, sided};
 use crate::solve::solve;
 use crate::surface::ImplicitSpline;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Aabb, Point3, norm, sub};
+use isoform_geom::{Aabb, Field, Point3, norm, sub};
 use rayon::prelude::*;
 
 /// How fine an implicit spline becomes.
@@ -79,6 +81,9 @@ pub enum Error {
         /// What is wrong with it.
         what: &'static str,
     },
+    /// Points leave a polynomial of that degree open.
+    #[error("the points do not determine a polynomial of this degree")]
+    Undetermined,
     /// The control ended the work.
     #[error(transparent)]
     Stopped(#[from] Stopped),
@@ -92,24 +97,16 @@ const FEWEST: usize = 10;
 pub struct Implicitized {
     /// The function.
     pub spline: ImplicitSpline,
-    /// The points' distances from f = 0, by one Newton step: root mean square, 95th percentile and
+    /// The distances of points from f = 0, outliers left out: root mean square, 95th percentile and
     /// maximum.
     pub distances: Distances,
+    /// Points that belong to no surface, and were left out: where there are few others, or far from
+    /// the surface that those around agree on.
+    pub outliers: usize,
     /// Where normals came from.
     pub sides: Sides,
     /// Pieces of the surface.
     pub components: Components,
-}
-
-/// Distances of points, in their unit.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Distances {
-    /// Root mean square.
-    pub rms: f64,
-    /// 95 % are at most this far.
-    pub p95: f64,
-    /// The largest.
-    pub max: f64,
 }
 
 /// The share of the data's diagonal by which the lattice is larger than their box on each side:
@@ -137,8 +134,14 @@ const STEPS: usize = 400;
 /// level has to repair too much.
 const COARSE: f64 = 1000.0;
 
-/// Each such point is left out where points decide on the fineness.
-const LEFT_OUT: usize = 10;
+/// One in so many points is left out where points decide on the fineness.
+const LEFT_OUT: u32 = 10;
+
+/// Whether a point is left out there: by a multiple of its number in 32 bits, as every tenth point of
+/// a scan in rows may be a line of them. 2³² divided by the golden ratio spreads multiples evenly.
+fn is_left_out(i: usize) -> bool {
+    (i as u32).wrapping_mul(0x9E37_79B9) < u32::MAX / LEFT_OUT
+}
 
 /// A level is worth its cells if it brings the error of the points left out below this part of the
 /// level before. Where noise rules, errors fall no more, and rise later.
@@ -180,37 +183,117 @@ pub fn implicitize(
     control.begin("normals")?;
     let (directions, sides) = sided(points, normals, control)?;
     control.begin("fitting")?;
-    let lattice = Lattice::new(points, options);
-    let samples = Samples {
-        points: points.par_iter().map(|p| sub(*p, lattice.corner)).collect(),
+    let alpha = if sides.source.is_given() {
+        GIVEN
+    } else {
+        ESTIMATED
+    };
+    let mut samples = Samples {
+        points: points.to_vec(),
         normals: directions,
     };
-    let weights = Weights {
-        normals: if sides.source.is_given() {
-            GIVEN
-        } else {
-            ESTIMATED
-        },
-        smoothing: options.smoothing,
-    };
+    let alone = strays_of(&samples);
+    leave_out(&mut samples, &alone);
+    let mut fit = fitted(&samples, alpha, options, control)?;
+    let mut off = distances_of(&fit.spline, &samples.points);
+    let apart = beside(&off, &fit.sorted(&samples), fit.spline.spacing());
+    if leave_out(&mut samples, &apart) {
+        fit = fitted(&samples, alpha, options, control)?;
+        off = distances_of(&fit.spline, &samples.points);
+    }
+    control.begin("checking")?;
+    Ok(Implicitized {
+        distances: Distances::of(off),
+        outliers: points.len() - samples.points.len(),
+        components: components(&fit.spline),
+        spline: fit.spline,
+        sides,
+    })
+}
+
+/// The largest share of points that are left out as outliers. Where more seem to be some, it is
+/// unknown what the others are.
+const MOST_OUT: f64 = 0.2;
+
+/// Leaves points out, by their numbers in order, unless they are too many; says whether some were.
+fn leave_out(samples: &mut Samples, numbers: &[u32]) -> bool {
+    let n = samples.points.len();
+    let is_some = !numbers.is_empty()
+        && numbers.len() as f64 <= MOST_OUT * n as f64
+        && n - numbers.len() >= FEWEST;
+    if is_some {
+        samples.leave_out(numbers);
+    }
+    is_some
+}
+
+/// Points where there are few others.
+fn strays_of(samples: &Samples) -> Vec<u32> {
+    let lattice = Lattice::seen(&samples.points);
+    let sorted = Sorted::new(
+        samples,
+        lattice.corner,
+        lattice.spacing,
+        lattice.count,
+        |_| true,
+    );
+    strays(samples, &sorted)
+}
+
+/// A spline and its lattice.
+struct Fit {
+    spline: ImplicitSpline,
+    lattice: Lattice,
+}
+
+impl Fit {
+    /// Points by the spline's finest cells.
+    fn sorted<'a>(&self, samples: &'a Samples) -> Sorted<'a> {
+        let finest = self.spline.depth() - 1;
+        let count = self.lattice.count.map(|c| c << finest);
+        Sorted::new(
+            samples,
+            self.lattice.corner,
+            self.spline.spacing(),
+            count,
+            |_| true,
+        )
+    }
+}
+
+/// Fits a spline to samples; `alpha` is the weight of their normals.
+fn fitted(
+    samples: &Samples,
+    alpha: f64,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Fit, Stopped> {
+    let lattice = Lattice::new(&samples.points, options);
     let mut fitting = Fitting {
-        samples: &samples,
+        samples,
         lattice,
         degree: options.degree,
-        weights,
+        weights: Weights {
+            normals: alpha,
+            smoothing: options.smoothing,
+        },
         levels: Vec::new(),
         data: Vec::new(),
     };
     fitting.run(options.fineness, control)?;
     let Fitting { levels, data, .. } = fitting;
     let spline = ImplicitSpline::new(options.degree, lattice.corner, levels, &data);
-    control.begin("checking")?;
-    Ok(Implicitized {
-        distances: distances_of(&spline, points),
-        components: components(&spline),
-        spline,
-        sides,
-    })
+    Ok(Fit { spline, lattice })
+}
+
+/// Distances of points from f = 0.
+fn distances_of(spline: &ImplicitSpline, points: &[Point3]) -> Vec<f64> {
+    let jet = |p: Point3| {
+        let jet = spline.jet(p);
+        (jet.v, jet.g)
+    };
+    let of = |p: &Point3| distance(jet, *p, spline.spacing());
+    points.par_iter().map(of).collect()
 }
 
 fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
@@ -228,6 +311,11 @@ fn check(points: &[Point3], options: &Options) -> Result<(), Error> {
         }
         _ => {}
     }
+    check_points(points)
+}
+
+/// Whether points have a surface.
+pub(crate) fn check_points(points: &[Point3]) -> Result<(), Error> {
     if points.len() < FEWEST {
         return Err(Error::Few {
             found: points.len(),
@@ -262,20 +350,49 @@ fn is_line(points: &[Point3], size: f64) -> bool {
 
 /// The first level's lattice.
 #[derive(Clone, Copy, Debug)]
-struct Lattice {
-    corner: Point3,
-    spacing: f64,
-    count: Place,
+pub(crate) struct Lattice {
+    pub(crate) corner: Point3,
+    pub(crate) spacing: f64,
+    pub(crate) count: Place,
     /// The level at which a number of cells that was asked for is reached.
     depth: u32,
 }
 
+/// Points per cell where a lattice says where points are, about: enough for cells between them to
+/// hold one.
+const PER_SEEN: usize = 10;
+
+/// Cells that hold points, about, where a lattice says where they are: the least and the most.
+const SEEN: [usize; 2] = [50, 2000];
+
+/// Points that such a lattice is chosen by: twenty in each of its cells.
+const SOME: usize = 40_000;
+
+/// Cells along the longest edge of such a lattice, at most.
+const FINEST: f64 = 64.0;
+
 impl Lattice {
-    fn new(points: &[Point3], options: &Options) -> Self {
+    /// A lattice that says where points are.
+    pub(crate) fn seen(points: &[Point3]) -> Self {
         let bounds = Aabb::of(points);
+        let (size, longest) = Self::size(bounds);
+        let cells = (points.len() / PER_SEEN).clamp(SEEN[0], SEEN[1]);
+        let stride = points.len().div_ceil(SOME);
+        let some: Vec<Point3> = points.iter().step_by(stride).copied().collect();
+        let spacing = spacing_for(&some, bounds, cells).max(longest / FINEST);
+        Self::around(bounds, size, spacing, 0)
+    }
+
+    /// The edges of a lattice about a box, and the longest of them.
+    fn size(bounds: Aabb) -> (Point3, f64) {
         let margin = MARGIN * bounds.diagonal();
         let size = bounds.size().map(|s| s + 2.0 * margin);
-        let longest = size[0].max(size[1]).max(size[2]);
+        (size, size[0].max(size[1]).max(size[2]))
+    }
+
+    fn new(points: &[Point3], options: &Options) -> Self {
+        let bounds = Aabb::of(points);
+        let (size, longest) = Self::size(bounds);
         let Fineness::Cells(cells) = options.fineness else {
             return Self::around(bounds, size, longest / COARSEST, 0);
         };
@@ -453,10 +570,10 @@ impl<'a> Fitting<'a> {
             if l > 0 && all.count() * per_cell > n {
                 break;
             }
-            let kept = self.chosen(l, |i| i % LEFT_OUT != 0);
+            let kept = self.chosen(l, |i| !is_left_out(i));
             self.begin_level(l, &all, |_| true);
             self.fit(l, &kept, 1.0, control)?;
-            let left = self.chosen(l, |i| i % LEFT_OUT == 0);
+            let left = self.chosen(l, is_left_out);
             let squares: f64 = (0..left.count())
                 .into_par_iter()
                 .map(|i| {
@@ -492,7 +609,8 @@ impl<'a> Fitting<'a> {
 
     /// Points that are chosen by number, by cells of a level.
     fn chosen(&self, l: usize, which: impl Fn(usize) -> bool + Sync) -> Sorted<'a> {
-        Sorted::new(self.samples, self.spacing(l), self.count(l), which)
+        let corner = self.lattice.corner;
+        Sorted::new(self.samples, corner, self.spacing(l), self.count(l), which)
     }
 
     /// Adds a level whose cells with data are those of `sorted` that `which` chooses.
@@ -520,8 +638,12 @@ impl<'a> Fitting<'a> {
             smoothing: stiffness * self.weights.smoothing,
             ..self.weights
         };
-        let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
-        let x = solve(&problem, RESIDUAL, STEPS, control)?;
+        let mut problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
+        let mut x = solve(&problem, None, RESIDUAL, STEPS, control)?;
+        // The first level begins with f = 0 and knows of no inside.
+        if l > 0 && problem.hold_where_lost(&x) {
+            x = solve(&problem, Some(x), RESIDUAL, STEPS, control)?;
+        }
         let unknown = problem.unknown;
         let level = &mut self.levels[l];
         for (c, i) in level.coefficients.iter_mut().zip(&unknown) {
@@ -530,26 +652,5 @@ impl<'a> Fitting<'a> {
             }
         }
         Ok(())
-    }
-}
-
-/// Distances of points from f = 0 by one Newton step.
-fn distances_of(spline: &ImplicitSpline, points: &[Point3]) -> Distances {
-    use isoform_geom::Field;
-    let mut all: Vec<f64> = points
-        .par_iter()
-        .map(|p| {
-            let jet = spline.jet(*p);
-            jet.v.abs() / norm(jet.g).max(f64::MIN_POSITIVE)
-        })
-        .collect();
-    let squares: f64 = all.iter().map(|d| d * d).sum();
-    let rms = (squares / all.len() as f64).sqrt();
-    let at = (all.len() * 95 / 100).min(all.len() - 1);
-    let p95 = *all.select_nth_unstable_by(at, f64::total_cmp).1;
-    Distances {
-        rms,
-        p95,
-        max: all.iter().copied().fold(0.0, f64::max),
     }
 }

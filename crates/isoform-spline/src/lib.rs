@@ -1,13 +1,18 @@
 //! Implicit B-spline surfaces through points.
 #![forbid(unsafe_code)]
 
+mod basis;
 mod bspline;
 mod components;
 mod energy;
+mod expansion;
+mod feet;
+mod global;
 mod implicitize;
 mod keys;
 mod level;
 mod matrix;
+mod outliers;
 mod points;
 mod sides;
 mod smoothing;
@@ -16,6 +21,8 @@ mod surface;
 
 pub use bspline::MAX_DEGREE;
 pub use components::Components;
-pub use implicitize::{Distances, Error, Fineness, Implicitized, Options, implicitize};
+pub use feet::Distances;
+pub use global::{Global, MAX_GLOBAL, implicitize_globally};
+pub use implicitize::{Error, Fineness, Implicitized, Options, implicitize};
 pub use sides::{Normals, Sides, Source};
 pub use surface::{DataError, ImplicitSpline};

@@ -1,11 +1,11 @@
 //! Points sorted into the cells of a level.
 
 use crate::keys::{MOST, Place, key};
-use isoform_geom::Point3;
+use isoform_geom::{Point3, sub};
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Points with normals, relative to the corner of the lattice.
+/// Points with normals.
 #[derive(Clone, Debug)]
 pub(crate) struct Samples {
     pub(crate) points: Vec<Point3>,
@@ -13,10 +13,23 @@ pub(crate) struct Samples {
     pub(crate) normals: Vec<Point3>,
 }
 
+impl Samples {
+    /// Leaves out points, by their numbers in order.
+    pub(crate) fn leave_out(&mut self, numbers: &[u32]) {
+        let is_kept = |i: u32| numbers.binary_search(&i).is_err();
+        let mut at = 0..;
+        self.points.retain(|_| at.next().is_some_and(is_kept));
+        let mut at = 0..;
+        self.normals.retain(|_| at.next().is_some_and(is_kept));
+    }
+}
+
 /// A choice of points in the order of their cells.
 #[derive(Debug)]
 pub(crate) struct Sorted<'a> {
     samples: &'a Samples,
+    /// The corner of the lattice.
+    corner: Point3,
     order: Vec<u32>,
     /// Cells with points and where their points begin in `order`.
     cells: Vec<(u64, u32)>,
@@ -31,6 +44,7 @@ impl<'a> Sorted<'a> {
     /// Points that are chosen by number, by cell.
     pub(crate) fn new(
         samples: &'a Samples,
+        corner: Point3,
         spacing: f64,
         count: Place,
         is_chosen: impl Fn(usize) -> bool + Sync,
@@ -39,7 +53,12 @@ impl<'a> Sorted<'a> {
         let mut keyed: Vec<(u64, u32)> = (0..samples.points.len())
             .into_par_iter()
             .filter(|i| is_chosen(*i))
-            .map(|i| (key(cell_of(samples.points[i], spacing, count)), i as u32))
+            .map(|i| {
+                (
+                    key(cell_of(sub(samples.points[i], corner), spacing, count)),
+                    i as u32,
+                )
+            })
             .collect();
         keyed.par_sort_unstable();
         let mut cells: Vec<(u64, u32)> = Vec::new();
@@ -50,6 +69,7 @@ impl<'a> Sorted<'a> {
         }
         Self {
             samples,
+            corner,
             order: keyed.iter().map(|(_, i)| *i).collect(),
             cells,
         }
@@ -78,7 +98,7 @@ impl<'a> Sorted<'a> {
         let i = self.index(k);
         let p = self.samples.points[i];
         (
-            std::array::from_fn(|c| p[c] / spacing - f64::from(cell[c])),
+            std::array::from_fn(|c| (p[c] - self.corner[c]) / spacing - f64::from(cell[c])),
             self.samples.normals[i],
         )
     }

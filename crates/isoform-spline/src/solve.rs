@@ -5,8 +5,8 @@ use crate::smoothing::{DIAGONAL, Smoothing};
 use isoform_control::{Control, Stopped};
 
 /// The weight that holds a coefficient which data hardly touches at the level before: without it
-/// f swings there and f = 0 has extra pieces; ten times more of it shows at edges.
-const HELD: f64 = 1e-2;
+/// some of them swing. Ten times more of it costs a tenth at edges.
+const HELD: f64 = 1e-3;
 
 /// The part of the median weight of data below which data hardly touches a coefficient.
 const HARDLY: f64 = 1e-2;
@@ -68,9 +68,16 @@ fn product(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// The corrections of the active coefficients, in units of the spacing.
+/// rᵀ D⁻¹ r.
+fn size(r: &[f64], diagonal: &[f64]) -> f64 {
+    r.iter().zip(diagonal).map(|(r, d)| r * (r / d)).sum()
+}
+
+/// The corrections of the active coefficients, in units of the spacing, found from others that are
+/// near them, or from 0. The tolerance is relative to the right side.
 pub(crate) fn solve(
     problem: &Problem<'_>,
+    start: Option<Vec<f64>>,
     tolerance: f64,
     most: usize,
     control: &Control<'_>,
@@ -107,12 +114,17 @@ pub(crate) fn solve(
             diagonal[*i as usize] += weight * DIAGONAL + operator.ridge[*i as usize];
         }
     }
-    let mut x = vec![0.0; r.len()];
     let mut y = vec![0.0; r.len()];
+    let first = size(&r, &diagonal);
+    let mut x = vec![0.0; r.len()];
+    if let Some(start) = start {
+        x = start;
+        operator.apply(&x, &mut y);
+        r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
+    }
     let mut z: Vec<f64> = r.iter().zip(&diagonal).map(|(r, d)| r / d).collect();
     let mut p = z.clone();
     let mut rz = product(&r, &z);
-    let first = rz;
     let mut steps = 0;
     while steps < most && rz > tolerance * tolerance * first {
         control.check()?;

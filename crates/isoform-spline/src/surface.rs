@@ -3,7 +3,7 @@
 use crate::bspline::{self, MAX_DEGREE, Row};
 use crate::keys::{MOST, Place, key};
 use crate::level::{CELL, Level, block};
-use isoform_geom::{Aabb, Field, LevelData, Point3, SplineData, norm, sub};
+use isoform_geom::{Aabb, Expansion, Field, LevelData, Point3, SplineData, norm, sub};
 use isoform_num::{Interval, Jet2, ORDERS};
 
 /// A truncated hierarchical B-spline of three variables, fitted to points; inside is f ≥ 0.
@@ -23,6 +23,8 @@ pub struct ImplicitSpline {
     ranges: Vec<Vec<[f64; 2]>>,
     /// Per level and cell whether it holds data, finer levels included.
     data: Vec<Vec<bool>>,
+    /// The largest coefficient by absolute value.
+    largest: f64,
 }
 
 /// Why numbers are no implicit spline.
@@ -97,6 +99,8 @@ impl ImplicitSpline {
             holds
         });
         let data = flags.collect();
+        let all = levels.iter().flat_map(|level| &level.coefficients);
+        let largest = all.fold(0.0, |largest: f64, c| largest.max(c.abs()));
         let mut spline = Self {
             degree,
             corner,
@@ -104,6 +108,7 @@ impl ImplicitSpline {
             levels,
             ranges: Vec::new(),
             data,
+            largest,
         };
         spline.ranges = spline.all_ranges();
         spline
@@ -301,7 +306,7 @@ impl ImplicitSpline {
         self.holds(leaf.depth, leaf.cell) || (0..3).any(|k| beside(k, -1) || beside(k, 1))
     }
 
-    fn is_in_domain(&self, p: Point3) -> bool {
+    pub(crate) fn is_in_domain(&self, p: Point3) -> bool {
         self.clamped(p) == p
     }
 
@@ -328,8 +333,18 @@ impl ImplicitSpline {
         unreachable!("the first level covers the domain")
     }
 
+    /// The edge of the cell about a place of the domain.
+    pub(crate) fn leaf_spacing(&self, p: Point3) -> f64 {
+        self.leaf(p).level.spacing
+    }
+
+    /// The largest coefficient by absolute value.
+    pub(crate) fn largest(&self) -> f64 {
+        self.largest
+    }
+
     /// f with gradient and Hessian at a place of the domain.
-    fn jet_inside(&self, p: Point3) -> Jet2 {
+    pub(crate) fn jet_inside(&self, p: Point3) -> Jet2 {
         let leaf = self.leaf(p);
         let c = leaf.level.of_cell(leaf.cell, self.degree);
         let n = self.degree + 1;
@@ -439,6 +454,37 @@ impl ImplicitSpline {
         range_of(&c, self.degree)
     }
 
+    /// The part of a cell of a level that lies in a region of the domain, by the cell's own
+    /// coordinates; none if none does.
+    pub(crate) fn part_of(&self, l: usize, cell: Place, region: Aabb) -> Option<[[f64; 2]; 3]> {
+        let spacing = self.levels[l].spacing;
+        let mut part = [[0.0, 1.0]; 3];
+        for k in 0..3 {
+            // The cell's coordinates of the region, outward by the rounding of a difference and a
+            // quotient. The domain's own border is rounded, too: what lies on it lies in a cell.
+            let end = f64::from(self.count[k] << l);
+            let of = |p: f64| ((p - self.corner[k]) / spacing).clamp(0.0, end);
+            let (a, b) = (of(region.lo[k]), of(region.hi[k]));
+            let slack = 4.0 * f64::EPSILON * (1.0 + a.abs().max(b.abs()));
+            let from = (a - slack - f64::from(cell[k])).max(0.0);
+            let to = (b + slack - f64::from(cell[k])).min(1.0);
+            if from > to {
+                return None;
+            }
+            part[k] = [from, to];
+        }
+        Some(part)
+    }
+
+    /// The first and the last cell of the first level that a region of the domain may touch.
+    pub(crate) fn first_cells(&self, region: Aabb) -> (Place, Place) {
+        let h = self.levels[0].spacing;
+        let first = |p: Point3, k: usize| ((p[k] - self.corner[k]) / h) as i32;
+        let lo = std::array::from_fn(|k| (first(region.lo, k) - 1).max(0));
+        let hi = std::array::from_fn(|k| (first(region.hi, k) + 1).min(self.count[k] - 1));
+        (lo, hi)
+    }
+
     /// The hull of f over the part of a cell in a region, by the cells of the finer levels as long
     /// as `budget` of them are looked at.
     fn hull(&self, l: usize, cell: Place, region: Aabb, budget: &mut u32, out: &mut [f64; 2]) {
@@ -450,20 +496,9 @@ impl ImplicitSpline {
         if known[0] >= out[0] && known[1] <= out[1] {
             return;
         }
-        let mut part = [[0.0, 1.0]; 3];
-        for k in 0..3 {
-            // The cell's coordinates of the region, outward by the rounding of a difference and a
-            // quotient.
-            let of = |p: f64| (p - self.corner[k]) / level.spacing;
-            let (a, b) = (of(region.lo[k]), of(region.hi[k]));
-            let slack = 4.0 * f64::EPSILON * (1.0 + a.abs().max(b.abs()));
-            let from = (a - slack - f64::from(cell[k])).max(0.0);
-            let to = (b + slack - f64::from(cell[k])).min(1.0);
-            if from > to {
-                return;
-            }
-            part[k] = [from, to];
-        }
+        let Some(part) = self.part_of(l, cell, region) else {
+            return;
+        };
         let mut add = |r: [f64; 2]| *out = [out[0].min(r[0]), out[1].max(r[1])];
         if *budget == 0 || part == [[0.0, 1.0]; 3] {
             return add(known);
@@ -481,10 +516,7 @@ impl ImplicitSpline {
 
     /// The range of f over a region of the domain.
     fn range_inside(&self, region: Aabb) -> [f64; 2] {
-        let h = self.levels[0].spacing;
-        let first = |p: Point3, k: usize| ((p[k] - self.corner[k]) / h) as i32;
-        let lo = std::array::from_fn(|k| (first(region.lo, k) - 1).max(0));
-        let hi = std::array::from_fn(|k| (first(region.hi, k) + 1).min(self.count[k] - 1));
+        let (lo, hi) = self.first_cells(region);
         let mut out = [f64::INFINITY, f64::NEG_INFINITY];
         let mut budget = BUDGET;
         for cell in block(lo, hi) {
@@ -589,6 +621,10 @@ impl Field for ImplicitSpline {
         }
         jet.h = [0.0; 6];
         jet
+    }
+
+    fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
+        self.expansion_about(at, region)
     }
 
     fn bounds(&self, region: Aabb) -> Interval {

@@ -1,10 +1,11 @@
 //! Implicit splines of surfaces that are known.
 
 use isoform_control::Control;
-use isoform_geom::{Aabb, Field, Point3, norm};
+use isoform_geom::{Aabb, Field, Point3, PolynomialData, norm};
 use isoform_num::Random;
 use isoform_spline::{
-    DataError, Error, Fineness, ImplicitSpline, Implicitized, Normals, Options, Source, implicitize,
+    DataError, Error, Fineness, Global, ImplicitSpline, Implicitized, Normals, Options, Source,
+    implicitize, implicitize_globally,
 };
 
 /// Radii of the torus.
@@ -255,4 +256,170 @@ fn a_stopped_fit_says_so() {
     let options = Options::default();
     let made = implicitize(&points, Normals::Given(&normals), &options, &control);
     assert!(matches!(made, Err(Error::Stopped(_))));
+}
+
+/// A polynomial's value and gradient, straight from its numbers.
+fn polynomial_at(data: &PolynomialData, p: Point3) -> (f64, Point3) {
+    let value = |p: Point3| -> f64 {
+        let q: Point3 = std::array::from_fn(|k| (p[k] - data.origin[k]) / data.unit);
+        let monomial = |e: &[u16; 3]| -> f64 { (0..3).map(|k| q[k].powi(e[k].into())).product() };
+        let exponents = PolynomialData::exponents(data.degree);
+        let terms = exponents.iter().zip(&data.coefficients);
+        terms.map(|(e, c)| c * monomial(e)).sum()
+    };
+    let h = 1e-4 * data.unit;
+    let slope = |k: usize| {
+        let moved = |s: f64| {
+            let mut q = p;
+            q[k] += s * h;
+            value(q)
+        };
+        (moved(1.0) - moved(-1.0)) / (2.0 * h)
+    };
+    (value(p), std::array::from_fn(slope))
+}
+
+/// The root mean square of the distances of points from F = 0.
+fn error_of(data: &PolynomialData, points: &[Point3]) -> f64 {
+    let squares = points.iter().map(|p| {
+        let (f, g) = polynomial_at(data, *p);
+        (f / norm(g)).powi(2)
+    });
+    (squares.sum::<f64>() / points.len() as f64).sqrt()
+}
+
+fn globally(points: &[Point3], normals: Normals<'_>, degree: usize) -> Global {
+    implicitize_globally(points, normals, degree, &Control::default()).expect("a polynomial")
+}
+
+#[test]
+fn a_torus_is_a_polynomial_of_degree_four() {
+    let (points, normals) = torus(4000, 21);
+    let (others, _) = torus(300, 22);
+    for (unit, offset, least) in [(1.0, 0.0, 1e-12), (1e-6, 0.0, 1e-12), (1.0, 1e6, 1e-9)] {
+        let placed = |p: &Point3| p.map(|v| unit * v + offset);
+        let near: Vec<Point3> = points.iter().map(placed).collect();
+        let others: Vec<Point3> = others.iter().map(placed).collect();
+        // The errors of estimated normals are not averaged away.
+        for (normals, least) in [(Normals::Given(&normals), least), (Normals::Unknown, 1e-6)] {
+            let made = globally(&near, normals, 4);
+            let error = error_of(&made.polynomial, &others);
+            assert!(error < 2.0 * least * unit, "{error:e}");
+            assert_eq!(
+                (made.components.with_data, made.components.without_data),
+                (1, 0)
+            );
+            let inside = [1.0, 0.0, 0.2];
+            assert!(polynomial_at(&made.polynomial, placed(&inside)).0 > 0.0);
+        }
+    }
+}
+
+#[test]
+fn what_points_leave_open_is_chosen_simply() {
+    // (1 − r²) times anything of degree 4 vanishes on the sphere, as does (1 − r²)² twice.
+    let sphere: Vec<Point3> = torus(3000, 23).0;
+    let sphere: Vec<Point3> = sphere.iter().map(|p| p.map(|v| v / norm(*p))).collect();
+    for degree in [2, 4, 6] {
+        let made = globally(&sphere, Normals::Given(&sphere), degree);
+        for p in &sphere[..200] {
+            let (f, g) = polynomial_at(&made.polynomial, *p);
+            assert!(
+                f.abs() < 1e-6 && (norm(g) - 1.0).abs() < 0.2,
+                "degree {degree}: {f:e}"
+            );
+        }
+    }
+}
+
+#[test]
+fn noise_is_averaged_by_the_whole_polynomial() {
+    let (clean, normals) = torus(6000, 25);
+    let mut random = Random::new(26);
+    let sigma = 2e-3;
+    let mut noise = || sigma * 1.732 * random.symmetric();
+    let noisy: Vec<Point3> = clean.iter().map(|p| p.map(|v| v + noise())).collect();
+    let share = (35.0f64 / 6000.0).sqrt();
+    let mut turn = Random::new(27);
+    // Normals off by some ten degrees count for less.
+    let rough: Vec<Point3> = (normals.iter())
+        .map(|n| n.map(|v| v + 0.1 * 1.732 * turn.symmetric()))
+        .collect();
+    for (normals, most) in [(&normals, 1.0), (&rough, 1.3)] {
+        let made = globally(&noisy, Normals::Given(normals), 4);
+        let error = error_of(&made.polynomial, &clean[..1000]);
+        assert!(error < most * sigma * share, "{error:e}");
+    }
+}
+
+#[test]
+fn polynomials_are_asked_for_in_range() {
+    let (points, normals) = torus(100, 29);
+    let run = |points: &[Point3], degree| {
+        let normals = Normals::Given(&normals[..points.len()]);
+        implicitize_globally(points, normals, degree, &Control::default())
+    };
+    for degree in [0, 13] {
+        assert!(matches!(
+            run(&points, degree),
+            Err(Error::Option { name: "global", .. })
+        ));
+    }
+    assert!(matches!(run(&points[..3], 2), Err(Error::Few { found: 3 })));
+    // Fewer points than coefficients: some polynomial through them.
+    let made = run(&points, 8).expect("a polynomial");
+    let off = points
+        .iter()
+        .map(|p| polynomial_at(&made.polynomial, *p).0.abs());
+    assert!(off.fold(0.0, f64::max) < 1e-2);
+}
+
+#[test]
+fn outliers_are_counted_and_left_out() {
+    let (mut points, mut normals) = torus(8000, 31);
+    let others = torus(1000, 32).0;
+    let clean = fitted(&points, Normals::Given(&normals), Fineness::Cells(400));
+    assert_eq!(clean.outliers, 0);
+    let mut random = Random::new(33);
+    for _ in 0..400 {
+        points.push(std::array::from_fn(|_| 1.5 * random.symmetric()));
+        normals.push([0.0, 0.0, 1.0]);
+    }
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(400));
+    // Those within half a cell of the surface do little harm.
+    assert!((250..=400).contains(&made.outliers), "{}", made.outliers);
+    assert!(error(&made.spline, &others) < 2e-3);
+    assert_eq!(made.components.with_data, 1);
+}
+
+#[test]
+fn edges_bring_no_extra_pieces() {
+    // A bored cylinder with sharp edges: normals jump where cells hold two faces.
+    let mut random = Random::new(35);
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    for i in 0..20_000 {
+        let (u, s) = (
+            random.unit() * std::f64::consts::TAU,
+            0.4 * random.symmetric(),
+        );
+        let (e, flat) = ([u.cos(), u.sin()], (0.04 + 0.12 * random.unit()).sqrt());
+        let (r, z, n) = match i % 24 {
+            0..12 => (0.4, s, [e[0], e[1], 0.0]),
+            12..18 => (0.2, s, [-e[0], -e[1], 0.0]),
+            18..21 => (flat, 0.4, [0.0, 0.0, 1.0]),
+            _ => (flat, -0.4, [0.0, 0.0, -1.0]),
+        };
+        points.push([r * e[0], r * e[1], z]);
+        normals.push(n);
+    }
+    let made = fitted(&points, Normals::Given(&normals), Fineness::Cells(800));
+    assert_eq!(made.outliers, 0);
+    // Deep inside f is positive and far outside negative, everywhere.
+    for k in 0..4000 {
+        let u = f64::from(k) * 2.4;
+        let z = 0.33 * (2.0 * f64::from(k) / 4000.0 - 1.0);
+        let at = |r: f64, z: f64| made.spline.value([r * u.cos(), r * u.sin(), z]);
+        assert!(at(0.3, z) > 0.0 && at(0.32, z) > 0.0, "{u} {z}");
+        assert!(at(0.5, z) < 0.0 && at(0.1, z) < 0.0, "{u} {z}");
+    }
 }

@@ -1,6 +1,6 @@
 //! Surfaces of programs and polynomials, and rational patches on them.
 
-use crate::{field_of, parts_of, polynomial};
+use crate::{Implicit, field_of, parts_of, polynomial};
 use isoform_algebra::ParseError;
 use isoform_control::Control;
 use isoform_field::SolidError;
@@ -10,7 +10,6 @@ use isoform_patch::{
     Cover, Covering, Depth, Error, Options, Parameterized, cover, cover_parts, parameterize,
     parameterize_part,
 };
-use isoform_spline::ImplicitSpline;
 use std::fmt;
 
 /// The share of samples that a cover must have on patches to count as one. Samples on the border
@@ -58,10 +57,10 @@ impl ImplicitSurface {
     }
 }
 
-impl From<ImplicitSpline> for ImplicitSurface {
-    fn from(spline: ImplicitSpline) -> Self {
+impl From<Implicit> for ImplicitSurface {
+    fn from(fitted: Implicit) -> Self {
         Self {
-            field: Box::new(spline),
+            field: Box::new(fitted),
             parts: None,
             is_run: false,
         }

@@ -1,8 +1,13 @@
-//! Implicit splines of scans.
+//! Implicit splines and polynomials of scans.
 
+use crate::GlobalPolynomial;
 use isoform_control::Control;
-use isoform_geom::{PointCloud, SplineData, vertex_normals};
-use isoform_spline::{Error, ImplicitSpline, Implicitized, Normals, Options, implicitize};
+use isoform_geom::{Point3, PointCloud, PolynomialData, SplineData, vertex_normals};
+use isoform_spline::{
+    Components, Distances, Error, ImplicitSpline, Implicitized, Normals, Options, Sides,
+    implicitize, implicitize_globally,
+};
+use std::borrow::Cow;
 
 /// Whose normals are taken.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,22 +68,90 @@ pub fn implicitize_scan(
     options: &ImplicitizeOptions,
     control: &Control<'_>,
 ) -> Result<Implicitized, ImplicitizeError> {
-    let of_triangles;
-    let normals = match options.normals {
-        NormalsFrom::Estimate => Normals::Unknown,
-        _ if !scan.normals.is_empty() => Normals::Given(&scan.normals),
-        _ if !scan.triangles.is_empty() => {
-            of_triangles = vertex_normals(&scan.points, &scan.triangles);
-            Normals::Given(&of_triangles)
-        }
-        NormalsFrom::Given => return Err(ImplicitizeError::NoNormals),
-        NormalsFrom::Auto => Normals::Unknown,
-    };
-    let mut made = implicitize(&scan.points, normals, &options.spline, control)?;
+    let given = given_normals(scan, options.normals)?;
+    let mut made = implicitize(&scan.points, known(&given), &options.spline, control)?;
     if scan.origin != [0.0; 3] {
         made.spline = moved(&made.spline, scan);
     }
     Ok(made)
+}
+
+/// Normals of a scan, of its triangles where the file has none; none if they are to be estimated.
+fn given_normals(
+    scan: &PointCloud,
+    from: NormalsFrom,
+) -> Result<Option<Cow<'_, [Point3]>>, ImplicitizeError> {
+    Ok(match from {
+        NormalsFrom::Estimate => None,
+        _ if !scan.normals.is_empty() => Some(Cow::Borrowed(&scan.normals)),
+        _ if !scan.triangles.is_empty() => {
+            Some(Cow::Owned(vertex_normals(&scan.points, &scan.triangles)))
+        }
+        NormalsFrom::Given => return Err(ImplicitizeError::NoNormals),
+        NormalsFrom::Auto => None,
+    })
+}
+
+fn known<'a>(given: &'a Option<Cow<'_, [Point3]>>) -> Normals<'a> {
+    given.as_deref().map_or(Normals::Unknown, Normals::Given)
+}
+
+/// A polynomial that was fitted to a scan.
+#[derive(Clone, Debug)]
+pub struct GlobalFit {
+    /// The polynomial; inside is f ≥ 0.
+    pub polynomial: GlobalPolynomial,
+    /// The points' distances from f = 0.
+    pub distances: Distances,
+    /// Where normals came from.
+    pub sides: Sides,
+    /// Pieces of the surface within the box of the points.
+    pub components: Components,
+}
+
+/// Fits one polynomial of a total degree to a scan: its zero set is the surface, inside is f ≥ 0, in
+/// the coordinates of the file.
+///
+/// ```
+/// use isoform::geom::{Field, PointCloud};
+/// use isoform::{Control, Implicit, NormalsFrom, implicitize_scan_globally};
+/// // Points of a unit sphere about (10, 0, 0).
+/// let point = |i: u32| {
+///     let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 500.0 - 1.0);
+///     let r = (1.0 - z * z).sqrt();
+///     [10.0 + r * t.cos(), r * t.sin(), z]
+/// };
+/// let scan = PointCloud::from_points((0..1000).map(point).collect());
+/// let made = implicitize_scan_globally(&scan, NormalsFrom::Auto, 2, &Control::default())?;
+/// let ball = Implicit::Polynomial(made.polynomial);
+/// assert!(ball.value([10.0, 0.0, 0.999]) > 0.0 && ball.value([10.0, 0.0, 1.001]) < 0.0);
+/// # Ok::<(), isoform::ImplicitizeError>(())
+/// ```
+///
+/// # Errors
+/// [`ImplicitizeError`].
+pub fn implicitize_scan_globally(
+    scan: &PointCloud,
+    normals: NormalsFrom,
+    degree: usize,
+    control: &Control<'_>,
+) -> Result<GlobalFit, ImplicitizeError> {
+    let given = given_normals(scan, normals)?;
+    let made = implicitize_globally(&scan.points, known(&given), degree, control)?;
+    let moved = |p: Point3| std::array::from_fn(|k| p[k] + scan.origin[k]);
+    let data = PolynomialData {
+        origin: moved(made.polynomial.origin),
+        corner: moved(made.polynomial.corner),
+        ..made.polynomial
+    };
+    // A constant one would have no gradient, of which the mean along normals is −1.
+    let polynomial = GlobalPolynomial::from_data(data).map_err(|_| Error::Undetermined)?;
+    Ok(GlobalFit {
+        polynomial,
+        distances: made.distances,
+        sides: made.sides,
+        components: made.components,
+    })
 }
 
 /// The spline in the coordinates of the scan's file.

@@ -101,6 +101,7 @@ mod facets;
 mod fit_scan;
 mod gallery;
 mod held;
+mod implicit;
 mod implicit_surface;
 mod implicitize_scan;
 mod mesh_model;
@@ -118,10 +119,14 @@ pub use facets::{CornerError, points_on_faces};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};
 pub use held::{Bounds, HeldTemplate, ParameterError};
+pub use implicit::{GlobalPolynomial, Implicit, PolynomialError};
 pub use implicit_surface::{
     Coverage, ImplicitSurface, PatchFinding, cover_surface, parameterize_surface, patch_findings,
 };
-pub use implicitize_scan::{ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan};
+pub use implicitize_scan::{
+    GlobalFit, ImplicitizeError, ImplicitizeOptions, NormalsFrom, implicitize_scan,
+    implicitize_scan_globally,
+};
 pub use isoform_algebra as algebra;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};

@@ -54,7 +54,7 @@ pub fn default_size_within(
     control: &Control<'_>,
 ) -> Result<f64, ExtentError> {
     if let Some(region) = region {
-        return Ok(two_digits(region.diagonal() / ELEMENTS));
+        return Ok(usual_size(region));
     }
     let mut tolerance = UNKNOWN;
     for _ in 0..TIMES {
@@ -68,6 +68,11 @@ pub fn default_size_within(
         tolerance = size.min(0.1 * tolerance);
     }
     Ok(two_digits(tolerance))
+}
+
+/// The length of edges that suits what fills a box.
+pub(crate) fn usual_size(region: Aabb) -> f64 {
+    two_digits(region.diagonal() / ELEMENTS)
 }
 
 /// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.

@@ -1,12 +1,15 @@
 //! Surfaces recognised in scans.
 
-use crate::{CornerError, points_on_faces};
+use crate::CornerError;
+use crate::facets::check_corners;
 use isoform_control::Control;
-use isoform_geom::PointCloud;
-use isoform_recognize::{Error, Options, Proposal, ProposeError, Recognition, propose, recognize};
+use isoform_geom::{Point3, PointCloud};
+use isoform_recognize::{
+    Error, Options, Proposal, ProposeError, Recognition, propose, recognize, recognize_facets,
+};
 use std::borrow::Cow;
 
-/// About how many points are taken on the flat faces of a CAD mesh. Fewer leave small faces bare,
+/// About how many points are taken on the faces of a CAD mesh. Fewer leave small faces bare,
 /// more take longer.
 const ON_FACES: usize = 20_000;
 
@@ -43,6 +46,9 @@ impl Recognized<'_> {
 
 /// Recognises planes, spheres, cylinders, cones and tori in a scan or a CAD mesh.
 ///
+/// A mesh most of whose facets are chords of such surfaces, with their vertices on them, is one of
+/// a CAD model and is recognised by its triangles; any other by its vertices, as a cloud.
+///
 /// ```
 /// use isoform::geom::{PointCloud, Quadric};
 /// use isoform::{Control, RecognizeOptions, recognize_scan};
@@ -66,10 +72,27 @@ pub fn recognize_scan<'a>(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Recognized<'a>, RecognizeError> {
-    let scan = match scan.triangles.is_empty() {
-        true => Cow::Borrowed(scan),
-        false => Cow::Owned(points_on_faces(scan, ON_FACES)?.0),
-    };
-    let recognition = recognize(&scan, options, control)?;
-    Ok(Recognized { scan, recognition })
+    check_corners(scan)?;
+    if !scan.triangles.is_empty()
+        && let Some(found) = recognize_facets(scan, ON_FACES, options, control)?
+    {
+        return Ok(Recognized {
+            scan: Cow::Owned(with_points(scan, &found.inside)),
+            recognition: found.recognition,
+        });
+    }
+    Ok(Recognized {
+        scan: Cow::Borrowed(scan),
+        recognition: recognize(scan, options, control)?,
+    })
+}
+
+/// A mesh with further points after its own.
+fn with_points(mesh: &PointCloud, more: &[Point3]) -> PointCloud {
+    PointCloud {
+        points: [&mesh.points, more].concat(),
+        origin: mesh.origin,
+        triangles: mesh.triangles.clone(),
+        ..PointCloud::default()
+    }
 }

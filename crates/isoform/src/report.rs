@@ -31,7 +31,7 @@ pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
     PatchesReport, WeightsReport, solver_name,
 };
-pub use recognize::{EntityReport, Parameters, RecognizeReport, RelationReport};
+pub use recognize::{BlendReport, EntityReport, Parameters, RecognizeReport, RelationReport};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
     PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,

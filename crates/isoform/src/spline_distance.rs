@@ -1,12 +1,12 @@
-//! The metric reading of implicit splines.
+//! The metric reading of functions fitted to points.
 
+use crate::Implicit;
 use isoform_geom::{Field, ParamField, Point3, norm};
-use isoform_spline::ImplicitSpline;
 
-/// f/|∇f| of an implicit spline: the signed distance from its surface to first order, positive
+/// f/|∇f| of a function fitted to points: the signed distance from its surface to first order, positive
 /// inside.
 #[derive(Clone, Debug)]
-pub struct SplineDistance(pub ImplicitSpline);
+pub struct SplineDistance(pub Implicit);
 
 impl SplineDistance {
     /// f/|∇f| and |∇f|'s vector over its length, the Hessian of f left out.

@@ -31,8 +31,8 @@ msh (Gmsh), vtu (ParaView), inp (CalculiX, Abaqus) and others, see docs/meshing.
 Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
 mesh, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file (- for stdin), the name of a built-in template, or an implicit
-    /// spline (.json, from isoform implicitize)
+    /// The model: a HyperFun file (- for stdin), the name of a built-in template, or a function
+    /// fitted to points (.json, from isoform implicitize)
     model: PathBuf,
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
@@ -44,7 +44,7 @@ pub(crate) struct Args {
     /// they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
-    /// Of an implicit spline, keep the surface where there are no points, as a part named unseen
+    /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]
     close: bool,
     /// Write a file; its ending names the format (- for stdout, with --to); may be repeated
@@ -130,7 +130,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }))
 }
 
-/// What is to be meshed: a file of JSON is an implicit spline, any other a program.
+/// What is to be meshed: a file of JSON is a function fitted to points, any other a
+/// program.
 fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
     let name = args.model.display().to_string();
     if spline::is_json(&args.model) {

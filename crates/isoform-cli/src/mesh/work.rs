@@ -12,10 +12,9 @@ use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, Point3};
 use isoform::mesh::features::ExtentError;
 use isoform::mesh::{MeshError, Options, Warning};
-use isoform::spline::ImplicitSpline;
 use isoform::{
-    Control, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model, mesh_model,
-    mesh_spline,
+    Control, Implicit, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model,
+    mesh_model, mesh_spline,
 };
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -36,7 +35,7 @@ pub(crate) enum Shape {
     /// A program with the values of its parameters.
     Model(Box<Model>, Vec<f64>),
     /// A function fitted to points.
-    Spline(Box<ImplicitSpline>, Unseen),
+    Spline(Box<Implicit>, Unseen),
 }
 
 /// A mesh with all that is known of it.

@@ -6,7 +6,6 @@ use crate::{eval, gallery, spline};
 use isoform::ImplicitSurface;
 use isoform::algebra::ParseError;
 use isoform::field::SolidError;
-use isoform::io::is_spline_file;
 use serde_json::Value;
 use std::path::Path;
 
@@ -17,8 +16,8 @@ pub(super) struct Subject {
     pub(super) warnings: Vec<String>,
 }
 
-/// Reads a model: a JSON file, or one of stdin that begins as such, holds a polynomial or an implicit
-/// spline, and any other file, or a name out of the gallery, a program.
+/// Reads a model: a JSON file, or one of stdin that begins as such, holds a polynomial or a function
+/// fitted to points, and any other file, or a name out of the gallery, a program.
 pub(super) fn read(
     path: &Path,
     language: &Language,
@@ -39,7 +38,7 @@ pub(super) fn read(
         return program(&model, params, name);
     }
     if let Ok(json) = serde_json::from_str::<Value>(&text)
-        && is_spline_file(&json)
+        && spline::is_fitted(&json)
     {
         return Ok(Subject {
             name,

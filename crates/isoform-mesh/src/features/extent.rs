@@ -17,8 +17,12 @@ use boxes::{clipped, doubled, shell, split, touches, union, widened, within};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
-/// Where the search ends, in model units.
+/// Where the search ends, in model units, unless the box to begin with reaches farther: then twice as
+/// far out as it does.
 const LIMIT: f64 = 1e6;
+/// The largest coordinate of a box to begin with: squares of larger ones, of distances say, are no
+/// numbers.
+const LARGEST: f64 = 1e150;
 /// The box searched first where none is given: the default bounds of HyperFun programs.
 pub const START: Aabb = Aabb {
     lo: [-10.0; 3],
@@ -46,7 +50,8 @@ const LOOK: usize = 64;
 pub struct Extent {
     /// Holds the solid.
     pub bounds: Aabb,
-    /// Whether intervals prove that the solid is empty everywhere else, as far out as 10⁶. Else
+    /// Whether intervals prove that the solid is empty everywhere else, as far out as 10⁶, or twice
+    /// as far as the start box reaches where that is more. Else
     /// they do for the start box (or the one it was enlarged to), and nothing was found beyond.
     pub certified: bool,
 }
@@ -75,7 +80,7 @@ pub enum ExtentError {
     /// Stopped from outside or by time.
     #[error("stopped")]
     Stopped,
-    /// The start box is empty or not finite, or the size not positive.
+    /// The start box is empty, not finite or beyond 10¹⁵⁰, or the size not positive.
     #[error("cannot search the box {start:?} at size {size}")]
     Start {
         /// As given.
@@ -124,7 +129,7 @@ pub fn extent_within(
     size: f64,
     control: &Control<'_>,
 ) -> Result<Extent, ExtentError> {
-    let sane = |v: f64| v.is_finite() && v.abs() <= LIMIT;
+    let sane = |v: f64| v.abs() <= LARGEST;
     if control.is_stopped() {
         return Err(ExtentError::Stopped);
     }
@@ -134,7 +139,7 @@ pub fn extent_within(
     {
         return Err(ExtentError::Start { start, size });
     }
-    let found = Search::new(solid, size, control).find(start);
+    let found = Search::new(solid, size, limit_of(start), control).find(start);
     if control.is_stopped() {
         // Boxes were left out.
         return Err(ExtentError::Stopped);
@@ -142,8 +147,15 @@ pub fn extent_within(
     found
 }
 
-fn at_limit(region: Aabb) -> bool {
-    region.lo.iter().all(|v| *v <= -LIMIT) && region.hi.iter().all(|v| *v >= LIMIT)
+/// Where the search from a box ends.
+fn limit_of(start: Aabb) -> f64 {
+    let reach = start.lo.into_iter().chain(start.hi);
+    let farthest = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
+    if farthest <= LIMIT {
+        LIMIT
+    } else {
+        2.0 * farthest
+    }
 }
 
 /// What a search came to.
@@ -177,6 +189,8 @@ struct Known {
 struct Search<'a> {
     solid: &'a dyn Solid,
     size: f64,
+    /// How far out it goes.
+    limit: f64,
     scratch: Scratch,
     everything: Local,
     /// Hull of the points known to be inside.
@@ -209,10 +223,11 @@ struct Looked {
 }
 
 impl<'a> Search<'a> {
-    fn new(solid: &'a dyn Solid, size: f64, control: &'a Control<'a>) -> Self {
+    fn new(solid: &'a dyn Solid, size: f64, limit: f64, control: &'a Control<'a>) -> Self {
         Self {
             solid,
             size,
+            limit,
             scratch: Scratch::new(solid),
             everything: Local::everywhere(solid),
             inside: Aabb::EMPTY,
@@ -223,14 +238,20 @@ impl<'a> Search<'a> {
 }
 
 impl Search<'_> {
+    /// Whether a region is all that is searched.
+    fn is_all(&self, region: Aabb) -> bool {
+        let limit = self.limit;
+        region.lo.iter().all(|v| *v <= -limit) && region.hi.iter().all(|v| *v >= limit)
+    }
+
     fn find(&mut self, start: Aabb) -> Result<Extent, ExtentError> {
         let (mut region, mut known) = self.grow(start)?;
         // Each time around the region is at least twice as large: the limit ends it.
         while let Beyond::Unproved(outer) = self.look_beyond(&mut region, &mut known) {
             (region, known) = self.grow(outer)?;
         }
-        if touches(known.bounds, region) && !self.inside.is_empty() && at_limit(region) {
-            return Err(ExtentError::Unbounded { limit: LIMIT });
+        if touches(known.bounds, region) && !self.inside.is_empty() && self.is_all(region) {
+            return Err(ExtentError::Unbounded { limit: self.limit });
         }
         self.tighten(known)
     }
@@ -254,12 +275,12 @@ impl Search<'_> {
                 return Ok((region, Known { bounds, certified }));
             }
             reached += usize::from(touches(widened(self.inside, coarse), region));
-            if !at_limit(region) {
-                region = doubled(region, LIMIT);
+            if !self.is_all(region) {
+                region = doubled(region, self.limit);
                 continue;
             }
             if reached > ENDLESS {
-                return Err(ExtentError::Unbounded { limit: LIMIT });
+                return Err(ExtentError::Unbounded { limit: self.limit });
             }
             // Nothing can be proved far out: the solid as it is in the start box and where it was
             // met.
@@ -273,8 +294,8 @@ impl Search<'_> {
     /// region searched and what is known.
     fn look_beyond(&mut self, region: &mut Aabb, known: &mut Known) -> Beyond {
         let mut met = false;
-        while known.certified && !at_limit(*region) {
-            let outer = doubled(*region, LIMIT);
+        while known.certified && !self.is_all(*region) {
+            let outer = doubled(*region, self.limit);
             for slab in shell(*region, outer) {
                 let found = self.look_into(slab, self.coarse(outer));
                 if found.met {
@@ -286,7 +307,7 @@ impl Search<'_> {
             *region = outer;
         }
         let may_go_on = met || self.inside.is_empty();
-        if may_go_on && !known.certified && !at_limit(*region) && !self.control.is_stopped() {
+        if may_go_on && !known.certified && !self.is_all(*region) && !self.control.is_stopped() {
             Beyond::Unproved(*region)
         } else {
             Beyond::Done

@@ -75,14 +75,16 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
         let (d, n) = (surface.distance(p), surface.normal(p));
         let foot: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
         let is_free = |(j, h): (usize, &Half)| {
-            j == own
-                || !matches!(h.source, Source::Entity(_))
-                || h.value(foot).abs() > 2.0 * off
+            j == own || !matches!(h.source, Source::Entity(_)) || h.value(foot).abs() > 2.0 * off
         };
         if !halves.iter().enumerate().all(is_free) {
             return None;
         }
-        let out = if dot(n, cloud.normals[i]) < 0.0 { -off } else { off };
+        let out = if dot(n, cloud.normals[i]) < 0.0 {
+            -off
+        } else {
+            off
+        };
         Some([true, false].map(|is_inside| {
             let way = if is_inside { -out } else { out };
             Place {
@@ -93,7 +95,11 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
         }))
     };
     let numbers: Vec<usize> = thinned(cloud.points.len(), BESIDE).collect();
-    numbers.into_par_iter().filter_map(of).flatten_iter().collect()
+    numbers
+        .into_par_iter()
+        .filter_map(of)
+        .flatten_iter()
+        .collect()
 }
 
 /// Places all over the box, off the points.

@@ -2,7 +2,7 @@
 
 use super::frame::Frame;
 use crate::chart::{Kind, Surface};
-use crate::entity::{Entity, Recognition, RelationKind};
+use crate::entity::{Blend, Entity, Recognition, RelationKind};
 use isoform_geom::{UnionFind, dot};
 
 /// Two lengths are one where they differ by at most this many deviations of their difference.
@@ -40,6 +40,8 @@ pub(super) struct Parameter {
     pub(super) about: String,
     /// Held: nothing in the scan tells it.
     pub(super) is_fixed: bool,
+    /// What it follows: a linear expression of other parameters.
+    pub(super) tie: Option<String>,
 }
 
 /// What stands for a number in the program.
@@ -71,9 +73,12 @@ pub(super) struct Dimensions<'a> {
     pub(super) origin: [f64; 3],
     pub(super) is_known: [bool; 3],
     shared: Vec<Shared>,
+    /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
+    outward: &'a [f64],
     /// Entities of one radius.
     radii: Vec<usize>,
     radius_of: Vec<Option<usize>>,
+    blends: &'a [Blend],
     /// The diagonal of the scan, and the noise of its points.
     diagonal: f64,
     noise: f64,
@@ -85,6 +90,7 @@ impl<'a> Dimensions<'a> {
         frame: &'a Frame,
         found: &'a Recognition,
         used: &[bool],
+        outward: &'a [f64],
         diagonal: f64,
     ) -> Self {
         let n = found.entities.len();
@@ -94,6 +100,13 @@ impl<'a> Dimensions<'a> {
                 radii.unite(r.entities[0] as u32, r.entities[1] as u32);
             }
         }
+        for (k, first) in found.blends.iter().enumerate() {
+            for second in &found.blends[k + 1..] {
+                if are_alike(found, first, second) {
+                    radii.unite(first.entity as u32, second.entity as u32);
+                }
+            }
+        }
         let mut new = Self {
             frame,
             entities: &found.entities,
@@ -101,8 +114,10 @@ impl<'a> Dimensions<'a> {
             origin: [0.0; 3],
             is_known: [false; 3],
             shared: Vec::new(),
+            outward,
             radii: (0..n).map(|i| radii.root(i as u32) as usize).collect(),
             radius_of: vec![None; n],
+            blends: &found.blends,
             diagonal,
             noise: found.noise,
         };
@@ -118,21 +133,35 @@ impl<'a> Dimensions<'a> {
         let is_axial = |i: &usize| used[*i] && surfaces[*i].kind > Kind::Sphere;
         let along_z = |i: &usize| is_axial(i) && own(*i) == Some(2);
         let points = |i: usize| self.entities[i].points;
-        let main = (0..surfaces.len()).filter(along_z).max_by_key(|i| (points(*i), usize::MAX - i));
+        let main = (0..surfaces.len())
+            .filter(along_z)
+            .max_by_key(|i| (points(*i), usize::MAX - i));
         let about_main: usize = main.map_or(0, |m| {
             let is_coaxial = |i: &usize| {
                 let [p, q] = [m, *i].map(|j| surfaces[j].place);
                 (p[0] - q[0]).hypot(p[1] - q[1]) <= TIED * self.diagonal
             };
-            (0..surfaces.len()).filter(along_z).filter(is_coaxial).map(points).sum()
+            (0..surfaces.len())
+                .filter(along_z)
+                .filter(is_coaxial)
+                .map(points)
+                .sum()
         });
         let is_plane = |i: &usize| used[*i] && surfaces[*i].kind == Kind::Plane;
-        let planes = |k: usize| (0..surfaces.len()).filter(is_plane).filter(move |i| own(*i) == Some(k));
+        let planes = |k: usize| {
+            (0..surfaces.len())
+                .filter(is_plane)
+                .filter(move |i| own(*i) == Some(k))
+        };
         let beside: usize = planes(0).chain(planes(1)).map(points).sum();
         for k in 0..3 {
             let lowest = planes(k).map(|i| surfaces[i].place[k]).reduce(f64::min);
             let of_axis = main.filter(|_| k < 2).map(|m| surfaces[m].place[k]);
-            let first = if about_main > beside { of_axis.or(lowest) } else { lowest.or(of_axis) };
+            let first = if about_main > beside {
+                of_axis.or(lowest)
+            } else {
+                lowest.or(of_axis)
+            };
             let place = first.or_else(|| self.any_place(k, used));
             self.is_known[k] = place.is_some();
             self.origin[k] = place.unwrap_or(0.0);
@@ -147,7 +176,9 @@ impl<'a> Dimensions<'a> {
             let slides = matches!(s.kind, Kind::Cylinder) && s.axis[k].abs() == 1.0;
             used[*i] && s.kind != Kind::Plane && !slides
         };
-        (0..surfaces.len()).find(has_place).map(|i| surfaces[i].place[k])
+        (0..surfaces.len())
+            .find(has_place)
+            .map(|i| surfaces[i].place[k])
     }
 
     /// A new parameter.
@@ -167,6 +198,7 @@ impl<'a> Dimensions<'a> {
             range: [start - half, start + half],
             about: "where the part lies, along its own axes".to_owned(),
             is_fixed: false,
+            tie: None,
         })
     }
 
@@ -179,6 +211,7 @@ impl<'a> Dimensions<'a> {
             range: [start - TURN, start + TURN],
             about: about.to_owned(),
             is_fixed: false,
+            tie: None,
         })
     }
 
@@ -194,7 +227,11 @@ impl<'a> Dimensions<'a> {
         let mean = self.noise / (e.points.max(1) as f64).sqrt();
         let [x, y, z] = e.deviations.place;
         let place = x.max(y).max(z);
-        let sd = if place > 0.0 && place.is_finite() { place } else { mean };
+        let sd = if place > 0.0 && place.is_finite() {
+            place
+        } else {
+            mean
+        };
         sd.max(ROUNDING * self.diagonal)
     }
 
@@ -211,16 +248,22 @@ impl<'a> Dimensions<'a> {
         let value = self.coordinate(system, axis, &surface);
         let (is_plane, sd) = (surface.kind == Kind::Plane, self.deviation(entity));
         let limit = TIED * self.diagonal;
-        let is_one = |v: f64, other: f64| (v - value).abs() <= (WITHIN * sd.hypot(other)).min(limit);
+        let is_one =
+            |v: f64, other: f64| (v - value).abs() <= (WITHIN * sd.hypot(other)).min(limit);
         let fits = |s: &&Shared| {
             s.system == system && s.axis == axis && s.is_plane == is_plane && is_one(s.value, s.sd)
         };
         if let Some(shared) = self.shared.iter().find(fits) {
             return shared.term;
         }
-        let term = match system == 0 && is_one(0.0, sd) {
-            true => Term::Zero,
-            false => Term::Of(self.add_position(value, sd, is_plane, [system, axis], name, about)),
+        let term = if let Some(tie) = self.contact(entity, [system, axis], value) {
+            Term::Of(self.add_tied(name, tie, "where the blend touches"))
+        } else if system == 0 && is_one(0.0, sd) {
+            Term::Zero
+        } else if let Some(tie) = self.mirrored([system, axis], is_plane, value, sd) {
+            Term::Of(self.add_tied(name, tie, "opposite"))
+        } else {
+            Term::Of(self.add_position(value, sd, is_plane, [system, axis], name, about))
         };
         self.shared.push(Shared {
             system,
@@ -231,6 +274,115 @@ impl<'a> Dimensions<'a> {
             term,
         });
         term
+    }
+
+    /// Whether an entity rounds the edge of others, and which.
+    pub(super) fn blend_of(&self, entity: usize) -> Option<&'a Blend> {
+        self.blends.iter().find(|b| b.entity == entity)
+    }
+
+    /// The coordinate of a blend that touches a plane along an axis: one radius off it.
+    fn contact(&mut self, entity: usize, way: [usize; 2], value: f64) -> Option<String> {
+        let blend = self.blend_of(entity)?;
+        let [system, axis] = way;
+        let touched = |j: &&usize| {
+            let is_plane = self.frame.surfaces[**j].kind == Kind::Plane;
+            is_plane && self.frame.along[**j] == Some((system, axis))
+        };
+        let plane = *blend.between.iter().find(touched)?;
+        let place = self.coordinate(system, axis, &self.frame.surfaces[plane]);
+        let limit = TIED * self.diagonal;
+        let is_its = |s: &&Shared| {
+            s.is_plane && [s.system, s.axis] == way && (s.value - place).abs() <= limit
+        };
+        let plane = self.shared.iter().find(is_its)?.term;
+        let sign = if value > place { '+' } else { '-' };
+        let Term::Of(radius) = self.radius(entity, &self.radius_name(entity)) else {
+            return None;
+        };
+        let radius = &self.parameters[radius].name;
+        Some(match plane {
+            Term::Zero if sign == '+' => radius.clone(),
+            Term::Zero => format!("0 - {radius}"),
+            Term::Of(p) => format!("{} {sign} {radius}", self.parameters[p].name),
+        })
+    }
+
+    /// The negative of a coordinate that lies as far on the other side of the origin.
+    fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<String> {
+        let limit = TIED * self.diagonal;
+        let is_opposite = |s: &&Shared| {
+            let off = (s.value + value).abs();
+            [s.system, s.axis] == way
+                && s.is_plane == is_plane
+                && off <= (WITHIN * sd.hypot(s.sd)).min(limit)
+        };
+        let Term::Of(other) = self.shared.iter().find(is_opposite)?.term else {
+            return None;
+        };
+        Some(format!("0 - {}", self.parameters[other].name))
+    }
+
+    /// The radius of the circle of a torus that touches a coaxial cylinder: the tube's radius off
+    /// the cylinder's.
+    pub(super) fn circle_contact(&mut self, entity: usize) -> Option<String> {
+        let blend = self.blend_of(entity)?;
+        let cylinders = blend.between.iter().copied();
+        let cylinder = { cylinders }.find(|j| self.frame.surfaces[*j].kind == Kind::Cylinder)?;
+        let own = self.radius_of[self.radii[cylinder]]?;
+        let tube = self.radius(entity, &self.radius_name(entity));
+        let Term::Of(tube) = tube else { return None };
+        let is_wider = self.frame.surfaces[entity].size > self.frame.surfaces[cylinder].size;
+        let sign = if is_wider { '+' } else { '-' };
+        let name = |k: usize| &self.parameters[k].name;
+        Some(format!("{} {sign} {}", name(own), name(tube)))
+    }
+
+    /// A parameter that follows others.
+    pub(super) fn add_tied(&mut self, name: &str, tie: String, about: &str) -> usize {
+        let name = self.free(name);
+        self.add(Parameter {
+            name,
+            measure: Measure::Length,
+            start: 0.0,
+            range: [0.0; 2],
+            about: about.to_owned(),
+            is_fixed: false,
+            tie: Some(tie),
+        })
+    }
+
+    /// The name of an entity in the program.
+    pub(super) fn name_of(&self, i: usize) -> String {
+        let surfaces = &self.frame.surfaces;
+        let is_alike = |j: &usize| {
+            surfaces[*j].kind == surfaces[i].kind && self.role(*j) == self.role(i)
+                || self.blend_of(i).is_some() && self.role(*j) == self.role(i)
+        };
+        let before = (0..i).filter(is_alike).count();
+        format!("{}_{}", self.role(i), before + 1)
+    }
+
+    /// What an entity is to a designer.
+    fn role(&self, i: usize) -> &'static str {
+        let is_hollow = self.outward[i] < 0.0;
+        match (self.frame.surfaces[i].kind, is_hollow) {
+            (_, true) if self.blend_of(i).is_some() => "fillet",
+            (_, false) if self.blend_of(i).is_some() => "round",
+            (Kind::Plane, _) => "face",
+            (Kind::Sphere, _) => "ball",
+            (Kind::Cylinder, true) => "hole",
+            (Kind::Cylinder, false) => "boss",
+            (Kind::Cone, _) => "cone",
+            (Kind::Torus, _) => "ring",
+        }
+    }
+
+    /// The name of the parameter of an entity's radius.
+    pub(super) fn radius_name(&self, i: usize) -> String {
+        let is_ring = self.frame.surfaces[i].kind == Kind::Torus && self.blend_of(i).is_none();
+        let tube = if is_ring { "tube_" } else { "" };
+        format!("{}_{tube}radius", self.name_of(i))
     }
 
     /// A parameter for a position, with a range that keeps parallel faces in their order.
@@ -251,7 +403,9 @@ impl<'a> Dimensions<'a> {
             .map(|i| (self.coordinate(system, axis, &self.frame.surfaces[i]) - value).abs())
             .filter(|d| *d > TIED * self.diagonal)
             .fold(f64::INFINITY, f64::min);
-        let half = (RANGE.0 * self.diagonal).min(APART * next).max(DEVIATIONS * sd);
+        let half = (RANGE.0 * self.diagonal)
+            .min(APART * next)
+            .max(DEVIATIONS * sd);
         let name = self.free(name);
         self.add(Parameter {
             name,
@@ -260,6 +414,7 @@ impl<'a> Dimensions<'a> {
             range: [value - half, value + half],
             about: about.to_owned(),
             is_fixed: false,
+            tie: None,
         })
     }
 
@@ -270,7 +425,11 @@ impl<'a> Dimensions<'a> {
             return Term::Of(parameter);
         }
         let s = self.frame.surfaces[entity];
-        let size = if s.kind == Kind::Torus { s.other } else { s.size };
+        let size = if s.kind == Kind::Torus {
+            s.other
+        } else {
+            s.size
+        };
         let parameter = self.size(entity, size, name, "");
         self.radius_of[root] = Some(parameter);
         Term::Of(parameter)
@@ -278,7 +437,10 @@ impl<'a> Dimensions<'a> {
 
     /// A parameter for a size of an entity.
     pub(super) fn size(&mut self, entity: usize, size: f64, name: &str, about: &str) -> usize {
-        let sd = self.entities[entity].deviations.size.max(self.entities[entity].deviations.minor);
+        let sd = self.entities[entity]
+            .deviations
+            .size
+            .max(self.entities[entity].deviations.minor);
         let sd = if sd.is_finite() { sd } else { 0.0 };
         let half = (RANGE.1 * size).max((DEVIATIONS * sd).min(size / 2.0));
         let name = self.free(name);
@@ -289,20 +451,28 @@ impl<'a> Dimensions<'a> {
             range: [size - half, size + half],
             about: about.to_owned(),
             is_fixed: false,
+            tie: None,
         })
     }
 
     /// A held parameter: where a side of the box of the data lies that shows no face.
     pub(super) fn unseen(&mut self, axis: usize, is_upper: bool, place: f64) -> usize {
-        let (start, side) = (place - self.origin[axis], if is_upper { "high" } else { "low" });
+        let (start, side) = (
+            place - self.origin[axis],
+            if is_upper { "high" } else { "low" },
+        );
         let name = self.free(&format!("unseen_{}_{side}", LETTERS[axis]));
         self.add(Parameter {
             name,
             measure: Measure::Length,
             start,
-            range: [start - RANGE.0 * self.diagonal, start + RANGE.0 * self.diagonal],
+            range: [
+                start - RANGE.0 * self.diagonal,
+                start + RANGE.0 * self.diagonal,
+            ],
             about: "no face was seen here: the end of the data".to_owned(),
             is_fixed: true,
+            tie: None,
         })
     }
 
@@ -316,6 +486,24 @@ impl<'a> Dimensions<'a> {
             .expect("there are more numbers than parameters")
     }
 }
+
+/// Whether two blends have one radius: they may, by the deviations of the radii.
+fn are_alike(found: &Recognition, first: &Blend, second: &Blend) -> bool {
+    let sd = |b: &Blend| {
+        let d = found.entities[b.entity].deviations;
+        if d.minor > 0.0 { d.minor } else { d.size }
+    };
+    let off = (first.radius - second.radius).abs();
+    let same_kind =
+        found.entities[first.entity].surface.name() == found.entities[second.entity].surface.name();
+    same_kind
+        && off <= (WITHIN * sd(first).hypot(sd(second))).max(ROUNDING * first.radius)
+        && off <= ALIKE * first.radius.min(second.radius)
+}
+
+/// The share by which radii of blends may differ that are taken for one: they are known less well
+/// than others before they are tied to what they touch.
+const ALIKE: f64 = 0.1;
 
 /// The names of the axes.
 pub(super) const LETTERS: [char; 3] = ['x', 'y', 'z'];

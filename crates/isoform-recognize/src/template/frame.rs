@@ -195,7 +195,11 @@ impl Classes {
             new.of_entity[i] = Some(class);
         }
         new.average(&found.entities, surfaces);
-        for r in found.relations.iter().filter(|r| r.kind == RelationKind::Perpendicular) {
+        for r in found
+            .relations
+            .iter()
+            .filter(|r| r.kind == RelationKind::Perpendicular)
+        {
             if let [Some(a), Some(b)] = r.entities.map(|i| new.of_entity[i]) {
                 new.across.extend([(a, b), (b, a)]);
             }
@@ -264,7 +268,9 @@ impl Classes {
             let s = &surfaces[*i];
             s.kind == Kind::Sphere || s.kind > Kind::Sphere && self.of_entity[*i] == Some(main)
         };
-        let mut beside = (0..surfaces.len()).filter(is_along).map(|i| surfaces[i].place);
+        let mut beside = (0..surfaces.len())
+            .filter(is_along)
+            .map(|i| surfaces[i].place);
         let middle = beside.next()?;
         let size = surfaces.iter().map(|s| s.size).fold(0.0, f64::max);
         let way = |p: Point3| {

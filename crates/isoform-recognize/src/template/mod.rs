@@ -44,6 +44,21 @@ pub struct Proposal {
     pub gaps: Vec<Gap>,
 }
 
+/// The share of points on no entity up to which a template is complete: noise at edges leaves up to
+/// one in a hundred.
+const COMPLETE: f64 = 0.02;
+
+impl Proposal {
+    /// Whether it closes with faces that were seen and explains all but a fiftieth of the points.
+    pub fn is_complete(&self) -> bool {
+        self.gaps.iter().all(|gap| match gap {
+            Gap::Unassigned(share) => *share <= COMPLETE,
+            Gap::Unused(_) => true,
+            Gap::Unseen(..) | Gap::Open(_) => false,
+        })
+    }
+}
+
 /// What a proposed template lacks.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
@@ -68,7 +83,10 @@ impl std::fmt::Display for Gap {
                 100.0 * share
             ),
             Self::Unseen(axis, is_upper) => {
-                let (axis, side) = (['x', 'y', 'z'][*axis], if *is_upper { "upper" } else { "lower" });
+                let (axis, side) = (
+                    ['x', 'y', 'z'][*axis],
+                    if *is_upper { "upper" } else { "lower" },
+                );
                 write!(
                     f,
                     "no face closes the {side} end along the part's {axis} axis: the end of the data \
@@ -124,8 +142,16 @@ pub fn propose(
     let center = Aabb::of(&scan.points).center();
     let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
     let frame = Frame::of(found, middle);
-    let points: Vec<Point3> = scan.points.iter().map(|p| frame.apply(*p, center)).collect();
-    let mut normals: Vec<Point3> = found.normals.iter().map(|n| frame.rows.map(|r| dot(r, *n))).collect();
+    let points: Vec<Point3> = scan
+        .points
+        .iter()
+        .map(|p| frame.apply(*p, center))
+        .collect();
+    let mut normals: Vec<Point3> = found
+        .normals
+        .iter()
+        .map(|n| frame.rows.map(|r| dot(r, *n)))
+        .collect();
     let bounds = Aabb::of(&points);
     let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
     orient(&points, &mut normals, &of, &frame.surfaces);
@@ -143,7 +169,10 @@ pub fn propose(
     let open = separate(&mut halves, &separators(&frame.surfaces, &bounds), &places);
     control.check()?;
     let solid = solid(&cells(&votes(&halves, &places)), halves.len());
-    if matches!(&solid, Solid::All(of) | Solid::Any(of) if of.is_empty()) {
+    let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
+    let (sides, faces): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
+    // A sheet, say: what was seen is less than what was not.
+    if faces.len() < sides.len() {
         return Err(ProposeError::NoSolid);
     }
     let part = Part {
@@ -221,13 +250,7 @@ fn torn(halves: &[Half], places: &[Place]) -> Vec<Place> {
     places.iter().filter(is_torn).copied().collect()
 }
 
-fn gaps(
-    found: &Recognition,
-    halves: &[Half],
-    solid: &Solid,
-    used: &[bool],
-    open: f64,
-) -> Vec<Gap> {
+fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open: f64) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let unassigned = share(&found.labels, Option::is_none);
     if unassigned > 0.0 {

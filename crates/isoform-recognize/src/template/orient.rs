@@ -126,6 +126,8 @@ impl Rays<'_> {
         let mut found = Vec::new();
         self.tree.nearest_k(at, NEAREST, &mut found);
         let limit = (NEAR * spacing + STEP * self.size).powi(2);
-        found.iter().any(|f| f.0 <= limit && self.labels[f.1 as usize] == Some(which))
+        found
+            .iter()
+            .any(|f| f.0 <= limit && self.labels[f.1 as usize] == Some(which))
     }
 }

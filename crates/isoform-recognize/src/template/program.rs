@@ -40,7 +40,7 @@ impl Part<'_> {
         let diagonal = self.bounds.diagonal();
         let mut writer = Writer {
             part: self,
-            dimensions: Dimensions::new(self.frame, self.found, &used, diagonal),
+            dimensions: Dimensions::new(self.frame, self.found, &used, self.outward, diagonal),
             body: String::new(),
             names: vec![String::new(); self.halves.len()],
         };
@@ -95,7 +95,11 @@ impl Writer<'_> {
             self.line(&format!("p[{}] = {};", k + 1, terms.join(" + ")));
         }
         let has_direction = (0..used.len()).any(|i| used[i] && frame.along[i].is_some());
-        let turns = [has_direction, has_direction, has_direction && frame.is_first_known];
+        let turns = [
+            has_direction,
+            has_direction,
+            has_direction && frame.is_first_known,
+        ];
         for k in (0..3).filter(|k| turns[*k]) {
             let name = format!("turn_{}", LETTERS[k]);
             let about = "how the part is turned, about its own axes";
@@ -103,11 +107,15 @@ impl Writer<'_> {
             let axis = LETTERS[k].to_ascii_uppercase();
             self.line(&format!("ok = hfRotate3D{axis}(p, {name});"));
         }
-        for k in (0..3).filter(|k| self.dimensions.is_known[*k]).collect::<Vec<_>>() {
-            let parameter = self.dimensions.add_origin(k);
-            let name = self.term(Term::Of(parameter));
-            self.line(&format!("p[{0}] = p[{0}] - {name};", k + 1));
+        let mut origin = Vec::new();
+        for k in 0..3 {
+            let term = match self.dimensions.is_known[k] {
+                true => Term::Of(self.dimensions.add_origin(k)),
+                false => Term::Zero,
+            };
+            origin.push(self.term(term));
         }
+        self.line(&format!("ok = hfShift3D(p, {});", origin.join(", ")));
     }
 
     /// The coordinates that are turned against p.
@@ -136,7 +144,8 @@ impl Writer<'_> {
                 number(*angle)
             } else {
                 let name = format!("angle_{i}_{}", LETTERS[*about]);
-                self.dimensions.add_angle(name.clone(), *angle, "of faces and axes askew");
+                self.dimensions
+                    .add_angle(name.clone(), *angle, "of faces and axes askew");
                 name
             };
             let axis = LETTERS[*about].to_ascii_uppercase();
@@ -156,12 +165,20 @@ impl Writer<'_> {
             let (system, axis) = self.part.frame.along[i].unwrap_or((0, 0));
             match s.kind {
                 Kind::Plane => (0, system, axis, s.place[axis]),
-                _ => (1, s.kind as usize, 0, -(self.part.found.entities[i].points as f64)),
+                _ => (
+                    1,
+                    s.kind as usize,
+                    0,
+                    -(self.part.found.entities[i].points as f64),
+                ),
             }
         };
         order.sort_by(|a, b| {
             let (p, q) = (key(a), key(b));
-            (p.0, p.1, p.2).cmp(&(q.0, q.1, q.2)).then(p.3.total_cmp(&q.3)).then(a.cmp(b))
+            (p.0, p.1, p.2)
+                .cmp(&(q.0, q.1, q.2))
+                .then(p.3.total_cmp(&q.3))
+                .then(a.cmp(b))
         });
         order
     }
@@ -186,11 +203,15 @@ impl Writer<'_> {
         let at = self.term(Term::Of(parameter));
         self.names[k] = format!("{at}_face");
         let x = format!("p[{}]", axis + 1);
-        if is_upper { format!("{at} - {x}") } else { format!("{x} - {at}") }
+        if is_upper {
+            format!("{at} - {x}")
+        } else {
+            format!("{x} - {at}")
+        }
     }
 
     fn through(&mut self, k: usize, i: usize, axis: usize) -> String {
-        let base = self.name_of(i);
+        let base = self.dimensions.name_of(i);
         self.names[k] = format!("{base}_middle_{}", LETTERS[axis]);
         let name = format!("{base}_{}", LETTERS[axis]);
         let at = self.dimensions.position(i, [0, axis], &name, "");
@@ -199,7 +220,7 @@ impl Writer<'_> {
     }
 
     fn around(&mut self, k: usize, i: usize) -> String {
-        let base = self.name_of(i);
+        let base = self.dimensions.name_of(i);
         self.names[k] = format!("{base}_middle");
         let (center, (system, axis)) = self.center(i, &base);
         let radius = self.circle_radius(i, &base);
@@ -209,32 +230,12 @@ impl Writer<'_> {
         format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
     }
 
-    /// The name of an entity in the program.
-    fn name_of(&self, i: usize) -> String {
-        let is_hole = |k: usize| self.part.outward[k] < 0.0;
-        let s = &self.part.frame.surfaces[i];
-        let kind = match (s.kind, is_hole(i)) {
-            (Kind::Plane, _) => "face",
-            (Kind::Sphere, _) => "ball",
-            (Kind::Cylinder, true) => "hole",
-            (Kind::Cylinder, _) => "boss",
-            (Kind::Cone, _) => "cone",
-            (Kind::Torus, _) => "ring",
-        };
-        let is_alike = |j: &usize| {
-            let other = &self.part.frame.surfaces[*j];
-            other.kind == s.kind && (s.kind != Kind::Cylinder || is_hole(*j) == is_hole(i))
-        };
-        let before = (0..i).filter(is_alike).count();
-        format!("{kind}_{}", before + 1)
-    }
-
     fn entity(&mut self, k: usize, i: usize, half: &Half) -> String {
         let s = self.part.frame.surfaces[i];
         if s.kind == Kind::Plane {
             return self.plane(k, i, half);
         }
-        let base = self.name_of(i);
+        let base = self.dimensions.name_of(i);
         self.names[k].clone_from(&base);
         let (center, (system, axis)) = self.center(i, &base);
         let letter = LETTERS[axis].to_ascii_uppercase();
@@ -243,13 +244,13 @@ impl Writer<'_> {
             Kind::Cone => self.cone(i, &base, [system, axis]),
             Kind::Torus => {
                 let major = self.circle_radius(i, &base);
-                let minor = self.dimensions.radius(i, &format!("{base}_tube_radius"));
+                let minor = self.dimensions.radius(i, &self.dimensions.radius_name(i));
                 let minor = self.term(minor);
                 self.line(&center);
                 format!("hfDTorus{letter}({p}, c, {major}, {minor})")
             }
             kind => {
-                let radius = self.dimensions.radius(i, &format!("{base}_radius"));
+                let radius = self.dimensions.radius(i, &self.dimensions.radius_name(i));
                 let radius = self.term(radius);
                 self.line(&center);
                 let call = match kind {
@@ -263,9 +264,15 @@ impl Writer<'_> {
 
     /// The radius of a torus's circle, as a parameter.
     fn circle_radius(&mut self, i: usize, base: &str) -> String {
-        let name = format!("{base}_radius");
+        let name = format!("{base}_circle_radius");
         let known = self.dimensions.parameters.iter().any(|p| p.name == name);
-        if !known {
+        if known {
+            return name;
+        }
+        if let Some(tie) = self.dimensions.circle_contact(i) {
+            self.dimensions
+                .add_tied(&name, tie, "where the blend touches");
+        } else {
             let size = self.part.frame.surfaces[i].size;
             self.dimensions.size(i, size, &name, "");
         }
@@ -302,18 +309,32 @@ impl Writer<'_> {
         let radius = height * s.other.tan();
         let at = apex + sign * height;
         let angle = format!("{base}_half_angle");
-        self.dimensions.add_angle(angle.clone(), s.other, "between axis and side");
+        self.dimensions
+            .add_angle(angle.clone(), s.other, "between axis and side");
         let about = format!("at {} = {}", LETTERS[axis], self.length(at));
-        let radius = self.dimensions.size(i, radius, &format!("{base}_radius"), &about);
+        let radius = self
+            .dimensions
+            .size(i, radius, &format!("{base}_radius"), &about);
         let radius = self.term(Term::Of(radius));
         let (center, _) = self.center(i, base);
         self.line(&center);
         self.line(&format!("slope = tan({angle});"));
-        let (way, letter) = (if sign > 0.0 { "-" } else { "+" }, LETTERS[axis].to_ascii_uppercase());
+        let (way, letter) = (
+            if sign > 0.0 { "-" } else { "+" },
+            LETTERS[axis].to_ascii_uppercase(),
+        );
         let p = array(system);
-        self.line(&format!("c[{}] = {} {way} {radius}/slope;", axis + 1, self.length(at)));
+        self.line(&format!(
+            "c[{}] = {} {way} {radius}/slope;",
+            axis + 1,
+            self.length(at)
+        ));
         let above = format!("{p}[{0}] - c[{0}]", axis + 1);
-        let nappe = if sign > 0.0 { above } else { format!("c[{0}] - {p}[{0}]", axis + 1) };
+        let nappe = if sign > 0.0 {
+            above
+        } else {
+            format!("c[{0}] - {p}[{0}]", axis + 1)
+        };
         format!("hfDCone{letter}({p}, c, slope) & ({nappe})")
     }
 
@@ -363,7 +384,10 @@ impl Writer<'_> {
         if is_lowest {
             return [format!("{letter}_lowest"), format!("{letter}_low")];
         }
-        [format!("{letter}_{lower}"), format!("{letter}_face_{lower}")]
+        [
+            format!("{letter}_{lower}"),
+            format!("{letter}_face_{lower}"),
+        ]
     }
 
     /// The solid, step by step.
@@ -440,19 +464,31 @@ impl Writer<'_> {
                 let rounded = format!("{v:.digits$}");
                 rounded.parse::<f64>().unwrap_or(v)
             });
-            let about = if p.about.is_empty() { String::new() } else { format!(" : {}", p.about) };
+            let about = if p.about.is_empty() {
+                String::new()
+            } else {
+                format!(" : {}", p.about)
+            };
             let fixed = if p.is_fixed { " fixed" } else { "" };
-            let name = &p.name;
+            let value = match &p.tie {
+                Some(tie) => format!("tie={tie}"),
+                None => format!("start={start:?} min={min:?} max={max:?}{fixed}"),
+            };
             let _ = writeln!(
                 text,
-                "-- @param a[{}] {name} {kind} start={start:?} min={min:?} max={max:?}{fixed}{about}",
-                k + 1
+                "-- @param a[{}] {} {kind} {value}{about}",
+                k + 1,
+                p.name
             );
         }
         let n = parameters.len().max(1);
         let _ = writeln!(text, "my_model(x[3], a[{n}])\n{{");
         let systems = (1..self.part.frame.systems.len()).map(|i| format!(", {}[3]", array(i)));
-        let _ = writeln!(text, "  array c[3], d[3], p[3]{};", systems.collect::<String>());
+        let _ = writeln!(
+            text,
+            "  array c[3], d[3], p[3]{};",
+            systems.collect::<String>()
+        );
         for (k, p) in parameters.iter().enumerate() {
             let _ = writeln!(text, "  {} = a[{}];", p.name, k + 1);
         }
@@ -473,5 +509,9 @@ fn array(system: usize) -> String {
 
 /// A number that reads back exactly, in parentheses where its sign could meet an operator.
 fn number(v: f64) -> String {
-    if v < 0.0 { format!("({v:?})") } else { format!("{v:?}") }
+    if v < 0.0 {
+        format!("({v:?})")
+    } else {
+        format!("{v:?}")
+    }
 }

@@ -180,8 +180,16 @@ fn dominating(cells: &[Cell], all: Bits, of_inside: bool) -> Option<(usize, bool
 /// The product that holds most of the weight on one side and no cell of the other, with the share
 /// of the weight.
 fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, f64)> {
-    let mut own: Vec<Cell> = cells.iter().copied().filter(|c| c.is_inside == is_inside).collect();
-    let other: Vec<Bits> = cells.iter().filter(|c| c.is_inside != is_inside).map(|c| c.bits).collect();
+    let mut own: Vec<Cell> = cells
+        .iter()
+        .copied()
+        .filter(|c| c.is_inside == is_inside)
+        .collect();
+    let other: Vec<Bits> = cells
+        .iter()
+        .filter(|c| c.is_inside != is_inside)
+        .map(|c| c.bits)
+        .collect();
     own.sort_by(|a, b| b.weight.total_cmp(&a.weight).then(a.bits.cmp(&b.bits)));
     let total: f64 = own.iter().map(|c| c.weight).sum();
     let mut best: Option<(Product, f64)> = None;
@@ -205,7 +213,11 @@ fn best_product(cells: &[Cell], all: Bits, is_inside: bool) -> Option<(Product, 
 }
 
 fn weight_of(product: &Product, cells: &[Cell]) -> f64 {
-    cells.iter().filter(|c| product.holds(c.bits)).map(|c| c.weight).sum()
+    cells
+        .iter()
+        .filter(|c| product.holds(c.bits))
+        .map(|c| c.weight)
+        .sum()
 }
 
 /// The product of all sides of a cell without those that may go, each time the one whose loss gains
@@ -392,7 +404,11 @@ mod tests {
             });
             let found = solid(&all, 6);
             for cell in &all {
-                assert_eq!(found.holds(cell.bits), cell.is_inside, "{table:x} {found:?}");
+                assert_eq!(
+                    found.holds(cell.bits),
+                    cell.is_inside,
+                    "{table:x} {found:?}"
+                );
             }
         }
     }

@@ -1,6 +1,7 @@
-//! The report of an implicit spline.
+//! The report of an implicit spline or polynomial.
 
-use isoform_spline::{Implicitized, Source};
+use crate::GlobalFit;
+use isoform_spline::{Implicitized, Sides, Source};
 use serde::Serialize;
 
 /// What was fitted to a scan; lengths in its unit.
@@ -10,11 +11,13 @@ pub struct ImplicitizeReport {
     pub verb: &'static str,
     /// The points fitted.
     pub points: usize,
+    /// Points that belong to no surface, and were left out of the fit and of the distances.
+    pub outliers: usize,
     /// Coefficients that do not follow from others.
     pub unknowns: usize,
     /// Cells of the finest level about them that hold data: the polynomial pieces fitted.
     pub cells: usize,
-    /// The tri-degree.
+    /// The tri-degree, or of one polynomial the total degree.
     pub degree: usize,
     /// Levels of the hierarchy.
     pub levels: usize,
@@ -54,6 +57,7 @@ impl ImplicitizeReport {
         Self {
             verb: "implicitize",
             points,
+            outliers: made.outliers,
             unknowns: spline.unknowns(),
             cells: spline.data_cells(),
             degree: spline.degree(),
@@ -62,18 +66,47 @@ impl ImplicitizeReport {
             rms: made.distances.rms,
             p95: made.distances.p95,
             max: made.distances.max,
-            normals: NormalsReport {
-                source: match made.sides.source {
-                    Source::Given => "given",
-                    Source::Turned => "turned",
-                    _ => "estimated",
-                },
-                oriented_share: made.sides.oriented_share,
-                pieces: made.sides.pieces,
-            },
+            normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
             seconds,
+        }
+    }
+
+    /// The report of one polynomial. It counts as one cell, the box about the points.
+    pub fn of_polynomial(made: &GlobalFit, points: usize, seconds: f64) -> Self {
+        let data = made.polynomial.data();
+        let longest = data.count.into_iter().max().unwrap_or(1);
+        Self {
+            verb: "implicitize",
+            points,
+            outliers: 0,
+            unknowns: data.coefficients.len(),
+            cells: 1,
+            degree: data.degree,
+            levels: 1,
+            spacing: data.spacing * f64::from(longest),
+            rms: made.distances.rms,
+            p95: made.distances.p95,
+            max: made.distances.max,
+            normals: NormalsReport::new(made.sides),
+            components: made.components.with_data,
+            components_without_data: made.components.without_data,
+            seconds,
+        }
+    }
+}
+
+impl NormalsReport {
+    fn new(sides: Sides) -> Self {
+        Self {
+            source: match sides.source {
+                Source::Given => "given",
+                Source::Turned => "turned",
+                _ => "estimated",
+            },
+            oriented_share: sides.oriented_share,
+            pieces: sides.pieces,
         }
     }
 }

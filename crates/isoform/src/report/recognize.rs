@@ -1,7 +1,7 @@
 //! The report of a recognition.
 
 use isoform_geom::{Point3, Quadric};
-use isoform_recognize::{Entity, Recognition, Relation, RelationKind};
+use isoform_recognize::{Blend, Entity, Recognition, Relation, RelationKind};
 use serde::Serialize;
 
 /// What was recognised in a scan; lengths in its unit.
@@ -17,6 +17,8 @@ pub struct RecognizeReport {
     pub entities: Vec<EntityReport>,
     /// How they lie to one another.
     pub relations: Vec<RelationReport>,
+    /// Entities that round the edge of others.
+    pub blends: Vec<BlendReport>,
     /// The points that no entity explains.
     pub n_unassigned: usize,
     /// The time that it took.
@@ -104,6 +106,27 @@ pub struct RelationReport {
     pub deviation: f64,
 }
 
+/// An entity that rounds the edge of others with a constant radius.
+#[derive(Clone, Debug, Serialize)]
+pub struct BlendReport {
+    /// The cylinder, torus or sphere.
+    pub entity: usize,
+    /// Those that it touches.
+    pub between: Vec<usize>,
+    /// Its radius.
+    pub radius: f64,
+}
+
+impl BlendReport {
+    fn new(blend: &Blend) -> Self {
+        Self {
+            entity: blend.entity,
+            between: blend.between.clone(),
+            radius: blend.radius,
+        }
+    }
+}
+
 impl RecognizeReport {
     /// The report of a recognition that took some seconds.
     pub fn new(found: &Recognition, seconds: f64) -> Self {
@@ -114,6 +137,7 @@ impl RecognizeReport {
             noise: found.noise,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
+            blends: found.blends.iter().map(BlendReport::new).collect(),
             n_unassigned: found.labels.iter().filter(|l| l.is_none()).count(),
             seconds,
         }

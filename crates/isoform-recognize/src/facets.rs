@@ -1,0 +1,84 @@
+//! Recognition of meshes made from CAD models, by their triangles.
+//!
+//! The vertices of such a mesh lie on the surfaces of the model, up to rounding; facets are their
+//! chords. Neighbourhoods in space tell little (a long cylinder is two rings of points), but
+//! triangles side by side do: surfaces are fitted to a few of them and grown over edges as far as
+//! vertices lie on them and facets are their chords ([`part`]). What counts as evidence for a bent
+//! surface stands in [`evidence`], where facets end and planes begin at [`part::TURN`].
+//!
+//! A scanned mesh has noisy vertices, none of whose facets belong together so. The rule: a mesh is
+//! one of a CAD model where the parts found cover [`LEAST_COVERED`] of its area; any other goes the
+//! way of point clouds.
+
+mod claim;
+mod evidence;
+mod flat;
+mod mesh;
+mod part;
+mod points;
+mod report;
+mod rounding;
+mod seeds;
+
+use crate::cloud::Scaling;
+use crate::entity::Recognition;
+use crate::recognize::{Error, Options};
+use claim::claim;
+use flat::Flats;
+use isoform_control::Control;
+use isoform_geom::{Point3, PointCloud};
+use mesh::Facets;
+use report::report;
+
+/// The share of the area of a CAD mesh that its parts cover at least: scans have less than a
+/// hundredth. Less would take a scan that was cut flat for a model, more would send models with
+/// many free-form faces to the clouds.
+const LEAST_COVERED: f64 = 0.2;
+
+/// What was recognised in a CAD mesh.
+#[derive(Clone, Debug)]
+pub struct FacetRecognition {
+    /// Points inside flat faces and on straight lines, which follow the mesh's own.
+    pub inside: Vec<Point3>,
+    /// The entities, with labels of the mesh's points and those inside.
+    pub recognition: Recognition,
+}
+
+/// Recognises the planes, spheres, cylinders, cones and tori of a CAD mesh, about `wanted` points
+/// inside whose faces are reported; `None` for a mesh that is no CAD model's. The corners of all
+/// triangles have to be points.
+///
+/// # Errors
+/// [`Error`].
+pub fn recognize_facets(
+    mesh: &PointCloud,
+    wanted: usize,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Option<FacetRecognition>, Error> {
+    if !mesh.points.iter().flatten().all(|x| x.is_finite()) {
+        return Err(Error::NotFinite);
+    }
+    control.begin("facets")?;
+    let mut scaling = Scaling::of(&mesh.points).ok_or(Error::Line)?;
+    let facets = Facets::new(mesh, &scaling);
+    let flats = Flats::new(&facets);
+    let claims = claim(&facets, &flats, control)?;
+    let covered: f64 = claims.parts.iter().map(|p| facets.area(&p.triangles)).sum();
+    let all: f64 = facets.areas.iter().sum();
+    if covered < LEAST_COVERED * all || claims.parts.is_empty() {
+        return Ok(None);
+    }
+    let inside = points::inside(&facets, &claims, wanted);
+    let back = |p: &(Point3, u32)| -> Point3 {
+        std::array::from_fn(|k| p.0[k] * scaling.unit + scaling.origin[k])
+    };
+    let positions = inside.iter().map(back).collect();
+    for k in 0..3 {
+        scaling.origin[k] += mesh.origin[k];
+    }
+    Ok(Some(FacetRecognition {
+        inside: positions,
+        recognition: report(&facets, &claims, &inside, options, &scaling),
+    }))
+}

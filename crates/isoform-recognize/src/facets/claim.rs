@@ -1,0 +1,266 @@
+//! Which triangles belong to which surface: plain planes first, then bent surfaces, what is left
+//! that is flat, and pieces of one surface joined.
+
+use super::flat::Flats;
+use super::mesh::{Facets, NONE};
+use super::part::{Part, exact, follows, turn};
+use super::seeds::Free;
+use crate::chart::{Kind, Surface};
+use isoform_control::{Control, Stopped};
+use isoform_geom::Point3;
+use rayon::prelude::*;
+
+/// Facets that may lead to no bent surface until the search ends, and how many more for each that
+/// was found: free-form faces have thousands, each of which takes some milliseconds.
+const FAILURES: (usize, usize) = (60, 10);
+/// Passes over the facets at most: each has to find something.
+const PASSES: usize = 5;
+/// Flat pieces in a row over smooth edges that are planes each; more are a free-form face.
+const FEW: usize = 3;
+/// A facet over which the surface turns this many times as far as over nearly all others of its
+/// part is a flat cut into it.
+const FLAT_CUT: f64 = 2.5;
+/// How many of a hundred facets those are.
+const NEARLY_ALL: usize = 90;
+/// Two pieces of one surface are no farther from each other's than this many tolerances: each is
+/// carried on from where it is known.
+const APART: f64 = 1000.0;
+
+/// Parts of a mesh, and for each triangle that of its own.
+pub(crate) struct Claims {
+    pub(crate) parts: Vec<Part>,
+    pub(crate) taken: Vec<u32>,
+}
+
+/// Finds the parts of a mesh.
+pub(crate) fn claim(
+    mesh: &Facets,
+    flats: &Flats,
+    control: &Control<'_>,
+) -> Result<Claims, Stopped> {
+    let mut claims = Claims {
+        parts: Vec::new(),
+        taken: vec![NONE; mesh.triangles.len()],
+    };
+    let plain = |k: &u32| flats.is_plain(mesh, *k);
+    let pieces = 0..flats.pieces.len() as u32;
+    let plain: Vec<u32> = pieces.into_par_iter().filter(plain).collect();
+    for k in plain {
+        claims.add(flats.pieces[k as usize].clone());
+    }
+    claims.add_bent(mesh, flats, control)?;
+    claims.give_rings(mesh);
+    claims.complete(mesh);
+    claims.add_flat(mesh, flats);
+    claims.join(mesh);
+    Ok(claims)
+}
+
+impl Claims {
+    fn add(&mut self, part: Part) {
+        let id = self.parts.len() as u32;
+        for t in &part.triangles {
+            self.taken[*t as usize] = id;
+        }
+        self.parts.push(part);
+    }
+
+    /// Bent surfaces, from the largest facets first, in passes until one finds none: facets beside
+    /// others of their size lead somewhere once those are taken.
+    fn add_bent(
+        &mut self,
+        mesh: &Facets,
+        flats: &Flats,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let pieces = 0..flats.pieces.len() as u32;
+        let may = |k: &u32| has_smooth_edge(mesh, flats, *k);
+        let mut order: Vec<u32> = pieces.into_par_iter().filter(may).collect();
+        let area = |k: &u32| flats.areas[*k as usize];
+        order.sort_by(|a, b| area(b).total_cmp(&area(a)).then(a.cmp(b)));
+        let (mut found, mut failures) = (0, 0);
+        for pass in 0..PASSES {
+            control.report("recognize", pass as f64 / PASSES as f64);
+            let before = found;
+            for piece in &order {
+                let seed = flats.pieces[*piece as usize].triangles[0];
+                if self.taken[seed as usize] != NONE {
+                    continue;
+                }
+                control.check()?;
+                if failures >= FAILURES.0 + FAILURES.1 * found {
+                    return Ok(());
+                }
+                let free = Free {
+                    mesh,
+                    flats,
+                    taken: &self.taken,
+                };
+                match free.best(*piece) {
+                    Some(part) => {
+                        found += 1;
+                        self.add(without_cuts(mesh, part));
+                    }
+                    None => failures += 1,
+                }
+            }
+            if found == before {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The bent surfaces so far, with their parts.
+    fn bent(&self) -> Vec<(usize, Surface)> {
+        let surfaces = self.parts.iter().map(|p| p.surface).enumerate();
+        surfaces.filter(|s| s.1.kind != Kind::Plane).collect()
+    }
+
+    /// Gives parts all of whose facets are those of a larger bent part to that, the smallest first:
+    /// planes such as the top ring of a torus, and rings that were found before their torus.
+    fn give_rings(&mut self, mesh: &Facets) {
+        let bent = self.bent();
+        let mut order: Vec<usize> = (0..self.parts.len()).collect();
+        let size = |parts: &[Part], k: usize| parts[k].triangles.len();
+        order.sort_by_key(|k| (size(&self.parts, *k), *k));
+        for old in order {
+            let part = &self.parts[old];
+            let mut larger = bent.iter().filter(|(k, _)| {
+                let is_plane = part.surface.kind == Kind::Plane;
+                *k != old && (is_plane || size(&self.parts, *k) > part.triangles.len())
+            });
+            let all_follow = |s: &Surface| part.triangles.iter().all(|t| follows(mesh, s, *t));
+            let Some((new, _)) = larger.find(|(_, surface)| all_follow(surface)) else {
+                continue;
+            };
+            let moved = std::mem::take(&mut self.parts[old].triangles);
+            for t in &moved {
+                self.taken[*t as usize] = *new as u32;
+            }
+            self.parts[*new].triangles.extend(moved);
+        }
+    }
+
+    /// Adds free triangles that lie on a bent surface apart from its part.
+    fn complete(&mut self, mesh: &Facets) {
+        let surfaces = self.bent();
+        let open = (0..mesh.triangles.len() as u32).filter(|t| self.taken[*t as usize] == NONE);
+        let open: Vec<u32> = open.collect();
+        let of = |t: &u32| {
+            let mut on = surfaces.iter().filter(|s| follows(mesh, &s.1, *t));
+            on.next().map(|s| (s.0, *t))
+        };
+        let found: Vec<(usize, u32)> = open.par_iter().filter_map(of).collect();
+        for (k, t) in found {
+            self.taken[t as usize] = k as u32;
+            self.parts[k].triangles.push(t);
+        }
+        self.parts
+            .iter_mut()
+            .for_each(|p| p.triangles.sort_unstable());
+    }
+
+    /// Planes of what is left: flat pieces in short rows. Longer rows over smooth edges are faces
+    /// of a free form.
+    fn add_flat(&mut self, mesh: &Facets, flats: &Flats) {
+        let is_left = |k: u32| {
+            let first = flats.pieces[k as usize].triangles[0];
+            self.taken[first as usize] == NONE
+        };
+        let mut rows = isoform_geom::UnionFind::new(flats.pieces.len());
+        for t in 0..mesh.triangles.len() as u32 {
+            for u in mesh.near(t) {
+                let [a, b] = [t, *u].map(|t| flats.of[t as usize]);
+                if a != b && is_left(a) && is_left(b) && flats.are_alike(mesh, [t, *u]) {
+                    rows.unite(a, b);
+                }
+            }
+        }
+        let mut sizes = vec![0; flats.pieces.len()];
+        (0..flats.pieces.len() as u32).for_each(|k| sizes[rows.root(k) as usize] += 1);
+        let pieces = (0..flats.pieces.len() as u32).filter(|k| {
+            let of = &flats.pieces[*k as usize].triangles;
+            is_left(*k) && sizes[rows.root(*k) as usize] <= FEW && is_face(mesh, of)
+        });
+        let new: Vec<Part> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
+        for mut part in new {
+            part.triangles.retain(|t| self.taken[*t as usize] == NONE);
+            self.add(part);
+        }
+    }
+
+    /// Joins parts of one surface, the largest first, and fits each to all its vertices.
+    fn join(&mut self, mesh: &Facets) {
+        let mut order = std::mem::take(&mut self.parts);
+        order.retain(|p| !p.triangles.is_empty());
+        let key = |p: &Part| (std::cmp::Reverse(p.triangles.len()), p.triangles[0]);
+        order.sort_by_key(key);
+        let mut joined: Vec<Part> = Vec::new();
+        for part in order {
+            let same = joined.iter().enumerate().find_map(|(k, large)| {
+                let one = together(mesh, large, &part)?;
+                Some((k, one))
+            });
+            match same {
+                Some((k, surface)) => {
+                    joined[k].surface = surface;
+                    joined[k].triangles.extend(part.triangles);
+                }
+                None => joined.push(part),
+            }
+        }
+        self.taken.fill(NONE);
+        for mut part in joined {
+            part.triangles.sort_unstable();
+            self.add(part);
+        }
+    }
+}
+
+/// Whether triangles in one plane show it: four vertices do, and a triangle with others around it.
+fn is_face(mesh: &Facets, of: &[u32]) -> bool {
+    mesh.vertices(of).len() > 3 || mesh.near(of[0]).len() >= 3
+}
+
+/// Whether a flat piece may be a facet of something bent.
+fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
+    flats.pieces[piece as usize].triangles.iter().any(|t| {
+        let others = mesh.near(*t).iter();
+        let mut others = others.filter(|u| flats.of[**u as usize] != piece);
+        others.any(|u| flats.are_alike(mesh, [*t, *u]))
+    })
+}
+
+/// The part without facets that are flat cuts into its surface.
+fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
+    let of = |t: &u32| turn(&part.surface, mesh.corners(*t)).acos();
+    let turns: Vec<f64> = part.triangles.iter().map(of).collect();
+    let mut sorted = turns.clone();
+    sorted.sort_by(f64::total_cmp);
+    let usual = sorted[(sorted.len() - 1) * NEARLY_ALL / 100];
+    let mut turns = turns.into_iter();
+    part.triangles
+        .retain(|_| turns.next().is_some_and(|turn| turn <= FLAT_CUT * usual));
+    part
+}
+
+/// The surface of two parts, if they are pieces of one.
+fn together(mesh: &Facets, large: &Part, small: &Part) -> Option<Surface> {
+    if large.surface.kind != small.surface.kind {
+        return None;
+    }
+    let near = |a: &Part, b: &Part| {
+        let some = b.triangles.iter().take(FEW);
+        let mut corners = some.flat_map(|t| mesh.corners(*t));
+        corners.all(|p| a.surface.distance(p).abs() <= APART * mesh.tolerance)
+    };
+    if !near(large, small) && !near(small, large) {
+        return None;
+    }
+    let both = [&large.triangles[..], &small.triangles].concat();
+    let surface = exact(mesh, &large.surface, &both)?;
+    let is_on = |p: Point3| surface.distance(p).abs() <= mesh.tolerance;
+    let is_whole = both.iter().all(|t| mesh.corners(*t).into_iter().all(is_on));
+    is_whole.then_some(surface)
+}

@@ -1,0 +1,71 @@
+//! Whether a part of a mesh is evidence for a bent surface: more vertices meet it than meet any
+//! surface of its kind by construction.
+//!
+//! Vertices of a mesh stand in rows. Any three parallel lines lie on a cylinder, any three coaxial
+//! circles on a torus: a fourth row on it is no coincidence, as it is met within the tolerance. Any
+//! two coaxial circles lie on a sphere: it needs a vertex with facets all around it.
+
+use super::mesh::Facets;
+use super::part::{Part, ends_clearly};
+use crate::chart::{Kind, Surface};
+use crate::start::plane;
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// Rows that a cylinder and each circle of a torus take: one more than determines them.
+const ROWS: usize = 4;
+/// Rows of a cone, which has a parameter more: on two rings any four of them may lie on one.
+const CONE_ROWS: usize = 5;
+/// Vertices of a sphere: twice as many as determine it, and one more than a box has.
+const SPHERE: usize = 9;
+/// Vertices of a torus: twice as many as determine it.
+const TORUS: usize = 14;
+/// Angles nearer than this, in radians, are one row: 60 000 to a circle.
+const ROW: f64 = 1e-4;
+/// A bent part leaves its plane by this many tolerances.
+const BENT: f64 = 10.0;
+
+/// Whether the vertices of a part show its surface.
+pub(crate) fn shows(mesh: &Facets, part: &Part) -> bool {
+    let surface = &part.surface;
+    let points = mesh.at(&mesh.vertices(&part.triangles));
+    let flat = plane(&points);
+    let bend = points.iter().map(|p| flat.distance(*p).abs());
+    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part) {
+        return false;
+    }
+    let around = |rows: usize| has_rows(points.iter().map(|p| around(surface, *p)), rows);
+    match surface.kind {
+        Kind::Plane => true,
+        Kind::Cylinder => around(ROWS),
+        Kind::Cone => around(CONE_ROWS),
+        Kind::Sphere => points.len() >= SPHERE && mesh.surround_a_vertex(&part.triangles),
+        Kind::Torus => {
+            let tube = points.iter().map(|p| section(surface, *p));
+            points.len() >= TORUS && around(ROWS) && has_rows(tube, ROWS)
+        }
+    }
+}
+
+/// The angle of a point about the axis.
+fn around(surface: &Surface, p: Point3) -> f64 {
+    let [e, f] = surface.frame();
+    let d = sub(p, surface.place);
+    dot(d, f).atan2(dot(d, e))
+}
+
+/// The angle of a point about the circle of a torus, in its section.
+fn section(torus: &Surface, p: Point3) -> f64 {
+    let d = sub(p, torus.place);
+    let radius = norm(cross(d, torus.axis));
+    dot(d, torus.axis).atan2(radius - torus.size)
+}
+
+/// Whether so many different angles occur.
+fn has_rows(angles: impl Iterator<Item = f64>, rows: usize) -> bool {
+    let mut angles: Vec<f64> = angles.collect();
+    angles.sort_by(f64::total_cmp);
+    let turns = angles.windows(2).filter(|w| w[1] - w[0] > ROW).count();
+    let whole = angles.first().zip(angles.last());
+    let closes = whole.is_some_and(|(a, b)| a + std::f64::consts::TAU - b <= ROW);
+    turns + 1 - usize::from(closes && turns > 0) >= rows
+}

@@ -1,0 +1,151 @@
+//! Flat pieces of a mesh: triangles side by side in one plane. Each is a plane of the object, or
+//! a facet of something bent.
+
+use super::mesh::{Facets, NONE};
+use super::part::{Part, TURN, ends_clearly};
+use crate::chart::{Kind, Surface};
+use crate::start::plane;
+use isoform_geom::{Point3, dot, sub};
+
+/// A triangle belongs to a plane where its normal is off by less than this, in radians, and this
+/// many tolerances over its height.
+const OFF: (f64, f64) = (1e-4, 2.0);
+/// A piece with so many corners is a plane of the object: a facet of something bent has four, and
+/// up to five where the border cuts a corner off.
+const MANY_CORNERS: usize = 6;
+/// Facets side by side differ in area by less than this factor, as a mesh refines slowly.
+pub(crate) const COMPARABLE: f64 = 8.0;
+
+/// The flat pieces of a mesh.
+pub(crate) struct Flats {
+    pub(crate) pieces: Vec<Part>,
+    /// The piece of each triangle.
+    pub(crate) of: Vec<u32>,
+    pub(crate) areas: Vec<f64>,
+}
+
+impl Flats {
+    /// Pieces grown from the largest triangles first.
+    pub(crate) fn new(mesh: &Facets) -> Self {
+        let count = mesh.triangles.len();
+        let mut order: Vec<u32> = (0..count as u32).collect();
+        let area = |t: u32| mesh.areas[t as usize];
+        order.sort_by(|&a, &b| area(b).total_cmp(&area(a)).then(a.cmp(&b)));
+        let mut flats = Self {
+            pieces: Vec::new(),
+            of: vec![NONE; count],
+            areas: Vec::new(),
+        };
+        for seed in order {
+            if flats.of[seed as usize] == NONE {
+                let piece = flats.grown(mesh, seed);
+                flats.areas.push(mesh.area(&piece.triangles));
+                flats.pieces.push(piece);
+            }
+        }
+        flats
+    }
+
+    /// The piece about a triangle; its triangles are marked as those of the next piece.
+    fn grown(&mut self, mesh: &Facets, seed: u32) -> Part {
+        let id = self.pieces.len() as u32;
+        let mut surface = Surface {
+            kind: Kind::Plane,
+            place: mesh.corners(seed)[0],
+            axis: mesh.normals[seed as usize],
+            size: 0.0,
+            other: 0.0,
+        };
+        self.of[seed as usize] = id;
+        let (mut triangles, mut at, mut fitted) = (vec![seed], 0, 1);
+        while at < triangles.len() {
+            for u in mesh.near(triangles[at]) {
+                if self.of[*u as usize] == NONE && lies_in(mesh, &surface, *u) {
+                    self.of[*u as usize] = id;
+                    triangles.push(*u);
+                }
+            }
+            at += 1;
+            // What was refused with a worse plane is tried again with a better one.
+            if triangles.len() >= 2 * fitted && triangles.len() > 2 {
+                fitted = triangles.len();
+                let axis = surface.axis;
+                surface = plane(&mesh.at(&mesh.vertices(&triangles)));
+                if dot(surface.axis, axis) < 0.0 {
+                    surface.axis = surface.axis.map(|x| -x);
+                }
+                at = 0;
+            }
+        }
+        triangles.sort_unstable();
+        Part { surface, triangles }
+    }
+
+    /// Whether the surface turns little from one piece to another beyond an edge, and both are of
+    /// about the same size: they may be facets of one thing.
+    pub(crate) fn are_alike(&self, mesh: &Facets, pair: [u32; 2]) -> bool {
+        self.are_within(mesh, pair, COMPARABLE)
+    }
+
+    /// The same, with areas that differ by less than a factor.
+    pub(crate) fn are_within(&self, mesh: &Facets, [t, u]: [u32; 2], factor: f64) -> bool {
+        let [a, b] = [t, u].map(|t| self.areas[self.of[t as usize] as usize]);
+        a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN
+    }
+
+    /// Whether a piece cannot be a facet of something bent.
+    pub(crate) fn is_plain(&self, mesh: &Facets, piece: u32) -> bool {
+        let part = &self.pieces[piece as usize];
+        let [e, f] = part.surface.frame();
+        let flat = |p: &Point3| [dot(*p, e), dot(*p, f)];
+        if part.triangles.len() + 2 < MANY_CORNERS {
+            return false;
+        }
+        let points = mesh.at(&mesh.vertices(&part.triangles));
+        let corners = hull(points.iter().map(flat).collect(), mesh.tolerance);
+        corners.len() >= MANY_CORNERS && ends_clearly(mesh, part)
+    }
+}
+
+/// Whether a triangle lies in a plane.
+fn lies_in(mesh: &Facets, plane: &Surface, t: u32) -> bool {
+    let corners = mesh.corners(t);
+    let tolerance = mesh.tolerance;
+    let n = mesh.normals[t as usize];
+    let sine = 1.0 - dot(n, plane.axis).min(1.0);
+    let off = (2.0 * sine).sqrt();
+    off <= OFF.0 + OFF.1 * tolerance / mesh.heights[t as usize]
+        && corners
+            .iter()
+            .all(|p| plane.distance(*p).abs() <= tolerance)
+}
+
+/// The corners of the convex hull (Andrew 1979), without those that stick out by less than a
+/// tolerance.
+fn hull(mut points: Vec<[f64; 2]>, tolerance: f64) -> Vec<[f64; 2]> {
+    points.sort_by(|a, b| a[0].total_cmp(&b[0]).then(a[1].total_cmp(&b[1])));
+    let mut chains: [Vec<[f64; 2]>; 2] = [Vec::new(), Vec::new()];
+    for (k, chain) in chains.iter_mut().enumerate() {
+        for i in 0..points.len() {
+            let p = points[if k == 0 { i } else { points.len() - 1 - i }];
+            while chain.len() >= 2
+                && !turns(
+                    [chain[chain.len() - 2], chain[chain.len() - 1], p],
+                    tolerance,
+                )
+            {
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+    }
+    chains.concat()
+}
+
+/// Whether the middle one of three points sticks out to the right of the others.
+fn turns([a, b, c]: [[f64; 2]; 3], tolerance: f64) -> bool {
+    let at = |p: [f64; 2]| [p[0], p[1], 0.0];
+    let [u, v] = [sub(at(b), at(a)), sub(at(c), at(a))];
+    (u[0] * v[1] - u[1] * v[0]) > tolerance * v[0].hypot(v[1])
+}

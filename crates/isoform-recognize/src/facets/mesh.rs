@@ -1,0 +1,269 @@
+//! The triangles as recognition sees them: each vertex and each triangle once, scaled, with their
+//! neighbours, and turned alike.
+
+use super::rounding::rounding;
+use crate::chart::unit;
+use crate::cloud::{Scaling, sorted};
+use isoform_geom::{KdTree, Point3, PointCloud, UnionFind, cross, dot, norm, sub};
+use rayon::prelude::*;
+use std::collections::VecDeque;
+
+/// Vertices lie within this many roundings of their surface: three coordinates were rounded, and
+/// the programs that made them computed no better. Fewer lose facets, more join facets that are
+/// bent.
+const WITHIN: f64 = 10.0;
+/// The least tolerance, in diagonals: how exactly modellers compute where two surfaces meet, and
+/// five roundings of single precision, which a mesh has that was scaled after it had been rounded.
+const LEAST: f64 = 3e-7;
+/// The most triangles at an edge that are neighbours: more are a bundle of sheets.
+const MOST_AT_EDGE: usize = 4;
+/// No triangle, no cluster, no entity.
+pub(crate) const NONE: u32 = u32::MAX;
+
+/// A mesh of triangles about the middle of its box, of a diagonal of 1.
+pub(crate) struct Facets {
+    pub(crate) points: Vec<Point3>,
+    /// For each vertex given its point.
+    pub(crate) index: Vec<u32>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// Unit normals, outwards where the mesh tells.
+    pub(crate) normals: Vec<Point3>,
+    pub(crate) areas: Vec<f64>,
+    /// The least height of each triangle.
+    pub(crate) heights: Vec<f64>,
+    /// How far vertices may lie from their surface.
+    pub(crate) tolerance: f64,
+    /// The largest rounding error of a coordinate.
+    pub(crate) rounding: f64,
+    /// How many triangles there are at each point.
+    pub(crate) valence: Vec<u32>,
+    near: Vec<u32>,
+    first: Vec<u32>,
+}
+
+/// The two ends of an edge in ascending order, its triangle, and whether it runs from the first to
+/// the second.
+type Side = ([u32; 2], u32, bool);
+
+impl Facets {
+    /// Of a mesh whose corners are points; triangles without area are left out.
+    pub(crate) fn new(scan: &PointCloud, scaling: &Scaling) -> Self {
+        let rounding = rounding(scan, scaling.unit) / scaling.unit;
+        let tolerance = (WITHIN * rounding).max(LEAST);
+        let (places, mut index) = sorted(&scan.points);
+        let points: Vec<Point3> = places.iter().map(|p| scaling.apply(*p)).collect();
+        let mut triangles = distinct(&scan.triangles, &index, &points, tolerance);
+        let open = open_vertices(&sides(&triangles));
+        if let Some(same) = welded(&points, &open, tolerance) {
+            index.iter_mut().for_each(|i| *i = same[*i as usize]);
+            triangles = distinct(&scan.triangles, &index, &points, tolerance);
+        }
+        let sides = sides(&triangles);
+        turn_alike(&mut triangles, &sides);
+        if volume(&points, &triangles) < 0.0 && open_vertices(&sides).is_empty() {
+            triangles.iter_mut().for_each(|t| t.swap(1, 2));
+        }
+        let (near, first) = neighbours(&sides, triangles.len());
+        let mut valence = vec![0; points.len()];
+        let corners = triangles.as_flattened().iter();
+        corners.for_each(|v| valence[*v as usize] += 1);
+        let shape = |t: &[u32; 3]| shape(t.map(|v| points[v as usize]));
+        let shapes: Vec<(Point3, f64, f64)> = triangles.par_iter().map(shape).collect();
+        Self {
+            normals: shapes.iter().map(|s| s.0).collect(),
+            areas: shapes.iter().map(|s| s.1).collect(),
+            heights: shapes.iter().map(|s| s.2).collect(),
+            points,
+            index,
+            triangles,
+            tolerance,
+            rounding,
+            valence,
+            near,
+            first,
+        }
+    }
+
+    /// The triangles beyond the edges of one.
+    pub(crate) fn near(&self, t: u32) -> &[u32] {
+        let [from, to] = [t as usize, t as usize + 1].map(|k| self.first[k] as usize);
+        &self.near[from..to]
+    }
+
+    /// The corners of a triangle.
+    pub(crate) fn corners(&self, t: u32) -> [Point3; 3] {
+        self.triangles[t as usize].map(|v| self.points[v as usize])
+    }
+
+    /// The vertices of triangles, each once, in ascending order.
+    pub(crate) fn vertices(&self, of: &[u32]) -> Vec<u32> {
+        let corners = of.iter().flat_map(|t| self.triangles[*t as usize]);
+        let mut vertices: Vec<u32> = corners.collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        vertices
+    }
+
+    /// Whether all triangles at some vertex are among these.
+    pub(crate) fn surround_a_vertex(&self, of: &[u32]) -> bool {
+        let corners = of.iter().flat_map(|t| self.triangles[*t as usize]);
+        let mut corners: Vec<u32> = corners.collect();
+        corners.sort_unstable();
+        let mut groups = corners.chunk_by(|a, b| a == b);
+        groups.any(|g| g.len() == self.valence[g[0] as usize] as usize)
+    }
+
+    /// Positions of vertices.
+    pub(crate) fn at(&self, which: &[u32]) -> Vec<Point3> {
+        which.iter().map(|i| self.points[*i as usize]).collect()
+    }
+
+    /// The cosine of the angle by which the surface turns between two triangles.
+    pub(crate) fn cosine(&self, a: u32, b: u32) -> f64 {
+        dot(self.normals[a as usize], self.normals[b as usize])
+    }
+
+    /// The area of triangles.
+    pub(crate) fn area(&self, of: &[u32]) -> f64 {
+        of.iter().map(|t| self.areas[*t as usize]).sum()
+    }
+}
+
+/// The triangles by their places, each once, without those that are no wider than the tolerance
+/// lets tell.
+fn distinct(given: &[[u32; 3]], index: &[u32], points: &[Point3], tolerance: f64) -> Vec<[u32; 3]> {
+    let placed = |t: &[u32; 3]| t.map(|v| index[v as usize]);
+    let mut keyed: Vec<([u32; 3], u32)> = (0..given.len() as u32)
+        .map(|k| {
+            let mut key = placed(&given[k as usize]);
+            key.sort_unstable();
+            (key, k)
+        })
+        .filter(|([a, b, c], _)| a != b && b != c)
+        .collect();
+    keyed.par_sort_unstable();
+    keyed.dedup_by_key(|k| k.0);
+    keyed.sort_unstable_by_key(|k| k.1);
+    let triangles = keyed.iter().map(|k| placed(&given[k.1 as usize]));
+    let is_wide = |t: &[u32; 3]| shape(t.map(|v| points[v as usize])).2 > 0.01 * tolerance;
+    triangles.filter(is_wide).collect()
+}
+
+/// The normal, the area and the least height of a triangle.
+fn shape([a, b, c]: [Point3; 3]) -> (Point3, f64, f64) {
+    let n = cross(sub(b, a), sub(c, a));
+    let double = norm(n);
+    let sides = [sub(b, a), sub(c, b), sub(a, c)].map(norm);
+    let longest = sides.into_iter().fold(0.0, f64::max);
+    let height = if longest > 0.0 { double / longest } else { 0.0 };
+    (unit(n), double / 2.0, height)
+}
+
+/// The sides of triangles, those of one edge after another.
+fn sides(triangles: &[[u32; 3]]) -> Vec<Side> {
+    let of = |(t, v): (usize, &[u32; 3])| {
+        let [a, b, c] = *v;
+        [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], t as u32, a < b))
+    };
+    let mut sides: Vec<Side> = triangles.iter().enumerate().flat_map(of).collect();
+    sides.par_sort_unstable();
+    sides
+}
+
+/// Sides by edge.
+fn edges(sides: &[Side]) -> impl Iterator<Item = &[Side]> {
+    sides.chunk_by(|a, b| a.0 == b.0)
+}
+
+/// The vertices at edges of one triangle only.
+fn open_vertices(sides: &[Side]) -> Vec<u32> {
+    let open = edges(sides).filter(|e| e.len() == 1);
+    let mut vertices: Vec<u32> = open.flat_map(|e| e[0].0).collect();
+    vertices.sort_unstable();
+    vertices.dedup();
+    vertices
+}
+
+/// For each point the least of those that rounding keeps apart from it, along open edges; `None`
+/// where there are no open edges.
+fn welded(points: &[Point3], open: &[u32], tolerance: f64) -> Option<Vec<u32>> {
+    if open.is_empty() {
+        return None;
+    }
+    let at: Vec<Point3> = open.iter().map(|v| points[*v as usize]).collect();
+    let tree = KdTree::new(&at);
+    let mut same = UnionFind::new(points.len());
+    let squared = tolerance * tolerance;
+    for (k, p) in at.iter().enumerate() {
+        tree.near(*p, squared, &mut |_, j| {
+            same.unite(open[k], open[j as usize]);
+            squared
+        });
+    }
+    Some((0..points.len() as u32).map(|v| same.root(v)).collect())
+}
+
+/// Turns triangles so that neighbours run along their edge in opposite ways, in each piece as most
+/// of it was.
+fn turn_alike(triangles: &mut [[u32; 3]], sides: &[Side]) {
+    let mut near: Vec<(u32, u32, bool)> = Vec::new();
+    for edge in edges(sides).filter(|e| e.len() == 2) {
+        let (a, b) = (&edge[0], &edge[1]);
+        near.push((a.1, b.1, a.2 == b.2));
+        near.push((b.1, a.1, a.2 == b.2));
+    }
+    near.sort_unstable();
+    let mut turned: Vec<Option<bool>> = vec![None; triangles.len()];
+    for start in 0..triangles.len() {
+        if turned[start].is_some() {
+            continue;
+        }
+        turned[start] = Some(false);
+        let (mut queue, mut piece) = (VecDeque::from([start as u32]), Vec::new());
+        while let Some(t) = queue.pop_front() {
+            piece.push(t);
+            let own = turned[t as usize] == Some(true);
+            let from = near.partition_point(|n| n.0 < t);
+            for (_, u, clash) in near[from..].iter().take_while(|n| n.0 == t) {
+                if turned[*u as usize].is_none() {
+                    turned[*u as usize] = Some(own != *clash);
+                    queue.push_back(*u);
+                }
+            }
+        }
+        let changed = piece.iter().filter(|t| turned[**t as usize] == Some(true));
+        let most = changed.count() * 2 > piece.len();
+        for t in piece {
+            if (turned[t as usize] == Some(true)) != most {
+                triangles[t as usize].swap(1, 2);
+            }
+        }
+    }
+}
+
+/// Six times the volume inside.
+fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
+    let of = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| points[v as usize]);
+        dot(a, cross(b, c))
+    };
+    triangles.iter().map(of).sum()
+}
+
+/// For each triangle those beyond its edges, and where those of each begin.
+fn neighbours(sides: &[Side], count: usize) -> (Vec<u32>, Vec<u32>) {
+    let mut pairs: Vec<(u32, u32)> = Vec::new();
+    for edge in edges(sides).filter(|e| e.len() <= MOST_AT_EDGE) {
+        for a in edge {
+            pairs.extend(edge.iter().filter(|b| b.1 != a.1).map(|b| (a.1, b.1)));
+        }
+    }
+    pairs.par_sort_unstable();
+    pairs.dedup();
+    let mut first = vec![0; count + 1];
+    pairs.iter().for_each(|p| first[p.0 as usize + 1] += 1);
+    for k in 0..count {
+        first[k + 1] += first[k];
+    }
+    (pairs.iter().map(|p| p.1).collect(), first)
+}

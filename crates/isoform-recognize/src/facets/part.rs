@@ -1,0 +1,188 @@
+//! Parts of a mesh that one surface explains: which triangles follow a surface, and how a part
+//! grows along edges.
+//!
+//! Vertices lie on the surface up to rounding, facets are its chords: the normal of a facet is that
+//! of the surface somewhere over it, so it is no farther from those at its corners than these are
+//! from one another.
+
+use super::mesh::Facets;
+use crate::chart::{Kind, Surface, unit};
+use crate::fit::{Precision, fit};
+use isoform_geom::{Point3, dot};
+
+/// The cosine of the most that a surface turns over one of its facets, 40°. A circle of 9 sides
+/// turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes. Modellers
+/// allow 30° at most where nobody asks for more, and designers draw hexagons and octagons; a smaller
+/// angle would lose coarse bores, a larger one round octagons.
+pub(crate) const TURN: f64 = 0.766_05;
+/// That for surfaces that turn both ways, √2 · 40°, from corner to corner of a facet. It keeps out
+/// the icosahedron, whose corners turn by 63°.
+const BOTH_WAYS: f64 = 0.551;
+/// What a facet's normal may be off beyond the turn of its surface, in radians, and in tolerances
+/// over the height of the facet.
+const OFF: (f64, f64) = (2e-3, 3.0);
+/// A triangle less high than this many tolerances has no normal to speak of.
+const SLIVER: f64 = 20.0;
+/// A part grows by this factor between two fits, and by some triangles more.
+const GROWTH: (f64, usize) = (1.7, 4);
+/// Fits of a part at most: a million triangles are reached after 30.
+const ROUNDS: usize = 60;
+/// Fits take the corners of at most this many triangles, all of which are exact.
+pub(crate) const SAMPLE: usize = 70;
+
+/// Where a part ends, what follows leaves its surface by this many tolerances at least: in a fine
+/// mesh of another shape it leaves little by little. Fewer would take patches of free forms, more
+/// would lose faces of fine meshes that pass into others smoothly.
+const LEAVES: f64 = 10.0;
+/// The share of the border along which it has to.
+const MOSTLY: f64 = 0.8;
+
+/// Triangles that one surface explains.
+#[derive(Clone, Debug)]
+pub(crate) struct Part {
+    pub(crate) surface: Surface,
+    /// In ascending order.
+    pub(crate) triangles: Vec<u32>,
+}
+
+/// Whether a triangle is a facet of the surface.
+pub(crate) fn follows(mesh: &Facets, surface: &Surface, t: u32) -> bool {
+    follows_within(mesh, surface, t, mesh.tolerance)
+}
+
+fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> bool {
+    let corners = mesh.corners(t);
+    if corners
+        .iter()
+        .any(|p| surface.distance(*p).abs() > tolerance)
+    {
+        return false;
+    }
+    let height = mesh.heights[t as usize];
+    let turn = turn(surface, corners);
+    let most = match surface.kind {
+        Kind::Sphere | Kind::Torus => BOTH_WAYS,
+        _ => TURN,
+    };
+    if turn < most {
+        return false;
+    }
+    if height < SLIVER * tolerance {
+        return true;
+    }
+    let n = corners.map(|p| surface.normal(p));
+    let mean = unit(std::array::from_fn(|k| n[0][k] + n[1][k] + n[2][k]));
+    let off = dot(mean, mesh.normals[t as usize]).abs();
+    let allowed = || angle(turn) + OFF.0 + OFF.1 * tolerance / height;
+    off >= turn || off >= most && angle(off) <= allowed()
+}
+
+/// The cosine of the largest angle between the surface's normals at the corners of a facet.
+pub(crate) fn turn(surface: &Surface, corners: [Point3; 3]) -> f64 {
+    if surface.kind == Kind::Plane {
+        return 1.0;
+    }
+    let [a, b, c] = corners.map(|p| surface.normal(p));
+    dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
+}
+
+fn angle(cosine: f64) -> f64 {
+    cosine.clamp(-1.0, 1.0).acos()
+}
+
+/// Grows a part from triangles that a surface is fitted to, along triangles that are free.
+pub(crate) fn grow(
+    mesh: &Facets,
+    seed: &[u32],
+    surface: Surface,
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> Option<Part> {
+    let mut part = Part {
+        surface,
+        triangles: seed.to_vec(),
+    };
+    let (mut is_seen, mut is_whole) = (vec![false; mesh.triangles.len()], false);
+    for _ in 0..ROUNDS {
+        let most = (part.triangles.len() as f64 * GROWTH.0) as usize + GROWTH.1;
+        let (new, reached_end) = collect(mesh, &part, most, &mut is_seen, is_free);
+        new.iter().for_each(|t| is_seen[*t as usize] = false);
+        if new.is_empty() || new.len() * 2 < part.triangles.len() {
+            return None;
+        }
+        let stands = reached_end && is_whole && new == part.triangles;
+        is_whole = reached_end;
+        part.triangles = new;
+        if stands {
+            return Some(part);
+        }
+        part.surface = exact(mesh, &part.surface, &part.triangles)?;
+    }
+    Some(part)
+}
+
+/// The surface fitted to the corners of a sample of triangles, if all of these lie on it.
+pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surface> {
+    let points = corners(mesh, of);
+    let (surface, _) = fit(start, &points, Precision::Full)?;
+    let is_on = |p: &Point3| surface.distance(*p).abs() <= mesh.tolerance;
+    points.iter().all(is_on).then_some(surface)
+}
+
+/// Whether few triangles beyond the border of a part leave its surface little by little.
+pub(crate) fn ends_clearly(mesh: &Facets, part: &Part) -> bool {
+    let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
+    let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
+    let nearly = |t: u32| follows(t, LEAVES * mesh.tolerance) && !follows(t, mesh.tolerance);
+    let near = part.triangles.iter().flat_map(|t| mesh.near(*t));
+    let (mut vague, mut all) = (0.0, 0.0);
+    for t in near.filter(|t| is_outside(t)) {
+        all += 1.0;
+        vague += f64::from(u8::from(nearly(*t)));
+    }
+    vague <= (1.0 - MOSTLY) * all
+}
+
+/// The corners of at most [`SAMPLE`] of some triangles.
+pub(crate) fn corners(mesh: &Facets, of: &[u32]) -> Vec<Point3> {
+    let step = of.len().div_ceil(SAMPLE).max(1);
+    let some = of.iter().step_by(step);
+    some.flat_map(|t| mesh.corners(*t)).collect()
+}
+
+/// The triangles that follow the surface, reached from those of a part along edges, in ascending
+/// order; and whether all of them were reached before there were `most`. `is_seen` is left true for
+/// the triangles returned, false for all others.
+fn collect(
+    mesh: &Facets,
+    part: &Part,
+    most: usize,
+    is_seen: &mut [bool],
+    is_free: &(impl Fn(u32) -> bool + Sync),
+) -> (Vec<u32>, bool) {
+    let takes = |t: u32| is_free(t) && follows(mesh, &part.surface, t);
+    let from = part.triangles.iter().copied();
+    let mut ring: Vec<u32> = from.filter(|t| takes(*t)).collect();
+    ring.iter().for_each(|t| is_seen[*t as usize] = true);
+    let (mut all, mut refused) = (ring.clone(), Vec::new());
+    while !ring.is_empty() && all.len() < most {
+        let mut next = Vec::new();
+        for t in &ring {
+            for u in mesh.near(*t) {
+                if is_seen[*u as usize] {
+                    continue;
+                }
+                is_seen[*u as usize] = true;
+                if takes(*u) {
+                    next.push(*u);
+                } else {
+                    refused.push(*u);
+                }
+            }
+        }
+        all.extend(&next);
+        ring = next;
+    }
+    refused.iter().for_each(|t| is_seen[*t as usize] = false);
+    all.sort_unstable();
+    (all, ring.is_empty())
+}

@@ -1,0 +1,153 @@
+//! What is said of the parts of a mesh, in the mesh's unit and order.
+
+use super::claim::Claims;
+use super::mesh::{Facets, NONE};
+use super::part::Part;
+use super::points::at_vertices;
+use crate::blends::blends;
+use crate::chart::{Kind, MOST, Surface};
+use crate::cloud::Scaling;
+use crate::entity::{Entity, Recognition};
+use crate::fit::{Precision, covariance, fit, mean, squares};
+use crate::recognize::{Options, deviations};
+use crate::relations::{Known, relations};
+use isoform_geom::{Point3, dot};
+use rayon::prelude::*;
+
+/// A part faces outwards, or inwards, where facets of this share of its area do so more than not.
+const CLEARLY: f64 = 0.5;
+
+/// The recognition of the mesh's own points and those inside faces.
+pub(crate) fn report(
+    mesh: &Facets,
+    claims: &Claims,
+    inside: &[(Point3, u32)],
+    options: &Options,
+    scaling: &Scaling,
+) -> Recognition {
+    let at_vertices = at_vertices(mesh, claims);
+    let vertices = mesh.index.iter().map(|v| at_vertices[*v as usize]);
+    let labels: Vec<u32> = vertices.chain(inside.iter().map(|p| p.1)).collect();
+    let mut counts = vec![0; claims.parts.len()];
+    let known = labels.iter().filter(|l| **l != NONE);
+    known.for_each(|l| counts[*l as usize] += 1);
+    let mut order: Vec<usize> = (0..counts.len()).collect();
+    order.retain(|k| counts[*k] >= options.min_points);
+    order.sort_by_key(|k| (std::cmp::Reverse(counts[*k]), *k));
+    let mut rank = vec![None; counts.len()];
+    for (new, old) in order.iter().enumerate() {
+        rank[*old] = Some(new as u32);
+    }
+    let noise = options.noise.map_or(mesh.rounding, |n| n / scaling.unit);
+    let noise = noise.max(f64::EPSILON);
+    let said = |k: &usize| said(mesh, &claims.parts[*k], counts[*k], noise, scaling);
+    let said: Vec<(Entity, Known)> = order.par_iter().map(said).collect();
+    let (entities, known): (Vec<Entity>, Vec<Known>) = said.into_iter().unzip();
+    let rank = |l: &u32| rank.get(*l as usize).copied().flatten();
+    let points: Vec<Vec<Point3>> = order
+        .iter()
+        .map(|k| mesh.at(&mesh.vertices(&claims.parts[*k].triangles)))
+        .collect();
+    let of = |t: u32| rank(&claims.taken[t as usize]).map(|l| l as usize);
+    let pairs = (0..mesh.triangles.len() as u32).flat_map(|t| {
+        let beside = mesh.near(t).iter().filter_map(move |u| of(*u));
+        let own = of(t).into_iter();
+        own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
+            .filter(|p| p.0 != p.1)
+    });
+    Recognition {
+        blends: blends(&known, &points, pairs, scaling.unit),
+        relations: relations(&known, noise, scaling.unit),
+        entities,
+        normals: normals(mesh, claims, inside),
+        labels: labels.iter().map(rank).collect(),
+        noise: noise * scaling.unit,
+    }
+}
+
+/// A part as an entity, and its surface with what is known of it.
+fn said(
+    mesh: &Facets,
+    part: &Part,
+    count: usize,
+    noise: f64,
+    scaling: &Scaling,
+) -> (Entity, Known) {
+    let points = mesh.at(&mesh.vertices(&part.triangles));
+    let fitted = fit(&part.surface, &points, Precision::Full);
+    let mut surface = fitted.map_or(part.surface, |f| f.0).about(mean(&points));
+    if surface.kind == Kind::Cone && surface.other < 0.0 {
+        surface.axis = surface.axis.map(|x| -x);
+        surface.other = -surface.other;
+    }
+    let free = points
+        .len()
+        .saturating_sub(surface.kind.parameters())
+        .max(1) as f64;
+    let squares = squares(&surface, &points);
+    // Few vertices may meet by chance more exactly than they were rounded.
+    let sigma = (squares / free).sqrt().max(noise / 3.0_f64.sqrt());
+    let open = [[f64::INFINITY; MOST]; MOST];
+    let variance = sigma * sigma;
+    let covariance =
+        covariance(&surface, &points).map_or(open, |c| c.map(|row| row.map(|x| x * variance)));
+    let entity = Entity {
+        surface: surface.quadric(scaling.unit, scaling.origin),
+        deviations: deviations(&surface, &points, sigma, scaling),
+        outward: outward(mesh, part, &surface),
+        points: count,
+        rms: (squares / points.len() as f64).sqrt() * scaling.unit,
+        extent: surface.extent(&points).map(|h| h * scaling.unit),
+    };
+    (
+        entity,
+        Known {
+            surface,
+            covariance,
+        },
+    )
+}
+
+/// Which side of the surface is outside, by its facets.
+fn outward(mesh: &Facets, part: &Part, surface: &Surface) -> i8 {
+    let side = |t: &u32| {
+        let n = surface.normal(middle_of(mesh, *t));
+        mesh.areas[*t as usize] * dot(n, mesh.normals[*t as usize]).signum()
+    };
+    let sides: f64 = part.triangles.iter().map(side).sum();
+    let share = sides / mesh.area(&part.triangles);
+    i8::from(share > CLEARLY) - i8::from(share < -CLEARLY)
+}
+
+fn middle_of(mesh: &Facets, t: u32) -> Point3 {
+    isoform_geom::middle(mesh.corners(t))
+}
+
+/// Unit normals of the mesh's points, the mean of the facets there, and of those inside faces.
+fn normals(mesh: &Facets, claims: &Claims, inside: &[(Point3, u32)]) -> Vec<Point3> {
+    let mut sums = vec![[0.0; 3]; mesh.points.len()];
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        for v in corners {
+            for (sum, n) in sums[*v as usize].iter_mut().zip(mesh.normals[t]) {
+                *sum += mesh.areas[t] * n;
+            }
+        }
+    }
+    let sides: Vec<f64> = claims
+        .parts
+        .iter()
+        .map(|p| f64::from(outward(mesh, p, &p.surface)))
+        .collect();
+    let of_face = |(p, k): &(Point3, u32)| {
+        let sign = if sides[*k as usize] < 0.0 { -1.0 } else { 1.0 };
+        claims.parts[*k as usize]
+            .surface
+            .normal(*p)
+            .map(|x| sign * x)
+    };
+    let at_vertices = mesh.index.iter();
+    at_vertices
+        .map(|v| crate::chart::unit(sums[*v as usize]))
+        .chain(inside.iter().map(of_face))
+        .collect()
+}

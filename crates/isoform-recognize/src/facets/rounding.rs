@@ -1,0 +1,108 @@
+//! To how many digits the coordinates of a mesh were rounded.
+
+use isoform_geom::PointCloud;
+
+/// About how many coordinates are looked at. Fewer may all be round numbers by chance.
+const SAMPLE: usize = 12_000;
+/// Half a step of single precision, relative to the number.
+const SINGLE: f64 = 1.0 / 16_777_216.0;
+/// A number is one of single precision where it is nearer to one than this share of the rounding:
+/// files in decimals give nine digits of it. One in eight of other numbers is by chance.
+const NEAR_SINGLE: f64 = 0.125;
+/// Share of the numbers that are of single precision where the mesh is.
+const ALL: f64 = 0.99;
+/// Numbers of so many decimal digits were not rounded to decimals.
+const UNROUNDED: i32 = 13;
+/// The coarsest decimals, in diagonals, that are taken for rounding: round numbers of a designer
+/// are coarser. Smaller would look for exact surfaces where files have four digits, larger would
+/// take a part that is measured in whole millimetres for a rounded one.
+const COARSEST: f64 = 2e-5;
+
+/// The largest error that rounding made in a coordinate: that of single precision, or of decimals,
+/// where the coordinates show one of them, else that of double precision.
+pub(crate) fn rounding(scan: &PointCloud, diagonal: f64) -> f64 {
+    let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);
+    let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
+    let numbers = (0..3 * scan.points.len()).step_by(step).map(absolute);
+    let numbers: Vec<f64> = numbers.filter(|x| *x != 0.0 && x.is_finite()).collect();
+    let largest = numbers.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let singles = numbers.iter().filter(|x| is_single(**x)).count() as f64;
+    let single = match singles >= ALL * numbers.len() as f64 {
+        true => largest * SINGLE,
+        false => 0.0,
+    };
+    let decimal = decimal(&numbers, largest);
+    let decimal = if decimal <= COARSEST * diagonal {
+        decimal
+    } else {
+        0.0
+    };
+    single.max(decimal).max(largest * f64::EPSILON)
+}
+
+fn is_single(x: f64) -> bool {
+    (x - f64::from(x as f32)).abs() <= NEAR_SINGLE * SINGLE * x.abs()
+}
+
+/// Half the last decimal that the numbers have: of fixed decimals the finest of any number, of a
+/// fixed number of digits that of the largest number.
+fn decimal(numbers: &[f64], largest: f64) -> f64 {
+    let (mut digits, mut finest) = (0, i32::MAX);
+    for x in numbers {
+        let (of, last) = decimals(*x);
+        digits = digits.max(of);
+        finest = finest.min(last);
+    }
+    if digits >= UNROUNDED || numbers.is_empty() {
+        return 0.0;
+    }
+    let of_largest = largest.log10().floor() as i32 + 1 - digits;
+    0.5 * 10.0_f64.powi(finest.max(of_largest))
+}
+
+/// How many decimal digits a number has, and the power of ten of the last one.
+fn decimals(x: f64) -> (i32, i32) {
+    let text = format!("{x:e}");
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let digits = mantissa.bytes().filter(u8::is_ascii_digit).count() as i32;
+    (digits, exponent.parse::<i32>().unwrap_or(0) + 1 - digits)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Points all over a sphere of radius 20, rounded.
+    fn sphere(round: impl Fn(f64) -> f64) -> PointCloud {
+        let at = |i: u32| {
+            let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 200.0 - 1.0);
+            let r = (1.0 - z * z).sqrt();
+            [t.cos() * r, t.sin() * r, z].map(|x| round(20.0 * x))
+        };
+        PointCloud::from_points((0..400).map(at).collect())
+    }
+
+    #[test]
+    fn single_precision_is_told_also_from_decimals_of_it() {
+        let exact = rounding(&sphere(|x| f64::from(x as f32)), 69.0);
+        assert!((0.9..=1.0).contains(&(exact / (20.0 * SINGLE))), "{exact}");
+        let nine = |x: f64| format!("{:.8e}", x as f32).parse().unwrap_or(x);
+        assert!((rounding(&sphere(nine), 69.0) / exact - 1.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn decimals_are_told() {
+        let fixed = rounding(&sphere(|x| (x * 1e4).round() / 1e4), 69.0);
+        assert!((fixed / 0.5e-4 - 1.0).abs() < 1e-9, "{fixed}");
+        let seven = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
+        let digits = rounding(&sphere(seven), 69.0);
+        assert!((digits / 0.5e-5 - 1.0).abs() < 1e-9, "{digits}");
+    }
+
+    #[test]
+    fn doubles_and_whole_numbers_are_not_rounded() {
+        assert!(rounding(&sphere(|x| x), 69.0) < 1e-14);
+        let cube = PointCloud::from_points(vec![[0.0; 3], [10.0, 20.0, 7.5]]);
+        assert!(rounding(&cube, 23.0) < 2e-6);
+    }
+}

@@ -1,0 +1,238 @@
+//! Bent surfaces about a facet: hypotheses from the facets around it, each grown as far as it
+//! holds, and the one that explains most.
+
+use super::evidence::shows;
+use super::flat::{COMPARABLE, Flats};
+use super::mesh::Facets;
+use super::part::{Part, SAMPLE, corners, exact, follows, grow};
+use crate::chart::{Kind, Surface, unit};
+use crate::fit::{Precision, fit};
+use crate::start::starts;
+use isoform_geom::{Point3, dot};
+use rayon::prelude::*;
+
+/// Numbers of triangles that hypotheses are made from: few stay within small faces, many show the
+/// curvature of fine meshes; and the factor by which neighbours may differ in area: one face has
+/// facets of one size often.
+const BALLS: [(usize, f64); 7] = [
+    (7, 1.5),
+    (24, 1.5),
+    (7, COMPARABLE),
+    (14, COMPARABLE),
+    (48, COMPARABLE),
+    (200, f64::INFINITY),
+    (800, f64::INFINITY),
+];
+/// Facets beside one that are tried in pairs.
+const BESIDE: usize = 6;
+/// Vertices of a rough fit farther from it than this many tolerances do not lie on such a surface.
+/// Fewer would lose those that converge slowly, more take time at free-form faces.
+const ROUGHLY: f64 = 100.0;
+/// A kind with more parameters wins where it explains this many times as many triangles.
+const MORE: f64 = 1.15;
+/// The least cosine between normals of one surface, given twice: 0.08°. Less would take a torus for the
+/// cone of a narrow ring of it.
+const SAME: f64 = 0.999_999;
+/// The bent kinds, the simplest first: what can be unrolled before a sphere, though that has fewer
+/// parameters, since two rings of vertices lie on a sphere always.
+const KINDS: [Kind; 4] = [Kind::Cylinder, Kind::Cone, Kind::Sphere, Kind::Torus];
+
+/// What is free to be explained.
+pub(crate) struct Free<'a> {
+    pub(crate) mesh: &'a Facets,
+    pub(crate) flats: &'a Flats,
+    /// The entity of each triangle.
+    pub(crate) taken: &'a [u32],
+}
+
+impl Free<'_> {
+    pub(crate) fn is_free(&self, t: u32) -> bool {
+        self.taken[t as usize] == super::mesh::NONE
+    }
+
+    /// The bent surface about a flat piece that explains most triangles.
+    pub(crate) fn best(&self, piece: u32) -> Option<Part> {
+        let sets = self.sets(piece);
+        let mut found = Vec::new();
+        for kind in KINDS {
+            found.extend(self.largest(kind, &sets, &found));
+        }
+        let best = simplest(found.into_iter())?;
+        if !matches!(best.surface.kind, Kind::Cylinder | Kind::Cone) {
+            return Some(best);
+        }
+        // Each ring of facets of a sphere or a torus is a cone, too.
+        let wider = [self.widened(&best.triangles)];
+        let known = [best];
+        let found = KINDS[2..].iter();
+        let found: Vec<Part> = found
+            .filter_map(|kind| self.largest(*kind, &wider, &known))
+            .collect();
+        simplest(known.into_iter().chain(found))
+    }
+
+    /// Sets of triangles that hypotheses are made from.
+    fn sets(&self, piece: u32) -> Vec<Vec<u32>> {
+        let own = &self.flats.pieces[piece as usize].triangles;
+        let mut beside: Vec<u32> = Vec::new();
+        for t in own {
+            for u in self.mesh.near(*t) {
+                let other = self.flats.of[*u as usize];
+                let is_new = other != piece && !beside.contains(&other);
+                if is_new && self.is_free(*u) && self.flats.are_alike(self.mesh, [*t, *u]) {
+                    beside.push(other);
+                }
+            }
+        }
+        beside.truncate(BESIDE);
+        let mut sets = Vec::new();
+        for (k, a) in beside.iter().enumerate() {
+            for b in &beside[k + 1..] {
+                let more = [a, b].map(|p| &self.flats.pieces[*p as usize].triangles[..]);
+                sets.push([own, more[0], more[1]].concat());
+            }
+        }
+        for (most, factor) in BALLS {
+            let set = self.ball(own[0], most, factor);
+            if !sets.contains(&set) {
+                sets.push(set);
+            }
+        }
+        sets
+    }
+
+    /// The free triangles nearest to one, across edges at which the surface turns little and areas
+    /// differ by less than a factor.
+    fn ball(&self, seed: u32, most: usize, factor: f64) -> Vec<u32> {
+        let (mut all, mut at) = (vec![seed], 0);
+        let mut seen = std::collections::BTreeSet::from([seed]);
+        while at < all.len() && all.len() < most {
+            let t = all[at];
+            for u in self.mesh.near(t) {
+                let continues = self.flats.are_within(self.mesh, [t, *u], factor);
+                if self.is_free(*u) && continues && seen.insert(*u) {
+                    all.push(*u);
+                }
+            }
+            at += 1;
+        }
+        all
+    }
+
+    /// Triangles with the free ones that continue them.
+    fn widened(&self, of: &[u32]) -> Vec<u32> {
+        let mut all = of.to_vec();
+        for _ in 0..2 {
+            let smooth = |t: &u32| {
+                let near = self.mesh.near(*t).iter().copied();
+                let t = *t;
+                near.filter(move |u| self.is_free(*u) && self.flats.are_alike(self.mesh, [t, *u]))
+            };
+            let more: Vec<u32> = all.iter().flat_map(smooth).collect();
+            all.extend(more);
+            all.sort_unstable();
+            all.dedup();
+        }
+        all
+    }
+
+    /// The largest part of a kind that the sets lead to, other than those known.
+    fn largest(&self, kind: Kind, sets: &[Vec<u32>], known: &[Part]) -> Option<Part> {
+        let tried: Vec<Vec<Surface>> = sets
+            .par_iter()
+            .map(|set| self.hypotheses(kind, set))
+            .collect();
+        let mut best: Option<Part> = None;
+        for (set, surfaces) in sets.iter().zip(tried) {
+            for surface in surfaces {
+                let is_known = |part: &Part| {
+                    is_same(self.mesh, [&surface, &part.surface], &part.triangles)
+                        || is_same(self.mesh, [&surface, &part.surface], set)
+                };
+                if known.iter().chain(&best).any(is_known) {
+                    continue;
+                }
+                let Some(part) = grow(self.mesh, set, surface, &|t| self.is_free(t)) else {
+                    continue;
+                };
+                let is_larger = |b: &Part| part.triangles.len() > b.triangles.len();
+                if best.as_ref().is_none_or(is_larger) && shows(self.mesh, &part) {
+                    best = Some(part);
+                }
+            }
+        }
+        best
+    }
+
+    /// Surfaces of a kind that all vertices of a set lie on.
+    fn hypotheses(&self, kind: Kind, set: &[u32]) -> Vec<Surface> {
+        let mesh = self.mesh;
+        let vertices = mesh.vertices(set);
+        if vertices.len() <= kind.parameters() {
+            return Vec::new();
+        }
+        let (tangent, facets) = self.tangent_planes(set);
+        let smooth = self.smooth(set, &vertices);
+        let step = vertices.len().div_ceil(SAMPLE).max(1);
+        let some = |of: &[Point3]| -> Vec<Point3> { of.iter().copied().step_by(step).collect() };
+        let (points, smooth) = (some(&mesh.at(&vertices)), some(&smooth));
+        let mut from = match kind {
+            Kind::Cylinder | Kind::Cone => starts(kind, &tangent, &facets),
+            _ => Vec::new(),
+        };
+        from.extend(starts(kind, &points, &smooth));
+        let roughly = |s: &Surface| -> Option<Surface> {
+            let (surface, squares) = fit(s, &points, Precision::Rough)?;
+            let limit = (ROUGHLY * mesh.tolerance).powi(2) * points.len() as f64;
+            (squares <= limit).then_some(surface)
+        };
+        let fitted = from.iter().filter_map(roughly);
+        let fitted = fitted.filter_map(|s| exact(mesh, &s, set));
+        fitted
+            .filter(|s| set.iter().all(|t| follows(mesh, s, *t)))
+            .collect()
+    }
+
+    /// Corners of facets, each with the normal of its facet: tangent planes of what can be
+    /// unrolled.
+    fn tangent_planes(&self, set: &[u32]) -> (Vec<Point3>, Vec<Point3>) {
+        let step = (3 * set.len()).div_ceil(SAMPLE).max(1);
+        let of = |t: &u32| {
+            let n = self.mesh.normals[*t as usize];
+            self.mesh.corners(*t).map(|p| (p, n))
+        };
+        set.iter().step_by(step).flat_map(of).unzip()
+    }
+
+    /// Normals at vertices: the sum of those of the facets at each, by area.
+    fn smooth(&self, set: &[u32], vertices: &[u32]) -> Vec<Point3> {
+        let mut sums = vec![[0.0; 3]; vertices.len()];
+        for t in set {
+            let (n, area) = (self.mesh.normals[*t as usize], self.mesh.areas[*t as usize]);
+            for v in self.mesh.triangles[*t as usize] {
+                let k = vertices.partition_point(|w| *w < v);
+                for i in 0..3 {
+                    sums[k][i] += area * n[i];
+                }
+            }
+        }
+        sums.into_iter().map(unit).collect()
+    }
+}
+
+/// Whether two surfaces are the same over triangles that lie on one of them.
+fn is_same(mesh: &Facets, [a, b]: [&Surface; 2], of: &[u32]) -> bool {
+    let mut corners = corners(mesh, of).into_iter();
+    corners.all(|p| {
+        let are_near = [a, b].map(|s| s.distance(p).abs() <= mesh.tolerance);
+        are_near == [true; 2] && dot(a.normal(p), b.normal(p)).abs() > SAME
+    })
+}
+
+/// The first of parts, by rising kind, that no other one explains far more than.
+fn simplest(parts: impl Iterator<Item = Part>) -> Option<Part> {
+    parts.fold(None, |best: Option<Part>, part| match best {
+        Some(b) if (part.triangles.len() as f64) < MORE * b.triangles.len() as f64 => Some(b),
+        _ => Some(part),
+    })
+}

@@ -1,0 +1,234 @@
+//! Functions fitted to points, as they come from files: splines and polynomials.
+
+use isoform_field::{Placed, Polynomial};
+use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
+use isoform_num::{Interval, Jet2, Jet3};
+use isoform_spline::{ImplicitSpline, MAX_GLOBAL};
+
+/// A function fitted to points; inside is f ≥ 0.
+#[derive(Clone, Debug)]
+pub enum Implicit {
+    /// A hierarchical B-spline.
+    Spline(ImplicitSpline),
+    /// One polynomial.
+    Polynomial(GlobalPolynomial),
+}
+
+impl Implicit {
+    fn field(&self) -> &dyn Field {
+        match self {
+            Self::Spline(spline) => spline,
+            Self::Polynomial(polynomial) => &polynomial.field,
+        }
+    }
+    /// The edge of the cells that say where points were.
+    pub fn spacing(&self) -> f64 {
+        match self {
+            Self::Spline(spline) => spline.spacing(),
+            Self::Polynomial(polynomial) => polynomial.data.spacing,
+        }
+    }
+    /// The box about the points in which the function was fitted.
+    pub fn domain(&self) -> Aabb {
+        match self {
+            Self::Spline(spline) => spline.domain(),
+            Self::Polynomial(polynomial) => polynomial.domain(),
+        }
+    }
+    /// Whether there were points in the cell about a place.
+    pub fn holds_data(&self, p: Point3) -> bool {
+        match self {
+            Self::Spline(spline) => spline.holds_data(p),
+            Self::Polynomial(polynomial) => polynomial.holds(polynomial.cell(p)),
+        }
+    }
+    /// Whether there were points in the cell about a place, or in one that shares a face with it.
+    pub fn is_seen(&self, p: Point3) -> bool {
+        match self {
+            Self::Spline(spline) => spline.is_seen(p),
+            Self::Polynomial(polynomial) => polynomial.is_seen(p),
+        }
+    }
+}
+
+impl From<ImplicitSpline> for Implicit {
+    fn from(spline: ImplicitSpline) -> Self {
+        Self::Spline(spline)
+    }
+}
+
+impl Field for Implicit {
+    fn value(&self, p: Point3) -> f64 {
+        self.field().value(p)
+    }
+    fn jet(&self, p: Point3) -> Jet2 {
+        self.field().jet(p)
+    }
+    fn bounds(&self, region: Aabb) -> Interval {
+        self.field().bounds(region)
+    }
+    fn values(&self, points: &[Point3], out: &mut [f64]) {
+        self.field().values(points, out);
+    }
+    fn jets(&self, points: &[Point3], out: &mut [Jet2]) {
+        self.field().jets(points, out);
+    }
+    fn jet3(&self, p: Point3) -> Option<Jet3> {
+        self.field().jet3(p)
+    }
+    fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
+        self.field().expansion(at, region)
+    }
+    fn terms(&self) -> Option<Terms<'_>> {
+        self.field().terms()
+    }
+}
+
+/// One polynomial fitted to points, with the cells in which they were.
+#[derive(Clone, Debug)]
+pub struct GlobalPolynomial {
+    data: PolynomialData,
+    field: Placed,
+}
+
+/// Why numbers are no polynomial.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PolynomialError {
+    /// The degree is not between 1 and [`MAX_GLOBAL`].
+    #[error("degree {0}: from 1 to {MAX_GLOBAL} are possible")]
+    Degree(usize),
+    /// The number of coefficients is not that of the monomials.
+    #[error("{found} coefficients for {wanted} monomials")]
+    Coefficients {
+        /// Coefficients given.
+        found: usize,
+        /// Monomials up to the degree.
+        wanted: usize,
+    },
+    /// A number is not finite, or a length not positive.
+    #[error("a number is not finite, or a length not positive")]
+    Number,
+    /// All coefficients but the constant one are 0.
+    #[error("the polynomial is constant")]
+    Constant,
+}
+
+impl GlobalPolynomial {
+    /// The polynomial of its numbers.
+    ///
+    /// # Errors
+    /// [`PolynomialError`] where they do not fit together.
+    pub fn from_data(mut data: PolynomialData) -> Result<Self, PolynomialError> {
+        if !(1..=MAX_GLOBAL).contains(&data.degree) {
+            return Err(PolynomialError::Degree(data.degree));
+        }
+        let exponents = PolynomialData::exponents(data.degree);
+        if data.coefficients.len() != exponents.len() {
+            return Err(PolynomialError::Coefficients {
+                found: data.coefficients.len(),
+                wanted: exponents.len(),
+            });
+        }
+        let lengths = [data.unit, data.spacing];
+        let numbers = data.coefficients.iter().chain(&data.origin);
+        let mut numbers = numbers.chain(&data.corner).chain(&lengths);
+        let is_positive = lengths.iter().all(|v| *v > 0.0) && data.count.iter().all(|c| *c > 0);
+        if !numbers.all(|v| v.is_finite()) || !is_positive {
+            return Err(PolynomialError::Number);
+        }
+        // The constant term comes first.
+        if data.coefficients[1..].iter().all(|c| *c == 0.0) {
+            return Err(PolynomialError::Constant);
+        }
+        data.cells.sort_unstable();
+        let terms = exponents.into_iter().zip(data.coefficients.iter().copied());
+        let field = Placed::new(Polynomial::new(terms), data.origin, data.unit);
+        Ok(Self { data, field })
+    }
+
+    /// Its numbers.
+    pub fn data(&self) -> &PolynomialData {
+        &self.data
+    }
+
+    /// The box about the points.
+    fn domain(&self) -> Aabb {
+        let data = &self.data;
+        let hi = |k: usize| data.corner[k] + data.spacing * f64::from(data.count[k]);
+        Aabb {
+            lo: data.corner,
+            hi: std::array::from_fn(hi),
+        }
+    }
+
+    /// The cell about a place; numbers beyond the lattice name none.
+    fn cell(&self, p: Point3) -> [i32; 3] {
+        let data = &self.data;
+        std::array::from_fn(|k| ((p[k] - data.corner[k]) / data.spacing).floor() as i32)
+    }
+
+    fn holds(&self, cell: [i32; 3]) -> bool {
+        self.data.cells.binary_search(&cell).is_ok()
+    }
+
+    fn is_seen(&self, p: Point3) -> bool {
+        let cell = self.cell(p);
+        let beside = |axis: usize, step: i32| {
+            let mut beside = cell;
+            beside[axis] = beside[axis].saturating_add(step);
+            self.holds(beside)
+        };
+        self.holds(cell) || (0..3).any(|k| beside(k, -1) || beside(k, 1))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// x in units of 2 about (1, 0, 0), seen in one cell.
+    fn data() -> PolynomialData {
+        PolynomialData {
+            degree: 1,
+            origin: [1.0, 0.0, 0.0],
+            unit: 2.0,
+            coefficients: vec![0.0, 1.0, 0.0, 0.0],
+            corner: [-1.0; 3],
+            spacing: 0.5,
+            count: [4; 3],
+            cells: vec![[2, 2, 2]],
+        }
+    }
+
+    #[test]
+    fn points_were_in_cells_and_near_them() {
+        let f = Implicit::Polynomial(GlobalPolynomial::from_data(data()).expect("a polynomial"));
+        assert_eq!(f.value([2.0, 5.0, 7.0]), 0.5);
+        assert_eq!(f.domain().hi, [1.0; 3]);
+        assert!(f.holds_data([0.1; 3]) && !f.holds_data([-0.1, 0.1, 0.1]));
+        assert!(f.is_seen([-0.1, 0.1, 0.1]) && !f.is_seen([-0.1, -0.1, 0.1]));
+        assert!(!f.is_seen([f64::INFINITY, 0.1, 0.1]) && !f.is_seen([-1e300; 3]));
+    }
+
+    #[test]
+    fn numbers_that_do_not_fit_are_refused() {
+        let made = |change: &dyn Fn(&mut PolynomialData)| {
+            let mut data = data();
+            change(&mut data);
+            GlobalPolynomial::from_data(data).expect_err("refused")
+        };
+        assert_eq!(made(&|d| d.degree = 0), PolynomialError::Degree(0));
+        let few = PolynomialError::Coefficients {
+            found: 4,
+            wanted: 10,
+        };
+        assert_eq!(made(&|d| d.degree = 2), few);
+        assert_eq!(made(&|d| d.unit = 0.0), PolynomialError::Number);
+        assert_eq!(made(&|d| d.corner[1] = f64::NAN), PolynomialError::Number);
+        assert_eq!(
+            made(&|d| d.coefficients[1] = 0.0),
+            PolynomialError::Constant
+        );
+    }
+}
