@@ -73,7 +73,8 @@ fn what_cannot_be_recognised_is_an_error() {
             )
         })
         .collect();
-    let o = isoform(&["recover", &f.file("sheet.xyz", sheet), "--json"]);
+    let (sheet, fitted) = (f.file("sheet.xyz", sheet), f.path("fitted.hf"));
+    let o = isoform(&["recover", &sheet, "-o", &fitted, "--json"]);
     assert_eq!(code(&o), 4, "{}", stdout(&o));
     assert!(stdout(&o).contains("implicitize"), "{}", stdout(&o));
 }
