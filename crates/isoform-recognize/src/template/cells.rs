@@ -2,7 +2,7 @@
 //! all over the box with the generalised winding number of the oriented points (Barill et al., Fast
 //! winding numbers for soups and clouds, ACM Trans. Graphics 37, 2018; here summed directly).
 
-use super::half::{Half, Source};
+use super::half::Half;
 use super::solid::{Bits, Cell};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
@@ -74,9 +74,7 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
         let (p, surface) = (cloud.points[i], &halves[own].surface);
         let (d, n) = (surface.distance(p), surface.normal(p));
         let foot: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
-        let is_free = |(j, h): (usize, &Half)| {
-            j == own || !matches!(h.source, Source::Entity(_)) || h.value(foot).abs() > 2.0 * off
-        };
+        let is_free = |(j, h): (usize, &Half)| j == own || h.value(foot).abs() > 2.0 * off;
         if !halves.iter().enumerate().all(is_free) {
             return None;
         }
@@ -150,20 +148,28 @@ fn widened(bounds: &Aabb) -> [Point3; 2] {
     [bounds.lo.map(|x| x - more), bounds.hi.map(|x| x + more)]
 }
 
-/// The sides of a place.
-pub(super) fn bits(halves: &[Half], at: Point3) -> Bits {
-    let of = |bits: Bits, (k, h): (usize, &Half)| bits | Bits::from(h.value(at) > 0.0) << k;
-    halves.iter().enumerate().fold(0, of)
+/// The sides of each place.
+pub(super) fn sides(halves: &[Half], places: &[Place]) -> Vec<Bits> {
+    let of = |place: &Place| {
+        let add = |bits: Bits, (k, h): (usize, &Half)| bits | bit(h, k, place);
+        halves.iter().enumerate().fold(0, add)
+    };
+    places.par_iter().map(of).collect()
 }
 
-/// The weight of the places in a cell, inside and outside.
+/// The bit of half space `k`, if it holds a place.
+pub(super) fn bit(half: &Half, k: usize, place: &Place) -> Bits {
+    Bits::from(half.value(place.at) > 0.0) << k
+}
+
+/// The weight of the places in a cell, outside and inside.
 type Votes = BTreeMap<Bits, [f64; 2]>;
 
-pub(super) fn votes(halves: &[Half], places: &[Place]) -> Votes {
-    let sides: Vec<Bits> = places.par_iter().map(|p| bits(halves, p.at)).collect();
+/// The weight by cell of places with their sides.
+pub(super) fn votes(sides: &[Bits], places: &[Place]) -> Votes {
     let mut votes = Votes::new();
     for (place, bits) in places.iter().zip(sides) {
-        votes.entry(bits).or_default()[usize::from(place.is_inside)] += place.weight;
+        votes.entry(*bits).or_default()[usize::from(place.is_inside)] += place.weight;
     }
     votes
 }

@@ -327,8 +327,8 @@ impl<'a> Dimensions<'a> {
     /// the cylinder's.
     pub(super) fn circle_contact(&mut self, entity: usize) -> Option<String> {
         let blend = self.blend_of(entity)?;
-        let cylinders = blend.between.iter().copied();
-        let cylinder = { cylinders }.find(|j| self.frame.surfaces[*j].kind == Kind::Cylinder)?;
+        let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == Kind::Cylinder;
+        let cylinder = *blend.between.iter().find(is_cylinder)?;
         let own = self.radius_of[self.radii[cylinder]]?;
         let tube = self.radius(entity, &self.radius_name(entity));
         let Term::Of(tube) = tube else { return None };
@@ -354,11 +354,7 @@ impl<'a> Dimensions<'a> {
 
     /// The name of an entity in the program.
     pub(super) fn name_of(&self, i: usize) -> String {
-        let surfaces = &self.frame.surfaces;
-        let is_alike = |j: &usize| {
-            surfaces[*j].kind == surfaces[i].kind && self.role(*j) == self.role(i)
-                || self.blend_of(i).is_some() && self.role(*j) == self.role(i)
-        };
+        let is_alike = |j: &usize| self.role(*j) == self.role(i);
         let before = (0..i).filter(is_alike).count();
         format!("{}_{}", self.role(i), before + 1)
     }

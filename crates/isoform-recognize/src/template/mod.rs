@@ -11,17 +11,19 @@ mod solid;
 
 use crate::chart::Surface;
 use crate::entity::Recognition;
-use cells::{Oriented, Place, cells, contradiction, places, votes};
+use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
 use frame::Frame;
 use half::{Half, Source, separators};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PointCloud, dot};
 use orient::orient;
 use program::Part;
-use solid::{MOST_HALVES, Solid, ones, solid};
+use solid::{Bits, MOST_HALVES, Solid, ones, solid};
 
 /// Half spaces added at most where the entities' own do not separate the solid.
 const MOST_ADDED: usize = 24;
+/// Entities of a template at most: those that leave room for the half spaces that are added.
+const MOST_ENTITIES: usize = MOST_HALVES - MOST_ADDED;
 /// One is added where it takes this share of the contradictions away, and this much of their weight
 /// at least: a few places may be on the wrong side.
 const HELPS: (f64, f64) = (0.05, 4.0);
@@ -111,7 +113,7 @@ pub enum ProposeError {
     #[error("no entity was recognised")]
     NoEntities,
     /// There are more entities than a template can hold.
-    #[error("{0} entities are too many for a template, which holds 100")]
+    #[error("{0} entities are too many for a template, which holds {MOST_ENTITIES}")]
     Many(usize),
     /// The entities bound no solid.
     #[error("the entities bound no solid")]
@@ -135,7 +137,7 @@ pub fn propose(
     if count == 0 {
         return Err(ProposeError::NoEntities);
     }
-    if count + MOST_ADDED > MOST_HALVES {
+    if count > MOST_ENTITIES {
         return Err(ProposeError::Many(count));
     }
     control.report("template", 0.0);
@@ -166,13 +168,22 @@ pub fn propose(
         noise: found.noise,
     };
     let places = places(&cloud, &halves, control)?;
-    let open = separate(&mut halves, &separators(&frame.surfaces, &bounds), &places);
+    let mut sides = sides(&halves, &places);
+    separate(
+        &mut halves,
+        &mut sides,
+        &separators(&frame.surfaces, &bounds),
+        &places,
+    );
     control.check()?;
-    let solid = solid(&cells(&votes(&halves, &places)), halves.len());
+    let votes = votes(&sides, &places);
+    let all: f64 = places.iter().map(|p| p.weight).sum();
+    let open = contradiction(&votes) / all.max(1.0);
+    let solid = solid(&cells(&votes), halves.len());
     let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
-    let (sides, faces): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
-    // A sheet, say: what was seen is less than what was not.
-    if faces.len() < sides.len() {
+    let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
+    // A sheet, say.
+    if seen.len() < unseen.len() {
         return Err(ProposeError::NoSolid);
     }
     let part = Part {
@@ -220,16 +231,21 @@ fn share<T>(of: &[T], is_counted: impl Fn(&T) -> bool) -> f64 {
     of.iter().filter(|x| is_counted(x)).count() as f64 / of.len().max(1) as f64
 }
 
-/// Adds half spaces while they take contradictions away; the share of weight that is left.
-fn separate(halves: &mut Vec<Half>, candidates: &[Half], places: &[Place]) -> f64 {
-    let all: f64 = places.iter().map(|p| p.weight).sum();
+/// Adds half spaces while they take contradictions away, and the sides of the places on them.
+fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], places: &[Place]) {
     for _ in 0..MOST_ADDED {
-        let now = contradiction(&votes(halves, places));
-        let torn = torn(halves, places);
+        let before = votes(sides, places);
+        let now = contradiction(&before);
+        // The places in cells with both sides.
+        let is_torn = |i: &usize| before[&sides[*i]].iter().all(|w| *w > 0.0);
+        let of_torn: Vec<usize> = (0..places.len()).filter(is_torn).collect();
+        let torn: Vec<Place> = of_torn.iter().map(|i| places[*i]).collect();
+        let k = halves.len();
         let left = |candidate: &Half| {
-            let mut more = halves.clone();
-            more.push(*candidate);
-            contradiction(&votes(&more, &torn))
+            let more = of_torn
+                .iter()
+                .map(|i| sides[*i] | bit(candidate, k, &places[*i]));
+            contradiction(&votes(&more.collect::<Vec<_>>(), &torn))
         };
         let best = candidates.iter().map(|c| (left(c), c));
         let Some((left, best)) = best.min_by(|a, b| a.0.total_cmp(&b.0)) else {
@@ -238,16 +254,11 @@ fn separate(halves: &mut Vec<Half>, candidates: &[Half], places: &[Place]) -> f6
         if now - left < HELPS.1.max(HELPS.0 * now) {
             break;
         }
+        for (bits, place) in sides.iter_mut().zip(places) {
+            *bits |= bit(best, k, place);
+        }
         halves.push(*best);
     }
-    contradiction(&votes(halves, places)) / all.max(1.0)
-}
-
-/// The places in cells with both sides.
-fn torn(halves: &[Half], places: &[Place]) -> Vec<Place> {
-    let votes = votes(halves, places);
-    let is_torn = |p: &&Place| votes[&cells::bits(halves, p.at)].iter().all(|w| *w > 0.0);
-    places.iter().filter(is_torn).copied().collect()
 }
 
 fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open: f64) -> Vec<Gap> {

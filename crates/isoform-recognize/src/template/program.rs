@@ -6,7 +6,7 @@ use super::half::{Half, Source};
 use super::solid::{Solid, ones};
 use crate::chart::Kind;
 use crate::entity::Recognition;
-use isoform_geom::{Aabb, Point3};
+use isoform_geom::{Aabb, Point3, dot};
 use std::fmt::Write;
 
 /// What a program is written from.
@@ -301,7 +301,6 @@ impl Writer<'_> {
     fn cone(&mut self, i: usize, base: &str, [system, axis]: [usize; 2]) -> String {
         let s = self.part.frame.surfaces[i];
         let row = self.part.frame.systems[system].rows[axis];
-        let dot = |a: Point3, b: Point3| isoform_geom::dot(a, b);
         let apex = dot(row, s.place) - dot(row, self.dimensions.origin);
         let sign = dot(row, s.axis).signum();
         // Where its points are: about as far from the apex as the solid reaches.
@@ -348,7 +347,7 @@ impl Writer<'_> {
     fn plane(&mut self, k: usize, i: usize, half: &Half) -> String {
         let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
         let row = self.part.frame.systems[system].rows[axis];
-        let is_above = isoform_geom::dot(row, half.surface.axis) * half.sign > 0.0;
+        let is_above = dot(row, half.surface.axis) * half.sign > 0.0;
         let [name, face] = self.plane_names(i, [system, axis], is_above);
         let at = self.dimensions.position(i, [system, axis], &name, "");
         self.names[k] = face;
@@ -365,7 +364,7 @@ impl Writer<'_> {
     fn plane_names(&self, i: usize, [system, axis]: [usize; 2], is_above: bool) -> [String; 2] {
         let frame = self.part.frame;
         let row = frame.systems[system].rows[axis];
-        let height = |j: usize| isoform_geom::dot(row, frame.surfaces[j].place);
+        let height = |j: usize| dot(row, frame.surfaces[j].place);
         let is_parallel = |j: &usize| {
             frame.along[*j] == Some((system, axis)) && frame.surfaces[*j].kind == Kind::Plane
         };
@@ -406,6 +405,12 @@ impl Writer<'_> {
         };
         operands.sort_by_key(rank);
         let kept: Vec<Solid> = operands.iter().filter(|s| rank(s) < 3).cloned().collect();
+        if kept.is_empty() {
+            // Nothing to take the others away from.
+            let text = self.expression(&Solid::All(operands));
+            self.line(&format!("my_model = {text};"));
+            return;
+        }
         let body = self.expression(&Solid::All(kept));
         self.line(&format!("body = {body};"));
         for operand in operands {
