@@ -2,9 +2,11 @@
 
 use crate::blends::blends;
 use crate::chart::{Kind, MOST, Row, Surface, unit};
+use crate::choose::EXACT;
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
+use crate::grow::core;
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
 use isoform_control::{Control, Stopped};
@@ -168,6 +170,15 @@ fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> 
     }
 }
 
+/// The points that tell how well a surface is known: with noise, those whose neighbours belong to it,
+/// too. Which face points at an edge belong to is itself a guess.
+fn sure_points(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Vec<Point3> {
+    if found.noise < EXACT {
+        return cloud.at(members);
+    }
+    cloud.at(&core(cloud, members, found.surfaces[label].kind))
+}
+
 fn entity(
     cloud: &Cloud,
     found: &Segmentation,
@@ -202,7 +213,12 @@ fn entity(
     };
     Entity {
         surface: surface.quadric(scaling.unit, scaling.origin),
-        deviations: deviations(&surface, &points, sigma, scaling),
+        deviations: deviations(
+            &surface,
+            &sure_points(cloud, found, members, label),
+            sigma,
+            scaling,
+        ),
         outward,
         points: count,
         rms: rms * scaling.unit,
