@@ -5,7 +5,7 @@ use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use crate::scan;
 use isoform::geom::PointCloud;
-use isoform::io::{MeshPoints, write_polynomial, write_spline};
+use isoform::io::{write_polynomial, write_spline};
 use isoform::report::{ImplicitizeReport, brief};
 use isoform::spline::{Error, Fineness, Options};
 use isoform::{
@@ -24,12 +24,15 @@ Examples:
   isoform implicitize scan.ply --global 4 -o surface.json
   isoform mesh surface.json --surface-only -o surface.obj
 
-The result is a piecewise polynomial, a hierarchical B-spline, that eval, mesh, parameterize and compare take as a model;
-inside is f >= 0. How fine it becomes follows from the points: cells are halved until points that were left out are met no
-better. With --global it is one polynomial, for shapes that are algebraic as a whole: quadrics, tori. Normals are taken from the file, from its triangles, or estimated; given ones that contradict one another are
-turned to one side, which is said.
+The result is a piecewise polynomial, a hierarchical B-spline, that eval, mesh, parameterize and
+compare take as a model; inside is f >= 0. How fine it becomes follows from the points: cells are
+halved until points that were left out are met no better. With --global it is one polynomial, for
+shapes that are algebraic as a whole: quadrics, tori. Normals are taken from the file, from its
+triangles, or estimated; given ones that contradict one another are turned to one side, which is
+said.
 
-Exit code: 0; 2 for unreadable input or too few points, 4 if the points have no surface, 130 after Ctrl-C.")]
+Exit code: 0; 2 for unreadable input or too few points, 4 if the points have no surface, 130 after
+Ctrl-C.")]
 pub(crate) struct Args {
     /// The points: any format that `isoform inspect` reads (- for stdin)
     scan: PathBuf,
@@ -43,7 +46,12 @@ pub(crate) struct Args {
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
     /// One polynomial of at most this total degree in place of a spline
-    #[arg(long, value_name = "DEGREE", conflicts_with_all = ["cells", "tol", "degree", "smoothing"], value_parser = clap::value_parser!(u8).range(1..=12))]
+    #[arg(
+        long,
+        value_name = "DEGREE",
+        conflicts_with_all = ["cells", "tol", "degree", "smoothing"],
+        value_parser = clap::value_parser!(u8).range(1..=12)
+    )]
     global: Option<u8>,
     /// Whose normals are taken
     #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
@@ -74,16 +82,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         output::check_folder(path)?;
     }
     let started = Instant::now();
-    let (cloud, report) = scan::read_points(
-        &args.scan,
-        args.from.as_deref(),
-        None,
-        MeshPoints::Vertices,
-        context,
-    )?;
-    for warning in &report.warnings {
-        context.warn(format_args!("{}: {warning}", args.scan.display()));
-    }
+    let cloud = scan::read_vertices(&args.scan, args.from.as_deref(), context)?;
     let progress = Progress::new(context);
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {

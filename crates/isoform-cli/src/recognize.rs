@@ -5,7 +5,7 @@ use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use crate::scan;
 use isoform::geom::{Column, PointCloud};
-use isoform::io::{MeshPoints, WriteOptions, write};
+use isoform::io::{WriteOptions, write};
 use isoform::recognize::{Error, ProposeError};
 use isoform::report::{Parameters, RecognizeReport, brief};
 use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
@@ -21,12 +21,13 @@ Examples:
   isoform recognize scan.ply -o part.hf && isoform fit scan.ply --template part.hf -o fitted.hf
   isoform recognize part.stl --min-points 100 --json
 
-Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular, coaxial, coplanar,
-concentric, equal_radius) are those that hold within them. labels.ply holds the points with the number of their entity, -1
-for none. Of CAD meshes points inside the flat faces are taken as well.
+Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
+coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty. labels.ply
+holds the points with the number of their entity, -1 for none. Of CAD meshes points inside the flat
+faces are taken as well.
 
-Exit code: 0, also where nothing is found; 2 for unreadable input or too few points, 4 where they lie on one line, 130 after
-Ctrl-C.")]
+Exit code: 0, also where nothing is found; 2 for unreadable input or too few points, 4 where they lie
+on one line, 130 after Ctrl-C.")]
 pub(crate) struct Args {
     /// The points: any format that `isoform inspect` reads (- for stdin)
     scan: PathBuf,
@@ -50,16 +51,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         output::check_folder(path)?;
     }
     let started = Instant::now();
-    let (cloud, report) = scan::read_points(
-        &args.scan,
-        args.from.as_deref(),
-        None,
-        MeshPoints::Vertices,
-        context,
-    )?;
-    for warning in &report.warnings {
-        context.warn(format_args!("{}: {warning}", args.scan.display()));
-    }
+    let cloud = scan::read_vertices(&args.scan, args.from.as_deref(), context)?;
     let options = RecognizeOptions {
         noise: args.tol,
         min_points: args.min_points,

@@ -32,10 +32,11 @@ Examples:
   isoform recover scan.ply bottle -o bottle.hf -o report.html
   isoform recover scan.ply part.hf -o part.inp --size 0.5
 
-Without arguments the scan of a cup that the program carries is fitted. Without a template the planes, spheres, cylinders, cones
-and tori of the scan are recognised (see recognize), and the template made of them is fitted. Without -o, fitted.hf, deviation.ply and
-report.html go to the folder isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed,
-see mesh. Exit codes are those of fit, and 3 where the mesh is not certified or a proposed template leaves a
+Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
+spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
+of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the folder
+isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed, see mesh.
+Exit codes are those of fit, and 3 where the mesh is not certified or a proposed template leaves a
 fiftieth of the points, or a side that was not seen. Where a stage fails the code is its own, and what
 was made before it is written.")]
 pub(crate) struct Args {

@@ -37,6 +37,19 @@ pub(crate) fn read_points(
     read(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
 }
 
+/// Reads all points of a file, of meshes the vertices; what is odd about it is said.
+pub(crate) fn read_vertices(
+    path: &Path,
+    format: Option<&str>,
+    context: &Context,
+) -> Result<PointCloud, Failure> {
+    let (cloud, report) = read_points(path, format, None, MeshPoints::Vertices, context)?;
+    for warning in &report.warnings {
+        context.warn(format_args!("{}: {warning}", path.display()));
+    }
+    Ok(cloud)
+}
+
 /// Whether it is a format of meshes alone, by what was said or by the ending: msh, vtu, inp and so
 /// on.
 pub(crate) fn is_mesh(path: &Path, said: Option<&str>) -> bool {

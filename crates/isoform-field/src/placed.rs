@@ -51,12 +51,7 @@ impl Placed {
     }
 
     fn jet_of(&self, j: Jet2) -> Jet2 {
-        let s = 1.0 / self.unit;
-        Jet2 {
-            v: j.v,
-            g: j.g.map(|g| s * g),
-            h: j.h.map(|h| s * s * h),
-        }
+        j.in_units(1.0 / self.unit)
     }
 }
 
@@ -73,16 +68,12 @@ impl Field for Placed {
         out.iter_mut().for_each(|j| *j = self.jet_of(*j));
     }
     fn bounds(&self, region: Aabb) -> Interval {
-        self.polynomial.bounds(hull(self.all_within(region)))
+        self.polynomial
+            .bounds(Aabb::spanned(self.all_within(region)))
     }
     fn jet3(&self, p: Point3) -> Option<Jet3> {
-        let (j, s) = (self.polynomial.jet3(self.within(p))?, 1.0 / self.unit);
-        Some(Jet3 {
-            v: j.v,
-            g: j.g.map(|g| s * g),
-            h: j.h.map(|h| s * s * h),
-            t: j.t.map(|t| s * s * s * t),
-        })
+        let jet = self.polynomial.jet3(self.within(p))?;
+        Some(jet.in_units(1.0 / self.unit))
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
         // The place in the polynomial's coordinates is no number: the expansion about one nearby is
@@ -92,15 +83,9 @@ impl Field for Placed {
         let off = std::array::from_fn(|k| place[k] - Interval::constant(near[k]));
         let e = self
             .polynomial
-            .expansion(near, hull(self.all_within(region)))?;
-        let e = e.moved(off);
-        let s = Interval::constant(1.0) / Interval::constant(self.unit);
-        Some(Expansion {
-            value: e.value,
-            gradient: e.gradient.map(|g| s * g),
-            hessian: e.hessian.map(|h| s * s * h),
-            third: e.third.map(|t| s * s * s * t),
-        })
+            .expansion(near, Aabb::spanned(self.all_within(region)))?;
+        let unit = Interval::constant(1.0) / Interval::constant(self.unit);
+        Some(e.moved(off).in_units(unit))
     }
     fn terms(&self) -> Option<Terms<'_>> {
         Some(Terms {
@@ -108,14 +93,6 @@ impl Field for Placed {
             unit: self.unit,
             ..Field::terms(&self.polynomial)?
         })
-    }
-}
-
-/// The box that three intervals span.
-fn hull(sides: [Interval; 3]) -> Aabb {
-    Aabb {
-        lo: sides.map(|s| s.lo()),
-        hi: sides.map(|s| s.hi()),
     }
 }
 

@@ -70,6 +70,17 @@ pub struct Expansion {
 }
 
 impl Expansion {
+    /// The expansion by coordinates q where p = `unit` q + a constant: each order of derivatives
+    /// brings a factor.
+    #[must_use]
+    pub fn in_units(&self, unit: Interval) -> Self {
+        Self {
+            value: self.value,
+            gradient: self.gradient.map(|g| unit * g),
+            hessian: self.hessian.map(|h| unit * unit * h),
+            third: self.third.map(|t| unit * unit * unit * t),
+        }
+    }
     /// The expansion about the point that is away `by`, in the same region: by Taylor's theorem with
     /// the third derivatives of the region.
     #[must_use]

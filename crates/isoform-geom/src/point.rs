@@ -1,5 +1,7 @@
 //! Points, vectors and boxes.
 
+use isoform_num::Interval;
+
 /// A point or vector in space: x, y, z.
 pub type Point3 = [f64; 3];
 
@@ -107,6 +109,13 @@ impl Aabb {
             b.add(*p);
         }
         b
+    }
+    /// The box that three intervals span.
+    pub fn spanned(sides: [Interval; 3]) -> Self {
+        Self {
+            lo: sides.map(|s| s.lo()),
+            hi: sides.map(|s| s.hi()),
+        }
     }
     /// Grows to hold `p`.
     pub fn add(&mut self, p: Point3) {

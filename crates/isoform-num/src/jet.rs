@@ -154,6 +154,16 @@ impl<const N: usize> Jet1<N> {
 }
 
 impl Jet2 {
+    /// The function by coordinates q where p = `unit` q + a constant: each order of derivatives
+    /// brings a factor.
+    #[must_use]
+    pub fn in_units(&self, unit: f64) -> Self {
+        Self {
+            v: self.v,
+            g: self.g.map(|g| unit * g),
+            h: self.h.map(|h| unit * unit * h),
+        }
+    }
     /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; 3];
@@ -208,6 +218,17 @@ impl Jet2 {
 }
 
 impl Jet3 {
+    /// The function by coordinates q where p = `unit` q + a constant: each order of derivatives
+    /// brings a factor.
+    #[must_use]
+    pub fn in_units(&self, unit: f64) -> Self {
+        Self {
+            v: self.v,
+            g: self.g.map(|g| unit * g),
+            h: self.h.map(|h| unit * unit * h),
+            t: self.t.map(|t| unit * unit * unit * t),
+        }
+    }
     /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; 3];

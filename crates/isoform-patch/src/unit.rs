@@ -199,15 +199,9 @@ pub(crate) struct InUnitBox<F> {
 }
 
 impl<F> InUnitBox<F> {
-    /// A jet in space with its derivatives by coordinates of the unit box: each order brings a
-    /// factor of the edge.
+    /// A jet in space with its derivatives by coordinates of the unit box.
     fn jet_of(&self, j: Jet2) -> Jet2 {
-        let s = self.unit.edge;
-        Jet2 {
-            v: j.v,
-            g: j.g.map(|g| s * g),
-            h: j.h.map(|h| s * s * h),
-        }
+        j.in_units(self.unit.edge)
     }
 }
 
@@ -219,7 +213,7 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
         self.jet_of(self.field.jet(self.unit.out(p)))
     }
     fn bounds(&self, region: Aabb) -> Interval {
-        self.field.bounds(hull(self.unit.all_out(&region)))
+        self.field.bounds(Aabb::spanned(self.unit.all_out(&region)))
     }
     fn values(&self, points: &[Point3], out: &mut [f64]) {
         let points: Vec<Point3> = points.iter().map(|p| self.unit.out(*p)).collect();
@@ -231,31 +225,20 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
         out.iter_mut().for_each(|j| *j = self.jet_of(*j));
     }
     fn jet3(&self, p: Point3) -> Option<Jet3> {
-        let (j, s) = (self.field.jet3(self.unit.out(p))?, self.unit.edge);
-        Some(Jet3 {
-            v: j.v,
-            g: j.g.map(|g| s * g),
-            h: j.h.map(|h| s * s * h),
-            t: j.t.map(|t| s * s * s * t),
-        })
+        let jet = self.field.jet3(self.unit.out(p))?;
+        Some(jet.in_units(self.unit.edge))
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
         // The place in space is no number; the expansion about one nearby is carried over to it.
         let place = self.unit.all_out(&Aabb { lo: at, hi: at });
         let near = self.unit.out(at);
-        let space = hull(self.unit.all_out(&region));
+        let space = Aabb::spanned(self.unit.all_out(&region));
         let off = std::array::from_fn(|k| {
             let off = place[k] - Interval::constant(near[k]);
             off.lo().abs().max(off.hi().abs())
         });
         let e = widened(&self.field.expansion(near, space)?, off);
-        let s = Interval::constant(self.unit.edge);
-        Some(Expansion {
-            value: e.value,
-            gradient: e.gradient.map(|g| s * g),
-            hessian: e.hessian.map(|h| s * s * h),
-            third: e.third.map(|t| s * s * s * t),
-        })
+        Some(e.in_units(Interval::constant(self.unit.edge)))
     }
     fn terms(&self) -> Option<Terms<'_>> {
         let terms = self.field.terms()?;
@@ -304,14 +287,6 @@ fn along(size: impl Fn(usize) -> f64, off: Point3) -> f64 {
 /// An interval that reaches farther on both sides by `by`.
 fn wider(i: Interval, by: f64) -> Interval {
     i + Interval::new(-by, by)
-}
-
-/// The box that three intervals span.
-fn hull(sides: [Interval; 3]) -> Aabb {
-    Aabb {
-        lo: sides.map(|s| s.lo()),
-        hi: sides.map(|s| s.hi()),
-    }
 }
 
 #[cfg(test)]

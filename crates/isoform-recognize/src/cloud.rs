@@ -204,6 +204,11 @@ impl Cloud {
     }
 }
 
+/// Every so many-th number below `n`, so that at most `most` remain.
+pub(crate) fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
+    (0..n).step_by(n.div_ceil(most).max(1))
+}
+
 /// The noise of the smoothest places.
 fn smooth_noise(roughness: &[f64]) -> f64 {
     let mut values: Vec<f64> = roughness

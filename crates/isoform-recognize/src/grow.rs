@@ -2,7 +2,7 @@
 
 use crate::chart::{Kind, Surface};
 use crate::choose::EXACT;
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit};
 use crate::start::starts;
 use isoform_geom::{KdTree, Point3, dot};
@@ -184,8 +184,8 @@ fn kind_least(kind: Kind) -> usize {
 
 /// Every so many-th point, so that at most [`SAMPLE`] remain.
 fn sample(points: &[u32]) -> Vec<u32> {
-    let step = points.len().div_ceil(SAMPLE);
-    points.iter().copied().step_by(step).collect()
+    let some = thinned(points.len(), SAMPLE);
+    some.map(|k| points[k]).collect()
 }
 
 /// The points that the surface explains, reached from others along neighbours, in ascending order;

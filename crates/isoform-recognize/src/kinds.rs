@@ -2,7 +2,7 @@
 
 use crate::chart::{Kind, Surface};
 use crate::choose::{is_called_for, least_points};
-use crate::cloud::Cloud;
+use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit, fit_weighted};
 use crate::share::Shares;
 use crate::start::starts;
@@ -62,8 +62,7 @@ pub(crate) fn zone(
 /// A surface of a kind through a sample of the points.
 fn first_guess(cloud: &Cloud, shares: &Shares, kind: Kind) -> Option<Surface> {
     let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
-    let step = own.len().div_ceil(SAMPLE).max(1);
-    let some: Vec<u32> = own.into_iter().step_by(step).collect();
+    let some: Vec<u32> = thinned(own.len(), SAMPLE).map(|k| own[k]).collect();
     let (points, normals) = (cloud.at(&some), cloud.normals_at(&some));
     starts(kind, &points, &normals)
         .iter()

@@ -4,6 +4,7 @@
 
 use super::half::Half;
 use super::solid::{Bits, Cell};
+use crate::cloud::thinned;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, KdTree, Point3, dot, norm, sub};
 use isoform_num::Random;
@@ -60,11 +61,6 @@ pub(super) fn places(
     places.extend(all_over(cloud, &bounds));
     control.check()?;
     Ok(places)
-}
-
-/// Every so many-th number, so that at most `most` remain.
-pub(super) fn thinned(n: usize, most: usize) -> impl Iterator<Item = usize> {
-    (0..n).step_by(n.div_ceil(most).max(1))
 }
 
 /// Places on both sides of points, off all other surfaces.

@@ -4,8 +4,8 @@
 //! Spanning trees of neighbours lose their way at edges and on thin walls. The surfaces of entities
 //! are met exactly, and count where they have points.
 
-use super::cells::thinned;
 use crate::chart::Surface;
+use crate::cloud::thinned;
 use isoform_geom::{Aabb, KdTree, Point3, dot};
 use rayon::prelude::*;
 
