@@ -37,8 +37,8 @@ pub(crate) struct Args {
     /// The fewest points of an entity
     #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
     min_points: usize,
-    /// Refit all entities together so that their relations hold exactly; those that contradict the points are dropped.
-    /// Templates are written from these entities [default: each entity as its own points have it]
+    /// Refit all entities together so that their relations hold exactly; those that contradict the
+    /// points are dropped, and templates are written from these entities [default: each entity as its own points have it]
     #[arg(long)]
     snap: bool,
     /// Format of the scan, where its name does not tell it
@@ -206,7 +206,8 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
     }
     if let Some(snap) = &report.snap {
         text += &format!(
-            "relations made exact: {} equations, {} relations dropped, rms {} (before {}), moved {} at most\n",
+            "relations made exact: {} equations, {} relations dropped, rms {} (before {}), \
+             moved {} at most\n",
             snap.conditions,
             snap.dropped.len(),
             brief(snap.rms_after),
