@@ -7,7 +7,7 @@ use crate::scan;
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, write};
 use isoform::recognize::{Error, ProposeError};
-use isoform::report::{Parameters, RecognizeReport, brief};
+use isoform::report::{Parameters, RecognizeReport, SnapReport, brief};
 use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -20,6 +20,7 @@ Examples:
   isoform recognize scan.ply -o entities.json -o labels.ply
   isoform recognize scan.ply -o part.hf && isoform fit scan.ply --template part.hf -o fitted.hf
   isoform recognize part.stl --min-points 100 --json
+  isoform recognize scan.ply --snap -o entities.json -o part.hf
 
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
 coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty. labels.ply
@@ -37,6 +38,10 @@ pub(crate) struct Args {
     /// The fewest points of an entity
     #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
     min_points: usize,
+    /// Refit all entities together so that their relations hold exactly; those that contradict the
+    /// points are dropped, and templates are written from these entities [default: each entity as its own points have it]
+    #[arg(long)]
+    snap: bool,
     /// Format of the scan, where its name does not tell it
     #[arg(long, value_name = "FORMAT")]
     from: Option<String>,
@@ -56,8 +61,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         noise: args.tol,
         min_points: args.min_points,
     };
-    let found = recognised(&cloud, &args.scan, &options, context)?;
-    let report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
+    let mut found = recognised(&cloud, &args.scan, &options, context)?;
+    let snap = match args.snap {
+        true => Some(snapped(&mut found, &args.scan, context)?),
+        false => None,
+    };
+    let mut report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
+    report.snap = snap;
     let json = output::json_of(&report);
     for path in &args.output {
         let bytes = match path.extension().and_then(|e| e.to_str()) {
@@ -70,6 +80,27 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(Outcome::of(output::exit(true), json, Vec::new(), || {
         text(&report, &args.output)
     }))
+}
+
+/// Makes the relations exact; those that are dropped are said.
+fn snapped(
+    found: &mut Recognized<'_>,
+    scan: &Path,
+    context: &Context,
+) -> Result<SnapReport, Failure> {
+    let snap = found
+        .snap(&context.control())
+        .map_err(|e| failure(Error::Stopped(e).into(), scan))?;
+    let report = SnapReport::new(&snap);
+    for r in &report.dropped {
+        let [a, b] = r.entities;
+        context.warn(format_args!(
+            "{}: entities {a} and {b} are not {} when all relations hold: that relation is dropped",
+            scan.display(),
+            r.kind.replace('_', " ")
+        ));
+    }
+    Ok(report)
 }
 
 /// The points with their entities, in the format of the file's ending.
@@ -163,6 +194,17 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
             e.n_points,
             brief(e.rms),
             sizes(&e.parameters, &e.sd)
+        );
+    }
+    if let Some(snap) = &report.snap {
+        text += &format!(
+            "relations made exact: {} equations, {} relations dropped, rms {} (before {}), \
+             moved {} at most\n",
+            snap.conditions,
+            snap.dropped.len(),
+            brief(snap.rms_after),
+            brief(snap.rms_before),
+            brief(snap.moved.iter().copied().fold(0.0, f64::max))
         );
     }
     for path in outputs {

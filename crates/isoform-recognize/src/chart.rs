@@ -250,6 +250,20 @@ impl Surface {
         new
     }
 
+    /// The surface in another unit, of which `factor` make one of the old.
+    pub(crate) fn scaled(&self, factor: f64) -> Self {
+        let other = match self.kind {
+            Kind::Cone => self.other,
+            _ => factor * self.other,
+        };
+        Self {
+            place: self.place.map(|x| factor * x),
+            size: factor * self.size,
+            other,
+            ..*self
+        }
+    }
+
     /// Whether its sizes are those of a surface: radii positive, a cone's angle below a right one.
     pub(crate) fn is_proper(&self) -> bool {
         let are_finite = self.place.iter().chain(&self.axis).all(|x| x.is_finite());

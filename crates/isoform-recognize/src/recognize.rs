@@ -233,7 +233,6 @@ pub(crate) fn deviations(
     sigma: f64,
     scaling: &Scaling,
 ) -> Deviations {
-    let unit = scaling.unit;
     let Some(covariance) = covariance(surface, points) else {
         return Deviations {
             direction: [f64::INFINITY; 3],
@@ -242,6 +241,17 @@ pub(crate) fn deviations(
             minor: f64::INFINITY,
         };
     };
+    let covariance = covariance.map(|row| row.map(|x| x * sigma * sigma));
+    deviations_of(surface, &covariance, scaling)
+}
+
+/// As [`deviations`], for a covariance of the minimal parameters.
+pub(crate) fn deviations_of(
+    surface: &Surface,
+    covariance: &[Row; MOST],
+    scaling: &Scaling,
+) -> Deviations {
+    let unit = scaling.unit;
     let n = surface.kind.parameters();
     // The deviation of a value with these derivatives by the minimal parameters.
     let of = |row: &Row| -> f64 {
@@ -251,7 +261,7 @@ pub(crate) fn deviations(
                 sum += row[i] * covariance[i][j] * row[j];
             }
         }
-        sigma * sum.max(0.0).sqrt()
+        sum.max(0.0).sqrt()
     };
     let [e, f] = surface.frame();
     let row = |at: &[(usize, f64)]| {

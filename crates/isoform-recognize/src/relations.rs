@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 /// χ² that 1, 2, 3, 4 components exceed once in 10⁵: of some thousand pairs hardly one that is
 /// related is left out.
-const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
+pub(crate) const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
 /// Deviations that rounding causes, in radians and diagonals.
 const ROUNDING: f64 = 1e-8;
 /// The largest deviation (one standard deviation) of directions at which a relation can be told, in
@@ -119,7 +119,7 @@ fn has_meaning(kind: RelationKind, [a, b]: [&Surface; 2]) -> bool {
 }
 
 /// A fixed frame, so that small moves change coordinates only through the surfaces.
-struct Frame {
+pub(crate) struct Frame {
     axis: Point3,
     across: [Point3; 2],
     /// Whether the second direction is turned round.
@@ -127,7 +127,7 @@ struct Frame {
 }
 
 impl Frame {
-    fn of([a, b]: [&Surface; 2]) -> Self {
+    pub(crate) fn of([a, b]: [&Surface; 2]) -> Self {
         Self {
             axis: a.axis,
             across: a.frame(),
@@ -137,13 +137,13 @@ impl Frame {
 }
 
 /// The vector that is 0 where a relation holds: directions first.
-struct Failure {
-    values: [f64; 4],
-    count: usize,
-    angles: usize,
+pub(crate) struct Failure {
+    pub(crate) values: [f64; 4],
+    pub(crate) count: usize,
+    pub(crate) angles: usize,
 }
 
-fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) -> Failure {
+pub(crate) fn failure(kind: RelationKind, frame: &Frame, [a, b]: [&Surface; 2]) -> Failure {
     let [e, f] = frame.across;
     let turn: Point3 = std::array::from_fn(|k| frame.sign * b.axis[k] - a.axis[k]);
     let tilt = [dot(turn, e), dot(turn, f)];

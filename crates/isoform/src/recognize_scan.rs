@@ -2,10 +2,11 @@
 
 use crate::CornerError;
 use crate::facets::check_corners;
-use isoform_control::Control;
+use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
 use isoform_recognize::{
-    Error, Options, Proposal, ProposeError, Recognition, propose, recognize, recognize_facets,
+    Error, Options, Proposal, ProposeError, Recognition, Snap, propose, recognize,
+    recognize_facets, snap,
 };
 use std::borrow::Cow;
 
@@ -41,6 +42,16 @@ impl Recognized<'_> {
     /// [`ProposeError`].
     pub fn template(&self, title: &str, control: &Control<'_>) -> Result<Proposal, ProposeError> {
         propose(&self.scan, &self.recognition, title, control)
+    }
+
+    /// Refits all entities together so that their relations hold exactly; says what that changed.
+    ///
+    /// # Errors
+    /// [`Stopped`]; nothing is changed then.
+    pub fn snap(&mut self, control: &Control<'_>) -> Result<Snap, Stopped> {
+        let (recognition, snap) = snap(&self.scan, &self.recognition, control)?;
+        self.recognition = recognition;
+        Ok(snap)
     }
 }
 

@@ -31,7 +31,9 @@ pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,
     PatchesReport, WeightsReport, solver_name,
 };
-pub use recognize::{BlendReport, EntityReport, Parameters, RecognizeReport, RelationReport};
+pub use recognize::{
+    BlendReport, EntityReport, Parameters, RecognizeReport, RelationReport, SnapReport,
+};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
     PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,

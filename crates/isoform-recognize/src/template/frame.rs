@@ -294,7 +294,7 @@ fn upwards(d: Point3) -> Point3 {
 
 impl Surface {
     /// A recognised surface, about a point.
-    fn of(quadric: &Quadric, about: Point3) -> Self {
+    pub(crate) fn of(quadric: &Quadric, about: Point3) -> Self {
         let of = |kind, place, axis, size, other| Self {
             kind,
             place: sub(place, about),

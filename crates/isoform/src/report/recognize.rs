@@ -1,7 +1,7 @@
 //! The report of a recognition.
 
 use isoform_geom::{Point3, Quadric};
-use isoform_recognize::{Blend, Entity, Recognition, Relation, RelationKind};
+use isoform_recognize::{Blend, Entity, Recognition, Relation, RelationKind, Snap};
 use serde::Serialize;
 
 /// What was recognised in a scan; lengths in its unit.
@@ -19,6 +19,9 @@ pub struct RecognizeReport {
     pub relations: Vec<RelationReport>,
     /// Entities that round the edge of others.
     pub blends: Vec<BlendReport>,
+    /// What making the relations exact changed, where that was asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub snap: Option<SnapReport>,
     /// The points that no entity explains.
     pub n_unassigned: usize,
     /// The time that it took.
@@ -117,6 +120,38 @@ pub struct BlendReport {
     pub radius: f64,
 }
 
+/// What making the relations exact changed.
+#[derive(Clone, Debug, Serialize)]
+pub struct SnapReport {
+    /// For each entity how far it moved at most at its points, along their normals.
+    pub moved: Vec<f64>,
+    /// The root mean square distance of the entities' points before.
+    pub rms_before: f64,
+    /// That after.
+    pub rms_after: f64,
+    /// By how much the sum of squares rose, in variances of the points: of χ² with `conditions`
+    /// degrees of freedom where the relations are true.
+    pub chi_squared: f64,
+    /// The independent equations that the relations are.
+    pub conditions: usize,
+    /// Relations that contradict the points or one another, as they were found.
+    pub dropped: Vec<RelationReport>,
+}
+
+impl SnapReport {
+    /// The report of a snap.
+    pub fn new(snap: &Snap) -> Self {
+        Self {
+            moved: snap.moved.clone(),
+            rms_before: snap.rms[0],
+            rms_after: snap.rms[1],
+            chi_squared: snap.chi_squared,
+            conditions: snap.conditions,
+            dropped: snap.dropped.iter().map(RelationReport::new).collect(),
+        }
+    }
+}
+
 impl BlendReport {
     fn new(blend: &Blend) -> Self {
         Self {
@@ -138,6 +173,7 @@ impl RecognizeReport {
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             blends: found.blends.iter().map(BlendReport::new).collect(),
+            snap: None,
             n_unassigned: found.labels.iter().filter(|l| l.is_none()).count(),
             seconds,
         }

@@ -1,0 +1,349 @@
+//! A refit of all entities together in which their relations hold exactly.
+//!
+//! Each entity's own fit leaves a sum of squares of distances (divided by their variance) that is
+//! least at its parameters p₀. Their sum over all entities is made least under g(p) = 0, where g
+//! holds the relations: p₀ moves by −W (b + Gᵀ λ), (G W Gᵀ) λ = g − G W b, with the covariance W of
+//! p₀, the derivatives G of g, and the gradient b = Jᵀ (r(p) − r(p₀)) of the true distances r;
+//! steps are repeated to rounding (Gauss–Newton; J is that at p₀). The covariance afterwards is P W Pᵀ
+//! with P = 1 − W Gᵀ (G W Gᵀ)⁻¹ G.
+//!
+//! What follows from other relations is left out of g. A condition without which the sum would be
+//! less by more than χ² allows contradicts the points: its relations are dropped, worst first.
+
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::cloud::{Scaling, sorted};
+use crate::entity::{Recognition, Relation, RelationKind};
+use crate::fit::{covariance, mean, squares};
+use crate::recognize::deviations_of;
+use crate::relations::{CHI_SQUARED, Frame, Known, failure};
+use conditions::{Condition, conditions, split};
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Point3, PointCloud};
+use solve::System;
+
+mod conditions;
+mod solve;
+
+/// Steps at most; four or five are usual.
+const STEPS: usize = 30;
+/// A step that moves no parameter by more than this, in radians and diagonals, is the last.
+const STILL: f64 = 1e-15;
+/// Relations hold where they fail by no more than this, in radians and diagonals.
+const EXACT: f64 = 1e-12;
+/// The step of differences, in radians and diagonals.
+const STEP: f64 = 1e-6;
+
+/// What a snap changed.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Snap {
+    /// How far each entity moved at most at its points along their normals, in the scan's unit.
+    pub moved: Vec<f64>,
+    /// The root mean square distance of all entities' points before and after.
+    pub rms: [f64; 2],
+    /// By how much the sum of squares rose, in variances of the points: of χ² with `conditions`
+    /// degrees of freedom where the relations are true.
+    pub chi_squared: f64,
+    /// The independent equations that hold now.
+    pub conditions: usize,
+    /// Relations that contradict the points or one another, as they were found.
+    pub dropped: Vec<Relation>,
+}
+
+/// An entity with its points, in diagonals of the scan about its middle.
+struct Own {
+    known: Known,
+    points: Vec<Point3>,
+    /// Of the points, along their normals.
+    sigma: f64,
+}
+
+impl Own {
+    /// The gradient of half the sum of squares, less that at the start, in variances.
+    fn gradient(&self, now: &Surface) -> Row {
+        let start = &self.known.surface;
+        let frame = start.frame();
+        let mut sum = [0.0; MOST];
+        for p in &self.points {
+            let (r, row) = start.distance_row(&frame, *p);
+            let change = now.distance(*p) - r;
+            sum.iter_mut().zip(row).for_each(|(s, j)| *s += change * j);
+        }
+        sum.map(|s| s / (self.sigma * self.sigma))
+    }
+}
+
+/// Refits the entities recognised in a scan so that their relations hold to rounding; what could
+/// not hold is dropped from the relations.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn snap(
+    scan: &PointCloud,
+    found: &Recognition,
+    control: &Control<'_>,
+) -> Result<(Recognition, Snap), Stopped> {
+    control.begin("snap")?;
+    let (places, index) = sorted(&scan.points);
+    let Some(mut scaling) = Scaling::of(&places) else {
+        return Ok((found.clone(), Snap::default()));
+    };
+    let mut members = vec![Vec::new(); found.entities.len()];
+    let mut labels = vec![None; places.len()];
+    for (place, label) in index.iter().zip(&found.labels) {
+        labels[*place as usize] = *label;
+    }
+    for (p, label) in places.iter().zip(&labels) {
+        if let Some(l) = label {
+            members[*l as usize].push(scaling.apply(*p));
+        }
+    }
+    for k in 0..3 {
+        scaling.origin[k] += scan.origin[k];
+    }
+    let all = members.into_iter().enumerate();
+    let owns: Vec<Own> = all.map(|(i, p)| own(found, i, p, &scaling)).collect();
+    let (relations, dropped, solved) = consistent(&owns, &found.relations, control)?;
+    let new = report(found, &owns, relations, &solved, &scaling);
+    let snap = Snap {
+        dropped,
+        ..changes(&owns, &solved, &scaling)
+    };
+    Ok((new, snap))
+}
+
+/// An entity about the middle of its points, with its covariance: infinite where it is open.
+fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) -> Own {
+    let surface = Surface::of(&found.entities[i].surface, scaling.origin);
+    let surface = surface.scaled(1.0 / scaling.unit).about(mean(&points));
+    let n = surface.kind.parameters();
+    let free = points.len().saturating_sub(n).max(1) as f64;
+    // Few points may meet by chance more exactly than they were rounded.
+    let least = (found.noise / scaling.unit / 3.0_f64.sqrt()).max(f64::EPSILON);
+    let sigma = (squares(&surface, &points) / free).sqrt().max(least);
+    let open = [[f64::INFINITY; MOST]; MOST];
+    let variance = |c: [Row; MOST]| c.map(|row| row.map(|x| x * sigma * sigma));
+    let covariance = covariance(&surface, &points).map_or(open, variance);
+    Own {
+        known: Known {
+            surface,
+            covariance,
+        },
+        points,
+        sigma,
+    }
+}
+
+/// The entities in which relations hold.
+struct Solved {
+    surfaces: Vec<Surface>,
+    steps: Vec<Row>,
+    covariances: Vec<[Row; MOST]>,
+    conditions: usize,
+}
+
+/// The relations that hold together, those that do not, and the entities.
+fn consistent(
+    owns: &[Own],
+    relations: &[Relation],
+    control: &Control<'_>,
+) -> Result<(Vec<Relation>, Vec<Relation>, Solved), Stopped> {
+    let is_known = |r: &&Relation| {
+        let of = |i: usize| owns[i].known.covariance[0][0].is_finite();
+        r.entities.into_iter().all(of)
+    };
+    let mut kept: Vec<Relation> = relations.iter().filter(is_known).copied().collect();
+    let mut dropped = Vec::new();
+    loop {
+        control.check()?;
+        let conditions = conditions(&kept, owns.len());
+        let (solved, worst) = solve(owns, &conditions);
+        let Some(worst) = worst else {
+            return Ok((kept, dropped, solved));
+        };
+        let (without, held) = split(kept, &conditions, worst, owns.len());
+        dropped.extend(without);
+        kept = held;
+    }
+}
+
+/// The entities under conditions, and the condition that contradicts most, if one does.
+fn solve(owns: &[Own], conditions: &[Condition]) -> (Solved, Option<usize>) {
+    let mut steps = vec![[0.0; MOST]; owns.len()];
+    let moved = |steps: &[Row]| -> Vec<Surface> {
+        let all = owns.iter().zip(steps);
+        all.map(|(o, s)| o.known.surface.moved(s)).collect()
+    };
+    let (mut surfaces, mut system, mut lambda) = (moved(&steps), None, Vec::new());
+    for _ in 0..STEPS {
+        let gradients: Vec<Row> = owns
+            .iter()
+            .zip(&surfaces)
+            .map(|(o, s)| o.gradient(s))
+            .collect();
+        let now = System::new(owns, &steps, conditions);
+        let change;
+        (lambda, change) = now.step(owns, &gradients);
+        let mut largest = 0.0_f64;
+        for (step, by) in steps.iter_mut().zip(&change) {
+            for (s, d) in step.iter_mut().zip(by) {
+                *s += d;
+                largest = largest.max(d.abs());
+            }
+        }
+        surfaces = moved(&steps);
+        system = Some(now);
+        if largest < STILL || !largest.is_finite() {
+            break;
+        }
+    }
+    let system = system.expect("there is one step at least");
+    let off = |k: usize| {
+        let [i, j] = conditions[k].entities;
+        let worst = conditions[k].values([&surfaces[i], &surfaces[j]]);
+        let size = |v: f64| if v.is_nan() { f64::INFINITY } else { v.abs() };
+        worst.into_iter().map(size).fold(0.0, f64::max)
+    };
+    // What other conditions seemed to imply, and do not.
+    let open = (0..conditions.len()).filter(|k| off(*k) > EXACT);
+    let worst = open.max_by(|a, b| off(*a).total_cmp(&off(*b)));
+    let worst = worst.or_else(|| system.contradiction(&lambda));
+    let solved = Solved {
+        covariances: system.covariances(owns),
+        conditions: system.rank(),
+        surfaces,
+        steps,
+    };
+    (solved, worst)
+}
+
+/// The recognition with the new surfaces.
+fn report(
+    found: &Recognition,
+    owns: &[Own],
+    mut relations: Vec<Relation>,
+    solved: &Solved,
+    scaling: &Scaling,
+) -> Recognition {
+    let mut new = found.clone();
+    for (i, entity) in new.entities.iter_mut().enumerate() {
+        let points = &owns[i].points;
+        let surface = solved.surfaces[i];
+        if points.is_empty() || solved.steps[i] == [0.0; MOST] {
+            continue;
+        }
+        entity.surface = surface.quadric(scaling.unit, scaling.origin);
+        entity.deviations = deviations_of(&surface, &solved.covariances[i], scaling);
+        entity.rms = (squares(&surface, points) / points.len() as f64).sqrt() * scaling.unit;
+        entity.extent = surface.extent(points).map(|h| h * scaling.unit);
+    }
+    for blend in &mut new.blends {
+        let s = &solved.surfaces[blend.entity];
+        let radius = if s.kind == Kind::Torus {
+            s.other
+        } else {
+            s.size
+        };
+        blend.radius = radius * scaling.unit;
+    }
+    for r in &mut relations {
+        let pair = r.entities.map(|i| &solved.surfaces[i]);
+        let g = failure(r.kind, &Frame::of(pair), pair);
+        let shown = if g.angles == g.count { 0 } else { g.angles };
+        let size: f64 = g.values[shown..g.count].iter().map(|v| v * v).sum();
+        let is_angle = matches!(r.kind, RelationKind::Parallel | RelationKind::Perpendicular);
+        r.deviation = size.sqrt() * if is_angle { 1.0 } else { scaling.unit };
+    }
+    new.relations = relations;
+    new
+}
+
+/// How far the entities moved, and what it cost.
+fn changes(owns: &[Own], solved: &Solved, scaling: &Scaling) -> Snap {
+    let (mut sums, mut count, mut chi_squared) = ([0.0; 2], 0, 0.0);
+    let mut moved = Vec::new();
+    for (o, s) in owns.iter().zip(&solved.surfaces) {
+        let way = |p: &Point3| (s.distance(*p) - o.known.surface.distance(*p)).abs();
+        moved.push(o.points.iter().map(way).fold(0.0, f64::max) * scaling.unit);
+        sums[0] += squares(&o.known.surface, &o.points);
+        sums[1] += squares(s, &o.points);
+        count += o.points.len();
+    }
+    for (o, (s, step)) in owns.iter().zip(solved.surfaces.iter().zip(&solved.steps)) {
+        let gradient = o.gradient(s);
+        chi_squared += (0..MOST).map(|k| gradient[k] * step[k]).sum::<f64>();
+    }
+    Snap {
+        moved,
+        rms: sums.map(|s| (s / f64::max(f64::from(count as u32), 1.0)).sqrt() * scaling.unit),
+        chi_squared,
+        conditions: solved.conditions,
+        dropped: Vec::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A square of side 1 through the origin, tilted, with known errors.
+    fn square(tilt: f64) -> Own {
+        let sigma = 1e-3;
+        let axis = [tilt.sin(), 0.0, tilt.cos()];
+        let surface = Surface {
+            kind: Kind::Plane,
+            place: [0.0; 3],
+            axis,
+            size: 0.0,
+            other: 0.0,
+        };
+        let [e, f] = surface.frame();
+        let at = |k: i32| f64::from(k) / 10.0 - 0.5;
+        let cells = (0..11).flat_map(|i| (0..11).map(move |j| [at(i), at(j)]));
+        let points: Vec<Point3> = cells
+            .map(|[u, v]| std::array::from_fn(|k| u * e[k] + v * f[k]))
+            .collect();
+        let unit = covariance(&surface, &points).expect("all is determined");
+        Own {
+            known: Known {
+                surface,
+                covariance: unit.map(|row| row.map(|x| x * sigma * sigma)),
+            },
+            points,
+            sigma,
+        }
+    }
+
+    fn parallel(entities: [usize; 2]) -> Relation {
+        Relation {
+            kind: RelationKind::Parallel,
+            entities,
+            deviation: 0.0,
+        }
+    }
+
+    /// A tilt has a deviation of 3e-4 here: one of 5e-4 may be none, one of 0.05 is one.
+    #[test]
+    fn relations_that_contradict_the_points_are_dropped_and_no_others() {
+        let owns = [0.0, 5e-4, 0.05].map(square);
+        let all = [[0, 1], [0, 2], [1, 2]].map(parallel);
+        let (kept, dropped, solved) =
+            consistent(&owns, &all, &Control::default()).expect("nothing stops it");
+        let pairs = |of: &[Relation]| of.iter().map(|r| r.entities).collect::<Vec<_>>();
+        assert_eq!(pairs(&kept), [[0, 1]]);
+        assert_eq!(pairs(&dropped), [[0, 2], [1, 2]]);
+        let [a, b] = [0, 1].map(|i| solved.surfaces[i].axis);
+        // Both are known equally well, and meet in the middle.
+        assert!((a[0] - 2.5e-4).abs() < 1e-9 && (a[0] - b[0]).abs() < 1e-15);
+        assert_eq!(solved.surfaces[2], owns[2].known.surface);
+    }
+
+    /// Two of one direction know it √2 times as well as one.
+    #[test]
+    fn conditions_share_what_is_known() {
+        let owns = [0.0, 0.0].map(square);
+        let (.., solved) =
+            consistent(&owns, &[parallel([0, 1])], &Control::default()).expect("nothing stops it");
+        let share = solved.covariances[0][0][0] / owns[0].known.covariance[0][0];
+        assert!((share - 0.5).abs() < 1e-6, "{share}");
+    }
+}

@@ -1,0 +1,177 @@
+//! Relations as equations, each that follows from others left out.
+
+use super::STEP;
+use crate::chart::{MOST, Row, Surface};
+use crate::entity::{Relation, RelationKind};
+use crate::relations::{Frame, Known, failure};
+use isoform_geom::UnionFind;
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+/// Equations between two entities: some components of what is 0 where a relation holds.
+pub(super) struct Condition {
+    pub(super) kind: RelationKind,
+    pub(super) entities: [usize; 2],
+    rows: Range<usize>,
+}
+
+impl Condition {
+    pub(super) fn count(&self) -> usize {
+        self.rows.len()
+    }
+
+    pub(super) fn values(&self, pair: [&Surface; 2]) -> Vec<f64> {
+        failure(self.kind, &Frame::of(pair), pair).values[self.rows.clone()].to_vec()
+    }
+
+    /// Values and derivatives by the parameters of both, for starts and steps from there.
+    pub(super) fn linearised(
+        &self,
+        starts: [&Known; 2],
+        steps: [&Row; 2],
+    ) -> (Vec<f64>, Vec<[Row; 2]>) {
+        let at = |which: usize, step: &Row| starts[which].surface.moved(step);
+        let now = [at(0, steps[0]), at(1, steps[1])];
+        let frame = Frame::of([&now[0], &now[1]]);
+        let value = |s: &[Surface; 2]| failure(self.kind, &frame, [&s[0], &s[1]]).values;
+        let mut rows = vec![[[0.0; MOST]; 2]; self.count()];
+        for which in 0..2 {
+            for k in 0..starts[which].surface.kind.parameters() {
+                let side = |h: f64| {
+                    let (mut step, mut moved) = (*steps[which], now);
+                    step[k] += h;
+                    moved[which] = at(which, &step);
+                    value(&moved)
+                };
+                let (plus, minus) = (side(STEP), side(-STEP));
+                for (row, i) in rows.iter_mut().zip(self.rows.clone()) {
+                    row[which][k] = (plus[i] - minus[i]) / (2.0 * STEP);
+                }
+            }
+        }
+        (value(&now)[self.rows.clone()].to_vec(), rows)
+    }
+}
+
+/// What entities have in common: a condition makes it one for two of them.
+#[derive(Clone, Copy, PartialEq)]
+enum Shared {
+    Direction,
+    Line,
+    Plane,
+    Center,
+    Radius,
+}
+
+const SHARED: [Shared; 5] = [
+    Shared::Direction,
+    Shared::Line,
+    Shared::Plane,
+    Shared::Center,
+    Shared::Radius,
+];
+
+impl Shared {
+    /// Whether a relation makes it one.
+    fn is_of(self, kind: RelationKind) -> bool {
+        use RelationKind::{Coaxial, Concentric, Coplanar, EqualRadius, Parallel};
+        match self {
+            Self::Direction => matches!(kind, Parallel | Coaxial | Coplanar),
+            Self::Line => kind == Coaxial,
+            Self::Plane => kind == Coplanar,
+            Self::Center => kind == Concentric,
+            Self::Radius => kind == EqualRadius,
+        }
+    }
+
+    /// The relation and its components that say so.
+    fn equations(self) -> (RelationKind, Range<usize>) {
+        match self {
+            Self::Direction => (RelationKind::Parallel, 0..2),
+            Self::Line => (RelationKind::Coaxial, 2..4),
+            Self::Plane => (RelationKind::Coplanar, 2..3),
+            Self::Center => (RelationKind::Concentric, 0..3),
+            Self::Radius => (RelationKind::EqualRadius, 0..1),
+        }
+    }
+
+    fn of(condition: &Condition) -> Option<Self> {
+        SHARED
+            .into_iter()
+            .find(|s| s.equations().0 == condition.kind)
+    }
+}
+
+/// The fewest conditions from which all relations follow: a spanning forest of each thing shared,
+/// and one right angle for two classes of directions.
+pub(super) fn conditions(relations: &[Relation], entities: usize) -> Vec<Condition> {
+    let mut found = Vec::new();
+    let mut directions = UnionFind::new(entities);
+    for shared in SHARED {
+        let (kind, rows) = shared.equations();
+        let mut sets = UnionFind::new(entities);
+        for r in relations.iter().filter(|r| shared.is_of(r.kind)) {
+            let [a, b] = r.entities.map(|i| i as u32);
+            if sets.unite(a, b) {
+                found.push(Condition {
+                    kind,
+                    entities: r.entities,
+                    rows: rows.clone(),
+                });
+            }
+        }
+        if shared == Shared::Direction {
+            directions = sets;
+        }
+    }
+    let mut right_angles = BTreeSet::new();
+    for r in relations
+        .iter()
+        .filter(|r| r.kind == RelationKind::Perpendicular)
+    {
+        let mut classes = r.entities.map(|i| directions.root(i as u32));
+        classes.sort_unstable();
+        if right_angles.insert(classes) {
+            found.push(Condition {
+                kind: r.kind,
+                entities: r.entities,
+                rows: 0..1,
+            });
+        }
+    }
+    found
+}
+
+/// The relations that go with a condition, and the others.
+pub(super) fn split(
+    relations: Vec<Relation>,
+    conditions: &[Condition],
+    worst: usize,
+    entities: usize,
+) -> (Vec<Relation>, Vec<Relation>) {
+    let condition = &conditions[worst];
+    let shared = Shared::of(condition).unwrap_or(Shared::Direction);
+    // The classes that are left without the condition.
+    let mut sets = UnionFind::new(entities);
+    for (k, c) in conditions.iter().enumerate() {
+        if k != worst && Shared::of(c) == Some(shared) {
+            sets.unite(c.entities[0] as u32, c.entities[1] as u32);
+        }
+    }
+    let mut classes = |of: [usize; 2]| {
+        let mut roots = of.map(|i| sets.root(i as u32));
+        roots.sort_unstable();
+        roots
+    };
+    let torn = classes(condition.entities);
+    let is_right = condition.kind == RelationKind::Perpendicular;
+    let goes = |r: &Relation| {
+        let is_its = if is_right {
+            r.kind == RelationKind::Perpendicular
+        } else {
+            shared.is_of(r.kind)
+        };
+        is_its && classes(r.entities) == torn
+    };
+    relations.into_iter().partition(goes)
+}
