@@ -152,17 +152,40 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Nodes at the apex of the cone that they lie on are moved there.
+    /// Nodes at the apex of the cone that they lie on are moved there, and so is the node inside of
+    /// a face that is nearest to an apex no more than an edge away: a mesh may cut off the tip.
     fn find_apexes(&mut self) {
+        let mut border = BTreeSet::new();
+        // By component on a cone, the apex, and its nearest node with the distance and the longest
+        // edge there.
+        let mut nearest: BTreeMap<u32, (Point3, f64, u32, f64)> = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
+            let component = self.mesh.components[t];
+            for k in 0..3u8 {
+                let other = self.across[t][k as usize].0;
+                if self.mesh.components[other as usize] != component {
+                    border.extend(ends_of(corners, k));
+                }
+            }
             let surface = &self.surfaces[self.mesh.sheets[t] as usize];
             let Some(apex) = surface.apex() else { continue };
-            for v in corners {
-                let p = &mut self.mesh.points[*v as usize];
-                if norm(sub(*p, apex)) <= APEX * self.size {
-                    *p = apex;
-                    self.apexes.insert(*v);
+            for k in 0..3u8 {
+                let [p, q] = ends_of(corners, k).map(|v| self.mesh.points[v as usize]);
+                let (far, edge) = (norm(sub(p, apex)), norm(sub(p, q)));
+                let v = corners[k as usize];
+                let best = nearest.entry(component).or_insert((apex, far, v, edge));
+                if far < best.1 {
+                    *best = (apex, far, v, edge);
+                } else if v == best.2 {
+                    best.3 = best.3.max(edge);
                 }
+            }
+        }
+        for (apex, far, v, edge) in nearest.into_values() {
+            let is_cut_off = far <= edge && !border.contains(&v);
+            if far <= APEX * self.size || is_cut_off {
+                self.mesh.points[v as usize] = apex;
+                self.apexes.insert(v);
             }
         }
     }
