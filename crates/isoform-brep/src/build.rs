@@ -152,42 +152,43 @@ struct Builder<'a> {
 }
 
 impl Builder<'_> {
-    /// Nodes at the apex of the cone that they lie on are moved there, and so is the node inside of
-    /// a face that is nearest to an apex no more than an edge away: a mesh may cut off the tip.
+    /// Nodes at the apex of the cone that they lie on are moved there, and so is the node of a face
+    /// that is nearest to an apex no more than an edge away, if all that meets in it does so at the
+    /// apex: a mesh may cut off the tip.
     fn find_apexes(&mut self) {
-        let mut border = BTreeSet::new();
-        // By component on a cone, the apex, and its nearest node with the distance and the longest
-        // edge there.
-        let mut nearest: BTreeMap<u32, (Point3, f64, u32, f64)> = BTreeMap::new();
-        for (t, corners) in self.mesh.triangles.iter().enumerate() {
-            let component = self.mesh.components[t];
-            for k in 0..3u8 {
-                let other = self.across[t][k as usize].0;
-                if self.mesh.components[other as usize] != component {
-                    border.extend(ends_of(corners, k));
-                }
+        for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
+            let corners = self.mesh.triangles.iter().zip(&self.mesh.sheets);
+            let mut around = corners.filter(|(c, _)| c.contains(&v)).map(|c| *c.1);
+            let near = APEX * self.size;
+            let meets = |s: u32| self.surfaces[s as usize].distance(apex).0.abs() <= near;
+            if far <= near || (far <= edge && around.all(meets)) {
+                self.mesh.points[v as usize] = apex;
+                self.apexes.insert(v);
             }
+        }
+    }
+
+    /// By component on a cone: the apex, the distance of the nearest node, this node, and the longest
+    /// edge there.
+    fn nearest_to_apexes(&self) -> BTreeMap<u32, (Point3, f64, u32, f64)> {
+        let mut nearest = BTreeMap::new();
+        for (t, corners) in self.mesh.triangles.iter().enumerate() {
             let surface = &self.surfaces[self.mesh.sheets[t] as usize];
             let Some(apex) = surface.apex() else { continue };
             for k in 0..3u8 {
                 let [p, q] = ends_of(corners, k).map(|v| self.mesh.points[v as usize]);
                 let (far, edge) = (norm(sub(p, apex)), norm(sub(p, q)));
                 let v = corners[k as usize];
-                let best = nearest.entry(component).or_insert((apex, far, v, edge));
+                let first = (apex, far, v, edge);
+                let best = nearest.entry(self.mesh.components[t]).or_insert(first);
                 if far < best.1 {
-                    *best = (apex, far, v, edge);
+                    *best = first;
                 } else if v == best.2 {
                     best.3 = best.3.max(edge);
                 }
             }
         }
-        for (apex, far, v, edge) in nearest.into_values() {
-            let is_cut_off = far <= edge && !border.contains(&v);
-            if far <= APEX * self.size || is_cut_off {
-                self.mesh.points[v as usize] = apex;
-                self.apexes.insert(v);
-            }
-        }
+        nearest
     }
 
     fn topology(&self) -> Topology {

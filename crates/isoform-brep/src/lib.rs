@@ -46,6 +46,16 @@ pub enum BrepError {
         /// What it lies on, if that has a name.
         kind: Option<&'static str>,
     },
+    /// A part was given nodes that its surface does not hold: the mesh is too coarse for it.
+    #[error("nodes of the mesh on the part {part} are {by:.1e} away from its {kind}")]
+    OffSurface {
+        /// Its name.
+        part: String,
+        /// What its function describes.
+        kind: &'static str,
+        /// How far the nodes are away, in model units.
+        by: f64,
+    },
     /// A part lies on a torus whose tube reaches its axis.
     #[error("the part {part} lies on a torus whose tube reaches its axis")]
     Spindle {

@@ -81,7 +81,8 @@ impl Part<'_> {
     ) -> Result<Surface, BrepError> {
         let [x, y, z] = self.bounds.size();
         let limit = ON * x.max(y).max(z);
-        let (mut kind, mut spindle) = (None, false);
+        let part = name.to_owned();
+        let mut why = BrepError::NoSurface { part, kind: None };
         let every = nodes.len().div_ceil(NODES).max(1);
         let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
         for starts in [self.lattice(), some] {
@@ -91,22 +92,37 @@ impl Part<'_> {
             let Some(quadric) = recognize(&points, &normals) else {
                 continue;
             };
-            kind = Some(quadric.name());
-            spindle = matches!(quadric, Quadric::Torus { major, minor, .. } if minor > SPINDLE * major);
-            let surface = Surface::of(&quadric).filter(|_| !spindle);
-            let surface = surface.map(|s| towards(s, nodes));
-            if let Some(surface) = surface
-                && nodes.iter().all(|p| surface.distance(*p).0.abs() <= limit)
-            {
-                return Ok(surface);
+            match Self::fits(&quadric, nodes, limit, name) {
+                Ok(surface) => return Ok(surface),
+                Err(error) => why = error,
             }
         }
-        let part = name.to_owned();
-        Err(if spindle {
-            BrepError::Spindle { part }
+        Err(why)
+    }
+
+    /// The surface of a quadric, if it has a name and the nodes lie on it.
+    fn fits(
+        quadric: &Quadric,
+        nodes: &[Point3],
+        limit: f64,
+        name: &str,
+    ) -> Result<Surface, BrepError> {
+        let (part, kind) = (name.to_owned(), quadric.name());
+        if matches!(quadric, Quadric::Torus { major, minor, .. } if *minor > SPINDLE * major) {
+            return Err(BrepError::Spindle { part });
+        }
+        let Some(surface) = Surface::of(quadric) else {
+            let kind = Some(kind);
+            return Err(BrepError::NoSurface { part, kind });
+        };
+        let surface = towards(surface, nodes);
+        let off = nodes.iter().map(|p| surface.distance(*p).0.abs());
+        let by = off.fold(0.0, f64::max);
+        if by <= limit {
+            Ok(surface)
         } else {
-            BrepError::NoSurface { part, kind }
-        })
+            Err(BrepError::OffSurface { part, kind, by })
+        }
     }
 
     /// Points of the box of the model.

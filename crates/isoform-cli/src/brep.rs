@@ -181,6 +181,9 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
             BrepError::NoSurface { .. } | BrepError::Spindle { .. } => none("not-exact")
                 .why("only faces of these kinds are written as solids")
                 .hint("isoform parameterize --cover writes patches of any surface"),
+            BrepError::OffSurface { .. } => none("off-surface")
+                .why("parts thinner than its triangles, or surfaces that touch, confuse a mesh")
+                .hint("a smaller --size"),
             BrepError::NoCurve { at, .. } => none("tangent").somewhere(*at).why(format!(
                 "surfaces that touch smoothly have no well-defined edge, here at {}",
                 place(*at)
