@@ -16,6 +16,8 @@ use std::collections::{BTreeMap, BTreeSet};
 const SAME: f64 = 1e-10;
 /// A node of the mesh this near to the apex of a cone, in sizes, is the apex.
 const APEX: f64 = 1e-6;
+/// A mesh cuts off no more than this of the tip of a cone, in lengths of its edges there.
+const TIP: f64 = 3.0;
 /// A vertex is this near to all of its surfaces, in sizes.
 const ON: f64 = 1e-9;
 
@@ -153,7 +155,7 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     /// Nodes at the apex of the cone that they lie on are moved there, and so is the node of a face
-    /// that is nearest to an apex no more than an edge away, if all that meets in it does so at the
+    /// that is nearest to an apex no more than some edges away, if all that meets in it does so at the
     /// apex: a mesh may cut off the tip.
     fn find_apexes(&mut self) {
         for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
@@ -161,7 +163,7 @@ impl Builder<'_> {
             let mut around = corners.filter(|(c, _)| c.contains(&v)).map(|c| *c.1);
             let near = APEX * self.size;
             let meets = |s: u32| self.surfaces[s as usize].distance(apex).0.abs() <= near;
-            if far <= near || (far <= edge && around.all(meets)) {
+            if far <= near || (far <= TIP * edge && around.all(meets)) {
                 self.mesh.points[v as usize] = apex;
                 self.apexes.insert(v);
             }
@@ -197,7 +199,13 @@ impl Builder<'_> {
             let (a, b) = (a as usize, b as usize);
             mesh.components[a] != mesh.components[b] || mesh.charts[a] != mesh.charts[b]
         };
-        Topology::new(&mesh.points, &mesh.triangles, &self.across, is_border, &self.apexes)
+        Topology::new(
+            &mesh.points,
+            &mesh.triangles,
+            &self.across,
+            is_border,
+            &self.apexes,
+        )
     }
 
     /// Cuts the components that go round, one after the other: each is put away from the vertices
@@ -264,7 +272,12 @@ impl Builder<'_> {
         }
         self.add_faces(&topology, &mut brep);
         let mesh = &self.mesh;
-        brep.solids = solids(&mesh.points, &mesh.triangles, &self.across, &topology.face_of)?;
+        brep.solids = solids(
+            &mesh.points,
+            &mesh.triangles,
+            &self.across,
+            &topology.face_of,
+        )?;
         Ok(Built {
             brep,
             points: mesh.points.clone(),
@@ -285,7 +298,8 @@ impl Builder<'_> {
             return Ok([self.surfaces[a], self.surfaces[b]]);
         }
         let cut = self.mesh.cut_between(t, other);
-        cut.map(|cut| [self.surfaces[a], *cut]).ok_or_else(|| self.no_curve([a, b], chain))
+        cut.map(|cut| [self.surfaces[a], *cut])
+            .ok_or_else(|| self.no_curve([a, b], chain))
     }
 
     fn no_curve(&self, sheets: [usize; 2], chain: &Chain) -> BrepError {
@@ -391,7 +405,9 @@ impl Builder<'_> {
             let [a, b, c] = corners(t).map(|v| points[v as usize]);
             cross(sub(b, a), sub(c, a))
         };
-        let largest = own.iter().max_by(|s, t| norm(normal(s)).total_cmp(&norm(normal(t))));
+        let largest = own
+            .iter()
+            .max_by(|s, t| norm(normal(s)).total_cmp(&norm(normal(t))));
         let largest = *largest.unwrap_or(&own[0]);
         let outward = normal(&largest);
         let sides: Vec<[u32; 2]> = own

@@ -104,10 +104,16 @@ impl fmt::Display for Finding {
             }
             Self::Kink(angle) => write!(f, "a smooth edge has a kink of {angle:.2e} degrees"),
             Self::Volume { found, limit } => {
-                write!(f, "the volume is {found}, that of finer meshes tends to {limit}")
+                write!(
+                    f,
+                    "the volume is {found}, that of finer meshes tends to {limit}"
+                )
             }
             Self::Area { face, found, mesh } => {
-                write!(f, "the face {face} has the area {found}, its triangles {mesh}")
+                write!(
+                    f,
+                    "the face {face} has the area {found}, its triangles {mesh}"
+                )
             }
             Self::ShortEdge { length, at } => write!(
                 f,
@@ -115,7 +121,10 @@ impl fmt::Display for Finding {
                 at[0], at[1], at[2]
             ),
             Self::SmallFace { face, area } => {
-                write!(f, "the face {face} has an area of {area:.2e} only: readers may lose it")
+                write!(
+                    f,
+                    "the face {face} has an area of {area:.2e} only: readers may lose it"
+                )
             }
             Self::Mesh(what) => write!(f, "the mesh: {what}"),
         }
@@ -286,7 +295,9 @@ fn examine_edges(built: &Built, made: &mut Certificate) {
             let p = brep.along(e, s).0;
             let all = sides[e as usize].iter().copied();
             made.gap = made.gap.max(crate::newton::gap(all, p));
-            made.gap = made.gap.max(crate::newton::gap(&built.meeting[e as usize], p));
+            made.gap = made
+                .gap
+                .max(crate::newton::gap(&built.meeting[e as usize], p));
             length += last.map_or(0.0, |q| norm(sub(p, q)));
             last = Some(p);
             if let [a, b] = sides[e as usize].as_slice() {
@@ -395,7 +406,11 @@ fn limit_of_volume(built: &Built) -> f64 {
         let half = std::array::from_fn(|k| 0.5 * (p[k] + q[k]));
         let on = meet(at.iter().map(|t| surface(*t)), half);
         mids.insert(ends, points.len() as u32);
-        points.push(if norm(sub(on, half)) <= norm(sub(p, q)) { on } else { half });
+        points.push(if norm(sub(on, half)) <= norm(sub(p, q)) {
+            on
+        } else {
+            half
+        });
     }
     let mid = |a: u32, b: u32| mids[&[a.min(b), a.max(b)]];
     let fine: Vec<[u32; 3]> = built

@@ -108,7 +108,10 @@ fn circle(points: &[Point3], on: f64) -> Option<Curve> {
         let [x, y, z] = axes.local(*p);
         z.abs() <= on && (x.hypot(y) - radius).abs() <= on
     };
-    points.iter().all(is_on).then_some(Curve::Circle(axes, radius))
+    points
+        .iter()
+        .all(is_on)
+        .then_some(Curve::Circle(axes, radius))
 }
 
 /// The section of a cylinder or cone by the plane of the points.
@@ -202,10 +205,7 @@ fn jet(surfaces: [&Surface; 2], p: Point3, direction: Point3) -> Option<Jet> {
     // a·k = −t·A t, b·k = −t·B t, t·k = 0.
     let [ra, rb] = surfaces.map(|s| -s.bending(p, t));
     let cos = dot(a, b);
-    let (fa, fb) = (
-        (ra - cos * rb) / (sin * sin),
-        (rb - cos * ra) / (sin * sin),
-    );
+    let (fa, fb) = ((ra - cos * rb) / (sin * sin), (rb - cos * ra) / (sin * sin));
     let k = std::array::from_fn(|i| fa * a[i] + fb * b[i]);
     Some(Jet { p, t, k })
 }
@@ -320,7 +320,9 @@ fn joined(pieces: &[([Point3; 6], f64)]) -> BSpline {
         };
         // The blossom at one knot before, three times this and one after.
         let share = (knots[i + 2] - knots[i]) / length;
-        control.push(std::array::from_fn(|k| b[3][k] + (b[4][k] - b[3][k]) * share));
+        control.push(std::array::from_fn(|k| {
+            b[3][k] + (b[4][k] - b[3][k]) * share
+        }));
         control.push(next[2]);
     }
     BSpline {

@@ -131,7 +131,10 @@ struct Chooser<'a> {
 
 impl<'a> Chooser<'a> {
     fn new(mesh: &'a Labelled, surface: &'a Surface, outline: &'a Outline) -> Self {
-        let corners = outline.triangles.iter().map(|t| &mesh.triangles[*t as usize]);
+        let corners = outline
+            .triangles
+            .iter()
+            .map(|t| &mesh.triangles[*t as usize]);
         let sides: Vec<[u32; 2]> = corners
             .flat_map(|c| (0..3).map(|k| ends_of(c, k)))
             .collect();
@@ -231,9 +234,11 @@ impl<'a> Chooser<'a> {
 
     /// How far a cut is from vertices and from touching the border, in lengths.
     fn score(&self, cut: &Surface) -> f64 {
-        let on_all = |v: u32| self.surface.apex().is_some_and(|a| {
-            norm(sub(a, self.point(v))) <= 1e-9 * self.size
-        });
+        let on_all = |v: u32| {
+            self.surface
+                .apex()
+                .is_some_and(|a| norm(sub(a, self.point(v))) <= 1e-9 * self.size)
+        };
         let at = |v: u32| cut.distance(self.point(v)).0;
         let vertices = self.outline.vertices.iter().filter(|v| !on_all(**v));
         let mut score = vertices.map(|v| at(*v).abs()).fold(f64::INFINITY, f64::min);
@@ -293,7 +298,13 @@ pub(crate) fn imprint(
         }
     }
     for t in 0..mesh.triangles.len() {
-        divide(mesh, t, &inserted, (mesh.components[t] == component).then_some(bit), &signs);
+        divide(
+            mesh,
+            t,
+            &inserted,
+            (mesh.components[t] == component).then_some(bit),
+            &signs,
+        );
     }
 }
 
@@ -321,7 +332,16 @@ fn signs(
         let g = cut.distance(mesh.points[v as usize]).0;
         let near = if is_vertex(v) { 1e-7 } else { SNAP };
         let is_on = g.abs() <= near * shortest;
-        (v, if is_on { 0 } else if g > 0.0 { 1 } else { -1 })
+        (
+            v,
+            if is_on {
+                0
+            } else if g > 0.0 {
+                1
+            } else {
+                -1
+            },
+        )
     };
     shortest.into_iter().map(sign).collect()
 }

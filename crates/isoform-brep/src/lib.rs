@@ -85,7 +85,9 @@ pub enum BrepError {
 }
 
 fn of_kind(kind: Option<&str>) -> String {
-    kind.map_or_else(String::new, |k| format!(" (it is part of a surface of the kind {k})"))
+    kind.map_or_else(String::new, |k| {
+        format!(" (it is part of a surface of the kind {k})")
+    })
 }
 
 impl From<Stopped> for BrepError {

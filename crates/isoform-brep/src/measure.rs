@@ -185,8 +185,7 @@ mod tests {
     fn half_a_wall_has_its_area_and_its_flux() {
         let (brep, surface) = half_wall();
         let loops = |forward: bool| {
-            let mut around: Vec<Coedge> =
-                (0..4).map(|edge| Coedge { edge, forward }).collect();
+            let mut around: Vec<Coedge> = (0..4).map(|edge| Coedge { edge, forward }).collect();
             if !forward {
                 around.reverse();
             }

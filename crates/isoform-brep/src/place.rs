@@ -49,7 +49,11 @@ pub(crate) fn place(
             let z = axes.z.map(|v| v * height.signum());
             let origin = on_axis();
             let radius_there = (radius + axes.local(middle)[2] * half_angle.tan()).abs();
-            Surface::Cone(seam_free(Axes { origin, z, ..axes }), radius_there, half_angle)
+            Surface::Cone(
+                seam_free(Axes { origin, z, ..axes }),
+                radius_there,
+                half_angle,
+            )
         }
         Surface::Sphere(_, radius) => {
             let direction = cap_direction(axes.origin, nodes).unwrap_or(axes.x);

@@ -23,8 +23,7 @@ pub(crate) fn solids(
         shell.faces.dedup();
         shell.volume = volume(points, &shell.triangles);
     }
-    let (outer, voids): (Vec<Shell>, Vec<Shell>) =
-        shells.into_iter().partition(|s| s.volume > 0.0);
+    let (outer, voids): (Vec<Shell>, Vec<Shell>) = shells.into_iter().partition(|s| s.volume > 0.0);
     let mut solids: Vec<Body> = outer
         .iter()
         .map(|s| Body {
@@ -35,9 +34,8 @@ pub(crate) fn solids(
     for void in voids {
         let inside = points[void.triangles[0][0] as usize];
         // The smallest shell around it.
-        let around = (0..outer.len()).filter(|&k| {
-            winding(points, &outer[k].triangles, inside) > 0.5
-        });
+        let around =
+            (0..outer.len()).filter(|&k| winding(points, &outer[k].triangles, inside) > 0.5);
         let host = around.min_by(|a, b| outer[*a].volume.total_cmp(&outer[*b].volume));
         let host = host.ok_or(BrepError::LooseVoid)?;
         solids[host].voids.push(void.faces);
@@ -54,7 +52,9 @@ struct Shell {
 
 /// The volume within triangles.
 pub(crate) fn volume(points: &[Point3], triangles: &[[u32; 3]]) -> f64 {
-    let origin = triangles.first().map_or([0.0; 3], |t| points[t[0] as usize]);
+    let origin = triangles
+        .first()
+        .map_or([0.0; 3], |t| points[t[0] as usize]);
     let each = triangles.iter().map(|t| {
         let [a, b, c] = t.map(|v| sub(points[v as usize], origin));
         dot(a, cross(b, c)) / 6.0

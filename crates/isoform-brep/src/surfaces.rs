@@ -63,7 +63,11 @@ fn towards(surface: Surface, points: &[Point3]) -> Surface {
     if heights.sum::<f64>() >= 0.0 {
         return surface;
     }
-    Surface::Cone(Axes::along(axes.origin, axes.z.map(|v| -v)), radius, half_angle)
+    Surface::Cone(
+        Axes::along(axes.origin, axes.z.map(|v| -v)),
+        radius,
+        half_angle,
+    )
 }
 
 struct Part<'a> {
@@ -86,8 +90,10 @@ impl Part<'_> {
         let every = nodes.len().div_ceil(NODES).max(1);
         let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
         for starts in [self.lattice(), some] {
-            let found: Vec<(Point3, Point3)> =
-                starts.into_iter().filter_map(|p| self.point_near(p)).collect();
+            let found: Vec<(Point3, Point3)> = starts
+                .into_iter()
+                .filter_map(|p| self.point_near(p))
+                .collect();
             let (points, normals): (Vec<Point3>, Vec<Point3>) = found.into_iter().unzip();
             let Some(quadric) = recognize(&points, &normals) else {
                 continue;

@@ -15,8 +15,8 @@ mod placement;
 mod spline;
 
 use crate::{WriteError, write_atomic};
-use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 pub use brep::{SolidOptions, SolidProperties, step_solids, write_step_solids};
+use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 use part21::Document;
 use placement::Placement;
 use spline::Spline;
@@ -26,8 +26,7 @@ use std::path::Path;
 /// Points this near to one another, in units of the largest coordinate, are one vertex.
 const SAME: f64 = 1e-9;
 /// The protocol of the schema, with its year.
-const PROTOCOL: &str =
-    "'international standard','ap242_managed_model_based_3d_engineering',2014";
+const PROTOCOL: &str = "'international standard','ap242_managed_model_based_3d_engineering',2014";
 /// What the file states as the accuracy of its lengths, in its unit.
 const UNCERTAINTY: f64 = 1e-7;
 /// The time stamp unless another is given: equal patches are to give equal files.

@@ -74,7 +74,9 @@ pub fn brep_model(
     let labelled = &mesh.meshed.mesh;
     let surfaces = surfaces(labelled, solid, &quadric_through)?;
     let built = isoform_brep::brep(labelled, &surfaces, control)?;
-    control.begin("checking the solid").map_err(BrepError::from)?;
+    control
+        .begin("checking the solid")
+        .map_err(BrepError::from)?;
     let certificate = check(&built, solid, left_open(&mesh, &built));
     Ok(ModelBrep {
         built,

@@ -28,7 +28,8 @@ impl BSpline {
     /// The knots, each as often as it counts.
     pub fn flat_knots(&self) -> Vec<f64> {
         let each = self.knots.iter().zip(&self.multiplicities);
-        each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n)).collect()
+        each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n))
+            .collect()
     }
 }
 

@@ -227,7 +227,11 @@ mod tests {
             let h = 1e-4;
             let at = |s: f64| surface.distance(combined(1.0, p, s, t)).0;
             let second = (at(h) - 2.0 * at(0.0) + at(-h)) / (h * h);
-            assert!((second - surface.bending(p, t)).abs() < 1e-6, "{}", surface.name());
+            assert!(
+                (second - surface.bending(p, t)).abs() < 1e-6,
+                "{}",
+                surface.name()
+            );
         }
     }
 }

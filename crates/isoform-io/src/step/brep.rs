@@ -218,7 +218,11 @@ impl<'a> Writer<'a> {
             }
             Surface::Sphere(_, r) => format!("SPHERICAL_SURFACE('',{axes},{})", real(r)),
             Surface::Torus(_, major, minor) => {
-                format!("TOROIDAL_SURFACE('',{axes},{},{})", real(major), real(minor))
+                format!(
+                    "TOROIDAL_SURFACE('',{axes},{},{})",
+                    real(major),
+                    real(minor)
+                )
             }
         };
         self.doc.add(&entity)
@@ -229,7 +233,11 @@ impl<'a> Writer<'a> {
         for (i, around) in face.loops.iter().enumerate() {
             let coedges: Vec<usize> = around.iter().map(|c| self.coedge(c)).collect();
             let around = self.doc.add(&format!("EDGE_LOOP('',{})", ids(&coedges)));
-            let kind = if i == 0 { "FACE_OUTER_BOUND" } else { "FACE_BOUND" };
+            let kind = if i == 0 {
+                "FACE_OUTER_BOUND"
+            } else {
+                "FACE_BOUND"
+            };
             bounds.push(self.doc.add(&format!("{kind}('',{},.T.)", id(around))));
         }
         let surface = self.surface(&face.surface);
@@ -245,7 +253,8 @@ impl<'a> Writer<'a> {
     fn coedge(&mut self, coedge: &Coedge) -> usize {
         let edge = id(self.edges[coedge.edge as usize]);
         let sense = flag(coedge.forward);
-        self.doc.add(&format!("ORIENTED_EDGE('',*,*,{edge},{sense})"))
+        self.doc
+            .add(&format!("ORIENTED_EDGE('',*,*,{edge},{sense})"))
     }
 
     fn shell(&mut self, faces: &[u32]) -> usize {
@@ -282,7 +291,9 @@ impl<'a> Writer<'a> {
         let outer = id(self.shell(&body.outer));
         let name = text(name);
         if body.voids.is_empty() {
-            return self.doc.add(&format!("MANIFOLD_SOLID_BREP({name},{outer})"));
+            return self
+                .doc
+                .add(&format!("MANIFOLD_SOLID_BREP({name},{outer})"));
         }
         // The faces of a void point out of the solid, into it: the shell is taken as it is.
         let voids: Vec<usize> = body
@@ -290,7 +301,8 @@ impl<'a> Writer<'a> {
             .iter()
             .map(|faces| {
                 let shell = id(self.shell(faces));
-                self.doc.add(&format!("ORIENTED_CLOSED_SHELL('',*,{shell},.T.)"))
+                self.doc
+                    .add(&format!("ORIENTED_CLOSED_SHELL('',*,{shell},.T.)"))
             })
             .collect();
         self.doc
@@ -320,7 +332,9 @@ impl<'a> Writer<'a> {
 
     fn style(&mut self, [red, green, blue]: Point3) -> usize {
         let (red, green, blue) = (real(red), real(green), real(blue));
-        let mut last = self.doc.add(&format!("COLOUR_RGB('',{red},{green},{blue})"));
+        let mut last = self
+            .doc
+            .add(&format!("COLOUR_RGB('',{red},{green},{blue})"));
         for around in [
             "FILL_AREA_STYLE_COLOUR('',?)",
             "FILL_AREA_STYLE('',(?))",
@@ -344,11 +358,21 @@ impl<'a> Writer<'a> {
         let length = id(product.length);
         let square = self.derived(&length, 2);
         let cube = self.derived(&length, 3);
-        let volume = self.doc.add(&measure("volume measure", "VOLUME", &volume, cube));
-        let area = self.doc.add(&measure("surface area measure", "AREA", &area, square));
+        let volume = self
+            .doc
+            .add(&measure("volume measure", "VOLUME", &volume, cube));
+        let area = self
+            .doc
+            .add(&measure("surface area measure", "AREA", &area, square));
         let at = reals(&properties.centroid);
-        let center = self.doc.add(&format!("CARTESIAN_POINT('centre point',{at})"));
-        for (what, item) in [("volume", volume), ("surface area", area), ("centroid", center)] {
+        let center = self
+            .doc
+            .add(&format!("CARTESIAN_POINT('centre point',{at})"));
+        for (what, item) in [
+            ("volume", volume),
+            ("surface area", area),
+            ("centroid", center),
+        ] {
             let name = "geometric validation property";
             let shape = id(product.shape);
             let property = self.doc.add(&format!(
