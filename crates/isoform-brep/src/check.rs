@@ -170,8 +170,19 @@ impl Certificate {
     }
 }
 
-/// Looks for everything that could be wrong. `open` is what the certificate of the mesh leaves open.
-pub fn check(built: &Built, solid: &dyn Solid, open: Vec<String>) -> Certificate {
+/// The larger of two figures; what is no number is the worst.
+fn worse(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
+/// Looks for everything that could be wrong. Edges and faces may be `tolerance` away from one another
+/// and from the model, in model units, and never more than readers resolve. `open` is what the certificate of the mesh leaves open.
+pub fn check(
+    built: &Built,
+    solid: &dyn Solid,
+    tolerance: Option<f64>,
+    open: Vec<String>,
+) -> Certificate {
     let Built { brep, size, .. } = built;
     let mut made = Certificate {
         center: Aabb::of(&brep.vertices).center(),
@@ -179,7 +190,8 @@ pub fn check(built: &Built, solid: &dyn Solid, open: Vec<String>) -> Certificate
         ..Certificate::default()
     };
     examine_topology(built, &mut made);
-    examine_edges(built, &mut made);
+    let limit = (0.1 * TOLERANCE * size).min(tolerance.unwrap_or(f64::INFINITY));
+    examine_edges(built, limit, &mut made);
     made.distances = (0..brep.faces.len())
         .map(|f| distance_of_face(built, solid, f))
         .collect();
@@ -187,7 +199,6 @@ pub fn check(built: &Built, solid: &dyn Solid, open: Vec<String>) -> Certificate
     made.faces = (0..brep.faces.len()).map(measure).collect();
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
-    let limit = 0.1 * TOLERANCE * size;
     for (f, &by) in made.distances.iter().enumerate() {
         if by > limit {
             let face = brep.face_name(f);
@@ -271,7 +282,7 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
 }
 
 /// Gaps, lengths and angles along edges.
-fn examine_edges(built: &Built, made: &mut Certificate) {
+fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
     let (brep, size) = (&built.brep, built.size);
     let mut sides: Vec<Vec<&Surface>> = vec![Vec::new(); brep.edges.len()];
     let mut senses: Vec<Vec<f64>> = vec![Vec::new(); brep.edges.len()];
@@ -294,7 +305,7 @@ fn examine_edges(built: &Built, made: &mut Certificate) {
             let s = breaks[piece] + share * (breaks[piece + 1] - breaks[piece]);
             let p = brep.along(e, s).0;
             let all = sides[e as usize].iter().copied();
-            made.gap = made.gap.max(crate::newton::gap(all, p));
+            made.gap = worse(made.gap, crate::newton::gap(all, p));
             made.gap = made
                 .gap
                 .max(crate::newton::gap(&built.meeting[e as usize], p));
@@ -312,7 +323,7 @@ fn examine_edges(built: &Built, made: &mut Certificate) {
         }
         let ends = brep.ends(e);
         for (s, end) in [0.0, 1.0].into_iter().zip(ends) {
-            made.gap = made.gap.max(norm(sub(brep.along(e, s).0, end)));
+            made.gap = worse(made.gap, norm(sub(brep.along(e, s).0, end)));
         }
         made.shortest_edge = made.shortest_edge.min(length);
         if length < SHORTEST * TOLERANCE * size {
@@ -320,7 +331,7 @@ fn examine_edges(built: &Built, made: &mut Certificate) {
             made.failures.push(Finding::ShortEdge { length, at });
         }
     }
-    if made.gap > 0.1 * TOLERANCE * size {
+    if made.gap > limit {
         made.failures.push(Finding::Gap(made.gap));
     }
     if made.smooth_angle > SMOOTH[1] {
@@ -346,7 +357,7 @@ fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
         let corners = built.triangles[t].map(|v| built.points[v as usize]);
         let p = meet([surface], middle(corners));
         let (value, g) = solid.gradient(piece as u32, p);
-        worst = worst.max(value.abs() / norm(g));
+        worst = worse(worst, value.abs() / norm(g));
     }
     worst
 }
@@ -371,7 +382,8 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
         let found = made.faces[f].area;
         let face = brep.face_name(f);
         made.smallest_face = made.smallest_face.min(found);
-        if !((found - mesh).abs() <= AREA[0] * mesh + AREA[1] * size * size) {
+        let allowed = AREA[0] * mesh + AREA[1] * size * size;
+        if found.is_nan() || (found - mesh).abs() > allowed {
             let face = face.clone();
             made.failures.push(Finding::Area { face, found, mesh });
         }
@@ -381,7 +393,8 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
     }
     made.mesh_limit = limit_of_volume(built);
     let found = made.total.volume;
-    if !((found - made.mesh_limit).abs() <= VOLUME * made.mesh_limit.abs()) {
+    let allowed = VOLUME * made.mesh_limit.abs();
+    if found.is_nan() || (found - made.mesh_limit).abs() > allowed {
         let limit = made.mesh_limit;
         made.failures.push(Finding::Volume { found, limit });
     }

@@ -32,7 +32,11 @@ pub(crate) fn meet<'s>(
 /// The largest distance of a point from the surfaces.
 pub(crate) fn gap<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> f64 {
     let each = surfaces.into_iter().map(|s| s.distance(p).0.abs());
-    each.fold(0.0, f64::max)
+    // What is no number is on no surface; the maximum alone would pass over it.
+    each.fold(
+        0.0,
+        |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) },
+    )
 }
 
 /// The step of least squares.

@@ -77,7 +77,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         ..MeshModelOptions::default()
     };
     options.mesh.region = args.region;
-    let made = brep_model(&model, &values, &options, &control)
+    let made = brep_model(&model, &values, &options, args.tol, &control)
         .map_err(|e| no_brep(&e, &name, args.region))?;
     for failure in &made.certificate.failures {
         context.warn(failure);

@@ -37,13 +37,14 @@ pub struct ModelBrep {
 
 /// The boundary representation of a model with the values `a` of its parameters: faces on exact
 /// planes, cylinders, cones, spheres and tori, with shared edges, and its certificate. What the
-/// certificate of the mesh leaves open, this one does, too. Missing values are those of
+/// certificate of the mesh leaves open, this one does, too. Faces and edges may be `tolerance` away
+/// from the model (model units), and never more than 1e-8 of its size. Missing values are those of
 /// [`parameter_values`](crate::parameter_values).
 ///
 /// ```
 /// use isoform::{Control, MeshModelOptions, brep_model, template};
 /// let ball = template("sphere").expect("a template of the gallery").model();
-/// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 1.0], &MeshModelOptions::default(), &Control::default())?;
+/// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 1.0], &MeshModelOptions::default(), None, &Control::default())?;
 /// let volume = 4.0 / 3.0 * std::f64::consts::PI;
 /// assert!(made.certificate.holds());
 /// assert!((made.certificate.total.volume / volume - 1.0).abs() < 1e-12);
@@ -56,6 +57,7 @@ pub fn brep_model(
     model: &Model,
     a: &[f64],
     options: &MeshModelOptions,
+    tolerance: Option<f64>,
     control: &Control<'_>,
 ) -> Result<ModelBrep, BrepModelError> {
     control.report("model", 0.0);
@@ -77,7 +79,7 @@ pub fn brep_model(
     control
         .begin("checking the solid")
         .map_err(BrepError::from)?;
-    let certificate = check(&built, solid, left_open(&mesh, &built));
+    let certificate = check(&built, solid, tolerance, left_open(&mesh, &built));
     Ok(ModelBrep {
         built,
         certificate,
