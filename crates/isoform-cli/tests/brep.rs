@@ -123,7 +123,7 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
         ]);
         assert_eq!(code(&o), expected, "{name}");
         assert!(
-            !Path::new(&target).exists() && !o.stderr.is_empty(),
+            !Path::new(&target).exists() && !stderr(&o).is_empty(),
             "{name}"
         );
     }
