@@ -1,6 +1,7 @@
 //! The command `isoform`: arguments in, one library call, a document or files out.
 #![forbid(unsafe_code)]
 
+mod brep;
 mod compare;
 mod completions;
 mod convert;
@@ -46,6 +47,7 @@ enum Verb {
     Recover(Box<recover::Args>),
     Fit(Box<fit::Args>),
     Mesh(Box<mesh::Args>),
+    Brep(Box<brep::Args>),
     Parameterize(Box<parameterize::Args>),
     Triangulate(Box<triangulate::Args>),
     Implicitize(implicitize::Args),
@@ -67,6 +69,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Recover(args) => recover::run(&args, context),
         Verb::Fit(args) => fit::run(&args, context),
         Verb::Mesh(args) => mesh::run(&args, context),
+        Verb::Brep(args) => brep::run(&args, context),
         Verb::Parameterize(args) => parameterize::run(&args, context),
         Verb::Triangulate(args) => triangulate::run(&args, context),
         Verb::Implicitize(args) => implicitize::run(&args, context),

@@ -4,6 +4,7 @@
 //! is −∇f/|∇f|.
 #![forbid(unsafe_code)]
 
+pub mod brep;
 mod cloud;
 mod field;
 mod gram;

@@ -11,7 +11,7 @@
 //! parts, curves and regions, volume or surface: Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ,
 //! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
-//! [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
+//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
 //! [`write_map`] that of rational maps, both JSON with exact numbers.
@@ -90,5 +90,8 @@ pub use splines::{
     SplineFileError, is_polynomial_file, is_spline_file, read_polynomial, read_spline,
     write_polynomial, write_spline,
 };
-pub use step::{STEP_UNITS, StepFace, StepOptions, step, write_step_path};
+pub use step::{
+    STEP_UNITS, SolidOptions, SolidProperties, StepFace, StepOptions, step, step_solids,
+    write_step_path, write_step_solids,
+};
 pub use write::{write, write_path};

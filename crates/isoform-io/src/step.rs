@@ -8,12 +8,14 @@
 //!
 //! Equal patches give equal bytes: the time stamp is a fixed one unless another is given.
 
+mod brep;
 mod knots;
 mod part21;
 mod placement;
 mod spline;
 
 use crate::{WriteError, write_atomic};
+pub use brep::{SolidOptions, SolidProperties, step_solids, write_step_solids};
 use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 use part21::Document;
 use placement::Placement;
@@ -23,6 +25,8 @@ use std::path::Path;
 
 /// Points this near to one another, in units of the largest coordinate, are one vertex.
 const SAME: f64 = 1e-9;
+/// The protocol of the schema, with its year.
+const PROTOCOL: &str = "'international standard','ap242_managed_model_based_3d_engineering',2014";
 /// What the file states as the accuracy of its lengths, in its unit.
 const UNCERTAINTY: f64 = 1e-7;
 /// The time stamp unless another is given: equal patches are to give equal files.
@@ -168,6 +172,8 @@ struct Product {
     shape: usize,
     /// Units and accuracy of the coordinates.
     context: usize,
+    /// Unit of length.
+    length: usize,
     /// Axes at the origin.
     origin: usize,
 }
@@ -179,18 +185,26 @@ fn product(doc: &mut Document, options: &StepOptions, unit: &str) -> Product {
     } else {
         &options.name
     });
-    Product {
-        shape: shape(doc, &name),
-        context: context(doc, unit),
-        origin: doc.placement(&Placement {
-            origin: [0.0; 3],
-            z: [0.0, 0.0, 1.0],
-            x: [1.0, 0.0, 0.0],
-        }),
-    }
+    Product::new(doc, &name, unit, PROTOCOL, UNCERTAINTY)
 }
 
 impl Product {
+    /// The product of this name (in quotes), in a unit of length, by a protocol, with an accuracy.
+    fn new(doc: &mut Document, name: &str, unit: &str, protocol: &str, accuracy: f64) -> Self {
+        let shape = shape(doc, name, protocol);
+        let (context, length) = context(doc, unit, accuracy);
+        let origin = doc.placement(&Placement {
+            origin: [0.0; 3],
+            z: [0.0, 0.0, 1.0],
+            x: [1.0, 0.0, 0.0],
+        });
+        Self {
+            shape,
+            context,
+            length,
+            origin,
+        }
+    }
     /// The shape of the product is these shells.
     fn represent(&self, doc: &mut Document, shells: &[usize]) {
         let shells = part21::ids(shells);
@@ -209,12 +223,11 @@ impl Product {
 }
 
 /// The product of this name, down to its shape.
-fn shape(doc: &mut Document, name: &str) -> usize {
+fn shape(doc: &mut Document, name: &str, protocol: &str) -> usize {
     let id = part21::id;
     let app = doc.add("APPLICATION_CONTEXT('managed model based 3d engineering')");
-    let standard = "'international standard','ap242_managed_model_based_3d_engineering',2014";
     doc.add(&format!(
-        "APPLICATION_PROTOCOL_DEFINITION({standard},{})",
+        "APPLICATION_PROTOCOL_DEFINITION({protocol},{})",
         id(app)
     ));
     let context = doc.add(&format!("PRODUCT_CONTEXT('',{},'mechanical')", id(app)));
@@ -242,24 +255,26 @@ fn shape(doc: &mut Document, name: &str) -> usize {
     ))
 }
 
-/// The space of the coordinates: units of length and angle, and the accuracy.
-fn context(doc: &mut Document, unit: &str) -> usize {
+/// The space of the coordinates: units of length and angle, and the accuracy; and the unit of
+/// length.
+fn context(doc: &mut Document, unit: &str, accuracy: f64) -> (usize, usize) {
     let id = part21::id;
     let length = length_unit(doc, unit);
     let angle = doc.add("(NAMED_UNIT(*)PLANE_ANGLE_UNIT()SI_UNIT($,.RADIAN.))");
     let solid = doc.add("(NAMED_UNIT(*)SI_UNIT($,.STERADIAN.)SOLID_ANGLE_UNIT())");
     let accuracy = format!(
         "LENGTH_MEASURE({}),{},'distance_accuracy_value',''",
-        part21::real(UNCERTAINTY),
+        part21::real(accuracy),
         id(length)
     );
     let accuracy = doc.add(&format!("UNCERTAINTY_MEASURE_WITH_UNIT({accuracy})"));
-    doc.add(&format!(
+    let context = doc.add(&format!(
         "(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNCERTAINTY_ASSIGNED_CONTEXT(({}))GLOBAL_UNIT_ASSIGNED_CONTEXT({})\
          REPRESENTATION_CONTEXT('','3D'))",
         id(accuracy),
         part21::ids(&[length, angle, solid])
-    ))
+    ));
+    (context, length)
 }
 
 /// One of [`STEP_UNITS`].

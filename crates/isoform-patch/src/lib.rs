@@ -74,7 +74,7 @@ pub use isoform_geom::{NormalForm, Quadric, QuadricKind};
 pub use objective::{Derivatives, Evaluated, Objective};
 pub use options::{Covering, Error, NODES, Options, PAPER_LIMIT};
 pub use parameterized::Parameterized;
-pub use quadric::quadric;
+pub use quadric::{quadric, quadric_through};
 pub use single::{parameterize, parameterize_part};
 pub use terms::{Inner, K, Method, Targets, Terms, Weights};
 

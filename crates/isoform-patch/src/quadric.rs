@@ -43,7 +43,26 @@ const SAME: f64 = 1e-8;
 pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     let samples: Vec<Tangents> = grid(SAMPLES).map(|(u, v)| patch.tangents(u, v)).collect();
     let points: Vec<Point3> = samples.iter().map(|t| t.point).collect();
-    let frame = Frame::of(&points)?;
+    let normals: Vec<Point3> = samples.iter().map(|t| normalized(t.normal())).collect();
+    quadric_through(&points, &normals)
+}
+
+/// The quadric through points to rounding, if there is one and one only, else the torus that has
+/// the normals there too. Normals have the length 1; their sides do not matter.
+///
+/// ```
+/// use isoform_patch::quadric_through;
+///
+/// let on = |i: i32| {
+///     let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 20.0);
+///     [2.0 * t.cos(), 2.0 * t.sin(), z]
+/// };
+/// let points: Vec<_> = (0..40).map(on).collect();
+/// let normals: Vec<_> = points.iter().map(|p| [0.5 * p[0], 0.5 * p[1], 0.0]).collect();
+/// assert_eq!(quadric_through(&points, &normals).map(|q| q.name()), Some("cylinder"));
+/// ```
+pub fn quadric_through(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
+    let frame = Frame::of(points)?;
     let local: Vec<Point3> = points.iter().map(|p| frame.local(*p)).collect();
     if let Some(normal) = null(local.clone(), ZERO) {
         return Some(Quadric::Plane {
@@ -59,8 +78,7 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
         let named = equation.of_revolution(&frame);
         return named.or_else(|| Some(equation.by_normal_form(&frame)));
     }
-    let normals: Vec<Point3> = samples.iter().map(|t| normalized(t.normal())).collect();
-    Some(frame.torus_out(torus(&local, &normals)?))
+    Some(frame.torus_out(torus(&local, normals)?))
 }
 
 /// Coordinates in which samples lie about the origin and within the unit sphere.

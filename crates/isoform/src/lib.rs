@@ -7,6 +7,7 @@
 //! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
 //! | a scan | the planes, spheres, cylinders, cones and tori that it consists of | [`recognize_scan`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
+//! | a program | solids of exact faces for CAD, with a certificate | [`brep_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
 //! | any two of: points, a mesh, a model | distances both ways | [`compare()`] |
@@ -96,6 +97,7 @@
 //! docs.
 #![forbid(unsafe_code)]
 
+mod brep_model;
 mod compare;
 mod facets;
 mod fit_scan;
@@ -114,6 +116,7 @@ mod spline_distance;
 mod template;
 mod topology;
 
+pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use compare::{CompareError, Distances, Side, compare};
 pub use facets::{CornerError, points_on_faces};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
@@ -128,6 +131,7 @@ pub use implicitize_scan::{
     implicitize_scan_globally,
 };
 pub use isoform_algebra as algebra;
+pub use isoform_brep as brep;
 pub use isoform_check as check;
 pub use isoform_control::{Control, Stopped};
 pub use isoform_field as field;

@@ -5,6 +5,7 @@
 //! reports: `schema` (the version of the form), `ok` and, of verbs that write, `outputs` (the
 //! files).
 
+mod brep;
 mod compare;
 mod fit;
 mod implicitize;
@@ -14,6 +15,7 @@ mod patches;
 mod recognize;
 mod surface;
 
+pub use brep::{BrepCertificateReport, BrepReport, FaceReport};
 pub use compare::{CompareReport, SideReport};
 pub use fit::{
     About, Coverage, DataToModelReport, EvidenceReport, FitReport, OpenReport, OtherMinimumReport,

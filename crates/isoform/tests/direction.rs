@@ -8,7 +8,8 @@ use std::path::Path;
 type Uses = BTreeMap<String, BTreeSet<String>>;
 
 /// Crates none of which may use another of them: the stages, and the functions that they work on.
-const APART: [&str; 8] = [
+const APART: [&str; 9] = [
+    "isoform-brep",
     "isoform-field",
     "isoform-fit",
     "isoform-io",

@@ -80,14 +80,14 @@ fn sentence(warning: &Warning) -> String {
 }
 
 /// Phases as they come, each with the time it took.
-struct Phases {
+pub(crate) struct Phases {
     /// Phases with the time at which each began.
     started: Mutex<Vec<(String, Instant)>>,
     progress: Progress,
 }
 
 /// All phases in their order, for the bar.
-const PHASES: [&str; 15] = [
+const PHASES: [&str; 20] = [
     "check",
     "extent",
     "lattice",
@@ -103,17 +103,22 @@ const PHASES: [&str; 15] = [
     "looking for self-intersections",
     "measuring distances",
     "looking for features",
+    "recognition",
+    "faces",
+    "cuts",
+    "edges",
+    "checking the solid",
 ];
 
 impl Phases {
-    fn new(context: &Context) -> Self {
+    pub(crate) fn new(context: &Context) -> Self {
         Self {
             started: Mutex::default(),
             progress: Progress::new(context),
         }
     }
     /// A phase begins.
-    fn enter(&self, phase: &str) {
+    pub(crate) fn enter(&self, phase: &str) {
         self.started
             .lock()
             .unwrap_or_else(PoisonError::into_inner)
@@ -123,7 +128,7 @@ impl Phases {
         }
     }
     /// Seconds of each; the last one lasts until now.
-    fn seconds(self) -> Vec<(String, f64)> {
+    pub(crate) fn seconds(self) -> Vec<(String, f64)> {
         let started = self
             .started
             .into_inner()
@@ -167,13 +172,7 @@ pub(crate) fn make(
         Shape::Model(model, values) => (model.name().to_owned(), values.clone()),
         Shape::Spline(..) => ("surface".to_owned(), Vec::new()),
     };
-    let mesh = made.map_err(|e| match e {
-        MeshModelError::Solid(e) => no_solid(&e, name),
-        MeshModelError::Mesh(e) => failure(&e, name, settings),
-        e => Failure::usage(format!("{name}: {e}"))
-            .why("a loop or an index depends on the point")
-            .hint("--box=-1,-1,-1,1,1,1 around it"),
-    })?;
+    let mesh = made.map_err(|e| no_mesh(&e, name, settings))?;
     Ok(Made {
         name: name.clone(),
         object,
@@ -183,6 +182,17 @@ pub(crate) fn make(
         written: Vec::new(),
         seconds: phases.seconds(),
     })
+}
+
+/// Why there is no mesh of a model.
+pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -> Failure {
+    match error {
+        MeshModelError::Solid(e) => no_solid(e, name),
+        MeshModelError::Mesh(e) => failure(e, name, settings),
+        e => Failure::usage(format!("{name}: {e}"))
+            .why("a loop or an index depends on the point")
+            .hint("--box=-1,-1,-1,1,1,1 around it"),
+    }
 }
 
 /// What is asked for, as the library takes it.

@@ -3,9 +3,12 @@
 use super::knots::Knots;
 use super::placement::Placement;
 use super::spline::{Spline, affine};
-use isoform_geom::Point3;
+use isoform_geom::{Point3, norm, sub};
 use std::fmt::Write;
 
+/// The schema unless another is asked for.
+pub(super) const AP242: &str =
+    "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF { 1 0 10303 442 1 1 4 }";
 /// Lines are broken behind a comma from here on.
 const WIDTH: usize = 120;
 
@@ -40,11 +43,15 @@ impl Document {
     }
     /// The whole file.
     pub(super) fn file(&self, name: &str, time: &str) -> String {
+        self.file_of(name, time, AP242)
+    }
+    /// The whole file, in a schema.
+    pub(super) fn file_of(&self, name: &str, time: &str, schema: &str) -> String {
         let (name, time) = (text(name), text(time));
         format!(
             "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION((''),'2;1');\n\
              FILE_NAME({name},{time},(''),(''),'isoform {version}','isoform','');\n\
-             FILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF {{ 1 0 10303 442 1 1 4 }}'));\nENDSEC;\n\
+             FILE_SCHEMA(('{schema}'));\nENDSEC;\n\
              DATA;\n{data}ENDSEC;\nEND-ISO-10303-21;\n",
             version = env!("CARGO_PKG_VERSION"),
             data = self.data
@@ -57,6 +64,14 @@ impl Document {
     /// Adds a direction; gives back its number.
     fn direction(&mut self, d: Point3) -> usize {
         self.add(&format!("DIRECTION('',{})", reals(&d)))
+    }
+    /// Adds the line through two points; gives back its number.
+    pub(super) fn line(&mut self, from: Point3, to: Point3) -> usize {
+        let d = sub(to, from);
+        let length = norm(d);
+        let (point, direction) = (self.point(from), self.direction(d.map(|v| v / length)));
+        let vector = self.add(&format!("VECTOR('',{},1.)", id(direction)));
+        self.add(&format!("LINE('',{},{})", id(point), id(vector)))
     }
     /// Adds axes with their origin; gives back their number.
     pub(super) fn placement(&mut self, axes: &Placement) -> usize {
@@ -126,11 +141,11 @@ pub(super) fn ids(numbers: &[usize]) -> String {
     list(numbers.iter().map(|n| id(*n)))
 }
 /// A list of whole numbers.
-fn integers(numbers: &[usize]) -> String {
+pub(super) fn integers(numbers: &[usize]) -> String {
     list(numbers.iter().map(usize::to_string))
 }
 /// A list of reals.
-fn reals(numbers: &[f64]) -> String {
+pub(super) fn reals(numbers: &[f64]) -> String {
     list(numbers.iter().map(|v| real(*v)))
 }
 /// A list of items in brackets, with commas between.

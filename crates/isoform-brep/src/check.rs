@@ -1,0 +1,439 @@
+//! The certificate: everything that could be wrong with a boundary representation, looked for.
+//!
+//! What is counted is exact; distances, angles and areas are taken at samples.
+
+use crate::build::Built;
+use crate::measure::{Measure, of_face, total};
+use crate::newton::meet;
+use crate::shells::volume;
+use crate::topology::ends_of;
+use isoform_geom::brep::Surface;
+use isoform_geom::{Aabb, Point3, Solid, cross, dot, middle, norm, sub};
+use std::collections::BTreeMap;
+use std::fmt;
+
+/// Samples of a piece of an edge.
+const SAMPLES: usize = 8;
+/// What readers take for one point, in sizes of the model; gaps and distances stay ten times below.
+pub(crate) const TOLERANCE: f64 = 1e-7;
+/// Shortest edges, and roots of the areas of faces, in tolerances.
+const SHORTEST: f64 = 10.0;
+/// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
+/// second number.
+const SMOOTH: [f64; 2] = [5.0, 0.01];
+/// The volume agrees with the limit of the meshes within this share: what their extrapolation is
+/// worth at the usual size of elements.
+const VOLUME: f64 = 1e-3;
+/// The area of a face agrees with that of its triangles within this share of it, and this share of
+/// the square of the size: chords of a small face may be long.
+const AREA: [f64; 2] = [0.15, 1e-4];
+/// Places at which a face is compared with its function, at most.
+const PLACES: usize = 200;
+
+/// Something that is wrong or left open.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Finding {
+    /// Edges that are not in two loops, once in each direction.
+    OpenEdges(usize),
+    /// The Euler numbers of the faces and of the mesh differ.
+    Euler {
+        /// Of the faces.
+        found: i64,
+        /// Of the mesh.
+        mesh: i64,
+    },
+    /// Faces with handles, or without a border: their Euler number is not 2 less their loops.
+    NotPlanar(usize),
+    /// Edges or vertices leave the surfaces of their faces.
+    Gap(f64),
+    /// A face leaves the function of its part.
+    Distance {
+        /// The face's name.
+        face: String,
+        /// How far, in model units.
+        by: f64,
+    },
+    /// Normals differ along an edge that is to be smooth (degrees).
+    Kink(f64),
+    /// The volume differs from the limit of the meshes.
+    Volume {
+        /// Of the faces.
+        found: f64,
+        /// The limit.
+        limit: f64,
+    },
+    /// The area of a face differs from that of its triangles.
+    Area {
+        /// The face's name.
+        face: String,
+        /// Its area.
+        found: f64,
+        /// That of its triangles.
+        mesh: f64,
+    },
+    /// An edge is shorter than ten tolerances.
+    ShortEdge {
+        /// Its length.
+        length: f64,
+        /// Where it begins.
+        at: Point3,
+    },
+    /// A face is smaller than ten tolerances squared.
+    SmallFace {
+        /// Its name.
+        face: String,
+        /// Its area.
+        area: f64,
+    },
+    /// Something that the mesh leaves open.
+    Mesh(String),
+}
+
+impl fmt::Display for Finding {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OpenEdges(n) => write!(f, "{n} edges are not between two faces"),
+            Self::Euler { found, mesh } => {
+                write!(f, "the Euler number is {found}, that of the mesh {mesh}")
+            }
+            Self::NotPlanar(n) => write!(f, "{n} faces have a handle, or no border"),
+            Self::Gap(by) => write!(f, "an edge is {by:.2e} away from a surface of its faces"),
+            Self::Distance { face, by } => {
+                write!(f, "the face {face} is {by:.2e} away from the model")
+            }
+            Self::Kink(angle) => write!(f, "a smooth edge has a kink of {angle:.2e} degrees"),
+            Self::Volume { found, limit } => {
+                write!(
+                    f,
+                    "the volume is {found}, that of finer meshes tends to {limit}"
+                )
+            }
+            Self::Area { face, found, mesh } => {
+                write!(
+                    f,
+                    "the face {face} has the area {found}, its triangles {mesh}"
+                )
+            }
+            Self::ShortEdge { length, at } => write!(
+                f,
+                "an edge at ({}, {}, {}) is only {length:.2e} long: readers may lose it",
+                at[0], at[1], at[2]
+            ),
+            Self::SmallFace { face, area } => {
+                write!(
+                    f,
+                    "the face {face} has an area of {area:.2e} only: readers may lose it"
+                )
+            }
+            Self::Mesh(what) => write!(f, "the mesh: {what}"),
+        }
+    }
+}
+
+/// What is known of a boundary representation.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Certificate {
+    /// Vertices − edges + Euler numbers of the faces.
+    pub euler: i64,
+    /// Largest distance of points of edges, and of vertices, from the surfaces that meet there.
+    pub gap: f64,
+    /// By face, the largest distance of places from the function of its part.
+    pub distances: Vec<f64>,
+    /// Largest angle between the normals of faces along edges that are smooth (degrees).
+    pub smooth_angle: f64,
+    /// By face, what was measured.
+    pub faces: Vec<Measure>,
+    /// Area, volume and first moments of all, about `center`.
+    pub total: Measure,
+    /// The point that moments are taken about.
+    pub center: Point3,
+    /// The volume that finer meshes tend to.
+    pub mesh_limit: f64,
+    /// The length of the shortest edge.
+    pub shortest_edge: f64,
+    /// The area of the smallest face.
+    pub smallest_face: f64,
+    /// What is wrong or left open.
+    pub failures: Vec<Finding>,
+}
+
+impl Certificate {
+    /// Whether nothing is wrong and nothing left open.
+    pub fn holds(&self) -> bool {
+        self.failures.is_empty()
+    }
+    /// The centre of the volume.
+    pub fn centroid(&self) -> Point3 {
+        let Measure { volume, moment, .. } = self.total;
+        std::array::from_fn(|k| self.center[k] + moment[k] / volume)
+    }
+}
+
+/// The larger of two figures; what is no number is the worst.
+fn worse(a: f64, b: f64) -> f64 {
+    if b.is_nan() { f64::INFINITY } else { a.max(b) }
+}
+
+/// Looks for everything that could be wrong. Edges and faces may be `tolerance` away from one another
+/// and from the model, in model units, and never more than readers resolve. `open` is what the certificate of the mesh leaves open.
+pub fn check(
+    built: &Built,
+    solid: &dyn Solid,
+    tolerance: Option<f64>,
+    open: Vec<String>,
+) -> Certificate {
+    let Built { brep, size, .. } = built;
+    let mut made = Certificate {
+        center: Aabb::of(&brep.vertices).center(),
+        failures: open.into_iter().map(Finding::Mesh).collect(),
+        ..Certificate::default()
+    };
+    examine_topology(built, &mut made);
+    let limit = (0.1 * TOLERANCE * size).min(tolerance.unwrap_or(f64::INFINITY));
+    examine_edges(built, limit, &mut made);
+    made.distances = (0..brep.faces.len())
+        .map(|f| distance_of_face(built, solid, f))
+        .collect();
+    let measure = |f| of_face(brep, f, made.center);
+    made.faces = (0..brep.faces.len()).map(measure).collect();
+    made.total = total(&made.faces);
+    examine_measures(built, &mut made);
+    for (f, &by) in made.distances.iter().enumerate() {
+        if by > limit {
+            let face = brep.face_name(f);
+            made.failures.push(Finding::Distance { face, by });
+        }
+    }
+    made
+}
+
+/// Uses of edges, and Euler numbers.
+fn examine_topology(built: &Built, made: &mut Certificate) {
+    let brep = &built.brep;
+    let mut uses = vec![[0usize; 2]; brep.edges.len()];
+    let faces = brep.faces.iter();
+    for coedge in faces.flat_map(|f| f.loops.iter().flatten()) {
+        uses[coedge.edge as usize][usize::from(coedge.forward)] += 1;
+    }
+    let open = uses.iter().filter(|u| **u != [1, 1]).count();
+    if open > 0 {
+        made.failures.push(Finding::OpenEdges(open));
+    }
+    let of_faces: i64 = brep.faces.iter().map(|f| 2 - f.loops.len() as i64).sum();
+    made.euler = brep.vertices.len() as i64 - brep.edges.len() as i64 + of_faces;
+    let mesh = euler(&built.triangles);
+    if made.euler != mesh {
+        let found = made.euler;
+        made.failures.push(Finding::Euler { found, mesh });
+    }
+    let mut own = vec![Vec::new(); brep.faces.len()];
+    for (t, f) in built.face_of.iter().enumerate() {
+        own[*f as usize].push(built.triangles[t]);
+    }
+    let is_planar = |f: usize| {
+        let loops = brep.faces[f].loops.len() as i64;
+        loops > 0 && open_euler(&own[f]) == 2 - loops
+    };
+    let bad = (0..own.len()).filter(|f| !is_planar(*f)).count();
+    if bad > 0 {
+        made.failures.push(Finding::NotPlanar(bad));
+    }
+}
+
+/// Nodes − edges + triangles.
+fn euler(triangles: &[[u32; 3]]) -> i64 {
+    let mut nodes: Vec<u32> = triangles.as_flattened().to_vec();
+    let mut edges: Vec<[u32; 2]> = triangles
+        .iter()
+        .flat_map(|t| (0..3).map(|k| ends_of(t, k)).collect::<Vec<_>>())
+        .map(|[a, b]| [a.min(b), a.max(b)])
+        .collect();
+    nodes.sort_unstable();
+    nodes.dedup();
+    edges.sort_unstable();
+    edges.dedup();
+    nodes.len() as i64 - edges.len() as i64 + triangles.len() as i64
+}
+
+/// The Euler number of the inside of a face: −(inner edges) + triangles + inner nodes. That of a disc
+/// is 1, and each further border takes one, also where borders meet in a node.
+fn open_euler(triangles: &[[u32; 3]]) -> i64 {
+    let mut count: BTreeMap<[u32; 2], usize> = BTreeMap::new();
+    for corners in triangles {
+        for k in 0..3 {
+            let [a, b] = ends_of(corners, k);
+            *count.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    let inner = count.values().filter(|n| **n == 2).count() as i64;
+    let mut nodes: Vec<u32> = triangles.as_flattened().to_vec();
+    nodes.sort_unstable();
+    nodes.dedup();
+    let mut border: Vec<u32> = count
+        .iter()
+        .filter(|c| *c.1 == 1)
+        .flat_map(|c| *c.0)
+        .collect();
+    border.sort_unstable();
+    border.dedup();
+    // The inside is an open surface: its number is that of the closed one with disjoint borders.
+    (nodes.len() - border.len()) as i64 - inner + triangles.len() as i64
+}
+
+/// Gaps, lengths and angles along edges.
+fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
+    let (brep, size) = (&built.brep, built.size);
+    let mut sides: Vec<Vec<&Surface>> = vec![Vec::new(); brep.edges.len()];
+    let mut senses: Vec<Vec<f64>> = vec![Vec::new(); brep.edges.len()];
+    for face in &brep.faces {
+        for coedge in face.loops.iter().flatten() {
+            sides[coedge.edge as usize].push(&face.surface);
+            senses[coedge.edge as usize].push(if face.agrees { 1.0 } else { -1.0 });
+        }
+    }
+    made.shortest_edge = f64::INFINITY;
+    for e in 0..brep.edges.len() as u32 {
+        let breaks = brep.breaks(e);
+        let pieces = breaks.len() - 1;
+        let mut length = 0.0;
+        let mut last: Option<Point3> = None;
+        for i in 0..=pieces * SAMPLES {
+            let (piece, k) = ((i / SAMPLES).min(pieces - 1), i % SAMPLES);
+            let k = if i == pieces * SAMPLES { SAMPLES } else { k };
+            let share = k as f64 / SAMPLES as f64;
+            let s = breaks[piece] + share * (breaks[piece + 1] - breaks[piece]);
+            let p = brep.along(e, s).0;
+            let all = sides[e as usize].iter().copied();
+            made.gap = worse(made.gap, crate::newton::gap(all, p));
+            made.gap = made
+                .gap
+                .max(crate::newton::gap(&built.meeting[e as usize], p));
+            length += last.map_or(0.0, |q| norm(sub(p, q)));
+            last = Some(p);
+            if let [a, b] = sides[e as usize].as_slice() {
+                let n = [a, b].map(|s| s.distance(p).1);
+                let sense = senses[e as usize][0] * senses[e as usize][1];
+                let cos = sense * dot(n[0], n[1]);
+                let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
+                if angle < SMOOTH[0] && i > 0 && i < pieces * SAMPLES {
+                    made.smooth_angle = made.smooth_angle.max(angle);
+                }
+            }
+        }
+        let ends = brep.ends(e);
+        for (s, end) in [0.0, 1.0].into_iter().zip(ends) {
+            made.gap = worse(made.gap, norm(sub(brep.along(e, s).0, end)));
+        }
+        made.shortest_edge = made.shortest_edge.min(length);
+        if length < SHORTEST * TOLERANCE * size {
+            let at = ends[0];
+            made.failures.push(Finding::ShortEdge { length, at });
+        }
+    }
+    if made.gap > limit {
+        made.failures.push(Finding::Gap(made.gap));
+    }
+    if made.smooth_angle > SMOOTH[1] {
+        made.failures.push(Finding::Kink(made.smooth_angle));
+    }
+}
+
+/// The largest distance of a face from the function of its part: |F| / |∇F| at points of the surface
+/// near the middles of its triangles.
+fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
+    let Built { brep, .. } = built;
+    let surface = &brep.faces[face].surface;
+    let name = &built.functions[brep.faces[face].part as usize];
+    let Some(piece) = solid.names().iter().position(|n| n == name) else {
+        return f64::INFINITY;
+    };
+    let own: Vec<usize> = (0..built.triangles.len())
+        .filter(|t| built.face_of[*t] as usize == face)
+        .collect();
+    let every = own.len().div_ceil(PLACES).max(1);
+    let mut worst = 0.0f64;
+    for t in own.into_iter().step_by(every) {
+        let corners = built.triangles[t].map(|v| built.points[v as usize]);
+        let p = meet([surface], middle(corners));
+        let (value, g) = solid.gradient(piece as u32, p);
+        worst = worse(worst, value.abs() / norm(g));
+    }
+    worst
+}
+
+/// Areas and the volume beside those of the mesh.
+fn examine_measures(built: &Built, made: &mut Certificate) {
+    let Built {
+        brep,
+        points,
+        triangles,
+        face_of,
+        size,
+        ..
+    } = built;
+    let mut flat = vec![0.0; brep.faces.len()];
+    for (t, corners) in triangles.iter().enumerate() {
+        let [a, b, c] = corners.map(|v| points[v as usize]);
+        flat[face_of[t] as usize] += 0.5 * norm(cross(sub(b, a), sub(c, a)));
+    }
+    made.smallest_face = f64::INFINITY;
+    for (f, &mesh) in flat.iter().enumerate() {
+        let found = made.faces[f].area;
+        let face = brep.face_name(f);
+        made.smallest_face = made.smallest_face.min(found);
+        let allowed = AREA[0] * mesh + AREA[1] * size * size;
+        if found.is_nan() || (found - mesh).abs() > allowed {
+            let face = face.clone();
+            made.failures.push(Finding::Area { face, found, mesh });
+        }
+        if found < (SHORTEST * TOLERANCE * size).powi(2) {
+            made.failures.push(Finding::SmallFace { face, area: found });
+        }
+    }
+    made.mesh_limit = limit_of_volume(built);
+    let found = made.total.volume;
+    let allowed = VOLUME * made.mesh_limit.abs();
+    if found.is_nan() || (found - made.mesh_limit).abs() > allowed {
+        let limit = made.mesh_limit;
+        made.failures.push(Finding::Volume { found, limit });
+    }
+}
+
+/// The volume that finer meshes tend to: by Richardson's extrapolation of the mesh and of the one
+/// with nodes in the middles of its edges, on the surfaces.
+fn limit_of_volume(built: &Built) -> f64 {
+    let (brep, faces) = (&built.brep, &built.face_of);
+    let surface = |t: usize| &brep.faces[faces[t] as usize].surface;
+    let mut sides: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
+    for (t, corners) in built.triangles.iter().enumerate() {
+        for k in 0..3 {
+            let [a, b] = ends_of(corners, k);
+            sides.entry([a.min(b), a.max(b)]).or_default().push(t);
+        }
+    }
+    let mut points = built.points.clone();
+    let mut mids: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for (ends, at) in sides {
+        let [p, q] = ends.map(|v| points[v as usize]);
+        let half = std::array::from_fn(|k| 0.5 * (p[k] + q[k]));
+        let on = meet(at.iter().map(|t| surface(*t)), half);
+        mids.insert(ends, points.len() as u32);
+        points.push(if norm(sub(on, half)) <= norm(sub(p, q)) {
+            on
+        } else {
+            half
+        });
+    }
+    let mid = |a: u32, b: u32| mids[&[a.min(b), a.max(b)]];
+    let fine: Vec<[u32; 3]> = built
+        .triangles
+        .iter()
+        .flat_map(|&[a, b, c]| {
+            let (ab, bc, ca) = (mid(a, b), mid(b, c), mid(c, a));
+            [[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]
+        })
+        .collect();
+    let (coarse, fine) = (volume(&points, &built.triangles), volume(&points, &fine));
+    fine + (fine - coarse) / 3.0
+}

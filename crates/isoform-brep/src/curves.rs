@@ -1,0 +1,398 @@
+//! The curve in which two surfaces meet, between two vertices.
+//!
+//! Points of the curve are found by Newton's method from the nodes of the mesh. Lines, circles and
+//! ellipses are told by these points. All other curves become quintic B-splines: between two points
+//! the polynomial with their tangents and curvatures, in arc length, which differs from the curve
+//! by the sixth power of the distance; pieces are halved until it lies on both surfaces.
+
+use crate::newton::{gap, meet};
+use isoform_geom::brep::{Axes, BSpline, Curve, Surface};
+use isoform_geom::{Point3, cross, dot, norm, sub};
+use isoform_num::gauss_legendre;
+
+/// Points this near to a line, circle or ellipse, in sizes of the model, lie on it: the rounding of
+/// the iteration, times a hundred.
+const ON: f64 = 1e-12;
+/// A spline leaves its surfaces by no more than this, in sizes of the model: far below what readers
+/// resolve (1e-8); less makes splines longer and nothing better.
+pub(crate) const SPLINE_GAP: f64 = 5e-10;
+/// Tangents turn by less than this between points that splines start with: cosine of 30°.
+const TURN: f64 = 0.866;
+/// How often a piece of a spline is halved at most.
+const DEPTH: usize = 12;
+/// Sines of the angle between two surfaces below this leave the direction of the curve open.
+const TANGENT: f64 = 1e-6;
+
+/// What is known of an edge before it has a curve.
+pub(crate) struct Wanted<'a> {
+    /// The surfaces that meet in it.
+    pub(crate) surfaces: [&'a Surface; 2],
+    /// Its ends.
+    pub(crate) ends: [Point3; 2],
+    /// Points near it, in order, ends excluded.
+    pub(crate) between: &'a [Point3],
+    /// The size of the model.
+    pub(crate) size: f64,
+}
+
+/// The curve; none if no spline was found that lies on both surfaces.
+pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
+    let mut path = vec![wanted.ends[0]];
+    path.extend_from_slice(wanted.between);
+    path.push(wanted.ends[1]);
+    let middles = path
+        .windows(2)
+        .map(|w| std::array::from_fn(|k| 0.5 * (w[0][k] + w[1][k])));
+    let mut near: Vec<Point3> = Vec::with_capacity(2 * path.len());
+    for (i, m) in middles.enumerate() {
+        near.extend((i > 0).then(|| path[i]));
+        near.push(m);
+    }
+    let mut points = vec![wanted.ends[0]];
+    points.extend(near.into_iter().map(|p| meet(wanted.surfaces, p)));
+    points.push(wanted.ends[1]);
+    let on = ON * wanted.size;
+    if is_line(&points, on) {
+        return Some(Curve::Line);
+    }
+    circle(&points, on)
+        .or_else(|| ellipse(&points, wanted.surfaces, on))
+        .or_else(|| spline(wanted, &points).map(Curve::BSpline))
+}
+
+fn is_line(points: &[Point3], on: f64) -> bool {
+    let ends = [points[0], points[points.len() - 1]];
+    let d = sub(ends[1], ends[0]);
+    let length = norm(d);
+    length > 0.0
+        && points
+            .iter()
+            .all(|p| norm(cross(sub(*p, ends[0]), d)) <= on * length)
+}
+
+/// The point farthest from the line through the ends.
+fn farthest(points: &[Point3]) -> Point3 {
+    let (a, b) = (points[0], points[points.len() - 1]);
+    let d = sub(b, a);
+    let off = |p: &Point3| norm(cross(sub(*p, a), d));
+    let best = points.iter().max_by(|p, q| off(p).total_cmp(&off(q)));
+    *best.unwrap_or(&a)
+}
+
+/// Axes about `z` turned so that points run counterclockwise, with x towards `x`.
+fn oriented(center: Point3, z: Point3, x: Point3, points: &[Point3]) -> Axes {
+    let (r, d) = (sub(points[0], center), sub(points[1], points[0]));
+    let z = if dot(z, cross(r, d)) < 0.0 {
+        z.map(|v| -v)
+    } else {
+        z
+    };
+    Axes::along(center, z).turned(x)
+}
+
+fn circle(points: &[Point3], on: f64) -> Option<Curve> {
+    let (a, b, m) = (points[0], points[points.len() - 1], farthest(points));
+    let (u, v) = (sub(m, a), sub(b, a));
+    let n = cross(u, v);
+    let n2 = dot(n, n);
+    if n2 == 0.0 {
+        return None;
+    }
+    // The middle of the circle through a, a + u and a + v.
+    let (p, q) = (cross(v, n), cross(n, u));
+    let (uu, vv) = (dot(u, u), dot(v, v));
+    let center: Point3 = std::array::from_fn(|k| a[k] + (uu * p[k] + vv * q[k]) / (2.0 * n2));
+    let radius = norm(sub(a, center));
+    let axes = oriented(center, n.map(|v| v / n2.sqrt()), sub(a, center), points);
+    let is_on = |p: &Point3| {
+        let [x, y, z] = axes.local(*p);
+        z.abs() <= on && (x.hypot(y) - radius).abs() <= on
+    };
+    points
+        .iter()
+        .all(is_on)
+        .then_some(Curve::Circle(axes, radius))
+}
+
+/// The section of a cylinder or cone by the plane of the points.
+fn ellipse(points: &[Point3], surfaces: [&Surface; 2], on: f64) -> Option<Curve> {
+    let plane = surfaces.iter().find_map(|s| match s {
+        Surface::Plane(axes) => Some((axes.origin, axes.z)),
+        _ => None,
+    });
+    let (p, n) = plane.or_else(|| {
+        let (a, b, m) = (points[0], points[points.len() - 1], farthest(points));
+        let n = cross(sub(m, a), sub(b, a));
+        let length = norm(n);
+        (length > 0.0).then(|| (a, n.map(|v| v / length)))
+    })?;
+    surfaces.iter().find_map(|surface| {
+        let (center, x, a, b) = match **surface {
+            Surface::Cylinder(axes, radius) => of_cylinder(&axes, radius, p, n)?,
+            Surface::Cone(_, _, half_angle) => of_cone(surface, half_angle, p, n)?,
+            _ => return None,
+        };
+        let axes = oriented(center, n, x, points);
+        let is_on = |p: &Point3| {
+            let [x, y, z] = axes.local(*p);
+            z.abs() <= on && ((x / a).hypot(y / b) - 1.0).abs() * b <= on
+        };
+        points
+            .iter()
+            .all(is_on)
+            .then_some(Curve::Ellipse(axes, a, b))
+    })
+}
+
+/// Centre, direction of the larger half axis, and half axes.
+type Section = (Point3, Point3, f64, f64);
+
+fn of_cylinder(axes: &Axes, radius: f64, p: Point3, n: Point3) -> Option<Section> {
+    let cos = dot(n, axes.z);
+    if cos.abs() < 1e-6 {
+        return None;
+    }
+    let t = dot(n, sub(p, axes.origin)) / cos;
+    let center = axes.point([0.0, 0.0, t]);
+    let x = std::array::from_fn(|k| axes.z[k] - cos * n[k]);
+    Some((center, x, radius / cos.abs(), radius))
+}
+
+fn of_cone(cone: &Surface, half_angle: f64, p: Point3, n: Point3) -> Option<Section> {
+    let (apex, z) = (cone.apex()?, cone.axes().z);
+    let flat: Point3 = std::array::from_fn(|k| n[k] - dot(n, z) * z[k]);
+    let length = norm(flat);
+    if length < 1e-6 {
+        return None;
+    }
+    let e = flat.map(|v| v / length);
+    let (sin, cos) = half_angle.sin_cos();
+    // The two lines of the cone in its plane of symmetry.
+    let at = |side: f64| {
+        let d: Point3 = std::array::from_fn(|k| cos * z[k] + side * sin * e[k]);
+        let t = dot(n, sub(p, apex)) / dot(n, d);
+        (t, std::array::from_fn::<f64, 3, _>(|k| apex[k] + t * d[k]))
+    };
+    let ((s, first), (t, second)) = (at(1.0), at(-1.0));
+    if !(s * t > 0.0 && s.is_finite() && t.is_finite()) {
+        return None;
+    }
+    let center: Point3 = std::array::from_fn(|k| 0.5 * (first[k] + second[k]));
+    let (height, off) = (dot(sub(center, apex), z), dot(sub(center, apex), e));
+    let b2 = (height * half_angle.tan()).powi(2) - off * off;
+    let x = sub(first, second);
+    (b2 > 0.0).then(|| (center, x, 0.5 * norm(x), b2.sqrt()))
+}
+
+/// A point of a curve with its tangent and its curvature vector.
+#[derive(Clone, Copy)]
+struct Jet {
+    p: Point3,
+    t: Point3,
+    k: Point3,
+}
+
+/// The tangent and curvature of the curve of two surfaces, its tangent along `direction`.
+fn jet(surfaces: [&Surface; 2], p: Point3, direction: Point3) -> Option<Jet> {
+    let [a, b] = surfaces.map(|s| s.distance(p).1);
+    let c = cross(a, b);
+    let sin = norm(c);
+    if sin < TANGENT {
+        return None;
+    }
+    let sign = if dot(c, direction) < 0.0 { -1.0 } else { 1.0 };
+    let t = c.map(|v| sign * v / sin);
+    // a·k = −t·A t, b·k = −t·B t, t·k = 0.
+    let [ra, rb] = surfaces.map(|s| -s.bending(p, t));
+    let cos = dot(a, b);
+    let (fa, fb) = ((ra - cos * rb) / (sin * sin), (rb - cos * ra) / (sin * sin));
+    let k = std::array::from_fn(|i| fa * a[i] + fb * b[i]);
+    Some(Jet { p, t, k })
+}
+
+/// The Bézier points of the quintic between two jets over an arc of a length.
+fn quintic(a: &Jet, b: &Jet, length: f64) -> [Point3; 6] {
+    let (l, l2) = (length, length * length);
+    let at = |f: &dyn Fn(usize) -> f64| -> Point3 { std::array::from_fn(f) };
+    [
+        a.p,
+        at(&|i| a.p[i] + l / 5.0 * a.t[i]),
+        at(&|i| a.p[i] + 0.4 * l * a.t[i] + l2 / 20.0 * a.k[i]),
+        at(&|i| b.p[i] - 0.4 * l * b.t[i] + l2 / 20.0 * b.k[i]),
+        at(&|i| b.p[i] - l / 5.0 * b.t[i]),
+        b.p,
+    ]
+}
+
+/// A point of a Bézier curve, and its derivative.
+fn bezier(control: &[Point3; 6], s: f64) -> (Point3, Point3) {
+    let mut d = *control;
+    let mut derivative = [0.0; 3];
+    for r in (1..6).rev() {
+        if r == 1 {
+            derivative = sub(d[1], d[0]).map(|v| 5.0 * v);
+        }
+        for j in 0..r {
+            d[j] = std::array::from_fn(|k| (1.0 - s) * d[j][k] + s * d[j + 1][k]);
+        }
+    }
+    (d[0], derivative)
+}
+
+/// The quintic between two jets with its own length.
+fn piece(a: &Jet, b: &Jet) -> ([Point3; 6], f64) {
+    let (nodes, weights) = gauss_legendre(8);
+    let mut length = norm(sub(b.p, a.p));
+    for _ in 0..6 {
+        let control = quintic(a, b, length);
+        let speed = |x: &f64| norm(bezier(&control, *x).1);
+        length = nodes.iter().zip(&weights).map(|(x, w)| w * speed(x)).sum();
+    }
+    (quintic(a, b, length), length)
+}
+
+fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
+    let start = starts(wanted, points)?;
+    let mut pieces = Vec::new();
+    for pair in start.windows(2) {
+        refine(wanted, [pair[0], pair[1]], DEPTH, &mut pieces)?;
+    }
+    Some(joined(&pieces))
+}
+
+/// Points of the curve between which tangents turn little.
+fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
+    let last = points.len() - 1;
+    let jets: Option<Vec<Jet>> = (0..=last)
+        .map(|i| {
+            let direction = sub(points[(i + 1).min(last)], points[i.max(1) - 1]);
+            jet(wanted.surfaces, points[i], direction)
+        })
+        .collect();
+    let jets = jets?;
+    let mut kept = vec![jets[0]];
+    for i in 1..last {
+        if dot(kept[kept.len() - 1].t, jets[i + 1].t) < TURN {
+            kept.push(jets[i]);
+        }
+    }
+    kept.push(jets[last]);
+    Some(kept)
+}
+
+/// Pieces between two jets that lie on both surfaces.
+fn refine(
+    wanted: &Wanted<'_>,
+    [a, b]: [Jet; 2],
+    depth: usize,
+    pieces: &mut Vec<([Point3; 6], f64)>,
+) -> Option<()> {
+    let (control, length) = piece(&a, &b);
+    let off = (1..8).map(|i| gap(wanted.surfaces, bezier(&control, f64::from(i) / 8.0).0));
+    if off.fold(0.0, f64::max) <= SPLINE_GAP * wanted.size {
+        pieces.push((control, length));
+        return Some(());
+    }
+    if depth == 0 {
+        return None;
+    }
+    let (near, direction) = bezier(&control, 0.5);
+    let middle = jet(wanted.surfaces, meet(wanted.surfaces, near), direction)?;
+    refine(wanted, [a, middle], depth - 1, pieces)?;
+    refine(wanted, [middle, b], depth - 1, pieces)
+}
+
+/// Pieces that join with two derivatives as one spline with triple knots.
+fn joined(pieces: &[([Point3; 6], f64)]) -> BSpline {
+    let mut knots = vec![0.0];
+    for (_, length) in pieces {
+        knots.push(knots[knots.len() - 1] + length);
+    }
+    let n = pieces.len();
+    let mut multiplicities = vec![3; n + 1];
+    (multiplicities[0], multiplicities[n]) = (6, 6);
+    let mut control = pieces[0].0[..3].to_vec();
+    for (i, (b, length)) in pieces.iter().enumerate() {
+        control.push(b[3]);
+        let Some((next, _)) = pieces.get(i + 1) else {
+            control.extend_from_slice(&b[4..]);
+            break;
+        };
+        // The blossom at one knot before, three times this and one after.
+        let share = (knots[i + 2] - knots[i]) / length;
+        control.push(std::array::from_fn(|k| {
+            b[3][k] + (b[4][k] - b[3][k]) * share
+        }));
+        control.push(next[2]);
+    }
+    BSpline {
+        degree: 5,
+        knots,
+        multiplicities,
+        control,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn wanted<'a>(
+        surfaces: [&'a Surface; 2],
+        between: &'a [Point3],
+        guess: [Point3; 2],
+    ) -> Wanted<'a> {
+        Wanted {
+            surfaces,
+            ends: guess.map(|p| meet(surfaces, p)),
+            between,
+            size: 1.0,
+        }
+    }
+
+    #[test]
+    fn sections_of_a_cylinder() {
+        let cylinder = Surface::Cylinder(Axes::along([0.0; 3], [0.0, 0.0, 1.0]), 0.5);
+        let plane = |n| Surface::Plane(Axes::along([0.1, 0.0, 0.0], n));
+        let between = [[0.0, 0.5, 0.0]];
+        let ends = [[0.5, 0.0, 0.0], [-0.5, 0.1, 0.0]];
+        let flat = plane([0.0, 0.0, 1.0]);
+        let made = curve(&wanted([&flat, &cylinder], &between, ends));
+        assert!(matches!(made, Some(Curve::Circle(_, r)) if (r - 0.5).abs() < 1e-14));
+        let tilted = plane([0.6, 0.0, 0.8]);
+        let made = curve(&wanted([&cylinder, &tilted], &between, ends));
+        let Some(Curve::Ellipse(axes, a, b)) = made else {
+            panic!("{made:?}")
+        };
+        assert!((a - 0.625).abs() < 1e-14 && (b - 0.5).abs() < 1e-14);
+        assert!(axes.z[2] > 0.0, "counterclockwise from +x over +y");
+        let along = plane([1.0, 0.0, 0.0]);
+        let up = [[0.1, 0.5, 0.0], [0.1, 0.5, 1.0]];
+        let made = curve(&wanted([&cylinder, &along], &[[0.1, 0.5, 0.4]], up));
+        assert_eq!(made, Some(Curve::Line));
+    }
+
+    #[test]
+    fn two_cylinders_meet_in_a_spline_on_both() {
+        let first = Surface::Cylinder(Axes::along([0.0; 3], [0.0, 0.0, 1.0]), 1.0);
+        let second = Surface::Cylinder(Axes::along([0.0; 3], [1.0, 0.0, 0.0]), 0.6);
+        let between: Vec<Point3> = (1..8)
+            .map(|i| {
+                let (s, c) = (f64::from(i) * std::f64::consts::PI / 8.0).sin_cos();
+                [1.0, 0.6 * c, 0.6 * s]
+            })
+            .collect();
+        let ends = [[1.0, 0.6, 0.0], [1.0, -0.6, 0.0]];
+        let made = curve(&wanted([&first, &second], &between, ends));
+        let Some(Curve::BSpline(spline)) = made else {
+            panic!("{made:?}")
+        };
+        let length = spline.knots[spline.knots.len() - 1];
+        for i in 0..=200 {
+            let (p, v) = spline.evaluate(length * f64::from(i) / 200.0);
+            assert!(gap([&first, &second], p) < 1e-9, "{i} {p:?}");
+            assert!((norm(v) - 1.0).abs() < 1e-4, "in arc length: {}", norm(v));
+        }
+        assert!(spline.knots.len() < 60, "{}", spline.knots.len());
+    }
+}

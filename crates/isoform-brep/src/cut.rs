@@ -1,0 +1,450 @@
+//! Faces that go round are cut.
+//!
+//! Readers add a seam to a face that goes round its axis, and lose digits in doing so. So a cylinder
+//! or cone is cut by a plane through its axis, a torus also along its tube, and a sphere by three
+//! planes. A cut is imprinted on the triangles: what lies on its two sides are then two charts.
+//! Cuts are put away from the vertices, and across the edges that they meet.
+
+use crate::arcs::Arcs;
+use crate::newton::meet;
+use crate::topology::ends_of;
+use isoform_geom::brep::{Axes, Surface};
+use isoform_geom::{Aabb, Point3, across, cross, distance_squared, dot, norm, sub};
+use std::collections::BTreeMap;
+use std::f64::consts::{FRAC_PI_2, PI};
+
+/// A face that leaves less of a turn free than this goes round (radians).
+const ROUND: f64 = 0.6;
+/// A face on a sphere within this of a direction is not cut: cosine of 75°.
+const CAP: f64 = 0.26;
+/// Directions that are tried for a cut.
+const TRIED: usize = 64;
+/// Turns of the three planes that are tried on a sphere.
+const TURNS: usize = 200;
+/// Nodes this near to a cut, in lengths of the edges there, are taken for points of it.
+const SNAP: f64 = 0.05;
+/// Share of the size of a face that a crossing at a right angle is worth.
+const CROSSING: f64 = 0.3;
+
+/// The labelled triangles, cut as far as is done.
+#[derive(Debug, Default)]
+pub(crate) struct Labelled {
+    pub(crate) points: Vec<Point3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// The sheet that each triangle lies on: parts of the same surface are one.
+    pub(crate) sheets: Vec<u32>,
+    /// The component of the sheet, as it was before it was cut.
+    pub(crate) components: Vec<u32>,
+    /// On which side of the cuts of its component a triangle lies: bit k for cut k.
+    pub(crate) charts: Vec<u32>,
+    /// The cuts by component.
+    pub(crate) cuts: Vec<Vec<Surface>>,
+}
+
+impl Labelled {
+    /// The cut between two triangles of one component, if they lie on different sides of one.
+    pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Surface> {
+        let (a, b) = (a as usize, b as usize);
+        let differ = self.charts[a] ^ self.charts[b];
+        (self.components[a] == self.components[b] && differ != 0).then(|| {
+            let cuts = &self.cuts[self.components[a] as usize];
+            &cuts[differ.trailing_zeros() as usize]
+        })
+    }
+}
+
+/// A component of a sheet as it is looked at for cuts.
+pub(crate) struct Outline {
+    /// Its triangles.
+    pub(crate) triangles: Vec<u32>,
+    /// Nodes around it, loop after loop; the last of a loop is followed by its first.
+    pub(crate) around: Vec<Vec<u32>>,
+    /// Nodes of these where borders meet.
+    pub(crate) vertices: Vec<u32>,
+}
+
+/// The cuts that a component needs.
+pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> Vec<Surface> {
+    let chooser = Chooser::new(mesh, surface, outline);
+    let axes = *surface.axes();
+    match *surface {
+        Surface::Plane(_) => Vec::new(),
+        Surface::Cylinder(..) | Surface::Cone(..) => chooser.axial(&axes),
+        Surface::Torus(_, major, _) => {
+            let mut cuts = chooser.axial(&axes);
+            cuts.extend(chooser.about_tube(&axes, major));
+            cuts
+        }
+        Surface::Sphere(_, radius) => chooser.octants(&axes, radius),
+    }
+}
+
+/// The parameters that the triangles of a face cover: the middle and the width of what is left free
+/// of each of the two angles.
+pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) -> [(f64, f64); 2] {
+    let mut arcs = [Arcs::default(), Arcs::default()];
+    let scale = Aabb::of(sides.as_flattened().iter().map(|v| &points[*v as usize])).diagonal();
+    let is_on_axis = |p: Point3| {
+        let [x, y, _] = surface.axes().local(p);
+        x.hypot(y) <= 1e-9 * scale
+    };
+    for side in sides {
+        let [p, q] = side.map(|v| points[v as usize]);
+        if is_on_axis(p) || is_on_axis(q) {
+            continue;
+        }
+        let (a, b) = (surface.parameters(p), surface.parameters(q));
+        (0..2).for_each(|k| arcs[k].add(a[k], b[k]));
+    }
+    arcs.map(Arcs::gap)
+}
+
+/// The direction from the centre of a sphere about which a face lies, if it lies within a cap.
+pub(crate) fn cap_direction(
+    center: Point3,
+    points: impl Iterator<Item = Point3> + Clone,
+) -> Option<Point3> {
+    let out = |p: Point3| {
+        let d = sub(p, center);
+        let r = norm(d);
+        d.map(|v| v / r)
+    };
+    let mut sum = [0.0; 3];
+    for n in points.clone().map(out) {
+        (0..3).for_each(|k| sum[k] += n[k]);
+    }
+    let length = norm(sum);
+    let direction = sum.map(|v| v / length);
+    let mut all = points.map(out);
+    (length > 0.0 && all.all(|n| dot(n, direction) > CAP)).then_some(direction)
+}
+
+/// Chooses cuts of a component.
+struct Chooser<'a> {
+    mesh: &'a Labelled,
+    surface: &'a Surface,
+    outline: &'a Outline,
+    sides: Vec<[u32; 2]>,
+    /// The diagonal of its box.
+    size: f64,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(mesh: &'a Labelled, surface: &'a Surface, outline: &'a Outline) -> Self {
+        let corners = outline
+            .triangles
+            .iter()
+            .map(|t| &mesh.triangles[*t as usize]);
+        let sides: Vec<[u32; 2]> = corners
+            .flat_map(|c| (0..3).map(|k| ends_of(c, k)))
+            .collect();
+        let size = Aabb::of(sides.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
+        Self {
+            mesh,
+            surface,
+            outline,
+            sides,
+            size,
+        }
+    }
+
+    fn point(&self, v: u32) -> Point3 {
+        self.mesh.points[v as usize]
+    }
+
+    /// A plane through the axis, if the face goes round it.
+    fn axial(&self, axes: &Axes) -> Vec<Surface> {
+        if gaps_of(self.surface, &self.mesh.points, &self.sides)[0].1 >= ROUND {
+            return Vec::new();
+        }
+        let plane = |k: usize| {
+            let angle = PI * (k as f64 + 0.5) / TRIED as f64;
+            let normal = axes.vector([angle.cos(), angle.sin(), 0.0]);
+            vec![Surface::Plane(Axes::along(axes.origin, normal))]
+        };
+        self.best((0..TRIED).map(plane))
+    }
+
+    /// A cut along the tube of a torus, if the face goes round it: the lines through the middle of
+    /// the tube at one angle, which are a plane, a cylinder or a cone.
+    fn about_tube(&self, axes: &Axes, major: f64) -> Vec<Surface> {
+        if gaps_of(self.surface, &self.mesh.points, &self.sides)[1].1 >= ROUND {
+            return Vec::new();
+        }
+        let cut = |k: usize| {
+            let angle = FRAC_PI_2 * (k as f64 / TRIED as f64);
+            vec![if k == 0 {
+                Surface::Cylinder(*axes, major)
+            } else {
+                // r = major + z tan(angle), beside it r = major - z tan(angle).
+                Surface::Cone(*axes, major, angle)
+            }]
+        };
+        self.best((0..TRIED * 3 / 4).map(cut))
+    }
+
+    /// Three planes at right angles through the centre of a sphere, unless the face lies within a
+    /// cap.
+    fn octants(&self, axes: &Axes, radius: f64) -> Vec<Surface> {
+        let nodes = self.sides.iter().map(|s| self.point(s[0]));
+        if cap_direction(axes.origin, nodes).is_some() {
+            return Vec::new();
+        }
+        let planes = |k: usize| {
+            let z = spread(k);
+            let [x, y] = across(z);
+            let (sin, cos) = (2.399_963 * k as f64).sin_cos();
+            let x: Point3 = std::array::from_fn(|i| cos * x[i] + sin * y[i]);
+            [x, cross(z, x), z]
+                .map(|n| Surface::Plane(Axes::along(axes.origin, n)))
+                .to_vec()
+        };
+        let poles_away = |cuts: &[Surface]| {
+            let border = self.outline.around.iter().flatten();
+            let near = |v: &u32| {
+                let along = |c: &Surface| dot(sub(self.point(*v), axes.origin), c.axes().z).abs();
+                cuts.iter().map(along).fold(0.0, f64::max)
+            };
+            let nearest = border.map(near).fold(0.0, f64::max);
+            2.0 * (radius - nearest).max(0.0)
+        };
+        self.best_by((0..TURNS).map(planes), poles_away)
+    }
+
+    fn best(&self, candidates: impl Iterator<Item = Vec<Surface>>) -> Vec<Surface> {
+        self.best_by(candidates, |_| f64::INFINITY)
+    }
+
+    /// The candidate with the largest score; the first of equal ones.
+    fn best_by(
+        &self,
+        candidates: impl Iterator<Item = Vec<Surface>>,
+        more: impl Fn(&[Surface]) -> f64,
+    ) -> Vec<Surface> {
+        let mut best = (f64::NEG_INFINITY, Vec::new());
+        for cuts in candidates {
+            let each = cuts.iter().map(|c| self.score(c));
+            let score = each.fold(more(&cuts), f64::min);
+            if score > best.0 {
+                best = (score, cuts);
+            }
+        }
+        best.1
+    }
+
+    /// How far a cut is from vertices and from touching the border, in lengths.
+    fn score(&self, cut: &Surface) -> f64 {
+        let on_all = |v: u32| {
+            self.surface
+                .apex()
+                .is_some_and(|a| norm(sub(a, self.point(v))) <= 1e-9 * self.size)
+        };
+        let at = |v: u32| cut.distance(self.point(v)).0;
+        let vertices = self.outline.vertices.iter().filter(|v| !on_all(**v));
+        let mut score = vertices.map(|v| at(*v).abs()).fold(f64::INFINITY, f64::min);
+        for around in &self.outline.around {
+            let values: Vec<f64> = around.iter().map(|v| at(*v)).collect();
+            let n = values.len();
+            for i in 0..n {
+                let (a, b, c) = (values[i], values[(i + 1) % n], values[(i + 2) % n]);
+                if (b - a) * (c - b) <= 0.0 && !on_all(around[(i + 1) % n]) {
+                    // Between turning points the border runs across.
+                    score = score.min(b.abs());
+                }
+                if (a < 0.0) != (b < 0.0) {
+                    let [p, q] = [i, (i + 1) % n].map(|j| self.point(around[j]));
+                    let slope = (b - a).abs() / norm(sub(q, p)).max(f64::MIN_POSITIVE);
+                    score = score.min(CROSSING * self.size * slope);
+                }
+            }
+        }
+        score
+    }
+}
+
+/// Direction k of an even sequence on the sphere.
+fn spread(k: usize) -> Point3 {
+    let z = 1.0 - 2.0 * (k as f64 + 0.5) / TURNS as f64;
+    let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
+    let r = (1.0 - z * z).sqrt();
+    [r * cos, r * sin, z]
+}
+
+/// Imprints a cut on the triangles of a component: triangles that it passes are divided, and those
+/// beyond the border with them.
+pub(crate) fn imprint(
+    mesh: &mut Labelled,
+    component: u32,
+    surface: &Surface,
+    cut: Surface,
+    is_vertex: &dyn Fn(u32) -> bool,
+) {
+    let bit = mesh.cuts[component as usize].len() as u32;
+    mesh.cuts[component as usize].push(cut);
+    let signs = signs(mesh, component, &cut, is_vertex);
+    let mut inserted: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for t in 0..mesh.triangles.len() {
+        if mesh.components[t] != component {
+            continue;
+        }
+        for k in 0..3 {
+            let [a, b] = ends_of(&mesh.triangles[t], k);
+            let key = [a.min(b), a.max(b)];
+            if signs[&a] * signs[&b] < 0 && !inserted.contains_key(&key) {
+                let p = crossing(key.map(|v| mesh.points[v as usize]), surface, &cut);
+                inserted.insert(key, mesh.points.len() as u32);
+                mesh.points.push(p);
+            }
+        }
+    }
+    for t in 0..mesh.triangles.len() {
+        divide(
+            mesh,
+            t,
+            &inserted,
+            (mesh.components[t] == component).then_some(bit),
+            &signs,
+        );
+    }
+}
+
+/// The side of the cut on which each node of a component lies; 0 on it.
+fn signs(
+    mesh: &Labelled,
+    component: u32,
+    cut: &Surface,
+    is_vertex: &dyn Fn(u32) -> bool,
+) -> BTreeMap<u32, i32> {
+    let mut shortest: BTreeMap<u32, f64> = BTreeMap::new();
+    let own = mesh.triangles.iter().zip(&mesh.components);
+    for corners in own.filter(|(_, c)| **c == component).map(|t| t.0) {
+        for k in 0..3 {
+            let ends = ends_of(corners, k);
+            let [p, q] = ends.map(|v| mesh.points[v as usize]);
+            let d = distance_squared(p, q).sqrt();
+            for v in ends {
+                let s = shortest.entry(v).or_insert(f64::INFINITY);
+                *s = s.min(d);
+            }
+        }
+    }
+    let sign = |(v, shortest): (u32, f64)| {
+        let g = cut.distance(mesh.points[v as usize]).0;
+        let near = if is_vertex(v) { 1e-7 } else { SNAP };
+        let is_on = g.abs() <= near * shortest;
+        (
+            v,
+            if is_on {
+                0
+            } else if g > 0.0 {
+                1
+            } else {
+                -1
+            },
+        )
+    };
+    shortest.into_iter().map(sign).collect()
+}
+
+/// Where a cut passes between two points of a surface.
+fn crossing(ends: [Point3; 2], surface: &Surface, cut: &Surface) -> Point3 {
+    let [a, b] = ends.map(|p| cut.distance(p).0);
+    let s = a / (a - b);
+    let p = std::array::from_fn(|k| (1.0 - s) * ends[0][k] + s * ends[1][k]);
+    let on = meet([surface, cut], p);
+    // The iteration may not leave the neighbourhood.
+    let near = norm(sub(ends[0], ends[1]));
+    if norm(sub(on, p)) <= near { on } else { p }
+}
+
+/// Divides triangle t at the nodes inserted on its sides. `bit` is that of the cut, if the triangle
+/// belongs to the component that is cut.
+fn divide(
+    mesh: &mut Labelled,
+    t: usize,
+    inserted: &BTreeMap<[u32; 2], u32>,
+    bit: Option<u32>,
+    signs: &BTreeMap<u32, i32>,
+) {
+    let corners = mesh.triangles[t];
+    let mut polygon = Vec::with_capacity(6);
+    for k in 0..3 {
+        let [a, b] = ends_of(&corners, k);
+        let sign = bit.map_or(0, |_| signs[&a]);
+        polygon.push((a, sign));
+        polygon.extend(inserted.get(&[a.min(b), a.max(b)]).map(|m| (*m, 0)));
+    }
+    let Some(bit) = bit else {
+        if polygon.len() > 3 {
+            // Around a node that was inserted no triangle is flat.
+            let first = polygon.iter().position(|p| !corners.contains(&p.0));
+            polygon.rotate_left(first.unwrap_or(0));
+            let nodes: Vec<u32> = polygon.iter().map(|p| p.0).collect();
+            replace(mesh, t, &[(nodes, mesh.charts[t])]);
+        }
+        return;
+    };
+    let chart = mesh.charts[t];
+    let has = |s: i32| polygon.iter().any(|p| p.1 == s);
+    match (has(1), has(-1)) {
+        (true, true) => {
+            let part = |s: i32| -> Vec<u32> {
+                let own = polygon.iter().filter(|p| p.1 != -s);
+                own.map(|p| p.0).collect()
+            };
+            replace(mesh, t, &[(part(1), chart | 1 << bit), (part(-1), chart)]);
+        }
+        (_, true) => {}
+        _ => mesh.charts[t] = chart | 1 << bit,
+    }
+}
+
+/// Puts convex polygons, as fans, with their charts in the place of triangle t.
+fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u32)]) {
+    let (sheet, component) = (mesh.sheets[t], mesh.components[t]);
+    let mut is_first = true;
+    for (nodes, chart) in polygons {
+        for k in 1..nodes.len() - 1 {
+            let triangle = [nodes[0], nodes[k], nodes[k + 1]];
+            if std::mem::take(&mut is_first) {
+                (mesh.triangles[t], mesh.charts[t]) = (triangle, *chart);
+            } else {
+                mesh.triangles.push(triangle);
+                mesh.sheets.push(sheet);
+                mesh.components.push(component);
+                mesh.charts.push(*chart);
+            }
+        }
+    }
+}
+
+/// The borders of faces as outlines, their triangles still to come.
+pub(crate) fn outlines(
+    chains: &[crate::topology::Chain],
+    loops: &[Vec<Vec<(u32, bool)>>],
+    is_vertex: &dyn Fn(u32) -> bool,
+) -> Vec<Outline> {
+    loops
+        .iter()
+        .map(|around| {
+            let nodes = |chains_around: &Vec<(u32, bool)>| -> Vec<u32> {
+                let each = chains_around.iter().flat_map(|&(c, forward)| {
+                    let mut nodes = chains[c as usize].nodes.clone();
+                    if !forward {
+                        nodes.reverse();
+                    }
+                    nodes.pop();
+                    nodes
+                });
+                each.collect()
+            };
+            let around: Vec<Vec<u32>> = around.iter().map(nodes).collect();
+            let vertices = around.iter().flatten().copied();
+            Outline {
+                triangles: Vec::new(),
+                vertices: vertices.filter(|v| is_vertex(*v)).collect(),
+                around,
+            }
+        })
+        .collect()
+}

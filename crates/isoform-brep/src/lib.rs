@@ -1,0 +1,97 @@
+//! Boundary representations of solids, written from the function and not from triangles.
+//!
+//! [`brep`] takes the topology from a labelled mesh: components of one part are faces, chains of
+//! edges between them edges, and where these meet are vertices. The geometry is exact: faces lie on
+//! the surfaces of the parts ([`surfaces`] finds them), edges and vertices are where these meet, by
+//! Newton's method. Faces that go round are cut. [`check`](check()) looks for everything that could be
+//! wrong with it, and measures it without the mesh.
+//!
+//! Lengths are in model units, angles in radians where nothing else is said.
+#![forbid(unsafe_code)]
+
+mod arcs;
+mod build;
+mod check;
+mod curves;
+mod cut;
+mod measure;
+mod newton;
+mod place;
+mod shells;
+mod surfaces;
+mod topology;
+
+pub use build::{Built, brep};
+pub use check::{Certificate, Finding, check};
+pub use isoform_control::Control;
+pub use measure::{Measure, of_face, total};
+pub use surfaces::{Recognize, surfaces};
+
+use isoform_control::Stopped;
+use isoform_geom::Point3;
+
+/// Why there is no boundary representation.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrepError {
+    /// The mesh has edges that are not between two triangles, or triangles that run against their
+    /// neighbours.
+    #[error("the mesh is not closed")]
+    NotClosed,
+    /// A part lies on no plane, cylinder, cone, sphere or torus.
+    #[error("the part {part} lies on no plane, cylinder, cone, sphere or torus{}", of_kind(*.kind))]
+    NoSurface {
+        /// Its name.
+        part: String,
+        /// What it lies on, if that has a name.
+        kind: Option<&'static str>,
+    },
+    /// A part was given nodes that its surface does not hold: the mesh is too coarse for it.
+    #[error("nodes of the mesh on the part {part} are {by:.1e} away from its {kind}")]
+    OffSurface {
+        /// Its name.
+        part: String,
+        /// What its function describes.
+        kind: &'static str,
+        /// How far the nodes are away, in model units.
+        by: f64,
+    },
+    /// A part lies on a torus whose tube reaches its axis.
+    #[error("the part {part} lies on a torus whose tube reaches its axis")]
+    Spindle {
+        /// Its name.
+        part: String,
+    },
+    /// No curve was found between two faces: they touch without an angle, most often.
+    #[error("no edge was found between {} and {}: they touch at no angle there", .parts[0], .parts[1])]
+    NoCurve {
+        /// The names of the parts; the same one twice at a cut.
+        parts: [String; 2],
+        /// Where.
+        at: Point3,
+    },
+    /// The surfaces around a vertex of the mesh have no point in common near it.
+    #[error("the faces at a corner of the mesh have no common point near it")]
+    NoVertex {
+        /// Where.
+        at: Point3,
+    },
+    /// A void lies in no solid.
+    #[error("a void lies in no solid")]
+    LooseVoid,
+    /// The work was stopped.
+    #[error("stopped")]
+    Stopped,
+}
+
+fn of_kind(kind: Option<&str>) -> String {
+    kind.map_or_else(String::new, |k| {
+        format!(" (it is part of a surface of the kind {k})")
+    })
+}
+
+impl From<Stopped> for BrepError {
+    fn from(_: Stopped) -> Self {
+        Self::Stopped
+    }
+}

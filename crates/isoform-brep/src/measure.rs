@@ -1,0 +1,209 @@
+//! Area, volume and first moments of solids by integrals along edges.
+//!
+//! By the theorem of Gauss the volume is the flux of x/3 through the faces, and the first moment
+//! along axis k that of xₖ²/2 eₖ. On a face with the parameters u and v a flux is ∬ w du dv, and by
+//! the theorem of Green −∮ W du around its loops with W = ∫ w dv. Both integrals are Gauss's; no
+//! mesh takes part.
+
+use crate::arcs::Arcs;
+use isoform_geom::brep::{Brep, Coedge, Face, Surface};
+use isoform_geom::{Point3, dot, norm, sub};
+use isoform_num::gauss_legendre;
+use std::f64::consts::TAU;
+
+/// Nodes of Gauss quadrature along a piece of an edge, and from the base of v to the edge.
+const NODES: [usize; 2] = [10, 20];
+
+/// What is measured of a face, or of all of them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measure {
+    /// The area.
+    pub area: f64,
+    /// The volume between the face and the centre that points are taken about; the volume of a solid
+    /// where all of its faces are added.
+    pub volume: f64,
+    /// ∫ x dV about the centre, in the same sense.
+    pub moment: Point3,
+}
+
+impl Measure {
+    fn add(&mut self, other: &Self, factor: f64) {
+        self.area += factor * other.area;
+        self.volume += factor * other.volume;
+        (0..3).for_each(|k| self.moment[k] += factor * other.moment[k]);
+    }
+}
+
+/// The sum of some measures.
+pub fn total<'m>(measures: impl IntoIterator<Item = &'m Measure>) -> Measure {
+    let mut sum = Measure::default();
+    measures.into_iter().for_each(|m| sum.add(m, 1.0));
+    sum
+}
+
+/// The measure of the face within each of its loops; those of holes are negative.
+pub(crate) fn of_loops(brep: &Brep, face: &Face, center: Point3) -> Vec<Measure> {
+    let work = Work::new(brep, face, center);
+    face.loops.iter().map(|l| work.of_loop(l)).collect()
+}
+
+/// The measure of a face.
+pub fn of_face(brep: &Brep, face: usize, center: Point3) -> Measure {
+    total(&of_loops(brep, &brep.faces[face], center))
+}
+
+struct Work<'a> {
+    brep: &'a Brep,
+    face: &'a Face,
+    center: Point3,
+    /// Angles about the tube of a torus are counted from here.
+    start_of_v: f64,
+    outer: (Vec<f64>, Vec<f64>),
+    inner: (Vec<f64>, Vec<f64>),
+}
+
+impl<'a> Work<'a> {
+    fn new(brep: &'a Brep, face: &'a Face, center: Point3) -> Self {
+        Self {
+            brep,
+            face,
+            center,
+            start_of_v: start_of_v(brep, face),
+            outer: gauss_legendre(NODES[0]),
+            inner: gauss_legendre(NODES[1]),
+        }
+    }
+
+    fn of_loop(&self, around: &[Coedge]) -> Measure {
+        let mut sum = Measure::default();
+        for coedge in around {
+            let sense = if coedge.forward { -1.0 } else { 1.0 };
+            let breaks = self.brep.breaks(coedge.edge);
+            for piece in breaks.windows(2) {
+                let width = piece[1] - piece[0];
+                for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
+                    let s = piece[0] + width * x;
+                    let (p, velocity) = self.brep.along(coedge.edge, s);
+                    let rate = self.face.surface.rate_of_u(p, velocity);
+                    if rate != 0.0 {
+                        sum.add(&self.up_to(p), sense * rate * weight * width);
+                    }
+                }
+            }
+        }
+        sum
+    }
+
+    /// The integrals along v from its base to a point.
+    fn up_to(&self, p: Point3) -> Measure {
+        let surface = &self.face.surface;
+        let [u, mut v] = surface.parameters(p);
+        let mut base = surface.base_of_v();
+        if matches!(surface, Surface::Torus(..)) {
+            v = self.start_of_v + (v - self.start_of_v).rem_euclid(TAU);
+            base = self.start_of_v;
+        }
+        let mut sum = Measure::default();
+        for (x, weight) in self.inner.0.iter().zip(&self.inner.1) {
+            let at = [u, base + (v - base) * x];
+            sum.add(&self.density(at), weight * (v - base));
+        }
+        sum
+    }
+
+    /// What a piece of the surface adds, by du dv.
+    fn density(&self, at: [f64; 2]) -> Measure {
+        let (n, p) = (
+            self.face.surface.area_vector(at),
+            sub(self.face.surface.point(at), self.center),
+        );
+        // Loops run counterclockwise seen from outside: where the surface's own normal points inward
+        // they run clockwise in u and v, so that fluxes along the own normal come out right and the
+        // area changes its sign.
+        let sense = if self.face.agrees { 1.0 } else { -1.0 };
+        Measure {
+            area: sense * norm(n) * sign_of_area(&self.face.surface, at),
+            volume: dot(n, p) / 3.0,
+            moment: std::array::from_fn(|k| 0.5 * p[k] * p[k] * n[k]),
+        }
+    }
+}
+
+/// On the far side of an apex the area vector turns round; faces do not reach there.
+fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
+    match surface {
+        Surface::Cone(..) if v < surface.base_of_v() => -1.0,
+        _ => 1.0,
+    }
+}
+
+/// An angle about the tube of a torus that the face leaves free; 0 for other surfaces.
+fn start_of_v(brep: &Brep, face: &Face) -> f64 {
+    if !matches!(face.surface, Surface::Torus(..)) {
+        return 0.0;
+    }
+    let mut arcs = Arcs::default();
+    for coedge in face.loops.iter().flatten() {
+        let breaks = brep.breaks(coedge.edge);
+        let n = 4 * (breaks.len() - 1);
+        let v = |i: usize| {
+            let s = i as f64 / n as f64;
+            face.surface.parameters(brep.along(coedge.edge, s).0)[1]
+        };
+        (0..n).for_each(|i| arcs.add(v(i), v(i + 1)));
+    }
+    arcs.gap().0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_geom::brep::{Axes, Curve, Edge};
+    use std::f64::consts::PI;
+
+    /// Half of a cylinder's wall of radius 0.5 and height 2, its seam on the far side.
+    fn half_wall() -> (Brep, Surface) {
+        let axes = Axes::along([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]).turned([-1.0, 0.0, 0.0]);
+        let at = |y: f64, z: f64| [1.0, y, z];
+        let up = Axes::along([1.0, 0.0, 0.0], [0.0, 0.0, 1.0]);
+        let top = Axes::along([1.0, 0.0, 2.0], [0.0, 0.0, -1.0]);
+        let edge = |curve, ends| Edge { curve, ends };
+        let brep = Brep {
+            vertices: vec![at(-0.5, 0.0), at(0.5, 0.0), at(0.5, 2.0), at(-0.5, 2.0)],
+            edges: vec![
+                edge(Curve::Circle(up, 0.5), [0, 1]),
+                edge(Curve::Line, [1, 2]),
+                edge(Curve::Circle(top, 0.5), [2, 3]),
+                edge(Curve::Line, [3, 0]),
+            ],
+            ..Brep::default()
+        };
+        (brep, Surface::Cylinder(axes, 0.5))
+    }
+
+    #[test]
+    fn half_a_wall_has_its_area_and_its_flux() {
+        let (brep, surface) = half_wall();
+        let loops = |forward: bool| {
+            let mut around: Vec<Coedge> = (0..4).map(|edge| Coedge { edge, forward }).collect();
+            if !forward {
+                around.reverse();
+            }
+            vec![around]
+        };
+        for agrees in [true, false] {
+            let face = Face {
+                surface,
+                agrees,
+                part: 0,
+                chart: 0,
+                loops: loops(agrees),
+            };
+            let sum = total(&of_loops(&brep, &face, [1.0, 0.0, 0.0]));
+            let sense = if agrees { 1.0 } else { -1.0 };
+            assert!((sum.area - PI).abs() < 1e-13, "{sum:?}");
+            // x·n = 0.5 on the wall about the axis, and a third of that times the area.
+            assert!((sum.volume - sense * PI / 6.0).abs() < 1e-13, "{sum:?}");
+        }
+    }
+}

@@ -1,0 +1,86 @@
+//! Points common to several surfaces.
+
+use isoform_geom::brep::Surface;
+use isoform_geom::{Point3, dot, norm};
+use isoform_num::linalg::symmetric_eigen;
+
+/// Steps at most; some five are needed where surfaces cross, more where they nearly touch.
+const STEPS: usize = 40;
+/// Directions in which all distances together change less than this share of the largest change
+/// (squared) are not stepped along: there the point is free.
+const FREE: f64 = 1e-10;
+
+/// The point near `start` that lies on all the surfaces, or as nearly as the iteration gets: steps
+/// of Gauss and Newton, the shortest ones where the point is free.
+pub(crate) fn meet<'s>(
+    surfaces: impl IntoIterator<Item = &'s Surface> + Clone,
+    start: Point3,
+) -> Point3 {
+    let mut p = start;
+    for _ in 0..STEPS {
+        let Some(step) = step(surfaces.clone(), p) else {
+            break;
+        };
+        p = std::array::from_fn(|k| p[k] - step[k]);
+        if norm(step) <= 4.0 * f64::EPSILON * norm(p) {
+            break;
+        }
+    }
+    p
+}
+
+/// The largest distance of a point from the surfaces.
+pub(crate) fn gap<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> f64 {
+    let each = surfaces.into_iter().map(|s| s.distance(p).0.abs());
+    // What is no number is on no surface; the maximum alone would pass over it.
+    each.fold(
+        0.0,
+        |m: f64, d| if d.is_nan() { f64::INFINITY } else { m.max(d) },
+    )
+}
+
+/// The step of least squares.
+fn step<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> Option<Point3> {
+    let (mut matrix, mut right) = ([0.0; 9], [0.0; 3]);
+    for surface in surfaces {
+        let (value, normal) = surface.distance(p);
+        for i in 0..3 {
+            right[i] += normal[i] * value;
+            for j in 0..3 {
+                matrix[3 * i + j] += normal[i] * normal[j];
+            }
+        }
+    }
+    if right == [0.0; 3] || right.iter().any(|v| !v.is_finite()) {
+        return None;
+    }
+    let (values, vectors) = symmetric_eigen(&matrix, 3);
+    let most = values.iter().fold(0.0f64, |m, v| m.max(*v));
+    let mut step = [0.0; 3];
+    for (k, value) in values.iter().enumerate().filter(|v| *v.1 > FREE * most) {
+        let vector: Point3 = std::array::from_fn(|i| vectors[3 * k + i]);
+        let along = dot(vector, right) / value;
+        (0..3).for_each(|i| step[i] += along * vector[i]);
+    }
+    Some(step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_geom::brep::Axes;
+
+    #[test]
+    fn a_cylinder_a_sphere_and_a_plane_meet() {
+        let z = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
+        let x = Axes::along([0.0; 3], [1.0, 0.0, 0.0]);
+        let surfaces = [
+            Surface::Cylinder(z, 0.6),
+            Surface::Sphere(z, 1.0),
+            Surface::Plane(x),
+        ];
+        let p = meet(&surfaces, [0.1, 0.5, 0.9]);
+        assert!(norm([p[0], p[1] - 0.6, p[2] - 0.8]) < 1e-15, "{p:?}");
+        assert!(gap(&surfaces, p) < 1e-15);
+    }
+}

@@ -1,0 +1,179 @@
+//! The exact surfaces of the parts of a mesh.
+//!
+//! A surface is recognised from points of the part's own function, found by Newton's method all over
+//! the box of the model: a small patch of a cone or a torus says little about the whole. Where that
+//! gives nothing, the nodes of the mesh serve.
+
+use crate::BrepError;
+use isoform_geom::brep::{Axes, Surface};
+use isoform_geom::{Aabb, Mesh, Point3, Quadric, Solid, dot, norm, sub};
+
+/// The quadric or torus through points with unit normals, to rounding.
+pub type Recognize<'a> = dyn Fn(&[Point3], &[Point3]) -> Option<Quadric> + 'a;
+
+/// Points are sought from a lattice of so many in each direction.
+const LATTICE: usize = 7;
+/// Nodes of the mesh that are looked at, at most.
+const NODES: usize = 400;
+/// Steps of Newton's method at most.
+const STEPS: usize = 30;
+/// Nodes of the mesh are this near to the surface of their part, in sizes of the model.
+const ON: f64 = 1e-9;
+/// A torus whose tube is thicker than this share of its circle's radius counts as reaching the axis.
+const SPINDLE: f64 = 0.98;
+
+/// The surface of each part of a mesh of a solid.
+///
+/// # Errors
+/// [`BrepError::NoSurface`], [`BrepError::Spindle`].
+pub fn surfaces(
+    mesh: &Mesh,
+    solid: &dyn Solid,
+    recognize: &Recognize<'_>,
+) -> Result<Vec<Surface>, BrepError> {
+    let bounds = mesh.bounds();
+    let mut nodes = vec![Vec::new(); mesh.parts.len()];
+    for (corners, part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
+        nodes[*part as usize].extend_from_slice(corners);
+    }
+    let parts = mesh.parts.iter().zip(nodes);
+    parts
+        .map(|(name, mut nodes)| {
+            nodes.sort_unstable();
+            nodes.dedup();
+            let points: Vec<Point3> = nodes.iter().map(|v| mesh.points[*v as usize]).collect();
+            let piece = solid.names().iter().position(|n| n == name).unwrap_or(0);
+            let part = Part {
+                solid,
+                piece: piece as u32,
+                bounds,
+            };
+            part.surface(&points, recognize, name)
+        })
+        .collect()
+}
+
+/// A cone has two halves, its surface only the one along its axis: that of the points.
+fn towards(surface: Surface, points: &[Point3]) -> Surface {
+    let Surface::Cone(axes, radius, half_angle) = surface else {
+        return surface;
+    };
+    let base = surface.base_of_v();
+    let heights = points.iter().map(|p| axes.local(*p)[2] - base);
+    if heights.sum::<f64>() >= 0.0 {
+        return surface;
+    }
+    Surface::Cone(
+        Axes::along(axes.origin, axes.z.map(|v| -v)),
+        radius,
+        half_angle,
+    )
+}
+
+struct Part<'a> {
+    solid: &'a dyn Solid,
+    piece: u32,
+    bounds: Aabb,
+}
+
+impl Part<'_> {
+    fn surface(
+        &self,
+        nodes: &[Point3],
+        recognize: &Recognize<'_>,
+        name: &str,
+    ) -> Result<Surface, BrepError> {
+        let [x, y, z] = self.bounds.size();
+        let limit = ON * x.max(y).max(z);
+        let part = name.to_owned();
+        let mut why = BrepError::NoSurface { part, kind: None };
+        let every = nodes.len().div_ceil(NODES).max(1);
+        let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
+        for starts in [self.lattice(), some] {
+            let found: Vec<(Point3, Point3)> = starts
+                .into_iter()
+                .filter_map(|p| self.point_near(p))
+                .collect();
+            let (points, normals): (Vec<Point3>, Vec<Point3>) = found.into_iter().unzip();
+            let Some(quadric) = recognize(&points, &normals) else {
+                continue;
+            };
+            match Self::fits(&quadric, nodes, limit, name) {
+                Ok(surface) => return Ok(surface),
+                Err(error) => why = error,
+            }
+        }
+        Err(why)
+    }
+
+    /// The surface of a quadric, if it has a name and the nodes lie on it.
+    fn fits(
+        quadric: &Quadric,
+        nodes: &[Point3],
+        limit: f64,
+        name: &str,
+    ) -> Result<Surface, BrepError> {
+        let (part, kind) = (name.to_owned(), quadric.name());
+        if matches!(quadric, Quadric::Torus { major, minor, .. } if *minor > SPINDLE * major) {
+            return Err(BrepError::Spindle { part });
+        }
+        let Some(surface) = Surface::of(quadric) else {
+            let kind = Some(kind);
+            return Err(BrepError::NoSurface { part, kind });
+        };
+        let surface = towards(surface, nodes);
+        let off = nodes.iter().map(|p| surface.distance(*p).0.abs());
+        let by = off.fold(0.0, f64::max);
+        if by <= limit {
+            Ok(surface)
+        } else {
+            Err(BrepError::OffSurface { part, kind, by })
+        }
+    }
+
+    /// Points of the box of the model.
+    fn lattice(&self) -> Vec<Point3> {
+        let size = self.bounds.size();
+        let at = |k: usize, i: usize| {
+            let share = (i as f64 + 0.37) / LATTICE as f64;
+            self.bounds.lo[k] + share * size[k]
+        };
+        let all = 0..LATTICE.pow(3);
+        all.map(|n| {
+            [
+                at(0, n % LATTICE),
+                at(1, n / LATTICE % LATTICE),
+                at(2, n / LATTICE / LATTICE),
+            ]
+        })
+        .collect()
+    }
+
+    /// The point of the part's function near a point, with the unit normal; none if there is none
+    /// within the size of the model.
+    fn point_near(&self, start: Point3) -> Option<(Point3, Point3)> {
+        let reach = self.bounds.diagonal();
+        let mut p = start;
+        let mut last = f64::INFINITY;
+        for _ in 0..STEPS {
+            let (value, g) = self.solid.gradient(self.piece, p);
+            let g2 = dot(g, g);
+            if !(g2 > 0.0 && g2.is_finite() && value.is_finite()) {
+                return None;
+            }
+            let step = value.abs() / g2.sqrt();
+            let (settled, normal) = (step <= 1e-13 * reach, g.map(|v| v / g2.sqrt()));
+            p = std::array::from_fn(|k| p[k] - value / g2 * g[k]);
+            // One step more than needed brings the last digits.
+            if settled && step >= 0.5 * last || step == 0.0 {
+                let is_near = norm(sub(p, start)) <= reach;
+                return is_near.then_some((p, normal));
+            }
+            last = step;
+        }
+        (last <= 1e-13 * reach && norm(sub(p, start)) <= reach).then(|| {
+            let g = self.solid.gradient(self.piece, p).1;
+            (p, g.map(|v| v / norm(g)))
+        })
+    }
+}

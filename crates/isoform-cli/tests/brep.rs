@@ -1,0 +1,135 @@
+//! `brep`, as a user runs it.
+
+mod common;
+
+use common::*;
+use serde_json::Value;
+use std::f64::consts::PI;
+use std::fs;
+use std::path::Path;
+
+/// A cube of side 2 with a round hole of radius 1/2.
+const HOLED: &str = "m(x[3], a[1]) { array c[3], k[3]; c = [0, 0, 0]; k = [-1, -1, -1]; \
+    cube = hfBlock(x, k, 2, 2, 2); hole = hfCylinderZ(x, c, 0.5); m = cube \\ hole; }\n";
+/// A ball of radius 3 with a void of radius 2 and a ball of radius 1 within.
+const NESTED: &str = "m(x[3], a[1]) { r = x[1]^2 + x[2]^2 + x[3]^2; \
+    m = ((9 - r) & (r - 4)) | (1 - r); }\n";
+/// A cone of height 1 and radius 1/2.
+const CONE: &str = "m(x[3], a[1]) { m = ((1 - x[3])/2 - sqrt(x[1]^2 + x[2]^2)) & x[3]; }\n";
+
+/// Runs `brep MODEL ... --json`; the code and the document.
+fn brep(model: &str, more: &[&str]) -> (i32, Value) {
+    let o = isoform(&[&["brep", model, "--json", "-q"], more].concat());
+    (code(&o), document(&o))
+}
+
+fn near(value: &Value, expected: f64) -> bool {
+    value
+        .as_f64()
+        .is_some_and(|v| (v / expected - 1.0).abs() < 1e-12)
+}
+
+#[test]
+fn help_has_an_example() {
+    let help = isoform(&["brep", "--help"]);
+    assert!(code(&help) == 0 && stdout(&help).contains("isoform brep part.hf -o part.step"));
+}
+
+#[test]
+fn a_cube_with_a_hole_has_its_closed_forms() {
+    let f = Folder::new("brep-holed");
+    let model = f.file("holed.hf", HOLED);
+    let (exit, j) = brep(&model, &["-o", &f.path("a.step")]);
+    assert_eq!((exit, &j["certificate"]["holds"]), (0, &Value::Bool(true)));
+    assert!(near(&j["volume"], 8.0 - PI / 2.0), "{}", j["volume"]);
+    assert!(
+        near(&j["area"], 24.0 - PI / 2.0 + 2.0 * PI),
+        "{}",
+        j["area"]
+    );
+    // A torus in kind; six faces of the cube, and two halves of the hole.
+    assert_eq!((&j["euler"], &j["solids"]), (&0.into(), &1.into()));
+    let faces = j["faces"].as_array().expect("faces");
+    let cylinders = faces.iter().filter(|f| f["type"] == "cylinder").count();
+    assert_eq!((faces.len(), cylinders), (8, 2));
+
+    let text = fs::read_to_string(f.path("a.step")).expect("a file");
+    let count = |entity: &str| text.matches(entity).count();
+    assert_eq!(count("=ADVANCED_FACE("), 8);
+    assert_eq!(
+        count("=EDGE_CURVE("),
+        j["edges"].as_u64().unwrap_or(0) as usize
+    );
+    assert_eq!(count("=ORIENTED_EDGE("), 2 * count("=EDGE_CURVE("));
+    assert_eq!(count("=CIRCLE("), 4);
+    assert!(count("=MANIFOLD_SOLID_BREP(") == 1 && text.contains("AP242_"));
+
+    let more = ["--threads", "1", "-o", &f.path("b.step")];
+    assert_eq!(brep(&model, &more).0, 0);
+    assert!(fs::read_to_string(f.path("b.step")).is_ok_and(|again| again == text));
+    let more = ["--ap214", "-o", &f.path("c.step")];
+    assert_eq!(brep(&model, &more).0, 0);
+    assert!(fs::read_to_string(f.path("c.step")).is_ok_and(|t| t.contains("AUTOMOTIVE_DESIGN")));
+}
+
+#[test]
+fn voids_solids_in_them_and_apexes() {
+    let f = Folder::new("brep-voids");
+    let (exit, j) = brep(&f.file("nested.hf", NESTED), &["-o", &f.path("n.step")]);
+    assert_eq!((exit, &j["solids"], &j["voids"]), (0, &2.into(), &1.into()));
+    assert!(near(&j["volume"], 4.0 / 3.0 * PI * (27.0 - 8.0 + 1.0)));
+    let text = fs::read_to_string(f.path("n.step")).expect("a file");
+    assert_eq!(text.matches("=BREP_WITH_VOIDS(").count(), 1);
+    let (exit, j) = brep(&f.file("cone.hf", CONE), &[]);
+    assert_eq!((exit, &j["vertices"]), (0, &3.into()));
+    assert!(near(&j["volume"], PI / 12.0), "{}", j["volume"]);
+}
+
+#[test]
+fn a_box_cuts_with_planes() {
+    let f = Folder::new("brep-box");
+    let (exit, j) = brep(&f.file("cone.hf", CONE), &["--box=-1,-1,-1,1,1,0.5"]);
+    // The frustum of radii 1/2 and 1/4.
+    assert!(
+        exit == 0 && near(&j["volume"], PI / 12.0 * 7.0 / 8.0),
+        "{}",
+        j["volume"]
+    );
+    let faces = j["faces"].as_array().expect("faces");
+    assert!(faces.iter().any(|f| f["part"] == "cap.z_max"));
+}
+
+#[test]
+fn what_is_no_such_solid_is_refused_with_a_reason() {
+    let f = Folder::new("brep-refused");
+    let cases = [
+        ("unbounded", "m(x[3], a[1]) { m = x[3]; }", 4),
+        ("empty", "m(x[3], a[1]) { m = 0 - 1 - x[1]*x[1]; }", 4),
+        ("syntax", "m(x[3], a[1]) { m = x[1", 2),
+        (
+            "ellipsoid",
+            "m(x[3], a[1]) { m = 1 - x[1]^2 - 2*x[2]^2 - 3*x[3]^2; }",
+            4,
+        ),
+    ];
+    for (name, text, expected) in cases {
+        let target = f.path(&format!("{name}.step"));
+        let o = isoform(&[
+            "brep",
+            &f.file(&format!("{name}.hf"), text),
+            "-q",
+            "-o",
+            &target,
+        ]);
+        assert_eq!(code(&o), expected, "{name}");
+        assert!(
+            !Path::new(&target).exists() && !stderr(&o).is_empty(),
+            "{name}"
+        );
+    }
+    let model = f.file("cone.hf", CONE);
+    assert_eq!(
+        code(&isoform(&["brep", &model, "-q", "-o", &f.path("cone.obj")])),
+        1
+    );
+}

@@ -1,0 +1,125 @@
+//! Points and velocities of the curves of edges.
+
+use super::{Axes, BSpline, Brep, Curve};
+use crate::{Point3, sub};
+use std::f64::consts::TAU;
+
+impl BSpline {
+    /// The point and the velocity at a parameter, by de Boor's algorithm.
+    pub fn evaluate(&self, t: f64) -> (Point3, Point3) {
+        let (p, knots) = (self.degree, self.flat_knots());
+        let last = self.control.len() - 1;
+        let span = (p..last).find(|&k| t < knots[k + 1]).unwrap_or(last);
+        let mut d: Vec<Point3> = (0..=p).map(|j| self.control[span - p + j]).collect();
+        let mut velocity = [0.0; 3];
+        for r in 1..=p {
+            if r == p {
+                let width = knots[span + 1] - knots[span];
+                velocity = sub(d[p], d[p - 1]).map(|v| v * p as f64 / width);
+            }
+            for j in (r..=p).rev() {
+                let i = span - p + j;
+                let share = (t - knots[i]) / (knots[i + 1 + p - r] - knots[i]);
+                d[j] = std::array::from_fn(|k| (1.0 - share) * d[j - 1][k] + share * d[j][k]);
+            }
+        }
+        (d[p], velocity)
+    }
+    /// The knots, each as often as it counts.
+    pub fn flat_knots(&self) -> Vec<f64> {
+        let each = self.knots.iter().zip(&self.multiplicities);
+        each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n))
+            .collect()
+    }
+}
+
+/// The angle from one point about z to another, in (0, 2π]; both scaled to a circle.
+fn turn(axes: &Axes, [a, b]: [f64; 2], ends: [Point3; 2]) -> [f64; 2] {
+    let angle = |p: Point3| {
+        let [x, y, _] = axes.local(p);
+        (y / b).atan2(x / a)
+    };
+    let first = angle(ends[0]);
+    let mut by = (angle(ends[1]) - first).rem_euclid(TAU);
+    if by < 1e-12 {
+        by = TAU;
+    }
+    [first, by]
+}
+
+impl Brep {
+    /// Parameters, ascending from 0 to 1, between which the curve of an edge is one smooth arc of at
+    /// most a sixth of a turn.
+    pub fn breaks(&self, edge: u32) -> Vec<f64> {
+        let even = |n: usize| (0..=n).map(|i| i as f64 / n as f64).collect();
+        let arc = |axes: &Axes, radii: [f64; 2]| {
+            let [_, by] = turn(axes, radii, self.ends(edge));
+            even((by / TAU * 6.0).ceil().max(1.0) as usize)
+        };
+        match &self.edges[edge as usize].curve {
+            Curve::Line => even(1),
+            Curve::Circle(axes, r) => arc(axes, [*r, *r]),
+            Curve::Ellipse(axes, a, b) => arc(axes, [*a, *b]),
+            Curve::BSpline(spline) => {
+                let knots = &spline.knots;
+                let (first, last) = (knots[0], knots[knots.len() - 1]);
+                let share = knots.iter().map(|t| (t - first) / (last - first));
+                share.collect()
+            }
+        }
+    }
+
+    /// The point of an edge at the parameter s, 0 at its first end and 1 at its last, and the
+    /// velocity by s.
+    pub fn along(&self, edge: u32, s: f64) -> (Point3, Point3) {
+        let ends = self.ends(edge);
+        match &self.edges[edge as usize].curve {
+            Curve::Line => {
+                let d = sub(ends[1], ends[0]);
+                (std::array::from_fn(|k| ends[0][k] + s * d[k]), d)
+            }
+            Curve::Circle(axes, r) => conic(axes, [*r, *r], ends, s),
+            Curve::Ellipse(axes, a, b) => conic(axes, [*a, *b], ends, s),
+            Curve::BSpline(spline) => {
+                let knots = &spline.knots;
+                let (first, length) = (knots[0], knots[knots.len() - 1] - knots[0]);
+                let (point, velocity) = spline.evaluate(first + s * length);
+                (point, velocity.map(|v| v * length))
+            }
+        }
+    }
+}
+
+/// A point of an arc of an ellipse, with the velocity.
+fn conic(axes: &Axes, radii: [f64; 2], ends: [Point3; 2], s: f64) -> (Point3, Point3) {
+    let [first, by] = turn(axes, radii, ends);
+    let (sin, cos) = (first + s * by).sin_cos();
+    let [a, b] = radii;
+    (
+        axes.point([a * cos, b * sin, 0.0]),
+        axes.vector([-a * sin * by, b * cos * by, 0.0]),
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::norm;
+
+    #[test]
+    fn a_cubic_as_a_spline_of_two_spans() {
+        // t³ along x: blossoms of the polynomial at knots 0 0 0 0 1 2 2 2 2.
+        let control = [0.0, 0.0, 0.0, 4.0, 8.0].map(|x| [x, 0.0, 0.0]).to_vec();
+        let spline = BSpline {
+            degree: 3,
+            knots: vec![0.0, 1.0, 2.0],
+            multiplicities: vec![4, 1, 4],
+            control,
+        };
+        for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
+            let (p, v) = spline.evaluate(t);
+            assert!((p[0] - t * t * t).abs() < 1e-14, "{t} {p:?}");
+            assert!(norm(sub(v, [3.0 * t * t, 0.0, 0.0])) < 1e-13, "{t} {v:?}");
+        }
+    }
+}

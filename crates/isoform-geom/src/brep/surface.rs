@@ -1,0 +1,237 @@
+//! Distances, parameters and normals of exact surfaces.
+
+use super::{Axes, Surface};
+use crate::{Point3, dot};
+
+/// A point in the half-plane about an axis.
+struct Meridian {
+    /// Distance from the axis.
+    out: f64,
+    /// Height along it.
+    height: f64,
+    /// The direction away from the axis; x where the point lies on it.
+    radial: Point3,
+}
+
+impl Meridian {
+    fn of(axes: &Axes, p: Point3) -> Self {
+        let [x, y, height] = axes.local(p);
+        let out = x.hypot(y);
+        let radial = if out > 0.0 {
+            axes.vector([x / out, y / out, 0.0])
+        } else {
+            axes.x
+        };
+        Self {
+            out,
+            height,
+            radial,
+        }
+    }
+}
+
+/// a u + b v.
+fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
+    std::array::from_fn(|k| a * u[k] + b * v[k])
+}
+
+impl Surface {
+    /// The signed distance of a point, positive on the side of the surface's own normal, and its
+    /// gradient, of length 1. Of a cone the distance is that from its line in the half-plane about
+    /// the axis: beyond the apex it is no distance, but as smooth.
+    pub fn distance(&self, p: Point3) -> (f64, Point3) {
+        match *self {
+            Self::Plane(axes) => (axes.local(p)[2], axes.z),
+            Self::Cylinder(axes, radius) => {
+                let at = Meridian::of(&axes, p);
+                (at.out - radius, at.radial)
+            }
+            Self::Cone(axes, radius, half_angle) => {
+                let (at, (sin, cos)) = (Meridian::of(&axes, p), half_angle.sin_cos());
+                let value = cos * (at.out - radius) - sin * at.height;
+                (value, combined(cos, at.radial, -sin, axes.z))
+            }
+            Self::Sphere(axes, radius) => {
+                let d = crate::sub(p, axes.origin);
+                let r = dot(d, d).sqrt();
+                let normal = if r > 0.0 { d.map(|v| v / r) } else { axes.z };
+                (r - radius, normal)
+            }
+            Self::Torus(axes, major, minor) => {
+                let at = Meridian::of(&axes, p);
+                let q = at.out - major;
+                let r = q.hypot(at.height);
+                let (c, s) = if r > 0.0 {
+                    (q / r, at.height / r)
+                } else {
+                    (1.0, 0.0)
+                };
+                (r - minor, combined(c, at.radial, s, axes.z))
+            }
+        }
+    }
+
+    /// The second derivative of the distance along a vector.
+    pub fn bending(&self, p: Point3, along: Point3) -> f64 {
+        let axes = self.axes();
+        let at = Meridian::of(axes, p);
+        let round = dot(along, crate::cross(axes.z, at.radial)).powi(2);
+        match *self {
+            Self::Plane(_) => 0.0,
+            Self::Cylinder(..) => round / at.out,
+            Self::Cone(_, _, half_angle) => half_angle.cos() * round / at.out,
+            Self::Sphere(..) => {
+                let (value, normal) = self.distance(p);
+                let Self::Sphere(_, radius) = *self else {
+                    return 0.0;
+                };
+                (dot(along, along) - dot(along, normal).powi(2)) / (value + radius)
+            }
+            Self::Torus(_, major, _) => {
+                let q = at.out - major;
+                let r = q.hypot(at.height);
+                let (c, s) = (q / r, at.height / r);
+                let across = dot(along, combined(-s, at.radial, c, axes.z));
+                across * across / r + c / at.out * round
+            }
+        }
+    }
+
+    /// Parameters of the point nearest to `p`: x and y of a plane; else the angle about z, from 0 to
+    /// 2π, and the height along z, or the latitude on a sphere, or the angle about the tube, from 0
+    /// to 2π, on a torus.
+    pub fn parameters(&self, p: Point3) -> [f64; 2] {
+        let full = |angle: f64| angle.rem_euclid(std::f64::consts::TAU);
+        let [x, y, z] = self.axes().local(p);
+        let u = full(y.atan2(x));
+        match *self {
+            Self::Plane(_) => [x, y],
+            Self::Cylinder(..) | Self::Cone(..) => [u, z],
+            Self::Sphere(..) => [u, z.atan2(x.hypot(y))],
+            Self::Torus(_, major, _) => [u, full(z.atan2(x.hypot(y) - major))],
+        }
+    }
+
+    /// The point with the given parameters.
+    pub fn point(&self, [u, v]: [f64; 2]) -> Point3 {
+        let round = |out: f64, height: f64| [out * u.cos(), out * u.sin(), height];
+        let local = match *self {
+            Self::Plane(_) => [u, v, 0.0],
+            Self::Cylinder(_, radius) => round(radius, v),
+            Self::Cone(_, radius, half_angle) => round(radius + v * half_angle.tan(), v),
+            Self::Sphere(_, radius) => round(radius * v.cos(), radius * v.sin()),
+            Self::Torus(_, major, minor) => round(major + minor * v.cos(), minor * v.sin()),
+        };
+        self.axes().point(local)
+    }
+
+    /// ∂p/∂u × ∂p/∂v, along the surface's own normal.
+    pub fn area_vector(&self, [u, v]: [f64; 2]) -> Point3 {
+        let (sin, cos) = u.sin_cos();
+        let local = match *self {
+            Self::Plane(_) => [0.0, 0.0, 1.0],
+            Self::Cylinder(_, radius) => [radius * cos, radius * sin, 0.0],
+            Self::Cone(_, radius, half_angle) => {
+                let tan = half_angle.tan();
+                let out = radius + v * tan;
+                [out * cos, out * sin, -out * tan]
+            }
+            Self::Sphere(_, radius) => {
+                let (s, c) = v.sin_cos();
+                let area = radius * radius * c;
+                [area * c * cos, area * c * sin, area * s]
+            }
+            Self::Torus(_, major, minor) => {
+                let (s, c) = v.sin_cos();
+                let area = minor * (major + minor * c);
+                [area * c * cos, area * c * sin, area * s]
+            }
+        };
+        self.axes().vector(local)
+    }
+
+    /// The rate at which u changes at `p` along a velocity.
+    pub fn rate_of_u(&self, p: Point3, velocity: Point3) -> f64 {
+        let axes = self.axes();
+        if matches!(self, Self::Plane(_)) {
+            return dot(velocity, axes.x);
+        }
+        let at = Meridian::of(axes, p);
+        dot(velocity, crate::cross(axes.z, at.radial)) / at.out
+    }
+
+    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone,
+    /// else 0.
+    pub fn base_of_v(&self) -> f64 {
+        match *self {
+            Self::Cone(_, radius, half_angle) => -radius / half_angle.tan(),
+            _ => 0.0,
+        }
+    }
+
+    /// The apex of a cone.
+    pub fn apex(&self) -> Option<Point3> {
+        match *self {
+            Self::Cone(axes, ..) => Some(axes.point([0.0, 0.0, self.base_of_v()])),
+            _ => None,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{cross, norm, sub};
+
+    fn all() -> [Surface; 5] {
+        let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
+        [
+            Surface::Plane(axes),
+            Surface::Cylinder(axes, 0.7),
+            Surface::Cone(axes, 0.5, 0.4),
+            Surface::Sphere(axes, 1.2),
+            Surface::Torus(axes, 1.0, 0.3),
+        ]
+    }
+
+    #[test]
+    fn parameters_distances_and_area_vectors_agree() {
+        for surface in all() {
+            let at = [2.1, 0.35];
+            let p = surface.point(at);
+            let (value, normal) = surface.distance(p);
+            assert!(value.abs() < 1e-15, "{} {value}", surface.name());
+            let back = surface.parameters(p);
+            assert!((back[0] - at[0]).abs() + (back[1] - at[1]).abs() < 1e-14);
+            let h = 1e-5;
+            let along = |k: usize| {
+                let shifted = |s: f64| {
+                    let mut at = at;
+                    at[k] += s;
+                    surface.point(at)
+                };
+                sub(shifted(h), shifted(-h)).map(|v| v / (2.0 * h))
+            };
+            let n = surface.area_vector(at);
+            assert!(norm(sub(n, cross(along(0), along(1)))) < 1e-9);
+            assert!((dot(n, normal) / norm(n) - 1.0).abs() < 1e-12);
+            assert!((surface.rate_of_u(p, along(0)) - 1.0).abs() < 1e-9);
+            assert!(surface.rate_of_u(p, along(1)).abs() < 1e-9);
+        }
+    }
+
+    #[test]
+    fn bending_is_the_second_derivative() {
+        let (p, t) = ([0.9, 0.4, -0.3], [0.2, -0.7, 0.4]);
+        for surface in all() {
+            let h = 1e-4;
+            let at = |s: f64| surface.distance(combined(1.0, p, s, t)).0;
+            let second = (at(h) - 2.0 * at(0.0) + at(-h)) / (h * h);
+            assert!(
+                (second - surface.bending(p, t)).abs() < 1e-6,
+                "{}",
+                surface.name()
+            );
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! The boundary representation of a model: its mesh gives the topology, its functions the geometry.
+
+use crate::mesh_model::mesh_solid;
+use crate::{MeshModelError, MeshModelOptions, ModelMesh, solid_of};
+use isoform_brep::{BrepError, Built, Certificate, check, surfaces};
+use isoform_check::Capped;
+use isoform_control::Control;
+use isoform_field::hyperfun::Model;
+use isoform_geom::{Point3, Solid, distance_squared};
+use isoform_patch::quadric_through;
+
+/// How near a vertex is to a corner that the mesh missed, in sizes of the model.
+const AT_CORNER: f64 = 1e-9;
+
+/// Why a model has no boundary representation.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum BrepModelError {
+    /// It has no mesh.
+    #[error(transparent)]
+    Mesh(#[from] MeshModelError),
+    /// Its surface is not made of exact faces.
+    #[error(transparent)]
+    Brep(#[from] BrepError),
+}
+
+/// The boundary representation of a model.
+#[derive(Debug)]
+pub struct ModelBrep {
+    /// The solids, with the triangles that stand for them.
+    pub built: Built,
+    /// What is known of them.
+    pub certificate: Certificate,
+    /// The mesh that the topology comes from.
+    pub mesh: ModelMesh,
+}
+
+/// The boundary representation of a model with the values `a` of its parameters: faces on exact
+/// planes, cylinders, cones, spheres and tori, with shared edges, and its certificate. What the
+/// certificate of the mesh leaves open, this one does, too. Faces and edges may be `tolerance` away
+/// from the model (model units), and never more than 1e-8 of its size. Missing values are those of
+/// [`parameter_values`](crate::parameter_values).
+///
+/// ```
+/// use isoform::{Control, MeshModelOptions, brep_model, template};
+/// let ball = template("sphere").expect("a template of the gallery").model();
+/// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 1.0], &MeshModelOptions::default(), None, &Control::default())?;
+/// let volume = 4.0 / 3.0 * std::f64::consts::PI;
+/// assert!(made.certificate.holds());
+/// assert!((made.certificate.total.volume / volume - 1.0).abs() < 1e-12);
+/// # Ok::<(), isoform::BrepModelError>(())
+/// ```
+///
+/// # Errors
+/// [`BrepModelError`].
+pub fn brep_model(
+    model: &Model,
+    a: &[f64],
+    options: &MeshModelOptions,
+    tolerance: Option<f64>,
+    control: &Control<'_>,
+) -> Result<ModelBrep, BrepModelError> {
+    control.report("model", 0.0);
+    let (solid, is_run) = solid_of(model, a).map_err(MeshModelError::from)?;
+    let region = options.mesh.region;
+    if is_run && region.is_none() {
+        return Err(MeshModelError::NoBox.into());
+    }
+    let mut options = options.clone();
+    options.mesh.surface_only = true;
+    options.mesh.order = 1;
+    let mesh = mesh_solid(solid.as_ref(), &options, control)?;
+    let capped = region.map(|region| Capped::new(solid.as_ref(), region));
+    let solid: &dyn Solid = capped.as_ref().map_or(solid.as_ref(), |c| c);
+    control.begin("recognition").map_err(BrepError::from)?;
+    let labelled = &mesh.meshed.mesh;
+    let surfaces = surfaces(labelled, solid, &quadric_through)?;
+    let built = isoform_brep::brep(labelled, &surfaces, control)?;
+    control
+        .begin("checking the solid")
+        .map_err(BrepError::from)?;
+    let certificate = check(&built, solid, tolerance, left_open(&mesh, &built));
+    Ok(ModelBrep {
+        built,
+        certificate,
+        mesh,
+    })
+}
+
+/// What the mesh leaves open; but for corners that the solid has vertices at, though the mesh had no
+/// node there, as at the tips of cones.
+fn left_open(mesh: &ModelMesh, built: &Built) -> Vec<String> {
+    let has_vertex = |p: Point3| {
+        let near = |v: &Point3| distance_squared(*v, p).sqrt() <= AT_CORNER * built.size;
+        built.brep.vertices.iter().any(near)
+    };
+    let coverage = mesh.certificate.coverage.as_ref();
+    let are_vertices = coverage.is_some_and(|c| {
+        let places = &c.missed_corners.places;
+        places.len() == c.missed_corners.count && places.iter().all(|p| has_vertex(p.at))
+    });
+    let failures = mesh.certificate.failures().into_iter();
+    let open = failures.filter(|f| !(f.code == "missed-corner" && are_vertices));
+    let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
+    open.map(|f| f.to_string()).chain(warnings).collect()
+}
