@@ -101,6 +101,7 @@ acceptance() {
   script accept_implicitize "functions through points" --section order --section paper --section global --section rough
   # The limit per part is wide, since the machine may be busy.
   script accept_recognize "recognition and templates" --seconds 5
+  script accept_brep "solids for CAD"
   accept "meshes in solvers" accept_mesh part "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$binary"
   run_example() { PATH=$(dirname "$binary"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
   check "example: scan to stress with scikit-fem" run_example scikit_fem
