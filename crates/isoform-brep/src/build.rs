@@ -1,16 +1,20 @@
 //! From a labelled mesh and the surfaces of its parts to faces, edges and vertices.
 
+use crate::charts::Smooth;
 use crate::curves::{Wanted, curve};
-use crate::cut::{Labelled, cuts_of, imprint, outlines};
+use crate::cut::{Cut, Labelled, crossing, cuts_of, imprint, outlines};
+use crate::locus::Locus;
 use crate::measure::of_loops;
 use crate::newton::{gap, meet};
+use crate::pieces::{Piece, Pieces, largest_angle, seam};
 use crate::place::place;
 use crate::shells::solids;
 use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of};
 use crate::{BrepError, Control};
-use isoform_geom::brep::{Brep, Coedge, Edge, Face, Surface};
-use isoform_geom::{Mesh, Point3, cross, dot, norm, sub};
+use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
+use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 /// Surfaces whose points are this near to one another, in sizes of the model, are one.
 const SAME: f64 = 1e-10;
@@ -20,6 +24,12 @@ const APEX: f64 = 1e-6;
 const TIP: f64 = 3.0;
 /// A vertex is this near to all of its surfaces, in sizes.
 const ON: f64 = 1e-9;
+/// Neighbours whose normals differ by no more than this all along a border join smoothly there
+/// (radians): their edge is no crossing of the two.
+const TOUCHING: f64 = 0.02;
+/// Splines are sought this much nearer to the model than is asked for: edges and samples are not
+/// everywhere.
+const NEARER: f64 = 0.25;
 
 /// A boundary representation, and the triangles that stand for its faces.
 #[derive(Clone, Debug)]
@@ -32,124 +42,163 @@ pub struct Built {
     pub triangles: Vec<[u32; 3]>,
     /// The face of each.
     pub face_of: Vec<u32>,
-    /// The two surfaces that meet in each edge; one is a cut where an edge divides a face.
-    pub meeting: Vec<[Surface; 2]>,
+    /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a face,
+    /// or a limit where two functions join smoothly.
+    pub meeting: Vec<[Locus; 2]>,
     /// By part of the representation, the part of the mesh whose function stands for it.
     pub functions: Vec<String>,
     /// The largest side of the box of the model.
     pub size: f64,
 }
 
-/// The boundary representation of the solid that a labelled surface mesh stands for; `surfaces` are
-/// those of its parts.
+/// The boundary representation of the solid whose surface the pieces are. Faces on splines are no more
+/// than `tolerance` (model units) away from their functions, at places.
 ///
-/// Parts of one surface that run on into one another are one face, named after all of them.
+/// Pieces of one surface that run on into one another are one face, named after all of their parts.
 ///
 /// # Errors
-/// If the mesh is not closed, faces touch without an angle, or the work is stopped.
-pub fn brep(mesh: &Mesh, surfaces: &[Surface], control: &Control<'_>) -> Result<Built, BrepError> {
+/// If the mesh is not closed, faces touch without an angle, a smooth face finds no splines, or the
+/// work is stopped.
+pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Built, BrepError> {
     control.begin("faces")?;
-    let [x, y, z] = mesh.bounds().size();
+    let Pieces { mesh, list, names } = pieces;
+    let [x, y, z] = Aabb::of(&mesh.points).size();
     let size = x.max(y).max(z);
     let across = across_sides(&mesh.triangles)?;
-    let sheets = sheets(mesh, surfaces, &across, SAME * size);
-    let labelled = labelled(mesh, &sheets, &across);
+    let sheets = Sheets::new(&mesh, &list, &names, &across, SAME * size);
+    let mesh = sheets.labelled(mesh, &across);
     let mut builder = Builder {
-        surfaces: &sheets.surfaces,
-        names: &sheets.names,
-        functions: &sheets.functions,
-        mesh: labelled,
+        sheets: &sheets,
+        pieces: &list,
+        mesh,
         across,
         apexes: BTreeSet::new(),
+        graphs: Vec::new(),
+        tolerance,
         size,
     };
     builder.find_apexes();
     control.begin("cuts")?;
-    builder.cut()?;
+    builder.cut(control)?;
     control.begin("edges")?;
     builder.build(control)
 }
 
-/// Surfaces with the names of the parts that lie on them.
+/// What pieces lie on, neighbours on one surface together.
 struct Sheets {
-    /// The sheet of each part.
-    of_part: Vec<u32>,
-    surfaces: Vec<Surface>,
+    /// The sheet of each piece.
+    of_piece: Vec<u32>,
+    /// The first piece of each.
+    pieces: Vec<u32>,
+    loci: Vec<Locus>,
+    /// The part of the representation that each belongs to.
+    parts: Vec<u32>,
+    /// By part of the representation, its name.
     names: Vec<String>,
-    /// The name of the first part of each.
+    /// The name of the first part of the mesh in it.
     functions: Vec<String>,
 }
 
-/// Parts that are neighbours on one surface are one sheet.
-fn sheets(mesh: &Mesh, surfaces: &[Surface], across: &[[Side; 3]], same: f64) -> Sheets {
-    let parts = surfaces.len();
-    let mut points: Vec<Vec<Point3>> = vec![Vec::new(); parts];
-    let mut meet = BTreeSet::new();
-    for (t, corners) in mesh.triangles.iter().enumerate() {
-        let part = mesh.triangle_parts[t];
-        points[part as usize].extend(corners.map(|v| mesh.points[v as usize]));
-        let others = across[t].iter().map(|s| mesh.triangle_parts[s.0 as usize]);
-        meet.extend(others.filter(|o| part < *o).map(|o| (part, o)));
-    }
-    let holds = |surface: &Surface, points: &[Point3]| {
-        points.iter().all(|p| surface.distance(*p).0.abs() <= same)
-    };
-    let mut up: Vec<usize> = (0..parts).collect();
-    for (a, b) in meet {
-        let (a, b) = (a as usize, b as usize);
-        let is_one = surfaces[a].name() == surfaces[b].name()
-            && holds(&surfaces[a], &points[b])
-            && holds(&surfaces[b], &points[a]);
-        if is_one {
-            let (from, to) = (up[a].max(up[b]), up[a].min(up[b]));
-            up.iter_mut().filter(|u| **u == from).for_each(|u| *u = to);
+impl Sheets {
+    /// Pieces that are neighbours on one surface, nearer than `same`, are one sheet.
+    fn new(
+        mesh: &Labelled,
+        list: &[Piece],
+        parts: &[String],
+        across: &[[Side; 3]],
+        same: f64,
+    ) -> Self {
+        let mut points: Vec<Vec<Point3>> = vec![Vec::new(); list.len()];
+        let mut meet = BTreeSet::new();
+        for (t, corners) in mesh.triangles.iter().enumerate() {
+            let piece = mesh.sheets[t];
+            points[piece as usize].extend(corners.map(|v| mesh.points[v as usize]));
+            let others = across[t].iter().map(|s| mesh.sheets[s.0 as usize]);
+            meet.extend(others.filter(|o| piece < *o).map(|o| (piece, o)));
         }
-    }
-    let mut made = Sheets {
-        of_part: vec![0; parts],
-        surfaces: Vec::new(),
-        names: Vec::new(),
-        functions: Vec::new(),
-    };
-    for k in 0..parts {
-        if up[k] == k {
-            made.of_part[k] = made.surfaces.len() as u32;
-            made.surfaces.push(surfaces[k]);
-            made.names.push(mesh.parts[k].clone());
-            made.functions.push(mesh.parts[k].clone());
-        } else {
-            let sheet = made.of_part[up[k]];
-            made.of_part[k] = sheet;
-            let name = &mut made.names[sheet as usize];
-            name.push('+');
-            name.push_str(&mesh.parts[k]);
+        let holds = |surface: &Surface, points: &[Point3]| {
+            points.iter().all(|p| surface.distance(*p).0.abs() <= same)
+        };
+        let is_one = |a: usize, b: usize| match (&list[a].locus, &list[b].locus) {
+            (Locus::Exact(s), Locus::Exact(t)) => {
+                s.name() == t.name() && holds(s, &points[b]) && holds(t, &points[a])
+            }
+            (Locus::Zero(_), Locus::Zero(_)) => {
+                list[a].function.is_some() && list[a].function == list[b].function
+            }
+            _ => false,
+        };
+        let mut up: Vec<usize> = (0..list.len()).collect();
+        for (a, b) in meet {
+            let (a, b) = (a as usize, b as usize);
+            if is_one(a, b) {
+                let (from, to) = (up[a].max(up[b]), up[a].min(up[b]));
+                up.iter_mut().filter(|u| **u == from).for_each(|u| *u = to);
+            }
         }
+        let mut made = Self {
+            of_piece: vec![0; list.len()],
+            pieces: Vec::new(),
+            loci: Vec::new(),
+            parts: Vec::new(),
+            names: Vec::new(),
+            functions: Vec::new(),
+        };
+        for k in (0..list.len()).filter(|k| up[*k] == *k) {
+            let sheet = made.loci.len() as u32;
+            let own = (k..list.len()).filter(|j| up[*j] == k);
+            let mut of: Vec<&str> = Vec::new();
+            for j in own {
+                made.of_piece[j] = sheet;
+                let name = parts[list[j].part as usize].as_str();
+                if !of.contains(&name) {
+                    of.push(name);
+                }
+            }
+            made.pieces.push(k as u32);
+            made.loci.push(list[k].locus.clone());
+            made.name(of.join("+"), of[0]);
+        }
+        made
     }
-    made
-}
 
-fn labelled(mesh: &Mesh, sheets: &Sheets, across: &[[Side; 3]]) -> Labelled {
-    let parts = mesh.triangle_parts.iter();
-    let of: Vec<u32> = parts.map(|p| sheets.of_part[*p as usize]).collect();
-    let (components, count) = components(across, |a, b| of[a as usize] == of[b as usize]);
-    Labelled {
-        points: mesh.points.clone(),
-        triangles: mesh.triangles.clone(),
-        charts: vec![0; of.len()],
-        sheets: of,
-        components,
-        cuts: vec![Vec::new(); count],
+    /// Gives the last sheet its part of the representation: that of its name.
+    fn name(&mut self, name: String, function: &str) {
+        let known = self.names.iter().position(|n| *n == name);
+        let part = known.unwrap_or_else(|| {
+            self.names.push(name);
+            self.functions.push(function.to_owned());
+            self.names.len() - 1
+        });
+        self.parts.push(part as u32);
+    }
+
+    /// The mesh, labelled by sheets and their components.
+    fn labelled(&self, mesh: Labelled, across: &[[Side; 3]]) -> Labelled {
+        let pieces = mesh.sheets.iter();
+        let of: Vec<u32> = pieces.map(|p| self.of_piece[*p as usize]).collect();
+        let (components, count) = components(across, |a, b| of[a as usize] == of[b as usize]);
+        Labelled {
+            charts: vec![0; of.len()],
+            sheets: of,
+            components,
+            cuts: vec![Vec::new(); count],
+            ..mesh
+        }
     }
 }
 
 struct Builder<'a> {
-    surfaces: &'a [Surface],
-    names: &'a [String],
-    functions: &'a [String],
+    sheets: &'a Sheets,
+    pieces: &'a [Piece],
     mesh: Labelled,
     across: Vec<[Side; 3]>,
     /// Nodes at apexes of cones.
     apexes: BTreeSet<u32>,
+    /// Splines of charts, each with a triangle of its chart.
+    graphs: Vec<(u32, Arc<Graph>)>,
+    /// How far splines may be away from functions.
+    tolerance: f64,
     size: f64,
 }
 
@@ -162,7 +211,7 @@ impl Builder<'_> {
             let corners = self.mesh.triangles.iter().zip(&self.mesh.sheets);
             let mut around = corners.filter(|(c, _)| c.contains(&v)).map(|c| *c.1);
             let near = APEX * self.size;
-            let meets = |s: u32| self.surfaces[s as usize].distance(apex).0.abs() <= near;
+            let meets = |s: u32| gap([&self.sheets.loci[s as usize]], apex) <= near;
             if far <= near || (far <= TIP * edge && around.all(meets)) {
                 self.mesh.points[v as usize] = apex;
                 self.apexes.insert(v);
@@ -175,8 +224,10 @@ impl Builder<'_> {
     fn nearest_to_apexes(&self) -> BTreeMap<u32, (Point3, f64, u32, f64)> {
         let mut nearest = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
-            let surface = &self.surfaces[self.mesh.sheets[t] as usize];
-            let Some(apex) = surface.apex() else { continue };
+            let locus = &self.sheets.loci[self.mesh.sheets[t] as usize];
+            let Some(apex) = locus.surface().and_then(Surface::apex) else {
+                continue;
+            };
             for k in 0..3u8 {
                 let [p, q] = ends_of(corners, k).map(|v| self.mesh.points[v as usize]);
                 let (far, edge) = (norm(sub(p, apex)), norm(sub(p, q)));
@@ -210,34 +261,76 @@ impl Builder<'_> {
 
     /// Cuts the components that go round, one after the other: each is put away from the vertices
     /// that those before it made.
-    fn cut(&mut self) -> Result<(), BrepError> {
-        let mut topology = self.topology();
+    fn cut(&mut self, control: &Control<'_>) -> Result<(), BrepError> {
         for component in 0..self.mesh.cuts.len() as u32 {
             let of = &self.mesh.components;
             let Some(first) = of.iter().position(|c| *c == component) else {
                 continue;
             };
-            let surface = self.surfaces[self.mesh.sheets[first] as usize];
-            if matches!(surface, Surface::Plane(_)) {
-                continue;
-            }
-            let vertices = self.vertices(&topology);
-            let is_vertex = |v: u32| vertices.contains(&v);
-            let face = topology.face_of[first] as usize;
-            let own = &topology.loops[face..=face];
-            let mut outline = outlines(&topology.chains, own, &is_vertex).remove(0);
-            let triangles = (0..of.len() as u32).filter(|t| of[*t as usize] == component);
-            outline.triangles = triangles.collect();
-            let cuts = cuts_of(&self.mesh, &surface, &outline);
-            for &cut in &cuts {
-                imprint(&mut self.mesh, component, &surface, cut, &is_vertex);
-            }
-            if !cuts.is_empty() {
-                self.across = across_sides(&self.mesh.triangles)?;
-                topology = self.topology();
+            let sheet = self.mesh.sheets[first] as usize;
+            match &self.sheets.loci[sheet] {
+                Locus::Exact(Surface::Plane(_)) => {}
+                Locus::Exact(surface) => self.cut_exact(component, first, surface)?,
+                Locus::Zero(field) => {
+                    let smooth = Smooth {
+                        component,
+                        field,
+                        tolerance: NEARER * self.tolerance,
+                    };
+                    let made = smooth.charts(&mut self.mesh, &mut self.across, control)?;
+                    let made = made.ok_or_else(|| BrepError::NoSpline {
+                        part: self.name(sheet).to_owned(),
+                    })?;
+                    let made = made.into_iter().map(|(t, g)| (t, Arc::new(g)));
+                    self.graphs.extend(made);
+                }
             }
         }
         Ok(())
+    }
+
+    /// Cuts a component on an exact surface, if it goes round.
+    fn cut_exact(
+        &mut self,
+        component: u32,
+        first: usize,
+        surface: &Surface,
+    ) -> Result<(), BrepError> {
+        let topology = self.topology();
+        let vertices = self.vertices(&topology);
+        let is_vertex = |v: u32| vertices.contains(&v);
+        let face = topology.face_of[first] as usize;
+        let own = &topology.loops[face..=face];
+        let mut outline = outlines(&topology.chains, own, &is_vertex).remove(0);
+        outline.triangles = self.triangles_of(component);
+        let locus = Locus::Exact(surface.clone());
+        for cut in cuts_of(&self.mesh, surface, &outline) {
+            let cuts = &mut self.mesh.cuts[component as usize];
+            let bit = cuts.len() as u32;
+            let cut = Locus::Exact(cut);
+            cuts.push(cut.clone());
+            let cut = Cut {
+                own: &self.triangles_of(component),
+                bit,
+                locus: &cut,
+                crossing: &|ends| crossing(ends, &locus, &cut),
+                is_vertex: &is_vertex,
+            };
+            imprint(&mut self.mesh, &cut);
+        }
+        self.across = across_sides(&self.mesh.triangles)?;
+        Ok(())
+    }
+
+    fn triangles_of(&self, component: u32) -> Vec<u32> {
+        let of = &self.mesh.components;
+        let all = 0..of.len() as u32;
+        all.filter(|t| of[*t as usize] == component).collect()
+    }
+
+    /// The name of a sheet.
+    fn name(&self, sheet: usize) -> &str {
+        &self.sheets.names[self.sheets.parts[sheet] as usize]
     }
 
     /// Junctions, without those that were only put on chains that have none.
@@ -254,7 +347,7 @@ impl Builder<'_> {
 
     fn build(&self, control: &Control<'_>) -> Result<Built, BrepError> {
         let topology = self.topology();
-        let meeting: Vec<[Surface; 2]> = topology
+        let meeting: Vec<[Locus; 2]> = topology
             .chains
             .iter()
             .map(|chain| self.meeting(chain))
@@ -262,7 +355,7 @@ impl Builder<'_> {
         let (number, vertices) = self.place_vertices(&topology, &meeting)?;
         let mut brep = Brep {
             vertices,
-            parts: self.names.to_vec(),
+            parts: self.sheets.names.clone(),
             ..Brep::default()
         };
         for (chain, surfaces) in topology.chains.iter().zip(&meeting) {
@@ -284,27 +377,49 @@ impl Builder<'_> {
             triangles: mesh.triangles.clone(),
             face_of: topology.face_of,
             meeting,
-            functions: self.functions.to_vec(),
+            functions: self.sheets.functions.clone(),
             size: self.size,
         })
     }
 
-    /// The surfaces that meet in a chain: of two sheets, or of one and a cut.
-    fn meeting(&self, chain: &Chain) -> Result<[Surface; 2], BrepError> {
-        let (t, k) = chain.sides[0];
-        let other = self.across[t as usize][k as usize].0;
-        let [a, b] = [t, other].map(|t| self.mesh.sheets[t as usize] as usize);
-        if a != b {
-            return Ok([self.surfaces[a], self.surfaces[b]]);
+    /// What meets in a chain: two sheets, one and a cut, or one and the limit along which it joins
+    /// the other smoothly.
+    fn meeting(&self, chain: &Chain) -> Result<[Locus; 2], BrepError> {
+        let [t, other] = self.beside(chain);
+        let sheets = [t, other].map(|t| self.mesh.sheets[t as usize] as usize);
+        let [a, b] = sheets.map(|s| &self.sheets.loci[s]);
+        if sheets[0] == sheets[1] {
+            let cut = self.mesh.cut_between(t, other);
+            return cut
+                .map(|cut| [a.clone(), cut.clone()])
+                .ok_or_else(|| self.no_curve(sheets, chain));
         }
-        let cut = self.mesh.cut_between(t, other);
-        cut.map(|cut| [self.surfaces[a], *cut])
-            .ok_or_else(|| self.no_curve([a, b], chain))
+        let nodes = chain.nodes.iter();
+        let points: Vec<Point3> = nodes.map(|v| self.mesh.points[*v as usize]).collect();
+        let inner = if points.len() > 2 {
+            &points[1..points.len() - 1]
+        } else {
+            &points[..]
+        };
+        if largest_angle([a, b], inner) > TOUCHING {
+            return Ok([a.clone(), b.clone()]);
+        }
+        let pieces = sheets.map(|s| &self.pieces[self.sheets.pieces[s] as usize]);
+        let on = if b.surface().is_some() { b } else { a };
+        seam(pieces, &points)
+            .map(|limit| [on.clone(), limit])
+            .ok_or_else(|| self.no_curve(sheets, chain))
+    }
+
+    /// The triangles on both sides of the first edge of a chain.
+    fn beside(&self, chain: &Chain) -> [u32; 2] {
+        let (t, k) = chain.sides[0];
+        [t, self.across[t as usize][k as usize].0]
     }
 
     fn no_curve(&self, sheets: [usize; 2], chain: &Chain) -> BrepError {
         BrepError::NoCurve {
-            parts: sheets.map(|s| self.names[s].clone()),
+            parts: sheets.map(|s| self.name(s).to_owned()),
             at: self.mesh.points[chain.nodes[chain.nodes.len() / 2] as usize],
         }
     }
@@ -313,15 +428,15 @@ impl Builder<'_> {
     fn place_vertices(
         &self,
         topology: &Topology,
-        meeting: &[[Surface; 2]],
+        meeting: &[[Locus; 2]],
     ) -> Result<(BTreeMap<u32, u32>, Vec<Point3>), BrepError> {
-        let mut around: BTreeMap<u32, Vec<Surface>> = BTreeMap::new();
+        let mut around: BTreeMap<u32, Vec<Locus>> = BTreeMap::new();
         for (chain, surfaces) in topology.chains.iter().zip(meeting) {
             for v in [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]] {
                 let all = around.entry(v).or_default();
                 for surface in surfaces {
                     if !all.contains(surface) {
-                        all.push(*surface);
+                        all.push(surface.clone());
                     }
                 }
             }
@@ -347,7 +462,7 @@ impl Builder<'_> {
     fn edge(
         &self,
         chain: &Chain,
-        surfaces: &[Surface; 2],
+        surfaces: &[Locus; 2],
         number: &BTreeMap<u32, u32>,
         vertices: &[Point3],
     ) -> Result<Edge, BrepError> {
@@ -364,9 +479,8 @@ impl Builder<'_> {
             size: self.size,
         };
         let curve = curve(&wanted).ok_or_else(|| {
-            let (t, k) = chain.sides[0];
-            let other = self.across[t as usize][k as usize].0;
-            let sheets = [t, other].map(|t| self.mesh.sheets[t as usize] as usize);
+            let sheets = self.beside(chain);
+            let sheets = sheets.map(|t| self.mesh.sheets[t as usize] as usize);
             self.no_curve(sheets, chain)
         })?;
         Ok(Edge { curve, ends })
@@ -378,21 +492,31 @@ impl Builder<'_> {
         for (t, face) in topology.face_of.iter().enumerate() {
             triangles[*face as usize].push(t as u32);
         }
-        let mut charts = vec![0; self.names.len()];
-        for (own, loops) in triangles.iter().zip(&topology.loops) {
-            let sheet = self.mesh.sheets[own[0] as usize];
-            let (surface, agrees) = self.placed(own, &self.surfaces[sheet as usize]);
+        let graphs: BTreeMap<u32, &Arc<Graph>> = self
+            .graphs
+            .iter()
+            .map(|(t, graph)| (topology.face_of[*t as usize], graph))
+            .collect();
+        let mut charts = vec![0; self.sheets.names.len()];
+        for (f, (own, loops)) in triangles.iter().zip(&topology.loops).enumerate() {
+            let sheet = self.mesh.sheets[own[0] as usize] as usize;
+            let exact = match &self.sheets.loci[sheet] {
+                Locus::Exact(surface) => surface.clone(),
+                Locus::Zero(_) => Surface::Graph(graphs[&(f as u32)].clone()),
+            };
+            let (surface, agrees) = self.placed(own, &exact);
             let coedge = |&(edge, forward): &(u32, bool)| Coedge { edge, forward };
             let loops = loops.iter().map(|l| l.iter().map(coedge).collect());
+            let part = self.sheets.parts[sheet];
             let mut face = Face {
                 surface,
                 agrees,
-                part: sheet,
-                chart: charts[sheet as usize],
+                part,
+                chart: charts[part as usize],
                 loops: loops.collect(),
             };
             put_outer_first(brep, &mut face);
-            charts[sheet as usize] += 1;
+            charts[part as usize] += 1;
             brep.faces.push(face);
         }
     }
@@ -417,7 +541,8 @@ impl Builder<'_> {
         let placed = place(surface, points, &sides, outward);
         let [a, b, c] = corners(&largest).map(|v| points[v as usize]);
         let middle = isoform_geom::middle([a, b, c]);
-        (placed, dot(placed.distance(middle).1, outward) > 0.0)
+        let agrees = dot(placed.distance(middle).1, outward) > 0.0;
+        (placed, agrees)
     }
 }
 

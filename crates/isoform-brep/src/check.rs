@@ -138,6 +138,8 @@ pub struct Certificate {
     pub euler: i64,
     /// Largest distance of points of edges, and of vertices, from the surfaces that meet there.
     pub gap: f64,
+    /// That at edges between exact surfaces only.
+    pub exact_gap: f64,
     /// By face, the largest distance of places from the function of its part.
     pub distances: Vec<f64>,
     /// Largest angle between the normals of faces along edges that are smooth (degrees).
@@ -175,14 +177,10 @@ fn worse(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// Looks for everything that could be wrong. Edges and faces may be `tolerance` away from one another
-/// and from the model, in model units, and never more than readers resolve. `open` is what the certificate of the mesh leaves open.
-pub fn check(
-    built: &Built,
-    solid: &dyn Solid,
-    tolerance: Option<f64>,
-    open: Vec<String>,
-) -> Certificate {
+/// Looks for everything that could be wrong. Edges and faces on splines may be `tolerance` away from
+/// one another and from the model, in model units; exact ones a tenth of what readers resolve, and no
+/// more than that. `open` is what the certificate of the mesh leaves open.
+pub fn check(built: &Built, solid: &dyn Solid, tolerance: f64, open: Vec<String>) -> Certificate {
     let Built { brep, size, .. } = built;
     let mut made = Certificate {
         center: Aabb::of(&brep.vertices).center(),
@@ -190,8 +188,8 @@ pub fn check(
         ..Certificate::default()
     };
     examine_topology(built, &mut made);
-    let limit = (0.1 * TOLERANCE * size).min(tolerance.unwrap_or(f64::INFINITY));
-    examine_edges(built, limit, &mut made);
+    let limit = (0.1 * TOLERANCE * size).min(tolerance);
+    examine_edges(built, [limit, tolerance], &mut made);
     made.distances = (0..brep.faces.len())
         .map(|f| distance_of_face(built, solid, f))
         .collect();
@@ -200,7 +198,8 @@ pub fn check(
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
-        if by > limit {
+        let is_spline = matches!(brep.faces[f].surface, Surface::Graph(_));
+        if by > if is_spline { tolerance } else { limit } {
             let face = brep.face_name(f);
             made.failures.push(Finding::Distance { face, by });
         }
@@ -281,8 +280,8 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
     (nodes.len() - border.len()) as i64 - inner + triangles.len() as i64
 }
 
-/// Gaps, lengths and angles along edges.
-fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
+/// Gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
+fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     let (brep, size) = (&built.brep, built.size);
     let mut sides: Vec<Vec<&Surface>> = vec![Vec::new(); brep.edges.len()];
     let mut senses: Vec<Vec<f64>> = vec![Vec::new(); brep.edges.len()];
@@ -296,6 +295,7 @@ fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
     for e in 0..brep.edges.len() as u32 {
         let breaks = brep.breaks(e);
         let pieces = breaks.len() - 1;
+        let mut gap = 0.0;
         let mut length = 0.0;
         let mut last: Option<Point3> = None;
         for i in 0..=pieces * SAMPLES {
@@ -305,10 +305,8 @@ fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
             let s = breaks[piece] + share * (breaks[piece + 1] - breaks[piece]);
             let p = brep.along(e, s).0;
             let all = sides[e as usize].iter().copied();
-            made.gap = worse(made.gap, crate::newton::gap(all, p));
-            made.gap = made
-                .gap
-                .max(crate::newton::gap(&built.meeting[e as usize], p));
+            gap = worse(gap, crate::newton::gap(all, p));
+            gap = worse(gap, crate::newton::gap(&built.meeting[e as usize], p));
             length += last.map_or(0.0, |q| norm(sub(p, q)));
             last = Some(p);
             if let [a, b] = sides[e as usize].as_slice() {
@@ -323,7 +321,12 @@ fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
         }
         let ends = brep.ends(e);
         for (s, end) in [0.0, 1.0].into_iter().zip(ends) {
-            made.gap = worse(made.gap, norm(sub(brep.along(e, s).0, end)));
+            gap = worse(gap, norm(sub(brep.along(e, s).0, end)));
+        }
+        made.gap = made.gap.max(gap);
+        let is_spline = |s: &&Surface| matches!(s, Surface::Graph(_));
+        if !sides[e as usize].iter().any(is_spline) {
+            made.exact_gap = made.exact_gap.max(gap);
         }
         made.shortest_edge = made.shortest_edge.min(length);
         if length < SHORTEST * TOLERANCE * size {
@@ -331,8 +334,13 @@ fn examine_edges(built: &Built, limit: f64, made: &mut Certificate) {
             made.failures.push(Finding::ShortEdge { length, at });
         }
     }
-    if made.gap > limit {
-        made.failures.push(Finding::Gap(made.gap));
+    if made.exact_gap > limits[0] || made.gap > limits[1] {
+        let gap = if made.gap > limits[1] {
+            made.gap
+        } else {
+            made.exact_gap
+        };
+        made.failures.push(Finding::Gap(gap));
     }
     if made.smooth_angle > SMOOTH[1] {
         made.failures.push(Finding::Kink(made.smooth_angle));

@@ -5,6 +5,7 @@
 //! the polynomial with their tangents and curvatures, in arc length, which differs from the curve
 //! by the sixth power of the distance; pieces are halved until it lies on both surfaces.
 
+use crate::locus::{Distance, Locus};
 use crate::newton::{gap, meet};
 use isoform_geom::brep::{Axes, BSpline, Curve, Surface};
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -16,6 +17,9 @@ const ON: f64 = 1e-12;
 /// A spline leaves its surfaces by no more than this, in sizes of the model: far below what readers
 /// resolve (1e-8); less makes splines longer and nothing better.
 pub(crate) const SPLINE_GAP: f64 = 5e-10;
+/// It may leave the zero set of a function by this: the face there is a spline itself, and a hundred
+/// times farther away.
+const FUNCTION_GAP: f64 = 1e-8;
 /// Tangents turn by less than this between points that splines start with: cosine of 30°.
 const TURN: f64 = 0.866;
 /// How often a piece of a spline is halved at most.
@@ -26,7 +30,7 @@ const TANGENT: f64 = 1e-6;
 /// What is known of an edge before it has a curve.
 pub(crate) struct Wanted<'a> {
     /// The surfaces that meet in it.
-    pub(crate) surfaces: [&'a Surface; 2],
+    pub(crate) surfaces: [&'a Locus; 2],
     /// Its ends.
     pub(crate) ends: [Point3; 2],
     /// Points near it, in order, ends excluded.
@@ -114,9 +118,10 @@ fn circle(points: &[Point3], on: f64) -> Option<Curve> {
         .then_some(Curve::Circle(axes, radius))
 }
 
-/// The section of a cylinder or cone by the plane of the points.
-fn ellipse(points: &[Point3], surfaces: [&Surface; 2], on: f64) -> Option<Curve> {
-    let plane = surfaces.iter().find_map(|s| match s {
+/// The section of a cylinder, cone or ellipsoid by the plane of the points.
+fn ellipse(points: &[Point3], surfaces: [&Locus; 2], on: f64) -> Option<Curve> {
+    let exact = || surfaces.iter().filter_map(|s| s.surface());
+    let plane = exact().find_map(|s| match s {
         Surface::Plane(axes) => Some((axes.origin, axes.z)),
         _ => None,
     });
@@ -126,10 +131,14 @@ fn ellipse(points: &[Point3], surfaces: [&Surface; 2], on: f64) -> Option<Curve>
         let length = norm(n);
         (length > 0.0).then(|| (a, n.map(|v| v / length)))
     })?;
-    surfaces.iter().find_map(|surface| {
-        let (center, x, a, b) = match **surface {
+    exact().find_map(|surface| {
+        let (center, x, a, b) = match *surface {
             Surface::Cylinder(axes, radius) => of_cylinder(&axes, radius, p, n)?,
             Surface::Cone(_, _, half_angle) => of_cone(surface, half_angle, p, n)?,
+            Surface::Ellipsoid(ball) => {
+                let (center, [a, b]) = ball.section(p, n)?;
+                (center, a, norm(a), norm(b))
+            }
             _ => return None,
         };
         let axes = oriented(center, n, x, points);
@@ -193,7 +202,7 @@ struct Jet {
 }
 
 /// The tangent and curvature of the curve of two surfaces, its tangent along `direction`.
-fn jet(surfaces: [&Surface; 2], p: Point3, direction: Point3) -> Option<Jet> {
+fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option<Jet> {
     let [a, b] = surfaces.map(|s| s.distance(p).1);
     let c = cross(a, b);
     let sin = norm(c);
@@ -280,6 +289,15 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     Some(kept)
 }
 
+/// How far a spline may be from its surfaces, in sizes of the model.
+fn spline_gap(wanted: &Wanted<'_>) -> f64 {
+    if wanted.surfaces.iter().all(|s| s.surface().is_some()) {
+        SPLINE_GAP
+    } else {
+        FUNCTION_GAP
+    }
+}
+
 /// Pieces between two jets that lie on both surfaces.
 fn refine(
     wanted: &Wanted<'_>,
@@ -289,7 +307,7 @@ fn refine(
 ) -> Option<()> {
     let (control, length) = piece(&a, &b);
     let off = (1..8).map(|i| gap(wanted.surfaces, bezier(&control, f64::from(i) / 8.0).0));
-    if off.fold(0.0, f64::max) <= SPLINE_GAP * wanted.size {
+    if off.fold(0.0, f64::max) <= spline_gap(wanted) * wanted.size {
         pieces.push((control, length));
         return Some(());
     }
@@ -338,7 +356,7 @@ mod tests {
     use super::*;
 
     fn wanted<'a>(
-        surfaces: [&'a Surface; 2],
+        surfaces: [&'a Locus; 2],
         between: &'a [Point3],
         guess: [Point3; 2],
     ) -> Wanted<'a> {
@@ -352,8 +370,9 @@ mod tests {
 
     #[test]
     fn sections_of_a_cylinder() {
-        let cylinder = Surface::Cylinder(Axes::along([0.0; 3], [0.0, 0.0, 1.0]), 0.5);
-        let plane = |n| Surface::Plane(Axes::along([0.1, 0.0, 0.0], n));
+        let upright = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
+        let cylinder = Locus::Exact(Surface::Cylinder(upright, 0.5));
+        let plane = |n| Locus::Exact(Surface::Plane(Axes::along([0.1, 0.0, 0.0], n)));
         let between = [[0.0, 0.5, 0.0]];
         let ends = [[0.5, 0.0, 0.0], [-0.5, 0.1, 0.0]];
         let flat = plane([0.0, 0.0, 1.0]);
@@ -374,8 +393,9 @@ mod tests {
 
     #[test]
     fn two_cylinders_meet_in_a_spline_on_both() {
-        let first = Surface::Cylinder(Axes::along([0.0; 3], [0.0, 0.0, 1.0]), 1.0);
-        let second = Surface::Cylinder(Axes::along([0.0; 3], [1.0, 0.0, 0.0]), 0.6);
+        let round = |z, radius| Locus::Exact(Surface::Cylinder(Axes::along([0.0; 3], z), radius));
+        let first = round([0.0, 0.0, 1.0], 1.0);
+        let second = round([1.0, 0.0, 0.0], 0.6);
         let between: Vec<Point3> = (1..8)
             .map(|i| {
                 let (s, c) = (f64::from(i) * std::f64::consts::PI / 8.0).sin_cos();

@@ -1,11 +1,12 @@
 //! Faces that go round are cut.
 //!
 //! Readers add a seam to a face that goes round its axis, and lose digits in doing so. So a cylinder
-//! or cone is cut by a plane through its axis, a torus also along its tube, and a sphere by three
+//! or cone is cut by a plane through its axis, a torus also along its tube, and a sphere or ellipsoid by three
 //! planes. A cut is imprinted on the triangles: what lies on its two sides are then two charts.
 //! Cuts are put away from the vertices, and across the edges that they meet.
 
 use crate::arcs::Arcs;
+use crate::locus::{Distance, Locus};
 use crate::newton::meet;
 use crate::topology::ends_of;
 use isoform_geom::brep::{Axes, Surface};
@@ -16,7 +17,10 @@ use std::f64::consts::{FRAC_PI_2, PI};
 /// A face that leaves less of a turn free than this goes round (radians).
 const ROUND: f64 = 0.6;
 /// A face on a sphere within this of a direction is not cut: cosine of 75°.
-const CAP: f64 = 0.26;
+pub(crate) const CAP: f64 = 0.26;
+/// A face on an ellipsoid is cut unless it lies within 60° of a direction, on the sphere that is
+/// stretched: its chart holds 63°, and an octant needs 55°.
+pub(crate) const ELLIPSOID_CAP: f64 = 0.5;
 /// Directions that are tried for a cut.
 const TRIED: usize = 64;
 /// Turns of the three planes that are tried on a sphere.
@@ -35,15 +39,17 @@ pub(crate) struct Labelled {
     pub(crate) sheets: Vec<u32>,
     /// The component of the sheet, as it was before it was cut.
     pub(crate) components: Vec<u32>,
-    /// On which side of the cuts of its component a triangle lies: bit k for cut k.
-    pub(crate) charts: Vec<u32>,
+    /// On which side of the cuts of its component a triangle lies: bit k for cut k. A later cut may
+    /// pass through a part of the component only; the other triangles then have 0.
+    pub(crate) charts: Vec<u128>,
     /// The cuts by component.
-    pub(crate) cuts: Vec<Vec<Surface>>,
+    pub(crate) cuts: Vec<Vec<Locus>>,
 }
 
 impl Labelled {
-    /// The cut between two triangles of one component, if they lie on different sides of one.
-    pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Surface> {
+    /// The cut between two neighbours of one component, if they lie on different sides of one: the
+    /// first at which they differ, since up to there they were one piece.
+    pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Locus> {
         let (a, b) = (a as usize, b as usize);
         let differ = self.charts[a] ^ self.charts[b];
         (self.components[a] == self.components[b] && differ != 0).then(|| {
@@ -68,14 +74,22 @@ pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> 
     let chooser = Chooser::new(mesh, surface, outline);
     let axes = *surface.axes();
     match *surface {
-        Surface::Plane(_) => Vec::new(),
+        Surface::Plane(_) | Surface::Graph(_) => Vec::new(),
         Surface::Cylinder(..) | Surface::Cone(..) => chooser.axial(&axes),
         Surface::Torus(_, major, _) => {
             let mut cuts = chooser.axial(&axes);
             cuts.extend(chooser.about_tube(&axes, major));
             cuts
         }
-        Surface::Sphere(_, radius) => chooser.octants(&axes, radius),
+        Surface::Sphere(_, radius) => {
+            let out = |p: Point3| sub(p, axes.origin).map(|v| v / radius);
+            chooser.octants(&out, CAP, radius, |n| n)
+        }
+        Surface::Ellipsoid(ball) => {
+            let out = |p: Point3| ball.shrunk(p);
+            let least = ball.half[0].min(ball.half[1]).min(ball.half[2]);
+            chooser.octants(&out, ELLIPSOID_CAP, least, |n| ball.plane_normal(n))
+        }
     }
 }
 
@@ -99,13 +113,13 @@ pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) 
     arcs.map(Arcs::gap)
 }
 
-/// The direction from the centre of a sphere about which a face lies, if it lies within a cap.
+/// The direction about which points lie, seen from the origin, if they lie within a cap: its cosine is
+/// `cap`.
 pub(crate) fn cap_direction(
-    center: Point3,
     points: impl Iterator<Item = Point3> + Clone,
+    cap: f64,
 ) -> Option<Point3> {
-    let out = |p: Point3| {
-        let d = sub(p, center);
+    let out = |d: Point3| {
         let r = norm(d);
         d.map(|v| v / r)
     };
@@ -116,7 +130,7 @@ pub(crate) fn cap_direction(
     let length = norm(sum);
     let direction = sum.map(|v| v / length);
     let mut all = points.map(out);
-    (length > 0.0 && all.all(|n| dot(n, direction) > CAP)).then_some(direction)
+    (length > 0.0 && all.all(|n| dot(n, direction) > cap)).then_some(direction)
 }
 
 /// Chooses cuts of a component.
@@ -184,10 +198,18 @@ impl<'a> Chooser<'a> {
     }
 
     /// Three planes at right angles through the centre of a sphere, unless the face lies within a
-    /// cap.
-    fn octants(&self, axes: &Axes, radius: f64) -> Vec<Surface> {
-        let nodes = self.sides.iter().map(|s| self.point(s[0]));
-        if cap_direction(axes.origin, nodes).is_some() {
+    /// cap. `out` takes a point to the unit sphere, whose radius is `radius` in space, and
+    /// `in_space` the normal of a plane through the centre of the unit sphere to that in space.
+    fn octants(
+        &self,
+        out: &dyn Fn(Point3) -> Point3,
+        cap: f64,
+        radius: f64,
+        in_space: impl Fn(Point3) -> Point3,
+    ) -> Vec<Surface> {
+        let center = self.surface.axes().origin;
+        let nodes = self.sides.iter().map(|s| out(self.point(s[0])));
+        if cap_direction(nodes, cap).is_some() {
             return Vec::new();
         }
         let planes = |k: usize| {
@@ -196,13 +218,13 @@ impl<'a> Chooser<'a> {
             let (sin, cos) = (2.399_963 * k as f64).sin_cos();
             let x: Point3 = std::array::from_fn(|i| cos * x[i] + sin * y[i]);
             [x, cross(z, x), z]
-                .map(|n| Surface::Plane(Axes::along(axes.origin, n)))
+                .map(|n| Surface::Plane(Axes::along(center, in_space(n))))
                 .to_vec()
         };
         let poles_away = |cuts: &[Surface]| {
             let border = self.outline.around.iter().flatten();
             let near = |v: &u32| {
-                let along = |c: &Surface| dot(sub(self.point(*v), axes.origin), c.axes().z).abs();
+                let along = |c: &Surface| dot(sub(self.point(*v), center), c.axes().z).abs();
                 cuts.iter().map(along).fold(0.0, f64::max)
             };
             let nearest = border.map(near).fold(0.0, f64::max);
@@ -270,54 +292,53 @@ fn spread(k: usize) -> Point3 {
     [r * cos, r * sin, z]
 }
 
-/// Imprints a cut on the triangles of a component: triangles that it passes are divided, and those
-/// beyond the border with them.
-pub(crate) fn imprint(
-    mesh: &mut Labelled,
-    component: u32,
-    surface: &Surface,
-    cut: Surface,
-    is_vertex: &dyn Fn(u32) -> bool,
-) {
-    let bit = mesh.cuts[component as usize].len() as u32;
-    mesh.cuts[component as usize].push(cut);
-    let signs = signs(mesh, component, &cut, is_vertex);
+/// A cut to be imprinted.
+pub(crate) struct Cut<'a> {
+    /// The triangles that it passes, or some more of their face.
+    pub(crate) own: &'a [u32],
+    /// The bit of the charts that tells its sides apart.
+    pub(crate) bit: u32,
+    /// Where it is.
+    pub(crate) locus: &'a Locus,
+    /// The point of the surface on the cut, between two points on different sides of it.
+    pub(crate) crossing: &'a dyn Fn([Point3; 2]) -> Point3,
+    /// Nodes that count as points of the cut only if they lie on it.
+    pub(crate) is_vertex: &'a dyn Fn(u32) -> bool,
+}
+
+/// Imprints a cut: triangles that it passes are divided, and those beyond the border with them. The
+/// new triangles that came from the cut's own.
+pub(crate) fn imprint(mesh: &mut Labelled, cut: &Cut<'_>) -> Vec<u32> {
+    let signs = signs(mesh, cut);
     let mut inserted: BTreeMap<[u32; 2], u32> = BTreeMap::new();
-    for t in 0..mesh.triangles.len() {
-        if mesh.components[t] != component {
-            continue;
-        }
+    let mut is_own = vec![false; mesh.triangles.len()];
+    for &t in cut.own {
+        is_own[t as usize] = true;
         for k in 0..3 {
-            let [a, b] = ends_of(&mesh.triangles[t], k);
+            let [a, b] = ends_of(&mesh.triangles[t as usize], k);
             let key = [a.min(b), a.max(b)];
             if signs[&a] * signs[&b] < 0 && !inserted.contains_key(&key) {
-                let p = crossing(key.map(|v| mesh.points[v as usize]), surface, &cut);
+                let p = (cut.crossing)(key.map(|v| mesh.points[v as usize]));
                 inserted.insert(key, mesh.points.len() as u32);
                 mesh.points.push(p);
             }
         }
     }
-    for t in 0..mesh.triangles.len() {
-        divide(
-            mesh,
-            t,
-            &inserted,
-            (mesh.components[t] == component).then_some(bit),
-            &signs,
-        );
+    let mut new = Vec::new();
+    for (t, is_own) in is_own.into_iter().enumerate() {
+        let before = mesh.triangles.len() as u32;
+        divide(mesh, t, &inserted, is_own.then_some(cut.bit), &signs);
+        if is_own {
+            new.extend(before..mesh.triangles.len() as u32);
+        }
     }
+    new
 }
 
-/// The side of the cut on which each node of a component lies; 0 on it.
-fn signs(
-    mesh: &Labelled,
-    component: u32,
-    cut: &Surface,
-    is_vertex: &dyn Fn(u32) -> bool,
-) -> BTreeMap<u32, i32> {
+/// The side of the cut on which each of its nodes lies; 0 on it.
+fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
     let mut shortest: BTreeMap<u32, f64> = BTreeMap::new();
-    let own = mesh.triangles.iter().zip(&mesh.components);
-    for corners in own.filter(|(_, c)| **c == component).map(|t| t.0) {
+    for corners in cut.own.iter().map(|t| &mesh.triangles[*t as usize]) {
         for k in 0..3 {
             let ends = ends_of(corners, k);
             let [p, q] = ends.map(|v| mesh.points[v as usize]);
@@ -329,8 +350,8 @@ fn signs(
         }
     }
     let sign = |(v, shortest): (u32, f64)| {
-        let g = cut.distance(mesh.points[v as usize]).0;
-        let near = if is_vertex(v) { 1e-7 } else { SNAP };
+        let g = cut.locus.distance(mesh.points[v as usize]).0;
+        let near = if (cut.is_vertex)(v) { 1e-7 } else { SNAP };
         let is_on = g.abs() <= near * shortest;
         (
             v,
@@ -347,7 +368,7 @@ fn signs(
 }
 
 /// Where a cut passes between two points of a surface.
-fn crossing(ends: [Point3; 2], surface: &Surface, cut: &Surface) -> Point3 {
+pub(crate) fn crossing(ends: [Point3; 2], surface: &Locus, cut: &Locus) -> Point3 {
     let [a, b] = ends.map(|p| cut.distance(p).0);
     let s = a / (a - b);
     let p = std::array::from_fn(|k| (1.0 - s) * ends[0][k] + s * ends[1][k]);
@@ -400,7 +421,7 @@ fn divide(
 }
 
 /// Puts convex polygons, as fans, with their charts in the place of triangle t.
-fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u32)]) {
+fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
     let (sheet, component) = (mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
     for (nodes, chart) in polygons {

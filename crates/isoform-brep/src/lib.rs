@@ -11,11 +11,15 @@
 
 mod arcs;
 mod build;
+mod charts;
 mod check;
 mod curves;
 mod cut;
+mod fit;
+mod locus;
 mod measure;
 mod newton;
+mod pieces;
 mod place;
 mod shells;
 mod surfaces;
@@ -24,8 +28,10 @@ mod topology;
 pub use build::{Built, brep};
 pub use check::{Certificate, Finding, check};
 pub use isoform_control::Control;
+pub use locus::Locus;
 pub use measure::{Measure, of_face, total};
-pub use surfaces::{Recognize, surfaces};
+pub use pieces::{Pieces, pieces};
+pub use surfaces::Recognize;
 
 use isoform_control::Stopped;
 use isoform_geom::Point3;
@@ -45,6 +51,13 @@ pub enum BrepError {
         part: String,
         /// What it lies on, if that has a name.
         kind: Option<&'static str>,
+    },
+    /// A smooth part was cut into a hundred charts, and still one of them is no graph, or no spline is
+    /// near enough to it.
+    #[error("no splines were found that are near enough to the part {part}")]
+    NoSpline {
+        /// Its name.
+        part: String,
     },
     /// A part was given nodes that its surface does not hold: the mesh is too coarse for it.
     #[error("nodes of the mesh on the part {part} are {by:.1e} away from its {kind}")]

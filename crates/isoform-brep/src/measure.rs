@@ -13,6 +13,8 @@ use std::f64::consts::TAU;
 
 /// Nodes of Gauss quadrature along a piece of an edge, and from the base of v to the edge.
 const NODES: [usize; 2] = [10, 20];
+/// Nodes from knot to knot of a spline.
+const SPAN_NODES: usize = 6;
 
 /// What is measured of a face, or of all of them.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,6 +62,7 @@ struct Work<'a> {
     start_of_v: f64,
     outer: (Vec<f64>, Vec<f64>),
     inner: (Vec<f64>, Vec<f64>),
+    spans: (Vec<f64>, Vec<f64>),
 }
 
 impl<'a> Work<'a> {
@@ -71,6 +74,7 @@ impl<'a> Work<'a> {
             start_of_v: start_of_v(brep, face),
             outer: gauss_legendre(NODES[0]),
             inner: gauss_legendre(NODES[1]),
+            spans: gauss_legendre(SPAN_NODES),
         }
     }
 
@@ -104,11 +108,29 @@ impl<'a> Work<'a> {
             base = self.start_of_v;
         }
         let mut sum = Measure::default();
-        for (x, weight) in self.inner.0.iter().zip(&self.inner.1) {
-            let at = [u, base + (v - base) * x];
-            sum.add(&self.density(at), weight * (v - base));
+        // A spline is a polynomial from knot to knot only.
+        if let Surface::Graph(graph) = surface {
+            let start = base;
+            for &knot in graph.knots[1].iter().filter(|k| start < **k && **k < v) {
+                self.add_up([u, base, knot], &mut sum);
+                base = knot;
+            }
         }
+        self.add_up([u, base, v], &mut sum);
         sum
+    }
+
+    /// Adds the integrals along v between two values.
+    fn add_up(&self, [u, from, to]: [f64; 3], sum: &mut Measure) {
+        let (nodes, weights) = if matches!(self.face.surface, Surface::Graph(_)) {
+            &self.spans
+        } else {
+            &self.inner
+        };
+        for (x, weight) in nodes.iter().zip(weights) {
+            let at = [u, from + (to - from) * x];
+            sum.add(&self.density(at), weight * (to - from));
+        }
     }
 
     /// What a piece of the surface adds, by du dv.
@@ -193,7 +215,7 @@ mod tests {
         };
         for agrees in [true, false] {
             let face = Face {
-                surface,
+                surface: surface.clone(),
                 agrees,
                 part: 0,
                 chart: 0,

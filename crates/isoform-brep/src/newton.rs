@@ -1,6 +1,6 @@
 //! Points common to several surfaces.
 
-use isoform_geom::brep::Surface;
+use crate::locus::Distance;
 use isoform_geom::{Point3, dot, norm};
 use isoform_num::linalg::symmetric_eigen;
 
@@ -12,8 +12,8 @@ const FREE: f64 = 1e-10;
 
 /// The point near `start` that lies on all the surfaces, or as nearly as the iteration gets: steps
 /// of Gauss and Newton, the shortest ones where the point is free.
-pub(crate) fn meet<'s>(
-    surfaces: impl IntoIterator<Item = &'s Surface> + Clone,
+pub(crate) fn meet<'s, S: Distance + 's>(
+    surfaces: impl IntoIterator<Item = &'s S> + Clone,
     start: Point3,
 ) -> Point3 {
     let mut p = start;
@@ -30,7 +30,10 @@ pub(crate) fn meet<'s>(
 }
 
 /// The largest distance of a point from the surfaces.
-pub(crate) fn gap<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> f64 {
+pub(crate) fn gap<'s, S: Distance + 's>(
+    surfaces: impl IntoIterator<Item = &'s S>,
+    p: Point3,
+) -> f64 {
     let each = surfaces.into_iter().map(|s| s.distance(p).0.abs());
     // What is no number is on no surface; the maximum alone would pass over it.
     each.fold(
@@ -40,7 +43,10 @@ pub(crate) fn gap<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3
 }
 
 /// The step of least squares.
-fn step<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> Option<Point3> {
+fn step<'s, S: Distance + 's>(
+    surfaces: impl IntoIterator<Item = &'s S>,
+    p: Point3,
+) -> Option<Point3> {
     let (mut matrix, mut right) = ([0.0; 9], [0.0; 3]);
     for surface in surfaces {
         let (value, normal) = surface.distance(p);
@@ -68,7 +74,7 @@ fn step<'s>(surfaces: impl IntoIterator<Item = &'s Surface>, p: Point3) -> Optio
 #[cfg(test)]
 mod tests {
     use super::*;
-    use isoform_geom::brep::Axes;
+    use isoform_geom::brep::{Axes, Surface};
 
     #[test]
     fn a_cylinder_a_sphere_and_a_plane_meet() {

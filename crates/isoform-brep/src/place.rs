@@ -1,8 +1,8 @@
 //! Where the frame of a face's surface stands: seams and poles away from the face.
 
-use crate::cut::{cap_direction, gaps_of};
+use crate::cut::{CAP, ELLIPSOID_CAP, cap_direction, gaps_of};
 use isoform_geom::brep::{Axes, Surface};
-use isoform_geom::{Point3, across, dot};
+use isoform_geom::{Point3, across, dot, sub};
 
 /// The surface with its frame placed for a face, given by the sides of its triangles. `outward` is a
 /// normal of the face: the normal of a plane takes its side.
@@ -56,11 +56,18 @@ pub(crate) fn place(
             )
         }
         Surface::Sphere(_, radius) => {
-            let direction = cap_direction(axes.origin, nodes).unwrap_or(axes.x);
+            let out = nodes.map(|p| sub(p, axes.origin));
+            let direction = cap_direction(out, CAP).unwrap_or(axes.x);
             let [z, _] = across(direction);
             let axes = Axes::along(axes.origin, z).turned(direction.map(|v| -v));
             Surface::Sphere(axes, radius)
         }
         Surface::Torus(_, major, minor) => Surface::Torus(seam_free(axes), major, minor),
+        Surface::Ellipsoid(ball) => {
+            let out = nodes.map(|p| ball.shrunk(p));
+            let direction = cap_direction(out, ELLIPSOID_CAP).unwrap_or([1.0, 0.0, 0.0]);
+            Surface::Ellipsoid(ball.facing(direction))
+        }
+        Surface::Graph(_) => surface.clone(),
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::BrepError;
 use isoform_geom::brep::{Axes, Surface};
-use isoform_geom::{Aabb, Mesh, Point3, Quadric, Solid, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, Quadric, dot, norm, sub};
 
 /// The quadric or torus through points with unit normals, to rounding.
 pub type Recognize<'a> = dyn Fn(&[Point3], &[Point3]) -> Option<Quadric> + 'a;
@@ -21,37 +21,6 @@ const STEPS: usize = 30;
 const ON: f64 = 1e-9;
 /// A torus whose tube is thicker than this share of its circle's radius counts as reaching the axis.
 const SPINDLE: f64 = 0.98;
-
-/// The surface of each part of a mesh of a solid.
-///
-/// # Errors
-/// [`BrepError::NoSurface`], [`BrepError::Spindle`].
-pub fn surfaces(
-    mesh: &Mesh,
-    solid: &dyn Solid,
-    recognize: &Recognize<'_>,
-) -> Result<Vec<Surface>, BrepError> {
-    let bounds = mesh.bounds();
-    let mut nodes = vec![Vec::new(); mesh.parts.len()];
-    for (corners, part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
-        nodes[*part as usize].extend_from_slice(corners);
-    }
-    let parts = mesh.parts.iter().zip(nodes);
-    parts
-        .map(|(name, mut nodes)| {
-            nodes.sort_unstable();
-            nodes.dedup();
-            let points: Vec<Point3> = nodes.iter().map(|v| mesh.points[*v as usize]).collect();
-            let piece = solid.names().iter().position(|n| n == name).unwrap_or(0);
-            let part = Part {
-                solid,
-                piece: piece as u32,
-                bounds,
-            };
-            part.surface(&points, recognize, name)
-        })
-        .collect()
-}
 
 /// A cone has two halves, its surface only the one along its axis: that of the points.
 fn towards(surface: Surface, points: &[Point3]) -> Surface {
@@ -70,22 +39,29 @@ fn towards(surface: Surface, points: &[Point3]) -> Surface {
     )
 }
 
-struct Part<'a> {
-    solid: &'a dyn Solid,
-    piece: u32,
-    bounds: Aabb,
+/// A smooth part of a surface, and what its surface may be recognised from.
+pub(crate) struct Part<'a> {
+    /// Value and gradient of its function.
+    pub(crate) function: &'a dyn Fn(Point3) -> (f64, Point3),
+    /// The box of the model.
+    pub(crate) bounds: Aabb,
+    /// Its name.
+    pub(crate) name: &'a str,
 }
 
 impl Part<'_> {
-    fn surface(
+    /// The exact surface that the part lies on, from nodes of the mesh.
+    ///
+    /// # Errors
+    /// [`BrepError::NoSurface`], [`BrepError::OffSurface`], [`BrepError::Spindle`].
+    pub(crate) fn surface(
         &self,
         nodes: &[Point3],
         recognize: &Recognize<'_>,
-        name: &str,
     ) -> Result<Surface, BrepError> {
         let [x, y, z] = self.bounds.size();
         let limit = ON * x.max(y).max(z);
-        let part = name.to_owned();
+        let part = self.name.to_owned();
         let mut why = BrepError::NoSurface { part, kind: None };
         let every = nodes.len().div_ceil(NODES).max(1);
         let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
@@ -98,7 +74,7 @@ impl Part<'_> {
             let Some(quadric) = recognize(&points, &normals) else {
                 continue;
             };
-            match Self::fits(&quadric, nodes, limit, name) {
+            match Self::fits(&quadric, nodes, limit, self.name) {
                 Ok(surface) => return Ok(surface),
                 Err(error) => why = error,
             }
@@ -156,7 +132,7 @@ impl Part<'_> {
         let mut p = start;
         let mut last = f64::INFINITY;
         for _ in 0..STEPS {
-            let (value, g) = self.solid.gradient(self.piece, p);
+            let (value, g) = (self.function)(p);
             let g2 = dot(g, g);
             if !(g2 > 0.0 && g2.is_finite() && value.is_finite()) {
                 return None;
@@ -172,7 +148,7 @@ impl Part<'_> {
             last = step;
         }
         (last <= 1e-13 * reach && norm(sub(p, start)) <= reach).then(|| {
-            let g = self.solid.gradient(self.piece, p).1;
+            let g = (self.function)(p).1;
             (p, g.map(|v| v / norm(g)))
         })
     }

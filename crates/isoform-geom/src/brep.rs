@@ -4,9 +4,16 @@
 //! of a closed shell is in two loops, once in each direction.
 
 mod curve;
+mod ellipsoid;
+mod graph;
 mod surface;
 
+pub use ellipsoid::Ellipsoid;
+pub use graph::{Basis, Graph, Height};
+
+use crate::quadric::{NormalForm, QuadricKind};
 use crate::{Point3, Quadric, across, cross, dot, sub};
+use std::sync::Arc;
 
 /// A right-handed frame: an origin and the unit vectors z and x, at right angles.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,9 +70,9 @@ impl Axes {
     }
 }
 
-/// An exact surface. Its own normal points along z for a plane, else away from the centre, the axis
-/// or the middle of the tube.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The surface of a face: exact, but for the last kind. Its own normal points along z for a plane and a
+/// graph, else away from the centre, the axis or the middle of the tube.
+#[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
     /// z = 0.
     Plane(Axes),
@@ -79,10 +86,14 @@ pub enum Surface {
     /// All points at the distance `minor` (the second number) from the circle of the radius `major`
     /// (the first) about z.
     Torus(Axes, f64, f64),
+    /// An ellipsoid.
+    Ellipsoid(Ellipsoid),
+    /// A B-spline near a smooth surface that has no name.
+    Graph(Arc<Graph>),
 }
 
 impl Surface {
-    /// A named quadric or torus, its frame turned somehow about its axis; none of the others.
+    /// A named quadric, ellipsoid or torus, its frame turned somehow; none of the others.
     pub fn of(quadric: &Quadric) -> Option<Self> {
         Some(match *quadric {
             Quadric::Plane { normal, offset } => {
@@ -107,6 +118,25 @@ impl Surface {
                 major,
                 minor,
             } => Self::Torus(Axes::along(center, axis), major, minor),
+            Quadric::Other {
+                form:
+                    Some(NormalForm {
+                        kind: QuadricKind::Ellipsoid,
+                        center,
+                        axes: [x, y, z],
+                        measures,
+                    }),
+                ..
+            } => {
+                let is_right = dot(cross(x, y), z) > 0.0;
+                let z = if is_right { z } else { z.map(|v| -v) };
+                let axes = Axes {
+                    origin: center,
+                    z,
+                    x,
+                };
+                Self::Ellipsoid(Ellipsoid::new(axes, measures))
+            }
             Quadric::Other { .. } => return None,
         })
     }
@@ -118,6 +148,8 @@ impl Surface {
             | Self::Cone(axes, ..)
             | Self::Sphere(axes, _)
             | Self::Torus(axes, ..) => axes,
+            Self::Ellipsoid(ball) => &ball.axes,
+            Self::Graph(graph) => &graph.axes,
         }
     }
     /// Its name.
@@ -128,6 +160,8 @@ impl Surface {
             Self::Cone(..) => "cone",
             Self::Sphere(..) => "sphere",
             Self::Torus(..) => "torus",
+            Self::Ellipsoid(_) => "ellipsoid",
+            Self::Graph(_) => "spline",
         }
     }
 }

@@ -62,6 +62,53 @@ pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
     }
 }
 
+/// Solves A x = b in place of b for a symmetric positive definite matrix with a band, by Cholesky's
+/// method: row i of `a` holds the entries of columns i to i + `band`, those beyond the last column
+/// being 0. `a` is overwritten; `false` where it is not positive definite to working precision.
+///
+/// ```
+/// use isoform_num::linalg::banded_solve;
+///
+/// // 4 x + 2 y = 8, 2 x + 3 y = 8.
+/// let mut x = [8.0, 8.0];
+/// assert!(banded_solve(&mut [4.0, 2.0, 3.0, 0.0], 1, &mut x));
+/// assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 2.0).abs() < 1e-15);
+/// ```
+pub fn banded_solve(a: &mut [f64], band: usize, b: &mut [f64]) -> bool {
+    let (n, width) = (b.len(), band + 1);
+    for i in 0..n {
+        let (done, below) = a.split_at_mut((i + 1) * width);
+        let row = &mut done[i * width..];
+        if !(row[0] > 0.0 && row[0].is_finite()) {
+            return false;
+        }
+        let d = row[0].sqrt();
+        row.iter_mut().for_each(|v| *v /= d);
+        for (k, &f) in row.iter().enumerate().skip(1).take(n - 1 - i) {
+            if f != 0.0 {
+                let other = &mut below[(k - 1) * width..][..width - k];
+                for (x, y) in other.iter_mut().zip(&row[k..]) {
+                    *x -= f * y;
+                }
+            }
+        }
+    }
+    for i in 0..n {
+        let row = &a[i * width..][..width];
+        b[i] /= row[0];
+        let value = b[i];
+        for (x, f) in b[i + 1..].iter_mut().zip(&row[1..]) {
+            *x -= f * value;
+        }
+    }
+    for i in (0..n).rev() {
+        let row = &a[i * width..][..width];
+        let known: f64 = b[i + 1..].iter().zip(&row[1..]).map(|(x, f)| x * f).sum();
+        b[i] = (b[i] - known) / row[0];
+    }
+    true
+}
+
 /// Eigenvalues (rising) and eigenvectors (row k of the second result belongs to eigenvalue k) of a
 /// symmetric matrix, by cyclic Jacobi rotations: slow for large n, but accurate to the last digits
 /// also for tiny eigenvalues of graded matrices.

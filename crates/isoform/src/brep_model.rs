@@ -2,13 +2,17 @@
 
 use crate::mesh_model::mesh_solid;
 use crate::{MeshModelError, MeshModelOptions, ModelMesh, solid_of};
-use isoform_brep::{BrepError, Built, Certificate, check, surfaces};
+use isoform_brep::{BrepError, Built, Certificate, check, pieces};
 use isoform_check::Capped;
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
-use isoform_geom::{Point3, Solid, distance_squared};
+use isoform_field::{RunField, parts_of};
+use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_patch::quadric_through;
+use std::sync::Arc;
 
+/// How far splines may be from the model where nothing else is asked for, in largest sides of its box.
+const TOLERANCE: f64 = 1e-6;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
 
@@ -36,9 +40,10 @@ pub struct ModelBrep {
 }
 
 /// The boundary representation of a model with the values `a` of its parameters: faces on exact
-/// planes, cylinders, cones, spheres and tori, with shared edges, and its certificate. What the
-/// certificate of the mesh leaves open, this one does, too. Faces and edges may be `tolerance` away
-/// from the model (model units), and never more than 1e-8 of its size. Missing values are those of
+/// planes, cylinders, cones, spheres, tori and ellipsoids, and on splines elsewhere, with shared
+/// edges, and its certificate. What the certificate of the mesh leaves open, this one does, too.
+/// Splines may be `tolerance` away from the model (model units; 1e-6 of its largest side where there
+/// is none), exact faces never more than 1e-8 of that side. Missing values are those of
 /// [`parameter_values`](crate::parameter_values).
 ///
 /// ```
@@ -74,8 +79,17 @@ pub fn brep_model(
     let solid: &dyn Solid = capped.as_ref().map_or(solid.as_ref(), |c| c);
     control.begin("recognition").map_err(BrepError::from)?;
     let labelled = &mesh.meshed.mesh;
-    let surfaces = surfaces(labelled, solid, &quadric_through)?;
-    let built = isoform_brep::brep(labelled, &surfaces, control)?;
+    let smooth = if is_run {
+        whole(Arc::new(
+            RunField::new(model, a).map_err(MeshModelError::from)?,
+        ))
+    } else {
+        parts_of(model, a).map_err(MeshModelError::from)?
+    };
+    let pieces = pieces(labelled, solid, Some(&smooth), &quadric_through)?;
+    let [x, y, z] = labelled.bounds().size();
+    let tolerance = tolerance.unwrap_or(TOLERANCE * x.max(y).max(z));
+    let built = isoform_brep::brep(pieces, tolerance, control)?;
     control
         .begin("checking the solid")
         .map_err(BrepError::from)?;
@@ -85,6 +99,20 @@ pub fn brep_model(
         certificate,
         mesh,
     })
+}
+
+/// A surface with one function.
+fn whole(field: Arc<RunField>) -> Parts {
+    let part = SmoothPart {
+        piece: 0,
+        field,
+        limits: Vec::new(),
+        function: 0,
+    };
+    Parts {
+        tree: Csg::Piece(0),
+        parts: vec![part],
+    }
 }
 
 /// What the mesh leaves open; but for corners that the solid has vertices at, though the mesh had no

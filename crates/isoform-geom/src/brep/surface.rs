@@ -38,7 +38,8 @@ fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
 impl Surface {
     /// The signed distance of a point, positive on the side of the surface's own normal, and its
     /// gradient, of length 1. Of a cone the distance is that from its line in the half-plane about
-    /// the axis: beyond the apex it is no distance, but as smooth.
+    /// the axis: beyond the apex it is no distance, but as smooth. Of ellipsoids and graphs it is the
+    /// distance to first order.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         match *self {
             Self::Plane(axes) => (axes.local(p)[2], axes.z),
@@ -68,10 +69,13 @@ impl Surface {
                 };
                 (r - minor, combined(c, at.radial, s, axes.z))
             }
+            Self::Ellipsoid(ball) => ball.distance(p),
+            Self::Graph(ref graph) => graph.distance(p),
         }
     }
 
-    /// The second derivative of the distance along a vector.
+    /// The second derivative of the distance along a vector; of ellipsoids and graphs along a tangent,
+    /// at a point of theirs.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let axes = self.axes();
         let at = Meridian::of(axes, p);
@@ -94,20 +98,25 @@ impl Surface {
                 let across = dot(along, combined(-s, at.radial, c, axes.z));
                 across * across / r + c / at.out * round
             }
+            Self::Ellipsoid(ball) => ball.bending(p, along),
+            Self::Graph(ref graph) => graph.bending(p, along),
         }
     }
 
-    /// Parameters of the point nearest to `p`: x and y of a plane; else the angle about z, from 0 to
+    /// Parameters of the point nearest to `p`: x and y of a plane or graph; else the angle about z, from 0 to
     /// 2π, and the height along z, or the latitude on a sphere, or the angle about the tube, from 0
     /// to 2π, on a torus.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
+        if let Self::Ellipsoid(ball) = self {
+            return ball.parameters(p);
+        }
         let full = |angle: f64| angle.rem_euclid(std::f64::consts::TAU);
         let [x, y, z] = self.axes().local(p);
         let u = full(y.atan2(x));
         match *self {
-            Self::Plane(_) => [x, y],
+            Self::Plane(_) | Self::Graph(_) => [x, y],
             Self::Cylinder(..) | Self::Cone(..) => [u, z],
-            Self::Sphere(..) => [u, z.atan2(x.hypot(y))],
+            Self::Sphere(..) | Self::Ellipsoid(_) => [u, z.atan2(x.hypot(y))],
             Self::Torus(_, major, _) => [u, full(z.atan2(x.hypot(y) - major))],
         }
     }
@@ -121,6 +130,8 @@ impl Surface {
             Self::Cone(_, radius, half_angle) => round(radius + v * half_angle.tan(), v),
             Self::Sphere(_, radius) => round(radius * v.cos(), radius * v.sin()),
             Self::Torus(_, major, minor) => round(major + minor * v.cos(), minor * v.sin()),
+            Self::Ellipsoid(ball) => return ball.point([u, v]),
+            Self::Graph(ref graph) => return graph.point([u, v]),
         };
         self.axes().point(local)
     }
@@ -146,6 +157,8 @@ impl Surface {
                 let area = minor * (major + minor * c);
                 [area * c * cos, area * c * sin, area * s]
             }
+            Self::Ellipsoid(ball) => return ball.area_vector([u, v]),
+            Self::Graph(ref graph) => return graph.area_vector([u, v]),
         };
         self.axes().vector(local)
     }
@@ -153,17 +166,20 @@ impl Surface {
     /// The rate at which u changes at `p` along a velocity.
     pub fn rate_of_u(&self, p: Point3, velocity: Point3) -> f64 {
         let axes = self.axes();
-        if matches!(self, Self::Plane(_)) {
-            return dot(velocity, axes.x);
+        match self {
+            Self::Plane(_) | Self::Graph(_) => return dot(velocity, axes.x),
+            Self::Ellipsoid(ball) => return ball.rate_of_u(p, velocity),
+            _ => {}
         }
         let at = Meridian::of(axes, p);
         dot(velocity, crate::cross(axes.z, at.radial)) / at.out
     }
 
-    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone,
-    /// else 0.
+    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone, the
+    /// first of a graph's domain, else 0.
     pub fn base_of_v(&self) -> f64 {
         match *self {
+            Self::Graph(ref graph) => graph.domain()[1][0],
             Self::Cone(_, radius, half_angle) => -radius / half_angle.tan(),
             _ => 0.0,
         }
@@ -181,9 +197,28 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::brep::{Ellipsoid, Graph};
     use crate::{cross, norm, sub};
+    use std::sync::Arc;
 
-    fn all() -> [Surface; 5] {
+    /// z = (x² + xy − y²)/5 for x and y from -1 to 3.
+    fn saddle(axes: Axes) -> Graph {
+        let (a, b) = (-1.0, 3.0);
+        let knots = vec![a, a, a, b, b, b];
+        let blossom = |i: usize| [[a, a], [a, b], [b, b]][i];
+        let heights = (0..9).map(|n| {
+            let ([p, q], [r, s]) = (blossom(n / 3), blossom(n % 3));
+            (p * q + 0.25 * (p + q) * (r + s) - r * s) / 5.0
+        });
+        Graph {
+            axes,
+            degree: 2,
+            knots: [knots.clone(), knots],
+            heights: heights.collect(),
+        }
+    }
+
+    fn all() -> [Surface; 7] {
         let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
         [
             Surface::Plane(axes),
@@ -191,6 +226,8 @@ mod tests {
             Surface::Cone(axes, 0.5, 0.4),
             Surface::Sphere(axes, 1.2),
             Surface::Torus(axes, 1.0, 0.3),
+            Surface::Ellipsoid(Ellipsoid::new(axes, [0.9, 0.6, 0.4]).facing([0.48, 0.6, 0.64])),
+            Surface::Graph(Arc::new(saddle(axes))),
         ]
     }
 
@@ -222,8 +259,13 @@ mod tests {
 
     #[test]
     fn bending_is_the_second_derivative() {
-        let (p, t) = ([0.9, 0.4, -0.3], [0.2, -0.7, 0.4]);
         for surface in all() {
+            let (mut p, mut t) = ([0.9, 0.4, -0.3], [0.2, -0.7, 0.4]);
+            if matches!(surface, Surface::Ellipsoid(_) | Surface::Graph(_)) {
+                p = surface.point([2.1, 0.35]);
+                let n = surface.distance(p).1;
+                t = combined(1.0, t, -dot(t, n), n);
+            }
             let h = 1e-4;
             let at = |s: f64| surface.distance(combined(1.0, p, s, t)).0;
             let second = (at(h) - 2.0 * at(0.0) + at(-h)) / (h * h);

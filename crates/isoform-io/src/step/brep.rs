@@ -7,7 +7,7 @@ use super::placement::Placement;
 use super::{EPOCH, Product, StepOptions, unit};
 use crate::{WriteError, write_atomic};
 use isoform_geom::Point3;
-use isoform_geom::brep::{Axes, Body, Brep, Coedge, Curve, Face, Surface};
+use isoform_geom::brep::{Axes, Body, Brep, Coedge, Curve, Ellipsoid, Face, Graph, Surface};
 use std::io::Write;
 use std::path::Path;
 
@@ -20,6 +20,10 @@ const COLORS: [Point3; 6] = [
     [0.7, 0.6, 0.75],
     [0.75, 0.55, 0.55],
 ];
+
+/// Half the width of the stereographic chart of an ellipsoid: it holds all within 63.6° of its middle,
+/// and faces keep to 60°; from 0.7 on a weight would not be positive.
+const CHART: f64 = 0.62;
 
 /// What a file of solids says of them beside their faces, to be compared by the reader.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -124,6 +128,12 @@ const AP214: Schema = Schema {
     protocol: "'international standard','automotive_design',2010",
 };
 
+/// Knots, each once, and how often each counts.
+fn distinct(knots: &[f64]) -> (Vec<f64>, Vec<usize>) {
+    let each = knots.chunk_by(|a, b| a == b);
+    each.map(|same| (same[0], same.len())).unzip()
+}
+
 /// Edges that are not in two loops, once in each direction.
 fn open_edges(brep: &Brep) -> usize {
     let mut uses = vec![[0usize; 2]; brep.edges.len()];
@@ -209,8 +219,13 @@ impl<'a> Writer<'a> {
     }
 
     fn surface(&mut self, surface: &Surface) -> usize {
-        let axes = self.axes(surface.axes());
-        let entity = match *surface {
+        let named = match surface {
+            Surface::Ellipsoid(ball) => return self.ellipsoid(ball),
+            Surface::Graph(graph) => return self.graph(graph),
+            named => named,
+        };
+        let axes = self.axes(named.axes());
+        let entity = match *named {
             Surface::Plane(_) => format!("PLANE('',{axes})"),
             Surface::Cylinder(_, r) => format!("CYLINDRICAL_SURFACE('',{axes},{})", real(r)),
             Surface::Cone(_, r, angle) => {
@@ -224,8 +239,50 @@ impl<'a> Writer<'a> {
                     real(minor)
                 )
             }
+            Surface::Ellipsoid(_) | Surface::Graph(_) => return 0,
         };
         self.doc.add(&entity)
+    }
+
+    /// A spline, x by y.
+    fn graph(&mut self, graph: &Graph) -> usize {
+        let points = self.grid(&graph.control(), graph.columns());
+        let degree = graph.degree;
+        let [(u, u_counts), (v, v_counts)] = [0, 1].map(|k| distinct(&graph.knots[k]));
+        self.doc.add(&format!(
+            "B_SPLINE_SURFACE_WITH_KNOTS('',{degree},{degree},{points},.UNSPECIFIED.,.F.,.F.,.F.,\
+             {},{},{},{},.UNSPECIFIED.)",
+            integers(&u_counts),
+            integers(&v_counts),
+            reals(&u),
+            reals(&v)
+        ))
+    }
+
+    /// The chart of an ellipsoid that lies about the x of its sphere, as a rational biquadratic patch.
+    fn ellipsoid(&mut self, ball: &Ellipsoid) -> usize {
+        let (control, weights) = ball.chart(CHART);
+        let points = self.grid(control.as_flattened(), 3);
+        let weights: Vec<String> = weights.iter().map(|row| reals(row)).collect();
+        self.doc.add(&format!(
+            "(BOUNDED_SURFACE()B_SPLINE_SURFACE(2,2,{points},.UNSPECIFIED.,.F.,.F.,.F.)\
+             B_SPLINE_SURFACE_WITH_KNOTS((3,3),(3,3),(0.,1.),(0.,1.),.UNSPECIFIED.)\
+             GEOMETRIC_REPRESENTATION_ITEM()RATIONAL_B_SPLINE_SURFACE(({}))\
+             REPRESENTATION_ITEM('')SURFACE())",
+            weights.join(",")
+        ))
+    }
+
+    /// Control points, row by row.
+    fn grid(&mut self, points: &[Point3], columns: usize) -> String {
+        let rows: Vec<String> = points
+            .chunks(columns)
+            .map(|row| {
+                let row: Vec<usize> = row.iter().map(|p| self.doc.point(*p)).collect();
+                ids(&row)
+            })
+            .collect();
+        format!("({})", rows.join(","))
     }
 
     fn face(&mut self, name: &str, face: &Face) -> usize {

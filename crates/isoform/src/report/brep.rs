@@ -3,6 +3,7 @@
 use super::{ModelName, Seconds};
 use crate::ModelBrep;
 use isoform_geom::Point3;
+use isoform_geom::brep::Surface;
 use serde::Serialize;
 
 /// Everything that is known of the boundary representation of a model.
@@ -51,7 +52,7 @@ pub struct BrepReport {
 pub struct FaceReport {
     /// Its name: that of its part, and the number of its chart if the part has several.
     pub part: String,
-    /// The kind of its surface.
+    /// The kind of its surface; `spline` for ellipsoids, too, which CAD has no name for.
     #[serde(rename = "type")]
     pub kind: &'static str,
     /// Its area.
@@ -75,13 +76,21 @@ pub struct BrepCertificateReport {
     pub smallest_face: f64,
 }
 
+/// The kind of a surface as CAD knows it.
+fn kind(surface: &Surface) -> &'static str {
+    match surface {
+        Surface::Ellipsoid(_) => "spline",
+        other => other.name(),
+    }
+}
+
 impl BrepReport {
     /// The report of a model's boundary representation, with the files that it went to.
     pub fn new(made: &ModelBrep, model: ModelName, files: Vec<String>, seconds: Seconds) -> Self {
         let (brep, certificate) = (&made.built.brep, &made.certificate);
         let face = |f: usize| FaceReport {
             part: brep.face_name(f),
-            kind: brep.faces[f].surface.name(),
+            kind: kind(&brep.faces[f].surface),
             area: certificate.faces[f].area,
             max_distance: certificate.distances[f],
         };

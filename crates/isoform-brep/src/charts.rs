@@ -1,0 +1,317 @@
+//! Smooth faces without a name are cut into charts, each a graph over a plane.
+//!
+//! Cuts are planes. Each passes through one connected piece only, and is chosen such that normals
+//! spread less on its two sides, that it crosses the surface and the borders at good angles, and
+//! that it stays away from vertices. A piece whose normals lie within a cone is a graph; if no spline
+//! is near enough it is cut once more.
+
+use crate::cut::{Cut, Labelled, crossing, imprint};
+use crate::fit::{Region, cone, normal_of};
+use crate::locus::{Distance, Locus};
+use crate::pieces::sides_of;
+use crate::topology::{Side, across_sides};
+use crate::{BrepError, Control};
+use isoform_geom::brep::{Axes, Graph, Surface};
+use isoform_geom::{Aabb, Field, Point3, across, cross, dot, middle, norm, sub};
+use isoform_num::linalg::symmetric_eigen;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Normals of a chart lie within 50° of one direction (its cosine): less makes more charts, more
+/// makes steep graphs, whose splines need more spans.
+const CONE: f64 = 0.64;
+/// Cuts of a component at most: as many as `Labelled::charts` has bits.
+const MOST_CUTS: u32 = 127;
+/// Shares of a piece's extent at which planes are tried.
+const OFFSETS: [f64; 7] = [0.5, 0.42, 0.58, 0.34, 0.66, 0.26, 0.74];
+/// Directions that are tried beside the axes of the piece and of space.
+const SPREAD: usize = 12;
+/// What is wanted of a cut: the sine between plane and surface, the slope at which borders are
+/// crossed, and the distance of vertices in sizes of the piece.
+const WANTED: [f64; 3] = [0.5, 0.4, 0.04];
+
+/// A smooth face without a name.
+pub(crate) struct Smooth<'a> {
+    /// Its component.
+    pub(crate) component: u32,
+    /// Its function.
+    pub(crate) field: &'a Arc<dyn Field>,
+    /// How far splines may be away.
+    pub(crate) tolerance: f64,
+}
+
+impl Smooth<'_> {
+    /// Cuts the component into charts, and finds their splines: each with a triangle of its chart,
+    /// whichever triangles are divided later. None if it has too many charts, or one without a spline.
+    ///
+    /// # Errors
+    /// If the mesh is not closed, or the work is stopped.
+    pub(crate) fn charts(
+        &self,
+        mesh: &mut Labelled,
+        across: &mut Vec<[Side; 3]>,
+        control: &Control<'_>,
+    ) -> Result<Option<Vec<(u32, Graph)>>, BrepError> {
+        let first = mesh.components.iter().position(|c| *c == self.component);
+        let mut pending: Vec<u32> = first.into_iter().map(|t| t as u32).collect();
+        let mut done = Vec::new();
+        let locus = Locus::Zero(self.field.clone());
+        while let Some(seed) = pending.pop() {
+            control.check()?;
+            let own = connected(mesh, across, seed);
+            if let Some(graph) = self.graph(mesh, &own) {
+                done.push((seed, graph));
+                continue;
+            }
+            let bit = mesh.cuts[self.component as usize].len() as u32;
+            if bit >= MOST_CUTS {
+                return Ok(None);
+            }
+            let Some(plane) = Chooser::new(mesh, across, &own).best() else {
+                return Ok(None);
+            };
+            let plane = Locus::Exact(plane);
+            mesh.cuts[self.component as usize].push(plane.clone());
+            let vertices = junctions(mesh);
+            let cut = Cut {
+                own: &own,
+                bit,
+                locus: &plane,
+                crossing: &|ends| crossing(ends, &locus, &plane),
+                is_vertex: &|v| vertices.contains(&v),
+            };
+            let new = imprint(mesh, &cut);
+            *across = across_sides(&mesh.triangles)?;
+            let mut parts = seeds(mesh, across, own.iter().copied().chain(new));
+            if parts.len() < 2 {
+                return Ok(None);
+            }
+            parts.reverse();
+            pending.append(&mut parts);
+        }
+        Ok(Some(done))
+    }
+
+    /// The spline of a piece, if its normals lie within a cone.
+    fn graph(&self, mesh: &Labelled, own: &[u32]) -> Option<Graph> {
+        let triangles: Vec<[Point3; 3]> = own
+            .iter()
+            .map(|t| mesh.triangles[*t as usize].map(|v| mesh.points[v as usize]))
+            .collect();
+        let locus = Locus::Zero(self.field.clone());
+        let normals: Vec<Point3> = triangles
+            .as_flattened()
+            .iter()
+            .map(|p| locus.distance(*p).1)
+            .filter(|n| n.iter().all(|v| v.is_finite()))
+            .collect();
+        if normals.is_empty() {
+            return None;
+        }
+        let (direction, cosine) = cone(&normals);
+        if cosine < CONE {
+            return None;
+        }
+        let region = Region {
+            field: self.field.as_ref(),
+            triangles,
+            direction,
+        };
+        region.fit(self.tolerance)
+    }
+}
+
+/// The piece around a triangle: neighbours of one component and chart.
+fn connected(mesh: &Labelled, across: &[[Side; 3]], seed: u32) -> Vec<u32> {
+    let label = |t: u32| (mesh.components[t as usize], mesh.charts[t as usize]);
+    let (mut own, mut seen) = (vec![seed], BTreeSet::from([seed]));
+    let mut at = 0;
+    while let Some(&t) = own.get(at) {
+        at += 1;
+        for (other, _) in across[t as usize] {
+            if label(other) == label(seed) && seen.insert(other) {
+                own.push(other);
+            }
+        }
+    }
+    own
+}
+
+/// A triangle of each piece that some triangles belong to.
+fn seeds(mesh: &Labelled, across: &[[Side; 3]], triangles: impl Iterator<Item = u32>) -> Vec<u32> {
+    let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
+    for t in triangles {
+        if !seen.contains(&t) {
+            seen.extend(connected(mesh, across, t));
+            found.push(t);
+        }
+    }
+    found
+}
+
+/// Nodes in which at least three faces meet.
+fn junctions(mesh: &Labelled) -> BTreeSet<u32> {
+    let mut labels: BTreeMap<u32, Vec<(u32, u128)>> = BTreeMap::new();
+    for (t, corners) in mesh.triangles.iter().enumerate() {
+        let label = (mesh.components[t], mesh.charts[t]);
+        for v in corners {
+            let own = labels.entry(*v).or_default();
+            if !own.contains(&label) {
+                own.push(label);
+            }
+        }
+    }
+    let met = labels.into_iter().filter(|(_, l)| l.len() > 2);
+    met.map(|l| l.0).collect()
+}
+
+/// Chooses the plane that cuts a piece.
+struct Chooser<'a> {
+    mesh: &'a Labelled,
+    own: &'a [u32],
+    /// Middles and area vectors of the triangles.
+    middles: Vec<Point3>,
+    normals: Vec<Point3>,
+    /// Nodes on the border, with their neighbours there.
+    border: BTreeMap<u32, Vec<u32>>,
+    vertices: BTreeSet<u32>,
+    size: f64,
+}
+
+impl<'a> Chooser<'a> {
+    fn new(mesh: &'a Labelled, across: &[[Side; 3]], own: &'a [u32]) -> Self {
+        let is_own: BTreeSet<u32> = own.iter().copied().collect();
+        let mut border: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for &t in own {
+            for k in 0..3u8 {
+                if !is_own.contains(&across[t as usize][k as usize].0) {
+                    let [a, b] = crate::topology::ends_of(&mesh.triangles[t as usize], k);
+                    border.entry(a).or_default().push(b);
+                    border.entry(b).or_default().push(a);
+                }
+            }
+        }
+        let corners = |t: &u32| mesh.triangles[*t as usize].map(|v| mesh.points[v as usize]);
+        let nodes = sides_of(mesh, own);
+        let size = Aabb::of(nodes.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
+        let all = junctions(mesh);
+        Self {
+            mesh,
+            own,
+            middles: own.iter().map(|t| middle(corners(t))).collect(),
+            normals: own.iter().map(|t| normal_of(&corners(t))).collect(),
+            vertices: border
+                .keys()
+                .copied()
+                .filter(|v| all.contains(v) || border[v].len() != 2)
+                .collect(),
+            border,
+            size,
+        }
+    }
+
+    /// The best plane; none if no plane has triangles on both sides.
+    fn best(&self) -> Option<Surface> {
+        let mut best: Option<(f64, Surface)> = None;
+        for direction in self.directions() {
+            let heights: Vec<f64> = self.middles.iter().map(|p| dot(*p, direction)).collect();
+            let lo = heights.iter().copied().fold(f64::INFINITY, f64::min);
+            let hi = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+            for share in OFFSETS {
+                let offset = lo + share * (hi - lo);
+                let Some(score) = self.score(direction, offset, &heights) else {
+                    continue;
+                };
+                if best.as_ref().is_none_or(|b| score > b.0) {
+                    let origin = direction.map(|v| v * offset);
+                    best = Some((score, Surface::Plane(Axes::along(origin, direction))));
+                }
+            }
+        }
+        best.map(|b| b.1)
+    }
+
+    /// Directions to be tried: the axes of space, those along which the piece and its normals are
+    /// spread, and some more all around.
+    fn directions(&self) -> Vec<Point3> {
+        let mut all = vec![[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let units = self.normals.iter().map(|n| n.map(|v| v / norm(*n)));
+        for points in [self.middles.clone(), units.collect()] {
+            let count = points.len() as f64;
+            let mean: Point3 =
+                std::array::from_fn(|k| points.iter().map(|p| p[k]).sum::<f64>() / count);
+            let mut spread = [0.0; 9];
+            for d in points.iter().map(|p| sub(*p, mean)) {
+                (0..9).for_each(|n| spread[n] += d[n / 3] * d[n % 3]);
+            }
+            let (_, vectors) = symmetric_eigen(&spread, 3);
+            all.extend((0..3).map(|k| std::array::from_fn(|i| vectors[3 * k + i])));
+        }
+        all.extend((0..SPREAD).map(|k| {
+            let z = 1.0 - (k as f64 + 0.5) / SPREAD as f64;
+            let (sin, cos) = (2.399_963_229_728_653 * k as f64).sin_cos();
+            let [x, y] = across([0.0, 0.0, 1.0]);
+            let r = (1.0 - z * z).sqrt();
+            std::array::from_fn(|i| r * (cos * x[i] + sin * y[i]) + if i == 2 { z } else { 0.0 })
+        }));
+        all.retain(|d: &Point3| d.iter().all(|v| v.is_finite()));
+        all
+    }
+
+    /// The better, the larger; none if all is on one side.
+    fn score(&self, direction: Point3, offset: f64, heights: &[f64]) -> Option<f64> {
+        let mut sums = [(0.0, [0.0; 3]); 2];
+        for (h, n) in heights.iter().zip(&self.normals) {
+            let (area, sum) = &mut sums[usize::from(*h > offset)];
+            *area += norm(*n);
+            (0..3).for_each(|k| sum[k] += n[k]);
+        }
+        if sums.iter().any(|s| s.0 == 0.0) {
+            return None;
+        }
+        // The share of area vectors that is lost to their spread, before and after.
+        let whole: Point3 = std::array::from_fn(|k| sums[0].1[k] + sums[1].1[k]);
+        let area = sums[0].0 + sums[1].0;
+        let before = 1.0 - norm(whole) / area;
+        let after = 1.0 - (norm(sums[0].1) + norm(sums[1].1)) / area;
+        let gain = (before - after) / before.max(1e-9);
+        let balance = sums[0].0.min(sums[1].0) / area;
+        let [angle, slope, away] = self.quality(direction, offset);
+        let of = |value: f64, wanted: f64| (value / wanted).min(1.0);
+        let [a, b, c] = WANTED;
+        let safe = of(angle, a).min(of(slope, b)).min(of(away, c));
+        Some(safe.min(0.5) * 10.0 + safe + 2.0 * gain + of(balance, 0.3))
+    }
+
+    /// The least sine between plane and surface, slope at which the border is crossed, and distance of
+    /// vertices and turning points of the border in sizes of the piece.
+    fn quality(&self, direction: Point3, offset: f64) -> [f64; 3] {
+        let at = |v: u32| dot(self.mesh.points[v as usize], direction) - offset;
+        let [mut angle, mut slope, mut away] = [1.0f64; 3];
+        for (t, n) in self.own.iter().zip(&self.normals) {
+            let values = self.mesh.triangles[*t as usize].map(at);
+            if values.iter().any(|v| *v > 0.0) && values.iter().any(|v| *v <= 0.0) {
+                angle = angle.min(norm(cross(*n, direction)) / norm(*n));
+            }
+        }
+        for (&v, beside) in &self.border {
+            let here = at(v);
+            if self.vertices.contains(&v) {
+                away = away.min(here.abs() / self.size);
+            }
+            if let [a, b] = beside[..]
+                && (at(a) - here) * (here - at(b)) <= 0.0
+            {
+                away = away.min(here.abs() / self.size);
+            }
+            for &w in beside.iter().filter(|w| (at(**w) < 0.0) != (here < 0.0)) {
+                let length = norm(sub(
+                    self.mesh.points[w as usize],
+                    self.mesh.points[v as usize],
+                ));
+                slope = slope.min((at(w) - here).abs() / length.max(f64::MIN_POSITIVE));
+            }
+        }
+        [angle, slope, away]
+    }
+}

@@ -1,0 +1,360 @@
+//! A B-spline near a smooth surface, over a part of it that is a graph.
+//!
+//! Heights above the points of a lattice are found by Newton's method, beginning with the triangles
+//! and going outward from there as far as the function is a graph. Their least squares give the
+//! coefficients; where there is nothing the third differences of these are small. The surface goes
+//! on beyond the part, so that edges lie inside of its domain.
+
+use isoform_geom::brep::{Axes, Basis, Graph};
+use isoform_geom::{Field, Point3, cross, dot, sub};
+use isoform_num::linalg::banded_solve;
+use std::collections::VecDeque;
+
+/// The degree: with 5 the error falls with the sixth power of the width of the spans.
+const DEGREE: usize = 5;
+/// Numbers of spans along the longer side that are tried, one after the other.
+const SPANS: [usize; 7] = [4, 6, 9, 13, 19, 28, 40];
+/// Points of the lattice in a span.
+const PER_SPAN: usize = 3;
+/// The domain reaches beyond the part by this share of its longer side.
+const MARGIN: f64 = 0.06;
+/// Normals keep this cosine with z where heights are taken.
+const STEEP: f64 = 0.2;
+/// Weight of third differences of coefficients beside heights: what is known outweighs it ten million
+/// times, and without it coefficients far from the part would be open.
+const SMOOTHING: f64 = 1e-7;
+
+/// A part of a smooth surface.
+pub(crate) struct Region<'a> {
+    /// Its function.
+    pub(crate) field: &'a dyn Field,
+    /// Corners of its triangles.
+    pub(crate) triangles: Vec<[Point3; 3]>,
+    /// The direction in which it is a graph.
+    pub(crate) direction: Point3,
+}
+
+impl Region<'_> {
+    /// A spline that is no more than `tolerance` away at places of the part; none if the finest is
+    /// farther, or it is no graph.
+    pub(crate) fn fit(&self, tolerance: f64) -> Option<Graph> {
+        let frame = self.frame();
+        let local: Vec<[Point3; 3]> = self
+            .triangles
+            .iter()
+            .map(|t| t.map(|p| frame.local(p)))
+            .collect();
+        let domain = domain(&local);
+        SPANS.iter().find_map(|&spans| {
+            let lattice = Lattice::new(domain, spans);
+            let heights = lattice.heights(self.field, &frame, &local);
+            let graph = lattice.least_squares(frame, &heights)?;
+            let worst = self.worst(&graph);
+            (worst <= tolerance).then_some(graph)
+        })
+    }
+
+    /// z along the direction, x along the longest side.
+    fn frame(&self) -> Axes {
+        let center = self.triangles[0][0];
+        let axes = Axes::along(center, self.direction);
+        let (mut xx, mut xy, mut yy, mut mean) = (0.0, 0.0, 0.0, [0.0; 2]);
+        let count = 3.0 * self.triangles.len() as f64;
+        let points = || self.triangles.as_flattened().iter().map(|p| axes.local(*p));
+        for [x, y, _] in points() {
+            mean[0] += x / count;
+            mean[1] += y / count;
+        }
+        for [x, y, _] in points() {
+            let (x, y) = (x - mean[0], y - mean[1]);
+            xx += x * x;
+            xy += x * y;
+            yy += y * y;
+        }
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let x = axes.vector([angle.cos(), angle.sin(), 0.0]);
+        let middle = axes.point([mean[0], mean[1], 0.0]);
+        Axes {
+            origin: middle,
+            ..axes.turned(x)
+        }
+    }
+
+    /// The largest distance of the graph from the function, to first order, above places of the
+    /// triangles.
+    fn worst(&self, graph: &Graph) -> f64 {
+        let shares = [
+            [1.0 / 3.0, 1.0 / 3.0],
+            [0.5, 0.5],
+            [0.0, 0.5],
+            [0.5, 0.0],
+            [0.02, 0.02],
+            [0.96, 0.02],
+            [0.02, 0.96],
+        ];
+        let mut worst = 0.0f64;
+        for [a, b, c] in &self.triangles {
+            for [s, t] in shares {
+                let p: Point3 = std::array::from_fn(|k| (1.0 - s - t) * a[k] + s * b[k] + t * c[k]);
+                let [x, y, _] = graph.axes.local(p);
+                let jet = self.field.jet(graph.point([x, y]));
+                let off = jet.v.abs() / dot(jet.g, jet.g).sqrt();
+                worst = if off.is_nan() {
+                    f64::INFINITY
+                } else {
+                    worst.max(off)
+                };
+            }
+        }
+        worst
+    }
+}
+
+/// The box of x and of y, with a margin.
+fn domain(local: &[[Point3; 3]]) -> [[f64; 2]; 2] {
+    let ends = [0, 1].map(|k| {
+        let all = local.as_flattened().iter().map(|p| p[k]);
+        all.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| {
+            [lo.min(v), hi.max(v)]
+        })
+    });
+    let margin = MARGIN * ends.iter().map(|[lo, hi]| hi - lo).fold(0.0, f64::max);
+    ends.map(|[lo, hi]| [lo - margin, hi + margin])
+}
+
+/// A point of the lattice with its height and slope.
+type Reached = (usize, f64, [f64; 2]);
+
+/// Points of a rectangle at which heights are taken.
+struct Lattice {
+    domain: [[f64; 2]; 2],
+    /// Spans in x and in y.
+    spans: [usize; 2],
+}
+
+impl Lattice {
+    fn new(domain: [[f64; 2]; 2], spans: usize) -> Self {
+        let sides = domain.map(|[lo, hi]| hi - lo);
+        let width = sides[0].max(sides[1]) / spans as f64;
+        let spans = sides.map(|side| ((side / width).ceil() as usize).clamp(1, spans));
+        Self { domain, spans }
+    }
+
+    fn count(&self, k: usize) -> usize {
+        self.spans[k] * PER_SPAN + 1
+    }
+
+    fn step(&self, k: usize) -> f64 {
+        let [lo, hi] = self.domain[k];
+        (hi - lo) / (self.count(k) - 1) as f64
+    }
+
+    fn at(&self, k: usize, i: usize) -> f64 {
+        self.domain[k][0] + self.step(k) * i as f64
+    }
+
+    /// Heights above the points, where the surface is a graph.
+    fn heights(&self, field: &dyn Field, axes: &Axes, local: &[[Point3; 3]]) -> Vec<Option<f64>> {
+        let [nx, ny] = [0, 1].map(|k| self.count(k));
+        let mut heights: Vec<Option<f64>> = vec![None; nx * ny];
+        let near = 2.0 * self.step(0).max(self.step(1));
+        let mut queue = VecDeque::new();
+        let put = |n: usize, guess: f64, queue: &mut VecDeque<Reached>, heights: &mut Vec<_>| {
+            let at = [self.at(0, n / ny), self.at(1, n % ny)];
+            if let Some((z, slope)) = height(field, axes, at, guess, near) {
+                heights[n] = Some(z);
+                queue.push_back((n, z, slope));
+            }
+        };
+        for corners in local {
+            for (n, guess) in self.below(corners) {
+                if heights[n].is_none() {
+                    put(n, guess, &mut queue, &mut heights);
+                }
+            }
+        }
+        if queue.is_empty() {
+            // Triangles between the points of a coarse lattice: the point nearest to a corner.
+            let p = local[0][0];
+            let i = [0, 1].map(|k| ((p[k] - self.domain[k][0]) / self.step(k)).round() as usize);
+            put(i[0] * ny + i[1], p[2], &mut queue, &mut heights);
+        }
+        while let Some((n, z, slope)) = queue.pop_front() {
+            let (i, j) = (n / ny, n % ny);
+            let beside = [
+                (i > 0).then(|| (n - ny, -slope[0] * self.step(0))),
+                (i + 1 < nx).then(|| (n + ny, slope[0] * self.step(0))),
+                (j > 0).then(|| (n - 1, -slope[1] * self.step(1))),
+                (j + 1 < ny).then(|| (n + 1, slope[1] * self.step(1))),
+            ];
+            for (m, rise) in beside.into_iter().flatten() {
+                if heights[m].is_none() {
+                    put(m, z + rise, &mut queue, &mut heights);
+                }
+            }
+        }
+        heights
+    }
+
+    /// The points below a triangle, with its height there.
+    fn below(&self, [a, b, c]: &[Point3; 3]) -> Vec<(usize, f64)> {
+        let range = |k: usize| {
+            let (lo, hi) = (a[k].min(b[k]).min(c[k]), a[k].max(b[k]).max(c[k]));
+            let to = |v: f64| (v - self.domain[k][0]) / self.step(k);
+            to(lo).ceil() as usize..=(to(hi).floor().max(0.0) as usize).min(self.count(k) - 1)
+        };
+        let area = |p: &[f64], q: &[f64], r: &[f64]| {
+            (q[0] - p[0]) * (r[1] - p[1]) - (q[1] - p[1]) * (r[0] - p[0])
+        };
+        let whole = area(a, b, c);
+        let mut found = Vec::new();
+        for i in range(0) {
+            for j in range(1) {
+                let p = [self.at(0, i), self.at(1, j)];
+                let w = [area(&p, b, c), area(a, &p, c), area(a, b, &p)].map(|v| v / whole);
+                if w.iter().all(|v| *v >= 0.0) {
+                    let z = w[0] * a[2] + w[1] * b[2] + w[2] * c[2];
+                    found.push((i * self.count(1) + j, z));
+                }
+            }
+        }
+        found
+    }
+
+    /// The graph by least squares.
+    fn least_squares(&self, axes: Axes, heights: &[Option<f64>]) -> Option<Graph> {
+        let knots = [0, 1].map(|k| self.knots(k));
+        let columns = knots[1].len() - DEGREE - 1;
+        let rows = knots[0].len() - DEGREE - 1;
+        let (count, band) = (rows * columns, DEGREE * columns + DEGREE);
+        let mut matrix = vec![0.0; count * (band + 1)];
+        let mut right = vec![0.0; count];
+        let bases = [0, 1].map(|k| -> Vec<Basis> {
+            let each = (0..self.count(k)).map(|i| Basis::at(&knots[k], DEGREE, self.at(k, i)));
+            each.collect()
+        });
+        let ny = self.count(1);
+        for (n, z) in heights.iter().enumerate() {
+            let Some(z) = z else { continue };
+            let (u, v) = (&bases[0][n / ny], &bases[1][n % ny]);
+            let mut row = [(0, 0.0); (DEGREE + 1) * (DEGREE + 1)];
+            for i in 0..=DEGREE {
+                for j in 0..=DEGREE {
+                    let column = (u.first + i) * columns + v.first + j;
+                    row[i * (DEGREE + 1) + j] = (column, u.values[0][i] * v.values[0][j]);
+                }
+            }
+            add_row(&mut matrix, &mut right, band, &row, *z);
+        }
+        let weight = SMOOTHING.sqrt();
+        let third = [-1.0, 3.0, -3.0, 1.0].map(|c| c * weight);
+        for i in 0..rows {
+            for j in 0..columns {
+                for (stride, fits) in [(columns, i + 3 < rows), (1, j + 3 < columns)] {
+                    if fits {
+                        let from = i * columns + j;
+                        let row = [0, 1, 2, 3].map(|k| (from + k * stride, third[k]));
+                        add_row(&mut matrix, &mut right, band, &row, 0.0);
+                    }
+                }
+            }
+        }
+        banded_solve(&mut matrix, band, &mut right).then(|| Graph {
+            axes,
+            degree: DEGREE,
+            knots,
+            heights: right,
+        })
+    }
+
+    fn knots(&self, k: usize) -> Vec<f64> {
+        let [lo, hi] = self.domain[k];
+        let inner = (1..self.spans[k]).map(|i| lo + (hi - lo) * i as f64 / self.spans[k] as f64);
+        let end = |t: f64| std::iter::repeat_n(t, DEGREE + 1);
+        end(lo).chain(inner).chain(end(hi)).collect()
+    }
+}
+
+/// Adds an equation to normal equations with a band: row i of the matrix holds columns i to
+/// i + band.
+fn add_row(matrix: &mut [f64], right: &mut [f64], band: usize, row: &[(usize, f64)], value: f64) {
+    for (n, &(i, a)) in row.iter().enumerate() {
+        right[i] += a * value;
+        for &(j, b) in &row[n..] {
+            matrix[i * (band + 1) + j - i] += a * b;
+        }
+    }
+}
+
+/// The gradient of the function in coordinates of the frame.
+fn gradient(field: &dyn Field, axes: &Axes, p: Point3) -> (f64, Point3) {
+    let jet = field.jet(axes.point(p));
+    (jet.v, [axes.x, axes.y(), axes.z].map(|e| dot(jet.g, e)))
+}
+
+fn slope_at(field: &dyn Field, axes: &Axes, p: Point3) -> [f64; 2] {
+    let (_, g) = gradient(field, axes, p);
+    [-g[0] / g[2], -g[1] / g[2]]
+}
+
+/// The height above x and y within `near` of a guess, and its slope.
+fn height(
+    field: &dyn Field,
+    axes: &Axes,
+    [x, y]: [f64; 2],
+    guess: f64,
+    near: f64,
+) -> Option<(f64, [f64; 2])> {
+    let mut z = guess;
+    let mut last = f64::INFINITY;
+    for _ in 0..12 {
+        let (value, g) = gradient(field, axes, [x, y, z]);
+        let length = dot(g, g).sqrt();
+        // Also false where there is no number.
+        if !(g[2].abs() >= STEEP * length && length > 0.0) {
+            return None;
+        }
+        let step = value / g[2];
+        if step.abs() >= 0.5 * last && step.abs() <= 1e-12 * near {
+            return Some((z, [-g[0] / g[2], -g[1] / g[2]]));
+        }
+        z -= step;
+        if (z - guess).abs() > near || z.is_nan() {
+            return None;
+        }
+        if step == 0.0 {
+            return Some((z, [-g[0] / g[2], -g[1] / g[2]]));
+        }
+        last = step.abs();
+    }
+    (last <= 1e-10 * near).then(|| (z, slope_at(field, axes, [x, y, z])))
+}
+
+/// The direction that is nearest to all of some directions: the middle of the smallest cone, by the
+/// steps of Bădoiu and Clarkson (2003), and the cosine of its half angle.
+pub(crate) fn cone(normals: &[Point3]) -> (Point3, f64) {
+    let unit = |v: Point3| {
+        let length = dot(v, v).sqrt();
+        v.map(|v| v / length)
+    };
+    let mut axis = normals[0];
+    for k in 0..100 {
+        let far = normals
+            .iter()
+            .min_by(|a, b| dot(**a, axis).total_cmp(&dot(**b, axis)));
+        let far = far.unwrap_or(&axis);
+        let share = 1.0 / f64::from(k + 2);
+        let moved: Point3 = std::array::from_fn(|i| (1.0 - share) * axis[i] + share * far[i]);
+        if dot(moved, moved) < 1e-12 {
+            break;
+        }
+        axis = unit(moved);
+    }
+    let least = normals.iter().map(|n| dot(*n, axis));
+    (axis, least.fold(f64::INFINITY, f64::min))
+}
+
+/// The normal of a triangle, as long as twice its area.
+pub(crate) fn normal_of([a, b, c]: &[Point3; 3]) -> Point3 {
+    cross(sub(*b, *a), sub(*c, *a))
+}

@@ -1,0 +1,81 @@
+//! What an equation describes: a surface, exact or not, or where a function vanishes.
+
+use isoform_geom::brep::Surface;
+use isoform_geom::{Field, Point3, dot};
+use std::fmt;
+use std::sync::Arc;
+
+/// Something with a distance: what Newton's method needs.
+pub(crate) trait Distance {
+    /// The signed distance of a point, at least to first order, and its unit gradient.
+    fn distance(&self, p: Point3) -> (f64, Point3);
+}
+
+impl Distance for Surface {
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        Self::distance(self, p)
+    }
+}
+
+/// Points that satisfy an equation.
+#[derive(Clone)]
+pub enum Locus {
+    /// A surface.
+    Exact(Surface),
+    /// Where a function vanishes; its distance is positive where it is negative, outside.
+    Zero(Arc<dyn Field>),
+}
+
+impl Locus {
+    /// The surface, if it is one.
+    pub fn surface(&self) -> Option<&Surface> {
+        match self {
+            Self::Exact(surface) => Some(surface),
+            Self::Zero(_) => None,
+        }
+    }
+    /// The second derivative of the distance along a tangent, at a point of the locus.
+    pub(crate) fn bending(&self, p: Point3, along: Point3) -> f64 {
+        match self {
+            Self::Exact(surface) => surface.bending(p, along),
+            Self::Zero(field) => {
+                let jet = field.jet(p);
+                let h = jet.hessian();
+                let second: f64 = (0..9).map(|n| h[n] * along[n / 3] * along[n % 3]).sum();
+                -second / dot(jet.g, jet.g).sqrt()
+            }
+        }
+    }
+}
+
+impl Distance for Locus {
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        match self {
+            Self::Exact(surface) => surface.distance(p),
+            Self::Zero(field) => {
+                let jet = field.jet(p);
+                let length = dot(jet.g, jet.g).sqrt();
+                (-jet.v / length, jet.g.map(|v| -v / length))
+            }
+        }
+    }
+}
+
+impl PartialEq for Locus {
+    fn eq(&self, other: &Self) -> bool {
+        match (self, other) {
+            (Self::Exact(a), Self::Exact(b)) => a == b,
+            (Self::Zero(a), Self::Zero(b)) => Arc::ptr_eq(a, b),
+            _ => false,
+        }
+    }
+}
+
+impl fmt::Debug for Locus {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Exact(surface) => surface.fmt(f),
+            Self::Zero(_) => f.write_str("Zero"),
+        }
+    }
+}

@@ -1,0 +1,223 @@
+//! Ellipsoids: spheres of radius 1, stretched.
+
+use super::Axes;
+use crate::{Point3, cross, dot};
+use std::array::from_fn;
+
+/// x²/a² + y²/b² + z²/c² = 1 in coordinates of a frame. What has angles about an axis for a sphere
+/// has them here on the unit sphere that is stretched: its own frame may stand in any way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ellipsoid {
+    /// The frame of the half axes.
+    pub axes: Axes,
+    /// a, b and c, in model units.
+    pub half: [f64; 3],
+    /// The frame of the unit sphere, about the origin, in coordinates of `axes` by half axes.
+    pub sphere: Axes,
+}
+
+impl Ellipsoid {
+    /// With the frame of the sphere along the half axes.
+    pub fn new(axes: Axes, half: [f64; 3]) -> Self {
+        let sphere = Axes {
+            origin: [0.0; 3],
+            z: [0.0, 0.0, 1.0],
+            x: [1.0, 0.0, 0.0],
+        };
+        Self { axes, half, sphere }
+    }
+    /// The point of the unit sphere's space, in coordinates of the half axes.
+    pub fn shrunk(&self, p: Point3) -> Point3 {
+        let local = self.axes.local(p);
+        from_fn(|k| local[k] / self.half[k])
+    }
+    /// The vector of space that a vector of the unit sphere's space is stretched to.
+    pub fn stretched(&self, v: Point3) -> Point3 {
+        self.axes.vector(from_fn(|k| self.half[k] * v[k]))
+    }
+    /// The plane through the centre whose points are at right angles to `n` in the unit sphere's
+    /// space: its unit normal.
+    pub fn plane_normal(&self, n: Point3) -> Point3 {
+        let normal = self.axes.vector(from_fn(|k| n[k] / self.half[k]));
+        let length = dot(normal, normal).sqrt();
+        normal.map(|v| v / length)
+    }
+    /// (|q| − 1)/|∇|q|| for the shrunk point q, the distance to first order, and the unit gradient.
+    pub fn distance(&self, p: Point3) -> (f64, Point3) {
+        let (q, r, g) = self.slope(p);
+        let length = dot(g, g).sqrt();
+        if length == 0.0 {
+            return (-self.half[2], self.axes.vector(q));
+        }
+        ((r - 1.0) / length, self.axes.vector(g.map(|v| v / length)))
+    }
+    /// The shrunk point, its length, and the gradient of the length in coordinates of `axes`.
+    fn slope(&self, p: Point3) -> (Point3, f64, Point3) {
+        let q = self.shrunk(p);
+        let r = dot(q, q).sqrt();
+        let g = if r > 0.0 {
+            from_fn(|k| q[k] / (r * self.half[k]))
+        } else {
+            [0.0; 3]
+        };
+        (q, r, g)
+    }
+    /// The second derivative of the distance along a tangent.
+    pub fn bending(&self, p: Point3, along: Point3) -> f64 {
+        let (q, r, g) = self.slope(p);
+        let t = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(along, e));
+        let dq: Point3 = from_fn(|k| t[k] / self.half[k]);
+        let second = (dot(dq, dq) - (dot(q, dq) / r).powi(2)) / r;
+        second / dot(g, g).sqrt()
+    }
+    /// Longitude, from 0 to 2π, and latitude on the unit sphere.
+    pub fn parameters(&self, p: Point3) -> [f64; 2] {
+        let [x, y, z] = self.sphere.local(self.shrunk(p));
+        let u = y.atan2(x).rem_euclid(std::f64::consts::TAU);
+        [u, z.atan2(x.hypot(y))]
+    }
+    /// The point with a longitude and a latitude.
+    pub fn point(&self, at: [f64; 2]) -> Point3 {
+        let q = self.stretched(self.sphere.vector(normal(at)));
+        from_fn(|k| self.axes.origin[k] + q[k])
+    }
+    /// ∂p/∂u × ∂p/∂v.
+    pub fn area_vector(&self, at: [f64; 2]) -> Point3 {
+        let cos = at[1].cos();
+        let n = self.sphere.vector(normal(at).map(|v| cos * v));
+        let [a, b, c] = self.half;
+        self.axes.vector([b * c * n[0], c * a * n[1], a * b * n[2]])
+    }
+    /// The rate at which the longitude changes at `p` along a velocity.
+    pub fn rate_of_u(&self, p: Point3, velocity: Point3) -> f64 {
+        let [x, y, _] = self.sphere.local(self.shrunk(p));
+        let v = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(velocity, e));
+        let v: Point3 = from_fn(|k| v[k] / self.half[k]);
+        let [vx, vy] = [self.sphere.x, self.sphere.y()].map(|e| dot(v, e));
+        (x * vy - y * vx) / (x * x + y * y)
+    }
+    /// The centre, and the half axes as vectors of space with the larger one first, of the ellipse in
+    /// which the plane through `p` with the normal `n` cuts the ellipsoid.
+    pub fn section(&self, p: Point3, n: Point3) -> Option<(Point3, [Point3; 2])> {
+        let n = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(n, e));
+        let n: Point3 = from_fn(|k| n[k] * self.half[k]);
+        let length = dot(n, n).sqrt();
+        let n = n.map(|v| v / length);
+        let off = dot(n, self.shrunk(p));
+        if off.is_nan() || off.abs() >= 1.0 {
+            return None;
+        }
+        let radius = (1.0 - off * off).sqrt();
+        let [e, f] = crate::across(n);
+        // Conjugate half diameters e and f; turned by an angle they are at right angles in space.
+        let [u, v] = [e, f].map(|e| self.stretched(e.map(|k| radius * k)));
+        let angle = 0.5 * (2.0 * dot(u, v)).atan2(dot(u, u) - dot(v, v));
+        let (sin, cos) = angle.sin_cos();
+        let large = from_fn(|k| cos * u[k] + sin * v[k]);
+        let small = from_fn(|k| cos * v[k] - sin * u[k]);
+        let center = self.stretched(n.map(|k| off * k));
+        Some((from_fn(|k| self.axes.origin[k] + center[k]), [large, small]))
+    }
+    /// Control points and weights of the biquadratic Bézier patch over |s|, |t| ≤ `reach` of the
+    /// stereographic chart about the sphere's −x: ((1 − s² − t²) e + 2s f + 2t g)/(1 + s² + t²) with e
+    /// = −x, f = z, g = y, stretched. Its normal points outward; weights are positive up to a reach
+    /// of 1/√2, where the chart holds all within 2 atan(reach) of −x.
+    pub fn chart(&self, reach: f64) -> ([[Point3; 3]; 3], [[f64; 3]; 3]) {
+        let (e, f, g) = (self.sphere.x.map(|v| -v), self.sphere.z, self.sphere.y());
+        // Blossoms of 1, s and s² at both ends, or one of them and the other.
+        let blossom = |i: usize| {
+            let [a, b] = [[-reach, -reach], [-reach, reach], [reach, reach]][i];
+            (0.5 * (a + b), a * b)
+        };
+        let mut control = [[[0.0; 3]; 3]; 3];
+        let mut weights = [[0.0; 3]; 3];
+        for i in 0..3 {
+            for j in 0..3 {
+                let ((s, s2), (t, t2)) = (blossom(i), blossom(j));
+                let w = 1.0 + s2 + t2;
+                let q = from_fn(|k| ((1.0 - s2 - t2) * e[k] + 2.0 * s * f[k] + 2.0 * t * g[k]) / w);
+                let q = self.stretched(q);
+                control[i][j] = from_fn(|k| self.axes.origin[k] + q[k]);
+                weights[i][j] = w;
+            }
+        }
+        (control, weights)
+    }
+    /// The frame of the sphere with x away from `direction` of the unit sphere's space.
+    #[must_use]
+    pub fn facing(self, direction: Point3) -> Self {
+        let [z, _] = crate::across(direction);
+        let x = direction.map(|v| -v);
+        let sphere = Axes {
+            origin: [0.0; 3],
+            z: cross(x, cross(z, x)),
+            x,
+        };
+        Self { sphere, ..self }
+    }
+}
+
+/// The point of the unit sphere with a longitude and a latitude.
+fn normal([u, v]: [f64; 2]) -> Point3 {
+    [v.cos() * u.cos(), v.cos() * u.sin(), v.sin()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{norm, sub};
+
+    fn tilted() -> Ellipsoid {
+        let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
+        let direction = [0.48, 0.6, 0.64];
+        Ellipsoid::new(axes, [0.9, 0.6, 0.4]).facing(direction)
+    }
+
+    #[test]
+    fn the_chart_lies_on_the_ellipsoid_and_faces_outward() {
+        let ball = tilted();
+        let (control, weights) = ball.chart(0.6);
+        let bernstein = |s: f64| [(1.0 - s) * (1.0 - s), 2.0 * s * (1.0 - s), s * s];
+        let at = |s: f64, t: f64| {
+            let (a, b) = (bernstein(s), bernstein(t));
+            let (mut sum, mut below) = ([0.0; 3], 0.0);
+            for i in 0..3 {
+                for j in 0..3 {
+                    let w = a[i] * b[j] * weights[i][j];
+                    below += w;
+                    (0..3).for_each(|k| sum[k] += w * control[i][j][k]);
+                }
+            }
+            sum.map(|v| v / below)
+        };
+        assert!(weights.as_flattened().iter().all(|w| *w > 0.0));
+        for (s, t) in [(0.0, 0.0), (0.2, 0.9), (0.5, 0.5), (1.0, 0.3)] {
+            let p = at(s, t);
+            let (d, n) = ball.distance(p);
+            assert!(d.abs() < 1e-15, "{d}");
+            let h = 1e-5;
+            let across = cross(
+                sub(at(s + h, t), at(s - h, t)),
+                sub(at(s, t + h), at(s, t - h)),
+            );
+            assert!(dot(across, n) > 0.999 * norm(across));
+        }
+        // The middle is the direction that the sphere faces away from.
+        let q = ball.shrunk(at(0.5, 0.5));
+        assert!(norm(sub(q, [0.48, 0.6, 0.64])) < 1e-15, "{q:?}");
+    }
+
+    #[test]
+    fn sections_are_ellipses_on_the_plane_and_the_ellipsoid() {
+        let ball = tilted();
+        let (p, n) = ([0.4, -0.1, 0.2], [0.0, 0.6, 0.8]);
+        let (center, [a, b]) = ball.section(p, n).expect("they meet");
+        assert!(dot(a, b).abs() < 1e-15 && norm(a) >= norm(b));
+        for i in 0..7 {
+            let (sin, cos) = f64::from(i).sin_cos();
+            let q = from_fn(|k| center[k] + cos * a[k] + sin * b[k]);
+            assert!(ball.distance(q).0.abs() < 1e-14 && dot(n, sub(q, p)).abs() < 1e-14);
+        }
+        assert!(ball.section([9.0, 9.0, 9.0], n).is_none());
+    }
+}

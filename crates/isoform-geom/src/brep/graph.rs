@@ -1,0 +1,246 @@
+//! Graphs of functions of two variables, as B-splines.
+
+use super::Axes;
+use crate::{Point3, dot};
+
+/// The surface z = h(x, y) over a rectangle, in coordinates of a frame, with h a tensor product of
+/// B-splines: x and y are themselves the parameters, so that the point of the surface below or above
+/// a point of space needs no search.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Graph {
+    /// The frame.
+    pub axes: Axes,
+    /// The degree in x and in y, at most 7.
+    pub degree: usize,
+    /// Knots of x and of y, ascending, each as often as it counts: degree + 1 times at the ends.
+    pub knots: [Vec<f64>; 2],
+    /// The coefficients of h: number i·n + j belongs to B-spline i of x and j of y, of which there
+    /// are n.
+    pub heights: Vec<f64>,
+}
+
+/// h with its derivatives.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Height {
+    /// h.
+    pub value: f64,
+    /// ∂h/∂x and ∂h/∂y.
+    pub slope: [f64; 2],
+    /// ∂²h/∂x², ∂²h/∂x∂y and ∂²h/∂y².
+    pub second: [f64; 3],
+}
+
+/// The largest number of B-splines that do not vanish at a place.
+const MOST: usize = 8;
+
+/// B-splines that do not vanish at a parameter.
+pub struct Basis {
+    /// The number of the first.
+    pub first: usize,
+    /// Their values, first and second derivatives, of which degree + 1 count.
+    pub values: [[f64; MOST]; 3],
+}
+
+impl Basis {
+    /// The B-splines of a degree (at most 7) at `t`, by the recursion of Cox and de Boor; beyond the
+    /// ends the outer polynomials go on.
+    pub fn at(knots: &[f64], degree: usize, t: f64) -> Self {
+        let last = knots.len() - degree - 2;
+        let inner = &knots[degree + 1..=last];
+        let span = degree + inner.partition_point(|k| *k <= t);
+        let mut levels = [[0.0; MOST]; 3];
+        let mut n = [0.0; MOST];
+        n[0] = 1.0;
+        for p in 1..=degree {
+            if p + 2 > degree {
+                levels[degree + 1 - p] = n;
+            }
+            let mut saved = 0.0;
+            for r in 0..p {
+                let (right, left) = (knots[span + r + 1], knots[span + r + 1 - p]);
+                let share = n[r] / (right - left);
+                n[r] = saved + (right - t) * share;
+                saved = (t - left) * share;
+            }
+            n[p] = saved;
+        }
+        let first = span - degree;
+        let mut values = [n, [0.0; MOST], [0.0; MOST]];
+        // Splines of one degree less, differenced; and of two degrees less, twice.
+        let difference = |lower: &[f64; MOST], p: usize| {
+            let mut out = [0.0; MOST];
+            let from = span - p;
+            for (j, out) in out.iter_mut().enumerate().take(p + 1) {
+                let width = |i: usize| knots[i + p] - knots[i];
+                let left = if j > 0 {
+                    lower[j - 1] / width(from + j)
+                } else {
+                    0.0
+                };
+                let right = if j < p {
+                    lower[j] / width(from + j + 1)
+                } else {
+                    0.0
+                };
+                *out = p as f64 * (left - right);
+            }
+            out
+        };
+        if degree >= 1 {
+            values[1] = difference(&levels[1], degree);
+        }
+        if degree >= 2 {
+            values[2] = difference(&difference(&levels[2], degree - 1), degree);
+        }
+        Self { first, values }
+    }
+}
+
+impl Graph {
+    /// How many B-splines of y there are.
+    pub fn columns(&self) -> usize {
+        self.knots[1].len() - self.degree - 1
+    }
+    /// How many B-splines of x there are.
+    pub fn rows(&self) -> usize {
+        self.knots[0].len() - self.degree - 1
+    }
+    /// The ends of x and of y.
+    pub fn domain(&self) -> [[f64; 2]; 2] {
+        [0, 1].map(|k| {
+            let knots = &self.knots[k];
+            [knots[0], knots[knots.len() - 1]]
+        })
+    }
+    /// h at x and y.
+    pub fn height(&self, [x, y]: [f64; 2]) -> Height {
+        let p = self.degree;
+        let [u, v] = [(0, x), (1, y)].map(|(k, t)| Basis::at(&self.knots[k], p, t));
+        let columns = self.columns();
+        let mut made = Height::default();
+        for i in 0..=p {
+            let from = (u.first + i) * columns + v.first;
+            let row = &self.heights[from..=from + p];
+            let along =
+                |d: usize| -> f64 { row.iter().zip(&v.values[d]).map(|(c, b)| c * b).sum() };
+            let [value, slope, second] = [along(0), along(1), along(2)];
+            let [b, db, ddb] = [u.values[0][i], u.values[1][i], u.values[2][i]];
+            made.value += b * value;
+            made.slope[0] += db * value;
+            made.slope[1] += b * slope;
+            made.second[0] += ddb * value;
+            made.second[1] += db * slope;
+            made.second[2] += b * second;
+        }
+        made
+    }
+    /// The signed distance of a point along z, by the length of the normal (−∂h/∂x, −∂h/∂y, 1), and
+    /// the unit normal: to first order the distance from the surface.
+    pub fn distance(&self, p: Point3) -> (f64, Point3) {
+        let [x, y, z] = self.axes.local(p);
+        let Height { value, slope, .. } = self.height([x, y]);
+        let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        let normal = [-slope[0], -slope[1], 1.0].map(|v| v / length);
+        ((z - value) / length, self.axes.vector(normal))
+    }
+    /// The second derivative of the distance along a tangent.
+    pub fn bending(&self, p: Point3, along: Point3) -> f64 {
+        let [x, y, _] = self.axes.local(p);
+        let Height { slope, second, .. } = self.height([x, y]);
+        let [a, b] = [dot(along, self.axes.x), dot(along, self.axes.y())];
+        let [xx, xy, yy] = second;
+        let length = (1.0 + slope[0] * slope[0] + slope[1] * slope[1]).sqrt();
+        -(xx * a * a + 2.0 * xy * a * b + yy * b * b) / length
+    }
+    /// The point above x and y.
+    pub fn point(&self, [x, y]: [f64; 2]) -> Point3 {
+        self.axes.point([x, y, self.height([x, y]).value])
+    }
+    /// ∂p/∂x × ∂p/∂y.
+    pub fn area_vector(&self, at: [f64; 2]) -> Point3 {
+        let [a, b] = self.height(at).slope;
+        self.axes.vector([-a, -b, 1.0])
+    }
+    /// The control points, as the coefficients are ordered: x and y are Greville's abscissae.
+    pub fn control(&self) -> Vec<Point3> {
+        let greville = |k: usize| -> Vec<f64> {
+            let knots = &self.knots[k];
+            let count = knots.len() - self.degree - 1;
+            let mean = |i: usize| knots[i + 1..=i + self.degree].iter().sum::<f64>();
+            (0..count).map(|i| mean(i) / self.degree as f64).collect()
+        };
+        let (xs, ys) = (greville(0), greville(1));
+        let all = xs.iter().flat_map(|x| ys.iter().map(move |y| [*x, *y]));
+        all.zip(&self.heights)
+            .map(|([x, y], h)| self.axes.point([x, y, *h]))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{norm, sub};
+
+    /// Clamped knots with unequal spans.
+    fn knots(degree: usize, inner: &[f64]) -> Vec<f64> {
+        let end = |t: f64| std::iter::repeat_n(t, degree + 1);
+        end(0.0)
+            .chain(inner.iter().copied())
+            .chain(end(2.0))
+            .collect()
+    }
+
+    #[test]
+    fn the_basis_adds_to_one_and_its_derivatives_are_differences() {
+        for degree in 2..=5 {
+            let knots = knots(degree, &[0.3, 1.1, 1.2]);
+            for t in [0.0, 0.1, 0.3, 0.9, 1.15, 1.9, 2.0] {
+                let b = Basis::at(&knots, degree, t);
+                let sums = b.values.map(|v| v.iter().sum::<f64>());
+                assert!((sums[0] - 1.0).abs() < 1e-13, "{degree} {t} {sums:?}");
+                assert!(sums[1].abs() < 1e-11 && sums[2].abs() < 1e-9, "{sums:?}");
+            }
+            // Within one span, so that differences are of one polynomial.
+            let (t, h) = (0.7, 1e-4);
+            let [a, b, c] = [t - h, t, t + h].map(|t| Basis::at(&knots, degree, t).values);
+            for j in 0..=degree {
+                assert!(((c[0][j] - a[0][j]) / (2.0 * h) - b[1][j]).abs() < 1e-6);
+                let second = (c[0][j] - 2.0 * b[0][j] + a[0][j]) / (h * h);
+                assert!((second - b[2][j]).abs() < 1e-5, "{second} {}", b[2][j]);
+            }
+        }
+    }
+
+    #[test]
+    fn control_points_carry_the_plane_and_distances_are_those_of_the_surface() {
+        let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
+        let degree = 3;
+        let mut graph = Graph {
+            axes,
+            degree,
+            knots: [knots(degree, &[0.5]), knots(degree, &[0.4, 1.3])],
+            heights: vec![0.0; 5 * 6],
+        };
+        // With heights of a linear function of Greville's abscissae h is that function.
+        let flat = graph.control();
+        graph.heights = flat
+            .iter()
+            .map(|p| {
+                let [x, y, _] = axes.local(*p);
+                0.5 * x - 0.25 * y + 0.1
+            })
+            .collect();
+        for at in [[0.0, 0.0], [0.7, 1.9], [2.0, 1.3]] {
+            let h = graph.height(at);
+            assert!((h.value - (0.5 * at[0] - 0.25 * at[1] + 0.1)).abs() < 1e-14);
+            assert!((h.slope[0] - 0.5).abs() + (h.slope[1] + 0.25).abs() < 1e-13);
+            let p = graph.point(at);
+            let n = graph.area_vector(at);
+            let off = std::array::from_fn(|k| p[k] + 0.3 * n[k] / norm(n));
+            let (d, normal) = graph.distance(off);
+            assert!((d - 0.3).abs() < 1e-14, "{d}");
+            assert!(norm(sub(normal, n.map(|v| v / norm(n)))) < 1e-14);
+        }
+    }
+}
