@@ -45,8 +45,10 @@ pub struct Built {
     /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a face,
     /// or a limit where two functions join smoothly.
     pub meeting: Vec<[Locus; 2]>,
-    /// By part of the representation, the part of the mesh whose function stands for it.
-    pub functions: Vec<String>,
+    /// The part of the mesh that each triangle belongs to.
+    pub part_of: Vec<u32>,
+    /// Names of the parts of the mesh.
+    pub part_names: Vec<String>,
     /// The largest side of the box of the model.
     pub size: f64,
 }
@@ -70,6 +72,7 @@ pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Bui
     let mut builder = Builder {
         sheets: &sheets,
         pieces: &list,
+        part_names: &names,
         mesh,
         across,
         apexes: BTreeSet::new(),
@@ -95,8 +98,6 @@ struct Sheets {
     parts: Vec<u32>,
     /// By part of the representation, its name.
     names: Vec<String>,
-    /// The name of the first part of the mesh in it.
-    functions: Vec<String>,
 }
 
 impl Sheets {
@@ -142,7 +143,6 @@ impl Sheets {
             loci: Vec::new(),
             parts: Vec::new(),
             names: Vec::new(),
-            functions: Vec::new(),
         };
         for k in (0..list.len()).filter(|k| up[*k] == *k) {
             let sheet = made.loci.len() as u32;
@@ -157,17 +157,16 @@ impl Sheets {
             }
             made.pieces.push(k as u32);
             made.loci.push(list[k].locus.clone());
-            made.name(of.join("+"), of[0]);
+            made.name(of.join("+"));
         }
         made
     }
 
     /// Gives the last sheet its part of the representation: that of its name.
-    fn name(&mut self, name: String, function: &str) {
+    fn name(&mut self, name: String) {
         let known = self.names.iter().position(|n| *n == name);
         let part = known.unwrap_or_else(|| {
             self.names.push(name);
-            self.functions.push(function.to_owned());
             self.names.len() - 1
         });
         self.parts.push(part as u32);
@@ -191,6 +190,7 @@ impl Sheets {
 struct Builder<'a> {
     sheets: &'a Sheets,
     pieces: &'a [Piece],
+    part_names: &'a [String],
     mesh: Labelled,
     across: Vec<[Side; 3]>,
     /// Nodes at apexes of cones.
@@ -377,7 +377,8 @@ impl Builder<'_> {
             triangles: mesh.triangles.clone(),
             face_of: topology.face_of,
             meeting,
-            functions: self.sheets.functions.clone(),
+            part_of: mesh.parts.clone(),
+            part_names: self.part_names.to_vec(),
             size: self.size,
         })
     }

@@ -352,16 +352,16 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
 fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
     let Built { brep, .. } = built;
     let surface = &brep.faces[face].surface;
-    let name = &built.functions[brep.faces[face].part as usize];
-    let Some(piece) = solid.names().iter().position(|n| n == name) else {
-        return f64::INFINITY;
-    };
     let own: Vec<usize> = (0..built.triangles.len())
         .filter(|t| built.face_of[*t] as usize == face)
         .collect();
     let every = own.len().div_ceil(PLACES).max(1);
     let mut worst = 0.0f64;
     for t in own.into_iter().step_by(every) {
+        let name = &built.part_names[built.part_of[t] as usize];
+        let Some(piece) = solid.names().iter().position(|n| n == name) else {
+            return f64::INFINITY;
+        };
         let corners = built.triangles[t].map(|v| built.points[v as usize]);
         let p = meet([surface], middle(corners));
         let (value, g) = solid.gradient(piece as u32, p);

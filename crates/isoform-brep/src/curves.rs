@@ -20,6 +20,8 @@ pub(crate) const SPLINE_GAP: f64 = 5e-10;
 /// It may leave the zero set of a function by this: the face there is a spline itself, and a hundred
 /// times farther away.
 const FUNCTION_GAP: f64 = 1e-8;
+/// A curve is told by the points between so many pieces at least: any three are on a circle.
+const FEWEST: usize = 8;
 /// Tangents turn by less than this between points that splines start with: cosine of 30°.
 const TURN: f64 = 0.866;
 /// How often a piece of a spline is halved at most.
@@ -44,13 +46,14 @@ pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
     let mut path = vec![wanted.ends[0]];
     path.extend_from_slice(wanted.between);
     path.push(wanted.ends[1]);
-    let middles = path
-        .windows(2)
-        .map(|w| std::array::from_fn(|k| 0.5 * (w[0][k] + w[1][k])));
-    let mut near: Vec<Point3> = Vec::with_capacity(2 * path.len());
-    for (i, m) in middles.enumerate() {
-        near.extend((i > 0).then(|| path[i]));
-        near.push(m);
+    let parts = FEWEST.div_ceil(path.len() - 1).max(2);
+    let mut near: Vec<Point3> = Vec::with_capacity(parts * path.len());
+    for (i, w) in path.windows(2).enumerate() {
+        near.extend((i > 0).then_some(w[0]));
+        near.extend((1..parts).map(|n| {
+            let s = n as f64 / parts as f64;
+            std::array::from_fn(|k| (1.0 - s) * w[0][k] + s * w[1][k])
+        }));
     }
     let mut points = vec![wanted.ends[0]];
     points.extend(near.into_iter().map(|p| meet(wanted.surfaces, p)));

@@ -35,6 +35,8 @@ const CROSSING: f64 = 0.3;
 pub(crate) struct Labelled {
     pub(crate) points: Vec<Point3>,
     pub(crate) triangles: Vec<[u32; 3]>,
+    /// The part of the mesh that each triangle belongs to.
+    pub(crate) parts: Vec<u32>,
     /// The sheet that each triangle lies on: parts of the same surface are one.
     pub(crate) sheets: Vec<u32>,
     /// The component of the sheet, as it was before it was cut.
@@ -422,7 +424,7 @@ fn divide(
 
 /// Puts convex polygons, as fans, with their charts in the place of triangle t.
 fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
-    let (sheet, component) = (mesh.sheets[t], mesh.components[t]);
+    let (part, sheet, component) = (mesh.parts[t], mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
     for (nodes, chart) in polygons {
         for k in 1..nodes.len() - 1 {
@@ -431,6 +433,7 @@ fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
                 (mesh.triangles[t], mesh.charts[t]) = (triangle, *chart);
             } else {
                 mesh.triangles.push(triangle);
+                mesh.parts.push(part);
                 mesh.sheets.push(sheet);
                 mesh.components.push(component);
                 mesh.charts.push(*chart);

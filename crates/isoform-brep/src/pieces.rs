@@ -55,6 +55,7 @@ pub fn pieces(
     let mut labelled = Labelled {
         points: mesh.points.clone(),
         triangles: mesh.triangles.clone(),
+        parts: mesh.triangle_parts.clone(),
         sheets: mesh.triangle_parts.clone(),
         components: mesh.triangle_parts.clone(),
         charts: vec![0; mesh.triangles.len()],

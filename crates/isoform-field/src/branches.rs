@@ -20,8 +20,18 @@ use std::sync::Arc;
 /// The largest number of parts of a piece; a piece with more stays whole.
 const MOST_BRANCHES: usize = 32;
 
-/// The smooth parts of a model with the values `a` of its parameters.
+/// The smooth parts of a model with the values `a` of its parameters. A piece of more than 32 parts
+/// stays whole.
 pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
+    parts_up_to(model, a, MOST_BRANCHES)
+}
+
+/// The smooth parts of a model with the values `a` of its parameters; a piece that has more than `most`
+/// parts stays whole.
+///
+/// # Errors
+/// Those of [`Pieces::of_model`].
+pub fn parts_up_to(model: &Model, a: &[f64], most: usize) -> Result<Parts, SolidError> {
     let pieces = Pieces::of_model(model, a)?;
     let (mut graph, roots) = pieces.functions();
     // What is decided the same way by a zero is no question of its own.
@@ -29,7 +39,7 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     let (mut parts, mut known) = (Vec::new(), Known::default());
     for (piece, root) in roots.into_iter().enumerate() {
         let root = graph.lowered(root);
-        let branches = branches(&mut graph, root).unwrap_or_else(|| vec![(root, Vec::new())]);
+        let branches = branches(&mut graph, root, most).unwrap_or_else(|| vec![(root, Vec::new())]);
         for (root, limits) in branches {
             let field = known.field(&graph, root);
             let limits = limits.into_iter().map(|l| known.field(&graph, l)).collect();
@@ -105,8 +115,8 @@ impl Known {
 type Question = (NodeId, NodeId);
 
 /// The functions that a lowered expression consists of, each with the differences that are not
-/// negative where it holds; `None` if they are too many.
-fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
+/// negative where it holds; `None` if they are more than `most`.
+fn branches(graph: &mut Graph, root: NodeId, most: usize) -> Option<Vec<(NodeId, Vec<NodeId>)>> {
     let (mut pending, mut done) = (vec![(root, Vec::new())], Vec::new());
     while let Some((root, limits)) = pending.pop() {
         let Some(question) = first_question(graph, root) else {
@@ -115,7 +125,7 @@ fn branches(graph: &mut Graph, root: NodeId) -> Option<Vec<(NodeId, Vec<NodeId>)
             done.push((root, limits));
             continue;
         };
-        if pending.len() + done.len() >= MOST_BRANCHES {
+        if pending.len() + done.len() >= most {
             return None;
         }
         for (yes, difference) in [(true, question), (false, (question.1, question.0))] {

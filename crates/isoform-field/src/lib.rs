@@ -22,7 +22,7 @@ mod solid;
 mod split;
 mod tape;
 
-pub use branches::parts_of;
+pub use branches::{parts_of, parts_up_to};
 pub use distance::Distance;
 pub use graph::{Graph, Name, Node, NodeId};
 pub use interpreted::Interpreted;

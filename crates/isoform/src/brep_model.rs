@@ -6,13 +6,15 @@ use isoform_brep::{BrepError, Built, Certificate, check, pieces};
 use isoform_check::Capped;
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
-use isoform_field::{RunField, parts_of};
+use isoform_field::{RunField, parts_up_to};
 use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
 /// How far splines may be from the model where nothing else is asked for, in largest sides of its box.
 const TOLERANCE: f64 = 1e-6;
+/// Smooth parts of a piece: a block with rounded edges has some hundred.
+const MOST_PARTS: usize = 1024;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
 
@@ -84,7 +86,7 @@ pub fn brep_model(
             RunField::new(model, a).map_err(MeshModelError::from)?,
         ))
     } else {
-        parts_of(model, a).map_err(MeshModelError::from)?
+        parts_up_to(model, a, MOST_PARTS).map_err(MeshModelError::from)?
     };
     let pieces = pieces(labelled, solid, Some(&smooth), &quadric_through)?;
     let [x, y, z] = labelled.bounds().size();
