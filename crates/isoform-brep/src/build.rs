@@ -109,23 +109,19 @@ impl Sheets {
         across: &[[Side; 3]],
         same: f64,
     ) -> Self {
-        let mut points: Vec<Vec<Point3>> = vec![Vec::new(); list.len()];
         let mut meet = BTreeSet::new();
-        for (t, corners) in mesh.triangles.iter().enumerate() {
-            let piece = mesh.sheets[t];
-            points[piece as usize].extend(corners.map(|v| mesh.points[v as usize]));
+        for (t, &piece) in mesh.sheets.iter().enumerate() {
             let others = across[t].iter().map(|s| mesh.sheets[s.0 as usize]);
             meet.extend(others.filter(|o| piece < *o).map(|o| (piece, o)));
         }
         let holds = |surface: &Surface, points: &[Point3]| {
             points.iter().all(|p| surface.distance(*p).0.abs() <= same)
         };
+        let points = |k: usize| &list[k].nodes;
         let is_one = |a: usize, b: usize| match (&list[a].locus, &list[b].locus) {
+            _ if list[a].function.is_some() && list[a].function == list[b].function => true,
             (Locus::Exact(s), Locus::Exact(t)) => {
-                s.name() == t.name() && holds(s, &points[b]) && holds(t, &points[a])
-            }
-            (Locus::Zero(_), Locus::Zero(_)) => {
-                list[a].function.is_some() && list[a].function == list[b].function
+                s.name() == t.name() && holds(s, points(b)) && holds(t, points(a))
             }
             _ => false,
         };

@@ -370,7 +370,7 @@ fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
 }
 
 /// Where a cut passes between two points of a surface.
-pub(crate) fn crossing(ends: [Point3; 2], surface: &Locus, cut: &Locus) -> Point3 {
+pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Distance) -> Point3 {
     let [a, b] = ends.map(|p| cut.distance(p).0);
     let s = a / (a - b);
     let p = std::array::from_fn(|k| (1.0 - s) * ends[0][k] + s * ends[1][k]);

@@ -12,7 +12,7 @@ const FREE: f64 = 1e-10;
 
 /// The point near `start` that lies on all the surfaces, or as nearly as the iteration gets: steps
 /// of Gauss and Newton, the shortest ones where the point is free.
-pub(crate) fn meet<'s, S: Distance + 's>(
+pub(crate) fn meet<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S> + Clone,
     start: Point3,
 ) -> Point3 {
@@ -30,7 +30,7 @@ pub(crate) fn meet<'s, S: Distance + 's>(
 }
 
 /// The largest distance of a point from the surfaces.
-pub(crate) fn gap<'s, S: Distance + 's>(
+pub(crate) fn gap<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S>,
     p: Point3,
 ) -> f64 {
@@ -43,7 +43,7 @@ pub(crate) fn gap<'s, S: Distance + 's>(
 }
 
 /// The step of least squares.
-fn step<'s, S: Distance + 's>(
+fn step<'s, S: Distance + ?Sized + 's>(
     surfaces: impl IntoIterator<Item = &'s S>,
     p: Point3,
 ) -> Option<Point3> {

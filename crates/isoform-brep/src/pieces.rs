@@ -9,12 +9,14 @@ use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::locus::{Distance, Locus};
 use crate::surfaces::{Part, Recognize};
 use crate::topology::ends_of;
-use isoform_geom::{Field, Mesh, Parts, Point3, SmoothPart, Solid, dot, middle};
+use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid, dot, middle};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Limits whose values differ by no more than this share of the largest are one, or opposite.
 const SAME: f64 = 1e-12;
+/// Fewer nodes away from the borders of a piece say nothing of its surface.
+const FEW: usize = 12;
 /// Limits of one part that divide it, at most: further ones are left alone.
 const MOST: usize = 64;
 
@@ -25,6 +27,8 @@ pub(crate) struct Piece {
     pub(crate) part: u32,
     /// What it lies on.
     pub(crate) locus: Locus,
+    /// Nodes on it, away from its borders if it has such.
+    pub(crate) nodes: Vec<Point3>,
     /// What may bound it within its part.
     pub(crate) limits: Vec<Arc<dyn Field>>,
     /// The number of its function, if it has one: equal for pieces of one function.
@@ -61,82 +65,156 @@ pub fn pieces(
         charts: vec![0; mesh.triangles.len()],
         cuts: Vec::new(),
     };
-    let mut found: Vec<(u32, Option<&SmoothPart>)> = Vec::new();
+    let mut found: Vec<Found<'_>> = Vec::new();
     for (part, name) in mesh.parts.iter().enumerate() {
         let piece = solid.names().iter().position(|n| n == name).unwrap_or(0) as u32;
         let of_piece = |p: &&SmoothPart| p.piece == piece;
-        let own: Vec<&SmoothPart> =
+        let branches: Vec<&SmoothPart> =
             smooth.map_or(Vec::new(), |s| s.parts.iter().filter(of_piece).collect());
-        let is_one = own.iter().all(|p| p.function == own[0].function);
-        let labels: BTreeMap<u32, usize> = if is_one {
-            BTreeMap::new()
-        } else {
-            Seams::new(&labelled, part as u32, &own).divide(&mut labelled)
-        };
-        let base = found.len() as u32;
-        if labels.is_empty() {
-            found.push((part as u32, own.first().copied()));
+        let part = part as u32;
+        if branches.iter().all(|p| p.function == branches[0].function) {
+            let own = own(&labelled, part);
+            label(&mut labelled, &own, found.len());
+            found.push(Found {
+                part,
+                piece,
+                branches: branches.into_iter().take(1).collect(),
+            });
+            continue;
         }
-        let mut numbers: BTreeMap<usize, u32> = BTreeMap::new();
-        for t in 0..labelled.triangles.len() {
-            if labelled.components[t] != part as u32 {
-                continue;
-            }
-            let branch = labels.get(&(t as u32)).copied();
-            labelled.sheets[t] = branch.map_or(base, |branch| {
-                *numbers.entry(own[branch].function).or_insert_with(|| {
-                    found.push((part as u32, Some(own[branch])));
-                    found.len() as u32 - 1
-                })
+        let of =
+            Seams::new(&labelled, part, Whole { solid, piece }, &branches).divide(&mut labelled);
+        for (branches, triangles) in of.into_values() {
+            label(&mut labelled, &triangles, found.len());
+            found.push(Found {
+                part,
+                piece,
+                branches,
             });
         }
     }
     labelled.charts = vec![0; labelled.triangles.len()];
-    let mut nodes: Vec<Vec<u32>> = vec![Vec::new(); found.len()];
-    for (corners, piece) in labelled.triangles.iter().zip(&labelled.sheets) {
-        nodes[*piece as usize].extend_from_slice(corners);
+    let mut list = Vec::with_capacity(found.len());
+    for (found, nodes) in found.iter().zip(found_nodes(&labelled, &found)) {
+        let name = &mesh.parts[found.part as usize];
+        list.push(found.piece(nodes, name, mesh.bounds(), solid, recognize)?);
     }
-    let list = found
-        .into_iter()
-        .zip(nodes)
-        .map(|((part, smooth), mut nodes)| {
-            nodes.sort_unstable();
-            nodes.dedup();
-            let points: Vec<Point3> = nodes.iter().map(|v| labelled.points[*v as usize]).collect();
-            let name = &mesh.parts[part as usize];
-            let whole = solid.names().iter().position(|n| n == name).unwrap_or(0) as u32;
-            let function = |p: Point3| match smooth {
-                Some(smooth) => {
-                    let jet = smooth.field.jet(p);
-                    (jet.v, jet.g)
-                }
-                None => solid.gradient(whole, p),
-            };
-            let of = Part {
-                function: &function,
-                bounds: mesh.bounds(),
-                name,
-            };
-            let locus = match (of.surface(&points, recognize), smooth) {
-                (Ok(surface), _) => Locus::Exact(surface),
-                (Err(error @ BrepError::Spindle { .. }), _) | (Err(error), None) => {
-                    return Err(error);
-                }
-                (Err(_), Some(smooth)) => Locus::Zero(smooth.field.clone()),
-            };
-            Ok(Piece {
-                part,
-                locus,
-                limits: smooth.map_or(Vec::new(), |s| s.limits.clone()),
-                function: smooth.map(|s| s.function),
-            })
-        });
-    let list = list.collect::<Result<_, BrepError>>()?;
+    share_surfaces(&mut list);
     Ok(Pieces {
         mesh: labelled,
         list,
         names: mesh.parts.clone(),
     })
+}
+
+/// Labels triangles by their piece.
+fn label(mesh: &mut Labelled, triangles: &[u32], piece: usize) {
+    for t in triangles {
+        mesh.sheets[*t as usize] = piece as u32;
+    }
+}
+
+/// A piece, before it is known what it lies on.
+struct Found<'a> {
+    part: u32,
+    /// The piece of the solid.
+    piece: u32,
+    /// The smooth parts of its function, if there are such.
+    branches: Vec<&'a SmoothPart>,
+}
+
+impl Found<'_> {
+    /// Whether a point is where the function is that of the piece.
+    fn holds(&self, p: Point3) -> bool {
+        let all = |b: &&SmoothPart| b.limits.iter().all(|l| l.value(p) >= 0.0);
+        self.branches.iter().any(all)
+    }
+
+    /// The piece with its surface or function.
+    fn piece(
+        &self,
+        nodes: Vec<Point3>,
+        name: &str,
+        bounds: Aabb,
+        solid: &dyn Solid,
+        recognize: &Recognize<'_>,
+    ) -> Result<Piece, BrepError> {
+        let smooth = self.branches.first();
+        let function = |p: Point3| match smooth {
+            Some(smooth) => {
+                let jet = smooth.field.jet(p);
+                (jet.v, jet.g)
+            }
+            None => solid.gradient(self.piece, p),
+        };
+        let of = Part {
+            function: &function,
+            bounds,
+            name,
+        };
+        let locus = match (of.surface(&nodes, recognize), smooth) {
+            (Ok(surface), _) => Locus::Exact(surface),
+            (Err(error @ BrepError::Spindle { .. }), _) | (Err(error), None) => {
+                return Err(error);
+            }
+            (Err(_), Some(smooth)) => Locus::Zero(smooth.field.clone()),
+        };
+        let limits = self.branches.iter().flat_map(|b| b.limits.iter().cloned());
+        Ok(Piece {
+            part: self.part,
+            locus,
+            nodes,
+            limits: limits.collect(),
+            function: smooth.map(|s| s.function),
+        })
+    }
+}
+
+/// The nodes that each piece is recognised from: those where its own function is the one that counts,
+/// or, of a part with one function, those that it shares with no other piece: where pieces join
+/// smoothly nodes lie near the seam, not on it. All nodes where only a few are left.
+fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
+    let mut of: Vec<Vec<u32>> = vec![Vec::new(); mesh.points.len()];
+    for (corners, piece) in mesh.triangles.iter().zip(&mesh.sheets) {
+        for v in corners {
+            if !of[*v as usize].contains(piece) {
+                of[*v as usize].push(*piece);
+            }
+        }
+    }
+    let (mut inner, mut all) = (vec![Vec::new(); found.len()], vec![Vec::new(); found.len()]);
+    for (v, labels) in of.iter().enumerate() {
+        let p = mesh.points[v];
+        for piece in labels.iter().map(|k| *k as usize) {
+            all[piece].push(p);
+            let of = &found[piece];
+            let has_limits = of.branches.iter().any(|b| !b.limits.is_empty());
+            if if has_limits {
+                of.holds(p)
+            } else {
+                labels.len() == 1
+            } {
+                inner[piece].push(p);
+            }
+        }
+    }
+    let each = inner.into_iter().zip(all);
+    each.map(|(inner, all)| if inner.len() < FEW { all } else { inner })
+        .collect()
+}
+
+/// Pieces of one function lie on one surface: a sliver takes it from a larger piece.
+fn share_surfaces(list: &mut [Piece]) {
+    let known: BTreeMap<usize, Locus> = list
+        .iter()
+        .filter(|p| p.locus.surface().is_some())
+        .filter_map(|p| Some((p.function?, p.locus.clone())))
+        .collect();
+    for piece in list.iter_mut().filter(|p| p.locus.surface().is_none()) {
+        if let Some(locus) = piece.function.and_then(|f| known.get(&f)) {
+            piece.locus = locus.clone();
+        }
+    }
 }
 
 /// A question that divides a part: a limit, whose negative may be another one.
@@ -157,14 +235,29 @@ impl Question {
 /// Where the functions of a part change.
 struct Seams<'a> {
     part: u32,
-    branches: &'a [&'a SmoothPart],
+    whole: Whole<'a>,
+    branches: Vec<&'a SmoothPart>,
     questions: Vec<Question>,
     /// By branch, the questions and whether each limit is the question itself, or its negative.
     asked: Vec<Vec<(usize, bool)>>,
 }
 
+/// A piece of a solid with all of its functions.
+struct Whole<'a> {
+    solid: &'a dyn Solid,
+    piece: u32,
+}
+
+impl Distance for Whole<'_> {
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        let (value, g) = self.solid.gradient(self.piece, p);
+        let length = dot(g, g).sqrt();
+        (-value / length, g.map(|v| -v / length))
+    }
+}
+
 impl<'a> Seams<'a> {
-    fn new(mesh: &Labelled, part: u32, branches: &'a [&'a SmoothPart]) -> Self {
+    fn new(mesh: &Labelled, part: u32, whole: Whole<'a>, branches: &[&'a SmoothPart]) -> Self {
         let mut nodes: Vec<u32> = own(mesh, part)
             .into_iter()
             .flat_map(|t| mesh.triangles[t as usize])
@@ -173,7 +266,8 @@ impl<'a> Seams<'a> {
         nodes.dedup();
         let mut made = Self {
             part,
-            branches,
+            whole,
+            branches: branches.to_vec(),
             questions: Vec::new(),
             asked: Vec::new(),
         };
@@ -223,30 +317,34 @@ impl<'a> Seams<'a> {
             .unwrap_or(0)
     }
 
-    /// Divides the part where its questions are answered differently; the branch of each of its
-    /// triangles.
-    fn divide(&self, mesh: &mut Labelled) -> BTreeMap<u32, usize> {
+    /// Divides the part where its questions are answered differently; by function, its branches and
+    /// its triangles.
+    fn divide(&self, mesh: &mut Labelled) -> BTreeMap<usize, (Vec<&'a SmoothPart>, Vec<u32>)> {
         for (k, question) in self.questions.iter().enumerate() {
             if !question.divides() {
                 continue;
             }
             let locus = Locus::Zero(question.limit.clone());
-            let cross = |ends: [Point3; 2]| {
-                let half = std::array::from_fn(|i| 0.5 * (ends[0][i] + ends[1][i]));
-                let branch = self.branches[self.branch_at(half)];
-                crossing(ends, &Locus::Zero(branch.field.clone()), &locus)
-            };
             let cut = Cut {
                 own: &own(mesh, self.part),
                 bit: k as u32,
                 locus: &locus,
-                crossing: &cross,
+                crossing: &|ends| crossing(ends, &self.whole, &locus),
                 is_vertex: &|_| false,
             };
             let _new = imprint(mesh, &cut);
         }
-        let triangles = own(mesh, self.part).into_iter();
-        triangles.map(|t| (t, self.branch_of(mesh, t))).collect()
+        let mut made: BTreeMap<usize, (Vec<&SmoothPart>, Vec<u32>)> = BTreeMap::new();
+        for t in own(mesh, self.part) {
+            let function = self.branches[self.branch_of(mesh, t)].function;
+            made.entry(function).or_default().1.push(t);
+        }
+        for &branch in &self.branches {
+            if let Some(of) = made.get_mut(&branch.function) {
+                of.0.push(branch);
+            }
+        }
+        made
     }
 
     /// The branch of a triangle, by the sides of the seams that it lies on.
