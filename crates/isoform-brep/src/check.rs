@@ -7,7 +7,7 @@ use crate::measure::{Measure, of_face, total};
 use crate::newton::meet;
 use crate::shells::volume;
 use crate::topology::ends_of;
-use isoform_geom::brep::Surface;
+use isoform_geom::brep::{Brep, Ellipsoid, Surface};
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::fmt;
@@ -45,6 +45,8 @@ pub enum Finding {
     },
     /// Faces with handles, or without a border: their Euler number is not 2 less their loops.
     NotPlanar(usize),
+    /// Edges leave the domain of the spline of their face.
+    OffDomain(String),
     /// Edges or vertices leave the surfaces of their faces.
     Gap(f64),
     /// A face leaves the function of its part.
@@ -98,6 +100,7 @@ impl fmt::Display for Finding {
                 write!(f, "the Euler number is {found}, that of the mesh {mesh}")
             }
             Self::NotPlanar(n) => write!(f, "{n} faces have a handle, or no border"),
+            Self::OffDomain(face) => write!(f, "the face {face} leaves the domain of its spline"),
             Self::Gap(by) => write!(f, "an edge is {by:.2e} away from a surface of its faces"),
             Self::Distance { face, by } => {
                 write!(f, "the face {face} is {by:.2e} away from the model")
@@ -188,6 +191,7 @@ pub fn check(built: &Built, solid: &dyn Solid, tolerance: f64, open: Vec<String>
         ..Certificate::default()
     };
     examine_topology(built, &mut made);
+    examine_domains(brep, &mut made);
     let limit = (0.1 * TOLERANCE * size).min(tolerance);
     examine_edges(built, [limit, tolerance], &mut made);
     made.distances = (0..brep.faces.len())
@@ -237,6 +241,36 @@ fn examine_topology(built: &Built, made: &mut Certificate) {
     let bad = (0..own.len()).filter(|f| !is_planar(*f)).count();
     if bad > 0 {
         made.failures.push(Finding::NotPlanar(bad));
+    }
+}
+
+/// Whether points of the edges of faces lie in the domains of their splines.
+fn examine_domains(brep: &Brep, made: &mut Certificate) {
+    for (f, face) in brep.faces.iter().enumerate() {
+        let is_in = |p: Point3| match &face.surface {
+            Surface::Graph(graph) => {
+                let at = graph.axes.local(p);
+                let domain = graph.domain();
+                (0..2).all(|k| domain[k][0] < at[k] && at[k] < domain[k][1])
+            }
+            Surface::Ellipsoid(ball) => {
+                let at = ball.in_chart(p);
+                at.iter().all(|v| v.abs() < Ellipsoid::REACH)
+            }
+            _ => true,
+        };
+        let along = |edge: u32| {
+            let breaks = brep.breaks(edge);
+            let pieces = breaks.windows(2).map(|w| [w[0], w[1]]).collect::<Vec<_>>();
+            pieces.into_iter().flat_map(|[a, b]| {
+                (0..SAMPLES).map(move |k| a + (b - a) * k as f64 / SAMPLES as f64)
+            })
+        };
+        let edges = face.loops.iter().flatten().map(|c| c.edge);
+        let all_in = |e: u32| along(e).all(|s| is_in(brep.along(e, s).0));
+        if !edges.into_iter().all(all_in) {
+            made.failures.push(Finding::OffDomain(brep.face_name(f)));
+        }
     }
 }
 

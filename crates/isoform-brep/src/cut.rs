@@ -6,6 +6,7 @@
 //! Cuts are put away from the vertices, and across the edges that they meet.
 
 use crate::arcs::Arcs;
+use crate::fit::cone;
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
 use crate::topology::ends_of;
@@ -117,22 +118,13 @@ pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) 
 
 /// The direction about which points lie, seen from the origin, if they lie within a cap: its cosine is
 /// `cap`.
-pub(crate) fn cap_direction(
-    points: impl Iterator<Item = Point3> + Clone,
-    cap: f64,
-) -> Option<Point3> {
-    let out = |d: Point3| {
+pub(crate) fn cap_direction(points: impl Iterator<Item = Point3>, cap: f64) -> Option<Point3> {
+    let units = points.map(|d| {
         let r = norm(d);
         d.map(|v| v / r)
-    };
-    let mut sum = [0.0; 3];
-    for n in points.clone().map(out) {
-        (0..3).for_each(|k| sum[k] += n[k]);
-    }
-    let length = norm(sum);
-    let direction = sum.map(|v| v / length);
-    let mut all = points.map(out);
-    (length > 0.0 && all.all(|n| dot(n, direction) > cap)).then_some(direction)
+    });
+    let (direction, least) = cone(&units.collect::<Vec<_>>());
+    (least > cap).then_some(direction)
 }
 
 /// Chooses cuts of a component.
@@ -214,41 +206,41 @@ impl<'a> Chooser<'a> {
         if cap_direction(nodes, cap).is_some() {
             return Vec::new();
         }
-        let planes = |k: usize| {
+        let normals = |k: usize| {
             let z = spread(k);
             let [x, y] = across(z);
             let (sin, cos) = (2.399_963 * k as f64).sin_cos();
             let x: Point3 = std::array::from_fn(|i| cos * x[i] + sin * y[i]);
             [x, cross(z, x), z]
-                .map(|n| Surface::Plane(Axes::along(center, in_space(n))))
-                .to_vec()
         };
-        let poles_away = |cuts: &[Surface]| {
+        // How near the border comes to a pole of the three frames, on the unit sphere.
+        let poles_away = |normals: [Point3; 3]| {
             let border = self.outline.around.iter().flatten();
             let near = |v: &u32| {
-                let along = |c: &Surface| dot(sub(self.point(*v), center), c.axes().z).abs();
-                cuts.iter().map(along).fold(0.0, f64::max)
+                let q = out(self.point(*v));
+                normals.iter().map(|n| dot(q, *n).abs()).fold(0.0, f64::max)
             };
             let nearest = border.map(near).fold(0.0, f64::max);
-            2.0 * (radius - nearest).max(0.0)
+            2.0 * radius * (1.0 - nearest).max(0.0)
         };
-        self.best_by((0..TURNS).map(planes), poles_away)
+        let mut best = (f64::NEG_INFINITY, Vec::new());
+        for normals in (0..TURNS).map(normals) {
+            let planes = normals.map(|n| Surface::Plane(Axes::along(center, in_space(n))));
+            let each = planes.iter().map(|c| self.score(c));
+            let score = each.fold(poles_away(normals), f64::min);
+            if score > best.0 {
+                best = (score, planes.to_vec());
+            }
+        }
+        best.1
     }
 
+    /// The candidate that is farthest from trouble; the first of equal ones.
     fn best(&self, candidates: impl Iterator<Item = Vec<Surface>>) -> Vec<Surface> {
-        self.best_by(candidates, |_| f64::INFINITY)
-    }
-
-    /// The candidate with the largest score; the first of equal ones.
-    fn best_by(
-        &self,
-        candidates: impl Iterator<Item = Vec<Surface>>,
-        more: impl Fn(&[Surface]) -> f64,
-    ) -> Vec<Surface> {
         let mut best = (f64::NEG_INFINITY, Vec::new());
         for cuts in candidates {
             let each = cuts.iter().map(|c| self.score(c));
-            let score = each.fold(more(&cuts), f64::min);
+            let score = each.fold(f64::INFINITY, f64::min);
             if score > best.0 {
                 best = (score, cuts);
             }

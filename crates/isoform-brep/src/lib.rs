@@ -21,6 +21,7 @@ mod measure;
 mod newton;
 mod pieces;
 mod place;
+mod seams;
 mod shells;
 mod surfaces;
 mod topology;

@@ -5,20 +5,17 @@
 //! the part ([`SmoothPart::limits`]).
 
 use crate::BrepError;
-use crate::cut::{Cut, Labelled, crossing, imprint};
-use crate::locus::{Distance, Locus};
+use crate::cut::Labelled;
+use crate::locus::Locus;
+use crate::seams::{Seams, Whole};
 use crate::surfaces::{Part, Recognize};
 use crate::topology::ends_of;
-use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid, dot, middle};
+use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// Limits whose values differ by no more than this share of the largest are one, or opposite.
-const SAME: f64 = 1e-12;
 /// Fewer nodes away from the borders of a piece say nothing of its surface.
 const FEW: usize = 12;
-/// Limits of one part that divide it, at most: further ones are left alone.
-const MOST: usize = 64;
 
 /// A smooth piece of a surface.
 #[derive(Clone)]
@@ -217,200 +214,11 @@ fn share_surfaces(list: &mut [Piece]) {
     }
 }
 
-/// A question that divides a part: a limit, whose negative may be another one.
-struct Question {
-    limit: Arc<dyn Field>,
-    /// Values at nodes of the part.
-    values: Vec<f64>,
-}
-
-impl Question {
-    /// Whether it is answered differently at nodes of the part.
-    fn divides(&self) -> bool {
-        let has = |positive: bool| self.values.iter().any(|v| (*v > 0.0) == positive);
-        has(true) && has(false)
-    }
-}
-
-/// Where the functions of a part change.
-struct Seams<'a> {
-    part: u32,
-    whole: Whole<'a>,
-    branches: Vec<&'a SmoothPart>,
-    questions: Vec<Question>,
-    /// By branch, the questions and whether each limit is the question itself, or its negative.
-    asked: Vec<Vec<(usize, bool)>>,
-}
-
-/// A piece of a solid with all of its functions.
-struct Whole<'a> {
-    solid: &'a dyn Solid,
-    piece: u32,
-}
-
-impl Distance for Whole<'_> {
-    fn distance(&self, p: Point3) -> (f64, Point3) {
-        let (value, g) = self.solid.gradient(self.piece, p);
-        let length = dot(g, g).sqrt();
-        (-value / length, g.map(|v| -v / length))
-    }
-}
-
-impl<'a> Seams<'a> {
-    fn new(mesh: &Labelled, part: u32, whole: Whole<'a>, branches: &[&'a SmoothPart]) -> Self {
-        let mut nodes: Vec<u32> = own(mesh, part)
-            .into_iter()
-            .flat_map(|t| mesh.triangles[t as usize])
-            .collect();
-        nodes.sort_unstable();
-        nodes.dedup();
-        let mut made = Self {
-            part,
-            whole,
-            branches: branches.to_vec(),
-            questions: Vec::new(),
-            asked: Vec::new(),
-        };
-        for branch in branches {
-            let mut asked = Vec::new();
-            for limit in &branch.limits {
-                let value = |v: &u32| limit.value(mesh.points[*v as usize]);
-                asked.extend(made.ask(limit, nodes.iter().map(value).collect()));
-            }
-            made.asked.push(asked);
-        }
-        made
-    }
-
-    /// The number of the question that a limit answers, and whether it is the question itself.
-    fn ask(&mut self, limit: &Arc<dyn Field>, values: Vec<f64>) -> Option<(usize, bool)> {
-        let scale = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let near = |sign: f64| {
-            let is_near = |known: &Question| {
-                let mut each = known.values.iter().zip(&values);
-                each.all(|(a, b)| (a - sign * b).abs() <= SAME * scale)
-            };
-            self.questions.iter().position(is_near)
-        };
-        if let Some(k) = near(1.0) {
-            return Some((k, true));
-        }
-        if let Some(k) = near(-1.0) {
-            return Some((k, false));
-        }
-        if self.questions.len() >= MOST {
-            return None;
-        }
-        let limit = limit.clone();
-        self.questions.push(Question { limit, values });
-        Some((self.questions.len() - 1, true))
-    }
-
-    /// The branch that holds at a point, as nearly as that can be said.
-    fn branch_at(&self, p: Point3) -> usize {
-        let least = |b: &usize| {
-            let limits = self.branches[*b].limits.iter();
-            limits.map(|l| l.value(p)).fold(f64::INFINITY, f64::min)
-        };
-        let all = 0..self.branches.len();
-        all.max_by(|a, b| least(a).total_cmp(&least(b)).then(b.cmp(a)))
-            .unwrap_or(0)
-    }
-
-    /// Divides the part where its questions are answered differently; by function, its branches and
-    /// its triangles.
-    fn divide(&self, mesh: &mut Labelled) -> BTreeMap<usize, (Vec<&'a SmoothPart>, Vec<u32>)> {
-        for (k, question) in self.questions.iter().enumerate() {
-            if !question.divides() {
-                continue;
-            }
-            let locus = Locus::Zero(question.limit.clone());
-            let cut = Cut {
-                own: &own(mesh, self.part),
-                bit: k as u32,
-                locus: &locus,
-                crossing: &|ends| crossing(ends, &self.whole, &locus),
-                is_vertex: &|_| false,
-            };
-            let _new = imprint(mesh, &cut);
-        }
-        let mut made: BTreeMap<usize, (Vec<&SmoothPart>, Vec<u32>)> = BTreeMap::new();
-        for t in own(mesh, self.part) {
-            let function = self.branches[self.branch_of(mesh, t)].function;
-            made.entry(function).or_default().1.push(t);
-        }
-        for &branch in &self.branches {
-            if let Some(of) = made.get_mut(&branch.function) {
-                of.0.push(branch);
-            }
-        }
-        made
-    }
-
-    /// The branch of a triangle, by the sides of the seams that it lies on.
-    fn branch_of(&self, mesh: &Labelled, t: u32) -> usize {
-        let p = middle(mesh.triangles[t as usize].map(|v| mesh.points[v as usize]));
-        let positive = |k: usize| {
-            if self.questions[k].divides() {
-                // Distances are positive where the limit is negative.
-                mesh.charts[t as usize] >> k & 1 == 0
-            } else {
-                self.questions[k].values.iter().any(|v| *v > 0.0)
-            }
-        };
-        let holds = |b: &usize| {
-            self.asked[*b]
-                .iter()
-                .all(|&(k, is_own)| positive(k) == is_own)
-        };
-        (0..self.branches.len())
-            .find(holds)
-            .unwrap_or_else(|| self.branch_at(p))
-    }
-}
-
 /// The triangles of a part.
-fn own(mesh: &Labelled, part: u32) -> Vec<u32> {
+pub(crate) fn own(mesh: &Labelled, part: u32) -> Vec<u32> {
     let all = 0..mesh.triangles.len() as u32;
     all.filter(|t| mesh.components[*t as usize] == part)
         .collect()
-}
-
-/// The limit along which two pieces join, near some points in order; none if there is none within
-/// their distances.
-pub(crate) fn seam(pieces: [&Piece; 2], points: &[Point3]) -> Option<Locus> {
-    let reach = points
-        .windows(2)
-        .map(|w| isoform_geom::norm(isoform_geom::sub(w[0], w[1])))
-        .fold(0.0, f64::max);
-    let limits = pieces.into_iter().flat_map(|p| &p.limits);
-    let off = |locus: &Locus| {
-        let each = points.iter().map(|p| {
-            let (d, n) = locus.distance(*p);
-            if dot(n, n) > 0.5 {
-                d.abs()
-            } else {
-                f64::INFINITY
-            }
-        });
-        each.fold(0.0, f64::max)
-    };
-    let all = limits.map(|l| {
-        let locus = Locus::Zero(l.clone());
-        (off(&locus), locus)
-    });
-    let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
-    (best.0 <= reach).then_some(best.1)
-}
-
-/// The largest angle between neighbours' normals along points (radians): how far two loci are from
-/// touching.
-pub(crate) fn largest_angle(loci: [&Locus; 2], points: &[Point3]) -> f64 {
-    let sine = |p: &Point3| {
-        let [a, b] = loci.map(|l| l.distance(crate::newton::meet([l], *p)).1);
-        isoform_geom::norm(isoform_geom::cross(a, b))
-    };
-    points.iter().map(sine).fold(0.0, f64::max).min(1.0).asin()
 }
 
 /// The sides of some triangles.

@@ -17,6 +17,16 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
+    /// Half the width of the stereographic chart that files hold: all within 63.6° of its middle; from
+    /// 0.7 on a weight would not be positive.
+    pub const REACH: f64 = 0.62;
+
+    /// The parameters s and t of a point in the stereographic chart ([`Self::chart`]); large ones for
+    /// points on the far side.
+    pub fn in_chart(&self, p: Point3) -> [f64; 2] {
+        let [x, y, z] = self.sphere.local(self.shrunk(p));
+        [z, y].map(|v| v / (1.0 - x).max(1e-9))
+    }
     /// With the frame of the sphere along the half axes.
     pub fn new(axes: Axes, half: [f64; 3]) -> Self {
         let sphere = Axes {
@@ -202,6 +212,12 @@ mod tests {
             );
             assert!(dot(across, n) > 0.999 * norm(across));
         }
+        assert!(
+            ball.in_chart(at(0.75, 0.25))
+                .iter()
+                .zip([0.3, -0.3])
+                .all(|(a, b)| (a - b).abs() < 1e-14)
+        );
         // The middle is the direction that the sphere faces away from.
         let q = ball.shrunk(at(0.5, 0.5));
         assert!(norm(sub(q, [0.48, 0.6, 0.64])) < 1e-15, "{q:?}");

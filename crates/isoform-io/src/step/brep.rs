@@ -21,10 +21,6 @@ const COLORS: [Point3; 6] = [
     [0.75, 0.55, 0.55],
 ];
 
-/// Half the width of the stereographic chart of an ellipsoid: it holds all within 63.6° of its middle,
-/// and faces keep to 60°; from 0.7 on a weight would not be positive.
-const CHART: f64 = 0.62;
-
 /// What a file of solids says of them beside their faces, to be compared by the reader.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SolidProperties {
@@ -261,7 +257,7 @@ impl<'a> Writer<'a> {
 
     /// The chart of an ellipsoid that lies about the x of its sphere, as a rational biquadratic patch.
     fn ellipsoid(&mut self, ball: &Ellipsoid) -> usize {
-        let (control, weights) = ball.chart(CHART);
+        let (control, weights) = ball.chart(Ellipsoid::REACH);
         let points = self.grid(control.as_flattened(), 3);
         let weights: Vec<String> = weights.iter().map(|row| reals(row)).collect();
         self.doc.add(&format!(

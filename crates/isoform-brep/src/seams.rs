@@ -1,0 +1,225 @@
+//! Where the functions of a part change, and the part with them.
+//!
+//! Each function of a part has limits, beyond which another one counts. A limit divides only triangles
+//! in which the function changes: most of what limits say makes no difference on the surface.
+
+use crate::cut::{Cut, Labelled, crossing, imprint};
+use crate::locus::{Distance, Locus};
+use crate::newton::meet;
+use crate::pieces::{Piece, own};
+use crate::topology::ends_of;
+use isoform_geom::{Field, Point3, SmoothPart, Solid, cross, dot, middle, norm, sub};
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+/// Limits whose values differ by no more than this share of the largest are one, or opposite.
+const SAME: f64 = 1e-12;
+/// Nodes at which limits are compared, at most.
+const COMPARED: usize = 48;
+/// Questions of a part at most: limits beyond are left alone.
+const MOST: usize = 128;
+
+/// A question: whether a limit is positive. The negative of the limit may be another one.
+struct Question {
+    limit: Arc<dyn Field>,
+    /// Values at some nodes of the part.
+    values: Vec<f64>,
+}
+
+/// Where the functions of a part change.
+pub(crate) struct Seams<'a> {
+    part: u32,
+    whole: Whole<'a>,
+    branches: Vec<&'a SmoothPart>,
+    questions: Vec<Question>,
+    /// By branch, the questions and whether each limit is the question itself, or its negative.
+    asked: Vec<Vec<(usize, bool)>>,
+}
+
+/// A piece of a solid with all of its functions.
+pub(crate) struct Whole<'a> {
+    pub(crate) solid: &'a dyn Solid,
+    pub(crate) piece: u32,
+}
+
+impl Distance for Whole<'_> {
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        let (value, g) = self.solid.gradient(self.piece, p);
+        let length = dot(g, g).sqrt();
+        (-value / length, g.map(|v| -v / length))
+    }
+}
+
+/// The answers at a node, and the function that follows from them.
+struct Answers {
+    values: Vec<f64>,
+    function: usize,
+}
+
+impl<'a> Seams<'a> {
+    /// Of a part with the smooth parts of its piece.
+    pub(crate) fn new(
+        mesh: &Labelled,
+        part: u32,
+        whole: Whole<'a>,
+        branches: &[&'a SmoothPart],
+    ) -> Self {
+        let own = own(mesh, part);
+        let every = own.len().div_ceil(COMPARED).max(1);
+        let corners = own.iter().step_by(every);
+        let points: Vec<Point3> = corners
+            .map(|t| mesh.points[mesh.triangles[*t as usize][0] as usize])
+            .collect();
+        let mut made = Self {
+            part,
+            whole,
+            branches: branches.to_vec(),
+            questions: Vec::new(),
+            asked: Vec::new(),
+        };
+        for branch in branches {
+            let limits = branch.limits.iter();
+            let asked = limits.filter_map(|l| made.ask(l, &points)).collect();
+            made.asked.push(asked);
+        }
+        made
+    }
+
+    /// The number of the question that a limit answers, and whether it is the question itself.
+    fn ask(&mut self, limit: &Arc<dyn Field>, points: &[Point3]) -> Option<(usize, bool)> {
+        let is_it = |q: &Question| Arc::ptr_eq(&q.limit, limit);
+        if let Some(k) = self.questions.iter().position(is_it) {
+            return Some((k, true));
+        }
+        let values: Vec<f64> = points.iter().map(|p| limit.value(*p)).collect();
+        let scale = values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let near = |sign: f64| {
+            let is_near = |known: &Question| {
+                let mut each = known.values.iter().zip(&values);
+                each.all(|(a, b)| (a - sign * b).abs() <= SAME * scale)
+            };
+            self.questions.iter().position(is_near)
+        };
+        let known = near(1.0).map(|k| (k, true));
+        if let Some(known) = known.or_else(|| near(-1.0).map(|k| (k, false))) {
+            return Some(known);
+        }
+        if self.questions.len() >= MOST {
+            return None;
+        }
+        let limit = limit.clone();
+        self.questions.push(Question { limit, values });
+        Some((self.questions.len() - 1, true))
+    }
+
+    /// The answers at a point. The branch is that whose least limit is largest: where none holds, as
+    /// just beside a seam, the one that is nearest to it.
+    fn answers(&self, p: Point3) -> Answers {
+        let questions = self.questions.iter();
+        let values: Vec<f64> = questions.map(|q| q.limit.value(p)).collect();
+        let least = |b: usize| {
+            let asked = self.asked[b].iter();
+            let each = asked.map(|&(k, is_own)| if is_own { values[k] } else { -values[k] });
+            each.fold(f64::INFINITY, f64::min)
+        };
+        let best = (0..self.branches.len()).max_by(|a, b| {
+            let by_limit = least(*a).total_cmp(&least(*b));
+            by_limit.then(b.cmp(a))
+        });
+        let function = self.branches[best.unwrap_or(0)].function;
+        Answers { values, function }
+    }
+
+    /// Divides the part where its function changes; by function, its branches and its triangles.
+    pub(crate) fn divide(
+        &self,
+        mesh: &mut Labelled,
+    ) -> BTreeMap<usize, (Vec<&'a SmoothPart>, Vec<u32>)> {
+        let mut answers: BTreeMap<u32, Answers> = BTreeMap::new();
+        for k in 0..self.questions.len() {
+            let changing = self.changing(mesh, k, &mut answers);
+            if changing.is_empty() {
+                continue;
+            }
+            let locus = Locus::Zero(self.questions[k].limit.clone());
+            let cut = Cut {
+                own: &changing,
+                bit: 0,
+                locus: &locus,
+                crossing: &|ends| crossing(ends, &self.whole, &locus),
+                is_vertex: &|_| false,
+            };
+            let _new = imprint(mesh, &cut);
+        }
+        let mut made: BTreeMap<usize, (Vec<&SmoothPart>, Vec<u32>)> = BTreeMap::new();
+        for t in own(mesh, self.part) {
+            let p = middle(mesh.triangles[t as usize].map(|v| mesh.points[v as usize]));
+            let function = self.answers(p).function;
+            made.entry(function).or_default().1.push(t);
+        }
+        for &branch in &self.branches {
+            if let Some(of) = made.get_mut(&branch.function) {
+                of.0.push(branch);
+            }
+        }
+        made
+    }
+
+    /// The triangles with an edge along which the function changes, and the answer to a question.
+    fn changing(
+        &self,
+        mesh: &Labelled,
+        k: usize,
+        answers: &mut BTreeMap<u32, Answers>,
+    ) -> Vec<u32> {
+        let mut own = own(mesh, self.part);
+        for v in own.iter().flat_map(|t| mesh.triangles[*t as usize]) {
+            let at = || self.answers(mesh.points[v as usize]);
+            answers.entry(v).or_insert_with(at);
+        }
+        own.retain(|t| {
+            (0..3).any(|side| {
+                let [a, b] = ends_of(&mesh.triangles[*t as usize], side).map(|v| &answers[&v]);
+                a.function != b.function && (a.values[k] > 0.0) != (b.values[k] > 0.0)
+            })
+        });
+        own
+    }
+}
+
+/// The limit along which two pieces join, near some points in order; none if there is none within
+/// their distances.
+pub(crate) fn seam(pieces: [&Piece; 2], points: &[Point3]) -> Option<Locus> {
+    let reach = points
+        .windows(2)
+        .map(|w| norm(sub(w[0], w[1])))
+        .fold(0.0, f64::max);
+    let limits = pieces.into_iter().flat_map(|p| &p.limits);
+    let off = |locus: &Locus| {
+        let each = points.iter().map(|p| {
+            let (d, n) = locus.distance(*p);
+            if dot(n, n) > 0.5 {
+                d.abs()
+            } else {
+                f64::INFINITY
+            }
+        });
+        each.fold(0.0, f64::max)
+    };
+    let all = limits.map(|l| {
+        let locus = Locus::Zero(l.clone());
+        (off(&locus), locus)
+    });
+    let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    (best.0 <= reach).then_some(best.1)
+}
+
+/// The largest angle between neighbours' normals along points (radians): how far two loci are from
+/// touching.
+pub(crate) fn largest_angle(loci: [&Locus; 2], points: &[Point3]) -> f64 {
+    let sine = |p: &Point3| {
+        let [a, b] = loci.map(|l| l.distance(meet([l], *p)).1);
+        norm(cross(a, b))
+    };
+    points.iter().map(sine).fold(0.0, f64::max).min(1.0).asin()
+}
