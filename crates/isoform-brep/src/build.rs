@@ -3,6 +3,7 @@
 use crate::charts::Smooth;
 use crate::curves::{Wanted, curve};
 use crate::cut::{Cut, Labelled, crossing, cuts_of, imprint, outlines};
+use crate::fit::normal_of;
 use crate::locus::Locus;
 use crate::measure::of_loops;
 use crate::newton::{gap, meet};
@@ -28,6 +29,9 @@ const ON: f64 = 1e-9;
 /// Neighbours whose normals differ by no more than this all along a border join smoothly there
 /// (radians): their edge is no crossing of the two.
 const TOUCHING: f64 = 0.02;
+/// A part with less than this share of a surface that it shares with others does not name it: slivers
+/// beside a blend belong to the part that goes on.
+const NAMED: f64 = 0.1;
 /// Splines are sought this much nearer to the model than is asked for: edges and samples are not
 /// everywhere.
 const NEARER: f64 = 0.25;
@@ -57,7 +61,8 @@ pub struct Built {
 /// The boundary representation of the solid whose surface the pieces are. Faces on splines are no more
 /// than `tolerance` (model units) away from their functions, at places.
 ///
-/// Pieces of one surface that run on into one another are one face, named after all of their parts.
+/// Pieces of one surface that run on into one another are one face, named after the parts that have
+/// more than a tenth of it.
 ///
 /// # Errors
 /// If the mesh is not closed, faces touch without an angle, a smooth face finds no splines, or the
@@ -111,7 +116,10 @@ impl Sheets {
         same: f64,
     ) -> Self {
         let mut meet = BTreeSet::new();
+        let mut area = vec![0.0; list.len()];
         for (t, &piece) in mesh.sheets.iter().enumerate() {
+            let corners = mesh.triangles[t].map(|v| mesh.points[v as usize]);
+            area[piece as usize] += norm(normal_of(&corners));
             let others = across[t].iter().map(|s| mesh.sheets[s.0 as usize]);
             meet.extend(others.filter(|o| piece < *o).map(|o| (piece, o)));
         }
@@ -143,12 +151,13 @@ impl Sheets {
         };
         for k in (0..list.len()).filter(|k| up[*k] == *k) {
             let sheet = made.loci.len() as u32;
-            let own = (k..list.len()).filter(|j| up[*j] == k);
+            let own: Vec<usize> = (k..list.len()).filter(|j| up[*j] == k).collect();
+            let whole: f64 = own.iter().map(|j| area[*j]).sum();
             let mut of: Vec<&str> = Vec::new();
             for j in own {
                 made.of_piece[j] = sheet;
                 let name = parts[list[j].part as usize].as_str();
-                if !of.contains(&name) {
+                if area[j] >= NAMED * whole && !of.contains(&name) {
                     of.push(name);
                 }
             }

@@ -86,10 +86,14 @@ fn farthest(points: &[Point3]) -> Point3 {
     *best.unwrap_or(&a)
 }
 
-/// Axes about `z` turned so that points run counterclockwise, with x towards `x`.
+/// Axes about `z` turned so that points run counterclockwise, with x towards `x`. All points have a say:
+/// the second may lie behind the first, where an end is not quite at a node of the mesh.
 fn oriented(center: Point3, z: Point3, x: Point3, points: &[Point3]) -> Axes {
-    let (r, d) = (sub(points[0], center), sub(points[1], points[0]));
-    let z = if dot(z, cross(r, d)) < 0.0 {
+    let swept = points.windows(2).map(|w| {
+        let (r, d) = (sub(w[0], center), sub(w[1], w[0]));
+        dot(z, cross(r, d))
+    });
+    let z = if swept.sum::<f64>() < 0.0 {
         z.map(|v| -v)
     } else {
         z

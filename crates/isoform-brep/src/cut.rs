@@ -365,6 +365,8 @@ fn signs(mesh: &Labelled, cut: &Cut<'_>) -> BTreeMap<u32, i32> {
 pub(crate) fn crossing(ends: [Point3; 2], surface: &dyn Distance, cut: &dyn Distance) -> Point3 {
     let [a, b] = ends.map(|p| cut.distance(p).0);
     let s = a / (a - b);
+    // A limit may have no gradient at an end.
+    let s = if (0.0..=1.0).contains(&s) { s } else { 0.5 };
     let p = std::array::from_fn(|k| (1.0 - s) * ends[0][k] + s * ends[1][k]);
     let on = meet([surface, cut], p);
     // The iteration may not leave the neighbourhood.

@@ -70,6 +70,8 @@ struct Known {
 
 /// Number of random places at which functions are compared.
 const PLACES: usize = 24;
+/// Functions are compared where at least so many of the values are numbers: roots have none everywhere.
+const FEWEST: usize = 6;
 /// The difference of two values, relative to 1 and the values, up to which they agree: above the
 /// rounding of a formula that is written in two ways.
 const SAME: f64 = 1e-12;
@@ -95,9 +97,12 @@ impl Known {
                 field.value([p[0], p[1], p[2]])
             })
             .collect();
+        let numbers = values.iter().filter(|v| v.is_finite()).count();
         let same = |other: &[f64]| {
-            let near = |(a, b): (&f64, &f64)| (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs()));
-            values.iter().zip(other).all(near)
+            let near = |(a, b): (&f64, &f64)| {
+                (a - b).abs() <= SAME * (1.0 + a.abs().max(b.abs())) || a.is_nan() && b.is_nan()
+            };
+            numbers >= FEWEST && values.iter().zip(other).all(near)
         };
         let found = self
             .by_values

@@ -15,6 +15,9 @@ use std::sync::Arc;
 const TOLERANCE: f64 = 1e-6;
 /// Smooth parts of a piece: a block with rounded edges has some hundred.
 const MOST_PARTS: usize = 1024;
+/// How often the mesh is halved where it gives no solid, or one whose certificate does not hold: small
+/// faces may lie between its nodes.
+const FINER: usize = 2;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
 
@@ -73,34 +76,106 @@ pub fn brep_model(
     if is_run && region.is_none() {
         return Err(MeshModelError::NoBox.into());
     }
-    let mut options = options.clone();
-    options.mesh.surface_only = true;
-    options.mesh.order = 1;
-    let mesh = mesh_solid(solid.as_ref(), &options, control)?;
     let capped = region.map(|region| Capped::new(solid.as_ref(), region));
-    let solid: &dyn Solid = capped.as_ref().map_or(solid.as_ref(), |c| c);
-    control.begin("recognition").map_err(BrepError::from)?;
-    let labelled = &mesh.meshed.mesh;
     let smooth = if is_run {
-        whole(Arc::new(
-            RunField::new(model, a).map_err(MeshModelError::from)?,
-        ))
+        let field = RunField::new(model, a).map_err(MeshModelError::from)?;
+        whole(Arc::new(field))
     } else {
         parts_up_to(model, a, MOST_PARTS).map_err(MeshModelError::from)?
     };
-    let pieces = pieces(labelled, solid, Some(&smooth), &quadric_through)?;
-    let [x, y, z] = labelled.bounds().size();
-    let tolerance = tolerance.unwrap_or(TOLERANCE * x.max(y).max(z));
-    let built = isoform_brep::brep(pieces, tolerance, control)?;
-    control
-        .begin("checking the solid")
-        .map_err(BrepError::from)?;
-    let certificate = check(&built, solid, tolerance, left_open(&mesh, &built));
-    Ok(ModelBrep {
-        built,
-        certificate,
-        mesh,
-    })
+    let work = Work {
+        meshed: solid.as_ref(),
+        solid: capped.as_ref().map_or(solid.as_ref(), |c| c),
+        smooth,
+        tolerance,
+        control,
+    };
+    let mut options = options.clone();
+    options.mesh.surface_only = true;
+    options.mesh.order = 1;
+    let is_free = options.size.is_none();
+    let mut first = work.at_size(&options)?;
+    for _ in 0..FINER {
+        let size = match &first {
+            Ok(made) if made.certificate.holds() => break,
+            Ok(made) => made.mesh.options.size,
+            Err(Refused { error, size }) if is_of_mesh(error) => *size,
+            Err(_) => break,
+        };
+        if !is_free {
+            break;
+        }
+        options.size = Some(options.size.unwrap_or(size) / 2.0);
+        let next = work.at_size(&options)?;
+        let is_better = match (&first, &next) {
+            (Err(_), Ok(_)) => true,
+            (Ok(a), Ok(b)) => b.certificate.failures.len() < a.certificate.failures.len(),
+            (_, Err(_)) => false,
+        };
+        if is_better {
+            first = next;
+        }
+    }
+    first.map_err(|refused| refused.error.into())
+}
+
+/// Whether a finer mesh may help.
+fn is_of_mesh(error: &BrepError) -> bool {
+    matches!(
+        error,
+        BrepError::NoVertex { .. } | BrepError::NoCurve { .. } | BrepError::OffSurface { .. }
+    )
+}
+
+/// Why a mesh of a size gave no boundary representation.
+struct Refused {
+    error: BrepError,
+    size: f64,
+}
+
+/// What stays the same while meshes become finer.
+struct Work<'a> {
+    /// The solid without the sides of the box.
+    meshed: &'a dyn Solid,
+    /// The solid within the box.
+    solid: &'a dyn Solid,
+    smooth: Parts,
+    tolerance: Option<f64>,
+    control: &'a Control<'a>,
+}
+
+impl Work<'_> {
+    /// The boundary representation with the topology of a mesh.
+    fn at_size(
+        &self,
+        options: &MeshModelOptions,
+    ) -> Result<Result<ModelBrep, Refused>, BrepModelError> {
+        let mesh = mesh_solid(self.meshed, options, self.control)?;
+        match self.of_mesh(&mesh) {
+            Ok((built, certificate)) => Ok(Ok(ModelBrep {
+                built,
+                certificate,
+                mesh,
+            })),
+            Err(BrepError::Stopped) => Err(BrepError::Stopped.into()),
+            Err(error) => Ok(Err(Refused {
+                error,
+                size: mesh.options.size,
+            })),
+        }
+    }
+
+    fn of_mesh(&self, mesh: &ModelMesh) -> Result<(Built, Certificate), BrepError> {
+        self.control.begin("recognition")?;
+        let labelled = &mesh.meshed.mesh;
+        let pieces = pieces(labelled, self.solid, Some(&self.smooth), &quadric_through)?;
+        let [x, y, z] = labelled.bounds().size();
+        let tolerance = self.tolerance.unwrap_or(TOLERANCE * x.max(y).max(z));
+        let built = isoform_brep::brep(pieces, tolerance, self.control)?;
+        self.control.begin("checking the solid")?;
+        let certificate = check(&built, self.solid, tolerance, left_open(mesh, &built));
+        Ok((built, certificate))
+    }
 }
 
 /// A surface with one function.
