@@ -19,8 +19,8 @@ pub(crate) const TOLERANCE: f64 = 1e-7;
 /// Shortest edges, and roots of the areas of faces, in tolerances.
 const SHORTEST: f64 = 10.0;
 /// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
-/// second number.
-const SMOOTH: [f64; 2] = [5.0, 0.01];
+/// second number; by up to the third where a tolerance above 1e-6 of the size is asked for.
+const SMOOTH: [f64; 3] = [5.0, 0.01, 0.1];
 /// The volume agrees with the limit of the meshes within this share: what their extrapolation is
 /// worth at the usual size of elements.
 const VOLUME: f64 = 1e-3;
@@ -376,7 +376,8 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
         };
         made.failures.push(Finding::Gap(gap));
     }
-    if made.smooth_angle > SMOOTH[1] {
+    let kink = SMOOTH[1] * (limits[1] / (1e-6 * size)).max(1.0);
+    if made.smooth_angle > kink.min(SMOOTH[2]) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
 }

@@ -107,8 +107,8 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
         ("empty", "m(x[3], a[1]) { m = 0 - 1 - x[1]*x[1]; }", 4),
         ("syntax", "m(x[3], a[1]) { m = x[1", 2),
         (
-            "ellipsoid",
-            "m(x[3], a[1]) { m = 1 - x[1]^2 - 2*x[2]^2 - 3*x[3]^2; }",
+            "spindle",
+            "m(x[3], a[1]) { array c[3]; c = [0, 0, 0]; m = hfTorusZ(x, c, 1, 1.2); }",
             4,
         ),
     ];
@@ -132,4 +132,89 @@ fn what_is_no_such_solid_is_refused_with_a_reason() {
         code(&isoform(&["brep", &model, "-q", "-o", &f.path("cone.obj")])),
         1
     );
+}
+
+/// A block of sides 20, 30 and 40 with edges and corners rounded by 3, as one function.
+const ROUNDED: &str = "m(x[3], a[1]) { qx = max(abs(x[1]) - 7, 0); qy = max(abs(x[2]) - 12, 0); \
+    qz = max(abs(x[3]) - 17, 0); in = min(max(abs(x[1]) - 7, max(abs(x[2]) - 12, abs(x[3]) - 17)), 0); \
+    m = 3 - sqrt(qx^2 + qy^2 + qz^2) - in; }\n";
+/// A boss of radius 1 on a plate of radius 2, joined by a parabola of width 0.3 that turns about z.
+const FILLET: &str = "m(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); top = -x[3]; side = 1 - r; \
+    h = max(0.3 - abs(top - side), 0); joined = max(top, side) + h*h/1.2; \
+    m = min(joined, min(2 - r, min(x[3] + 0.5, 1 - x[3]))); }\n";
+
+fn kinds(j: &Value, kind: &str) -> usize {
+    let faces = j["faces"].as_array().expect("faces");
+    faces.iter().filter(|f| f["type"] == kind).count()
+}
+
+#[test]
+fn an_ellipsoid_is_eight_exact_charts_and_its_sections_are_ellipses() {
+    let f = Folder::new("brep-ellipsoid");
+    let text = "m(x[3], a[1]) { m = 1 - (x[1] - 5)^2/4 - x[2]^2 - 4*x[3]^2; }\n";
+    let (exit, j) = brep(&f.file("whole.hf", text), &["-o", &f.path("w.step")]);
+    assert_eq!((exit, kinds(&j, "spline")), (0, 8));
+    assert!(near(&j["volume"], 4.0 / 3.0 * PI), "{}", j["volume"]);
+    let step = fs::read_to_string(f.path("w.step")).expect("a file");
+    assert_eq!(step.matches("RATIONAL_B_SPLINE_SURFACE").count(), 8);
+    assert_eq!(step.matches("=B_SPLINE_CURVE").count(), 0);
+    // Half of it, by a plane through the centre that is no plane of symmetry.
+    let half = "m(x[3], a[1]) { m = min(1 - (x[1] - 5)^2/4 - x[2]^2 - 4*x[3]^2, \
+        x[1] - 5 + x[2] - 2*x[3]); }\n";
+    let (exit, j) = brep(&f.file("half.hf", half), &[]);
+    assert!(exit == 0 && near(&j["volume"], 2.0 / 3.0 * PI), "{j}");
+}
+
+#[test]
+fn a_rounded_block_is_taken_apart_into_exact_faces() {
+    let f = Folder::new("brep-rounded");
+    let (exit, j) = brep(&f.file("rounded.hf", ROUNDED), &[]);
+    let count = ["plane", "cylinder", "sphere", "spline"].map(|k| kinds(&j, k));
+    assert_eq!((exit, count), (0, [6, 12, 8, 0]));
+    // Steiner's formula for the block of sides 14, 24 and 34 and a distance of 3.
+    let (a, b, c, r) = (14.0, 24.0, 34.0, 3.0);
+    let volume = a * b * c
+        + 2.0 * r * (a * b + b * c + c * a)
+        + PI * r * r * (a + b + c)
+        + 4.0 / 3.0 * PI * r * r * r;
+    assert!(near(&j["volume"], volume), "{} {volume}", j["volume"]);
+}
+
+#[test]
+fn a_blend_is_a_spline_between_exact_faces() {
+    let f = Folder::new("brep-fillet");
+    let model = f.file("fillet.hf", FILLET);
+    let (exit, j) = brep(&model, &["-o", &f.path("f.step")]);
+    assert_eq!(
+        (exit, kinds(&j, "spline") > 0),
+        (0, true),
+        "{}",
+        j["certificate"]
+    );
+    assert!(kinds(&j, "cylinder") == 4 && kinds(&j, "plane") == 3, "{j}");
+    // By rings: plate, boss, and what the blend adds, (0.3 − |t − s|)²/1.2 beyond the larger one. On the
+    // blend, z = u and r = 1 + w with √u + √w = √0.3.
+    let n = 2000;
+    let added = (0..n)
+        .map(|i| {
+            let w = 0.3 * (i as f64 + 0.5) / n as f64;
+            let u = (0.3f64.sqrt() - w.sqrt()).powi(2);
+            2.0 * PI * (1.0 + w) * u * 0.3 / n as f64
+        })
+        .sum::<f64>();
+    let volume = 2.0 * PI + PI + added;
+    let found = j["volume"].as_f64().unwrap_or(0.0);
+    assert!((found / volume - 1.0).abs() < 1e-5, "{found} {volume}");
+    let splines = j["faces"].as_array().expect("faces").iter();
+    let off = splines.map(|f| f["max_distance"].as_f64().unwrap_or(1.0));
+    assert!(off.fold(0.0, f64::max) <= 4e-6, "a millionth of the size");
+    // A larger tolerance needs fewer control points, and one thread gives the bytes of two.
+    let more = ["--tol", "1e-4", "-o", &f.path("g.step")];
+    assert_eq!(brep(&model, &more).0, 0);
+    let size = |name: &str| fs::metadata(f.path(name)).map_or(0, |m| m.len());
+    assert!(size("g.step") < size("f.step"));
+    let more = ["--threads", "1", "-o", &f.path("h.step")];
+    assert_eq!(brep(&model, &more).0, 0);
+    let read = |name: &str| fs::read(f.path(name)).expect("a file");
+    assert!(read("h.step") == read("f.step"));
 }

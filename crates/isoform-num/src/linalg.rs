@@ -228,6 +228,28 @@ mod tests {
     }
 
     #[test]
+    fn a_band_is_solved_as_the_whole_matrix() {
+        let (n, band) = (9, 3);
+        let entry = |i: usize, j: usize| match i.abs_diff(j) {
+            0 => 4.0 + i as f64,
+            d if d <= band => 1.0 / (1.0 + (d + i.min(j)) as f64),
+            _ => 0.0,
+        };
+        let mut whole: Vec<f64> = (0..n * n).map(|k| entry(k / n, k % n)).collect();
+        let mut narrow: Vec<f64> = (0..n * (band + 1))
+            .map(|k| (k / (band + 1), k / (band + 1) + k % (band + 1)))
+            .map(|(i, j)| if j < n { entry(i, j) } else { 0.0 })
+            .collect();
+        let mut x: Vec<f64> = (0..n).map(|i| (i as f64).cos()).collect();
+        let mut expected = x.clone();
+        assert!(cholesky(&mut whole, n));
+        cholesky_solve(&whole, n, &mut expected);
+        assert!(banded_solve(&mut narrow, band, &mut x));
+        assert!(x.iter().zip(&expected).all(|(a, b)| (a - b).abs() < 1e-15));
+        assert!(!banded_solve(&mut [1.0, 2.0, 1.0, 0.0], 1, &mut [0.0; 2]));
+    }
+
+    #[test]
     fn cholesky_refuses_an_indefinite_matrix() {
         assert!(!cholesky(&mut [1.0, 2.0, 2.0, 1.0], 2));
     }
