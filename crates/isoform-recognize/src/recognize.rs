@@ -7,8 +7,10 @@ use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
 use crate::grow::core;
+use crate::patterns::patterns;
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
+use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 
@@ -147,8 +149,19 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         NONE => None,
         label => Some(rank[label as usize]),
     };
+    let entities: Vec<Entity> = order.iter().map(entity).collect();
+    let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
+    let set = Set {
+        known: &known,
+        outward: &outward,
+        points: &points,
+        noise: found.noise,
+    };
+    let patterns = patterns(&set, (scaling.unit, scaling.origin));
     Recognition {
-        entities: order.iter().map(entity).collect(),
+        entities,
+        symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
+        patterns,
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
         blends: blends(&known, &points, pairs, scaling.unit),
