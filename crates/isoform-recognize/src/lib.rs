@@ -12,6 +12,7 @@ mod fit;
 mod grow;
 mod kinds;
 mod local;
+mod orient;
 mod patterns;
 mod recognize;
 mod relations;

@@ -262,3 +262,51 @@ fn the_order_of_points_changes_nothing() {
     assert_eq!(found.patterns, other.patterns);
     assert_eq!(found.symmetries, other.symmetries);
 }
+
+/// Normals of neighbours lead round the edges of a thin wall to the wrong side.
+#[test]
+fn the_faces_of_thin_walls_face_outwards() {
+    // An angle of two thin walls.
+    let l = vec![
+        [0.0, 0.0],
+        [1.6, 0.0],
+        [1.6, 0.05],
+        [0.05, 0.05],
+        [0.05, 1.2],
+        [0.0, 1.2],
+    ];
+    let angle = Plate {
+        thickness: 1.0,
+        ..Plate::of(l)
+    };
+    each(&angle, 1..4, |found, noise| {
+        for (i, e) in found
+            .entities
+            .iter()
+            .enumerate()
+            .filter(|e| e.1.points > 300)
+        {
+            let isoform_geom::Quadric::Plane { normal, offset } = e.surface else {
+                panic!("{e:?}");
+            };
+            // Its own plane across the wall is the nearest behind it.
+            let behind = found
+                .entities
+                .iter()
+                .enumerate()
+                .filter_map(|(j, o)| match o.surface {
+                    isoform_geom::Quadric::Plane {
+                        normal: n,
+                        offset: d,
+                    } if j != i && isoform_geom::dot(n, normal).abs() > 0.99 => {
+                        Some(isoform_geom::dot(n, normal).signum() * d - offset)
+                    }
+                    _ => None,
+                });
+            let way = behind
+                .min_by(|a, b| a.abs().total_cmp(&b.abs()))
+                .expect("a wall");
+            assert_eq!(f64::from(e.outward), -way.signum(), "{noise} {i} {way}");
+        }
+    });
+}
