@@ -131,3 +131,124 @@ fn pattern(chain: &Chain, sites: &Sites<'_>, unit: f64, origin: Point3) -> Patte
         deviation: chain.off * unit,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::{Kind, MOST, frame};
+    use crate::relations::Known;
+    use std::f64::consts::TAU;
+
+    /// What deviations parameters have here.
+    const SIGMA: f64 = 1e-4;
+
+    fn surface(kind: Kind, place: Point3, axis: Point3) -> Surface {
+        Surface {
+            kind,
+            place,
+            axis,
+            size: 0.05,
+            other: if kind == Kind::Torus { 0.01 } else { 0.4 },
+        }
+    }
+
+    /// Patterns of surfaces, each moved by up to a deviation or so in all parameters.
+    fn found(surfaces: &[Surface]) -> Vec<Pattern> {
+        let mut random = isoform_num::Random::new(3);
+        let known = |s: &Surface| {
+            let mut covariance = [[0.0; MOST]; MOST];
+            (0..s.kind.parameters()).for_each(|k| covariance[k][k] = SIGMA * SIGMA);
+            Known {
+                surface: s.moved(&[(); MOST].map(|()| SIGMA * random.symmetric())),
+                covariance,
+            }
+        };
+        let known: Vec<Known> = surfaces.iter().map(known).collect();
+        let set = Set {
+            known: &known,
+            outward: &vec![1; known.len()],
+            points: &[],
+            noise: SIGMA,
+        };
+        patterns(&set, (1.0, [0.0; 3]))
+    }
+
+    /// Places on a circle about an axis.
+    fn places(n: usize, axis: Point3) -> Vec<Point3> {
+        let [e, f] = frame(axis);
+        let place = |k: usize| {
+            let (sin, cos) = (TAU * k as f64 / n as f64).sin_cos();
+            std::array::from_fn(|i| 0.1 + 0.3 * (cos * e[i] + sin * f[i]))
+        };
+        (0..n).map(place).collect()
+    }
+
+    #[test]
+    fn balls_cones_and_tori_on_a_circle_are_one() {
+        let axis = crate::chart::unit([1.0, -2.0, 0.5]);
+        for kind in [Kind::Sphere, Kind::Cylinder, Kind::Cone, Kind::Torus] {
+            let all: Vec<Surface> = places(5, axis)
+                .into_iter()
+                .enumerate()
+                .map(|(k, p)| {
+                    // Cones may begin at different heights, and axes point either way.
+                    let sign = if k % 2 == 0 { 1.0 } else { -1.0 };
+                    let mut s = surface(kind, p, axis.map(|x| sign * x));
+                    if kind == Kind::Cone {
+                        s.other *= sign;
+                        s.size += 0.01 * k as f64;
+                    }
+                    s
+                })
+                .collect();
+            let [pattern] = &found(&all)[..] else {
+                panic!("{kind:?}: {:?}", found(&all));
+            };
+            let Layout::Circle {
+                radius, is_closed, ..
+            } = pattern.layout
+            else {
+                panic!("{pattern:?}");
+            };
+            assert!(
+                is_closed && (radius - 0.3).abs() < 3.0 * SIGMA,
+                "{pattern:?}"
+            );
+            assert!(pattern.deviation > 0.0 && pattern.deviation < 4.0 * SIGMA);
+            // One out of the circle: what is left of five is an arc of four.
+            let mut off = all.clone();
+            off[2].place = std::array::from_fn(|k| all[2].place[k] * 1.05 - 0.005);
+            let members: Vec<usize> = found(&off).iter().map(|p| p.members.len()).collect();
+            assert_eq!(members, [4], "{kind:?}");
+        }
+    }
+
+    #[test]
+    fn tori_along_an_axis_and_balls_on_a_line_are_rows() {
+        let axis = crate::chart::unit([1.0, -2.0, 0.5]);
+        for kind in [Kind::Sphere, Kind::Torus] {
+            let at = |k: f64| surface(kind, axis.map(|x| 0.07 * k * x), axis);
+            let all: Vec<Surface> = [3.0, 0.0, 2.0, 1.0, 5.0].map(at).to_vec();
+            let [pattern] = &found(&all)[..] else {
+                panic!("{kind:?}: {:?}", found(&all));
+            };
+            assert_eq!(pattern.members, [[0], [2], [3], [1]]);
+            let Layout::Row { spacing, .. } = pattern.layout else {
+                panic!("{pattern:?}");
+            };
+            assert!((spacing - 0.07).abs() < 3.0 * SIGMA);
+        }
+    }
+
+    #[test]
+    fn pieces_of_one_bore_are_one_member_and_other_radii_none() {
+        let at = |x: f64, z: f64| surface(Kind::Cylinder, [x, 0.0, z], [0.0, 0.0, 1.0]);
+        let mut all = [at(0.0, 0.0), at(0.1, 0.0), at(0.2, 0.0), at(0.1, 0.3)].to_vec();
+        let members = |all: &[Surface]| -> Vec<Vec<Vec<usize>>> {
+            found(all).into_iter().map(|p| p.members).collect()
+        };
+        assert_eq!(members(&all), [[vec![0], vec![1, 3], vec![2]]]);
+        all[2].size += 20.0 * SIGMA;
+        assert_eq!(members(&all), [] as [Vec<Vec<usize>>; 0]);
+    }
+}

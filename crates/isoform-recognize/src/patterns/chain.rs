@@ -5,6 +5,9 @@ use crate::chart::{Kind, MOST, Row, Surface};
 use crate::compare::{Fitted, Observation, Whitener, difference, fit_model};
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
+/// Two rows that have two members in common are on one line.
+const LINE: usize = 2;
+
 /// The circle of a chain.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Circle {
@@ -87,10 +90,14 @@ impl Chain {
         norm(sites.way(self.members[0], self.members[1]))
     }
 
-    /// Whether all members are in another chain of the kind, or on one circle with it.
+    /// Whether it is on the line of another row, or all of it on another circle.
     pub(super) fn is_part_of(&self, other: &Self) -> bool {
-        self.circle.is_some() == other.circle.is_some()
-            && self.members.iter().all(|m| other.members.contains(m))
+        let shared = self.members.iter().filter(|m| other.members.contains(m));
+        let most = match self.circle {
+            None => LINE,
+            Some(_) => self.members.len(),
+        };
+        self.circle.is_some() == other.circle.is_some() && shared.count() >= most
     }
 
     /// The surface and the circle for common parameters.
