@@ -1,7 +1,7 @@
 //! Patterns: equal entities in a row at equal distances, and on a circle at equal angles.
 //!
-//! Chains grow from two or three neighbours by the next entity where the pattern expects it, as long
-//! as a common fit of all (one surface, moved on by the pitch) holds for all and each of them.
+//! Chains grow from two or three neighbours by the next entity where the pattern expects it, as
+//! long as a common fit of all (one surface, moved on by the pitch) holds for all and each of them.
 
 mod chain;
 mod circles;
@@ -16,7 +16,7 @@ pub(crate) use chain::turned;
 use isoform_geom::{Point3, cross, norm, sub};
 use sites::{Sites, classes};
 
-/// The step of a diagonal is made of at most this many of each of two rows, but for this share of it.
+/// The step of a diagonal is made of at most this many of each of two rows, but for this share.
 const STEPS: i32 = 3;
 const OFF: f64 = 0.05;
 /// Circles of this many members and less come from grids.
@@ -57,8 +57,8 @@ fn accepted(mut new: Vec<Chain>, sites: &Sites<'_>, mut all: Vec<Chain>) -> Vec<
 }
 
 /// Whether a chain is what a grid or a circle has anyway: a row of members of others whose step is
-/// made of theirs; a square, or three about an axis, in rows; a circle each of which is in a row with its
-/// neighbour; an arc that leaves another circle.
+/// made of theirs; a square, or three about an axis, in rows; a circle each of which is in a row with
+/// its neighbour; an arc that leaves another circle.
 fn is_implied(chain: &Chain, all: &[Chain]) -> bool {
     let of = |m: usize| {
         let holds = move |r: &&Chain| r.circle.is_none() && r.members.contains(&m);

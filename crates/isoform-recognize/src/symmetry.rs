@@ -135,7 +135,7 @@ impl Search<'_> {
         let all: Vec<Option<Found>> = candidates.into_par_iter().map(|m| self.tried(m)).collect();
         let mut found: Vec<Found> = Vec::new();
         for one in all.into_iter().flatten() {
-            // The fuller one of two that differ in what they leave out; an axis may point either way.
+            // The fuller one of two that differ in what they leave out; axes point either way.
             let agree = |f: &Found| {
                 let mut pairs = f.images.iter().zip(&one.images);
                 f.motion.is_near(&one.motion, LOOSE)
@@ -222,7 +222,7 @@ impl Search<'_> {
         })
     }
 
-    /// For each entity the one nearest to its image, if not too many have none; those of `out` have.
+    /// For each entity the one nearest to its image, if few have none; those of `out` have none.
     fn images(&self, motion: &Motion, out: &[usize]) -> Option<Vec<Option<usize>>> {
         let mut without = (0, 0);
         let mut images = Vec::with_capacity(self.set.known.len());
