@@ -3,7 +3,7 @@
 //! A model predicts each entity's surface from common parameters θ. The differences r of entities
 //! from it, whitened by their covariances, are made least in squares (Gauss–Newton). Their sum is
 //! of χ² where the model is true; by how much it falls without one entity, rᵀ(1 − H)⁻¹r with the
-//! leverage H, tells whether that one belongs (deletion of one observation: R. Cook and S. Weisberg,
+//! leverage H, tells whether that one belongs (deletion of one observation: R. Cook, S. Weisberg,
 //! Residuals and Influence in Regression, 1982, ch. 2).
 
 use crate::chart::{Kind, MOST, Row, Surface};

@@ -57,8 +57,8 @@ fn accepted(mut new: Vec<Chain>, sites: &Sites<'_>, mut all: Vec<Chain>) -> Vec<
 }
 
 /// Whether a chain is what a grid or a circle has anyway: a row of members of others whose step is
-/// made of theirs; a square, or three about an axis, in rows; a circle each of which is in a row with
-/// its neighbour; an arc that leaves another circle.
+/// made of theirs; a square, or three about an axis, in rows; a circle each of which is in a row
+/// with its neighbour; an arc that leaves another circle.
 fn is_implied(chain: &Chain, all: &[Chain]) -> bool {
     let of = |m: usize| {
         let holds = move |r: &&Chain| r.circle.is_none() && r.members.contains(&m);

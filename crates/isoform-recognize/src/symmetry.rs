@@ -348,7 +348,7 @@ fn distance(a: &Surface, b: &Surface) -> Option<f64> {
     is_near.then(|| (apart + norm(sub(a.place, b.place)).powi(2)).sqrt())
 }
 
-/// For the difference of an entity from the image of another, or of itself: (1 − J) C (1 − J)ᵀ then,
+/// For the difference of an entity from the image of another, or itself: (1 − J) C (1 − J)ᵀ then,
 /// with the derivatives J of the image, which leaves nothing of what the motion does not change.
 fn whitener(motion: &Motion, a: &Known, b: &Known, is_same: bool) -> Whitener {
     let which: Vec<usize> = (0..b.surface.kind.parameters()).collect();

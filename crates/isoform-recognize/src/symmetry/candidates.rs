@@ -28,8 +28,8 @@ fn middle(a: Point3, b: Point3) -> Point3 {
     std::array::from_fn(|k| (a[k] + b[k]) / 2.0)
 }
 
-/// Planes that map one of two surfaces to the other, or each to itself, of all pairs with one of the
-/// first `most`.
+/// Planes that map one of two surfaces to the other, or each to itself, of all pairs with one of
+/// the first `most`.
 pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
     let mut found = Vec::new();
     for (i, a) in surfaces.iter().enumerate().take(most) {

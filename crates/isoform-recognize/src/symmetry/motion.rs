@@ -71,7 +71,7 @@ impl Motion {
         turned(v, axis, self.angle)
     }
 
-    /// Whether two planes or two axes are within an angle and a length about the middle of the scan.
+    /// Whether two planes or two axes are within an angle and a length about the scan's middle.
     pub(super) fn is_near(&self, other: &Self, (angle, length): (f64, f64)) -> bool {
         let [a, b] = [&self.element, &other.element].map(|s| s.about([0.0; 3]));
         let off = sub(a.place, b.place);
