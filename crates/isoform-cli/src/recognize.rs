@@ -7,7 +7,10 @@ use crate::scan;
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, write};
 use isoform::recognize::{Error, ProposeError};
-use isoform::report::{Parameters, RecognizeReport, SnapReport, brief};
+use isoform::report::{
+    LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
+    SymmetryReport, brief,
+};
 use isoform::{Control, Proposal, RecognizeError, RecognizeOptions, Recognized, recognize_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -23,9 +26,10 @@ Examples:
   isoform recognize scan.ply --snap -o entities.json -o part.hf
 
 Each entity comes with the standard deviations of its parameters; relations (parallel, perpendicular,
-coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty. labels.ply
-holds the points with the number of their entity, -1 for none. Of CAD meshes points inside the flat
-faces are taken as well.
+coaxial, coplanar, concentric, equal_radius) are those that hold within the uncertainty, and so are
+patterns (three and more equal entities in a row or on a circle) and symmetries (mirrors and rotations
+of the entities). labels.ply holds the points with the number of their entity, -1 for none. Of CAD
+meshes points inside the flat faces are taken as well.
 
 Exit code: 0, also where nothing is found; 2 for unreadable input or too few points, 4 where they lie
 on one line, 130 after Ctrl-C.")]
@@ -196,6 +200,8 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
             sizes(&e.parameters, &e.sd)
         );
     }
+    report.patterns.iter().for_each(|p| text += &pattern(p));
+    report.symmetries.iter().for_each(|s| text += &symmetry(s));
     if let Some(snap) = &report.snap {
         text += &format!(
             "relations made exact: {} equations, {} relations dropped, rms {} (before {}), \
@@ -211,6 +217,65 @@ fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
         text += &format!("wrote {}\n", path.display());
     }
     text
+}
+
+/// A line on a row or a circle.
+fn pattern(pattern: &PatternReport) -> String {
+    let ids = pattern.members.iter().map(|m| numbers(m, "+"));
+    let ids: Vec<String> = ids.collect();
+    let layout = match pattern.layout {
+        LayoutReport::Linear {
+            spacing,
+            spacing_sd,
+            ..
+        } => format!(
+            "in a row, spacing {} ± {}",
+            brief(spacing),
+            brief(spacing_sd)
+        ),
+        LayoutReport::Circular {
+            radius,
+            radius_sd,
+            angle,
+            closed,
+            ..
+        } => format!(
+            "on {}, radius {} ± {}, every {}°",
+            if closed { "a circle" } else { "an arc" },
+            brief(radius),
+            brief(radius_sd),
+            brief(angle.to_degrees())
+        ),
+    };
+    format!("pattern: {} {layout}: {}\n", ids.len(), ids.join(" "))
+}
+
+/// A line on a mirror or a rotation.
+fn symmetry(symmetry: &SymmetryReport) -> String {
+    let point = |p: &[f64; 3]| format!("({}, {}, {})", brief(p[0]), brief(p[1]), brief(p[2]));
+    let motion = match &symmetry.motion {
+        MotionReport::Mirror { normal, d } => {
+            format!("mirror, normal {}, d {}", point(normal), brief(*d))
+        }
+        MotionReport::Rotation { axis, order, .. } => format!(
+            "{}, axis {}",
+            order.map_or_else(
+                || "body of revolution".to_owned(),
+                |n| format!("rotation of order {n}")
+            ),
+            point(axis)
+        ),
+    };
+    let without = match symmetry.unmatched.as_slice() {
+        [] => String::new(),
+        some => format!(", without {}", numbers(some, " ")),
+    };
+    format!("symmetry: {motion}{without}\n")
+}
+
+fn numbers(ids: &[usize], between: &str) -> String {
+    let all: Vec<String> = ids.iter().map(usize::to_string).collect();
+    all.join(between)
 }
 
 /// Its sizes with their deviations, and where it lies.

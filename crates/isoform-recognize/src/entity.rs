@@ -76,6 +76,83 @@ pub struct Blend {
     pub radius: f64,
 }
 
+/// Equal entities at equal distances or angles, within the uncertainty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Pattern {
+    /// The entities at each place, in order: pieces of one plane or bore are at one place.
+    pub members: Vec<Vec<usize>>,
+    /// How they are laid out.
+    pub layout: Layout,
+    /// How far an entity is off its place at most, in the scan's unit.
+    pub deviation: f64,
+}
+
+/// How the members of a pattern are laid out; lengths in the scan's unit, angles in radians.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Layout {
+    /// On a line.
+    Row {
+        /// The unit vector from a member to the next; across the axes of cylinders and cones.
+        direction: Point3,
+        /// The distance from a member to the next.
+        spacing: f64,
+        /// Its standard deviation.
+        spacing_deviation: f64,
+    },
+    /// On a circle.
+    Circle {
+        /// A point of its axis: the centre, at the height of the first member.
+        center: Point3,
+        /// The unit vector along its axis, about which members follow one another anticlockwise.
+        axis: Point3,
+        /// The radius of the pitch circle.
+        radius: f64,
+        /// Its standard deviation.
+        radius_deviation: f64,
+        /// From a member to the next.
+        angle: f64,
+        /// Its standard deviation; 0 where members go round.
+        angle_deviation: f64,
+        /// Whether members go round once; else they are on an arc.
+        is_closed: bool,
+        /// An entity whose axis is that of the circle, where there is one.
+        coaxial: Option<usize>,
+    },
+}
+
+/// A motion of space that maps the entities to one another, within the uncertainty.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Symmetry {
+    /// Which motion.
+    pub kind: SymmetryKind,
+    /// For each entity its image; none where it has none: such entities are few and hold at most a
+    /// twentieth of the points.
+    pub images: Vec<Option<usize>>,
+    /// How far an entity's place or size is off its image's at most, in the scan's unit.
+    pub deviation: f64,
+}
+
+/// A motion, in the scan's unit.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SymmetryKind {
+    /// In the plane normal · x = offset.
+    Mirror {
+        /// The unit normal.
+        normal: Point3,
+        /// The plane's offset.
+        offset: f64,
+    },
+    /// About an axis by a full turn over `order`, or by any angle.
+    Rotation {
+        /// A point of the axis.
+        point: Point3,
+        /// The unit vector along it.
+        axis: Point3,
+        /// Into how many a full turn is divided; none for a body of revolution.
+        order: Option<u32>,
+    },
+}
+
 /// What was recognised in a scan.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Recognition {
@@ -87,6 +164,10 @@ pub struct Recognition {
     pub normals: Vec<Point3>,
     /// Relations that hold.
     pub relations: Vec<Relation>,
+    /// Rows and circles of equal entities.
+    pub patterns: Vec<Pattern>,
+    /// Symmetries of all or nearly all entities.
+    pub symmetries: Vec<Symmetry>,
     /// Entities that are blends of others.
     pub blends: Vec<Blend>,
     /// The standard deviation of the points along the normal, as they show it.

@@ -5,12 +5,15 @@ mod blends;
 mod chart;
 mod choose;
 mod cloud;
+mod compare;
 mod entity;
 mod facets;
 mod fit;
 mod grow;
 mod kinds;
 mod local;
+mod orient;
+mod patterns;
 mod recognize;
 mod relations;
 mod segment;
@@ -18,9 +21,13 @@ mod share;
 mod snap;
 mod split;
 mod start;
+mod symmetry;
 mod template;
 
-pub use entity::{Blend, Deviations, Entity, Recognition, Relation, RelationKind};
+pub use entity::{
+    Blend, Deviations, Entity, Layout, Pattern, Recognition, Relation, RelationKind, Symmetry,
+    SymmetryKind,
+};
 pub use facets::{FacetRecognition, recognize_facets};
 pub use recognize::{Error, Options, recognize};
 pub use snap::{Snap, snap};

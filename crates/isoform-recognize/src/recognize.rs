@@ -7,8 +7,11 @@ use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
 use crate::grow::core;
+use crate::orient::orient;
+use crate::patterns::patterns;
 use crate::relations::{Known, relations};
 use crate::segment::{Limits, NONE, Segmentation, segment};
+use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 
@@ -83,7 +86,7 @@ pub fn recognize(
         });
     }
     let mut scaling = Scaling::of(&places).ok_or(Error::Line)?;
-    let cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
+    let mut cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
     if is_line(&cloud.points) {
         return Err(Error::Line);
     }
@@ -94,10 +97,19 @@ pub fn recognize(
             .map(|n| (n / scaling.unit).max(crate::cloud::FLOOR)),
     };
     let found = segment(&cloud, limits, control)?;
+    control.check()?;
+    turn_outwards(&mut cloud, &found);
     for k in 0..3 {
         scaling.origin[k] += scan.origin[k];
     }
     Ok(report(&cloud, &found, &index, &scaling))
+}
+
+/// Turns the normals outwards, by what rays meet of the surfaces found.
+fn turn_outwards(cloud: &mut Cloud, found: &Segmentation) {
+    let label = |l: &u32| (*l != NONE).then_some(*l as usize);
+    let labels: Vec<Option<usize>> = found.labels.iter().map(label).collect();
+    orient(&cloud.points, &mut cloud.normals, &labels, &found.surfaces);
 }
 
 /// Whether sorted points lie on one line: that through the first and the last.
@@ -147,8 +159,19 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         NONE => None,
         label => Some(rank[label as usize]),
     };
+    let entities: Vec<Entity> = order.iter().map(entity).collect();
+    let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
+    let set = Set {
+        known: &known,
+        outward: &outward,
+        points: &points,
+        noise: found.noise,
+    };
+    let patterns = patterns(&set, (scaling.unit, scaling.origin));
     Recognition {
-        entities: order.iter().map(entity).collect(),
+        entities,
+        symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
+        patterns,
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
         blends: blends(&known, &points, pairs, scaling.unit),

@@ -14,15 +14,15 @@ use rayon::prelude::*;
 /// related is left out.
 pub(crate) const CHI_SQUARED: [f64; 4] = [19.5, 23.0, 25.9, 28.5];
 /// Deviations that rounding causes, in radians and diagonals.
-const ROUNDING: f64 = 1e-8;
+pub(crate) const ROUNDING: f64 = 1e-8;
 /// The largest deviation (one standard deviation) of directions at which a relation can be told, in
 /// radians, or in units of the noise over the diagonal: less well known ones are parallel to
 /// anything.
-const DIRECTION: (f64, f64) = (0.01, 15.0);
+pub(crate) const DIRECTION: (f64, f64) = (0.01, 15.0);
 /// That of places and radii, in diagonals or units of the noise.
-const PLACE: (f64, f64) = (1e-6, 1.0);
+pub(crate) const PLACE: (f64, f64) = (1e-6, 1.0);
 /// Directions farther apart than this need no closer look.
-const FAR: f64 = 0.1;
+pub(crate) const FAR: f64 = 0.1;
 /// The step of differences, in radians and diagonals.
 const STEP: f64 = 1e-6;
 

@@ -34,7 +34,8 @@ pub use patches::{
     PatchesReport, WeightsReport, solver_name,
 };
 pub use recognize::{
-    BlendReport, EntityReport, Parameters, RecognizeReport, RelationReport, SnapReport,
+    BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
+    RecognizeReport, RelationReport, SnapReport, SymmetryReport,
 };
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,

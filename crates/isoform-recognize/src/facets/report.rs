@@ -9,8 +9,10 @@ use crate::chart::{Kind, MOST, Surface};
 use crate::cloud::Scaling;
 use crate::entity::{Entity, Recognition};
 use crate::fit::{Precision, covariance, fit, mean, squares};
+use crate::patterns::patterns;
 use crate::recognize::{Options, deviations};
 use crate::relations::{Known, relations};
+use crate::symmetry::{Set, symmetries};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
@@ -55,7 +57,17 @@ pub(crate) fn report(
         own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
             .filter(|p| p.0 != p.1)
     });
+    let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
+    let set = Set {
+        known: &known,
+        outward: &outward,
+        points: &points,
+        noise,
+    };
+    let patterns = patterns(&set, (scaling.unit, scaling.origin));
     Recognition {
+        symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
+        patterns,
         blends: blends(&known, &points, pairs, scaling.unit),
         relations: relations(&known, noise, scaling.unit),
         entities,

@@ -5,18 +5,17 @@ mod cells;
 mod dimensions;
 mod frame;
 mod half;
-mod orient;
 mod program;
 mod solid;
 
 use crate::chart::Surface;
 use crate::entity::Recognition;
+use crate::orient::orient;
 use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
 use frame::Frame;
 use half::{Half, Source, separators};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PointCloud, dot};
-use orient::orient;
 use program::Part;
 use solid::{Bits, MOST_HALVES, Solid, ones, solid};
 

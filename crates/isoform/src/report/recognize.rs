@@ -1,7 +1,10 @@
 //! The report of a recognition.
 
 use isoform_geom::{Point3, Quadric};
-use isoform_recognize::{Blend, Entity, Recognition, Relation, RelationKind, Snap};
+use isoform_recognize::{
+    Blend, Entity, Layout, Pattern, Recognition, Relation, RelationKind, Snap, Symmetry,
+    SymmetryKind,
+};
 use serde::Serialize;
 
 /// What was recognised in a scan; lengths in its unit.
@@ -17,6 +20,10 @@ pub struct RecognizeReport {
     pub entities: Vec<EntityReport>,
     /// How they lie to one another.
     pub relations: Vec<RelationReport>,
+    /// Rows and circles of equal entities.
+    pub patterns: Vec<PatternReport>,
+    /// Mirrors and rotations of all or nearly all entities.
+    pub symmetries: Vec<SymmetryReport>,
     /// Entities that round the edge of others.
     pub blends: Vec<BlendReport>,
     /// What making the relations exact changed, where that was asked for.
@@ -109,6 +116,88 @@ pub struct RelationReport {
     pub deviation: f64,
 }
 
+/// Equal entities at equal distances or angles.
+#[derive(Clone, Debug, Serialize)]
+pub struct PatternReport {
+    /// The entities at each place, in order.
+    pub members: Vec<Vec<usize>>,
+    /// How they are laid out.
+    #[serde(flatten)]
+    pub layout: LayoutReport,
+    /// How far an entity is off its place at most.
+    pub deviation: f64,
+}
+
+/// How the members of a pattern are laid out.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum LayoutReport {
+    /// In a row.
+    Linear {
+        /// The unit vector from a member to the next.
+        direction: Point3,
+        /// The distance from a member to the next.
+        spacing: f64,
+        /// Its standard deviation.
+        spacing_sd: f64,
+    },
+    /// On a circle.
+    Circular {
+        /// The centre of the pitch circle.
+        center: Point3,
+        /// The unit vector along its axis; members follow one another anticlockwise about it.
+        axis: Point3,
+        /// The radius of the pitch circle.
+        radius: f64,
+        /// Its standard deviation.
+        radius_sd: f64,
+        /// From a member to the next, in radians.
+        angle: f64,
+        /// Its standard deviation; 0 where members go round.
+        angle_sd: f64,
+        /// Whether members go round once.
+        closed: bool,
+        /// The entity whose axis is that of the circle, if there is one.
+        coaxial: Option<usize>,
+    },
+}
+
+/// A mirror or a rotation that maps entities to one another.
+#[derive(Clone, Debug, Serialize)]
+pub struct SymmetryReport {
+    /// Which.
+    #[serde(flatten)]
+    pub motion: MotionReport,
+    /// The image of each entity; null for those of `unmatched`.
+    pub images: Vec<Option<usize>>,
+    /// Entities without an image: few, with at most a twentieth of the points.
+    pub unmatched: Vec<usize>,
+    /// How far an entity's place or size is off its image's at most.
+    pub deviation: f64,
+}
+
+/// A mirror or a rotation.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[serde(tag = "kind", rename_all = "snake_case")]
+pub enum MotionReport {
+    /// In the plane normal · x = d.
+    Mirror {
+        /// The unit normal.
+        normal: Point3,
+        /// d.
+        d: f64,
+    },
+    /// By a full turn over the order.
+    Rotation {
+        /// A point of the axis.
+        point: Point3,
+        /// The unit vector along it.
+        axis: Point3,
+        /// Into how many parts a full turn is divided; null where any angle will do.
+        order: Option<u32>,
+    },
+}
+
 /// An entity that rounds the edge of others with a constant radius.
 #[derive(Clone, Debug, Serialize)]
 pub struct BlendReport {
@@ -152,6 +241,70 @@ impl SnapReport {
     }
 }
 
+impl PatternReport {
+    fn new(pattern: &Pattern) -> Self {
+        Self {
+            members: pattern.members.clone(),
+            layout: LayoutReport::new(&pattern.layout),
+            deviation: pattern.deviation,
+        }
+    }
+}
+
+impl LayoutReport {
+    fn new(layout: &Layout) -> Self {
+        match *layout {
+            Layout::Row {
+                direction,
+                spacing,
+                spacing_deviation,
+            } => Self::Linear {
+                direction,
+                spacing,
+                spacing_sd: spacing_deviation,
+            },
+            Layout::Circle {
+                center,
+                axis,
+                radius,
+                radius_deviation,
+                angle,
+                angle_deviation,
+                is_closed,
+                coaxial,
+            } => Self::Circular {
+                center,
+                axis,
+                radius,
+                radius_sd: radius_deviation,
+                angle,
+                angle_sd: angle_deviation,
+                closed: is_closed,
+                coaxial,
+            },
+        }
+    }
+}
+
+impl SymmetryReport {
+    fn new(symmetry: &Symmetry) -> Self {
+        let images = symmetry.images.iter().enumerate();
+        Self {
+            motion: match symmetry.kind {
+                SymmetryKind::Mirror { normal, offset } => {
+                    MotionReport::Mirror { normal, d: offset }
+                }
+                SymmetryKind::Rotation { point, axis, order } => {
+                    MotionReport::Rotation { point, axis, order }
+                }
+            },
+            unmatched: images.filter(|i| i.1.is_none()).map(|i| i.0).collect(),
+            images: symmetry.images.clone(),
+            deviation: symmetry.deviation,
+        }
+    }
+}
+
 impl BlendReport {
     fn new(blend: &Blend) -> Self {
         Self {
@@ -172,6 +325,8 @@ impl RecognizeReport {
             noise: found.noise,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
+            patterns: found.patterns.iter().map(PatternReport::new).collect(),
+            symmetries: found.symmetries.iter().map(SymmetryReport::new).collect(),
             blends: found.blends.iter().map(BlendReport::new).collect(),
             snap: None,
             n_unassigned: found.labels.iter().filter(|l| l.is_none()).count(),

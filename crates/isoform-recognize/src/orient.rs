@@ -24,7 +24,7 @@ const NEAR: f64 = 3.0;
 const CLEAR: f64 = 2.0;
 
 /// Turns normals outwards; those of one entity that face one way are turned together.
-pub(super) fn orient(
+pub(crate) fn orient(
     points: &[Point3],
     normals: &mut [Point3],
     labels: &[Option<usize>],

@@ -1,0 +1,333 @@
+//! Surfaces that ought to be one, compared in minimal parameters, and models of how entities lie.
+//!
+//! A model predicts each entity's surface from common parameters θ. The differences r of entities
+//! from it, whitened by their covariances, are made least in squares (Gauss–Newton). Their sum is
+//! of χ² where the model is true; by how much it falls without one entity, rᵀ(1 − H)⁻¹r with the
+//! leverage H, tells whether that one belongs (deletion of one observation: R. Cook, S. Weisberg,
+//! Residuals and Influence in Regression, 1982, ch. 2).
+
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::relations::{CHI_SQUARED, Known};
+use isoform_geom::{Point3, dot, sub};
+use isoform_num::linalg::{cholesky, cholesky_solve, symmetric_eigen};
+
+/// The step of differences, in radians and diagonals.
+pub(crate) const STEP: f64 = 1e-6;
+/// Steps of Gauss–Newton at most; two or three are usual, as models start close by.
+const STEPS: usize = 12;
+/// A step that moves no parameter by more than this is the last, in radians and diagonals.
+const STILL: f64 = 1e-12;
+/// A step larger than this leaves the place where the model was looked for.
+const FAR: f64 = 0.5;
+/// What keeps 1 − H regular where an entity alone determines a parameter.
+const OWN: f64 = 1e-9;
+/// Of a covariance of unit scale: directions of less variance are those that cannot differ.
+const NONE: f64 = 1e-4;
+/// The normal deviate that is exceeded once in 10⁵, for χ² of many degrees of freedom.
+const DEVIATE: f64 = 4.265;
+
+/// χ² that `n` components exceed once in 10⁵ (E. Wilson and M. Hilferty, The distribution of
+/// chi-square, PNAS 17, 1931, beyond the table).
+pub(crate) fn limit(n: usize) -> f64 {
+    if let Some(of) = n.checked_sub(1).and_then(|k| CHI_SQUARED.get(k)) {
+        return *of;
+    }
+    let variance = 2.0 / (9.0 * n.max(1) as f64);
+    n as f64 * (1.0 - variance + DEVIATE * variance.sqrt()).powi(3)
+}
+
+/// By how much the parameters of `other` differ from those of a surface of its kind, as
+/// [`Surface::moved`] takes them.
+pub(crate) fn difference(surface: &Surface, other: &Surface) -> Row {
+    let way = sub(other.place, surface.place);
+    let sizes = [other.size - surface.size, other.other - surface.other];
+    if surface.kind == Kind::Sphere {
+        return [way[0], way[1], way[2], sizes[0], 0.0, 0.0, 0.0];
+    }
+    let [e, f] = surface.frame();
+    let cosine = dot(surface.axis, other.axis);
+    let tilt = [dot(other.axis, e) / cosine, dot(other.axis, f) / cosine];
+    match surface.kind {
+        Kind::Torus => [tilt[0], tilt[1], way[0], way[1], way[2], sizes[0], sizes[1]],
+        Kind::Plane => {
+            let off = dot(way, other.axis) / cosine;
+            [tilt[0], tilt[1], off, 0.0, 0.0, 0.0, 0.0]
+        }
+        _ => {
+            // Where the other axis passes the height of the place.
+            let h = -dot(way, surface.axis) / cosine;
+            let shift: Point3 = std::array::from_fn(|k| way[k] + h * other.axis[k]);
+            let angle = cosine.signum() * other.other - surface.other;
+            let (widens, turn) = match surface.kind {
+                Kind::Cone => (h * other.other.tan(), angle),
+                _ => (0.0, 0.0),
+            };
+            let size = sizes[0] + widens;
+            let [x, y] = [dot(shift, e), dot(shift, f)];
+            [tilt[0], tilt[1], x, y, size, turn, 0.0]
+        }
+    }
+}
+
+/// Adds the covariance of what depends on a surface.
+pub(crate) fn add_covariance(sum: &mut [Row; MOST], of: &Known, value: impl Fn(&Surface) -> Row) {
+    let n = of.surface.kind.parameters();
+    let derivative = |k: usize| -> Row {
+        let at = |h: f64| {
+            let mut step = [0.0; MOST];
+            step[k] = h;
+            value(&of.surface.moved(&step))
+        };
+        let (plus, minus) = (at(STEP), at(-STEP));
+        std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * STEP))
+    };
+    let rows: Vec<Row> = (0..n).map(derivative).collect();
+    for (p, row) in rows.iter().enumerate() {
+        for (q, other) in rows.iter().enumerate() {
+            for i in 0..MOST {
+                for j in 0..MOST {
+                    sum[i][j] += row[i] * of.covariance[p][q] * other[j];
+                }
+            }
+        }
+    }
+}
+
+/// Which parameters are angles.
+pub(crate) fn is_angle(kind: Kind, k: usize) -> bool {
+    (kind != Kind::Sphere && k < 2) || (kind == Kind::Cone && k == 5)
+}
+
+/// Makes differences independent and of unit variance.
+#[derive(Clone)]
+pub(crate) struct Whitener {
+    rows: Vec<Row>,
+}
+
+impl Whitener {
+    /// For differences with this covariance in the parameters of `which`; `scale` has the variances
+    /// in whose units directions without variance are left out, if any are.
+    pub(crate) fn of(covariance: &[Row; MOST], which: &[usize], scale: Option<&Row>) -> Self {
+        let n = which.len();
+        let unit: Vec<f64> = which
+            .iter()
+            .map(|k| {
+                scale.unwrap_or(&covariance[*k])[*k]
+                    .sqrt()
+                    .max(f64::MIN_POSITIVE)
+            })
+            .collect();
+        let entry = |k: usize| covariance[which[k / n]][which[k % n]] / (unit[k / n] * unit[k % n]);
+        let matrix: Vec<f64> = (0..n * n).map(entry).collect();
+        let (values, vectors) = symmetric_eigen(&matrix, n);
+        let least = if scale.is_some() { NONE } else { 0.0 };
+        let row = |i: usize| {
+            let mut row = [0.0; MOST];
+            for (k, of) in which.iter().enumerate() {
+                row[*of] = vectors[i * n + k] / (unit[k] * values[i].sqrt());
+            }
+            row
+        };
+        let rows = (0..n).filter(|i| values[*i] > least).map(row).collect();
+        Self { rows }
+    }
+
+    fn apply(&self, difference: &Row) -> Vec<f64> {
+        let of = |row: &Row| row.iter().zip(difference).map(|(a, b)| a * b).sum();
+        self.rows.iter().map(of).collect()
+    }
+
+    /// The sum of squares.
+    pub(crate) fn squared(&self, difference: &Row) -> f64 {
+        self.apply(difference).iter().map(|x| x * x).sum()
+    }
+}
+
+/// The difference from a model for θ.
+type Difference<'a> = Box<dyn Fn(&[f64]) -> Row + 'a>;
+
+/// An entity, or two, of which a model says something.
+pub(crate) struct Observation<'a> {
+    pub(crate) difference: Difference<'a>,
+    pub(crate) whitener: Whitener,
+}
+
+/// A model with the parameters that fit best.
+pub(crate) struct Fitted {
+    pub(crate) theta: Vec<f64>,
+    /// Of θ, by rows.
+    pub(crate) covariance: Vec<f64>,
+    /// For each observation by how much its deletion lowers the sum, over what χ² allows.
+    pub(crate) excess: Vec<f64>,
+    squared: f64,
+    free: usize,
+}
+
+impl Fitted {
+    /// Whether all entities and each of them lie within the uncertainty.
+    pub(crate) fn holds(&self) -> bool {
+        self.squared <= limit(self.free) && self.excess.iter().all(|x| *x <= 1.0)
+    }
+
+    /// The standard deviation of a parameter.
+    pub(crate) fn deviation(&self, k: usize) -> f64 {
+        self.covariance[k * self.theta.len() + k].max(0.0).sqrt()
+    }
+}
+
+/// A whitened difference with its derivatives by θ, a row for each component.
+struct Linear {
+    values: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+}
+
+fn linear(of: &Observation<'_>, theta: &[f64]) -> Linear {
+    let values = of.whitener.apply(&(of.difference)(theta));
+    let mut rows = vec![vec![0.0; theta.len()]; values.len()];
+    let mut at = theta.to_vec();
+    for k in 0..theta.len() {
+        let mut side = |h: f64| {
+            at[k] = theta[k] + h;
+            let values = of.whitener.apply(&(of.difference)(&at));
+            at[k] = theta[k];
+            values
+        };
+        let (plus, minus) = (side(STEP), side(-STEP));
+        for (row, (p, m)) in rows.iter_mut().zip(plus.iter().zip(&minus)) {
+            row[k] = (p - m) / (2.0 * STEP);
+        }
+    }
+    Linear { values, rows }
+}
+
+/// The Cholesky factor of the normal equations, and their right side.
+fn normal(all: &[Linear], m: usize) -> Option<(Vec<f64>, Vec<f64>)> {
+    let (mut matrix, mut side) = (vec![0.0; m * m], vec![0.0; m]);
+    for (row, value) in all.iter().flat_map(|l| l.rows.iter().zip(&l.values)) {
+        for i in 0..m {
+            side[i] -= row[i] * value;
+            for j in 0..m {
+                matrix[i * m + j] += row[i] * row[j];
+            }
+        }
+    }
+    cholesky(&mut matrix, m).then_some((matrix, side))
+}
+
+/// Fits a model of `m` parameters, which start at 0; none where they are not determined.
+pub(crate) fn fit_model(m: usize, of: &[Observation<'_>]) -> Option<Fitted> {
+    let mut theta = vec![0.0; m];
+    for _ in 0..STEPS {
+        let all: Vec<Linear> = of.iter().map(|o| linear(o, &theta)).collect();
+        let (factor, mut step) = normal(&all, m)?;
+        cholesky_solve(&factor, m, &mut step);
+        let largest = step.iter().fold(0.0, |l: f64, s| l.max(s.abs()));
+        if largest.is_nan() || largest > FAR {
+            return None;
+        }
+        theta.iter_mut().zip(&step).for_each(|(t, s)| *t += s);
+        if largest < STILL {
+            break;
+        }
+    }
+    let all: Vec<Linear> = of.iter().map(|o| linear(o, &theta)).collect();
+    let (factor, _) = normal(&all, m)?;
+    let count: usize = all.iter().map(|l| l.values.len()).sum();
+    Some(Fitted {
+        covariance: inverse(&factor, m),
+        excess: all.iter().map(|l| excess(l, &factor, m)).collect(),
+        squared: all.iter().flat_map(|l| &l.values).map(|x| x * x).sum(),
+        free: count.saturating_sub(m),
+        theta,
+    })
+}
+
+fn inverse(factor: &[f64], m: usize) -> Vec<f64> {
+    let column = |k: usize| {
+        let mut x = vec![0.0; m];
+        x[k] = 1.0;
+        cholesky_solve(factor, m, &mut x);
+        x
+    };
+    (0..m).flat_map(column).collect()
+}
+
+/// rᵀ(1 − H)⁻¹r over the limit.
+fn excess(of: &Linear, factor: &[f64], m: usize) -> f64 {
+    let n = of.values.len();
+    let mut rest = vec![0.0; n * n];
+    for i in 0..n {
+        let mut x = of.rows[i].clone();
+        cholesky_solve(factor, m, &mut x);
+        for j in 0..n {
+            let leverage: f64 = x.iter().zip(&of.rows[j]).map(|(a, b)| a * b).sum();
+            rest[i * n + j] = f64::from(u8::from(i == j)) * (1.0 + OWN) - leverage;
+        }
+    }
+    let mut solved = of.values.clone();
+    if !cholesky(&mut rest, n) {
+        return 0.0;
+    }
+    cholesky_solve(&rest, n, &mut solved);
+    let squared: f64 = solved.iter().zip(&of.values).map(|(a, b)| a * b).sum();
+    squared / limit(n.max(1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::chart::unit;
+
+    #[test]
+    fn a_difference_is_the_move_that_makes_it() {
+        let step = [2e-5, -1e-5, 3e-5, 1e-5, -2e-5, 2e-5, 1e-5];
+        for kind in Kind::ALL.iter().copied() {
+            let surface = Surface {
+                kind,
+                place: [0.3, -0.2, 0.1],
+                axis: unit([1.0, 2.0, -0.5]),
+                size: 0.5,
+                other: 0.2,
+            };
+            let mut moved = surface.moved(&step);
+            if kind != Kind::Torus {
+                moved.axis = moved.axis.map(|x| -x);
+                moved.other = -moved.other;
+            }
+            let moved = moved.about([0.7, 0.1, 0.4]);
+            let found = difference(&surface, &moved);
+            for k in 0..kind.parameters() {
+                assert!(
+                    (found[k] - step[k]).abs() < 1e-9,
+                    "{kind:?} {k}: {}",
+                    found[k]
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn chi_squared_beyond_the_table() {
+        // By the closed forms for whole degrees: the approximation is a little above.
+        assert!((limit(5) / 30.86 - 1.02).abs() < 0.02, "{}", limit(5));
+        assert!((limit(12) / 45.08 - 1.02).abs() < 0.02, "{}", limit(12));
+    }
+
+    /// A mean of numbers of deviation 1, of which one is off.
+    #[test]
+    fn one_that_does_not_belong_is_told() {
+        let mut unit = [[0.0; MOST]; MOST];
+        unit[0][0] = 1.0;
+        let excess = |off: f64| {
+            let of = |x: f64| Observation {
+                difference: Box::new(move |t: &[f64]| [t[0] - x, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]),
+                whitener: Whitener::of(&unit, &[0], None),
+            };
+            let all: Vec<_> = [0.0, 0.0, 0.0, off].map(of).into_iter().collect();
+            fit_model(1, &all).expect("a mean").excess
+        };
+        // Against the mean of three, whose variance is 1/3: x²/(4/3) over 19.5.
+        let e = excess(0.3);
+        assert!((e[3] - 0.09 * 0.75 / 19.5).abs() < 1e-9, "{e:?}");
+    }
+}

@@ -1,0 +1,311 @@
+//! A chain of places, and its common fit.
+
+use super::sites::{Sites, way};
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::compare::{Fitted, Observation, Whitener, difference, fit_model};
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// Two rows that have two members in common are on one line.
+const LINE: usize = 2;
+
+/// The circle of a chain.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Circle {
+    /// Its axis, as a cylinder whose size says nothing.
+    pub(super) line: Surface,
+    /// From a member to the next, anticlockwise about the axis.
+    pub(super) angle: f64,
+    /// Whether members go round once.
+    pub(super) is_closed: bool,
+    /// An entity whose axis is that of the circle.
+    pub(super) coaxial: Option<usize>,
+}
+
+/// Places of equal surfaces at equal steps, or at equal angles round a circle.
+#[derive(Clone, Debug)]
+pub(super) struct Chain {
+    pub(super) members: Vec<usize>,
+    /// The surface at the first member, of the common fit.
+    pub(super) first: Surface,
+    /// From a member to the next; of circles from the first to the second.
+    pub(super) step: Point3,
+    pub(super) circle: Option<Circle>,
+    /// Standard deviations: of a row's spacing; of a circle's radius and angle.
+    pub(super) deviations: [f64; 2],
+    /// How far a member is off its place at most.
+    pub(super) off: f64,
+}
+
+/// What the common parameters of a chain are: those of the first surface, then these.
+enum Own {
+    /// A row's step, along these vectors.
+    Step(Vec<Point3>),
+    /// Shifts of a circle's axis along two vectors, its tilt where members have no axis, and its
+    /// angle where it is open.
+    Circle { is_tilted: bool, is_open: bool },
+}
+
+impl Own {
+    fn of(first: &Surface, circle: Option<&Circle>) -> Self {
+        let [e, f] = first.frame();
+        match (circle, first.kind) {
+            (Some(c), kind) => Self::Circle {
+                is_tilted: kind == Kind::Sphere,
+                is_open: !c.is_closed,
+            },
+            (None, Kind::Plane) => Self::Step(vec![first.axis]),
+            (None, Kind::Cylinder | Kind::Cone) => Self::Step(vec![e, f]),
+            (None, _) => {
+                let unit = |k: usize| std::array::from_fn(|i| f64::from(u8::from(i == k)));
+                Self::Step((0..3).map(unit).collect())
+            }
+        }
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Self::Step(along) => along.len(),
+            Self::Circle { is_tilted, is_open } => {
+                2 + 2 * usize::from(*is_tilted) + usize::from(*is_open)
+            }
+        }
+    }
+}
+
+impl Chain {
+    /// From a place on by steps, not fitted yet.
+    pub(super) fn row(sites: &Sites<'_>, members: Vec<usize>) -> Self {
+        Self {
+            first: *sites.surface(members[0]),
+            step: sites.way(members[0], members[1]),
+            members,
+            circle: None,
+            deviations: [0.0; 2],
+            off: 0.0,
+        }
+    }
+
+    /// The distance from a member to the next.
+    pub(super) fn pitch(&self, sites: &Sites<'_>) -> f64 {
+        norm(sites.way(self.members[0], self.members[1]))
+    }
+
+    /// Whether it is on the line of another row, or all of it on another circle.
+    pub(super) fn is_part_of(&self, other: &Self) -> bool {
+        let shared = self.members.iter().filter(|m| other.members.contains(m));
+        let most = match self.circle {
+            None => LINE,
+            Some(_) => self.members.len(),
+        };
+        self.circle.is_some() == other.circle.is_some() && shared.count() >= most
+    }
+
+    /// The surface and the circle for common parameters.
+    fn moved(&self, own: &Own, theta: &[f64]) -> (Surface, Point3, Option<Circle>) {
+        let n = self.first.kind.parameters();
+        let mut step = [0.0; MOST];
+        step[..n].copy_from_slice(&theta[..n]);
+        let (first, rest) = (self.first.moved(&step), &theta[n..]);
+        match (own, self.circle) {
+            (Own::Circle { is_tilted, is_open }, Some(mut circle)) => {
+                let tilt = if *is_tilted {
+                    [rest[2], rest[3]]
+                } else {
+                    [0.0; 2]
+                };
+                circle.line = circle
+                    .line
+                    .moved(&[tilt[0], tilt[1], rest[0], rest[1], 0.0, 0.0, 0.0]);
+                if !is_tilted {
+                    let sign = dot(circle.line.axis, first.axis).signum();
+                    circle.line.axis = first.axis.map(|x| sign * x);
+                }
+                if *is_open {
+                    circle.angle += rest[rest.len() - 1];
+                }
+                (first, self.step, Some(circle))
+            }
+            (Own::Step(along), _) => {
+                let mut way = self.step;
+                for (v, t) in along.iter().zip(rest) {
+                    (0..3).for_each(|k| way[k] += t * v[k]);
+                }
+                (first, way, None)
+            }
+            _ => (first, self.step, None),
+        }
+    }
+
+    /// Where the member `k` is expected.
+    fn expected(&self, own: &Own, theta: &[f64], k: f64) -> Surface {
+        let (first, step, circle) = self.moved(own, theta);
+        moved_on(&first, step, circle.as_ref(), k)
+    }
+
+    /// Where the pattern goes on after `k` steps from the first.
+    pub(super) fn next(&self, k: f64) -> Surface {
+        moved_on(&self.first, self.step, self.circle.as_ref(), k)
+    }
+
+    fn observations<'a>(&'a self, sites: &'a Sites<'_>, own: &'a Own) -> Vec<Observation<'a>> {
+        let mut all = Vec::new();
+        for (k, place) in self.members.iter().enumerate() {
+            for i in sites.entities(*place) {
+                let surface = &sites.known[i].surface;
+                all.push(Observation {
+                    difference: Box::new(move |theta| {
+                        difference(surface, &self.expected(own, theta, k as f64))
+                    }),
+                    whitener: sites.whitener(i),
+                });
+            }
+        }
+        if let Some(i) = self.circle.and_then(|c| c.coaxial) {
+            let known = &sites.known[i];
+            all.push(Observation {
+                difference: Box::new(move |theta| self.axis_off(own, theta, &known.surface)),
+                whitener: Whitener::of(&known.covariance, axis_of(known.surface.kind), None),
+            });
+        }
+        all
+    }
+
+    /// By how much the circle's axis differs from an entity's, in the parameters of that.
+    fn axis_off(&self, own: &Own, theta: &[f64], surface: &Surface) -> Row {
+        let Some(circle) = self.moved(own, theta).2 else {
+            return [0.0; MOST];
+        };
+        let mut line = circle.line;
+        line.kind = Kind::Cylinder;
+        let axis = Surface {
+            kind: Kind::Cylinder,
+            ..*surface
+        };
+        difference(&axis, &line)
+    }
+
+    /// The chain with the parameters that fit best, if it holds.
+    pub(super) fn fitted(&self, sites: &Sites<'_>) -> Option<Self> {
+        let own = Own::of(&self.first, self.circle.as_ref());
+        let n = self.first.kind.parameters();
+        let free = match self.first.kind {
+            // Where the cone begins along its axis is not asked.
+            Kind::Cone => 4,
+            _ => MOST,
+        };
+        let all = self.observations(sites, &own);
+        let all = all
+            .into_iter()
+            .map(|o| without(o, free))
+            .collect::<Vec<_>>();
+        let m = n - usize::from(free < n) + own.count();
+        let full = |theta: &[f64]| with(theta, free);
+        let fit = fit_model(m, &all).filter(Fitted::holds)?;
+        let theta = full(&fit.theta);
+        let (first, step, circle) = self.moved(&own, &theta);
+        let mut chain = Self {
+            first,
+            step,
+            circle,
+            ..self.clone()
+        };
+        chain.off = chain.largest(sites);
+        chain.deviations = self.deviations(&own, &fit, free);
+        Some(chain)
+    }
+
+    /// How far a member's place is off at most.
+    fn largest(&self, sites: &Sites<'_>) -> f64 {
+        let off = |(k, place): (usize, &usize)| {
+            let of = sites.entities(*place);
+            let one = |i: &usize| norm(way(&sites.known[*i].surface, &self.next(k as f64)));
+            of.iter().map(one).fold(0.0, f64::max)
+        };
+        self.members.iter().enumerate().map(off).fold(0.0, f64::max)
+    }
+
+    /// Standard deviations of spacing, or of radius and angle, from the covariance of the fit.
+    fn deviations(&self, own: &Own, fit: &Fitted, free: usize) -> [f64; 2] {
+        let m = fit.theta.len();
+        let sizes = |theta: &[f64]| -> [f64; 2] {
+            let (first, step, circle) = self.moved(own, &with(theta, free));
+            match circle {
+                None => [norm(step), 0.0],
+                Some(c) => [norm(away(&c.line, first.place)), c.angle],
+            }
+        };
+        let mut rows = vec![[0.0; 2]; m];
+        for (k, row) in rows.iter_mut().enumerate() {
+            let at = |h: f64| {
+                let mut theta = fit.theta.clone();
+                theta[k] += h;
+                sizes(&theta)
+            };
+            let h = crate::compare::STEP;
+            let (plus, minus) = (at(h), at(-h));
+            *row = std::array::from_fn(|i| (plus[i] - minus[i]) / (2.0 * h));
+        }
+        std::array::from_fn(|s| {
+            let pairs = (0..m).flat_map(|i| (0..m).map(move |j| (i, j)));
+            let sum: f64 = pairs
+                .map(|(i, j)| rows[i][s] * fit.covariance[i * m + j] * rows[j][s])
+                .sum();
+            sum.max(0.0).sqrt()
+        })
+    }
+}
+
+/// Which parameters of an entity tell its axis.
+fn axis_of(kind: Kind) -> &'static [usize] {
+    if kind == Kind::Torus {
+        &[0, 1]
+    } else {
+        &[0, 1, 2, 3]
+    }
+}
+
+/// θ with a 0 for the parameter that is not asked.
+fn with(theta: &[f64], free: usize) -> Vec<f64> {
+    let mut all = theta.to_vec();
+    if free < MOST {
+        all.insert(free, 0.0);
+    }
+    all
+}
+
+fn without(of: Observation<'_>, free: usize) -> Observation<'_> {
+    let difference = of.difference;
+    Observation {
+        difference: Box::new(move |theta| difference(&with(theta, free))),
+        whitener: of.whitener,
+    }
+}
+
+/// From the foot on the axis to the point.
+fn away(line: &Surface, p: Point3) -> Point3 {
+    sub(p, line.about(p).place)
+}
+
+/// The surface `k` steps on.
+fn moved_on(first: &Surface, step: Point3, circle: Option<&Circle>, k: f64) -> Surface {
+    let mut new = *first;
+    match circle {
+        None => new.place = std::array::from_fn(|i| first.place[i] + k * step[i]),
+        Some(c) => {
+            let foot = c.line.about(first.place).place;
+            let arm = turned(sub(first.place, foot), c.line.axis, k * c.angle);
+            new.place = std::array::from_fn(|i| foot[i] + arm[i]);
+            if first.kind != Kind::Sphere {
+                new.axis = turned(first.axis, c.line.axis, k * c.angle);
+            }
+        }
+    }
+    new
+}
+
+/// A vector turned about a unit vector.
+pub(crate) fn turned(v: Point3, axis: Point3, angle: f64) -> Point3 {
+    let (sin, cos) = angle.sin_cos();
+    let (along, across) = (dot(v, axis), cross(axis, v));
+    std::array::from_fn(|k| cos * v[k] + sin * across[k] + (1.0 - cos) * along * axis[k])
+}

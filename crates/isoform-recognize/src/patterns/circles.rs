@@ -1,0 +1,210 @@
+//! Equal surfaces on a circle at equal angles.
+
+use super::chain::{Chain, Circle};
+use super::sites::{Sites, way};
+use crate::chart::{Kind, Surface, unit};
+use crate::relations::FAR;
+use isoform_geom::{Point3, cross, dot, norm, sub};
+use std::collections::BTreeSet;
+use std::f64::consts::TAU;
+
+/// Neighbours of a place that may be the next on a circle.
+const NEIGHBOURS: usize = 24;
+/// Two steps are equal, and the next place is looked for, within this share of the step.
+const OFF: f64 = 0.05;
+/// The least angle from a member to the next: less is a row.
+const LEAST: f64 = 0.03;
+/// The largest: of three on a circle.
+const MOST: f64 = TAU / 3.0 + OFF;
+/// An arc has this many members; one about the axis of another kind of entity three.
+const ARC: usize = 4;
+/// A circle closes where its angle is a full turn over the members within this share of it.
+const CLOSE: f64 = 0.02;
+
+/// The longest circles and arcs from each three places; `rows` are known.
+pub(super) fn circles(sites: &Sites<'_>, rows: &[Chain]) -> Vec<Chain> {
+    if sites.count() < 3 || sites.surface(0).kind == Kind::Plane {
+        return Vec::new();
+    }
+    let in_grid: Vec<bool> = (0..sites.count())
+        .map(|m| rows.iter().filter(|r| r.members.contains(&m)).count() >= 2)
+        .collect();
+    let mut found: Vec<Chain> = Vec::new();
+    let mut known = BTreeSet::new();
+    for j in 0..sites.count() {
+        let near = sites.near(j, NEIGHBOURS);
+        for (n, i) in near.iter().enumerate() {
+            for k in &near[n + 1..] {
+                let three = [*i, j, *k];
+                if three.iter().all(|m| in_grid[*m]) || known.contains(&three) {
+                    continue;
+                }
+                if let Some(circle) = longest(sites, three) {
+                    remember(&circle, &mut known);
+                    found.push(circle);
+                }
+            }
+        }
+    }
+    found
+}
+
+/// All neighbouring threes of a circle, both ways round.
+fn remember(circle: &Chain, known: &mut BTreeSet<[usize; 3]>) {
+    let mut of = circle.members.clone();
+    if circle.circle.is_some_and(|c| c.is_closed) {
+        of.extend_from_slice(&circle.members[..2]);
+    }
+    for three in of.windows(3) {
+        known.insert([three[0], three[1], three[2]]);
+        known.insert([three[2], three[1], three[0]]);
+    }
+}
+
+/// The circle through three places, with all others on it that follow.
+fn longest(sites: &Sites<'_>, three: [usize; 3]) -> Option<Chain> {
+    let circle = through(sites, three)?;
+    let mut chain = Chain::row(sites, three.to_vec());
+    chain.circle = Some(circle);
+    if !is_promising(sites, &chain) {
+        return None;
+    }
+    let mut chain = chain.fitted(sites)?;
+    while let Some(longer) = grown(sites, &chain) {
+        chain = longer;
+    }
+    let mut chain = turned_round(sites, &chain).fitted(sites)?;
+    while let Some(longer) = grown(sites, &chain) {
+        chain = longer;
+    }
+    let chain = closed(sites, &chain).unwrap_or(chain);
+    let circle = chain.circle?;
+    let chain = with_axis(sites, &chain).unwrap_or(chain);
+    let is_other = |i: usize| !sites.has(i);
+    let has_axis = chain
+        .circle
+        .is_some_and(|c| c.coaxial.is_some_and(is_other));
+    let is_told = circle.is_closed || chain.members.len() >= ARC || has_axis;
+    is_told.then_some(chain)
+}
+
+/// The circle through three places of which the second is as far from the first as from the third.
+fn through(sites: &Sites<'_>, [i, j, k]: [usize; 3]) -> Option<Circle> {
+    let (p, q) = (sites.way(j, i), sites.way(j, k));
+    let (a, b) = (norm(p), norm(q));
+    let cosine = dot(p, q) / (a * b);
+    let angle = std::f64::consts::PI - cosine.clamp(-1.0, 1.0).acos();
+    if (a - b).abs() > OFF * a || !(LEAST..=MOST).contains(&angle) {
+        return None;
+    }
+    let radius = (a + b) / (4.0 * (angle / 2.0).sin());
+    let halves = (unit(p), unit(q));
+    let inwards = unit(std::array::from_fn(|k| halves.0[k] + halves.1[k]));
+    let middle = sites.surface(j);
+    let axis = unit(cross(p.map(|x| -x), q));
+    let line = Surface {
+        kind: Kind::Cylinder,
+        place: std::array::from_fn(|k| middle.place[k] + radius * inwards[k]),
+        axis,
+        size: 0.0,
+        other: 0.0,
+    };
+    let is_along = middle.kind == Kind::Sphere || dot(axis, middle.axis).abs() > 1.0 - FAR;
+    is_along.then_some(Circle {
+        line,
+        angle,
+        is_closed: false,
+        coaxial: None,
+    })
+}
+
+/// Whether three places are a circle, or there is a fourth, or a known axis: of most threes nothing
+/// comes.
+fn is_promising(sites: &Sites<'_>, chain: &Chain) -> bool {
+    let Some(circle) = chain.circle else {
+        return false;
+    };
+    let is_whole = (3.0 * circle.angle - TAU).abs() <= CLOSE * TAU;
+    is_whole
+        || next(sites, chain).is_some()
+        || next(sites, &turned_round(sites, chain)).is_some()
+        || !axes(sites, &circle, norm(chain.step)).is_empty()
+}
+
+/// The place where a circle goes on.
+fn next(sites: &Sites<'_>, chain: &Chain) -> Option<usize> {
+    let n = chain.members.len();
+    let last = chain.members[n - 1];
+    let expected = chain.next(n as f64);
+    let place = way(sites.surface(last), &expected);
+    let found = sites.at(last, place, OFF * norm(place))?;
+    (!chain.members.contains(&found)).then_some(found)
+}
+
+fn grown(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
+    let longer = Chain {
+        members: [chain.members.as_slice(), &[next(sites, chain)?]].concat(),
+        ..chain.clone()
+    };
+    longer.fitted(sites)
+}
+
+/// The circle from its other end.
+fn turned_round(sites: &Sites<'_>, chain: &Chain) -> Chain {
+    let mut members = chain.members.clone();
+    members.reverse();
+    let mut new = Chain::row(sites, members);
+    new.circle = chain.circle.map(|mut c| {
+        c.line.axis = c.line.axis.map(|x| -x);
+        c
+    });
+    new
+}
+
+/// The circle with the full turn over its members as its angle, from the first entity on.
+fn closed(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
+    let mut circle = chain.circle?;
+    let n = chain.members.len();
+    let angle = TAU / n as f64;
+    if (circle.angle - angle).abs() > CLOSE * angle {
+        return None;
+    }
+    circle.angle = angle;
+    circle.is_closed = true;
+    let mut members = chain.members.clone();
+    let first = (0..n).min_by_key(|k| members[*k])?;
+    members.rotate_left(first);
+    let mut new = Chain::row(sites, members);
+    new.circle = Some(circle);
+    new.fitted(sites)
+}
+
+/// Entities whose axes pass near the circle's, those with most points first.
+fn axes(sites: &Sites<'_>, circle: &Circle, step: f64) -> Vec<usize> {
+    let near = |i: &usize| {
+        let s = &sites.known[*i].surface;
+        let is_along = dot(s.axis, circle.line.axis).abs() > 1.0 - FAR * FAR / 2.0;
+        let off = sub(circle.line.about(s.place).place, s.place);
+        s.kind > Kind::Sphere
+            && sites.known[*i].covariance[0][0].is_finite()
+            && is_along
+            && norm(off) <= OFF * step
+    };
+    (0..sites.known.len()).filter(near).collect()
+}
+
+/// The circle about an entity's axis, if one is that.
+fn with_axis(sites: &Sites<'_>, chain: &Chain) -> Option<Chain> {
+    let circle = chain.circle?;
+    let step: Point3 = chain.step;
+    let with = |i: usize| {
+        let mut new = chain.clone();
+        new.circle = Some(Circle {
+            coaxial: Some(i),
+            ..circle
+        });
+        new.fitted(sites)
+    };
+    let all = axes(sites, &circle, norm(step));
+    all.into_iter().find_map(with)
+}

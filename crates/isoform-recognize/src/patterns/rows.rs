@@ -1,0 +1,68 @@
+//! Rows of equal surfaces at equal distances.
+
+use super::chain::Chain;
+use super::sites::Sites;
+use isoform_geom::norm;
+use std::collections::BTreeSet;
+
+/// Neighbours to which a row may go on from a place: of larger fields those far off are left out.
+const NEIGHBOURS: usize = 40;
+/// The next place is looked for within this share of the step.
+const OFF: f64 = 0.05;
+/// The fewest members.
+const FEWEST: usize = 3;
+
+/// The longest rows from each pair of places.
+pub(super) fn rows(sites: &Sites<'_>) -> Vec<Chain> {
+    let mut found = Vec::new();
+    let mut known = BTreeSet::new();
+    for i in 0..sites.count() {
+        for j in sites.near(i, NEIGHBOURS) {
+            if known.contains(&(i, j)) {
+                continue;
+            }
+            if let Some(row) = longest(sites, i, j) {
+                for pair in row.members.windows(2) {
+                    known.insert((pair[0], pair[1]));
+                    known.insert((pair[1], pair[0]));
+                }
+                found.push(row);
+            }
+        }
+    }
+    found
+}
+
+/// The row that goes on both ways from two places.
+fn longest(sites: &Sites<'_>, i: usize, j: usize) -> Option<Chain> {
+    let mut row = Chain::row(sites, vec![i, j]);
+    while let Some(longer) = grown(sites, &row) {
+        row = longer;
+    }
+    row.members.reverse();
+    let mut row = Chain::row(sites, row.members);
+    while let Some(longer) = grown(sites, &row) {
+        row = longer;
+    }
+    if row.members.len() < FEWEST {
+        return None;
+    }
+    // One way for either start: from the smaller number at the ends.
+    if row.members.first() > row.members.last() {
+        row.members.reverse();
+    }
+    Chain::row(sites, row.members).fitted(sites)
+}
+
+/// The row with the next member, if all hold.
+fn grown(sites: &Sites<'_>, row: &Chain) -> Option<Chain> {
+    let n = row.members.len();
+    let (before, last) = (row.members[n - 2], row.members[n - 1]);
+    let step = sites.way(before, last);
+    let next = sites.at(last, step, OFF * norm(step))?;
+    if row.members.contains(&next) {
+        return None;
+    }
+    let members = [row.members.as_slice(), &[next]].concat();
+    Chain::row(sites, members).fitted(sites)
+}

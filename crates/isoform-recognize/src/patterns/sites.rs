@@ -1,0 +1,201 @@
+//! Equal entities, and the places where they are: pieces of one plane or one bore are one place.
+
+use crate::chart::{Kind, MOST, Row, Surface};
+use crate::compare::{Whitener, add_covariance, difference, is_angle, limit};
+use crate::relations::{DIRECTION, FAR, Known, PLACE, ROUNDING};
+use isoform_geom::{Point3, UnionFind, dot, norm};
+
+/// Sizes of equal entities differ by at most this many deviations before all are looked at.
+const WITHIN: f64 = 6.0;
+
+/// The parameters in which members of a pattern are equal: where a cone begins is open.
+pub(super) fn compared(kind: Kind) -> &'static [usize] {
+    match kind {
+        Kind::Plane => &[0, 1, 2],
+        Kind::Sphere => &[0, 1, 2, 3],
+        Kind::Cylinder => &[0, 1, 2, 3, 4],
+        Kind::Cone => &[0, 1, 2, 3, 5],
+        Kind::Torus => &[0, 1, 2, 3, 4, 5, 6],
+    }
+}
+
+/// The parameters that are sizes.
+fn sizes(kind: Kind) -> &'static [usize] {
+    match kind {
+        Kind::Plane => &[],
+        Kind::Sphere => &[3],
+        Kind::Cylinder => &[4],
+        Kind::Cone => &[5],
+        Kind::Torus => &[5, 6],
+    }
+}
+
+/// Classes of three or more entities that are equal but for their places.
+pub(super) fn classes(known: &[Known], outward: &[i8], noise: f64) -> Vec<Vec<usize>> {
+    let told: Vec<usize> = (0..known.len())
+        .filter(|i| outward[*i] != 0 && is_told(&known[*i], noise))
+        .collect();
+    let mut sets = UnionFind::new(known.len());
+    for (n, i) in told.iter().enumerate() {
+        for j in &told[n + 1..] {
+            if are_equal(&known[*i], &known[*j], outward[*i] * outward[*j]) {
+                sets.unite(*i as u32, *j as u32);
+            }
+        }
+    }
+    let mut classes: Vec<(u32, Vec<usize>)> = Vec::new();
+    for i in told {
+        let root = sets.root(i as u32);
+        match classes.iter_mut().find(|c| c.0 == root) {
+            Some(class) => class.1.push(i),
+            None => classes.push((root, vec![i])),
+        }
+    }
+    let all = classes.into_iter().map(|c| c.1);
+    all.filter(|c| c.len() >= 3).collect()
+}
+
+/// Whether an entity is known well enough to tell a pattern.
+fn is_told(known: &Known, noise: f64) -> bool {
+    let kind = known.surface.kind;
+    compared(kind).iter().all(|k| {
+        let (least, noises) = if is_angle(kind, *k) { DIRECTION } else { PLACE };
+        known.covariance[*k][*k].sqrt() <= least.max(noises * noise)
+    })
+}
+
+/// Whether two entities are equal within some deviations, and face alike for `facing` 1.
+fn are_equal(a: &Known, b: &Known, facing: i8) -> bool {
+    let (s, t) = (&a.surface, &b.surface);
+    if s.kind != t.kind {
+        return false;
+    }
+    let cosine = dot(s.axis, t.axis);
+    if s.kind != Kind::Sphere && cosine.abs() < 1.0 - FAR * FAR / 2.0 {
+        return false;
+    }
+    let along = if s.kind == Kind::Plane && cosine < 0.0 {
+        -1
+    } else {
+        1
+    };
+    let off = difference(s, t);
+    let is_near = |k: &usize| {
+        let variance = a.covariance[*k][*k] + b.covariance[*k][*k] + ROUNDING * ROUNDING;
+        off[*k].abs() <= WITHIN * variance.sqrt()
+    };
+    facing * along > 0 && sizes(s.kind).iter().all(is_near)
+}
+
+/// The places of a class.
+pub(super) struct Sites<'a> {
+    pub(super) known: &'a [Known],
+    /// The entities of each place, those with most points first.
+    places: Vec<Vec<usize>>,
+    /// Of each entity, where it is a member.
+    whiteners: Vec<Option<Whitener>>,
+}
+
+impl<'a> Sites<'a> {
+    pub(super) fn of(known: &'a [Known], class: &[usize]) -> Self {
+        let mut places: Vec<Vec<usize>> = Vec::new();
+        for i in class {
+            let same = places
+                .iter_mut()
+                .find(|p| are_one(&known[p[0]], &known[*i]));
+            match same {
+                Some(place) => place.push(*i),
+                None => places.push(vec![*i]),
+            }
+        }
+        let mut whiteners = vec![None; known.len()];
+        for i in class {
+            let of = rounded(&known[*i].covariance);
+            let which = compared(known[*i].surface.kind);
+            whiteners[*i] = Some(Whitener::of(&of, which, None));
+        }
+        Self {
+            known,
+            places,
+            whiteners,
+        }
+    }
+
+    pub(super) fn count(&self) -> usize {
+        self.places.len()
+    }
+
+    /// Whether an entity is of the class.
+    pub(super) fn has(&self, entity: usize) -> bool {
+        self.whiteners[entity].is_some()
+    }
+
+    pub(super) fn entities(&self, place: usize) -> Vec<usize> {
+        self.places[place].clone()
+    }
+
+    pub(super) fn surface(&self, place: usize) -> &'a Surface {
+        &self.known[self.places[place][0]].surface
+    }
+
+    pub(super) fn whitener(&self, entity: usize) -> Whitener {
+        self.whiteners[entity]
+            .clone()
+            .expect("entities of a class have one")
+    }
+
+    /// The way from one place to another, as far as the kind of surface has one.
+    pub(super) fn way(&self, from: usize, to: usize) -> Point3 {
+        way(self.surface(from), self.surface(to))
+    }
+
+    /// The place nearest to where this way leads, within `off`.
+    pub(super) fn at(&self, from: usize, way: Point3, off: f64) -> Option<usize> {
+        let distance = |k: &usize| {
+            let there = self.way(from, *k);
+            norm(std::array::from_fn(|i| there[i] - way[i]))
+        };
+        let others = (0..self.count()).filter(|k| *k != from);
+        let near = others.map(|k| (distance(&k), k)).filter(|n| n.0 <= off);
+        near.min_by(|a, b| a.0.total_cmp(&b.0)).map(|n| n.1)
+    }
+
+    /// The places nearest to one, at most `most`.
+    pub(super) fn near(&self, from: usize, most: usize) -> Vec<usize> {
+        let mut others: Vec<usize> = (0..self.count()).filter(|k| *k != from).collect();
+        others.sort_by(|a, b| {
+            let of = |k: &usize| norm(self.way(from, *k));
+            of(a).total_cmp(&of(b))
+        });
+        others.truncate(most);
+        others
+    }
+}
+
+/// The way from a surface to an equal one.
+pub(super) fn way(from: &Surface, to: &Surface) -> Point3 {
+    let off = difference(from, to);
+    let [e, f] = from.frame();
+    match from.kind {
+        Kind::Plane => from.axis.map(|x| x * off[2]),
+        Kind::Sphere => [off[0], off[1], off[2]],
+        Kind::Torus => [off[2], off[3], off[4]],
+        _ => std::array::from_fn(|k| off[2] * e[k] + off[3] * f[k]),
+    }
+}
+
+fn rounded(covariance: &[Row; MOST]) -> [Row; MOST] {
+    let mut sum = *covariance;
+    (0..MOST).for_each(|k| sum[k][k] += ROUNDING * ROUNDING);
+    sum
+}
+
+/// Whether two entities are pieces of one surface within the uncertainty; equal tori and spheres
+/// are two entities only where they are two.
+fn are_one(a: &Known, b: &Known) -> bool {
+    let which = compared(a.surface.kind);
+    let mut sum = rounded(&a.covariance);
+    add_covariance(&mut sum, b, |s| difference(&a.surface, s));
+    let off = difference(&a.surface, &b.surface);
+    Whitener::of(&sum, which, None).squared(&off) <= limit(which.len())
+}

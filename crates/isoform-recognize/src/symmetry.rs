@@ -1,0 +1,375 @@
+//! Symmetries: mirrors and rotations that map all or nearly all entities to one another.
+//!
+//! Candidates come from pairs of entities and from axes. One maps each entity to the equal one that
+//! is nearest to its image; its plane or axis is then that of least squares over all these, and
+//! entities whose difference from their image is more than their uncertainty allows go, worst
+//! first. What is left has points where the images of points are.
+
+mod candidates;
+mod cover;
+mod motion;
+
+use crate::chart::{Kind, MOST, Surface};
+use crate::compare::{
+    Fitted, Observation, Whitener, add_covariance, difference, fit_model, is_angle,
+};
+use crate::entity::{Pattern, Symmetry, SymmetryKind};
+use crate::relations::{DIRECTION, Known, PLACE, ROUNDING};
+use candidates::{lines_of_mirrors, lines_of_patterns, lines_of_surfaces, mirrors};
+use cover::Cover;
+use isoform_geom::{Point3, dot, norm, sub};
+use motion::Motion;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Entities without an image hold at most this share of the points, and are at most this share of
+/// all, or so few.
+const WITHOUT: (f64, f64, usize) = (0.05, 0.1, 2);
+/// An entity and an image farther apart are not the same: in radians, and diagonals.
+const LOOSE: (f64, f64) = (0.03, 0.02);
+/// How many entities, those with most points, candidates come from.
+const LARGEST: usize = 24;
+/// The largest order of a rotation looked for.
+const ORDERS: u32 = 12;
+/// A turn by this share of a full one maps only bodies of revolution to themselves.
+const ANY: f64 = 0.381_966;
+/// Rounds of fitting and mapping.
+const ROUNDS: usize = 4;
+
+/// What symmetries are looked for in.
+pub(crate) struct Set<'a> {
+    pub(crate) known: &'a [Known],
+    pub(crate) outward: &'a [i8],
+    pub(crate) points: &'a [Vec<Point3>],
+    pub(crate) noise: f64,
+}
+
+/// The symmetries of all or nearly all entities; lengths in units of `unit` about `origin`.
+pub(crate) fn symmetries(
+    set: &Set<'_>,
+    patterns: &[Pattern],
+    (unit, origin): (f64, Point3),
+) -> Vec<Symmetry> {
+    let whole: usize = set.points.iter().map(Vec::len).sum();
+    let search = Search {
+        set,
+        cover: Cover::of(set.points),
+        most_without: (
+            (WITHOUT.0 * whole as f64) as usize,
+            WITHOUT.2.max((WITHOUT.1 * set.known.len() as f64) as usize),
+        ),
+    };
+    let surfaces: Vec<Surface> = set.known.iter().map(|k| k.surface).collect();
+    let mut found = search.distinct(mirrors(&surfaces, LARGEST).into_iter().map(Motion::mirror));
+    let mut lines = lines_of_surfaces(&surfaces, LARGEST);
+    lines.extend(lines_of_patterns(patterns, unit, origin));
+    let planes: Vec<Surface> = found.iter().map(|f| f.motion.element).collect();
+    lines.extend(lines_of_mirrors(&planes));
+    let rotations = search.rotations(&lines);
+    found.extend(rotations.into_iter().filter(|f| !f.is_product(&planes)));
+    let said = found.into_iter().map(|f| f.said(unit, origin));
+    said.collect()
+}
+
+/// A motion under which the set is symmetric.
+struct Found {
+    motion: Motion,
+    images: Vec<Option<usize>>,
+    off: f64,
+}
+
+impl Found {
+    /// Whether it is a half turn, and what two mirrors at right angles do one after the other.
+    fn is_product(&self, mirrors: &[Surface]) -> bool {
+        let line = &self.motion.element;
+        let holds = |m: &&Surface| {
+            dot(m.axis, line.axis).abs() < LOOSE.0 && m.distance(line.place).abs() < LOOSE.1
+        };
+        let through: Vec<&Surface> = mirrors.iter().filter(holds).collect();
+        let is_right = |a: &&Surface| {
+            let mut others = through.iter();
+            others.any(|b| dot(a.axis, b.axis).abs() < LOOSE.0)
+        };
+        self.motion.order == Some(2) && through.iter().any(is_right)
+    }
+
+    /// Whether each entity has an image.
+    fn is_whole(&self) -> bool {
+        self.images.iter().all(Option::is_some)
+    }
+
+    fn said(self, unit: f64, origin: Point3) -> Symmetry {
+        let element = self.motion.element;
+        let point: Point3 = std::array::from_fn(|k| element.place[k] * unit + origin[k]);
+        let kind = match element.kind {
+            Kind::Plane => SymmetryKind::Mirror {
+                normal: element.axis,
+                offset: dot(element.axis, point),
+            },
+            _ => SymmetryKind::Rotation {
+                point,
+                axis: element.axis,
+                order: self.motion.order,
+            },
+        };
+        Symmetry {
+            kind,
+            images: self.images,
+            deviation: self.off * unit,
+        }
+    }
+}
+
+/// The search for symmetries of a set.
+struct Search<'a> {
+    set: &'a Set<'a>,
+    cover: Cover,
+    /// So many points may be of entities without an image, and so many entities have none.
+    most_without: (usize, usize),
+}
+
+impl Search<'_> {
+    /// The candidates that hold, each mapping once.
+    fn distinct(&self, candidates: impl Iterator<Item = Motion>) -> Vec<Found> {
+        let candidates: Vec<Motion> = candidates.collect();
+        let all: Vec<Option<Found>> = candidates.into_par_iter().map(|m| self.tried(m)).collect();
+        let mut found: Vec<Found> = Vec::new();
+        for one in all.into_iter().flatten() {
+            // The fuller one of two that differ in what they leave out; axes point either way.
+            let agree = |f: &Found| {
+                let mut pairs = f.images.iter().zip(&one.images);
+                f.motion.is_near(&one.motion, LOOSE)
+                    && (f.motion.element.kind != Kind::Plane
+                        || pairs.all(|(a, b)| a == b || a.is_none() || b.is_none()))
+            };
+            let count = |f: &Found| f.images.iter().flatten().count();
+            match found.iter_mut().find(|f| agree(f)) {
+                Some(same) if count(same) < count(&one) => *same = one,
+                Some(_) => {}
+                None => found.push(one),
+            }
+        }
+        found
+    }
+
+    /// For each axis the rotation of the highest order, and those that do not divide it.
+    fn rotations(&self, lines: &[Surface]) -> Vec<Found> {
+        let mut found: Vec<Found> = Vec::new();
+        let bodies = self.distinct(lines.iter().map(|l| Motion::turn(*l, ANY * TAU, None)));
+        let is_on = |l: &Surface, f: &Found| Motion::turn(*l, 0.0, None).is_near(&f.motion, LOOSE);
+        let lines: Vec<Surface> = lines
+            .iter()
+            .filter(|l| !bodies.iter().any(|f| f.is_whole() && is_on(l, f)))
+            .copied()
+            .collect();
+        for order in (2..=ORDERS).rev() {
+            let angle = TAU / f64::from(order);
+            let is_left = |l: &&Surface| {
+                let divides = |f: &Found| f.motion.order.is_some_and(|o| o % order == 0);
+                !found.iter().any(|f| divides(f) && is_on(l, f))
+            };
+            let left = lines.iter().filter(is_left);
+            let more = self.distinct(left.map(|l| Motion::turn(*l, angle, Some(order))));
+            found.extend(more.into_iter().filter(Self::moves_some));
+        }
+        let is_more =
+            |b: &Found| b.is_whole() || !found.iter().any(|f| is_on(&b.motion.element, f));
+        let bodies = bodies.into_iter().filter(|b| !Self::moves_some(b));
+        let bodies: Vec<Found> = bodies.filter(is_more).collect();
+        found.extend(bodies);
+        found
+    }
+
+    fn moves_some(found: &Found) -> bool {
+        let mut all = found.images.iter().enumerate();
+        all.any(|(i, image)| image.is_some_and(|j| j != i))
+    }
+
+    /// A candidate with its plane or axis of least squares, if it holds.
+    fn tried(&self, mut motion: Motion) -> Option<Found> {
+        let (mut out, mut images) = (Vec::new(), self.images(&motion, &[])?);
+        for round in 0..ROUNDS + images.len() {
+            let pairs = self.pairs(&motion, &images);
+            let fit = self.fitted(&motion, &pairs)?;
+            motion = motion.moved(&fit.theta);
+            let excess = fit.excess.iter().enumerate();
+            let worst = excess.max_by(|a, b| a.1.total_cmp(b.1))?;
+            if *worst.1 > 1.0 && round > 0 {
+                out.push(pairs[worst.0].0);
+            }
+            let next = self.images(&motion, &out)?;
+            if next == images && *worst.1 <= 1.0 {
+                return match fit.holds() && self.is_told(&fit, &motion) {
+                    true => self.found(motion, images),
+                    false => None,
+                };
+            }
+            images = next;
+        }
+        None
+    }
+
+    fn found(&self, motion: Motion, images: Vec<Option<usize>>) -> Option<Found> {
+        let is_covered =
+            |(i, image): (usize, Option<usize>)| image.filter(|j| self.cover.holds(&motion, i, *j));
+        let images = images.into_iter().enumerate().map(is_covered).collect();
+        let images = self.one_to_one(&motion, images)?;
+        let off = self.largest(&motion, &images);
+        Some(Found {
+            motion,
+            images,
+            off,
+        })
+    }
+
+    /// For each entity the one nearest to its image, if few have none; those of `out` have none.
+    fn images(&self, motion: &Motion, out: &[usize]) -> Option<Vec<Option<usize>>> {
+        let mut without = (0, 0);
+        let mut images = Vec::with_capacity(self.set.known.len());
+        for i in 0..self.set.known.len() {
+            let image = if out.contains(&i) {
+                None
+            } else {
+                self.image(motion, i)
+            };
+            if image.is_none() {
+                without = (without.0 + self.set.points[i].len(), without.1 + 1);
+                if without.0 > self.most_without.0 || without.1 > self.most_without.1 {
+                    return None;
+                }
+            }
+            images.push(image);
+        }
+        self.one_to_one(motion, images)
+    }
+
+    /// Leaves out those that share an image, and of mirrors those that are not the image of it.
+    fn one_to_one(
+        &self,
+        motion: &Motion,
+        images: Vec<Option<usize>>,
+    ) -> Option<Vec<Option<usize>>> {
+        let mut count = vec![0; images.len()];
+        images.iter().flatten().for_each(|j| count[*j] += 1);
+        let is_one = |i: usize, j: usize| {
+            count[j] == 1 && (motion.element.kind != Kind::Plane || images[j] == Some(i))
+        };
+        let kept = images.iter().enumerate();
+        let kept = kept.map(|(i, image)| image.filter(|j| is_one(i, *j)));
+        self.enough(kept.collect())
+    }
+
+    /// The images, if few enough entities have none.
+    fn enough(&self, images: Vec<Option<usize>>) -> Option<Vec<Option<usize>>> {
+        let without = images.iter().zip(self.set.points);
+        let without = without.filter(|(i, _)| i.is_none()).map(|(_, p)| p.len());
+        let (points, count) = without.fold((0, 0), |(p, n), more| (p + more, n + 1));
+        (points <= self.most_without.0 && count <= self.most_without.1).then_some(images)
+    }
+
+    /// The entity nearest to the image of this one.
+    fn image(&self, motion: &Motion, i: usize) -> Option<usize> {
+        let moved = motion.apply(&self.set.known[i].surface);
+        let facing = self.set.outward[i];
+        let near = |j: usize| {
+            let s = &self.set.known[j].surface;
+            if s.kind != moved.kind || !faces_alike(s, &moved, facing * self.set.outward[j]) {
+                return None;
+            }
+            distance(s, &moved).map(|d| (d, j))
+        };
+        let all = (0..self.set.known.len()).filter_map(near);
+        all.min_by(|a, b| a.0.total_cmp(&b.0)).map(|n| n.1)
+    }
+
+    /// Entities with their images that are told; of mirrors each pair once.
+    fn pairs(&self, motion: &Motion, images: &[Option<usize>]) -> Vec<(usize, usize)> {
+        let is_mirror = motion.element.kind == Kind::Plane;
+        let is_known = |i: usize| self.set.known[i].covariance[0][0].is_finite();
+        let all = images.iter().enumerate();
+        let all = all.filter_map(|(i, image)| image.map(|j| (i, j)));
+        all.filter(|(i, j)| is_known(*i) && is_known(*j) && !(is_mirror && j < i))
+            .collect()
+    }
+
+    fn fitted(&self, motion: &Motion, pairs: &[(usize, usize)]) -> Option<Fitted> {
+        let observation = |(i, j): &(usize, usize)| {
+            let [a, b] = [*i, *j].map(|k| &self.set.known[k]);
+            Observation {
+                difference: Box::new(move |theta: &[f64]| {
+                    difference(&b.surface, &motion.moved(theta).apply(&a.surface))
+                }),
+                whitener: whitener(motion, a, b, i == j),
+            }
+        };
+        let all: Vec<Observation<'_>> = pairs.iter().map(observation).collect();
+        fit_model(motion.freedom(), &all)
+    }
+
+    /// Whether the plane or axis is known well enough.
+    fn is_told(&self, fit: &Fitted, motion: &Motion) -> bool {
+        (0..motion.freedom()).all(|k| {
+            let (least, noises) = if k < 2 { DIRECTION } else { PLACE };
+            fit.deviation(k) <= least.max(noises * self.set.noise)
+        })
+    }
+
+    /// How far a place or a size is off its image's at most.
+    fn largest(&self, motion: &Motion, images: &[Option<usize>]) -> f64 {
+        let off = |(i, j): (usize, usize)| {
+            let [a, b] = [i, j].map(|k| &self.set.known[k].surface);
+            let off = difference(b, &motion.apply(a));
+            let lengths = (0..MOST).filter(|k| !is_angle(b.kind, *k));
+            lengths.map(|k| off[k].abs()).fold(0.0, f64::max)
+        };
+        let pairs = self.pairs(motion, images).into_iter();
+        pairs.map(off).fold(0.0, f64::max)
+    }
+}
+
+/// Whether two surfaces of one kind have the outside on the same side, as far as that is known.
+fn faces_alike(a: &Surface, b: &Surface, facing: i8) -> bool {
+    let is_against = a.kind == Kind::Plane && dot(a.axis, b.axis) < 0.0;
+    facing == 0 || (facing < 0) == is_against
+}
+
+/// How far two surfaces of one kind are apart, their places included; none beyond [`LOOSE`].
+fn distance(a: &Surface, b: &Surface) -> Option<f64> {
+    let off = difference(a, b);
+    let limit = |k: usize| {
+        if is_angle(a.kind, k) {
+            LOOSE.0
+        } else {
+            LOOSE.1
+        }
+    };
+    let is_near = (0..a.kind.parameters()).all(|k| off[k].abs() <= limit(k));
+    let apart: f64 = off.iter().map(|x| x * x).sum();
+    is_near.then(|| (apart + norm(sub(a.place, b.place)).powi(2)).sqrt())
+}
+
+/// For the difference of an entity from the image of another, or itself: (1 − J) C (1 − J)ᵀ then,
+/// with the derivatives J of the image, which leaves nothing of what the motion does not change.
+fn whitener(motion: &Motion, a: &Known, b: &Known, is_same: bool) -> Whitener {
+    let which: Vec<usize> = (0..b.surface.kind.parameters()).collect();
+    let mut sum = [[0.0; MOST]; MOST];
+    if is_same {
+        add_covariance(&mut sum, a, |s| {
+            let (image, own) = (motion.apply(s), difference(&b.surface, s));
+            let of = difference(&b.surface, &image);
+            std::array::from_fn(|k| of[k] - own[k])
+        });
+        let scale = std::array::from_fn(|k| a.covariance[k][k].max(ROUNDING * ROUNDING));
+        return Whitener::of(&rounded(sum), &which, Some(&scale));
+    }
+    add_covariance(&mut sum, a, |s| difference(&b.surface, &motion.apply(s)));
+    for (row, more) in sum.iter_mut().zip(&b.covariance) {
+        row.iter_mut().zip(more).for_each(|(x, y)| *x += y);
+    }
+    Whitener::of(&rounded(sum), &which, None)
+}
+
+fn rounded(mut covariance: [[f64; MOST]; MOST]) -> [[f64; MOST]; MOST] {
+    (0..MOST).for_each(|k| covariance[k][k] += ROUNDING * ROUNDING);
+    covariance
+}

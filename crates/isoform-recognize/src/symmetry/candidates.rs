@@ -1,0 +1,182 @@
+//! Planes and axes that may be those of symmetries.
+
+use crate::chart::{Kind, Surface, unit};
+use crate::entity::{Layout, Pattern};
+use isoform_geom::{Point3, cross, dot, norm, sub};
+
+/// Two directions are parallel, or two places one, below this, in radians and diagonals.
+const SAME: f64 = 0.02;
+
+fn plane(place: Point3, normal: Point3) -> Surface {
+    Surface {
+        kind: Kind::Plane,
+        place,
+        axis: unit(normal),
+        size: 0.0,
+        other: 0.0,
+    }
+}
+
+fn line(place: Point3, axis: Point3) -> Surface {
+    Surface {
+        kind: Kind::Cylinder,
+        ..plane(place, axis)
+    }
+}
+
+fn middle(a: Point3, b: Point3) -> Point3 {
+    std::array::from_fn(|k| (a[k] + b[k]) / 2.0)
+}
+
+/// Planes that map one of two surfaces to the other, or each to itself, of all pairs with one of
+/// the first `most`.
+pub(super) fn mirrors(surfaces: &[Surface], most: usize) -> Vec<Surface> {
+    let mut found = Vec::new();
+    for (i, a) in surfaces.iter().enumerate().take(most) {
+        for b in &surfaces[i + 1..] {
+            if a.kind == b.kind {
+                exchanging(a, b, &mut found);
+            }
+            if a.kind > Kind::Sphere || b.kind > Kind::Sphere {
+                keeping(a, b, &mut found);
+            }
+        }
+    }
+    distinct(found)
+}
+
+/// Planes in which the images of two surfaces are one another.
+fn exchanging(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+    let way = sub(b.place, a.place);
+    match a.kind {
+        Kind::Plane => {
+            let cosine = dot(a.axis, b.axis);
+            if cosine.abs() > 1.0 - SAME * SAME {
+                let there = dot(way, a.axis);
+                let place = std::array::from_fn(|k| a.place[k] + there / 2.0 * a.axis[k]);
+                found.push(plane(place, a.axis));
+            } else if let Some(at) = common(a, b) {
+                found.push(plane(at, sub(a.axis, b.axis)));
+                found.push(plane(at, std::array::from_fn(|k| a.axis[k] + b.axis[k])));
+            }
+        }
+        Kind::Sphere if norm(way) > SAME => found.push(plane(middle(a.place, b.place), way)),
+        Kind::Sphere => {}
+        _ => exchanging_axes(a, b, found),
+    }
+}
+
+fn exchanging_axes(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+    let way = sub(b.place, a.place);
+    if dot(a.axis, b.axis).abs() > 1.0 - SAME * SAME {
+        let along = dot(way, a.axis);
+        let across: Point3 = std::array::from_fn(|k| way[k] - along * a.axis[k]);
+        let at = middle(a.place, b.place);
+        if norm(across) > SAME {
+            found.push(plane(at, across));
+        }
+        if along.abs() > SAME {
+            // Of two pieces or ends along their axes.
+            found.push(plane(apart(a, b), a.axis));
+        }
+    } else {
+        let at = middle(a.place, b.place);
+        found.push(plane(at, sub(a.axis, b.axis)));
+        found.push(plane(at, std::array::from_fn(|k| a.axis[k] + b.axis[k])));
+    }
+}
+
+/// The middle of what tells where two surfaces are along their axes: apexes of cones.
+fn apart(a: &Surface, b: &Surface) -> Point3 {
+    let of = |s: &Surface| {
+        if s.kind == Kind::Cone {
+            s.apex()
+        } else {
+            s.place
+        }
+    };
+    middle(of(a), of(b))
+}
+
+/// Planes through the axis of one of two surfaces that keep the other.
+fn keeping(a: &Surface, b: &Surface, found: &mut Vec<Surface>) {
+    for (s, t) in [(a, b), (b, a)] {
+        if s.kind <= Kind::Sphere {
+            continue;
+        }
+        let normal = cross(s.axis, t.axis);
+        let is_across = t.kind != Kind::Sphere && norm(normal) > SAME;
+        if is_across {
+            found.push(plane(s.place, normal));
+        }
+        if t.kind != Kind::Plane && !is_across {
+            let way = sub(t.place, s.place);
+            let normal = cross(s.axis, way);
+            if norm(normal) > SAME {
+                found.push(plane(s.place, normal));
+            }
+        }
+        if s.kind == Kind::Torus {
+            found.push(plane(s.place, s.axis));
+        }
+    }
+}
+
+/// A point on both of two planes, nearest to the first one's place.
+fn common(a: &Surface, b: &Surface) -> Option<Point3> {
+    let along = cross(a.axis, b.axis);
+    let inwards = cross(along, a.axis);
+    let slope = dot(inwards, b.axis);
+    let h = -b.distance(a.place) / slope;
+    let at: Point3 = std::array::from_fn(|k| a.place[k] + h * inwards[k]);
+    at.iter().all(|x| x.is_finite()).then_some(at)
+}
+
+/// The axes of the first `most` surfaces that have one.
+pub(super) fn lines_of_surfaces(surfaces: &[Surface], most: usize) -> Vec<Surface> {
+    let with = surfaces.iter().filter(|s| s.kind > Kind::Sphere);
+    distinct(with.take(most).map(|s| line(s.place, s.axis)).collect())
+}
+
+/// The axes of circular patterns, which are in units of `unit` about `origin`.
+pub(super) fn lines_of_patterns(patterns: &[Pattern], unit: f64, origin: Point3) -> Vec<Surface> {
+    let of = |p: &Pattern| match p.layout {
+        Layout::Circle { center, axis, .. } => {
+            let place = std::array::from_fn(|k| (center[k] - origin[k]) / unit);
+            Some(line(place, axis))
+        }
+        Layout::Row { .. } => None,
+    };
+    distinct(patterns.iter().filter_map(of).collect())
+}
+
+/// The lines where two planes meet.
+pub(super) fn lines_of_mirrors(planes: &[Surface]) -> Vec<Surface> {
+    let mut found = Vec::new();
+    for (i, a) in planes.iter().enumerate() {
+        for b in &planes[i + 1..] {
+            let along = cross(a.axis, b.axis);
+            if norm(along) > SAME
+                && let Some(at) = common(a, b)
+            {
+                found.push(line(at, along));
+            }
+        }
+    }
+    distinct(found)
+}
+
+/// Planes or lines that are not nearly one before: a tenth of [`SAME`] apart.
+fn distinct(all: Vec<Surface>) -> Vec<Surface> {
+    let mut found: Vec<Surface> = Vec::new();
+    for s in all {
+        let s = s.about([0.0; 3]);
+        let is_same = |f: &Surface| {
+            norm(cross(f.axis, s.axis)) < SAME / 10.0 && norm(sub(f.place, s.place)) < SAME / 10.0
+        };
+        if !found.iter().any(is_same) {
+            found.push(s);
+        }
+    }
+    found
+}

@@ -1,0 +1,64 @@
+//! Whether there are points where the images of points are.
+
+use super::motion::Motion;
+use crate::cloud::thinned;
+use isoform_geom::{KdTree, Point3};
+use rayon::prelude::*;
+
+/// So many points of an entity are looked at, and kept to look among.
+const LOOKED: usize = 64;
+const KEPT: usize = 4000;
+/// A place is covered where a point is within this many spacings.
+const NEAR: f64 = 4.0;
+/// The share of places that are covered: at corners there may be none.
+const COVERED: f64 = 0.85;
+
+/// The points of each entity.
+pub(super) struct Cover {
+    places: Vec<Vec<Point3>>,
+    trees: Vec<KdTree>,
+    /// The square of the distance within which points are near.
+    near: Vec<f64>,
+}
+
+impl Cover {
+    pub(super) fn of(points: &[Vec<Point3>]) -> Self {
+        let some = |p: &Vec<Point3>| thinned(p.len(), KEPT).map(|k| p[k]).collect();
+        let kept: Vec<Vec<Point3>> = points.iter().map(some).collect();
+        let trees: Vec<KdTree> = kept.par_iter().map(|p| KdTree::new(p)).collect();
+        let near = kept.iter().zip(&trees);
+        let near = near.map(|(p, t)| NEAR * NEAR * spacing(p, t)).collect();
+        let few = |p: &Vec<Point3>| thinned(p.len(), LOOKED).map(|k| p[k]).collect();
+        Self {
+            places: kept.iter().map(few).collect(),
+            trees,
+            near,
+        }
+    }
+
+    /// Whether the image of one entity's points is where the other has points.
+    pub(super) fn holds(&self, motion: &Motion, from: usize, to: usize) -> bool {
+        let is_near = |p: &&Point3| {
+            let nearest = self.trees[to].nearest(motion.point(**p));
+            nearest.is_some_and(|n| n.1 <= self.near[to].max(self.near[from]))
+        };
+        let all = &self.places[from];
+        all.iter().filter(is_near).count() as f64 >= COVERED * all.len() as f64
+    }
+}
+
+/// The square of the distance from a point to its nearest, in the median.
+fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
+    let mut found = Vec::new();
+    let mut squares: Vec<f64> = thinned(points.len(), KEPT / 4)
+        .map(|k| {
+            tree.nearest_k(points[k], 2, &mut found);
+            found.last().map_or(0.0, |f| f.0)
+        })
+        .collect();
+    if squares.is_empty() {
+        return 0.0;
+    }
+    let half = squares.len() / 2;
+    *squares.select_nth_unstable_by(half, f64::total_cmp).1
+}

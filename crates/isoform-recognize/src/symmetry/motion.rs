@@ -1,0 +1,82 @@
+//! Mirrors and rotations of surfaces.
+
+use crate::chart::{Kind, MOST, Surface};
+use crate::patterns::turned;
+use isoform_geom::{Point3, dot, norm, sub};
+
+/// A mirror in a plane, or a turn about the axis of a cylinder whose size says nothing.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Motion {
+    pub(super) element: Surface,
+    angle: f64,
+    /// Into how many a full turn is divided.
+    pub(super) order: Option<u32>,
+}
+
+impl Motion {
+    pub(super) fn mirror(plane: Surface) -> Self {
+        Self {
+            element: plane,
+            angle: 0.0,
+            order: None,
+        }
+    }
+
+    pub(super) fn turn(line: Surface, angle: f64, order: Option<u32>) -> Self {
+        Self {
+            element: line,
+            angle,
+            order,
+        }
+    }
+
+    /// How many parameters the plane or the axis has.
+    pub(super) fn freedom(&self) -> usize {
+        if self.element.kind == Kind::Plane {
+            3
+        } else {
+            4
+        }
+    }
+
+    /// With the plane or the axis moved.
+    pub(super) fn moved(&self, theta: &[f64]) -> Self {
+        let mut step = [0.0; MOST];
+        step[..theta.len()].copy_from_slice(theta);
+        Self {
+            element: self.element.moved(&step),
+            ..*self
+        }
+    }
+
+    /// The image of a surface.
+    pub(super) fn apply(&self, s: &Surface) -> Surface {
+        let mut image = *s;
+        image.place = self.point(s.place);
+        image.axis = self.vector(s.axis);
+        image
+    }
+
+    pub(super) fn point(&self, p: Point3) -> Point3 {
+        let arm = self.vector(sub(p, self.element.place));
+        std::array::from_fn(|k| self.element.place[k] + arm[k])
+    }
+
+    fn vector(&self, v: Point3) -> Point3 {
+        let axis = self.element.axis;
+        if self.element.kind == Kind::Plane {
+            let h = dot(v, axis);
+            return std::array::from_fn(|k| v[k] - 2.0 * h * axis[k]);
+        }
+        turned(v, axis, self.angle)
+    }
+
+    /// Whether two planes or two axes are within an angle and a length about the scan's middle.
+    pub(super) fn is_near(&self, other: &Self, (angle, length): (f64, f64)) -> bool {
+        let [a, b] = [&self.element, &other.element].map(|s| s.about([0.0; 3]));
+        let off = sub(a.place, b.place);
+        a.kind == b.kind
+            && dot(a.axis, b.axis).abs() >= 1.0 - angle * angle / 2.0
+            && norm(off) <= length
+    }
+}
