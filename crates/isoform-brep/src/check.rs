@@ -259,15 +259,11 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
             }
             _ => true,
         };
-        let along = |edge: u32| {
-            let breaks = brep.breaks(edge);
-            let pieces = breaks.windows(2).map(|w| [w[0], w[1]]).collect::<Vec<_>>();
-            pieces.into_iter().flat_map(|[a, b]| {
-                (0..SAMPLES).map(move |k| a + (b - a) * k as f64 / SAMPLES as f64)
-            })
-        };
         let edges = face.loops.iter().flatten().map(|c| c.edge);
-        let all_in = |e: u32| along(e).all(|s| is_in(brep.along(e, s).0));
+        let all_in = |e: u32| {
+            let mut along = samples(&brep.breaks(e)).into_iter();
+            along.all(|s| is_in(brep.along(e, s).0))
+        };
         if !edges.into_iter().all(all_in) {
             made.failures.push(Finding::OffDomain(brep.face_name(f)));
         }
@@ -317,69 +313,86 @@ fn open_euler(triangles: &[[u32; 3]]) -> i64 {
 /// Gaps, lengths and angles along edges; the limits are those of exact edges, and of others.
 fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     let (brep, size) = (&built.brep, built.size);
-    let mut sides: Vec<Vec<&Surface>> = vec![Vec::new(); brep.edges.len()];
-    let mut senses: Vec<Vec<f64>> = vec![Vec::new(); brep.edges.len()];
+    let mut sides: Vec<Vec<Side<'_>>> = vec![Vec::new(); brep.edges.len()];
     for face in &brep.faces {
         for coedge in face.loops.iter().flatten() {
-            sides[coedge.edge as usize].push(&face.surface);
-            senses[coedge.edge as usize].push(if face.agrees { 1.0 } else { -1.0 });
+            let sense = if face.agrees { 1.0 } else { -1.0 };
+            sides[coedge.edge as usize].push((&face.surface, sense));
         }
     }
     made.shortest_edge = f64::INFINITY;
-    for e in 0..brep.edges.len() as u32 {
-        let breaks = brep.breaks(e);
-        let pieces = breaks.len() - 1;
-        let mut gap = 0.0;
-        let mut length = 0.0;
-        let mut last: Option<Point3> = None;
-        for i in 0..=pieces * SAMPLES {
-            let (piece, k) = ((i / SAMPLES).min(pieces - 1), i % SAMPLES);
-            let k = if i == pieces * SAMPLES { SAMPLES } else { k };
-            let share = k as f64 / SAMPLES as f64;
-            let s = breaks[piece] + share * (breaks[piece + 1] - breaks[piece]);
-            let p = brep.along(e, s).0;
-            let all = sides[e as usize].iter().copied();
-            gap = worse(gap, crate::newton::gap(all, p));
-            gap = worse(gap, crate::newton::gap(&built.meeting[e as usize], p));
-            length += last.map_or(0.0, |q| norm(sub(p, q)));
-            last = Some(p);
-            if let [a, b] = sides[e as usize].as_slice() {
-                let n = [a, b].map(|s| s.distance(p).1);
-                let sense = senses[e as usize][0] * senses[e as usize][1];
-                let cos = sense * dot(n[0], n[1]);
-                let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
-                if angle < SMOOTH[0] && i > 0 && i < pieces * SAMPLES {
-                    made.smooth_angle = made.smooth_angle.max(angle);
-                }
-            }
+    for (e, sides) in sides.iter().enumerate() {
+        let found = examine_edge(built, e as u32, sides);
+        made.gap = made.gap.max(found.gap);
+        made.smooth_angle = made.smooth_angle.max(found.angle);
+        if !sides.iter().any(|s| matches!(s.0, Surface::Graph(_))) {
+            made.exact_gap = made.exact_gap.max(found.gap);
         }
-        let ends = brep.ends(e);
-        for (s, end) in [0.0, 1.0].into_iter().zip(ends) {
-            gap = worse(gap, norm(sub(brep.along(e, s).0, end)));
-        }
-        made.gap = made.gap.max(gap);
-        let is_spline = |s: &&Surface| matches!(s, Surface::Graph(_));
-        if !sides[e as usize].iter().any(is_spline) {
-            made.exact_gap = made.exact_gap.max(gap);
-        }
-        made.shortest_edge = made.shortest_edge.min(length);
-        if length < SHORTEST * TOLERANCE * size {
-            let at = ends[0];
+        made.shortest_edge = made.shortest_edge.min(found.length);
+        if found.length < SHORTEST * TOLERANCE * size {
+            let (length, at) = (found.length, brep.ends(e as u32)[0]);
             made.failures.push(Finding::ShortEdge { length, at });
         }
     }
-    if made.exact_gap > limits[0] || made.gap > limits[1] {
-        let gap = if made.gap > limits[1] {
-            made.gap
-        } else {
-            made.exact_gap
-        };
-        made.failures.push(Finding::Gap(gap));
+    if made.gap > limits[1] {
+        made.failures.push(Finding::Gap(made.gap));
+    } else if made.exact_gap > limits[0] {
+        made.failures.push(Finding::Gap(made.exact_gap));
     }
     let kink = SMOOTH[1] * (limits[1] / (1e-6 * size)).max(1.0);
     if made.smooth_angle > kink.min(SMOOTH[2]) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
+}
+
+/// The surface of a face at an edge, and the sign of its own normal against the outward one.
+type Side<'a> = (&'a Surface, f64);
+
+/// What was measured along an edge: the largest gap, the length, the largest small angle (degrees).
+#[derive(Default)]
+struct AlongEdge {
+    gap: f64,
+    length: f64,
+    angle: f64,
+}
+
+fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
+    let brep = &built.brep;
+    let mut found = AlongEdge::default();
+    let mut last: Option<Point3> = None;
+    for s in samples(&brep.breaks(e)) {
+        let p = brep.along(e, s).0;
+        let all = sides.iter().map(|s| s.0);
+        found.gap = worse(found.gap, crate::newton::gap(all, p));
+        found.gap = worse(found.gap, crate::newton::gap(&built.meeting[e as usize], p));
+        found.length += last.map_or(0.0, |q| norm(sub(p, q)));
+        last = Some(p);
+        if let [(a, sense_a), (b, sense_b)] = sides
+            && 0.0 < s
+            && s < 1.0
+        {
+            let n = [a, b].map(|s| s.distance(p).1);
+            let cos = sense_a * sense_b * dot(n[0], n[1]);
+            let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
+            if angle < SMOOTH[0] {
+                found.angle = found.angle.max(angle);
+            }
+        }
+    }
+    for (s, end) in [0.0, 1.0].into_iter().zip(brep.ends(e)) {
+        found.gap = worse(found.gap, norm(sub(brep.along(e, s).0, end)));
+    }
+    found
+}
+
+/// Parameters along an edge, some in each of its pieces, with both ends.
+fn samples(breaks: &[f64]) -> Vec<f64> {
+    let within = |w: &[f64]| {
+        let (a, b) = (w[0], w[1]);
+        (0..SAMPLES).map(move |k| a + (b - a) * k as f64 / SAMPLES as f64)
+    };
+    let inner = breaks.windows(2).flat_map(within);
+    inner.chain(breaks.last().copied()).collect()
 }
 
 /// The largest distance of a face from the function of its part: |F| / |∇F| at points of the surface

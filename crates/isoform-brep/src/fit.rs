@@ -272,7 +272,7 @@ impl Lattice {
                 }
             }
         }
-        banded_solve(&mut matrix, band, &mut right).then(|| Graph {
+        banded_solve(&mut matrix, band, &mut right).then_some(Graph {
             axes,
             degree: DEGREE,
             knots,
