@@ -21,9 +21,10 @@ const SHORTEST: f64 = 10.0;
 /// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
 /// second number; by up to the third where a tolerance above 1e-6 of the size is asked for.
 const SMOOTH: [f64; 3] = [5.0, 0.01, 0.1];
-/// The volume agrees with the limit of the meshes within this share: what their extrapolation is
-/// worth at the usual size of elements.
-const VOLUME: f64 = 1e-3;
+/// The volume agrees with the limit of the meshes within the first share of it, and the second of what
+/// halving the triangles changed: what their extrapolation is worth, and some more where nodes beside
+/// seams are off their surface.
+const VOLUME: [f64; 2] = [1e-4, 0.1];
 /// The area of a face agrees with that of its triangles within this share of it, and this share of
 /// the square of the size: chords of a small face may be long.
 const AREA: [f64; 2] = [0.15, 1e-4];
@@ -447,9 +448,10 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
             made.failures.push(Finding::SmallFace { face, area: found });
         }
     }
-    made.mesh_limit = limit_of_volume(built);
+    let (limit, change) = limit_of_volume(built);
+    made.mesh_limit = limit;
     let found = made.total.volume;
-    let allowed = VOLUME * made.mesh_limit.abs();
+    let allowed = VOLUME[0] * limit.abs() + VOLUME[1] * change;
     if found.is_nan() || (found - made.mesh_limit).abs() > allowed {
         let limit = made.mesh_limit;
         made.failures.push(Finding::Volume { found, limit });
@@ -457,8 +459,8 @@ fn examine_measures(built: &Built, made: &mut Certificate) {
 }
 
 /// The volume that finer meshes tend to: by Richardson's extrapolation of the mesh and of the one
-/// with nodes in the middles of its edges, on the surfaces.
-fn limit_of_volume(built: &Built) -> f64 {
+/// with nodes in the middles of its edges, on the surfaces. And by how much these two differ.
+fn limit_of_volume(built: &Built) -> (f64, f64) {
     let (brep, faces) = (&built.brep, &built.face_of);
     let surface = |t: usize| &brep.faces[faces[t] as usize].surface;
     let mut sides: BTreeMap<[u32; 2], Vec<usize>> = BTreeMap::new();
@@ -491,5 +493,5 @@ fn limit_of_volume(built: &Built) -> f64 {
         })
         .collect();
     let (coarse, fine) = (volume(&points, &built.triangles), volume(&points, &fine));
-    fine + (fine - coarse) / 3.0
+    (fine + (fine - coarse) / 3.0, (fine - coarse).abs())
 }

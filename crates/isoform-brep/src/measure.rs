@@ -13,6 +13,8 @@ use std::f64::consts::TAU;
 
 /// Nodes of Gauss quadrature along a piece of an edge, and from the base of v to the edge.
 const NODES: [usize; 2] = [10, 20];
+/// Parts of a piece of an edge on a spline, at most.
+const MOST_PARTS: f64 = 200.0;
 /// Nodes from knot to knot of a spline.
 const SPAN_NODES: usize = 6;
 
@@ -58,7 +60,7 @@ struct Work<'a> {
     brep: &'a Brep,
     face: &'a Face,
     center: Point3,
-    /// Angles about the tube of a torus are counted from here.
+    /// Angles about the tube of a torus, and y of a graph, are counted from here.
     start_of_v: f64,
     outer: (Vec<f64>, Vec<f64>),
     inner: (Vec<f64>, Vec<f64>),
@@ -82,7 +84,7 @@ impl<'a> Work<'a> {
         let mut sum = Measure::default();
         for coedge in around {
             let sense = if coedge.forward { -1.0 } else { 1.0 };
-            let breaks = self.brep.breaks(coedge.edge);
+            let breaks = self.breaks(coedge.edge);
             for piece in breaks.windows(2) {
                 let width = piece[1] - piece[0];
                 for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
@@ -98,6 +100,27 @@ impl<'a> Work<'a> {
         sum
     }
 
+    /// Parameters between which the integrand along an edge is smooth, or nearly so: on a spline pieces
+    /// are no longer than half of the way between two knots of u.
+    fn breaks(&self, edge: u32) -> Vec<f64> {
+        let breaks = self.brep.breaks(edge);
+        let Surface::Graph(graph) = &self.face.surface else {
+            return breaks;
+        };
+        let [first, last] = graph.domain()[0];
+        let span = (last - first) / (graph.rows() - graph.degree) as f64;
+        let u = |s: f64| self.face.surface.parameters(self.brep.along(edge, s).0)[0];
+        let mut finer = vec![breaks[0]];
+        for w in breaks.windows(2) {
+            let half = 0.5 * (w[0] + w[1]);
+            let far = (u(half) - u(w[0])).abs() + (u(w[1]) - u(half)).abs();
+            let parts = (2.0 * far / span).ceil().clamp(1.0, MOST_PARTS) as usize;
+            let at = |n: usize| w[0] + (w[1] - w[0]) * n as f64 / parts as f64;
+            finer.extend((1..=parts).map(at));
+        }
+        finer
+    }
+
     /// The integrals along v from its base to a point.
     fn up_to(&self, p: Point3) -> Measure {
         let surface = &self.face.surface;
@@ -110,8 +133,14 @@ impl<'a> Work<'a> {
         let mut sum = Measure::default();
         // A spline is a polynomial from knot to knot only.
         if let Surface::Graph(graph) = surface {
-            let start = base;
-            for &knot in graph.knots[1].iter().filter(|k| start < **k && **k < v) {
+            base = self.start_of_v;
+            let (lo, hi) = (base.min(v), base.max(v));
+            let mut inner: Vec<f64> = graph.knots[1].clone();
+            inner.retain(|k| lo < *k && *k < hi);
+            if v < base {
+                inner.reverse();
+            }
+            for knot in inner {
                 self.add_up([u, base, knot], &mut sum);
                 base = knot;
             }
@@ -159,8 +188,15 @@ fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
     }
 }
 
-/// An angle about the tube of a torus that the face leaves free; 0 for other surfaces.
+/// An angle about the tube of a torus that the face leaves free; the middle of the border of a face on a
+/// spline, far from which the spline may be anything; 0 for other surfaces.
 fn start_of_v(brep: &Brep, face: &Face) -> f64 {
+    if matches!(face.surface, Surface::Graph(_)) {
+        let coedges = face.loops.iter().flatten();
+        let starts = coedges.map(|c| face.surface.parameters(brep.along(c.edge, 0.0).0)[1]);
+        let (sum, count) = starts.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));
+        return sum / f64::max(count, 1.0);
+    }
     if !matches!(face.surface, Surface::Torus(..)) {
         return 0.0;
     }

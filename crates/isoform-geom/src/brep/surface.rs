@@ -175,11 +175,10 @@ impl Surface {
         dot(velocity, crate::cross(axes.z, at.radial)) / at.out
     }
 
-    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone, the
-    /// first of a graph's domain, else 0.
+    /// The v from which integrals along v may start: where nothing is lost at the apex of a cone,
+    /// else 0.
     pub fn base_of_v(&self) -> f64 {
         match *self {
-            Self::Graph(ref graph) => graph.domain()[1][0],
             Self::Cone(_, radius, half_angle) => -radius / half_angle.tan(),
             _ => 0.0,
         }
