@@ -11,7 +11,7 @@ use crate::pieces::{Piece, Pieces};
 use crate::place::place;
 use crate::seams::{largest_angle, seam};
 use crate::shells::solids;
-use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of};
+use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
 use crate::{BrepError, Control};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
@@ -29,8 +29,8 @@ const ON: f64 = 1e-9;
 /// Neighbours whose normals differ by no more than this all along a border join smoothly there
 /// (radians): their edge is no crossing of the two.
 const TOUCHING: f64 = 0.02;
-/// A part with less than this share of a surface that it shares with others does not name it: slivers
-/// beside a blend belong to the part that goes on.
+/// A part with less than this share of a surface that it shares with others does not name it:
+/// slivers beside a blend belong to the part that goes on.
 const NAMED: f64 = 0.1;
 /// Splines are sought this much nearer to the model than is asked for: edges and samples are not
 /// everywhere.
@@ -47,8 +47,8 @@ pub struct Built {
     pub triangles: Vec<[u32; 3]>,
     /// The face of each.
     pub face_of: Vec<u32>,
-    /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a face,
-    /// or a limit where two functions join smoothly.
+    /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a
+    /// face, or a limit where two functions join smoothly.
     pub meeting: Vec<[Locus; 2]>,
     /// The part of the mesh that each triangle belongs to.
     pub part_of: Vec<u32>,
@@ -58,8 +58,8 @@ pub struct Built {
     pub size: f64,
 }
 
-/// The boundary representation of the solid whose surface the pieces are. Faces on splines are no more
-/// than `tolerance` (model units) away from their functions, at places.
+/// The boundary representation of the solid whose surface the pieces are. Faces on splines are no
+/// more than `tolerance` (model units) away from their functions, at places.
 ///
 /// Pieces of one surface that run on into one another are one face, named after the parts that have
 /// more than a tenth of it.
@@ -210,8 +210,8 @@ struct Builder<'a> {
 
 impl Builder<'_> {
     /// Nodes at the apex of the cone that they lie on are moved there, and so is the node of a face
-    /// that is nearest to an apex no more than some edges away, if all that meets in it does so at the
-    /// apex: a mesh may cut off the tip.
+    /// that is nearest to an apex no more than some edges away, if all that meets in it does so at
+    /// the apex: a mesh may cut off the tip.
     fn find_apexes(&mut self) {
         for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
             let corners = self.mesh.triangles.iter().zip(&self.mesh.sheets);
@@ -225,8 +225,8 @@ impl Builder<'_> {
         }
     }
 
-    /// By component on a cone: the apex, the distance of the nearest node, this node, and the longest
-    /// edge there.
+    /// By component on a cone: the apex, the distance of the nearest node, this node, and the
+    /// longest edge there.
     fn nearest_to_apexes(&self) -> BTreeMap<u32, (Point3, f64, u32, f64)> {
         let mut nearest = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
@@ -268,6 +268,7 @@ impl Builder<'_> {
     /// Cuts the components that go round, one after the other: each is put away from the vertices
     /// that those before it made.
     fn cut(&mut self, control: &Control<'_>) -> Result<(), BrepError> {
+        let mut topology = self.topology();
         for component in 0..self.mesh.cuts.len() as u32 {
             let of = &self.mesh.components;
             let Some(first) = of.iter().position(|c| *c == component) else {
@@ -276,7 +277,11 @@ impl Builder<'_> {
             let sheet = self.mesh.sheets[first] as usize;
             match &self.sheets.loci[sheet] {
                 Locus::Exact(Surface::Plane(_)) => {}
-                Locus::Exact(surface) => self.cut_exact(component, first, surface)?,
+                Locus::Exact(surface) => {
+                    if self.cut_exact(component, first, surface, &topology)? {
+                        topology = self.topology();
+                    }
+                }
                 Locus::Zero(field) => {
                     let smooth = Smooth {
                         component,
@@ -289,28 +294,33 @@ impl Builder<'_> {
                     })?;
                     let made = made.into_iter().map(|(t, g)| (t, Arc::new(g)));
                     self.graphs.extend(made);
+                    topology = self.topology();
                 }
             }
         }
         Ok(())
     }
 
-    /// Cuts a component on an exact surface, if it goes round.
+    /// Cuts a component on an exact surface, if it goes round; whether it did.
     fn cut_exact(
         &mut self,
         component: u32,
         first: usize,
         surface: &Surface,
-    ) -> Result<(), BrepError> {
-        let topology = self.topology();
-        let vertices = self.vertices(&topology);
+        topology: &Topology,
+    ) -> Result<bool, BrepError> {
+        let vertices = self.vertices(topology);
         let is_vertex = |v: u32| vertices.contains(&v);
         let face = topology.face_of[first] as usize;
         let own = &topology.loops[face..=face];
         let mut outline = outlines(&topology.chains, own, &is_vertex).remove(0);
         outline.triangles = self.triangles_of(component);
         let locus = Locus::Exact(surface.clone());
-        for cut in cuts_of(&self.mesh, surface, &outline) {
+        let cuts = cuts_of(&self.mesh, surface, &outline);
+        if cuts.is_empty() {
+            return Ok(false);
+        }
+        for cut in cuts {
             let cuts = &mut self.mesh.cuts[component as usize];
             let bit = cuts.len() as u32;
             let cut = Locus::Exact(cut);
@@ -325,7 +335,7 @@ impl Builder<'_> {
             imprint(&mut self.mesh, &cut);
         }
         self.across = across_sides(&self.mesh.triangles)?;
-        Ok(())
+        Ok(true)
     }
 
     fn triangles_of(&self, component: u32) -> Vec<u32> {
@@ -541,10 +551,7 @@ impl Builder<'_> {
             .max_by(|s, t| norm(normal(s)).total_cmp(&norm(normal(t))));
         let largest = *largest.unwrap_or(&own[0]);
         let outward = normal(&largest);
-        let sides: Vec<[u32; 2]> = own
-            .iter()
-            .flat_map(|t| (0..3).map(|k| ends_of(&corners(t), k)).collect::<Vec<_>>())
-            .collect();
+        let sides = sides_of(&self.mesh.triangles, own);
         let placed = place(surface, points, &sides, outward);
         let [a, b, c] = corners(&largest).map(|v| points[v as usize]);
         let middle = isoform_geom::middle([a, b, c]);

@@ -2,14 +2,13 @@
 //!
 //! Cuts are planes. Each passes through one connected piece only, and is chosen such that normals
 //! spread less on its two sides, that it crosses the surface and the borders at good angles, and
-//! that it stays away from vertices. A piece whose normals lie within a cone is a graph; if no spline
-//! is near enough it is cut once more.
+//! that it stays away from vertices. A piece whose normals lie within a cone is a graph; if no
+//! spline is near enough it is cut once more.
 
 use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::fit::{Region, cone, normal_of};
 use crate::locus::{Distance, Locus};
-use crate::pieces::sides_of;
-use crate::topology::{Side, across_sides};
+use crate::topology::{Side, across_sides, ends_of, sides_of};
 use crate::{BrepError, Control};
 use isoform_geom::brep::{Axes, Graph, Surface};
 use isoform_geom::{Aabb, Field, Point3, across, cross, dot, middle, norm, sub};
@@ -42,7 +41,8 @@ pub(crate) struct Smooth<'a> {
 
 impl Smooth<'_> {
     /// Cuts the component into charts, and finds their splines: each with a triangle of its chart,
-    /// whichever triangles are divided later. None if it has too many charts, or one without a spline.
+    /// whichever triangles are divided later. None if it has too many charts, or one without a
+    /// spline.
     ///
     /// # Errors
     /// If the mesh is not closed, or the work is stopped.
@@ -67,18 +67,18 @@ impl Smooth<'_> {
             if bit >= MOST_CUTS {
                 return Ok(None);
             }
-            let Some(plane) = Chooser::new(mesh, across, &own).best() else {
+            let junctions = junctions(mesh);
+            let Some(plane) = Chooser::new(mesh, across, &own, &junctions).best() else {
                 return Ok(None);
             };
             let plane = Locus::Exact(plane);
             mesh.cuts[self.component as usize].push(plane.clone());
-            let vertices = junctions(mesh);
             let cut = Cut {
                 own: &own,
                 bit,
                 locus: &plane,
                 crossing: &|ends| crossing(ends, &locus, &plane),
-                is_vertex: &|v| vertices.contains(&v),
+                is_vertex: &|v| junctions.contains(&v),
             };
             let new = imprint(mesh, &cut);
             *across = across_sides(&mesh.triangles)?;
@@ -179,22 +179,27 @@ struct Chooser<'a> {
 }
 
 impl<'a> Chooser<'a> {
-    fn new(mesh: &'a Labelled, across: &[[Side; 3]], own: &'a [u32]) -> Self {
+    /// `junctions` are those of the whole mesh.
+    fn new(
+        mesh: &'a Labelled,
+        across: &[[Side; 3]],
+        own: &'a [u32],
+        junctions: &BTreeSet<u32>,
+    ) -> Self {
         let is_own: BTreeSet<u32> = own.iter().copied().collect();
         let mut border: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
         for &t in own {
             for k in 0..3u8 {
                 if !is_own.contains(&across[t as usize][k as usize].0) {
-                    let [a, b] = crate::topology::ends_of(&mesh.triangles[t as usize], k);
+                    let [a, b] = ends_of(&mesh.triangles[t as usize], k);
                     border.entry(a).or_default().push(b);
                     border.entry(b).or_default().push(a);
                 }
             }
         }
         let corners = |t: &u32| mesh.triangles[*t as usize].map(|v| mesh.points[v as usize]);
-        let nodes = sides_of(mesh, own);
+        let nodes = sides_of(&mesh.triangles, own);
         let size = Aabb::of(nodes.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
-        let all = junctions(mesh);
         Self {
             mesh,
             own,
@@ -203,7 +208,7 @@ impl<'a> Chooser<'a> {
             vertices: border
                 .keys()
                 .copied()
-                .filter(|v| all.contains(v) || border[v].len() != 2)
+                .filter(|v| junctions.contains(v) || border[v].len() != 2)
                 .collect(),
             border,
             size,
@@ -283,8 +288,8 @@ impl<'a> Chooser<'a> {
         Some(safe.min(0.5) * 10.0 + safe + 2.0 * gain + of(balance, 0.3))
     }
 
-    /// The least sine between plane and surface, slope at which the border is crossed, and distance of
-    /// vertices and turning points of the border in sizes of the piece.
+    /// The least sine between plane and surface, slope at which the border is crossed, and distance
+    /// of vertices and turning points of the border in sizes of the piece.
     fn quality(&self, direction: Point3, offset: f64) -> [f64; 3] {
         let at = |v: u32| dot(self.mesh.points[v as usize], direction) - offset;
         let [mut angle, mut slope, mut away] = [1.0f64; 3];

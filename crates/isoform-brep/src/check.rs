@@ -21,9 +21,9 @@ const SHORTEST: f64 = 10.0;
 /// Faces that meet at less than this are smooth there (degrees), and may differ by no more than the
 /// second number; by up to the third where a tolerance above 1e-6 of the size is asked for.
 const SMOOTH: [f64; 3] = [5.0, 0.01, 0.1];
-/// The volume agrees with the limit of the meshes within the first share of it, and the second of what
-/// halving the triangles changed: what their extrapolation is worth, and some more where nodes beside
-/// seams are off their surface.
+/// The volume agrees with the limit of the meshes within the first share of it, and the second of
+/// what halving the triangles changed: what their extrapolation is worth, and some more where nodes
+/// beside seams are off their surface.
 const VOLUME: [f64; 2] = [1e-4, 0.1];
 /// The area of a face agrees with that of its triangles within this share of it, and this share of
 /// the square of the size: chords of a small face may be long.
@@ -181,9 +181,9 @@ fn worse(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
-/// Looks for everything that could be wrong. Edges and faces on splines may be `tolerance` away from
-/// one another and from the model, in model units; exact ones a tenth of what readers resolve, and no
-/// more than that. `open` is what the certificate of the mesh leaves open.
+/// Looks for everything that could be wrong. Edges and faces on splines may be `tolerance` away
+/// from one another and from the model, in model units; exact ones a tenth of what readers resolve,
+/// and no more than that. `open` is what the certificate of the mesh leaves open.
 pub fn check(built: &Built, solid: &dyn Solid, tolerance: f64, open: Vec<String>) -> Certificate {
     let Built { brep, size, .. } = built;
     let mut made = Certificate {
@@ -286,8 +286,8 @@ fn euler(triangles: &[[u32; 3]]) -> i64 {
     nodes.len() as i64 - edges.len() as i64 + triangles.len() as i64
 }
 
-/// The Euler number of the inside of a face: −(inner edges) + triangles + inner nodes. That of a disc
-/// is 1, and each further border takes one, also where borders meet in a node.
+/// The Euler number of the inside of a face: −(inner edges) + triangles + inner nodes. That of a
+/// disc is 1, and each further border takes one, also where borders meet in a node.
 fn open_euler(triangles: &[[u32; 3]]) -> i64 {
     let mut count: BTreeMap<[u32; 2], usize> = BTreeMap::new();
     for corners in triangles {
@@ -396,8 +396,8 @@ fn samples(breaks: &[f64]) -> Vec<f64> {
     inner.chain(breaks.last().copied()).collect()
 }
 
-/// The largest distance of a face from the function of its part: |F| / |∇F| at points of the surface
-/// near the middles of its triangles.
+/// The largest distance of a face from the function of its part: |F| / |∇F| at points of the
+/// surface near the middles of its triangles.
 fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
     let Built { brep, .. } = built;
     let surface = &brep.faces[face].surface;

@@ -17,8 +17,8 @@ const ON: f64 = 1e-12;
 /// A spline leaves its surfaces by no more than this, in sizes of the model: far below what readers
 /// resolve (1e-8); less makes splines longer and nothing better.
 pub(crate) const SPLINE_GAP: f64 = 5e-10;
-/// It may leave the zero set of a function by this: the face there is a spline itself, and a hundred
-/// times farther away.
+/// It may leave the zero set of a function by this: the face there is a spline itself, and a
+/// hundred times farther away.
 const FUNCTION_GAP: f64 = 1e-8;
 /// A curve is told by the points between so many pieces at least: any three are on a circle.
 const FEWEST: usize = 8;
@@ -86,8 +86,8 @@ fn farthest(points: &[Point3]) -> Point3 {
     *best.unwrap_or(&a)
 }
 
-/// Axes about `z` turned so that points run counterclockwise, with x towards `x`. All points have a say:
-/// the second may lie behind the first, where an end is not quite at a node of the mesh.
+/// Axes about `z` turned so that points run counterclockwise, with x towards `x`. All points have a
+/// say: the second may lie behind the first, where an end is not quite at a node of the mesh.
 fn oriented(center: Point3, z: Point3, x: Point3, points: &[Point3]) -> Axes {
     let swept = points.windows(2).map(|w| {
         let (r, d) = (sub(w[0], center), sub(w[1], w[0]));

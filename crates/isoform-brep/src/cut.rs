@@ -1,15 +1,15 @@
 //! Faces that go round are cut.
 //!
-//! Readers add a seam to a face that goes round its axis, and lose digits in doing so. So a cylinder
-//! or cone is cut by a plane through its axis, a torus also along its tube, and a sphere or ellipsoid by three
-//! planes. A cut is imprinted on the triangles: what lies on its two sides are then two charts.
-//! Cuts are put away from the vertices, and across the edges that they meet.
+//! Readers add a seam to a face that goes round its axis, and lose digits in doing so. So a
+//! cylinder or cone is cut by a plane through its axis, a torus also along its tube, and a sphere
+//! or ellipsoid by three planes. A cut is imprinted on the triangles: what lies on its two sides
+//! are then two charts. Cuts are put away from the vertices, and across the edges that they meet.
 
 use crate::arcs::Arcs;
 use crate::fit::cone;
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
-use crate::topology::ends_of;
+use crate::topology::{ends_of, sides_of};
 use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Aabb, Point3, across, cross, distance_squared, dot, norm, sub};
 use std::collections::BTreeMap;
@@ -116,8 +116,8 @@ pub(crate) fn gaps_of(surface: &Surface, points: &[Point3], sides: &[[u32; 2]]) 
     arcs.map(Arcs::gap)
 }
 
-/// The direction about which points lie, seen from the origin, if they lie within a cap: its cosine is
-/// `cap`.
+/// The direction about which points lie, seen from the origin, if they lie within a cap: its cosine
+/// is `cap`.
 pub(crate) fn cap_direction(points: impl Iterator<Item = Point3>, cap: f64) -> Option<Point3> {
     let units = points.map(|d| {
         let r = norm(d);
@@ -139,13 +139,7 @@ struct Chooser<'a> {
 
 impl<'a> Chooser<'a> {
     fn new(mesh: &'a Labelled, surface: &'a Surface, outline: &'a Outline) -> Self {
-        let corners = outline
-            .triangles
-            .iter()
-            .map(|t| &mesh.triangles[*t as usize]);
-        let sides: Vec<[u32; 2]> = corners
-            .flat_map(|c| (0..3).map(|k| ends_of(c, k)))
-            .collect();
+        let sides = sides_of(&mesh.triangles, &outline.triangles);
         let size = Aabb::of(sides.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
         Self {
             mesh,

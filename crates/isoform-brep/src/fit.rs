@@ -14,8 +14,9 @@ use std::collections::VecDeque;
 const DEGREE: usize = 5;
 /// Numbers of spans along the longer side that are tried, one after the other.
 const SPANS: [usize; 7] = [4, 6, 9, 13, 19, 28, 40];
-/// Beyond the first numbers of spans the error has to fall to this share of the one before, or the part
-/// is cut: it falls to a tenth where the surface is smooth, and to a half where its curvature jumps.
+/// Beyond the first numbers of spans the error has to fall to this share of the one before, or the
+/// part is cut: it falls to a tenth where the surface is smooth, and to a half where its curvature
+/// jumps.
 const STALLED: f64 = 0.6;
 /// Up to this number of spans the error may rise: a coarse lattice has few points on a narrow part.
 const FIRST: usize = 13;
@@ -25,8 +26,9 @@ const PER_SPAN: usize = 3;
 const MARGIN: f64 = 0.06;
 /// Normals keep this cosine with z where heights are taken.
 const STEEP: f64 = 0.2;
-/// Weight of third differences of coefficients beside heights: what is known outweighs it, and without
-/// it coefficients far from the part would be open. With 1e-7 errors of 1e-9 are twice as large.
+/// Weight of third differences of coefficients beside heights: what is known outweighs it, and
+/// without it coefficients far from the part would be open. With 1e-7 errors of 1e-9 are twice as
+/// large.
 const SMOOTHING: f64 = 1e-9;
 
 /// A part of a smooth surface.
@@ -305,8 +307,8 @@ fn gradient(field: &dyn Field, axes: &Axes, p: Point3) -> (f64, Point3) {
     (jet.v, [axes.x, axes.y(), axes.z].map(|e| dot(jet.g, e)))
 }
 
-fn slope_at(field: &dyn Field, axes: &Axes, p: Point3) -> [f64; 2] {
-    let (_, g) = gradient(field, axes, p);
+/// The slope of the surface of a function with the gradient g.
+fn slope(g: Point3) -> [f64; 2] {
     [-g[0] / g[2], -g[1] / g[2]]
 }
 
@@ -329,18 +331,18 @@ fn height(
         }
         let step = value / g[2];
         if step.abs() >= 0.5 * last && step.abs() <= 1e-12 * near {
-            return Some((z, [-g[0] / g[2], -g[1] / g[2]]));
+            return Some((z, slope(g)));
         }
         z -= step;
         if (z - guess).abs() > near || z.is_nan() {
             return None;
         }
         if step == 0.0 {
-            return Some((z, [-g[0] / g[2], -g[1] / g[2]]));
+            return Some((z, slope(g)));
         }
         last = step.abs();
     }
-    (last <= 1e-10 * near).then(|| (z, slope_at(field, axes, [x, y, z])))
+    (last <= 1e-10 * near).then(|| (z, slope(gradient(field, axes, [x, y, z]).1)))
 }
 
 /// The direction that is nearest to all of some directions: the middle of the smallest cone, by the
@@ -394,7 +396,8 @@ mod tests {
         }
     }
 
-    /// The cap of the unit sphere about `direction` within a square of half width 0.45, as triangles.
+    /// The cap of the unit sphere about `direction` within a square of half width 0.45, as
+    /// triangles.
     fn cap(direction: Point3) -> Region<'static> {
         let axes = Axes::along([0.0; 3], direction);
         let n = 12;

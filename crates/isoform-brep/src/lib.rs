@@ -1,11 +1,11 @@
 //! Boundary representations of solids, written from the function and not from triangles.
 //!
 //! [`pieces`] finds what the parts of a labelled mesh lie on, and divides them where their functions
-//! change. [`brep`](brep()) takes the topology from the mesh: components of one surface are faces, chains
-//! of edges between them edges, and where these meet are vertices. The geometry is that of the
-//! surfaces and functions; edges and vertices are where these meet, by Newton's method. Faces that go
-//! round, or are no graph over a plane and have no name, are cut. [`check`](check()) looks for
-//! everything that could be wrong with it, and measures it without the mesh.
+//! change. [`brep`](brep()) takes the topology from the mesh: components of one surface are faces,
+//! chains of edges between them edges, and where these meet are vertices. The geometry is that of
+//! the surfaces and functions; edges and vertices are where these meet, by Newton's method. Faces
+//! that go round, or are no graph over a plane and have no name, are cut. [`check`](check()) looks
+//! for everything that could be wrong with it, and measures it without the mesh.
 //!
 //! Lengths are in model units, angles in radians where nothing else is said.
 #![forbid(unsafe_code)]
@@ -54,8 +54,8 @@ pub enum BrepError {
         /// What it lies on, if that has a name.
         kind: Option<&'static str>,
     },
-    /// A smooth part was cut into a hundred charts, and still one of them is no graph, or no spline is
-    /// near enough to it.
+    /// A smooth part was cut into a hundred charts, and still one of them is no graph, or no spline
+    /// is near enough to it.
     #[error("no splines were found that are near enough to the part {part}")]
     NoSpline {
         /// Its name.

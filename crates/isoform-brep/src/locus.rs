@@ -17,6 +17,13 @@ impl Distance for Surface {
     }
 }
 
+/// The distance, to first order, and the unit normal that a function's value and gradient give:
+/// both outward, where the function is negative.
+pub(crate) fn outward(value: f64, gradient: Point3) -> (f64, Point3) {
+    let length = dot(gradient, gradient).sqrt();
+    (-value / length, gradient.map(|v| -v / length))
+}
+
 /// Points that satisfy an equation.
 #[derive(Clone)]
 pub enum Locus {
@@ -54,8 +61,7 @@ impl Distance for Locus {
             Self::Exact(surface) => surface.distance(p),
             Self::Zero(field) => {
                 let jet = field.jet(p);
-                let length = dot(jet.g, jet.g).sqrt();
-                (-jet.v / length, jet.g.map(|v| -v / length))
+                outward(jet.v, jet.g)
             }
         }
     }

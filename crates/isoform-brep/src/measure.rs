@@ -23,8 +23,8 @@ const SPAN_NODES: usize = 6;
 pub struct Measure {
     /// The area.
     pub area: f64,
-    /// The volume between the face and the centre that points are taken about; the volume of a solid
-    /// where all of its faces are added.
+    /// The volume between the face and the centre that points are taken about; the volume of a
+    /// solid where all of its faces are added.
     pub volume: f64,
     /// ∫ x dV about the centre, in the same sense.
     pub moment: Point3,
@@ -100,8 +100,8 @@ impl<'a> Work<'a> {
         sum
     }
 
-    /// Parameters between which the integrand along an edge is smooth, or nearly so: on a spline pieces
-    /// are no longer than half of the way between two knots of u.
+    /// Parameters between which the integrand along an edge is smooth, or nearly so: on a spline
+    /// pieces are no longer than half of the way between two knots of u.
     fn breaks(&self, edge: u32) -> Vec<f64> {
         let breaks = self.brep.breaks(edge);
         let Surface::Graph(graph) = &self.face.surface else {
@@ -168,9 +168,9 @@ impl<'a> Work<'a> {
             self.face.surface.area_vector(at),
             sub(self.face.surface.point(at), self.center),
         );
-        // Loops run counterclockwise seen from outside: where the surface's own normal points inward
-        // they run clockwise in u and v, so that fluxes along the own normal come out right and the
-        // area changes its sign.
+        // Loops run counterclockwise seen from outside: where the surface's own normal points
+        // inward they run clockwise in u and v, so that fluxes along the own normal come out right
+        // and the area changes its sign.
         let sense = if self.face.agrees { 1.0 } else { -1.0 };
         Measure {
             area: sense * norm(n) * sign_of_area(&self.face.surface, at),
@@ -188,8 +188,8 @@ fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
     }
 }
 
-/// An angle about the tube of a torus that the face leaves free; the middle of the border of a face on a
-/// spline, far from which the spline may be anything; 0 for other surfaces.
+/// An angle about the tube of a torus that the face leaves free; the middle of the border of a face
+/// on a spline, far from which the spline may be anything; 0 for other surfaces.
 fn start_of_v(brep: &Brep, face: &Face) -> f64 {
     if matches!(face.surface, Surface::Graph(_)) {
         let coedges = face.loops.iter().flatten();

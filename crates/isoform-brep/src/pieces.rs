@@ -1,15 +1,14 @@
 //! From the labels of a mesh to the smooth pieces of its surface, and what each lies on.
 //!
-//! A part of a mesh has one smooth function, or several that join smoothly: the flat top of a plate,
-//! the blend and the wall of a boss have one label and three functions. The limits of these divide
-//! the part ([`SmoothPart::limits`]).
+//! A part of a mesh has one smooth function, or several that join smoothly: the flat top of a
+//! plate, the blend and the wall of a boss have one label and three functions. The limits of these
+//! divide the part ([`SmoothPart::limits`]).
 
 use crate::BrepError;
 use crate::cut::Labelled;
 use crate::locus::Locus;
 use crate::seams::{Seams, Whole};
 use crate::surfaces::{Part, Recognize};
-use crate::topology::ends_of;
 use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -167,9 +166,9 @@ impl Found<'_> {
     }
 }
 
-/// The nodes that each piece is recognised from: those where its own function is the one that counts,
-/// or, of a part with one function, those that it shares with no other piece: where pieces join
-/// smoothly nodes lie near the seam, not on it. All nodes where only a few are left.
+/// The nodes that each piece is recognised from: those where its own function is the one that
+/// counts, or, of a part with one function, those that it shares with no other piece: where pieces
+/// join smoothly nodes lie near the seam, not on it. All nodes where only a few are left.
 fn found_nodes(mesh: &Labelled, found: &[Found<'_>]) -> Vec<Vec<Point3>> {
     let mut of: Vec<Vec<u32>> = vec![Vec::new(); mesh.points.len()];
     for (corners, piece) in mesh.triangles.iter().zip(&mesh.sheets) {
@@ -218,13 +217,5 @@ fn share_surfaces(list: &mut [Piece]) {
 pub(crate) fn own(mesh: &Labelled, part: u32) -> Vec<u32> {
     let all = 0..mesh.triangles.len() as u32;
     all.filter(|t| mesh.components[*t as usize] == part)
-        .collect()
-}
-
-/// The sides of some triangles.
-pub(crate) fn sides_of(mesh: &Labelled, own: &[u32]) -> Vec<[u32; 2]> {
-    let corners = own.iter().map(|t| &mesh.triangles[*t as usize]);
-    corners
-        .flat_map(|c| (0..3).map(move |k| ends_of(c, k)))
         .collect()
 }

@@ -4,8 +4,8 @@ use crate::cut::{CAP, ELLIPSOID_CAP, cap_direction, gaps_of};
 use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Point3, across, dot, sub};
 
-/// The surface with its frame placed for a face, given by the sides of its triangles. `outward` is a
-/// normal of the face: the normal of a plane takes its side.
+/// The surface with its frame placed for a face, given by the sides of its triangles. `outward` is
+/// a normal of the face: the normal of a plane takes its side.
 pub(crate) fn place(
     surface: &Surface,
     points: &[Point3],

@@ -1,10 +1,11 @@
 //! Where the functions of a part change, and the part with them.
 //!
-//! Each function of a part has limits, beyond which another one counts. A limit divides only triangles
-//! in which the function changes: most of what limits say makes no difference on the surface.
+//! Each function of a part has limits, beyond which another one counts. A limit divides only
+//! triangles in which the function changes: most of what limits say makes no difference on the
+//! surface.
 
 use crate::cut::{Cut, Labelled, crossing, imprint};
-use crate::locus::{Distance, Locus};
+use crate::locus::{Distance, Locus, outward};
 use crate::newton::meet;
 use crate::pieces::{Piece, own};
 use crate::topology::ends_of;
@@ -44,9 +45,8 @@ pub(crate) struct Whole<'a> {
 
 impl Distance for Whole<'_> {
     fn distance(&self, p: Point3) -> (f64, Point3) {
-        let (value, g) = self.solid.gradient(self.piece, p);
-        let length = dot(g, g).sqrt();
-        (-value / length, g.map(|v| -v / length))
+        let (value, gradient) = self.solid.gradient(self.piece, p);
+        outward(value, gradient)
     }
 }
 
@@ -112,8 +112,8 @@ impl<'a> Seams<'a> {
         Some((self.questions.len() - 1, true))
     }
 
-    /// The answers at a point. The branch is that whose least limit is largest: where none holds, as
-    /// just beside a seam, the one that is nearest to it.
+    /// The answers at a point. The branch is that whose least limit is largest: where none holds,
+    /// as just beside a seam, the one that is nearest to it.
     fn answers(&self, p: Point3) -> Answers {
         let questions = self.questions.iter();
         let values: Vec<f64> = questions.map(|q| q.limit.value(p)).collect();

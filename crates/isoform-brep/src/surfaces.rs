@@ -1,8 +1,8 @@
 //! The exact surfaces of the parts of a mesh.
 //!
-//! A surface is recognised from points of the part's own function, found by Newton's method all over
-//! the box of the model: a small patch of a cone or a torus says little about the whole. Where that
-//! gives nothing, the nodes of the mesh serve.
+//! A surface is recognised from points of the part's own function, found by Newton's method all
+//! over the box of the model: a small patch of a cone or a torus says little about the whole. Where
+//! that gives nothing, the nodes of the mesh serve.
 
 use crate::BrepError;
 use isoform_geom::brep::{Axes, Surface};
@@ -19,7 +19,8 @@ const NODES: usize = 400;
 const STEPS: usize = 30;
 /// Nodes of the mesh are this near to the surface of their part, in sizes of the model.
 const ON: f64 = 1e-9;
-/// A torus whose tube is thicker than this share of its circle's radius counts as reaching the axis.
+/// A torus whose tube is thicker than this share of its circle's radius counts as reaching the
+/// axis.
 const SPINDLE: f64 = 0.98;
 
 /// A cone has two halves, its surface only the one along its axis: that of the points.

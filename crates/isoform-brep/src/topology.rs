@@ -41,6 +41,14 @@ pub(crate) fn ends_of(corners: &[u32; 3], k: u8) -> [u32; 2] {
     [corners[k as usize], corners[(k as usize + 1) % 3]]
 }
 
+/// The sides of some triangles.
+pub(crate) fn sides_of(triangles: &[[u32; 3]], own: &[u32]) -> Vec<[u32; 2]> {
+    let corners = own.iter().map(|t| &triangles[*t as usize]);
+    corners
+        .flat_map(|c| (0..3).map(move |k| ends_of(c, k)))
+        .collect()
+}
+
 /// Numbers of the sets of triangles that hang together across sides where `is_open`; and how many.
 pub(crate) fn components(
     across: &[[Side; 3]],

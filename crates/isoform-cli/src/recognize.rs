@@ -43,7 +43,8 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
     min_points: usize,
     /// Refit all entities together so that their relations hold exactly; those that contradict the
-    /// points are dropped, and templates are written from these entities [default: each entity as its own points have it]
+    /// points are dropped, and templates are written from these entities [default: each entity as
+    /// its own points have it]
     #[arg(long)]
     snap: bool,
     /// Format of the scan, where its name does not tell it

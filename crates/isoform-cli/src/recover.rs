@@ -1,5 +1,5 @@
-//! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one is
-//! proposed from what is recognised in the scan.
+//! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one
+//! is proposed from what is recognised in the scan.
 
 use crate::eval;
 use crate::fit::{Settings, document, files, job, table};

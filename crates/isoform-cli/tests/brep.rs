@@ -192,8 +192,8 @@ fn a_blend_is_a_spline_between_exact_faces() {
         j["certificate"]
     );
     assert!(kinds(&j, "cylinder") == 4 && kinds(&j, "plane") == 3, "{j}");
-    // By rings: plate, boss, and what the blend adds, (0.3 − |t − s|)²/1.2 beyond the larger one. On the
-    // blend, z = u and r = 1 + w with √u + √w = √0.3.
+    // By rings: plate, boss, and what the blend adds, (0.3 − |t − s|)²/1.2 beyond the larger one.
+    // On the blend, z = u and r = 1 + w with √u + √w = √0.3.
     let n = 2000;
     let added = (0..n)
         .map(|i| {

@@ -26,8 +26,8 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
     parts_up_to(model, a, MOST_BRANCHES)
 }
 
-/// The smooth parts of a model with the values `a` of its parameters; a piece that has more than `most`
-/// parts stays whole.
+/// The smooth parts of a model with the values `a` of its parameters; a piece that has more than
+/// `most` parts stays whole.
 ///
 /// # Errors
 /// Those of [`Pieces::of_model`].
@@ -70,7 +70,8 @@ struct Known {
 
 /// Number of random places at which functions are compared.
 const PLACES: usize = 24;
-/// Functions are compared where at least so many of the values are numbers: roots have none everywhere.
+/// Functions are compared where at least so many of the values are numbers: roots have none
+/// everywhere.
 const FEWEST: usize = 6;
 /// The difference of two values, relative to 1 and the values, up to which they agree: above the
 /// rounding of a formula that is written in two ways.

@@ -32,8 +32,8 @@ impl Axes {
         let [x, _] = across(z);
         Self { origin, z, x }
     }
-    /// The same frame turned about z so that x points as nearly along `x` as it can; unchanged where
-    /// `x` is along z.
+    /// The same frame turned about z so that x points as nearly along `x` as it can; unchanged
+    /// where `x` is along z.
     #[must_use]
     pub fn turned(self, x: Point3) -> Self {
         let mut flat = x;
@@ -70,8 +70,8 @@ impl Axes {
     }
 }
 
-/// The surface of a face: exact, but for the last kind. Its own normal points along z for a plane and a
-/// graph, else away from the centre, the axis or the middle of the tube.
+/// The surface of a face: exact, but for the last kind. Its own normal points along z for a plane
+/// and a graph, else away from the centre, the axis or the middle of the tube.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
     /// z = 0.

@@ -56,7 +56,8 @@ pub struct Terms<'a> {
     pub unit: f64,
 }
 
-/// Intervals for a function's derivatives: to order 2 at a point, of order 3 in a region about it. By Taylor's theorem they enclose f in the region.
+/// Intervals for a function's derivatives: to order 2 at a point, of order 3 in a region about it.
+/// By Taylor's theorem they enclose f in the region.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Expansion {
     /// f at the point.
@@ -81,8 +82,8 @@ impl Expansion {
             third: self.third.map(|t| unit * unit * unit * t),
         }
     }
-    /// The expansion about the point that is away `by`, in the same region: by Taylor's theorem with
-    /// the third derivatives of the region.
+    /// The expansion about the point that is away `by`, in the same region: by Taylor's theorem
+    /// with the third derivatives of the region.
     #[must_use]
     pub fn moved(&self, by: [Interval; 3]) -> Self {
         // δᵀHδ/2 + Tδδδ/6 is half of δ times (H + Tδ/3)δ; a third is no number.
@@ -317,8 +318,8 @@ pub struct Edge {
     pub pieces: [u32; 2],
     /// Their unit inward normals.
     pub inward: [Point3; 2],
-    /// Up to this distance from the edge its two faces extend, and the nearest edge to places on them
-    /// is this one.
+    /// Up to this distance from the edge its two faces extend, and the nearest edge to places on
+    /// them is this one.
     pub width: f64,
     /// Whether a face other than its own is within reach of the place.
     pub is_near: bool,

@@ -33,8 +33,8 @@ pub const THIRD: [[[usize; 3]; 3]; 3] = [
     [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
 ];
 
-/// The orders of the derivatives by x, y and z of all numbers of a 3-jet, in their order: the value,
-/// first, second and third derivatives. The first ten are those of a 2-jet.
+/// The orders of the derivatives by x, y and z of all numbers of a 3-jet, in their order: the
+/// value, first, second and third derivatives. The first ten are those of a 2-jet.
 pub const ORDERS: [[usize; 3]; 20] = [
     [0, 0, 0],
     [1, 0, 0],

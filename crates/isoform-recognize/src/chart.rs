@@ -141,8 +141,8 @@ impl Surface {
         }
     }
 
-    /// The distance and its derivatives by the parameters of [`Self::moved`], with the two vectors of
-    /// [`Self::frame`].
+    /// The distance and its derivatives by the parameters of [`Self::moved`], with the two vectors
+    /// of [`Self::frame`].
     pub(crate) fn distance_row(&self, [e, f]: &[Point3; 2], p: Point3) -> (f64, Row) {
         if self.kind <= Kind::Sphere {
             return self.simple_row([e, f], p);
@@ -309,8 +309,8 @@ impl Surface {
         }
     }
 
-    /// Where points begin and end along the axis, from the apex of a cone, else from the place; 0 of
-    /// planes and spheres.
+    /// Where points begin and end along the axis, from the apex of a cone, else from the place; 0
+    /// of planes and spheres.
     pub(crate) fn extent(&self, points: &[Point3]) -> [f64; 2] {
         let from = match self.kind {
             Kind::Plane | Kind::Sphere => return [0.0; 2],

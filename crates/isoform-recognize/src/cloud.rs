@@ -18,8 +18,8 @@ const AROUND: usize = 25;
 /// A neighbour lies on another sheet, across a wall, where it is this many deviations of the noise
 /// off the tangent planes of both, steeper than this tangent, and the normals are parallel to this
 /// cosine. Two points of one smooth surface lie off both planes to opposite sides, and the mean is
-/// of third order; across a wall it is the thickness. Fewer deviations tear noisy sheets apart, more
-/// let seeds and labels through thin walls.
+/// of third order; across a wall it is the thickness. Fewer deviations tear noisy sheets apart,
+/// more let seeds and labels through thin walls.
 const ACROSS: (f64, f64, f64) = (4.0, 0.5, 0.8);
 /// Places at which the noise of exact surfaces is tried; and points of each such place.
 const TRIALS: (usize, usize) = (400, 14);
@@ -30,9 +30,9 @@ const EXACT: (f64, f64) = (0.15, 0.1);
 const SMOOTH_SHARE: f64 = 0.2;
 /// That quantile of χ²/f for f = 19.
 const SMOOTH_QUANTILE: f64 = 0.72;
-/// Noise above this share of the neighbourhoods' radius may be that of points in a volume: of points
-/// strewn in a cube, a ball or a cloud of Gauss it is 0.32 to 0.4, of most scans below 0.3. Less
-/// doubts dense noisy scans, more takes volumes for surfaces.
+/// Noise above this share of the neighbourhoods' radius may be that of points in a volume: of
+/// points strewn in a cube, a ball or a cloud of Gauss it is 0.32 to 0.4, of most scans below 0.3.
+/// Less doubts dense noisy scans, more takes volumes for surfaces.
 const THICK: f64 = 0.3;
 /// Points of larger neighbourhoods, and how many times larger the deviation is in these at least
 /// where points fill a volume: 1.57 to 1.69 was measured there, about 1.25 on surfaces.
@@ -168,8 +168,8 @@ impl Cloud {
         &self.neighbours[from..to]
     }
 
-    /// The points about one that are reached along neighbours, nearest first; twice as many as asked
-    /// for are looked at, so that rings are taken nearly by distance.
+    /// The points about one that are reached along neighbours, nearest first; twice as many as
+    /// asked for are looked at, so that rings are taken nearly by distance.
     pub(crate) fn around(&self, seed: u32, count: usize) -> Vec<u32> {
         let mut seen = BTreeSet::from([seed]);
         let (mut ring, mut all) = (vec![seed], vec![seed]);
@@ -224,8 +224,8 @@ fn smooth_noise(roughness: &[f64]) -> f64 {
     (low / SMOOTH_QUANTILE.sqrt()).max(FLOOR)
 }
 
-/// The noise of points that lie on surfaces of our kinds more exactly than smooth heights tell: those
-/// bend within a neighbourhood. `None` where points show noise.
+/// The noise of points that lie on surfaces of our kinds more exactly than smooth heights tell:
+/// those bend within a neighbourhood. `None` where points show noise.
 fn exact_noise(points: &[Point3], normals: &[Point3], found: &[(Vec<u32>, Local)]) -> Option<f64> {
     let (trials, size) = TRIALS;
     let step = points.len().div_ceil(trials).max(1);

@@ -5,14 +5,14 @@ use isoform_geom::{Point3, Quadric};
 /// A surface recognised in a scan.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Entity {
-    /// The surface: a plane, sphere, cylinder, cone or torus. A cone's axis points from the apex into
-    /// the nappe that holds the points.
+    /// The surface: a plane, sphere, cylinder, cone or torus. A cone's axis points from the apex
+    /// into the nappe that holds the points.
     pub surface: Quadric,
     /// Standard deviations of its parameters.
     pub deviations: Deviations,
-    /// Which side is outside, by the normals of its points: +1 where the outward normal is that of the
-    /// surface (away from the centre, the axis, the circle of a torus; along a plane's normal), −1
-    /// where it is the opposite one, as in a hole, 0 where the normals do not tell.
+    /// Which side is outside, by the normals of its points: +1 where the outward normal is that of
+    /// the surface (away from the centre, the axis, the circle of a torus; along a plane's normal),
+    /// −1 where it is the opposite one, as in a hole, 0 where the normals do not tell.
     pub outward: i8,
     /// How many points it explains.
     pub points: usize,

@@ -13,8 +13,8 @@ pub(crate) const WITHIN: f64 = 3.0;
 /// The least |cosine| between the normal of a point and that of the surface: 55°. Normals near an
 /// edge are the mean of both sides, 45° off at a right angle.
 const ALIGNED: f64 = 0.57;
-/// A region grows by this factor between two fits: the surface is known well enough to be carried on
-/// as far again.
+/// A region grows by this factor between two fits: the surface is known well enough to be carried
+/// on as far again.
 const GROWTH: f64 = 1.7;
 /// Fits of a region until it has to stand still.
 const ROUNDS: usize = 24;
@@ -36,8 +36,8 @@ pub(crate) struct Region {
     pub(crate) core: Vec<u32>,
 }
 
-/// Grows regions of a kind of surface from the points of a seed; the largest of those from all first
-/// guesses. Points for which `is_free` is false stay out.
+/// Grows regions of a kind of surface from the points of a seed; the largest of those from all
+/// first guesses. Points for which `is_free` is false stay out.
 pub(crate) fn grow(
     cloud: &Cloud,
     seed: &[u32],

@@ -18,8 +18,8 @@ use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// The standard deviation of points from their surface, in the scan's unit; taken from the points
-    /// where it is `None`.
+    /// The standard deviation of points from their surface, in the scan's unit; taken from the
+    /// points where it is `None`.
     pub noise: Option<f64>,
     /// The fewest points of an entity.
     pub min_points: usize,
@@ -193,8 +193,8 @@ fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> 
     }
 }
 
-/// The points that tell how well a surface is known: with noise, those whose neighbours belong to it,
-/// too. Which face points at an edge belong to is itself a guess.
+/// The points that tell how well a surface is known: with noise, those whose neighbours belong to
+/// it, too. Which face points at an edge belong to is itself a guess.
 fn sure_points(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Vec<Point3> {
     if found.noise < EXACT {
         return cloud.at(members);

@@ -4,8 +4,8 @@
 //! least at its parameters p₀. Their sum over all entities is made least under g(p) = 0, where g
 //! holds the relations: p₀ moves by −W (b + Gᵀ λ), (G W Gᵀ) λ = g − G W b, with the covariance W of
 //! p₀, the derivatives G of g, and the gradient b = Jᵀ (r(p) − r(p₀)) of the true distances r;
-//! steps are repeated to rounding (Gauss–Newton; J is that at p₀). The covariance afterwards is P W Pᵀ
-//! with P = 1 − W Gᵀ (G W Gᵀ)⁻¹ G.
+//! steps are repeated to rounding (Gauss–Newton; J is that at p₀). The covariance afterwards is P W
+//! Pᵀ with P = 1 − W Gᵀ (G W Gᵀ)⁻¹ G.
 //!
 //! What follows from other relations is left out of g. A condition without which the sum would be
 //! less by more than χ² allows contradicts the points: its relations are dropped, worst first.

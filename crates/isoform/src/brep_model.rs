@@ -11,12 +11,13 @@ use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
-/// How far splines may be from the model where nothing else is asked for, in largest sides of its box.
+/// How far splines may be from the model where nothing else is asked for, in largest sides of its
+/// box.
 const TOLERANCE: f64 = 1e-6;
 /// Smooth parts of a piece: a block with rounded edges has some hundred.
 const MOST_PARTS: usize = 1024;
-/// How often the mesh is halved where it gives no solid, or one whose certificate does not hold: small
-/// faces may lie between its nodes.
+/// How often the mesh is halved where it gives no solid, or one whose certificate does not hold:
+/// small faces may lie between its nodes.
 const FINER: usize = 2;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
@@ -47,8 +48,8 @@ pub struct ModelBrep {
 /// The boundary representation of a model with the values `a` of its parameters: faces on exact
 /// planes, cylinders, cones, spheres, tori and ellipsoids, and on splines elsewhere, with shared
 /// edges, and its certificate. What the certificate of the mesh leaves open, this one does, too.
-/// Splines may be `tolerance` away from the model (model units; 1e-6 of its largest side where there
-/// is none), exact faces never more than 1e-8 of that side. Missing values are those of
+/// Splines may be `tolerance` away from the model (model units; 1e-6 of its largest side where
+/// there is none), exact faces never more than 1e-8 of that side. Missing values are those of
 /// [`parameter_values`](crate::parameter_values).
 ///
 /// ```
@@ -192,8 +193,8 @@ fn whole(field: Arc<RunField>) -> Parts {
     }
 }
 
-/// What the mesh leaves open; but for corners that the solid has vertices at, though the mesh had no
-/// node there, as at the tips of cones.
+/// What the mesh leaves open; but for corners that the solid has vertices at, though the mesh had
+/// no node there, as at the tips of cones.
 fn left_open(mesh: &ModelMesh, built: &Built) -> Vec<String> {
     let has_vertex = |p: Point3| {
         let near = |v: &Point3| distance_squared(*v, p).sqrt() <= AT_CORNER * built.size;

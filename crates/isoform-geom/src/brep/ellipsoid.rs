@@ -17,12 +17,12 @@ pub struct Ellipsoid {
 }
 
 impl Ellipsoid {
-    /// Half the width of the stereographic chart that files hold: all within 63.6° of its middle; from
-    /// 0.7 on a weight would not be positive.
+    /// Half the width of the stereographic chart that files hold: all within 63.6° of its middle;
+    /// from 0.7 on a weight would not be positive.
     pub const REACH: f64 = 0.62;
 
-    /// The parameters s and t of a point in the stereographic chart ([`Self::chart`]); large ones for
-    /// points on the far side.
+    /// The parameters s and t of a point in the stereographic chart ([`Self::chart`]); large ones
+    /// for points on the far side.
     pub fn in_chart(&self, p: Point3) -> [f64; 2] {
         let [x, y, z] = self.sphere.local(self.shrunk(p));
         [z, y].map(|v| v / (1.0 - x).max(1e-9))
@@ -106,8 +106,8 @@ impl Ellipsoid {
         let [vx, vy] = [self.sphere.x, self.sphere.y()].map(|e| dot(v, e));
         (x * vy - y * vx) / (x * x + y * y)
     }
-    /// The centre, and the half axes as vectors of space with the larger one first, of the ellipse in
-    /// which the plane through `p` with the normal `n` cuts the ellipsoid.
+    /// The centre, and the half axes as vectors of space with the larger one first, of the ellipse
+    /// in which the plane through `p` with the normal `n` cuts the ellipsoid.
     pub fn section(&self, p: Point3, n: Point3) -> Option<(Point3, [Point3; 2])> {
         let n = [self.axes.x, self.axes.y(), self.axes.z].map(|e| dot(n, e));
         let n: Point3 = from_fn(|k| n[k] * self.half[k]);
@@ -129,9 +129,9 @@ impl Ellipsoid {
         Some((from_fn(|k| self.axes.origin[k] + center[k]), [large, small]))
     }
     /// Control points and weights of the biquadratic Bézier patch over |s|, |t| ≤ `reach` of the
-    /// stereographic chart about the sphere's −x: ((1 − s² − t²) e + 2s f + 2t g)/(1 + s² + t²) with e
-    /// = −x, f = z, g = y, stretched. Its normal points outward; weights are positive up to a reach
-    /// of 1/√2, where the chart holds all within 2 atan(reach) of −x.
+    /// stereographic chart about the sphere's −x: ((1 − s² − t²) e + 2s f + 2t g)/(1 + s² + t²)
+    /// with e = −x, f = z, g = y, stretched. Its normal points outward; weights are positive up to
+    /// a reach of 1/√2, where the chart holds all within 2 atan(reach) of −x.
     pub fn chart(&self, reach: f64) -> ([[Point3; 3]; 3], [[f64; 3]; 3]) {
         let (e, f, g) = (self.sphere.x.map(|v| -v), self.sphere.z, self.sphere.y());
         // Blossoms of 1, s and s² at both ends, or one of them and the other.

@@ -4,8 +4,8 @@ use super::Axes;
 use crate::{Point3, dot};
 
 /// The surface z = h(x, y) over a rectangle, in coordinates of a frame, with h a tensor product of
-/// B-splines: x and y are themselves the parameters, so that the point of the surface below or above
-/// a point of space needs no search.
+/// B-splines: x and y are themselves the parameters, so that the point of the surface below or
+/// above a point of space needs no search.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Graph {
     /// The frame.
@@ -42,8 +42,8 @@ pub struct Basis {
 }
 
 impl Basis {
-    /// The B-splines of a degree (at most 7) at `t`, by the recursion of Cox and de Boor; beyond the
-    /// ends the outer polynomials go on.
+    /// The B-splines of a degree (at most 7) at `t`, by the recursion of Cox and de Boor; beyond
+    /// the ends the outer polynomials go on.
     pub fn at(knots: &[f64], degree: usize, t: f64) -> Self {
         let last = knots.len() - degree - 2;
         let inner = &knots[degree + 1..=last];

@@ -38,8 +38,8 @@ fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
 impl Surface {
     /// The signed distance of a point, positive on the side of the surface's own normal, and its
     /// gradient, of length 1. Of a cone the distance is that from its line in the half-plane about
-    /// the axis: beyond the apex it is no distance, but as smooth. Of ellipsoids and graphs it is the
-    /// distance to first order.
+    /// the axis: beyond the apex it is no distance, but as smooth. Of ellipsoids and graphs it is
+    /// the distance to first order.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         match *self {
             Self::Plane(axes) => (axes.local(p)[2], axes.z),
@@ -74,8 +74,8 @@ impl Surface {
         }
     }
 
-    /// The second derivative of the distance along a vector; of ellipsoids and graphs along a tangent,
-    /// at a point of theirs.
+    /// The second derivative of the distance along a vector; of ellipsoids and graphs along a
+    /// tangent, at a point of theirs.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let axes = self.axes();
         let at = Meridian::of(axes, p);
@@ -103,9 +103,9 @@ impl Surface {
         }
     }
 
-    /// Parameters of the point nearest to `p`: x and y of a plane or graph; else the angle about z, from 0 to
-    /// 2π, and the height along z, or the latitude on a sphere, or the angle about the tube, from 0
-    /// to 2π, on a torus.
+    /// Parameters of the point nearest to `p`: x and y of a plane or graph; else the angle about z,
+    /// from 0 to 2π, and the height along z, or the latitude on a sphere, or the angle about the
+    /// tube, from 0 to 2π, on a torus.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
         if let Self::Ellipsoid(ball) = self {
             return ball.parameters(p);

@@ -215,27 +215,24 @@ impl<'a> Writer<'a> {
     }
 
     fn surface(&mut self, surface: &Surface) -> usize {
-        let named = match surface {
+        let entity = match surface {
+            Surface::Plane(axes) => format!("PLANE('',{})", self.axes(axes)),
+            Surface::Cylinder(axes, r) => {
+                format!("CYLINDRICAL_SURFACE('',{},{})", self.axes(axes), real(*r))
+            }
+            Surface::Cone(axes, r, angle) => {
+                let (axes, r, angle) = (self.axes(axes), real(*r), real(*angle));
+                format!("CONICAL_SURFACE('',{axes},{r},{angle})")
+            }
+            Surface::Sphere(axes, r) => {
+                format!("SPHERICAL_SURFACE('',{},{})", self.axes(axes), real(*r))
+            }
+            Surface::Torus(axes, major, minor) => {
+                let (axes, major, minor) = (self.axes(axes), real(*major), real(*minor));
+                format!("TOROIDAL_SURFACE('',{axes},{major},{minor})")
+            }
             Surface::Ellipsoid(ball) => return self.ellipsoid(ball),
             Surface::Graph(graph) => return self.graph(graph),
-            named => named,
-        };
-        let axes = self.axes(named.axes());
-        let entity = match *named {
-            Surface::Plane(_) => format!("PLANE('',{axes})"),
-            Surface::Cylinder(_, r) => format!("CYLINDRICAL_SURFACE('',{axes},{})", real(r)),
-            Surface::Cone(_, r, angle) => {
-                format!("CONICAL_SURFACE('',{axes},{},{})", real(r), real(angle))
-            }
-            Surface::Sphere(_, r) => format!("SPHERICAL_SURFACE('',{axes},{})", real(r)),
-            Surface::Torus(_, major, minor) => {
-                format!(
-                    "TOROIDAL_SURFACE('',{axes},{},{})",
-                    real(major),
-                    real(minor)
-                )
-            }
-            Surface::Ellipsoid(_) | Surface::Graph(_) => return 0,
         };
         self.doc.add(&entity)
     }
@@ -255,7 +252,8 @@ impl<'a> Writer<'a> {
         ))
     }
 
-    /// The chart of an ellipsoid that lies about the x of its sphere, as a rational biquadratic patch.
+    /// The chart of an ellipsoid that lies about the x of its sphere, as a rational biquadratic
+    /// patch.
     fn ellipsoid(&mut self, ball: &Ellipsoid) -> usize {
         let (control, weights) = ball.chart(Ellipsoid::REACH);
         let points = self.grid(control.as_flattened(), 3);

@@ -20,8 +20,8 @@ const TOLD: f64 = 0.009;
 /// Coordinates turned against the part's own.
 #[derive(Clone, Debug)]
 pub(super) struct System {
-    /// Axes of the frame (0 to 2) about which it is turned one after the other, by which angles, and
-    /// whether they are known from the design.
+    /// Axes of the frame (0 to 2) about which it is turned one after the other, by which angles,
+    /// and whether they are known from the design.
     pub(super) turns: Vec<Turn>,
     /// Its axes in the frame's coordinates.
     pub(super) rows: [Point3; 3],
@@ -240,8 +240,8 @@ impl Classes {
         all.max_by(|a, b| self.weights[*a].total_cmp(&self.weights[*b]).then(b.cmp(a)))
     }
 
-    /// The axes of the frame: the third along the class of most weight, the first along the heaviest
-    /// across it, else from the main axis to another one; and whether the first is known.
+    /// The axes of the frame: the third along the class of most weight, the first along the
+    /// heaviest across it, else from the main axis to another one; and whether the first is known.
     fn axes(&self, surfaces: &[Surface]) -> ([Point3; 3], bool) {
         let Some(main) = self.heaviest(|_| true) else {
             let plain = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

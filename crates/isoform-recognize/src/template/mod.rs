@@ -1,5 +1,5 @@
-//! A HyperFun template of what was recognised: half spaces of the entities, joined by set operations
-//! to the solid that the points bound, with named parameters.
+//! A HyperFun template of what was recognised: half spaces of the entities, joined by set
+//! operations to the solid that the points bound, with named parameters.
 
 mod cells;
 mod dimensions;
@@ -66,8 +66,8 @@ impl Proposal {
 pub enum Gap {
     /// This share of the points lies on no entity.
     Unassigned(f64),
-    /// No face was seen on this side of the box (axis of the part's frame, and whether it is the upper
-    /// one); the box of the data closes the solid there.
+    /// No face was seen on this side of the box (axis of the part's frame, and whether it is the
+    /// upper one); the box of the data closes the solid there.
     Unseen(usize, bool),
     /// This share of the places near the surface cannot be told apart by the entities.
     Open(f64),
