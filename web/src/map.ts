@@ -1,0 +1,191 @@
+// Rational maps: triangles in space and in the plane of parameters, with the map itself between
+// them.
+
+import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineDashedMaterial, LineSegments } from "three";
+import * as bytes from "./bytes";
+import { scaleColor, share } from "./colors";
+import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import { ontoRay, quotient, type Tangents } from "./patches";
+import type { MapDoc } from "./scene";
+import { Surface } from "./triangles";
+import { type Box, along, cross, dot, sub, type V3 } from "./vector";
+
+/** The signs of s and t in the four unit triangles of the plane. */
+export const QUADRANTS = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
+/** The colours of the four triangles, as in the plane of parameters. */
+export const CHARTS: [number, number, number][] = [[150, 190, 225], [238, 190, 130], [150, 200, 160], [205, 165, 205]];
+
+export class MapLayer implements Layer {
+  readonly kind = "map";
+  visible = true;
+  opacity = 1;
+  colorBy: ColorMode = "none";
+  readonly modes: ColorMode[] = ["none", "part", "u", "v"];
+  readonly object = new Group();
+  private readonly surface: Surface;
+  private readonly curves: LineSegments[] = [];
+  private painted = "";
+  private limits: Scale | null = null;
+
+  private constructor(
+    readonly id: string,
+    readonly doc: MapDoc,
+    points: Float64Array,
+    triangles: Uint32Array,
+    readonly charts: Uint8Array,
+    /** u and v of the three corners of each triangle. */
+    readonly corners: Float32Array,
+    private readonly origin: V3,
+  ) {
+    const slopes = new Float32Array(3 * triangles.length);
+    for (let i = 0; i < triangles.length; i++) slopes.set(this.slope(charts[Math.floor(i / 3)], corners[2 * i], corners[2 * i + 1]), 3 * i);
+    this.surface = new Surface(points, triangles, origin, slopes);
+    this.object.add(this.surface.object);
+    this.draw(doc.double, [209, 73, 91], false);
+    this.draw(doc.solitary, [209, 73, 91], true);
+  }
+
+  static async of(id: string, doc: MapDoc, origin: V3): Promise<MapLayer> {
+    const points = bytes.doubles(await bytes.coordinates(doc.positions));
+    const [triangles, charts] = [await bytes.u32(doc.triangles), await bytes.u8(doc.charts)];
+    return new MapLayer(id, doc, points, triangles, charts, await bytes.f32(doc.corners), origin);
+  }
+
+  get name(): string { return this.doc.name; }
+  get count(): number { return this.doc.count; }
+  get triangles(): Uint32Array { return this.surface.triangles; }
+  bounds(): Box { return { lo: this.doc.positions.lo, hi: this.doc.positions.hi }; }
+
+  private draw(arcs: V3[][], color: [number, number, number], isDashed: boolean): void {
+    const pairs = arcs.flatMap((arc) => arc.slice(1).flatMap((p, i) => [...sub(arc[i], this.origin), ...sub(p, this.origin)]));
+    if (!pairs.length) return;
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(Float32Array.from(pairs), 3));
+    const size = this.doc.halfWidth / 40;
+    const material = isDashed ? new LineDashedMaterial({ dashSize: size, gapSize: size }) : new LineBasicMaterial();
+    material.color.setRGB(...share(color));
+    const lines = new LineSegments(geometry, material);
+    if (isDashed) lines.computeLineDistances();
+    lines.frustumCulled = false;
+    this.curves.push(lines);
+    this.object.add(lines);
+  }
+
+  /** The homogeneous parameters (s : t : w) of a place in a unit triangle. */
+  homogeneous(chart: number, u: number, v: number): V3 {
+    const [s, t] = QUADRANTS[chart];
+    const h: V3 = [s * u, t * v, 1 - u - v];
+    const { frame } = this.doc;
+    return frame ? (frame.map((row) => dot(row, h)) as V3) : h;
+  }
+
+  parameter(chart: number, u: number, v: number): [number, number] {
+    const [s, t, w] = this.homogeneous(chart, u, v);
+    return [s / w, t / w];
+  }
+
+  /** The four forms at (s : t : w) with their derivatives by the three. */
+  private forms([s, t, w]: V3): number[][] {
+    const d = this.doc.degree;
+    return this.doc.forms.map((terms) => {
+      const sum = [0, 0, 0, 0];
+      for (const [i, j, c] of terms) {
+        const k = d - i - j;
+        const [p, q, r] = [s ** i, t ** j, w ** k];
+        sum[0] += c * p * q * r;
+        if (i) sum[1] += c * i * s ** (i - 1) * q * r;
+        if (j) sum[2] += c * j * p * t ** (j - 1) * r;
+        if (k) sum[3] += c * k * p * q * w ** (k - 1);
+      }
+      return sum;
+    });
+  }
+
+  /** The place in space of parameters in a unit triangle, with the slopes along u and v. */
+  at(chart: number, u: number, v: number): Tangents {
+    const forms = this.forms(this.homogeneous(chart, u, v));
+    // The way to (s : t : w) is linear in u and v.
+    const base = this.homogeneous(chart, 0, 0);
+    const alongU = sub(this.homogeneous(chart, 1, 0), base);
+    const alongV = sub(this.homogeneous(chart, 0, 1), base);
+    const by = (way: V3) => forms.map((f) => f[1] * way[0] + f[2] * way[1] + f[3] * way[2]);
+    return quotient(forms.map((f) => f[0]), by(alongU), by(alongV));
+  }
+
+  /** A vector across the surface; zero where there is none. */
+  private slope(chart: number, u: number, v: number): V3 {
+    const there = this.at(chart, u, v);
+    const n = cross(there.u, there.v);
+    const size = Math.hypot(...n);
+    return size > 0 && Number.isFinite(size) ? [n[0] / size, n[1] / size, n[2] / size] : [0, 0, 0];
+  }
+
+  /** Whether a place is in the box in which the surface is drawn. */
+  isInBox(p: V3): boolean { return p.every((v) => Math.abs(v) <= this.doc.halfWidth * (1 + 1e-9)); }
+
+  private paint(): void {
+    if (this.painted === this.colorBy) return;
+    this.painted = this.colorBy;
+    this.limits = null;
+    const chart = (corner: number) => this.charts[Math.floor(corner / 3)];
+    if (this.colorBy === "u" || this.colorBy === "v") {
+      const k = this.colorBy === "u" ? 0 : 1;
+      this.limits = { title: `${this.colorBy} of the unit triangles`, lower: 0, upper: 1, isDiverging: false, n: this.count, rms: NaN, max: NaN };
+      this.surface.paint((corner) => scaleColor(this.corners[2 * corner + k], 0, 1, false));
+    } else if (this.colorBy === "part") this.surface.paint((corner) => CHARTS[chart(corner)]);
+    else this.surface.paint(() => [150, 178, 205]);
+  }
+
+  legend(): [string, string][] {
+    if (this.colorBy !== "part") return [];
+    return QUADRANTS.map(([s, t], i) => [`s ${s > 0 ? "≥" : "≤"} 0, t ${t > 0 ? "≥" : "≤"} 0`, `rgb(${CHARTS[i]})`]);
+  }
+  scale(): Scale | null { return this.limits; }
+
+  update(section: Section | null, look: Look): void {
+    if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
+    this.paint();
+    this.surface.update(this.visible, this.opacity, false, section, look);
+    this.object.visible = this.visible;
+    for (const lines of this.curves) lines.visible = section === null;
+  }
+
+  pick(ray: Ray): Hit | null {
+    const found = this.surface.meet(ray);
+    if (!found) return null;
+    const chart = this.charts[found.triangle];
+    const corner = (c: number, i: number) => this.corners[6 * found.triangle + 2 * c + i];
+    const place = [0, 1].map((i) => corner(0, i) + found.u * (corner(1, i) - corner(0, i)) + found.v * (corner(2, i) - corner(0, i))) as [number, number];
+    const flat = along(ray.o, ray.d, found.t);
+    const [u, v, there] = ontoRay((u, v) => this.at(chart, u, v), ray.o, ray.d, place);
+    const isNear = there.point.every(Number.isFinite) && Math.hypot(...sub(there.point, flat)) < 0.05 * this.doc.halfWidth;
+    const at: [number, number] = isNear ? [u, v] : place;
+    const point = isNear ? there.point : this.at(chart, ...place).point;
+    const isUsable = point.every(Number.isFinite) && Math.hypot(...sub(point, flat)) < 0.05 * this.doc.halfWidth;
+    return { t: found.t, point: isUsable ? point : flat, parameter: this.parameter(chart, ...at) };
+  }
+
+  /** The place of a parameter, for a pick in their plane; none outside of the box. */
+  hit(chart: number, u: number, v: number): Hit | null {
+    const { point } = this.at(chart, u, v);
+    const parameter = this.parameter(chart, u, v);
+    if (!point.every(Number.isFinite) || !parameter.every(Number.isFinite) || !this.isInBox(point)) return null;
+    return { t: 0, point, parameter };
+  }
+
+  /** The unit triangle of parameters, and u and v there. */
+  chartOf([s, t]: [number, number]): [number, number, number] {
+    let h: V3 = [s, t, 1];
+    const { frame } = this.doc;
+    if (frame) {
+      // The frame is upper triangular.
+      const w = 1 / frame[2][2];
+      const y = (t - frame[1][2] * w) / frame[1][1];
+      h = [(s - frame[0][1] * y - frame[0][2] * w) / frame[0][0], y, w];
+    }
+    if (h[2] < 0) h = [-h[0], -h[1], -h[2]];
+    const sum = Math.abs(h[0]) + Math.abs(h[1]) + h[2];
+    const chart = QUADRANTS.findIndex(([a, b]) => a * h[0] >= 0 && b * h[1] >= 0);
+    return [Math.max(0, chart), Math.abs(h[0]) / sum, Math.abs(h[1]) / sum];
+  }
+}
