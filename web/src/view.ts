@@ -1,6 +1,6 @@
 // The pane of space: cameras, drawing, the line of sight of a pixel.
 
-import { Color, OrthographicCamera, PerspectiveCamera, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import { Color, ColorManagement, LinearSRGBColorSpace, OrthographicCamera, PerspectiveCamera, Scene, Vector2, Vector3, WebGLRenderer } from "three";
 import type { Layer, Ray, Section } from "./layer";
 import { add, along, around, type Box, center, cross, diagonal, dot, norm, scale, sub, unit, type V3 } from "./vector";
 
@@ -24,7 +24,10 @@ export class View {
   private isWanted = false;
 
   constructor(readonly pane: HTMLElement, private readonly layers: Layer[], readonly origin: V3) {
+    // Colours are those of the style sheet, as they are: nothing is converted.
+    ColorManagement.enabled = false;
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer.outputColorSpace = LinearSRGBColorSpace;
     this.canvas = this.renderer.domElement;
     this.canvas.setAttribute("aria-hidden", "true");
     pane.prepend(this.canvas);
@@ -52,7 +55,7 @@ export class View {
     const old = this.renderer.getSize(new Vector2());
     if (old.x !== width || old.y !== height) this.renderer.setSize(width, height);
     const paint = getComputedStyle(this.pane).backgroundColor;
-    this.renderer.setClearColor(new Color().setStyle(paint, "srgb-linear"), 1);
+    this.renderer.setClearColor(new Color(paint), 1);
     for (const layer of this.layers) layer.update(this.section, { isDark, pixelRatio: ratio });
     this.renderer.render(this.scene, this.three());
     this.onDrawn();
