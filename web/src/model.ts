@@ -45,7 +45,7 @@ uniform float opacity;
 ${solid}
 ${LIGHT}
 ${HATCH}
-const int STEPS = 5;
+const int STEPS = 4;
 const int HALVINGS = 14;
 
 float at(vec3 p) { int part; return solid(p + shift, part); }
@@ -183,7 +183,7 @@ export class ModelLayer implements Layer {
   }
 
   /** Whether the parameters are as they came. */
-  get isAsGiven(): boolean { return this.doc.values.every((v, i) => v === this.solid.values[i]); }
+  get isAsGiven(): boolean { return this.solid.isAsGiven; }
 
   /** The grid and the uniforms for the present values. */
   private moved(): void {

@@ -98,8 +98,8 @@ export class Panel {
     bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
     const middle = 0.5 * (scale.lower + scale.upper);
     const figures = [`n ${scale.n.toLocaleString("en")}`];
-    if (Number.isFinite(scale.rms)) figures.push(`rms ${brief(scale.rms)}`);
-    if (Number.isFinite(scale.max)) figures.push(`${scale.title.startsWith("quality") ? "least" : "max"} ${brief(scale.max)}`);
+    if (Number.isFinite(scale.rms)) figures.push(`rms ${brief(Number(scale.rms.toPrecision(3)))}`);
+    if (Number.isFinite(scale.max)) figures.push(`${scale.title.startsWith("quality") ? "least" : "max"} ${brief(Number(scale.max.toPrecision(3)))}`);
     return [
       h("p", {}, scale.title), bar,
       h("div", { class: "ends" }, h("span", {}, brief(scale.lower)), h("span", {}, brief(middle)), h("span", {}, brief(scale.upper))),

@@ -6,12 +6,17 @@ import { partColor, roundUp, scaleColor } from "./colors";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import type { PatchesDoc } from "./scene";
 import { Surface } from "./triangles";
-import { type Box, add, along, cross, dot, scale, sub, type V3 } from "./vector";
+import { type Box, add, along, cross, diagonal, dot, scale, sub, type V3 } from "./vector";
 
 /** Squares of a chequered patch on each side. */
 const CHEQUERS = 8;
 /** Steps of Newton's method from a triangle to the patch itself. */
 const STEPS = 8;
+
+/** Patches that lie on one another are drawn as far apart as this share of the whole; so many of
+ *  them are told apart. */
+const NEARER = 4e-4;
+const RANKS = 13;
 
 export interface Tangents { point: V3; u: V3; v: V3 }
 
@@ -118,6 +123,8 @@ export class PatchesLayer implements Layer {
       this.parameters.set([Math.floor(place / side) / squares, (place % side) / squares], 2 * i);
     });
     this.surface = new Surface(points, triangles, origin, slopes);
+    // Patches of a cover overlap, by less than their triangles are off them.
+    this.surface.rank((corner) => this.patchOf(Math.floor(corner / 3)) % RANKS, NEARER * diagonal(this.bounds()));
     if (patches.some((p) => p.distance !== null)) this.modes.push("bound");
   }
 

@@ -38,6 +38,8 @@ export interface ModelDoc {
   parameters: ParameterDoc[];
   bounds: [Vec3, Vec3];
   isCut: boolean;
+  /** Whether the box is one of the points beside, which the surface may leave. */
+  isLoose: boolean;
   origin: Vec3;
 }
 

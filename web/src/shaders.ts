@@ -10,10 +10,10 @@ vec3 lit(vec3 color, vec3 n, vec3 toEye) {
   if (dot(n, toEye) < 0.0) n = -n;
   vec3 right = vec3(viewMatrix[0][0], viewMatrix[1][0], viewMatrix[2][0]);
   vec3 up = vec3(viewMatrix[0][1], viewMatrix[1][1], viewMatrix[2][1]);
-  vec3 light = normalize(toEye + 0.35 * up - 0.3 * right);
+  vec3 light = normalize(toEye + 0.3 * up - 0.2 * right);
   float diffuse = max(dot(n, light), 0.0);
   float shine = pow(max(dot(n, normalize(light + toEye)), 0.0), 40.0);
-  return color * (0.34 + 0.66 * diffuse) + 0.12 * shine;
+  return color * (0.46 + 0.58 * diffuse) + 0.1 * shine;
 }
 `;
 

@@ -3,7 +3,7 @@
 import { Ranges } from "./interval";
 import type { ModelDoc } from "./scene";
 import { Evaluator, LANES, Tape } from "./tape";
-import { type V3, add, along, box, inBox, type Box } from "./vector";
+import { type V3, add, along, box, diagonal, inBox, type Box } from "./vector";
 
 /** A segment shorter than this share of the box is looked at by its ends alone. */
 const FINEST = 1 / 4096;
@@ -13,6 +13,8 @@ const MOST_SEGMENTS = 20_000;
 const REACH = 4;
 /** How often the region grows where the surface reaches its end. */
 const GROWTHS = 5;
+/** How often it shrinks at most. */
+const SHRINKS = 10;
 
 /** The cells of a grid over a box that may hold surface. */
 export interface Brick { box: Box; n: V3; cells: Uint8Array }
@@ -42,6 +44,9 @@ export class Solid {
     this.ranges.set(this.values);
     this.reading.set(this.values);
   }
+
+  /** Whether the parameters are as they came. */
+  get isAsGiven(): boolean { return this.doc.values.every((v, i) => v === this.values[i]); }
 
   /** A slot that does not depend on the coordinates. */
   uniform(slot: number): number { return this.point.row(slot)[0]; }
@@ -193,9 +198,11 @@ export class Solid {
     return { box: found, n, cells: this.cells(found, n) };
   }
 
-  /** A box of the surface, which grows where it is too small and shrinks while that helps. */
+  /** A box of the surface: as it came, or one that grows where it is too small and shrinks while
+   *  that helps. */
   private extent(): Box | null {
     const [lo, hi] = this.doc.bounds;
+    if (this.isAsGiven && !this.doc.isLoose) return { lo, hi };
     const middle = add(lo, hi).map((v) => v / 2) as V3;
     let half = REACH * 0.5 * Math.max(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]);
     let at: Box | null = null;
@@ -206,8 +213,10 @@ export class Solid {
       if (found && !found.isAtBorder) break;
       if (found && k === GROWTHS) return inBox(middle, REACH * 0.5 * Math.max(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]));
     }
-    for (let k = 0; at && k < 3; k++) {
+    for (let k = 0; at && k < SHRINKS; k++) {
+      const before = diagonal(at);
       at = this.used(at, [16, 16, 16], this.cells(at, [16, 16, 16]))?.box ?? null;
+      if (at && diagonal(at) > 0.97 * before) break;
     }
     return at;
   }

@@ -13,7 +13,10 @@ const MOST_EDGES = 60_000;
 const VERTEX = `
 in vec3 tint;
 in vec3 slope;
+in float rank;
 uniform bool hasSlopes;
+uniform bool isFlat;
+uniform float nearer;
 out vec3 place;
 out vec3 paint;
 out vec3 corner;
@@ -24,7 +27,11 @@ void main() {
   side = hasSlopes ? slope : vec3(0.0);
   int c = gl_VertexID % 3;
   corner = vec3(c == 0, c == 1, c == 2);
-  gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+  // Surfaces of higher rank come nearer to the eye, along the line of sight.
+  vec4 seen = viewMatrix * vec4(place, 1.0);
+  if (isFlat) seen.z += rank * nearer;
+  else seen.xyz *= 1.0 - rank * nearer / max(length(seen.xyz), 1e-30);
+  gl_Position = projectionMatrix * seen;
 }
 `;
 const FRAGMENT = `
@@ -63,7 +70,7 @@ export function surfaceMaterial(): ShaderMaterial {
     glslVersion: GLSL3, side: DoubleSide, vertexShader: VERTEX, fragmentShader: FRAGMENT,
     uniforms: {
       plane: { value: new Vector4(0, 0, 0, 1) }, opacity: { value: 1 }, hasEdges: { value: false }, hasSlopes: { value: false },
-      isCap: { value: false }, isFlat: { value: false }, ahead: { value: new Vector3() },
+      isCap: { value: false }, isFlat: { value: false }, ahead: { value: new Vector3() }, nearer: { value: 0 },
     },
   });
 }
@@ -97,6 +104,13 @@ export class Surface {
 
   get count(): number { return this.triangles.length / 3; }
   get canHaveEdges(): boolean { return this.count <= MOST_EDGES; }
+
+  /** Surfaces that lie on one another: those of higher rank are seen, by so much nearer a rank. */
+  rank(of: (corner: number) => number, nearer: number): void {
+    const ranks = Float32Array.from({ length: this.triangles.length }, (_, i) => of(i));
+    this.mesh.geometry.setAttribute("rank", new BufferAttribute(ranks, 1));
+    this.mesh.material.uniforms.nearer.value = nearer;
+  }
 
   /** A colour for each corner of each triangle, or one for all. */
   paint(color: (corner: number) => ArrayLike<number>): void {

@@ -29,6 +29,7 @@ pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value
         "parameters": parameters,
         "bounds": [model.bounds.lo, model.bounds.hi],
         "isCut": model.is_cut,
+        "isLoose": model.is_loose,
         "origin": model.origin,
     })
 }

@@ -56,6 +56,8 @@ pub struct LiveModel {
     pub bounds: Aabb,
     /// Whether the box cuts the solid off.
     pub is_cut: bool,
+    /// Whether the box is that of points beside the model, which the surface may leave.
+    pub is_loose: bool,
     /// What is added to coordinates of the tape to get those of the file.
     pub origin: Point3,
 }
@@ -102,6 +104,7 @@ impl LiveModel {
             parameters,
             bounds,
             is_cut: region.is_some(),
+            is_loose: false,
             origin: [0.0; 3],
         }))
     }
@@ -140,6 +143,7 @@ impl LiveModel {
             parameters,
             bounds,
             is_cut: false,
+            is_loose: true,
             origin: found.cloud.origin,
         })
     }
