@@ -16,7 +16,7 @@ export function partColor(i: number): [number, number, number] {
 
 type Stops = [number, number, number][];
 /** Blue, through the light grey of the band, to red (after ColorBrewer's RdBu). */
-const DIVERGING: Stops = [[20, 80, 160], [67, 147, 195], [146, 197, 222], [226, 226, 222], [244, 165, 130], [214, 96, 77], [165, 15, 30]];
+const DIVERGING: Stops = [[20, 80, 160], [67, 147, 195], [146, 197, 222], [198, 198, 192], [244, 165, 130], [214, 96, 77], [165, 15, 30]];
 /** Viridis at seven places. */
 const SEQUENTIAL: Stops = [[68, 1, 84], [70, 50, 126], [54, 92, 141], [39, 127, 142], [31, 161, 135], [74, 193, 109], [253, 231, 37]];
 

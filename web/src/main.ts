@@ -47,7 +47,7 @@ async function start(root: HTMLElement): Promise<Viewer> {
   const scene = readScene();
   const origin = center(around(scene.layers.map(boxOf)));
   const layers = await Promise.all(scene.layers.map((doc, i) => layerOf(doc, `layer-${i + 1}`, origin)));
-  const space = h("section", { "data-pane": "space", tabindex: "0", role: "application", "aria-label": "Space. Arrow keys turn the view, plus and minus zoom, Enter picks in the middle." });
+  const space = h("div", { "data-pane": "space", tabindex: "0", role: "application", "aria-label": "Space. Arrow keys turn the view, plus and minus zoom, Enter picks in the middle." });
   const panes = h("div", { class: "panes" }, space);
   const isPage = root.dataset.isoformView === "page";
   const title = isPage ? [h("header", {}, h("h1", {}, h("bdi", {}, scene.title)))] : [];
@@ -74,7 +74,7 @@ async function start(root: HTMLElement): Promise<Viewer> {
 
 /** The pane of parameters beside space. */
 function addDomain(viewer: Viewer, panes: HTMLElement): void {
-  const pane = h("section", { "data-pane": "domain", role: "group", "aria-label": "The plane of parameters s and t" });
+  const pane = h("div", { "data-pane": "domain", role: "group", "aria-label": "The plane of parameters s and t" });
   panes.append(pane);
   const map = viewer.map!;
   const domain = new Domain(pane, map, (hit) => viewer.mark(hit && map, hit));

@@ -40,7 +40,7 @@ export class MeshLayer implements Layer {
     points: Float64Array,
     triangles: Uint32Array,
     private readonly parts: Uint32Array | null,
-    private readonly tets: Uint32Array | null,
+    readonly tets: Uint32Array | null,
     private readonly origin: V3,
   ) {
     this.surface = new Surface(points, triangles, origin);

@@ -67,9 +67,10 @@ export class Panel {
       shown = now;
     };
     this.rows.push({ layer, refresh });
+    const tets = "tets" in layer && layer.tets ? `, ${(layer.tets as Uint32Array).length / 4} tetrahedra` : "";
     return h("div", { class: "layer" },
       h("label", { class: "name" }, visible, foreign(layer.name)),
-      h("div", { class: "about" }, about),
+      h("div", { class: "about" }, about + tets),
       h("div", { class: "pair" },
         h("label", {}, h("span", {}, "Opacity"), opacity),
         ...(layer.modes.length > 1 ? [h("label", {}, h("span", {}, "Colour"), colors)] : [])),

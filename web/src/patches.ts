@@ -15,7 +15,7 @@ const STEPS = 8;
 
 /** Patches that lie on one another are drawn as far apart as this share of the whole; so many of
  *  them are told apart. */
-const NEARER = 4e-4;
+const NEARER = 1e-3;
 const RANKS = 13;
 
 export interface Tangents { point: V3; u: V3; v: V3 }
@@ -85,7 +85,7 @@ export class PatchesLayer implements Layer {
   readonly kind = "patches";
   visible = true;
   opacity = 1;
-  colorBy: ColorMode = "none";
+  colorBy: ColorMode = "part";
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
   private readonly surface: Surface;
   private painted = "";
@@ -95,7 +95,7 @@ export class PatchesLayer implements Layer {
   private readonly parameters: Float32Array;
 
   private constructor(readonly id: string, private readonly doc: PatchesDoc, private readonly patches: Patch[], origin: V3) {
-    this.squares = patches.length > 400 ? 8 : patches.length > 100 ? 16 : 24;
+    this.squares = patches.length > 400 ? 8 : patches.length > 80 ? 16 : 32;
     const { squares } = this;
     const side = squares + 1;
     const points = new Float64Array(3 * side * side * patches.length);

@@ -13,7 +13,13 @@ const REACH = 6;
 /** Share of the sorted deviations within the ends of the scale. */
 const WITHIN = 0.95;
 
+/** How much nearer points are drawn: a share of their distance, or of the whole. */
+const NEARER = 0.002;
+
 const VERTEX = `
+#define NEARER ${NEARER}
+uniform bool isFlat;
+uniform float nearer;
 in vec3 tint;
 uniform float size;
 uniform vec4 plane;
@@ -24,7 +30,10 @@ void main() {
   vec4 p = modelMatrix * vec4(position, 1.0);
   paint = isTinted ? tint : color;
   gl_PointSize = size;
-  gl_Position = dot(plane.xyz, p.xyz) > plane.w ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * viewMatrix * p;
+  // Points on a surface are to be seen before it.
+  vec4 seen = viewMatrix * p;
+  if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
+  gl_Position = dot(plane.xyz, p.xyz) > plane.w ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
 }
 `;
 const FRAGMENT = `
@@ -65,11 +74,16 @@ export class PointsLayer implements Layer {
       glslVersion: GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
       uniforms: {
         size: { value: 3 }, plane: { value: new Vector4(0, 0, 0, 1) }, isTinted: { value: false }, isRound: { value: true },
-        color: { value: new Vector3() }, opacity: { value: 1 },
+        color: { value: new Vector3() }, opacity: { value: 1 }, isFlat: { value: false },
+        nearer: { value: NEARER * norm(sub(coordinates.hi, coordinates.lo)) },
       },
     });
     this.object = new Points(geometry, material);
     this.object.frustumCulled = false;
+    this.object.onBeforeRender = (_r, _s, camera) => {
+      material.uniforms.isFlat.value = "isOrthographicCamera" in camera;
+      material.uniformsNeedUpdate = true;
+    };
     this.object.scale.set(...(coordinates.step as V3));
     this.object.position.set(...sub(coordinates.from, origin));
     if (this.colors) this.colorBy = "file";
@@ -165,7 +179,8 @@ export class PointsLayer implements Layer {
     const front = Math.min(...near.map((n) => n.depth));
     const size = norm(sub(this.coordinates.hi, this.coordinates.lo));
     const best = near.filter((n) => n.depth <= front + 0.02 * size).reduce((a, b) => (b.away < a.away ? b : a));
-    const hit: Hit = { t: dot(sub(best.p, ray.o), ray.d), point: best.p };
+    const away = dot(sub(best.p, ray.o), ray.d);
+    const hit: Hit = { t: ray.from === 0 ? away * (1 - NEARER) : away - NEARER * size, point: best.p };
     const deviation = this.deviation?.[best.i];
     if (deviation !== undefined && Number.isFinite(deviation)) hit.deviation = deviation;
     return hit;

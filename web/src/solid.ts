@@ -13,6 +13,8 @@ const MOST_SEGMENTS = 20_000;
 const REACH = 4;
 /** How often the region grows where the surface reaches its end. */
 const GROWTHS = 5;
+/** The grid of the search. */
+const SEARCH: V3 = [24, 24, 24];
 /** How often it shrinks at most. */
 const SHRINKS = 10;
 
@@ -208,14 +210,14 @@ export class Solid {
     let at: Box | null = null;
     for (let k = 0; k <= GROWTHS; k++, half *= 2) {
       const region = inBox(middle, half);
-      const found = this.used(region, [16, 16, 16], this.cells(region, [16, 16, 16]));
+      const found = this.used(region, SEARCH, this.cells(region, SEARCH));
       at = found?.box ?? null;
       if (found && !found.isAtBorder) break;
       if (found && k === GROWTHS) return inBox(middle, REACH * 0.5 * Math.max(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]));
     }
     for (let k = 0; at && k < SHRINKS; k++) {
       const before = diagonal(at);
-      at = this.used(at, [16, 16, 16], this.cells(at, [16, 16, 16]))?.box ?? null;
+      at = this.used(at, SEARCH, this.cells(at, SEARCH))?.box ?? null;
       if (at && diagonal(at) > 0.97 * before) break;
     }
     return at;

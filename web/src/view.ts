@@ -35,7 +35,11 @@ export class View {
     new ResizeObserver(() => this.draw()).observe(pane);
   }
 
-  get size(): [number, number] { return [this.pane.clientWidth, this.pane.clientHeight]; }
+  /** The pane's width and height, which need not be whole pixels. */
+  get size(): [number, number] {
+    const { width, height } = this.pane.getBoundingClientRect();
+    return [width, height];
+  }
 
   /** Draws soon, once for all changes until then. */
   want(): void {
@@ -53,7 +57,7 @@ export class View {
     const isDark = matchMedia("(prefers-color-scheme: dark)").matches;
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     const old = this.renderer.getSize(new Vector2());
-    if (old.x !== width || old.y !== height) this.renderer.setSize(width, height);
+    if (old.x !== width || old.y !== height) this.renderer.setSize(width, height, false);
     const paint = getComputedStyle(this.pane).backgroundColor;
     this.renderer.setClearColor(new Color(paint), 1);
     for (const layer of this.layers) layer.update(this.section, { isDark, pixelRatio: ratio });

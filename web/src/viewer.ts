@@ -29,6 +29,8 @@ export class Viewer {
   constructor(layers: Layer[], readonly view: View) {
     this.layers = layers;
     this.measure();
+    // Points beside a model are there to be compared with it.
+    if (this.models.length) for (const layer of layers) if (layer instanceof PointsLayer) layer.colorBy = "deviation";
   }
 
   private get models(): ModelLayer[] { return this.layers.filter((l): l is ModelLayer => l instanceof ModelLayer); }

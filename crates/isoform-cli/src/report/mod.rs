@@ -17,6 +17,7 @@ use isoform::report::{loss_name, method_name};
 use isoform_view::Page;
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::Path;
 use svg::escaped;
 
 /// Colours of the phases, from dark to light.
@@ -133,7 +134,8 @@ fn policy() -> String {
 /// The points with their deviations and the fitted model, to be turned, cut and moved.
 fn viewer(job: &Job) -> String {
     let mut page = Page::new(&job.template_name);
-    page.points(&job.scan, &job.found.cloud, Some(&job.found.deviation()));
+    let scan = Path::new(&job.scan).file_name().unwrap_or_default();
+    page.points(&scan.to_string_lossy(), &job.found.cloud, Some(&job.found.deviation()));
     if let Some(live) = LiveModel::of_fit(&job.found) {
         page.model(&job.template_name, None, &live);
     }
