@@ -34,7 +34,7 @@ export const COLOR_MODES = ["none", "part", "deviation", "quality", "u", "v", "b
 export type ColorMode = (typeof COLOR_MODES)[number];
 
 /** What the colours of a layer mean, for the bar beside them. */
-export interface Scale { title: string; lower: number; upper: number; isDiverging: boolean; n: number; rms: number; max: number }
+export interface Scale { title: string; lower: number; upper: number; isDiverging: boolean; n: number; rms: number; max: number; left?: number }
 
 export interface Layer {
   readonly id: string;
@@ -46,6 +46,8 @@ export interface Layer {
   colorBy: ColorMode;
   /** Colours that it has. */
   readonly modes: ColorMode[];
+  /** What its signs mean; may be missing. */
+  readonly note?: string;
   /** What is drawn, in coordinates of the scene. */
   readonly object: Object3D;
   /** The names of its parts with their colours, while it is coloured so. */

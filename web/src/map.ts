@@ -52,6 +52,14 @@ export class MapLayer implements Layer {
   }
 
   get name(): string { return this.doc.name; }
+  get note(): string {
+    const { double, solitary, basePoints, isCertified } = this.doc;
+    const signs = ["dark: where the drawn surface ends"];
+    if (double.length) signs.push("red: double curve");
+    if (solitary.length) signs.push("dashed: solitary arc");
+    if (basePoints.length) signs.push("ring: base point");
+    return `${signs.join("; ")}. ${isCertified ? "Certified." : "Not everything is proved."}`;
+  }
   get count(): number { return this.doc.count; }
   get triangles(): Uint32Array { return this.surface.triangles; }
   bounds(): Box { return { lo: this.doc.positions.lo, hi: this.doc.positions.hi }; }

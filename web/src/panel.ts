@@ -70,7 +70,7 @@ export class Panel {
     const tets = "tets" in layer && layer.tets ? `, ${(layer.tets as Uint32Array).length / 4} tetrahedra` : "";
     return h("div", { class: "layer" },
       h("label", { class: "name" }, visible, foreign(layer.name)),
-      h("div", { class: "about" }, about + tets),
+      h("div", { class: "about" }, about + tets, ...(layer.note ? [h("br"), layer.note] : [])),
       h("div", { class: "pair" },
         h("label", {}, h("span", {}, "Opacity"), opacity),
         ...(layer.modes.length > 1 ? [h("label", {}, h("span", {}, "Colour"), colors)] : [])),
@@ -91,7 +91,7 @@ export class Panel {
     }
     const scale = layer.scale();
     if (!scale) return [];
-    const bar = h("div", { class: "bar" });
+    const bar = h("div", { class: "scale" });
     const stops = Array.from({ length: 41 }, (_, i) => {
       const value = scale.lower + (i / 40) * (scale.upper - scale.lower);
       return `${css(scaleColor(value, scale.lower, scale.upper, scale.isDiverging))} ${2.5 * i}%`;
@@ -99,6 +99,7 @@ export class Panel {
     bar.style.background = `linear-gradient(to right, ${stops.join(", ")})`;
     const middle = 0.5 * (scale.lower + scale.upper);
     const figures = [`n ${scale.n.toLocaleString("en")}`];
+    if (scale.left) figures.push(`without ${scale.left.toLocaleString("en")} outliers, grey`);
     if (Number.isFinite(scale.rms)) figures.push(`rms ${brief(Number(scale.rms.toPrecision(3)))}`);
     if (Number.isFinite(scale.max)) figures.push(`${scale.title.startsWith("quality") ? "least" : "max"} ${brief(Number(scale.max.toPrecision(3)))}`);
     return [

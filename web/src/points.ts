@@ -12,6 +12,7 @@ import { type Box, dot, norm, sub, type V3 } from "./vector";
 const REACH = 6;
 /** Share of the sorted deviations within the ends of the scale. */
 const WITHIN = 0.95;
+const OUTLIER: [number, number, number] = [96, 96, 102];
 
 /** How much nearer points are drawn: a share of their distance, or of the whole. */
 const NEARER = 0.002;
@@ -66,6 +67,8 @@ export class PointsLayer implements Layer {
     private readonly coordinates: bytes.Coordinates,
     private readonly given: Float32Array | null,
     private readonly colors: Uint8Array | null,
+    /** 1 for points that no figure counts. */
+    private readonly outliers: Uint8Array | null,
     private readonly origin: V3,
   ) {
     const geometry = new BufferGeometry();
@@ -93,7 +96,8 @@ export class PointsLayer implements Layer {
     const coordinates = await bytes.coordinates(doc.positions);
     const deviation = doc.deviation ? await bytes.numbers(doc.deviation) : null;
     const colors = doc.colors ? await bytes.u8(doc.colors) : null;
-    return new PointsLayer(id, doc, coordinates, deviation, colors, origin);
+    const outliers = doc.outliers ? await bytes.u8(doc.outliers) : null;
+    return new PointsLayer(id, doc, coordinates, deviation, colors, outliers, origin);
   }
 
   get name(): string { return this.doc.name; }
@@ -120,7 +124,10 @@ export class PointsLayer implements Layer {
   scale(): Scale | null {
     const values = this.deviation;
     if (this.colorBy !== "deviation" || !values) return null;
-    this.limits ??= scaleOf(values);
+    if (!this.limits) {
+      const counted = this.outliers ? values.filter((_, i) => !this.outliers![i]) : values;
+      this.limits = { ...scaleOf(counted, this.measured ? undefined : this.doc.limit), left: values.length - counted.length };
+    }
     return this.limits;
   }
   legend(): [string, string][] { return []; }
@@ -140,7 +147,8 @@ export class PointsLayer implements Layer {
     const scale = this.scale();
     if (scale) {
       tints = new Uint8Array(3 * this.count);
-      this.deviation!.forEach((v, i) => tints!.set(scaleColor(v, scale.lower, scale.upper, true), 3 * i));
+      const color = (v: number, i: number) => (this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true));
+      this.deviation!.forEach((v, i) => tints!.set(color(v, i), 3 * i));
     }
     geometry.setAttribute("tint", new BufferAttribute(tints!, 3, true));
   }
@@ -188,9 +196,9 @@ export class PointsLayer implements Layer {
 }
 
 /** Symmetric ends at a round number that most deviations are within. */
-export function scaleOf(values: Float32Array): Scale {
+export function scaleOf(values: Float32Array, limit?: number): Scale {
   const sizes = values.filter(Number.isFinite).map(Math.abs).sort();
-  const end = roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
+  const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
   const squares = sizes.reduce((s, v) => s + v * v, 0);
   return {
     title: "deviation, positive outside", lower: -end, upper: end, isDiverging: true,

@@ -43,7 +43,7 @@ export interface ModelDoc {
   origin: Vec3;
 }
 
-export interface PointsDoc { kind: "points"; name: string; count: number; positions: Positions; deviation?: Numbers; colors?: BlobRef }
+export interface PointsDoc { kind: "points"; name: string; count: number; positions: Positions; deviation?: Numbers; limit?: number; outliers?: BlobRef; colors?: BlobRef }
 
 export interface MeshDoc {
   kind: "mesh" | "model";

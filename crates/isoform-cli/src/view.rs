@@ -1,8 +1,8 @@
 //! `isoform view`: one page that shows files as layers.
 
 use crate::eval::{self, Parameters};
-use crate::mesh::work::no_mesh;
 use crate::mesh::Settings;
+use crate::mesh::work::no_mesh;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::triangulate::{self, HalfWidth, Subject};
@@ -15,7 +15,7 @@ use isoform::tess::{Map, TriangulateOptions};
 use isoform::{
     LiveModel, MeshModelOptions, PatchesError, Unseen, mesh_model, mesh_spline, triangulate_map,
 };
-use isoform_view::{Page, ShownPatch};
+use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -111,7 +111,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         html
     } else {
         output::write_file(&args.output, &html)?;
-        format!("{}: {} layers, {size} bytes\n", args.output.display(), layers.len()).into_bytes()
+        format!(
+            "{}: {} layers, {size} bytes\n",
+            args.output.display(),
+            layers.len()
+        )
+        .into_bytes()
     };
     let json = json!({
         "verb": "view",
@@ -119,8 +124,11 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         "bytes": size,
         "layers": layers,
     });
-    let exit = DONE;
-    Ok(Outcome { exit, json, stdout })
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout,
+    })
 }
 
 /// The name of a file without its folder.
@@ -140,7 +148,9 @@ fn add(
     if spline::is_json(path) {
         return document(page, path, name, args, context);
     }
-    let is_program = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hf"));
+    let is_program = path
+        .extension()
+        .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
     if is_program || is_template(path) {
         let model = gallery::template(path, &args.language, context)?;
         return program(page, &model, name, args, context);
@@ -157,10 +167,11 @@ fn add(
     }
     if cloud.points.is_empty() {
         let message = format!("{}: there are no points", path.display());
-        return Err(Failure::input("no-points", message)
-            .hint("isoform inspect shows what is in the file"));
+        return Err(
+            Failure::input("no-points", message).hint("isoform inspect shows what is in the file")
+        );
     }
-    page.points(name, &cloud, None);
+    page.points(name, &ShownPoints::new(&cloud));
     Ok("points")
 }
 
@@ -170,7 +181,12 @@ fn is_template(path: &Path) -> bool {
 }
 
 /// Adds a mesh.
-fn mesh(page: &mut Page, path: &Path, name: &str, context: &Context) -> Result<&'static str, Failure> {
+fn mesh(
+    page: &mut Page,
+    path: &Path,
+    name: &str,
+    context: &Context,
+) -> Result<&'static str, Failure> {
     let (mesh, report) = scan::read_mesh_file(path, None)?;
     for warning in &report.warnings {
         context.warn(format_args!("{}: {warning}", path.display()));
@@ -249,7 +265,12 @@ fn document(
 }
 
 /// Adds patches, with the distances that their file tells.
-fn patches(page: &mut Page, path: &Path, name: &str, json: &Value) -> Result<&'static str, Failure> {
+fn patches(
+    page: &mut Page,
+    path: &Path,
+    name: &str,
+    json: &Value,
+) -> Result<&'static str, Failure> {
     let wrong = |e: &dyn std::fmt::Display| {
         Failure::input("not_patches", format!("{}: {e}", path.display()))
             .hint("see Patches in docs/rational.md")
@@ -263,7 +284,11 @@ fn patches(page: &mut Page, path: &Path, name: &str, json: &Value) -> Result<&'s
             distance: told(k),
         })
     };
-    let list = found.iter().enumerate().map(shown).collect::<Result<Vec<_>, _>>()?;
+    let list = found
+        .iter()
+        .enumerate()
+        .map(shown)
+        .collect::<Result<Vec<_>, _>>()?;
     page.patches(name, &list);
     Ok("patches")
 }
@@ -277,7 +302,12 @@ fn fitted(
     context: &Context,
 ) -> Result<&'static str, Failure> {
     let function = spline::of_document(path, json)?;
-    let made = mesh_spline(&function, Unseen::Cut, &surface_options(None), &context.control());
+    let made = mesh_spline(
+        &function,
+        Unseen::Cut,
+        &surface_options(None),
+        &context.control(),
+    );
     let made = made.map_err(|e| no_mesh(&e, name, &Settings::default()))?;
     page.mesh(name, &made.meshed.mesh);
     Ok("mesh")
@@ -293,9 +323,11 @@ fn add_map(
     context: &Context,
 ) -> Result<&'static str, Failure> {
     let Some(Place::Around(half)) = &args.region else {
-        return Err(Failure::usage(format!("{}: --box is needed", path.display()))
-            .why("the parameters are the whole plane")
-            .hint("--box B, half the width of a box around the origin"));
+        return Err(
+            Failure::usage(format!("{}: --box is needed", path.display()))
+                .why("the parameters are the whole plane")
+                .hint("--box B, half the width of a box around the origin"),
+        );
     };
     let options = TriangulateOptions::around(half.exact.clone());
     let made = triangulate_map(map, &options, &context.control());
@@ -304,7 +336,11 @@ fn add_map(
         e => Failure::usage(format!("{}: {e}", path.display())),
     })?;
     if surface.triangles.is_empty() {
-        return Err(triangulate::nothing(name, Some((&surface, &options)), context));
+        return Err(triangulate::nothing(
+            name,
+            Some((&surface, &options)),
+            context,
+        ));
     }
     for finding in &surface.findings {
         context.note(format_args!("{name}: {finding}"));

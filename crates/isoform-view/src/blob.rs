@@ -119,8 +119,14 @@ mod tests {
         let mut blobs = Blobs::default();
         let flat = blobs.u32(&vec![7; 10_000]);
         let short = blobs.u8(&[1, 2, 3]);
-        assert_eq!(flat, json!({"blob": 0, "type": "u32", "n": 10_000, "deflated": true}));
-        assert_eq!(short, json!({"blob": 1, "type": "u8", "n": 3, "deflated": false}));
+        assert_eq!(
+            flat,
+            json!({"blob": 0, "type": "u32", "n": 10_000, "deflated": true})
+        );
+        assert_eq!(
+            short,
+            json!({"blob": 1, "type": "u8", "n": 3, "deflated": false})
+        );
         assert!(blobs.texts[0].len() < 1000 && blobs.texts[1] == "AQID");
     }
 }

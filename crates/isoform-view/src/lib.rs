@@ -11,10 +11,11 @@
 //!
 //! ```
 //! use isoform::geom::PointCloud;
-//! use isoform_view::Page;
+//! use isoform_view::{Page, ShownPoints};
 //!
 //! let mut page = Page::new("Two points");
-//! page.points("two.xyz", &PointCloud::from_points(vec![[0.0; 3], [1.0; 3]]), None);
+//! let cloud = PointCloud::from_points(vec![[0.0; 3], [1.0; 3]]);
+//! page.points("two.xyz", &ShownPoints::new(&cloud));
 //! let html = page.html();
 //! assert!(html.contains("Content-Security-Policy") && html.len() < 1_200_000);
 //! ```
@@ -30,3 +31,4 @@ mod points;
 
 pub use page::{Page, hashes};
 pub use patches::ShownPatch;
+pub use points::ShownPoints;

@@ -16,9 +16,20 @@ pub(crate) fn layer(
     half_width: f64,
     blobs: &mut Blobs,
 ) -> Value {
-    let corners = surface.corners.as_flattened().as_flattened().iter().copied();
-    let base: Vec<[f64; 3]> = analysis.base_points.iter().flatten().map(|b| b.to_f64()).collect();
-    let arcs = |points: &[[f64; 3]]| Value::from(points.iter().map(|p| json!(p)).collect::<Vec<_>>());
+    let corners = surface
+        .corners
+        .as_flattened()
+        .as_flattened()
+        .iter()
+        .copied();
+    let base: Vec<[f64; 3]> = analysis
+        .base_points
+        .iter()
+        .flatten()
+        .map(|b| b.to_f64())
+        .collect();
+    let arcs =
+        |points: &[[f64; 3]]| Value::from(points.iter().map(|p| json!(p)).collect::<Vec<_>>());
     json!({
         "kind": "map",
         "name": name,

@@ -26,7 +26,10 @@ pub(crate) fn layer(name: &str, mesh: &Mesh, blobs: &mut Blobs) -> Value {
     if !mesh.edges.is_empty() {
         layer["edges"] = blobs.u32(mesh.edges.as_flattened());
     }
-    let columns = mesh.columns.iter().filter(|c| c.values.len() == mesh.points.len());
+    let columns = mesh
+        .columns
+        .iter()
+        .filter(|c| c.values.len() == mesh.points.len());
     let columns: Vec<Value> = columns
         .map(|c| json!({"name": c.name, "values": numbers(&c.values, blobs)}))
         .collect();

@@ -6,17 +6,26 @@ use serde_json::{Value, json};
 
 /// A layer of a model that moves.
 pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value {
-    let parameters: Vec<Value> = model.parameters.iter().map(|p| {
-        json!({
-            "index": p.index, "name": p.name, "description": p.description, "unit": p.unit,
-            "value": p.value, "lower": p.lower, "upper": p.upper, "shift": p.shift,
+    let parameters: Vec<Value> = model
+        .parameters
+        .iter()
+        .map(|p| {
+            json!({
+                "index": p.index, "name": p.name, "description": p.description, "unit": p.unit,
+                "value": p.value, "lower": p.lower, "upper": p.upper, "shift": p.shift,
+            })
         })
-    }).collect();
-    let tree: Vec<Value> = model.readings.tree.iter().map(|join| match join {
-        Join::Part(part) => json!(part),
-        Join::Min => json!("min"),
-        Join::Max => json!("max"),
-    }).collect();
+        .collect();
+    let tree: Vec<Value> = model
+        .readings
+        .tree
+        .iter()
+        .map(|join| match join {
+            Join::Part(part) => json!(part),
+            Join::Min => json!("min"),
+            Join::Max => json!("max"),
+        })
+        .collect();
     json!({
         "kind": "model",
         "name": name,
@@ -36,22 +45,33 @@ pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value
 
 /// A tape: constants, then for each step its name and its arguments.
 fn tape(tape: &Tape) -> Value {
-    let steps: Vec<Value> = tape.steps().map(|step| match step {
-        Step::Unary(op, u) => json!([unary(op), u]),
-        Step::Binary(op, u, v) => json!([binary(op), u, v]),
-        Step::Set(op, u, v) => json!([set(op), u, v]),
-        Step::PowI(u, n) => json!(["powi", u, n]),
-        Step::Select(c, u, v) => json!(["select", c, u, v]),
-        Step::Native(function, list) => {
-            let mut all = vec![json!(native(function))];
-            all.extend(list.iter().map(|slot| json!(slot)));
-            Value::from(all)
-        }
-    }).collect();
+    let steps: Vec<Value> = tape
+        .steps()
+        .map(|step| match step {
+            Step::Unary(op, u) => json!([unary(op), u]),
+            Step::Binary(op, u, v) => json!([binary(op), u, v]),
+            Step::Set(op, u, v) => json!([set(op), u, v]),
+            Step::PowI(u, n) => json!(["powi", u, n]),
+            Step::Select(c, u, v) => json!(["select", c, u, v]),
+            Step::Native(function, list) => {
+                let mut all = vec![json!(native(function))];
+                all.extend(list.iter().map(|slot| json!(slot)));
+                Value::from(all)
+            }
+        })
+        .collect();
     // Numbers that JSON has not are told by words.
-    let constants: Vec<Value> = tape.constants().iter().map(|c| {
-        if c.is_finite() { json!(c) } else { json!(format!("{c}")) }
-    }).collect();
+    let constants: Vec<Value> = tape
+        .constants()
+        .iter()
+        .map(|c| {
+            if c.is_finite() {
+                json!(c)
+            } else {
+                json!(format!("{c}"))
+            }
+        })
+        .collect();
     json!({
         "inputs": tape.dimension(),
         "parameters": tape.n_params(),

@@ -1,9 +1,9 @@
 //! The page: one document that fetches nothing and runs nothing but the viewer.
 
 use crate::blob::Blobs;
-use crate::{ShownPatch, map, mesh, model, patches, points};
+use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points};
 use isoform::LiveModel;
-use isoform::geom::{Mesh, PointCloud};
+use isoform::geom::Mesh;
 use isoform::tess::{Analysis, Map, Surface};
 use serde_json::{Value, json};
 
@@ -32,10 +32,9 @@ impl Page {
         }
     }
 
-    /// Adds points, with their deviations where they are known: one for each, positive outside of
-    /// the model; by default those of the cloud's column `deviation`.
-    pub fn points(&mut self, name: &str, cloud: &PointCloud, deviation: Option<&[f64]>) {
-        let layer = points::layer(name, cloud, deviation, &mut self.blobs);
+    /// Adds points.
+    pub fn points(&mut self, name: &str, points: &ShownPoints<'_>) {
+        let layer = points::layer(name, points, &mut self.blobs);
         self.layers.push(layer);
     }
 

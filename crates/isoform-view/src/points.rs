@@ -10,24 +10,60 @@ const EXACT: usize = 200_000;
 /// The number of steps of a rounded coordinate.
 const STEPS: f64 = 65535.0;
 
-/// A layer of points. `deviation` is one number for each, positive outside of the model; where it is
-/// not given, it is the column of that name.
-pub(crate) fn layer(
-    name: &str,
-    cloud: &PointCloud,
-    deviation: Option<&[f64]>,
-    blobs: &mut Blobs,
-) -> Value {
+/// Points, and what is known of them.
+#[derive(Clone, Copy, Debug)]
+pub struct ShownPoints<'a> {
+    /// The points.
+    pub cloud: &'a PointCloud,
+    /// Their deviations, one for each, positive outside of the model.
+    pub deviation: Option<&'a [f64]>,
+    /// Which of them are outliers, which no figure counts: one for each, or empty.
+    pub outliers: &'a [bool],
+    /// The deviation at which colours end; by default a round one that 95 % are within.
+    pub limit: Option<f64>,
+}
+
+impl<'a> ShownPoints<'a> {
+    /// Points of which no more is known than their columns tell.
+    pub fn new(cloud: &'a PointCloud) -> Self {
+        Self {
+            cloud,
+            deviation: None,
+            outliers: &[],
+            limit: None,
+        }
+    }
+
+    /// The numbers of a column.
+    fn column(&self, name: &str) -> Option<&'a [f64]> {
+        let column = self.cloud.columns.iter().find(|c| c.name == name);
+        column.map(|c| c.values.as_slice())
+    }
+}
+
+/// A layer of points. What is not given is in the columns `deviation` and `outlier`.
+pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> Value {
+    let cloud = points.cloud;
     let mut layer = json!({
         "kind": "points",
         "name": name,
         "count": cloud.points.len(),
         "positions": positions(&cloud.points, cloud.origin, blobs),
     });
-    let column = |name: &str| cloud.columns.iter().find(|c| c.name == name);
-    let own = column("deviation").map(|c| c.values.as_slice());
-    if let Some(values) = deviation.or(own) {
+    if let Some(values) = points.deviation.or(points.column("deviation")) {
         layer["deviation"] = numbers(values, blobs);
+        let outliers: Vec<u8> = match points.column("outlier") {
+            Some(column) if points.outliers.is_empty() => {
+                column.iter().map(|v| u8::from(*v > 0.0)).collect()
+            }
+            _ => points.outliers.iter().map(|o| u8::from(*o)).collect(),
+        };
+        if outliers.contains(&1) {
+            layer["outliers"] = blobs.u8(&outliers);
+        }
+        if let Some(limit) = points.limit {
+            layer["limit"] = json!(limit);
+        }
     }
     if cloud.colors.len() == cloud.points.len() && !cloud.colors.is_empty() {
         layer["colors"] = blobs.u8(cloud.colors.as_flattened());
@@ -38,12 +74,21 @@ pub(crate) fn layer(
 /// Positions about the middle of their box, which is given in the file's coordinates.
 pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) -> Value {
     let bounds = Aabb::of(points);
-    let bounds = if bounds.is_empty() { Aabb { lo: [0.0; 3], hi: [0.0; 3] } } else { bounds };
+    let bounds = if bounds.is_empty() {
+        Aabb {
+            lo: [0.0; 3],
+            hi: [0.0; 3],
+        }
+    } else {
+        bounds
+    };
     let size = bounds.size();
     let place = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] + origin[k]) };
     if points.len() <= EXACT {
         let middle = bounds.center();
-        let near = points.iter().flat_map(|p| (0..3).map(move |k| p[k] - middle[k]));
+        let near = points
+            .iter()
+            .flat_map(|p| (0..3).map(move |k| p[k] - middle[k]));
         return json!({"array": blobs.f32(near), "from": place(middle), "step": [1.0, 1.0, 1.0],
             "lo": place(bounds.lo), "hi": place(bounds.hi)});
     }
@@ -66,6 +111,9 @@ pub(crate) fn numbers(values: &[f64], blobs: &mut Blobs) -> Value {
         return json!({"array": blobs.f32(values.iter().copied()), "from": 0.0, "step": 1.0});
     }
     let step = (hi - lo) / STEPS;
-    let rounded: Vec<u16> = values.iter().map(|v| ((v - lo) / step).round() as u16).collect();
+    let rounded: Vec<u16> = values
+        .iter()
+        .map(|v| ((v - lo) / step).round() as u16)
+        .collect();
     json!({"array": blobs.u16(&rounded), "from": lo, "step": step})
 }

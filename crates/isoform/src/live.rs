@@ -128,7 +128,9 @@ impl LiveModel {
                 LiveParameter {
                     index: i,
                     name: p.name.clone(),
-                    description: infos.get(i).map_or(String::new(), |i| i.description.clone()),
+                    description: infos
+                        .get(i)
+                        .map_or(String::new(), |i| i.description.clone()),
                     unit: p.unit.clone(),
                     value,
                     lower: (lower + shift).min(value),

@@ -14,7 +14,7 @@ use isoform::LiveModel;
 use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
 use isoform::report::brief;
 use isoform::report::{loss_name, method_name};
-use isoform_view::Page;
+use isoform_view::{Page, ShownPoints};
 use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::Path;
@@ -135,7 +135,13 @@ fn policy() -> String {
 fn viewer(job: &Job) -> String {
     let mut page = Page::new(&job.template_name);
     let scan = Path::new(&job.scan).file_name().unwrap_or_default();
-    page.points(&scan.to_string_lossy(), &job.found.cloud, Some(&job.found.deviation()));
+    let points = ShownPoints {
+        cloud: &job.found.cloud,
+        deviation: Some(&job.found.deviation()),
+        outliers: &job.found.fit.outliers,
+        limit: Some(color_limit(&job.found.fit)),
+    };
+    page.points(&scan.to_string_lossy(), &points);
     if let Some(live) = LiveModel::of_fit(&job.found) {
         page.model(&job.template_name, None, &live);
     }
