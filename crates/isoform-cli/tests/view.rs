@@ -1,0 +1,3 @@
+//! `isoform view`: pages, kinds of layers, and what is refused.
+
+mod common;
