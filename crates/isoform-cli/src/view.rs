@@ -33,7 +33,7 @@ Every file is a layer, in their order:
   model    HyperFun programs and built-in templates: parameters move by sliders, and the surface with them
   map      X, Y, Z, W in s and t as JSON; with the plane of parameters beside space (--box is needed)
   patches  of isoform parameterize
-  mesh     MSH, VTU, INP, OBJ, STL, OFF and PLY with triangles; functions of isoform implicitize are meshed
+  mesh     MSH, VTU, INP, OBJ, STL, OFF; functions of isoform implicitize are meshed
 
 The page fetches nothing and can be sent. What it shows and how it is moved: docs/view.md.
 
@@ -53,11 +53,22 @@ pub(crate) struct Args {
     /// upper corner, for models without an end
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
     region: Option<Place>,
+    /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL and OFF
+    /// as meshes]
+    #[arg(long = "as", value_name = "KIND", value_enum)]
+    kind: Option<Kind>,
     /// The title of the page [default: the names of the files]
     #[arg(long, value_name = "TEXT")]
     title: Option<String>,
     #[command(flatten)]
     language: Language,
+}
+
+/// What a file with points and triangles is shown as.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    Points,
+    Mesh,
 }
 
 /// Where to look.
@@ -159,7 +170,13 @@ fn add(
         return mesh(page, path, name, context);
     }
     let (cloud, report) = scan::read_points(path, None, None, MeshPoints::Vertices, context)?;
-    if !cloud.triangles.is_empty() && path != Path::new("-") {
+    let usual = if report.format == "ply" {
+        Kind::Points
+    } else {
+        Kind::Mesh
+    };
+    let is_mesh = !cloud.triangles.is_empty() && args.kind.unwrap_or(usual) == Kind::Mesh;
+    if is_mesh && path != Path::new("-") {
         return mesh(page, path, name, context);
     }
     for warning in &report.warnings {

@@ -12,7 +12,7 @@ my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]
 ";
 const SPHERE: &str = r#"{"X": "2*s", "Y": "2*t", "Z": "s^2 + t^2 - 1", "W": "s^2 + t^2 + 1"}"#;
 const PATCH: &str = r#"{"patches": [{"degree": [1, 1], "max_distance": 1e-6,
-    "control": [[0, 0, 0, 1], [0, 1, 0, 1], [1, 0, 0, 1], [1, 1, 0, 1]]}]}"#;
+    "control": [[[0, 0, 0, 1], [0, 1, 0, 1]], [[1, 0, 0, 1], [1, 1, 0, 1]]]}]}"#;
 const POINTS: &str = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
 const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\ng face\nf 1 2 3\n";
 
@@ -68,6 +68,25 @@ fn values_are_those_that_are_given() {
     // The page for stdout is the same one.
     let o = isoform(&["view", &ball, "--params", "0.75", "-o", "-"]);
     assert_eq!(stdout(&o), fs::read_to_string(&page).expect("a page"));
+}
+
+#[test]
+fn scans_with_triangles_are_points_unless_asked() {
+    let f = Folder::new("view-as");
+    let (obj, page) = (f.file("face.obj", OBJ), f.path("page.html"));
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+        element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n";
+    let ply = f.file("scan.ply", ply);
+    let kind = |file: &str, more: &[&str]| {
+        let o = isoform(&[&["view", file, "-o", &page], more].concat());
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        let document = scene(&fs::read_to_string(&page).expect("a page"));
+        document["layers"][0]["kind"].as_str().map(str::to_owned)
+    };
+    assert_eq!(kind(&ply, &[]).as_deref(), Some("points"));
+    assert_eq!(kind(&ply, &["--as", "mesh"]).as_deref(), Some("mesh"));
+    assert_eq!(kind(&obj, &[]).as_deref(), Some("mesh"));
+    assert_eq!(kind(&obj, &["--as", "points"]).as_deref(), Some("points"));
 }
 
 #[test]
