@@ -233,7 +233,8 @@ fn program(
         ..Settings::default()
     };
     let live = LiveModel::new(model, &values, region, &control);
-    if let Some(live) = live.map_err(|e| no_mesh(&e, name, &settings))? {
+    let live = live.map_err(|e| no_mesh(&e, name, &settings))?;
+    if let Some(live) = live.filter(Page::can_draw) {
         page.model(name, model.info().title.as_deref(), &live);
         return Ok("model");
     }
@@ -241,7 +242,7 @@ fn program(
     let made = mesh_model(model, &values, &options, &control);
     let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
     context.warn(format_args!(
-        "{name}: the program is no expression: its mesh is shown, for these values"
+        "{name}: a page cannot compute this program: its mesh is shown, for these values"
     ));
     page.meshed_model(name, &made.meshed.mesh);
     Ok("model")

@@ -24,6 +24,18 @@ pub enum Step {
     Native(Native, Vec<u32>),
 }
 
+impl Step {
+    /// The slots that it uses.
+    pub fn arguments(&self) -> Vec<u32> {
+        match self {
+            Self::Unary(_, u) | Self::PowI(u, _) => vec![*u],
+            Self::Binary(_, u, v) | Self::Set(_, u, v) => vec![*u, *v],
+            Self::Select(u, v, w) => vec![*u, *v, *w],
+            Self::Native(_, list) => list.clone(),
+        }
+    }
+}
+
 impl Tape {
     /// The values of the first slots.
     pub fn constants(&self) -> &[f64] {

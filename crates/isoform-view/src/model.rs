@@ -4,6 +4,38 @@ use isoform::LiveModel;
 use isoform::field::{Binary, Join, Native, SetOp, Step, Tape, Unary};
 use serde_json::{Value, json};
 
+/// The most steps of a tape that a shader is made of: compilers of shaders take seconds for more.
+const MOST_STEPS: usize = 4000;
+
+/// Whether a page can draw a model by a shader: its tape is short enough, and iterations in it are
+/// such as shaders have. What only measures (the last two results) does not matter.
+pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
+    let tape = &model.readings.tape;
+    let steps: Vec<Step> = tape.steps().collect();
+    let first = tape.constants().len() + tape.dimension() + tape.n_params();
+    let mut need = vec![false; first + steps.len()];
+    for slot in &tape.results()[..tape.n_results() - 2] {
+        need[*slot as usize] = true;
+    }
+    let mut count = 0;
+    for (k, step) in steps.iter().enumerate().rev() {
+        if !need[first + k] {
+            continue;
+        }
+        if matches!(
+            step,
+            Step::Native(Native::SardfRoot | Native::PerlinNoise, _)
+        ) {
+            return false;
+        }
+        count += 1;
+        for slot in step.arguments() {
+            need[slot as usize] = true;
+        }
+    }
+    count <= MOST_STEPS
+}
+
 /// A layer of a model that moves.
 pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value {
     let parameters: Vec<Value> = model

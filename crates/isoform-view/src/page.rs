@@ -44,6 +44,12 @@ impl Page {
         self.layers.push(layer);
     }
 
+    /// Whether a page can draw a model by itself: its function is not too long for a shader, and
+    /// has no iterations that shaders lack.
+    pub fn can_draw(model: &LiveModel) -> bool {
+        model::can_be_drawn(model)
+    }
+
     /// Adds a model whose parameters can be moved.
     pub fn model(&mut self, name: &str, title: Option<&str>, model: &LiveModel) {
         self.layers.push(model::layer(name, title, model));

@@ -4,7 +4,7 @@ use crate::meshing::{default_size_within, solid_of};
 use crate::{FrepTemplate, MeshModelError, ScanFit};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
-use isoform_field::{Join, Step, Tape, parameter_values};
+use isoform_field::{Join, Tape, parameter_values};
 use isoform_fit::Template;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_mesh::MeshError;
@@ -179,12 +179,7 @@ fn used_parameters(tape: &Tape) -> Vec<bool> {
     };
     tape.results().iter().copied().for_each(&mut see);
     for step in tape.steps() {
-        match step {
-            Step::Unary(_, u) | Step::PowI(u, _) => see(u),
-            Step::Binary(_, u, v) | Step::Set(_, u, v) => [u, v].into_iter().for_each(&mut see),
-            Step::Select(u, v, w) => [u, v, w].into_iter().for_each(&mut see),
-            Step::Native(_, list) => list.into_iter().for_each(&mut see),
-        }
+        step.arguments().into_iter().for_each(&mut see);
     }
     used
 }

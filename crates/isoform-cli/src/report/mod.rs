@@ -142,7 +142,7 @@ fn viewer(job: &Job) -> String {
         limit: Some(color_limit(&job.found.fit)),
     };
     page.points(&scan.to_string_lossy(), &points);
-    if let Some(live) = LiveModel::of_fit(&job.found) {
+    if let Some(live) = LiveModel::of_fit(&job.found).filter(Page::can_draw) {
         page.model(&job.template_name, None, &live);
     }
     format!(
