@@ -69,7 +69,7 @@ check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-
 check "release" cargo build --release --locked --quiet
 # The viewer that pages embed is what its sources build.
 if command -v npm >/dev/null; then
-  viewer() { (cd web && npm ci --silent --no-audit --no-fund && npm run --silent check && npm run --silent build -- --check); }
+  viewer() { (cd web && npm ci --silent --no-audit --no-fund && npm run --silent check && npm test --silent && npm run --silent build -- --check); }
   check "viewer" viewer
 else
   missing npm

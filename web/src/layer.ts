@@ -36,7 +36,12 @@ export type ColorMode = (typeof COLOR_MODES)[number];
 /** What the colours of a layer mean, for the bar beside them. */
 export interface Scale { title: string; lower: number; upper: number; isDiverging: boolean; n: number; rms: number; max: number; left?: number }
 
+/** A further choice of a layer: a switch (0 or 1), or a slider from 0 to 1. */
+export interface Extra { name: string; isSlider: boolean; value: number }
+
 export interface Layer {
+  /** Further choices; may be missing. What they change is drawn by update. */
+  readonly extras?: Extra[];
   readonly id: string;
   readonly name: string;
   readonly kind: string;
@@ -46,6 +51,8 @@ export interface Layer {
   colorBy: ColorMode;
   /** Colours that it has. */
   readonly modes: ColorMode[];
+  /** Whether its edges have one sample a pixel. */
+  readonly isSampled?: boolean;
   /** What its signs mean; may be missing. */
   readonly note?: string;
   /** What is drawn, in coordinates of the scene. */

@@ -1,10 +1,11 @@
 // Rational maps: triangles in space and in the plane of parameters, with the map itself between
 // them.
 
-import { BufferAttribute, BufferGeometry, Group, LineBasicMaterial, LineDashedMaterial, LineSegments } from "three";
+import { Group, type LineSegments } from "three";
 import * as bytes from "./bytes";
-import { scaleColor, share } from "./colors";
+import { scaleColor } from "./colors";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import { segments } from "./lines";
 import { ontoRay, quotient, type Tangents } from "./patches";
 import type { MapDoc } from "./scene";
 import { Surface } from "./triangles";
@@ -67,14 +68,7 @@ export class MapLayer implements Layer {
   private draw(arcs: V3[][], color: [number, number, number], isDashed: boolean): void {
     const pairs = arcs.flatMap((arc) => arc.slice(1).flatMap((p, i) => [...sub(arc[i], this.origin), ...sub(p, this.origin)]));
     if (!pairs.length) return;
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(Float32Array.from(pairs), 3));
-    const size = this.doc.halfWidth / 40;
-    const material = isDashed ? new LineDashedMaterial({ dashSize: size, gapSize: size }) : new LineBasicMaterial();
-    material.color.setRGB(...share(color));
-    const lines = new LineSegments(geometry, material);
-    if (isDashed) lines.computeLineDistances();
-    lines.frustumCulled = false;
+    const lines = segments(Float32Array.from(pairs), color, isDashed ? this.doc.halfWidth / 40 : 0);
     this.curves.push(lines);
     this.object.add(lines);
   }

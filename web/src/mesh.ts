@@ -5,7 +5,7 @@ import { Bvh } from "./bvh";
 import * as bytes from "./bytes";
 import { type Cap, ofSurface, ofTetrahedra } from "./caps";
 import { partColor, scaleColor } from "./colors";
-import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import { scaleOf } from "./points";
 import type { MeshDoc } from "./scene";
 import { Surface, surfaceMaterial } from "./triangles";
@@ -20,13 +20,28 @@ function quality(a: ArrayLike<number>, b: ArrayLike<number>, c: ArrayLike<number
   return (2 * Math.sqrt(3) * norm(cross(u, v))) / (dot(u, u) + dot(v, v) + dot(w, w) || 1);
 }
 
+/** The quality of a tetrahedron: 1 where it is regular, 0 where it has no volume. It is the volume in
+ *  proportion to the cube of the root mean square of the edges. */
+function tetQuality([a, b, c, d]: ArrayLike<number>[]): number {
+  const edges = [sub(b, a), sub(c, a), sub(d, a), sub(c, b), sub(d, b), sub(d, c)];
+  const mean = edges.reduce((s, e) => s + dot(e, e), 0) / 6;
+  const volume = dot(edges[0], cross(edges[1], edges[2])) / 6;
+  return Math.max(0, (6 * Math.SQRT2 * volume) / (mean ** 1.5 || 1));
+}
+
+/** How far tetrahedra keep their size, and their faces. */
+const SHRUNK = 0.85;
+const FACES = [1, 2, 3, 0, 3, 2, 0, 1, 3, 0, 2, 1];
+
 export class MeshLayer implements Layer {
   visible = true;
   opacity = 1;
   colorBy: ColorMode = "none";
   readonly modes: ColorMode[] = ["none", "quality"];
+  readonly extras: Extra[] = [{ name: "Edges of elements", isSlider: false, value: 1 }];
   readonly object = new Group();
   private readonly surface: Surface;
+  private inside: { surface: Surface; threshold: number } | null = null;
   private readonly columns = new Map<ColorMode, Float32Array>();
   private readonly cap: Mesh<BufferGeometry, ShaderMaterial>;
   private capTree: Bvh | null = null;
@@ -49,6 +64,7 @@ export class MeshLayer implements Layer {
     this.cap.frustumCulled = false;
     this.object.add(this.surface.object, this.cap);
     if (parts) this.modes.splice(1, 0, "part");
+    if (tets) this.extras.push({ name: "Tetrahedra, shrunk", isSlider: false, value: 0 }, { name: "of quality at most", isSlider: true, value: 1 });
   }
 
   static async of(id: string, doc: MeshDoc, origin: V3): Promise<MeshLayer> {
@@ -142,15 +158,47 @@ export class MeshLayer implements Layer {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
     this.paint();
     this.cut(section);
-    this.surface.update(this.visible, this.opacity, true, section, look);
-    this.cap.visible = this.visible && this.capTree !== null;
+    const hasEdges = this.extras[0].value === 1;
+    const isInside = this.extras[1]?.value === 1;
+    if (isInside) this.open(this.extras[2].value);
+    this.surface.update(this.visible && !isInside, this.opacity, hasEdges, section, look);
+    this.inside?.surface.update(this.visible && isInside, this.opacity, hasEdges, section, look);
+    this.cap.visible = this.visible && this.capTree !== null && !isInside;
     const u = this.cap.material.uniforms;
     u.opacity.value = this.opacity;
     u.hasEdges.value = this.tets !== null;
     this.cap.material.transparent = this.opacity < 1;
   }
 
+  /** The tetrahedra of a quality at most, each drawn in towards its middle and coloured by it. */
+  private open(threshold: number): void {
+    if (this.inside?.threshold === threshold) return;
+    if (this.inside) {
+      this.object.remove(this.inside.surface.object);
+      this.inside.surface.dispose();
+    }
+    const { points } = this.surface;
+    const corners: number[] = [];
+    const qualities: number[] = [];
+    for (let t = 0; t < this.tets!.length; t += 4) {
+      const nodes = [0, 1, 2, 3].map((k) => points.subarray(3 * this.tets![t + k], 3 * this.tets![t + k] + 3));
+      const q = tetQuality(nodes);
+      if (q > threshold) continue;
+      qualities.push(q);
+      for (const p of nodes) for (let k = 0; k < 3; k++) corners.push(SHRUNK * p[k] + (1 - SHRUNK) * 0.25 * nodes.reduce((s, n) => s + n[k], 0));
+    }
+    const faces = Uint32Array.from(qualities.flatMap((_, i) => FACES.map((k) => 4 * i + k)));
+    const surface = new Surface(Float64Array.from(corners), faces, this.origin);
+    surface.paint((corner) => scaleColor(qualities[Math.floor(corner / 12)], 0, 1, false));
+    this.object.add(surface.object);
+    this.inside = { surface, threshold };
+  }
+
   pick(ray: Ray): Hit | null {
+    if (this.extras[1]?.value === 1 && this.inside) {
+      const met = this.inside.surface.meet(ray);
+      return met && { t: met.t, point: along(ray.o, ray.d, met.t) };
+    }
     const found = this.surface.meet(ray);
     const cut = ray.section && this.capTree?.meet(ray.o, ray.d, ray.from, () => true);
     if (cut && (!found || cut.t < found.t)) return { t: cut.t, point: along(ray.o, ray.d, cut.t), isCap: true };

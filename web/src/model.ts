@@ -133,6 +133,7 @@ function paletteOf(parts: string[]): DataTexture {
 export class ModelLayer implements Layer {
   readonly kind = "model";
   readonly count = 1;
+  readonly isSampled = true;
   visible = true;
   opacity = 1;
   colorBy: ColorMode = "none";

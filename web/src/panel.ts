@@ -2,7 +2,7 @@
 
 import { css, scaleColor } from "./colors";
 import { brief, foreign, h, place } from "./dom";
-import type { ColorMode, Layer } from "./layer";
+import type { ColorMode, Extra, Layer } from "./layer";
 import { angleAndRadius } from "./measure";
 import { type V3, dot, norm, sub } from "./vector";
 import type { Viewer } from "./viewer";
@@ -67,6 +67,7 @@ export class Panel {
       shown = now;
     };
     this.rows.push({ layer, refresh });
+    const extras = (layer.extras ?? []).map((extra) => this.extra(extra));
     const tets = "tets" in layer && layer.tets ? `, ${(layer.tets as Uint32Array).length / 4} tetrahedra` : "";
     return h("div", { class: "layer" },
       h("label", { class: "name" }, visible, foreign(layer.name)),
@@ -74,7 +75,28 @@ export class Panel {
       h("div", { class: "pair" },
         h("label", {}, h("span", {}, "Opacity"), opacity),
         ...(layer.modes.length > 1 ? [h("label", {}, h("span", {}, "Colour"), colors)] : [])),
-      key);
+      ...extras, key);
+  }
+
+  /** A further choice of a layer. */
+  private extra(extra: Extra): HTMLElement {
+    const input = extra.isSlider ? h("input", { type: "range", min: "0", max: "1", step: "0.01" }) : h("input", { type: "checkbox" });
+    input.addEventListener("input", () => {
+      extra.value = extra.isSlider ? Number(input.value) : Number(input.checked);
+      this.viewer.view.want();
+      this.refresh();
+    });
+    const said = h("span");
+    this.sliders.push({ name: extra.name, refresh: () => {
+      input.checked = extra.value === 1;
+      if (extra.isSlider) {
+        input.value = String(extra.value);
+        said.textContent = ` ${brief(extra.value)}`;
+      }
+    } });
+    return extra.isSlider
+      ? h("label", { class: "extra" }, h("span", {}, extra.name, said), input)
+      : h("label", { class: "extra name" }, input, extra.name);
   }
 
   /** What the colours mean. */

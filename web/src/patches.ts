@@ -1,15 +1,18 @@
 // Rational patches, evaluated from their control points.
 
-import type { Group } from "three";
+import { Group, type LineSegments } from "three";
 import * as bytes from "./bytes";
 import { partColor, roundUp, scaleColor } from "./colors";
-import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import { segments } from "./lines";
 import type { PatchesDoc } from "./scene";
 import { Surface } from "./triangles";
 import { type Box, add, along, cross, diagonal, dot, scale, sub, type V3 } from "./vector";
 
 /** Squares of a chequered patch on each side. */
 const CHEQUERS = 8;
+/** Segments of a line of constant u or v. */
+const LINE = 32;
 /** Steps of Newton's method from a triangle to the patch itself. */
 const STEPS = 8;
 
@@ -69,6 +72,32 @@ export function ontoRay(at: (u: number, v: number) => Tangents, o: V3, d: V3, st
 class Patch {
   constructor(readonly name: string, readonly m: number, readonly n: number, readonly distance: number | null, private readonly control: Float64Array) {}
 
+  /** The legs of the control net, as pairs of points; those at infinity are left out. */
+  net(): V3[] {
+    const { m, n, control } = this;
+    const point = (i: number, j: number): V3 => {
+      const c = control.subarray(4 * (i * (n + 1) + j), 4 * (i * (n + 1) + j) + 4);
+      return scale(c, 1 / c[3]);
+    };
+    const pairs: V3[] = [];
+    const leg = (p: V3, q: V3) => { if (p.every(Number.isFinite) && q.every(Number.isFinite)) pairs.push(p, q); };
+    for (let i = 0; i <= m; i++) for (let j = 0; j <= n; j++) {
+      if (i < m) leg(point(i, j), point(i + 1, j));
+      if (j < n) leg(point(i, j), point(i, j + 1));
+    }
+    return pairs;
+  }
+
+  /** Lines of constant u and v, as pairs of points. */
+  isolines(): V3[] {
+    const pairs: V3[] = [];
+    for (let k = 0; k <= CHEQUERS; k++) for (let i = 0; i < LINE; i++) {
+      const [a, b, c] = [k / CHEQUERS, i / LINE, (i + 1) / LINE];
+      pairs.push(this.at(a, b).point, this.at(a, c).point, this.at(b, a).point, this.at(c, a).point);
+    }
+    return pairs;
+  }
+
   at(u: number, v: number): Tangents {
     const [a, da] = bernstein(this.m, u);
     const [b, db] = bernstein(this.n, v);
@@ -87,7 +116,11 @@ export class PatchesLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "part";
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
+  readonly extras: Extra[] = [{ name: "Control nets", isSlider: false, value: 0 }, { name: "Lines of u and v", isSlider: false, value: 0 }];
+  readonly object = new Group();
   private readonly surface: Surface;
+  private readonly nets: LineSegments;
+  private readonly isolines: LineSegments;
   private painted = "";
   private limits: Scale | null = null;
   /** Squares on each side of a patch, and u and v of all corners. */
@@ -123,6 +156,10 @@ export class PatchesLayer implements Layer {
       this.parameters.set([Math.floor(place / side) / squares, (place % side) / squares], 2 * i);
     });
     this.surface = new Surface(points, triangles, origin, slopes);
+    const inScene = (pairs: V3[]) => Float32Array.from(pairs.flatMap((p) => sub(p, origin)));
+    this.nets = segments(inScene(patches.flatMap((p) => p.net())), [200, 60, 40]);
+    this.isolines = segments(inScene(patches.flatMap((p) => p.isolines())), [30, 36, 44]);
+    this.object.add(this.surface.object, this.nets, this.isolines);
     // Patches of a cover overlap, by less than their triangles are off them.
     this.surface.rank((corner) => this.patchOf(Math.floor(corner / 3)) % RANKS, NEARER * diagonal(this.bounds()));
     if (patches.some((p) => p.distance !== null)) this.modes.push("bound");
@@ -141,7 +178,6 @@ export class PatchesLayer implements Layer {
 
   get name(): string { return this.doc.name; }
   get count(): number { return this.patches.length; }
-  get object(): Group { return this.surface.object; }
   bounds(): Box { return { lo: this.doc.bounds[0], hi: this.doc.bounds[1] }; }
   private patchOf(triangle: number): number { return Math.floor(triangle / (2 * this.squares * this.squares)); }
 
@@ -187,6 +223,8 @@ export class PatchesLayer implements Layer {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
     this.paint();
     this.surface.update(this.visible, this.opacity, false, section, look);
+    this.nets.visible = this.visible && this.extras[0].value === 1;
+    this.isolines.visible = this.visible && this.extras[1].value === 1 && section === null;
   }
 
   pick(ray: Ray): Hit | null {

@@ -1,9 +1,9 @@
 // Triangles: what meshes, patches and maps have in common.
 
-import { BufferAttribute, BufferGeometry, DoubleSide, GLSL3, Group, LineBasicMaterial, LineSegments, Mesh, ShaderMaterial, Vector3, Vector4 } from "three";
+import { BufferAttribute, BufferGeometry, DoubleSide, GLSL3, Group, type LineSegments, Mesh, ShaderMaterial, Vector3, Vector4 } from "three";
 import { Bvh, type Meeting } from "./bvh";
-import { share } from "./colors";
 import type { Look, Ray, Section } from "./layer";
+import { segments } from "./lines";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { dot, type V3 } from "./vector";
 
@@ -80,7 +80,7 @@ export class Surface {
   readonly object = new Group();
   private readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
   private tree: Bvh | null = null;
-  private lines: LineSegments<BufferGeometry, LineBasicMaterial> | null = null;
+  private lines: LineSegments | null = null;
 
   constructor(readonly points: Float64Array, readonly triangles: Uint32Array, private readonly origin: V3, slopes?: Float32Array) {
     const positions = new Float32Array(3 * triangles.length);
@@ -121,15 +121,11 @@ export class Surface {
 
   /** Draws curves on the surface: pairs of points of the file. */
   curves(pairs: Float32Array, color: [number, number, number]): void {
-    const geometry = new BufferGeometry();
-    geometry.setAttribute("position", new BufferAttribute(pairs, 3));
-    this.lines = new LineSegments(geometry, new LineBasicMaterial());
-    this.lines.material.color.setRGB(...share(color));
-    this.lines.frustumCulled = false;
+    this.lines = segments(pairs, color);
     this.object.add(this.lines);
   }
 
-  update(visible: boolean, opacity: number, hasEdges: boolean, section: Section | null, _look: Look): void {
+  update(visible: boolean, opacity: number, hasEdges: boolean, section: Section | null, _look: Look, hasCurves = true): void {
     const { material } = this.mesh;
     const u = material.uniforms;
     this.object.visible = visible;
@@ -138,7 +134,13 @@ export class Surface {
     u.hasEdges.value = hasEdges && this.canHaveEdges;
     material.transparent = opacity < 1;
     this.mesh.renderOrder = opacity < 1 ? 1 : 0;
-    if (this.lines) this.lines.visible = section === null;
+    if (this.lines) this.lines.visible = hasCurves && section === null;
+  }
+
+  /** Gives back the memory of what is drawn. */
+  dispose(): void {
+    this.mesh.geometry.dispose();
+    this.mesh.material.dispose();
   }
 
   meet(ray: Ray): Meeting | null {

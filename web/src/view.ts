@@ -6,6 +6,9 @@ import { add, along, around, type Box, center, cross, diagonal, dot, norm, scale
 
 /** The angle of view over the height of the pane, in degrees. */
 const FOV = 35;
+/** Milliseconds of rest after which the picture is drawn finely, and how many times finer. */
+const REST = 250;
+const FINER = 2;
 /** Room around what fills the pane. */
 const MARGIN = 1.06;
 
@@ -22,6 +25,7 @@ export class View {
   private readonly perspective = new PerspectiveCamera();
   private readonly flat = new OrthographicCamera();
   private isWanted = false;
+  private rest = 0;
 
   constructor(readonly pane: HTMLElement, private readonly layers: Layer[], readonly origin: V3) {
     // Colours are those of the style sheet, as they are: nothing is converted.
@@ -33,6 +37,7 @@ export class View {
     pane.prepend(this.canvas);
     for (const layer of layers) this.scene.add(layer.object);
     new ResizeObserver(() => this.draw()).observe(pane);
+    pane.addEventListener("pointerenter", () => this.refine());
   }
 
   /** The pane's width and height, which need not be whole pixels. */
@@ -45,15 +50,27 @@ export class View {
   want(): void {
     if (this.isWanted) return;
     this.isWanted = true;
-    requestAnimationFrame(() => { if (this.isWanted) this.draw(); });
+    requestAnimationFrame(() => {
+      if (!this.isWanted) return;
+      this.draw();
+      this.refine();
+    });
   }
 
-  /** Draws now. */
-  draw(): void {
+  /** Draws finely after a rest: the edges of models, which have one sample a pixel, are smooth then. */
+  private refine(): void {
+    clearTimeout(this.rest);
+    if (!this.layers.some((l) => l.visible && l.isSampled)) return;
+    this.rest = setTimeout(() => this.draw(FINER), REST) as unknown as number;
+  }
+
+  /** Draws now, so many times finer than the screen. */
+  draw(finer = 1): void {
+    clearTimeout(this.rest);
     this.isWanted = false;
     const [width, height] = this.size;
     if (!width || !height) return;
-    const ratio = Math.min(2, devicePixelRatio || 1);
+    const ratio = finer * Math.min(2, devicePixelRatio || 1);
     const isDark = matchMedia("(prefers-color-scheme: dark)").matches;
     if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
     const old = this.renderer.getSize(new Vector2());

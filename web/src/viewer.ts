@@ -171,7 +171,7 @@ export class Viewer {
   /** What of the view a link keeps. */
   state(): string {
     const { position, target, up, orthographic, fov, height } = this.view.camera;
-    const layers = this.layers.map((l) => [l.visible ? 1 : 0, l.opacity, l.colorBy]);
+    const layers = this.layers.map((l) => [l.visible ? 1 : 0, l.opacity, l.colorBy, ...(l.extras ?? []).map((e) => e.value)]);
     const values = this.parameters().map((p) => [p.name, p.value]);
     const { section } = this.view;
     const whole = { c: [...position, ...target, ...up, orthographic ? 1 : 0, fov, height], l: layers, s: section && [...section.normal, section.offset], p: values };
@@ -193,11 +193,14 @@ export class Viewer {
     }
   }
 
-  private take(whole: { c: number[]; l: [number, number, string][]; s: number[] | null; p: [string, number][] }): void {
+  private take(whole: { c: number[]; l: [number, number, string, ...number[]][]; s: number[] | null; p: [string, number][] }): void {
     const { c, l, s, p } = whole;
     if (!c.every(isNumber) || c.length !== 12 || l.length !== this.layers.length) throw new RangeError("no state");
     this.setCamera({ position: [c[0], c[1], c[2]], target: [c[3], c[4], c[5]], up: [c[6], c[7], c[8]], orthographic: c[9] === 1, fov: c[10], height: c[11] });
-    l.forEach(([visible, opacity, colorBy], i) => this.set(this.layers[i].id, { visible: visible === 1, opacity, colorBy }));
+    l.forEach(([visible, opacity, colorBy, ...extras], i) => {
+      this.set(this.layers[i].id, { visible: visible === 1, opacity, colorBy });
+      (this.layers[i].extras ?? []).forEach((extra, k) => { if (isNumber(extras[k])) extra.value = Math.max(0, Math.min(1, extras[k])); });
+    });
     this.setSection(s && { normal: [s[0], s[1], s[2]], offset: s[3] });
     const known = new Set(this.parameters().map((q) => q.name));
     this.setParameters(Object.fromEntries(p.filter(([name]) => known.has(name))));
