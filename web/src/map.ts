@@ -1,13 +1,14 @@
 // Rational maps: triangles in space and in the plane of parameters, with the map itself between
 // them.
 
-import { Group, type LineSegments } from "three";
+import { Group } from "three";
 import * as bytes from "./bytes";
 import { scaleColor } from "./colors";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
-import { segments } from "./lines";
+import { type Lines, segments, showLines } from "./lines";
 import { ontoRay, quotient, type Tangents } from "./patches";
 import type { MapDoc } from "./scene";
+import { planeOf } from "./shaders";
 import { Surface } from "./triangles";
 import { type Box, along, cross, dot, sub, type V3 } from "./vector";
 
@@ -15,6 +16,11 @@ import { type Box, along, cross, dot, sub, type V3 } from "./vector";
 export const QUADRANTS = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
 /** The colours of the four triangles, as in the plane of parameters. */
 export const CHARTS: [number, number, number][] = [[150, 190, 225], [238, 190, 130], [150, 200, 160], [205, 165, 205]];
+
+/** How far from a pixel the double curve may be, in pixels. */
+const REACH = 9;
+/** Steps of Newton's method. */
+const STEPS = 12;
 
 export class MapLayer implements Layer {
   readonly kind = "map";
@@ -24,7 +30,7 @@ export class MapLayer implements Layer {
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
   readonly object = new Group();
   private readonly surface: Surface;
-  private readonly curves: LineSegments[] = [];
+  private readonly curves: Lines[] = [];
   private painted = "";
   private limits: Scale | null = null;
 
@@ -55,7 +61,7 @@ export class MapLayer implements Layer {
   get name(): string { return this.doc.name; }
   get note(): string {
     const { double, solitary, basePoints, isCertified } = this.doc;
-    const signs = ["dark: where the drawn surface ends"];
+    const signs = ["outline: where the drawn surface ends"];
     if (double.length) signs.push("red: double curve");
     if (solitary.length) signs.push("dashed: solitary arc");
     if (basePoints.length) signs.push("ring: base point");
@@ -149,7 +155,7 @@ export class MapLayer implements Layer {
     this.paint();
     this.surface.update(this.visible, this.opacity, false, section, look);
     this.object.visible = this.visible;
-    for (const lines of this.curves) lines.visible = section === null;
+    for (const lines of this.curves) showLines(lines, true, planeOf(section, this.origin));
   }
 
   pick(ray: Ray): Hit | null {
@@ -173,6 +179,51 @@ export class MapLayer implements Layer {
     const parameter = this.parameter(chart, u, v);
     if (!point.every(Number.isFinite) || !parameter.every(Number.isFinite) || !this.isInBox(point)) return null;
     return { t: 0, point, parameter };
+  }
+
+  /** The vertex of the double curve that is nearest to a pixel; none where all are far from it. */
+  nearDouble(ray: Ray): V3 | null {
+    let [best, least]: [V3 | null, number] = [null, REACH];
+    for (const p of this.doc.double.flat()) {
+      const [x, y, depth] = ray.project(p);
+      const away = Math.hypot(x - ray.pixel[0], y - ray.pixel[1]);
+      if (away < least && depth > ray.from) [best, least] = [p, away];
+    }
+    return best;
+  }
+
+  /** All parameters that lead to a point of the surface: Newton's method from each triangle near it. */
+  preimages(p: V3): [number, number][] {
+    const size = this.doc.halfWidth;
+    const { points, triangles } = this.surface;
+    const found: [number, number][] = [];
+    for (let i = 0; i < this.count; i++) {
+      const isNear = [0, 1, 2].every((k) => {
+        const ends = [0, 1, 2].map((c) => points[3 * triangles[3 * i + c] + k]);
+        return Math.min(...ends) <= p[k] + 1e-3 * size && Math.max(...ends) >= p[k] - 1e-3 * size;
+      });
+      if (!isNear) continue;
+      const middle = [0, 1].map((k) => (this.corners[6 * i + k] + this.corners[6 * i + 2 + k] + this.corners[6 * i + 4 + k]) / 3);
+      const place = this.foot(this.charts[i], middle[0], middle[1], p);
+      const isNew = place && found.every((q) => Math.hypot(q[0] - place[0], q[1] - place[1]) > 1e-5 * (1 + Math.hypot(...place)));
+      if (isNew) found.push(place);
+    }
+    return found;
+  }
+
+  /** The parameters of a point, from a place near them; none where they are not found. */
+  private foot(chart: number, u: number, v: number, p: V3): [number, number] | null {
+    for (let k = 0; k < STEPS; k++) {
+      const there = this.at(chart, u, v);
+      const miss = sub(p, there.point);
+      if (Math.hypot(...miss) < 1e-9 * this.doc.halfWidth) return this.parameter(chart, u, v);
+      const [g11, g12, g22] = [dot(there.u, there.u), dot(there.u, there.v), dot(there.v, there.v)];
+      const [a, b, g] = [dot(miss, there.u), dot(miss, there.v), g11 * g22 - g12 * g12];
+      if (!(g > 0)) return null;
+      u += (g22 * a - g12 * b) / g;
+      v += (g11 * b - g12 * a) / g;
+    }
+    return null;
   }
 
   /** The unit triangle of parameters, and u and v there. */

@@ -7,6 +7,7 @@ import type { Viewer } from "./viewer";
 export class Marks {
   private readonly space = h("div", { class: "mark", hidden: true });
   private readonly domain = h("div", { class: "mark", hidden: true });
+  private partners: HTMLElement[] = [];
 
   constructor(private readonly viewer: Viewer) {
     viewer.view.pane.append(this.space);
@@ -17,7 +18,15 @@ export class Marks {
     const { picked, marked, view, domain } = this.viewer;
     const at = picked && view.project(picked.point);
     show(this.space, at && at[2] > 0 ? [at[0], at[1]] : at && view.camera.orthographic ? [at[0], at[1]] : null);
-    if (domain) show(this.domain, marked && domain.project(marked.domain));
+    if (!domain) return;
+    show(this.domain, marked && domain.project(marked.domain));
+    for (const old of this.partners) old.remove();
+    this.partners = (marked?.partners ?? []).map((parameter) => {
+      const mark = h("div", { class: "mark partner" });
+      show(mark, domain.project(parameter));
+      domain.pane.append(mark);
+      return mark;
+    });
   }
 }
 

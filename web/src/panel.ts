@@ -225,6 +225,8 @@ export class Panel {
       if (picked.isCap) rows.push(["", "on the section"]);
       if (picked.deviation !== undefined) rows.push(["Deviation", brief(picked.deviation)]);
       if (picked.parameter) rows.push([layer?.kind === "map" ? "s, t" : "u, v", place(picked.parameter)]);
+      const partners = this.viewer.marked?.partners ?? [];
+      if (partners.length > 1) rows.push(["Double", `${partners.length} sheets: s, t = ${partners.map(place).join("; ")}`]);
       if (this.isMeasuring) this.measured.push(picked.point);
     }
     if (this.measured.length > 3) this.measured.splice(0, this.measured.length - 3);

@@ -1,11 +1,12 @@
 // Rational patches, evaluated from their control points.
 
-import { Group, type LineSegments } from "three";
+import { Group } from "three";
 import * as bytes from "./bytes";
 import { partColor, roundUp, scaleColor } from "./colors";
 import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
-import { segments } from "./lines";
+import { type Lines, segments, showLines } from "./lines";
 import type { PatchesDoc } from "./scene";
+import { planeOf } from "./shaders";
 import { Surface } from "./triangles";
 import { type Box, add, along, cross, diagonal, dot, scale, sub, type V3 } from "./vector";
 
@@ -119,15 +120,15 @@ export class PatchesLayer implements Layer {
   readonly extras: Extra[] = [{ name: "Control nets", isSlider: false, value: 0 }, { name: "Lines of u and v", isSlider: false, value: 0 }];
   readonly object = new Group();
   private readonly surface: Surface;
-  private readonly nets: LineSegments;
-  private readonly isolines: LineSegments;
+  private readonly nets: Lines;
+  private readonly isolines: Lines;
   private painted = "";
   private limits: Scale | null = null;
   /** Squares on each side of a patch, and u and v of all corners. */
   private readonly squares: number;
   private readonly parameters: Float32Array;
 
-  private constructor(readonly id: string, private readonly doc: PatchesDoc, private readonly patches: Patch[], origin: V3) {
+  private constructor(readonly id: string, private readonly doc: PatchesDoc, private readonly patches: Patch[], private readonly origin: V3) {
     this.squares = patches.length > 400 ? 8 : patches.length > 80 ? 16 : 32;
     const { squares } = this;
     const side = squares + 1;
@@ -223,8 +224,9 @@ export class PatchesLayer implements Layer {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
     this.paint();
     this.surface.update(this.visible, this.opacity, false, section, look);
-    this.nets.visible = this.visible && this.extras[0].value === 1;
-    this.isolines.visible = this.visible && this.extras[1].value === 1 && section === null;
+    const plane = planeOf(section, this.origin);
+    showLines(this.nets, this.visible && this.extras[0].value === 1, plane);
+    showLines(this.isolines, this.visible && this.extras[1].value === 1, plane);
   }
 
   pick(ray: Ray): Hit | null {

@@ -1,9 +1,9 @@
 // Triangles: what meshes, patches and maps have in common.
 
-import { BufferAttribute, BufferGeometry, DoubleSide, GLSL3, Group, type LineSegments, Mesh, ShaderMaterial, Vector3, Vector4 } from "three";
+import { BufferAttribute, BufferGeometry, DoubleSide, GLSL3, Group, Mesh, ShaderMaterial, Vector3, Vector4 } from "three";
 import { Bvh, type Meeting } from "./bvh";
 import type { Look, Ray, Section } from "./layer";
-import { segments } from "./lines";
+import { type Lines, segments, showLines } from "./lines";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { dot, type V3 } from "./vector";
 
@@ -80,7 +80,7 @@ export class Surface {
   readonly object = new Group();
   private readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
   private tree: Bvh | null = null;
-  private lines: LineSegments | null = null;
+  private lines: Lines | null = null;
 
   constructor(readonly points: Float64Array, readonly triangles: Uint32Array, private readonly origin: V3, slopes?: Float32Array) {
     const positions = new Float32Array(3 * triangles.length);
@@ -134,7 +134,7 @@ export class Surface {
     u.hasEdges.value = hasEdges && this.canHaveEdges;
     material.transparent = opacity < 1;
     this.mesh.renderOrder = opacity < 1 ? 1 : 0;
-    if (this.lines) this.lines.visible = hasCurves && section === null;
+    if (this.lines) showLines(this.lines, hasCurves, u.plane.value);
   }
 
   /** Gives back the memory of what is drawn. */

@@ -11,7 +11,8 @@ import { add, isFinite3, norm, sub, unit, type V3 } from "./vector";
 import type { Camera, View } from "./view";
 
 export interface Picked { layer: string; point: V3; part?: string; deviation?: number; parameter?: [number, number]; isCap?: boolean }
-export interface Marked { space: V3; domain: [number, number] }
+/** Partners are all parameters of the place of the double curve that is nearest to the pick. */
+export interface Marked { space: V3; domain: [number, number]; partners: [number, number][] }
 export interface LayerState { id: string; name: string; kind: string; visible: boolean; opacity: number; count: number }
 export interface Parameter { name: string; value: number; lower: number; upper: number; unit: string | null; description: string }
 
@@ -68,17 +69,21 @@ export class Viewer {
       const hit = layer.pick(ray);
       if (hit && (!best || hit.t < best[1].t)) best = [layer, hit];
     }
-    return this.mark(best && best[0], best && best[1]);
+    const double = best && best[0] instanceof MapLayer ? best[0].nearDouble(ray) : null;
+    return this.mark(best && best[0], best && best[1], double);
   }
 
-  /** Takes a hit as what is picked, and marks it in both panes. */
-  mark(layer: Layer | null, hit: Hit | null): Picked | null {
+  /** Takes a hit as what is picked, and marks it in both panes, with what is known of a place of the
+   *  double curve beside it. */
+  mark(layer: Layer | null, hit: Hit | null, double: V3 | null = null): Picked | null {
     this.picked = null;
     this.marked = null;
     if (layer && hit) {
       const { t: _, ...rest } = hit;
       this.picked = { layer: layer.id, ...rest };
-      if (layer instanceof MapLayer && hit.parameter) this.marked = { space: hit.point, domain: hit.parameter };
+      if (layer instanceof MapLayer && hit.parameter) {
+        this.marked = { space: hit.point, domain: hit.parameter, partners: double ? layer.preimages(double) : [] };
+      }
     }
     this.onPick();
     return this.picked;
