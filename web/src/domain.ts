@@ -3,6 +3,7 @@
 
 import { css } from "./colors";
 import type { Hit } from "./layer";
+import type { V3 } from "./vector";
 import { CHARTS, type MapLayer, QUADRANTS } from "./map";
 
 /** Share of half the pane that the square takes. */
@@ -57,6 +58,12 @@ export class Domain {
     const [chart, u, v] = this.map.chartOf([s, t]);
     const [a, b] = QUADRANTS[chart];
     return this.place([a * u, b * v, 1 - u - v]);
+  }
+
+  /** Where parameters (s : t : w) are in the pane. */
+  projectHomogeneous([s, t, w]: V3): [number, number] {
+    const q = Math.abs(w) < 1e-9 ? 0 : 1 / w;
+    return q ? this.project([s * q, t * q]) : this.place([s, t, 0]);
   }
 
   /** What is at a place of the pane. */

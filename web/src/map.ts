@@ -10,7 +10,7 @@ import { ontoRay, quotient, type Tangents } from "./patches";
 import type { MapDoc } from "./scene";
 import { planeOf } from "./shaders";
 import { Surface } from "./triangles";
-import { type Box, along, cross, dot, sub, type V3 } from "./vector";
+import { type Box, along, cross, dot, scale, sub, unit, type V3 } from "./vector";
 
 /** The signs of s and t in the four unit triangles of the plane. */
 export const QUADRANTS = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
@@ -21,6 +21,8 @@ export const CHARTS: [number, number, number][] = [[150, 190, 225], [238, 190, 1
 const REACH = 9;
 /** Steps of Newton's method. */
 const STEPS = 12;
+/** The sine of the angle between parameters (s : t : w) above which they are two. */
+const APART = 1e-4;
 
 export class MapLayer implements Layer {
   readonly kind = "map";
@@ -192,11 +194,12 @@ export class MapLayer implements Layer {
     return best;
   }
 
-  /** All parameters that lead to a point of the surface: Newton's method from each triangle near it. */
-  preimages(p: V3): [number, number][] {
+  /** All parameters (s : t : w) that lead to a point of the surface, of length 1 and w not negative:
+   *  Newton's method from each triangle near it. */
+  preimages(p: V3): V3[] {
     const size = this.doc.halfWidth;
     const { points, triangles } = this.surface;
-    const found: [number, number][] = [];
+    const found: V3[] = [];
     for (let i = 0; i < this.count; i++) {
       const isNear = [0, 1, 2].every((k) => {
         const ends = [0, 1, 2].map((c) => points[3 * triangles[3 * i + c] + k]);
@@ -205,18 +208,21 @@ export class MapLayer implements Layer {
       if (!isNear) continue;
       const middle = [0, 1].map((k) => (this.corners[6 * i + k] + this.corners[6 * i + 2 + k] + this.corners[6 * i + 4 + k]) / 3);
       const place = this.foot(this.charts[i], middle[0], middle[1], p);
-      const isNew = place && found.every((q) => Math.hypot(q[0] - place[0], q[1] - place[1]) > 1e-5 * (1 + Math.hypot(...place)));
+      const isNew = place && found.every((q) => Math.hypot(...cross(q, place)) > APART);
       if (isNew) found.push(place);
     }
     return found;
   }
 
   /** The parameters of a point, from a place near them; none where they are not found. */
-  private foot(chart: number, u: number, v: number, p: V3): [number, number] | null {
+  private foot(chart: number, u: number, v: number, p: V3): V3 | null {
     for (let k = 0; k < STEPS; k++) {
       const there = this.at(chart, u, v);
       const miss = sub(p, there.point);
-      if (Math.hypot(...miss) < 1e-9 * this.doc.halfWidth) return this.parameter(chart, u, v);
+      if (Math.hypot(...miss) < 1e-9 * this.doc.halfWidth) {
+        const place = unit(this.homogeneous(chart, u, v));
+        return place[2] < 0 ? scale(place, -1) : place;
+      }
       const [g11, g12, g22] = [dot(there.u, there.u), dot(there.u, there.v), dot(there.v, there.v)];
       const [a, b, g] = [dot(miss, there.u), dot(miss, there.v), g11 * g22 - g12 * g12];
       if (!(g > 0)) return null;

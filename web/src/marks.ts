@@ -23,7 +23,7 @@ export class Marks {
     for (const old of this.partners) old.remove();
     this.partners = (marked?.partners ?? []).map((parameter) => {
       const mark = h("div", { class: "mark partner" });
-      show(mark, domain.project(parameter));
+      show(mark, domain.projectHomogeneous(parameter));
       domain.pane.append(mark);
       return mark;
     });

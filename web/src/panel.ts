@@ -226,7 +226,10 @@ export class Panel {
       if (picked.deviation !== undefined) rows.push(["Deviation", brief(picked.deviation)]);
       if (picked.parameter) rows.push([layer?.kind === "map" ? "s, t" : "u, v", place(picked.parameter)]);
       const partners = this.viewer.marked?.partners ?? [];
-      if (partners.length > 1) rows.push(["Double", `${partners.length} sheets: s, t = ${partners.map(place).join("; ")}`]);
+      if (partners.length > 1) {
+        const told = ([s, t, w]: V3) => (w < 1e-9 ? `(${place([s, t])} : 0)` : place([s / w, t / w]));
+        rows.push(["Double", `${partners.length} sheets, at s, t = ${partners.map(told).join("; ")}`]);
+      }
       if (this.isMeasuring) this.measured.push(picked.point);
     }
     if (this.measured.length > 3) this.measured.splice(0, this.measured.length - 3);

@@ -11,10 +11,14 @@ import { add, isFinite3, norm, sub, unit, type V3 } from "./vector";
 import type { Camera, View } from "./view";
 
 export interface Picked { layer: string; point: V3; part?: string; deviation?: number; parameter?: [number, number]; isCap?: boolean }
-/** Partners are all parameters of the place of the double curve that is nearest to the pick. */
-export interface Marked { space: V3; domain: [number, number]; partners: [number, number][] }
+/** Partners are all parameters (s : t : w) of the place of the double curve that is nearest to the pick. */
+export interface Marked { space: V3; domain: [number, number]; partners: V3[] }
 export interface LayerState { id: string; name: string; kind: string; visible: boolean; opacity: number; count: number }
 export interface Parameter { name: string; value: number; lower: number; upper: number; unit: string | null; description: string }
+
+/** How far a place of the double curve may be from the pick beside it, as a share of the distance of
+ *  the eye. */
+const BESIDE = 0.05;
 
 const isNumber = (v: unknown): v is number => typeof v === "number" && Number.isFinite(v);
 
@@ -69,8 +73,9 @@ export class Viewer {
       const hit = layer.pick(ray);
       if (hit && (!best || hit.t < best[1].t)) best = [layer, hit];
     }
-    const double = best && best[0] instanceof MapLayer ? best[0].nearDouble(ray) : null;
-    return this.mark(best && best[0], best && best[1], double);
+    const near = best && best[0] instanceof MapLayer ? best[0].nearDouble(ray) : null;
+    const isBeside = best && near && norm(sub(near, best[1].point)) < BESIDE * norm(sub(this.view.camera.target, this.view.camera.position));
+    return this.mark(best && best[0], best && best[1], isBeside ? near : null);
   }
 
   /** Takes a hit as what is picked, and marks it in both panes, with what is known of a place of the
