@@ -5,7 +5,12 @@ import { cross, dot, sub, type V3 } from "./vector";
 /** Triangles in a leaf at most. */
 const LEAF = 6;
 
-export interface Meeting { t: number; triangle: number; u: number; v: number }
+export interface Meeting {
+  t: number;
+  triangle: number;
+  u: number;
+  v: number;
+}
 
 export class Bvh {
   /** Six numbers for each node: its box. */
@@ -15,13 +20,20 @@ export class Bvh {
   private readonly links: number[] = [];
   private readonly order: Uint32Array;
 
-  constructor(private readonly points: Float64Array, private readonly triangles: Uint32Array) {
+  constructor(
+    private readonly points: Float64Array,
+    private readonly triangles: Uint32Array,
+  ) {
     const count = triangles.length / 3;
     this.order = Uint32Array.from({ length: count }, (_, i) => i);
     const middles = new Float32Array(3 * count);
     for (let i = 0; i < count; i++) {
       for (let k = 0; k < 3; k++) {
-        middles[3 * i + k] = (points[3 * triangles[3 * i] + k] + points[3 * triangles[3 * i + 1] + k] + points[3 * triangles[3 * i + 2] + k]) / 3;
+        middles[3 * i + k] =
+          (points[3 * triangles[3 * i] + k] +
+            points[3 * triangles[3 * i + 1] + k] +
+            points[3 * triangles[3 * i + 2] + k]) /
+          3;
       }
     }
     if (count) this.build(middles);
@@ -78,8 +90,13 @@ export class Bvh {
       }
       for (let i = 0; i < count; i++) {
         const found = this.triangle(this.order[-link - 1 + i], o, d);
-        if (found && found.t >= from && (!best || found.t < best.t) &&
-          counts([o[0] + found.t * d[0], o[1] + found.t * d[1], o[2] + found.t * d[2]])) best = found;
+        if (
+          found &&
+          found.t >= from &&
+          (!best || found.t < best.t) &&
+          counts([o[0] + found.t * d[0], o[1] + found.t * d[1], o[2] + found.t * d[2]])
+        )
+          best = found;
       }
     }
     return best;

@@ -26,17 +26,33 @@ async function bytesOf(ref: BlobRef): Promise<ArrayBuffer> {
   return (ref.deflated ? await inflate(bytes) : bytes).buffer as ArrayBuffer;
 }
 
-export async function f64(ref: BlobRef): Promise<Float64Array> { return new Float64Array(await bytesOf(ref)); }
-export async function u32(ref: BlobRef): Promise<Uint32Array> { return new Uint32Array(await bytesOf(ref)); }
-export async function u8(ref: BlobRef): Promise<Uint8Array> { return new Uint8Array(await bytesOf(ref)); }
-export async function f32(ref: BlobRef): Promise<Float32Array> { return new Float32Array(await bytesOf(ref)); }
+export async function f64(ref: BlobRef): Promise<Float64Array> {
+  return new Float64Array(await bytesOf(ref));
+}
+export async function u32(ref: BlobRef): Promise<Uint32Array> {
+  return new Uint32Array(await bytesOf(ref));
+}
+export async function u8(ref: BlobRef): Promise<Uint8Array> {
+  return new Uint8Array(await bytesOf(ref));
+}
+export async function f32(ref: BlobRef): Promise<Float32Array> {
+  return new Float32Array(await bytesOf(ref));
+}
 
 async function plain(ref: BlobRef): Promise<Float32Array | Uint16Array> {
-  return ref.type === "u16" ? new Uint16Array(await bytesOf(ref)) : new Float32Array(await bytesOf(ref));
+  return ref.type === "u16"
+    ? new Uint16Array(await bytesOf(ref))
+    : new Float32Array(await bytesOf(ref));
 }
 
 /** Coordinates as they came, with what turns them into those of the file. */
-export interface Coordinates { array: Float32Array | Uint16Array; from: number[]; step: number[]; lo: number[]; hi: number[] }
+export interface Coordinates {
+  array: Float32Array | Uint16Array;
+  from: number[];
+  step: number[];
+  lo: number[];
+  hi: number[];
+}
 
 export async function coordinates(doc: Positions): Promise<Coordinates> {
   return { array: await plain(doc.array), from: doc.from, step: doc.step, lo: doc.lo, hi: doc.hi };

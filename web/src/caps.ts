@@ -10,13 +10,16 @@ export type Cap = number[];
 
 function heights(points: Float64Array, section: Section): Float64Array {
   const h = new Float64Array(points.length / 3);
-  for (let i = 0; i < h.length; i++) h[i] = dot(section.normal, points.subarray(3 * i, 3 * i + 3)) - section.offset;
+  for (let i = 0; i < h.length; i++)
+    h[i] = dot(section.normal, points.subarray(3 * i, 3 * i + 3)) - section.offset;
   return h;
 }
 
 function crossing(points: Float64Array, h: Float64Array, i: number, j: number): V3 {
   const f = h[i] / (h[i] - h[j]);
-  return [0, 1, 2].map((k) => points[3 * i + k] + f * (points[3 * j + k] - points[3 * i + k])) as V3;
+  return [0, 1, 2].map(
+    (k) => points[3 * i + k] + f * (points[3 * j + k] - points[3 * i + k]),
+  ) as V3;
 }
 
 /** The polygons in which the plane cuts tetrahedra. */
@@ -30,7 +33,12 @@ export function ofTetrahedra(points: Float64Array, tets: Uint32Array, section: S
     if (!above.length || !below.length) continue;
     const at = (i: number, j: number) => crossing(points, h, i, j);
     if (above.length === 2) {
-      const [a, b, c, d] = [at(above[0], below[0]), at(above[0], below[1]), at(above[1], below[1]), at(above[1], below[0])];
+      const [a, b, c, d] = [
+        at(above[0], below[0]),
+        at(above[0], below[1]),
+        at(above[1], below[1]),
+        at(above[1], below[0]),
+      ];
       cap.push(...a, ...b, ...c, ...a, ...c, ...d);
     } else {
       const [one, three] = above.length === 1 ? [above[0], below] : [below[0], above];
@@ -53,7 +61,9 @@ function outlines(points: Float64Array, triangles: Uint32Array, section: Section
   for (let t = 0; t < triangles.length; t += 3) {
     const nodes = [triangles[t], triangles[t + 1], triangles[t + 2]];
     const isAbove = nodes.map((i) => h[i] > 0);
-    const odd = [0, 1, 2].find((k) => isAbove[k] !== isAbove[(k + 1) % 3] && isAbove[k] !== isAbove[(k + 2) % 3]);
+    const odd = [0, 1, 2].find(
+      (k) => isAbove[k] !== isAbove[(k + 1) % 3] && isAbove[k] !== isAbove[(k + 2) % 3],
+    );
     if (odd === undefined) continue;
     const [i, j, k] = [nodes[odd], nodes[(odd + 1) % 3], nodes[(odd + 2) % 3]];
     const ends = [key(i, j, n), key(i, k, n)];
@@ -81,7 +91,8 @@ const isWithin = (p: Vector2, loop: Vector2[]): boolean => {
   let inside = false;
   for (let i = 0, j = loop.length - 1; i < loop.length; j = i++) {
     const [a, b] = [loop[i], loop[j]];
-    if (a.y > p.y !== b.y > p.y && p.x < ((b.x - a.x) * (p.y - a.y)) / (b.y - a.y) + a.x) inside = !inside;
+    if (a.y > p.y !== b.y > p.y && p.x < ((b.x - a.x) * (p.y - a.y)) / (b.y - a.y) + a.x)
+      inside = !inside;
   }
   return inside;
 };
@@ -93,13 +104,20 @@ export function ofSurface(points: Float64Array, triangles: Uint32Array, section:
   const x = unit(cross(section.normal, Math.abs(section.normal[0]) < 0.7 ? [1, 0, 0] : [0, 1, 0]));
   const y = cross(section.normal, x);
   const flat = loops.map((loop) => loop.map((p) => new Vector2(dot(x, p), dot(y, p))));
-  const depth = flat.map((loop, i) => flat.filter((other, j) => j !== i && isWithin(loop[0], other)).length);
+  const depth = flat.map(
+    (loop, i) => flat.filter((other, j) => j !== i && isWithin(loop[0], other)).length,
+  );
   const cap: Cap = [];
   flat.forEach((outer, i) => {
     if (depth[i] % 2) return;
-    const holes = flat.map((_, j) => j).filter((j) => depth[j] === depth[i] + 1 && isWithin(flat[j][0], outer));
+    const holes = flat
+      .map((_, j) => j)
+      .filter((j) => depth[j] === depth[i] + 1 && isWithin(flat[j][0], outer));
     const ring = [...loops[i], ...holes.flatMap((j) => loops[j])];
-    for (const face of ShapeUtils.triangulateShape(outer, holes.map((j) => flat[j]))) {
+    for (const face of ShapeUtils.triangulateShape(
+      outer,
+      holes.map((j) => flat[j]),
+    )) {
       for (const corner of face) cap.push(...ring[corner]);
     }
   });

@@ -8,7 +8,11 @@ const PER_KEY = 0.1;
 /** A press that moves less than this many pixels is a click. */
 const CLICK = 4;
 
-export function control(view: View, pick: (x: number, y: number) => void, act: (key: string) => void): void {
+export function control(
+  view: View,
+  pick: (x: number, y: number) => void,
+  act: (key: string) => void,
+): void {
   const { pane } = view;
   const pointers = new Map<number, [number, number]>();
   let moved = 0;
@@ -46,11 +50,15 @@ export function control(view: View, pick: (x: number, y: number) => void, act: (
   pane.addEventListener("pointerup", (e) => end(e, true));
   pane.addEventListener("pointercancel", (e) => end(e, false));
   pane.addEventListener("contextmenu", (e) => e.preventDefault());
-  pane.addEventListener("wheel", (e) => {
-    e.preventDefault();
-    const lines = e.deltaMode === 1 ? 16 : 1;
-    view.zoom(Math.exp(Math.max(-600, Math.min(600, e.deltaY * lines)) * 0.0015), place(e));
-  }, { passive: false });
+  pane.addEventListener(
+    "wheel",
+    (e) => {
+      e.preventDefault();
+      const lines = e.deltaMode === 1 ? 16 : 1;
+      view.zoom(Math.exp(Math.max(-600, Math.min(600, e.deltaY * lines)) * 0.0015), place(e));
+    },
+    { passive: false },
+  );
 
   const keys: Record<string, (isShifted: boolean) => void> = {
     ArrowLeft: (s) => (s ? view.pan(30, 0) : view.turn(PER_KEY, 0)),

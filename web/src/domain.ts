@@ -1,5 +1,5 @@
-// The pane of parameters: the whole projective plane as a square on its corner, whose opposite sides
-// are one line, that at infinity; or its affine part about the origin.
+// The pane of parameters: the whole projective plane as a square on its corner, whose opposite
+// sides are one line, that at infinity; or its affine part about the origin.
 
 import { css } from "./colors";
 import type { Hit } from "./layer";
@@ -16,7 +16,11 @@ export class Domain {
   private isAffine = false;
   private window = WINDOW;
 
-  constructor(readonly pane: HTMLElement, readonly map: MapLayer, onPick: (hit: Hit | null) => void) {
+  constructor(
+    readonly pane: HTMLElement,
+    readonly map: MapLayer,
+    onPick: (hit: Hit | null) => void,
+  ) {
     this.canvas.setAttribute("aria-hidden", "true");
     pane.prepend(this.canvas);
     new ResizeObserver(() => this.draw()).observe(pane);
@@ -25,12 +29,16 @@ export class Domain {
       const box = pane.getBoundingClientRect();
       onPick(this.pick(e.clientX - box.left, e.clientY - box.top));
     });
-    pane.addEventListener("wheel", (e) => {
-      if (!this.isAffine) return;
-      e.preventDefault();
-      this.window *= Math.exp(e.deltaY * 0.0015);
-      this.draw();
-    }, { passive: false });
+    pane.addEventListener(
+      "wheel",
+      (e) => {
+        if (!this.isAffine) return;
+        e.preventDefault();
+        this.window *= Math.exp(e.deltaY * 0.0015);
+        this.draw();
+      },
+      { passive: false },
+    );
   }
 
   /** From the whole plane to its affine part and back. */
@@ -40,7 +48,9 @@ export class Domain {
     this.draw();
   }
 
-  private get half(): [number, number] { return [this.pane.clientWidth / 2, this.pane.clientHeight / 2]; }
+  private get half(): [number, number] {
+    return [this.pane.clientWidth / 2, this.pane.clientHeight / 2];
+  }
 
   /** The place in the pane of (s : t : w), whose last number is not negative. */
   private place(h: ArrayLike<number>): [number, number] {
@@ -105,7 +115,12 @@ export class Domain {
   }
 
   private outline(c: CanvasRenderingContext2D, ink: string, field: string): void {
-    const corners = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0]].map((h) => this.place(h));
+    const corners = [
+      [1, 0, 0],
+      [0, 1, 0],
+      [-1, 0, 0],
+      [0, -1, 0],
+    ].map((h) => this.place(h));
     c.beginPath();
     for (const p of corners) c.lineTo(...p);
     c.closePath();
@@ -157,7 +172,8 @@ export class Domain {
     }
   }
 
-  /** Edges of one triangle, where the drawn surface ends, and of more than two, where sheets meet. */
+  /** Edges of one triangle, where the drawn surface ends, and of more than two, where sheets
+   *  meet. */
   private edges(c: CanvasRenderingContext2D, ink: string): void {
     const { triangles } = this.map;
     const uses = new Map<number, number>();
@@ -166,15 +182,17 @@ export class Domain {
       return Math.min(a, b) * 0x4000000 + Math.max(a, b);
     };
     const count = triangles.length / 3;
-    for (let i = 0; i < count; i++) for (let k = 0; k < 3; k++) uses.set(key(i, k), (uses.get(key(i, k)) ?? 0) + 1);
+    for (let i = 0; i < count; i++)
+      for (let k = 0; k < 3; k++) uses.set(key(i, k), (uses.get(key(i, k)) ?? 0) + 1);
     const line = (isOpen: boolean) => {
       c.beginPath();
-      for (let i = 0; i < count; i++) for (let k = 0; k < 3; k++) {
-        const n = uses.get(key(i, k)) ?? 2;
-        if (n === 2 || (n === 1) !== isOpen) continue;
-        c.moveTo(...this.corner(i, k));
-        c.lineTo(...this.corner(i, (k + 1) % 3));
-      }
+      for (let i = 0; i < count; i++)
+        for (let k = 0; k < 3; k++) {
+          const n = uses.get(key(i, k)) ?? 2;
+          if (n === 2 || (n === 1) !== isOpen) continue;
+          c.moveTo(...this.corner(i, k));
+          c.lineTo(...this.corner(i, (k + 1) % 3));
+        }
       c.lineWidth = 1.5;
       c.strokeStyle = isOpen ? ink : "rgb(209 73 91)";
       c.stroke();
@@ -185,7 +203,13 @@ export class Domain {
 
   private basePoints(c: CanvasRenderingContext2D): void {
     for (const [s, t, w] of this.map.doc.basePoints) {
-      const ends = w === 0 ? [[s, t, 0], [-s, -t, 0]] : [[s * Math.sign(w), t * Math.sign(w), Math.abs(w)]];
+      const ends =
+        w === 0
+          ? [
+              [s, t, 0],
+              [-s, -t, 0],
+            ]
+          : [[s * Math.sign(w), t * Math.sign(w), Math.abs(w)]];
       for (const h of ends) {
         if (this.isAffine && h[2] === 0) continue;
         c.beginPath();

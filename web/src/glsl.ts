@@ -5,15 +5,19 @@ import type { Tape } from "./tape";
 /** Slots without coordinates that the varying steps use: their values are computed in double
  *  precision outside of the shader, and come as the uniforms `u`. */
 export function freeSlots(tape: Tape): number[] {
-  const isFree = (slot: number) => slot >= tape.firstParameter && slot < tape.firstStep + tape.uniform;
+  const isFree = (slot: number) =>
+    slot >= tape.firstParameter && slot < tape.firstStep + tape.uniform;
   const used = new Set<number>();
-  for (const step of tape.steps.slice(tape.uniform)) for (const a of step.args) if (isFree(a)) used.add(a);
+  for (const step of tape.steps.slice(tape.uniform))
+    for (const a of step.args) if (isFree(a)) used.add(a);
   for (const r of tape.results) if (isFree(r)) used.add(r);
   return [...used].sort((a, b) => a - b);
 }
 
 /** Vectors of four that the uniforms take; at least one, as GLSL has no empty arrays. */
-export function uniformVectors(free: number[]): number { return Math.max(1, Math.ceil(free.length / 4)); }
+export function uniformVectors(free: number[]): number {
+  return Math.max(1, Math.ceil(free.length / 4));
+}
 
 function literal(value: number): string {
   if (Number.isNaN(value)) return "0.0";
@@ -63,7 +67,8 @@ const WRITE: Record<string, Write> = {
 
 function power(a: string, n: number): string {
   if (n === 0) return "1.0";
-  const product = Math.abs(n) <= 16 ? Array(Math.abs(n)).fill(a).join(" * ") : `pow(abs(${a}), ${Math.abs(n)}.0)`;
+  const product =
+    Math.abs(n) <= 16 ? Array(Math.abs(n)).fill(a).join(" * ") : `pow(abs(${a}), ${Math.abs(n)}.0)`;
   const signed = Math.abs(n) > 16 && n % 2 !== 0 ? `sign(${a}) * ${product}` : product;
   return n < 0 ? `1.0 / (${signed})` : signed;
 }
@@ -95,9 +100,12 @@ export function solidFunction(tape: Tape, tree: (number | "min" | "max")[]): str
   tape.steps.forEach((step, k) => {
     if (k < tape.uniform) return;
     const args = step.args.map(name);
-    const value = step.op === "ellipsoid" ? `ellipsoid(vec3(${args.slice(0, 3)}), vec3(${args.slice(3, 6)}))`
-      : step.op === "fmod" ? `(${args[0]} - ${args[1]} * trunc(${args[0]} / ${args[1]}))`
-      : WRITE[step.op](args[0], args[1], args[2], step.n);
+    const value =
+      step.op === "ellipsoid"
+        ? `ellipsoid(vec3(${args.slice(0, 3)}), vec3(${args.slice(3, 6)}))`
+        : step.op === "fmod"
+          ? `(${args[0]} - ${args[1]} * trunc(${args[0]} / ${args[1]}))`
+          : WRITE[step.op](args[0], args[1], args[2], step.n);
     lines.push(`float v${tape.firstStep + k} = ${value};`);
   });
   const stack: number[] = [];
@@ -108,11 +116,22 @@ export function solidFunction(tape: Tape, tree: (number | "min" | "max")[]): str
     } else {
       const [v, u] = [stack.pop(), stack.pop()];
       const isFirst = step === "min" ? `f${u} <= f${v}` : `f${u} >= f${v}`;
-      lines.push(`bool b${joins} = ${isFirst}; float f${joins} = b${joins} ? f${u} : f${v}; int i${joins} = b${joins} ? i${u} : i${v};`);
+      lines.push(
+        `bool b${joins} = ${isFirst};`,
+        `float f${joins} = b${joins} ? f${u} : f${v};`,
+        `int i${joins} = b${joins} ? i${u} : i${v};`,
+      );
     }
     stack.push(joins);
     joins += 1;
   }
   const root = stack[stack.length - 1];
-  return `uniform vec4 u[${uniformVectors(free)}];\n${NATIVE}\nfloat solid(vec3 p, out int part) {\n${lines.join("\n")}\npart = i${root};\nreturn f${root};\n}\n`;
+  return `uniform vec4 u[${uniformVectors(free)}];
+${NATIVE}
+float solid(vec3 p, out int part) {
+${lines.join("\n")}
+part = i${root};
+return f${root};
+}
+`;
 }

@@ -11,7 +11,9 @@ export class Ranges {
   constructor(readonly tape: Tape) {
     this.lo = new Float64Array(tape.slots);
     this.hi = new Float64Array(tape.slots);
-    tape.constants.forEach((c, s) => { this.lo[s] = this.hi[s] = c; });
+    tape.constants.forEach((c, s) => {
+      this.lo[s] = this.hi[s] = c;
+    });
     this.steps = tape.steps.map((step, k) => rangeOf(step, tape.firstStep + k));
   }
 
@@ -72,28 +74,51 @@ function rangeOf({ op, args: [a, b, c], n }: Step, out: number): Range {
   const rising = RISING[op];
   if (rising) return (lo, hi) => set(lo, hi, out, rising(lo[a]), rising(hi[a]));
   switch (op) {
-    case "neg": return (lo, hi) => set(lo, hi, out, -hi[a], -lo[a]);
-    case "abs": return (lo, hi) => even(lo, hi, out, a, Math.abs);
-    case "square": return (lo, hi) => even(lo, hi, out, a, (u) => u * u);
-    case "cosh": return (lo, hi) => even(lo, hi, out, a, Math.cosh);
-    case "powi": return (lo, hi) => integerPower(lo, hi, out, a, n);
-    case "acos": return (lo, hi) => set(lo, hi, out, Math.acos(Math.min(1, hi[a])), Math.acos(Math.max(-1, lo[a])));
-    case "sin": return (lo, hi) => wave(lo, hi, out, lo[a] - Math.PI / 2, hi[a] - Math.PI / 2);
-    case "cos": return (lo, hi) => wave(lo, hi, out, lo[a], hi[a]);
-    case "add": return (lo, hi) => set(lo, hi, out, lo[a] + lo[b], hi[a] + hi[b]);
-    case "sub": return (lo, hi) => set(lo, hi, out, lo[a] - hi[b], hi[a] - lo[b]);
-    case "mul": return (lo, hi) => product(lo, hi, out, lo[a], hi[a], lo[b], hi[b]);
-    case "div": return (lo, hi) => quotient(lo, hi, out, a, b);
-    case "less": return (lo, hi) => set(lo, hi, out, hi[a] < lo[b] ? 1 : 0, lo[a] < hi[b] ? 1 : 0);
-    case "lesseq": return (lo, hi) => set(lo, hi, out, hi[a] <= lo[b] ? 1 : 0, lo[a] <= hi[b] ? 1 : 0);
-    case "max": return (lo, hi) => set(lo, hi, out, Math.max(lo[a], lo[b]), Math.max(hi[a], hi[b]));
-    case "min": return (lo, hi) => set(lo, hi, out, Math.min(lo[a], lo[b]), Math.min(hi[a], hi[b]));
-    case "runion": return joined(out, a, b, 1);
-    case "rintersection": return joined(out, a, b, -1);
-    case "select": return (lo, hi) => select(lo, hi, out, a, b, c);
-    case "pow": return (lo, hi) => power(lo, hi, out, a, b);
-    case "atan2": return (lo, hi) => set(lo, hi, out, -Math.PI, Math.PI);
-    default: return (lo, hi) => set(lo, hi, out, -Infinity, Infinity);
+    case "neg":
+      return (lo, hi) => set(lo, hi, out, -hi[a], -lo[a]);
+    case "abs":
+      return (lo, hi) => even(lo, hi, out, a, Math.abs);
+    case "square":
+      return (lo, hi) => even(lo, hi, out, a, (u) => u * u);
+    case "cosh":
+      return (lo, hi) => even(lo, hi, out, a, Math.cosh);
+    case "powi":
+      return (lo, hi) => integerPower(lo, hi, out, a, n);
+    case "acos":
+      return (lo, hi) =>
+        set(lo, hi, out, Math.acos(Math.min(1, hi[a])), Math.acos(Math.max(-1, lo[a])));
+    case "sin":
+      return (lo, hi) => wave(lo, hi, out, lo[a] - Math.PI / 2, hi[a] - Math.PI / 2);
+    case "cos":
+      return (lo, hi) => wave(lo, hi, out, lo[a], hi[a]);
+    case "add":
+      return (lo, hi) => set(lo, hi, out, lo[a] + lo[b], hi[a] + hi[b]);
+    case "sub":
+      return (lo, hi) => set(lo, hi, out, lo[a] - hi[b], hi[a] - lo[b]);
+    case "mul":
+      return (lo, hi) => product(lo, hi, out, lo[a], hi[a], lo[b], hi[b]);
+    case "div":
+      return (lo, hi) => quotient(lo, hi, out, a, b);
+    case "less":
+      return (lo, hi) => set(lo, hi, out, hi[a] < lo[b] ? 1 : 0, lo[a] < hi[b] ? 1 : 0);
+    case "lesseq":
+      return (lo, hi) => set(lo, hi, out, hi[a] <= lo[b] ? 1 : 0, lo[a] <= hi[b] ? 1 : 0);
+    case "max":
+      return (lo, hi) => set(lo, hi, out, Math.max(lo[a], lo[b]), Math.max(hi[a], hi[b]));
+    case "min":
+      return (lo, hi) => set(lo, hi, out, Math.min(lo[a], lo[b]), Math.min(hi[a], hi[b]));
+    case "runion":
+      return joined(out, a, b, 1);
+    case "rintersection":
+      return joined(out, a, b, -1);
+    case "select":
+      return (lo, hi) => select(lo, hi, out, a, b, c);
+    case "pow":
+      return (lo, hi) => power(lo, hi, out, a, b);
+    case "atan2":
+      return (lo, hi) => set(lo, hi, out, -Math.PI, Math.PI);
+    default:
+      return (lo, hi) => set(lo, hi, out, -Infinity, Infinity);
   }
 }
 

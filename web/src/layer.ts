@@ -4,7 +4,10 @@ import type { Object3D } from "three";
 import type { Box, V3 } from "./vector";
 
 /** A plane that cuts away what is beyond it, in coordinates of the file. */
-export interface Section { normal: V3; offset: number }
+export interface Section {
+  normal: V3;
+  offset: number;
+}
 
 /** A pixel's line of sight, in coordinates of the file. */
 export interface Ray {
@@ -30,14 +33,38 @@ export interface Hit {
   isCap?: boolean;
 }
 
-export const COLOR_MODES = ["none", "part", "deviation", "quality", "u", "v", "bound", "file"] as const;
+export const COLOR_MODES = [
+  "none",
+  "part",
+  "deviation",
+  "quality",
+  "u",
+  "v",
+  "bound",
+  "file",
+] as const;
 export type ColorMode = (typeof COLOR_MODES)[number];
 
 /** What the colours of a layer mean, for the bar beside them. */
-export interface Scale { title: string; lower: number; upper: number; isDiverging: boolean; n: number; rms: number; max: number; left?: number }
+export interface Scale {
+  title: string;
+  lower: number;
+  upper: number;
+  isDiverging: boolean;
+  n: number;
+  rms: number;
+  /** The largest value, or (isLeast) the least. */
+  max: number;
+  isLeast?: boolean;
+  left?: number;
+}
 
 /** A further choice of a layer: a switch (0 or 1), or a slider from 0 to 1. */
-export interface Extra { name: string; isSlider: boolean; value: number }
+export interface Extra {
+  name: string;
+  isSlider: boolean;
+  value: number;
+}
 
 export interface Layer {
   /** Further choices; may be missing. What they change is drawn by update. */
@@ -67,4 +94,7 @@ export interface Layer {
 }
 
 /** What the theme and the camera say of drawing. */
-export interface Look { isDark: boolean; pixelRatio: number }
+export interface Look {
+  isDark: boolean;
+  pixelRatio: number;
+}

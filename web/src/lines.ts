@@ -1,6 +1,14 @@
 // Curves in space: pairs of points, about the origin of the scene.
 
-import { BufferAttribute, BufferGeometry, GLSL3, LineSegments, ShaderMaterial, Vector3, Vector4 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  GLSL3,
+  LineSegments,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
+} from "three";
 import { share } from "./colors";
 
 const VERTEX = `
@@ -42,10 +50,15 @@ export function segments(pairs: Float32Array, color: [number, number, number], d
   geometry.setAttribute("position", new BufferAttribute(pairs, 3));
   geometry.computeBoundingSphere();
   const material = new ShaderMaterial({
-    glslVersion: GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
+    glslVersion: GLSL3,
+    vertexShader: VERTEX,
+    fragmentShader: FRAGMENT,
     uniforms: {
-      plane: { value: new Vector4(0, 0, 0, 1) }, color: { value: new Vector3(...share(color)) }, dash: { value: dash },
-      isFlat: { value: false }, nearer: { value: 1e-3 * (geometry.boundingSphere?.radius || 0) },
+      plane: { value: new Vector4(0, 0, 0, 1) },
+      color: { value: new Vector3(...share(color)) },
+      dash: { value: dash },
+      isFlat: { value: false },
+      nearer: { value: 1e-3 * (geometry.boundingSphere?.radius || 0) },
     },
   });
   const lines = new LineSegments(geometry, material);

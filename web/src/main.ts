@@ -29,25 +29,46 @@ function boxOf(doc: LayerDoc): { lo: V3; hi: V3 } {
 
 async function layerOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
   switch (doc.kind) {
-    case "points": return PointsLayer.of(id, doc, origin);
-    case "patches": return PatchesLayer.of(id, doc, origin);
-    case "map": return MapLayer.of(id, doc, origin);
-    default: return "tape" in doc ? new ModelLayer(id, doc as ModelDoc, origin) : MeshLayer.of(id, doc as MeshDoc, origin);
+    case "points":
+      return PointsLayer.of(id, doc, origin);
+    case "patches":
+      return PatchesLayer.of(id, doc, origin);
+    case "map":
+      return MapLayer.of(id, doc, origin);
+    default:
+      return "tape" in doc
+        ? new ModelLayer(id, doc as ModelDoc, origin)
+        : MeshLayer.of(id, doc as MeshDoc, origin);
   }
 }
 
 /** Shows what keeps the page from its work, in words. */
 function refuse(root: Element, error: unknown): never {
   const message = error instanceof Error ? error.message : String(error);
-  root.append(h("p", { class: "failure", role: "alert" }, `The page cannot show its shapes: ${message}. It needs WebGL 2, which any recent browser has.`));
+  root.append(
+    h(
+      "p",
+      { class: "failure", role: "alert" },
+      `The page cannot show its shapes: ${message}. It needs WebGL 2, ` +
+        "which any recent browser has.",
+    ),
+  );
   throw error;
 }
 
 async function start(root: HTMLElement): Promise<Viewer> {
   const scene = readScene();
   const origin = center(around(scene.layers.map(boxOf)));
-  const layers = await Promise.all(scene.layers.map((doc, i) => layerOf(doc, `layer-${i + 1}`, origin)));
-  const space = h("div", { "data-pane": "space", tabindex: "0", role: "application", "aria-label": "Space. Arrow keys turn the view, plus and minus zoom, Enter picks in the middle." });
+  const layers = await Promise.all(
+    scene.layers.map((doc, i) => layerOf(doc, `layer-${i + 1}`, origin)),
+  );
+  const space = h("div", {
+    "data-pane": "space",
+    tabindex: "0",
+    role: "application",
+    "aria-label":
+      "Space. Arrow keys turn the view, plus and minus zoom, Enter picks in the middle.",
+  });
   const panes = h("div", { class: "panes" }, space);
   const isPage = root.dataset.isoformView === "page";
   const title = isPage ? [h("header", {}, h("h1", {}, h("bdi", {}, scene.title)))] : [];
@@ -59,14 +80,26 @@ async function start(root: HTMLElement): Promise<Viewer> {
   root.append(panel.element);
   const marks = new Marks(viewer);
   viewer.onChange = () => panel.refresh();
-  viewer.onPick = () => { panel.showPick(); marks.refresh(); };
+  viewer.onPick = () => {
+    panel.showPick();
+    marks.refresh();
+  };
   view.onDrawn = () => marks.refresh();
-  control(view, (x, y) => viewer.pickSpace(x, y), (key) => act(viewer, panel, key));
+  control(
+    view,
+    (x, y) => viewer.pickSpace(x, y),
+    (key) => act(viewer, panel, key),
+  );
   view.fit(STANDARD[0][1], [0, 0, 1]);
-  const restore = () => { if (location.hash.length > 1) viewer.restore(location.hash.slice(1)); };
+  const restore = () => {
+    if (location.hash.length > 1) viewer.restore(location.hash.slice(1));
+  };
   restore();
   addEventListener("hashchange", restore);
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { view.want(); viewer.domain?.draw(); });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+    view.want();
+    viewer.domain?.draw();
+  });
   view.draw();
   panel.refresh();
   return viewer;
@@ -74,7 +107,11 @@ async function start(root: HTMLElement): Promise<Viewer> {
 
 /** The pane of parameters beside space. */
 function addDomain(viewer: Viewer, panes: HTMLElement): void {
-  const pane = h("div", { "data-pane": "domain", role: "group", "aria-label": "The plane of parameters s and t" });
+  const pane = h("div", {
+    "data-pane": "domain",
+    role: "group",
+    "aria-label": "The plane of parameters s and t",
+  });
   panes.append(pane);
   const map = viewer.map!;
   const domain = new Domain(pane, map, (hit) => viewer.mark(hit && map, hit));
@@ -99,14 +136,17 @@ function act(viewer: Viewer, panel: Panel, key: string): void {
   panel.refresh();
 }
 
-/** The page's interface: what programs may ask of it. Each verb resolves when its change is drawn. */
+/** The page's interface: what programs may ask of it. Each verb resolves when its change is
+ *  drawn. */
 function isoform(ready: Promise<Viewer>): Record<string, unknown> {
-  const drawn = <T>(verb: (v: Viewer) => T) => async (): Promise<T> => {
-    const viewer = await ready;
-    const result = verb(viewer);
-    viewer.view.draw();
-    return result;
-  };
+  const drawn =
+    <T>(verb: (v: Viewer) => T) =>
+    async (): Promise<T> => {
+      const viewer = await ready;
+      const result = verb(viewer);
+      viewer.view.draw();
+      return result;
+    };
   const asked = <T>(verb: (v: Viewer) => T) => ready.then(verb);
   const pick = (v: Viewer, x: number, y: number) => {
     const place = (pane: HTMLElement): [number, number] | null => {
@@ -128,11 +168,16 @@ function isoform(ready: Promise<Viewer>): Record<string, unknown> {
     set: (id: string, some: object) => drawn((v) => v.set(id, some))(),
     pick: (x: number, y: number) => asked((v) => pick(v, x, y)),
     marked: () => asked((v) => v.marked),
-    camera: (some?: Partial<Camera>) => (some ? drawn((v) => v.setCamera(some))() : asked((v) => v.camera())),
+    camera: (some?: Partial<Camera>) =>
+      some ? drawn((v) => v.setCamera(some))() : asked((v) => v.camera()),
     fitView: drawn((v) => v.view.fit()),
     section: (some: never) => drawn((v) => v.setSection(some ?? null))(),
-    parameters: () => asked((v) => v.parameters().map(({ name, value, lower, upper }) => ({ name, value, lower, upper }))),
-    setParameter: (name: string, value: number) => drawn((v) => v.setParameters({ [name]: value }))(),
+    parameters: () =>
+      asked((v) =>
+        v.parameters().map(({ name, value, lower, upper }) => ({ name, value, lower, upper })),
+      ),
+    setParameter: (name: string, value: number) =>
+      drawn((v) => v.setParameters({ [name]: value }))(),
     state: () => asked((v) => v.state()),
     screenshot: () => asked((v) => v.view.picture()),
   });

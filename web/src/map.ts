@@ -13,9 +13,19 @@ import { Surface } from "./triangles";
 import { type Box, along, cross, dot, scale, sub, unit, type V3 } from "./vector";
 
 /** The signs of s and t in the four unit triangles of the plane. */
-export const QUADRANTS = [[1, 1], [-1, 1], [-1, -1], [1, -1]];
+export const QUADRANTS = [
+  [1, 1],
+  [-1, 1],
+  [-1, -1],
+  [1, -1],
+];
 /** The colours of the four triangles, as in the plane of parameters. */
-export const CHARTS: [number, number, number][] = [[150, 190, 225], [238, 190, 130], [150, 200, 160], [205, 165, 205]];
+export const CHARTS: [number, number, number][] = [
+  [150, 190, 225],
+  [238, 190, 130],
+  [150, 200, 160],
+  [205, 165, 205],
+];
 
 /** How far from a pixel the double curve may be, in pixels. */
 const REACH = 9;
@@ -47,7 +57,8 @@ export class MapLayer implements Layer {
     private readonly origin: V3,
   ) {
     const slopes = new Float32Array(3 * triangles.length);
-    for (let i = 0; i < triangles.length; i++) slopes.set(this.slope(charts[Math.floor(i / 3)], corners[2 * i], corners[2 * i + 1]), 3 * i);
+    for (let i = 0; i < triangles.length; i++)
+      slopes.set(this.slope(charts[Math.floor(i / 3)], corners[2 * i], corners[2 * i + 1]), 3 * i);
     this.surface = new Surface(points, triangles, origin, slopes);
     this.object.add(this.surface.object);
     this.draw(doc.double, [209, 73, 91], false);
@@ -60,7 +71,9 @@ export class MapLayer implements Layer {
     return new MapLayer(id, doc, points, triangles, charts, await bytes.f32(doc.corners), origin);
   }
 
-  get name(): string { return this.doc.name; }
+  get name(): string {
+    return this.doc.name;
+  }
   get note(): string {
     const { double, solitary, basePoints, isCertified } = this.doc;
     const signs = ["outline: where the drawn surface ends"];
@@ -69,12 +82,20 @@ export class MapLayer implements Layer {
     if (basePoints.length) signs.push("ring: base point");
     return `${signs.join("; ")}. ${isCertified ? "Certified." : "Not everything is proved."}`;
   }
-  get count(): number { return this.doc.count; }
-  get triangles(): Uint32Array { return this.surface.triangles; }
-  bounds(): Box { return { lo: this.doc.positions.lo, hi: this.doc.positions.hi }; }
+  get count(): number {
+    return this.doc.count;
+  }
+  get triangles(): Uint32Array {
+    return this.surface.triangles;
+  }
+  bounds(): Box {
+    return { lo: this.doc.positions.lo, hi: this.doc.positions.hi };
+  }
 
   private draw(arcs: V3[][], color: [number, number, number], isDashed: boolean): void {
-    const pairs = arcs.flatMap((arc) => arc.slice(1).flatMap((p, i) => [...sub(arc[i], this.origin), ...sub(p, this.origin)]));
+    const pairs = arcs.flatMap((arc) =>
+      arc.slice(1).flatMap((p, i) => [...sub(arc[i], this.origin), ...sub(p, this.origin)]),
+    );
     if (!pairs.length) return;
     const lines = segments(Float32Array.from(pairs), color, isDashed ? this.doc.halfWidth / 40 : 0);
     this.curves.push(lines);
@@ -119,7 +140,11 @@ export class MapLayer implements Layer {
     const alongU = sub(this.homogeneous(chart, 1, 0), base);
     const alongV = sub(this.homogeneous(chart, 0, 1), base);
     const by = (way: V3) => forms.map((f) => f[1] * way[0] + f[2] * way[1] + f[3] * way[2]);
-    return quotient(forms.map((f) => f[0]), by(alongU), by(alongV));
+    return quotient(
+      forms.map((f) => f[0]),
+      by(alongU),
+      by(alongV),
+    );
   }
 
   /** A vector across the surface; zero where there is none. */
@@ -131,7 +156,9 @@ export class MapLayer implements Layer {
   }
 
   /** Whether a place is in the box in which the surface is drawn. */
-  isInBox(p: V3): boolean { return p.every((v) => Math.abs(v) <= this.doc.halfWidth * (1 + 1e-9)); }
+  isInBox(p: V3): boolean {
+    return p.every((v) => Math.abs(v) <= this.doc.halfWidth * (1 + 1e-9));
+  }
 
   private paint(): void {
     if (this.painted === this.colorBy) return;
@@ -140,7 +167,15 @@ export class MapLayer implements Layer {
     const chart = (corner: number) => this.charts[Math.floor(corner / 3)];
     if (this.colorBy === "u" || this.colorBy === "v") {
       const k = this.colorBy === "u" ? 0 : 1;
-      this.limits = { title: `${this.colorBy} of the unit triangles`, lower: 0, upper: 1, isDiverging: false, n: this.count, rms: NaN, max: NaN };
+      this.limits = {
+        title: `${this.colorBy} of the unit triangles`,
+        lower: 0,
+        upper: 1,
+        isDiverging: false,
+        n: this.count,
+        rms: NaN,
+        max: NaN,
+      };
       this.surface.paint((corner) => scaleColor(this.corners[2 * corner + k], 0, 1, false));
     } else if (this.colorBy === "part") this.surface.paint((corner) => CHARTS[chart(corner)]);
     else this.surface.paint(() => [150, 178, 205]);
@@ -148,9 +183,14 @@ export class MapLayer implements Layer {
 
   legend(): [string, string][] {
     if (this.colorBy !== "part") return [];
-    return QUADRANTS.map(([s, t], i) => [`s ${s > 0 ? "≥" : "≤"} 0, t ${t > 0 ? "≥" : "≤"} 0`, `rgb(${CHARTS[i]})`]);
+    return QUADRANTS.map(([s, t], i) => [
+      `s ${s > 0 ? "≥" : "≤"} 0, t ${t > 0 ? "≥" : "≤"} 0`,
+      `rgb(${CHARTS[i]})`,
+    ]);
   }
-  scale(): Scale | null { return this.limits; }
+  scale(): Scale | null {
+    return this.limits;
+  }
 
   update(section: Section | null, look: Look): void {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
@@ -165,13 +205,21 @@ export class MapLayer implements Layer {
     if (!found) return null;
     const chart = this.charts[found.triangle];
     const corner = (c: number, i: number) => this.corners[6 * found.triangle + 2 * c + i];
-    const place = [0, 1].map((i) => corner(0, i) + found.u * (corner(1, i) - corner(0, i)) + found.v * (corner(2, i) - corner(0, i))) as [number, number];
+    const place = [0, 1].map(
+      (i) =>
+        corner(0, i) +
+        found.u * (corner(1, i) - corner(0, i)) +
+        found.v * (corner(2, i) - corner(0, i)),
+    ) as [number, number];
     const flat = along(ray.o, ray.d, found.t);
     const [u, v, there] = ontoRay((u, v) => this.at(chart, u, v), ray.o, ray.d, place);
-    const isNear = there.point.every(Number.isFinite) && Math.hypot(...sub(there.point, flat)) < 0.05 * this.doc.halfWidth;
+    const isNear =
+      there.point.every(Number.isFinite) &&
+      Math.hypot(...sub(there.point, flat)) < 0.05 * this.doc.halfWidth;
     const at: [number, number] = isNear ? [u, v] : place;
     const point = isNear ? there.point : this.at(chart, ...place).point;
-    const isUsable = point.every(Number.isFinite) && Math.hypot(...sub(point, flat)) < 0.05 * this.doc.halfWidth;
+    const isUsable =
+      point.every(Number.isFinite) && Math.hypot(...sub(point, flat)) < 0.05 * this.doc.halfWidth;
     return { t: found.t, point: isUsable ? point : flat, parameter: this.parameter(chart, ...at) };
   }
 
@@ -179,7 +227,8 @@ export class MapLayer implements Layer {
   hit(chart: number, u: number, v: number): Hit | null {
     const { point } = this.at(chart, u, v);
     const parameter = this.parameter(chart, u, v);
-    if (!point.every(Number.isFinite) || !parameter.every(Number.isFinite) || !this.isInBox(point)) return null;
+    if (!point.every(Number.isFinite) || !parameter.every(Number.isFinite) || !this.isInBox(point))
+      return null;
     return { t: 0, point, parameter };
   }
 
@@ -194,8 +243,8 @@ export class MapLayer implements Layer {
     return best;
   }
 
-  /** All parameters (s : t : w) that lead to a point of the surface, of length 1 and w not negative:
-   *  Newton's method from each triangle near it. */
+  /** All parameters (s : t : w) that lead to a point of the surface, of length 1 and w not
+   *  negative: Newton's method from each triangle near it. */
   preimages(p: V3): V3[] {
     const size = this.doc.halfWidth;
     const { points, triangles } = this.surface;
@@ -206,7 +255,10 @@ export class MapLayer implements Layer {
         return Math.min(...ends) <= p[k] + 1e-3 * size && Math.max(...ends) >= p[k] - 1e-3 * size;
       });
       if (!isNear) continue;
-      const middle = [0, 1].map((k) => (this.corners[6 * i + k] + this.corners[6 * i + 2 + k] + this.corners[6 * i + 4 + k]) / 3);
+      const middle = [0, 1].map(
+        (k) =>
+          (this.corners[6 * i + k] + this.corners[6 * i + 2 + k] + this.corners[6 * i + 4 + k]) / 3,
+      );
       const place = this.foot(this.charts[i], middle[0], middle[1], p);
       const isNew = place && found.every((q) => Math.hypot(...cross(q, place)) > APART);
       if (isNew) found.push(place);

@@ -17,7 +17,10 @@ export class Marks {
   refresh(): void {
     const { picked, marked, view, domain } = this.viewer;
     const at = picked && view.project(picked.point);
-    show(this.space, at && at[2] > 0 ? [at[0], at[1]] : at && view.camera.orthographic ? [at[0], at[1]] : null);
+    show(
+      this.space,
+      at && at[2] > 0 ? [at[0], at[1]] : at && view.camera.orthographic ? [at[0], at[1]] : null,
+    );
     if (!domain) return;
     show(this.domain, marked && domain.project(marked.domain));
     for (const old of this.partners) old.remove();

@@ -7,5 +7,8 @@ export function angleAndRadius([a, b, c]: [V3, V3, V3]): { angle: number; radius
   const [u, v, w] = [sub(a, b), sub(c, b), sub(a, c)];
   const cosine = Math.max(-1, Math.min(1, dot(unit(u), unit(v))));
   const area = norm(cross(u, v));
-  return { angle: (Math.acos(cosine) * 180) / Math.PI, radius: area > 0 ? (norm(u) * norm(v) * norm(w)) / (2 * area) : Infinity };
+  return {
+    angle: (Math.acos(cosine) * 180) / Math.PI,
+    radius: area > 0 ? (norm(u) * norm(v) * norm(w)) / (2 * area) : Infinity,
+  };
 }

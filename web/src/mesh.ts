@@ -20,8 +20,8 @@ function quality(a: ArrayLike<number>, b: ArrayLike<number>, c: ArrayLike<number
   return (2 * Math.sqrt(3) * norm(cross(u, v))) / (dot(u, u) + dot(v, v) + dot(w, w) || 1);
 }
 
-/** The quality of a tetrahedron: 1 where it is regular, 0 where it has no volume. It is the volume in
- *  proportion to the cube of the root mean square of the edges. */
+/** The quality of a tetrahedron: 1 where it is regular, 0 where it has no volume. It is the volume
+ *  in proportion to the cube of the root mean square of the edges. */
 function tetQuality([a, b, c, d]: ArrayLike<number>[]): number {
   const edges = [sub(b, a), sub(c, a), sub(d, a), sub(c, b), sub(d, b), sub(d, c)];
   const mean = edges.reduce((s, e) => s + dot(e, e), 0) / 6;
@@ -64,7 +64,11 @@ export class MeshLayer implements Layer {
     this.cap.frustumCulled = false;
     this.object.add(this.surface.object, this.cap);
     if (parts) this.modes.splice(1, 0, "part");
-    if (tets) this.extras.push({ name: "Tetrahedra, shrunk", isSlider: false, value: 0 }, { name: "of quality at most", isSlider: true, value: 1 });
+    if (tets)
+      this.extras.push(
+        { name: "Tetrahedra, shrunk", isSlider: false, value: 0 },
+        { name: "of quality at most", isSlider: true, value: 1 },
+      );
   }
 
   static async of(id: string, doc: MeshDoc, origin: V3): Promise<MeshLayer> {
@@ -85,15 +89,24 @@ export class MeshLayer implements Layer {
     return layer;
   }
 
-  get name(): string { return this.doc.name; }
-  get kind(): string { return this.doc.kind; }
-  get count(): number { return this.doc.count; }
-  bounds(): Box { return { lo: this.doc.positions.lo, hi: this.doc.positions.hi }; }
+  get name(): string {
+    return this.doc.name;
+  }
+  get kind(): string {
+    return this.doc.kind;
+  }
+  get count(): number {
+    return this.doc.count;
+  }
+  bounds(): Box {
+    return { lo: this.doc.positions.lo, hi: this.doc.positions.hi };
+  }
 
   private edges(nodes: Uint32Array): Float32Array {
     const pairs = new Float32Array(3 * nodes.length);
     nodes.forEach((node, i) => {
-      for (let k = 0; k < 3; k++) pairs[3 * i + k] = this.surface.points[3 * node + k] - this.origin[k];
+      for (let k = 0; k < 3; k++)
+        pairs[3 * i + k] = this.surface.points[3 * node + k] - this.origin[k];
     });
     return pairs;
   }
@@ -101,7 +114,9 @@ export class MeshLayer implements Layer {
   private qualities(): Float32Array {
     const { points, triangles, count } = this.surface;
     const at = (i: number) => points.subarray(3 * triangles[i], 3 * triangles[i] + 3);
-    return Float32Array.from({ length: count }, (_, i) => quality(at(3 * i), at(3 * i + 1), at(3 * i + 2)));
+    return Float32Array.from({ length: count }, (_, i) =>
+      quality(at(3 * i), at(3 * i + 1), at(3 * i + 2)),
+    );
   }
 
   private paint(): void {
@@ -114,14 +129,34 @@ export class MeshLayer implements Layer {
       surface.paint((corner) => partColor(parts[Math.floor(corner / 3)]));
     } else if (this.colorBy === "quality") {
       const all = this.qualities();
-      this.limits = { title: "quality of triangles", lower: 0, upper: 1, isDiverging: false, n: all.length, rms: NaN, max: Math.max(...all.slice(0, 1)) };
-      this.limits.max = all.reduce((m, v) => Math.min(m, v), 1);
+      this.limits = {
+        title: "quality of triangles",
+        lower: 0,
+        upper: 1,
+        isDiverging: false,
+        n: all.length,
+        rms: NaN,
+        max: all.reduce((least, v) => Math.min(least, v), 1),
+        isLeast: true,
+      };
       surface.paint((corner) => scaleColor(all[Math.floor(corner / 3)], 0, 1, false));
     } else if (values) {
-      const scale = this.colorBy === "deviation" ? scaleOf(values)
-        : { title: this.colorBy, lower: 0, upper: 1, isDiverging: false, n: values.length, rms: NaN, max: NaN };
+      const scale =
+        this.colorBy === "deviation"
+          ? scaleOf(values)
+          : {
+              title: this.colorBy,
+              lower: 0,
+              upper: 1,
+              isDiverging: false,
+              n: values.length,
+              rms: NaN,
+              max: NaN,
+            };
       this.limits = scale;
-      surface.paint((corner) => scaleColor(values[surface.triangles[corner]], scale.lower, scale.upper, scale.isDiverging));
+      surface.paint((corner) =>
+        scaleColor(values[surface.triangles[corner]], scale.lower, scale.upper, scale.isDiverging),
+      );
     } else {
       surface.paint(() => PLAIN);
     }
@@ -131,7 +166,9 @@ export class MeshLayer implements Layer {
     if (this.colorBy !== "part") return [];
     return this.doc.parts.map((name, i) => [name, `rgb(${partColor(i)})`]);
   }
-  scale(): Scale | null { return this.limits; }
+  scale(): Scale | null {
+    return this.limits;
+  }
 
   /** The cap of the present plane. */
   private cut(section: Section | null): void {
@@ -140,7 +177,11 @@ export class MeshLayer implements Layer {
     this.cutBy = by;
     this.capTree = null;
     const { points, triangles } = this.surface;
-    const cap: Cap = !section ? [] : this.tets ? ofTetrahedra(points, this.tets, section) : ofSurface(points, triangles, section);
+    const cap: Cap = !section
+      ? []
+      : this.tets
+        ? ofTetrahedra(points, this.tets, section)
+        : ofSurface(points, triangles, section);
     const corners = new Float32Array(cap.length);
     const tints = new Uint8Array(cap.length);
     for (let i = 0; i < cap.length; i++) {
@@ -151,7 +192,11 @@ export class MeshLayer implements Layer {
     this.cap.geometry = new BufferGeometry();
     this.cap.geometry.setAttribute("position", new BufferAttribute(corners, 3));
     this.cap.geometry.setAttribute("tint", new BufferAttribute(tints, 3, true));
-    if (cap.length) this.capTree = new Bvh(Float64Array.from(cap), Uint32Array.from({ length: cap.length / 3 }, (_, i) => i));
+    if (cap.length)
+      this.capTree = new Bvh(
+        Float64Array.from(cap),
+        Uint32Array.from({ length: cap.length / 3 }, (_, i) => i),
+      );
   }
 
   update(section: Section | null, look: Look): void {
@@ -181,11 +226,15 @@ export class MeshLayer implements Layer {
     const corners: number[] = [];
     const qualities: number[] = [];
     for (let t = 0; t < this.tets!.length; t += 4) {
-      const nodes = [0, 1, 2, 3].map((k) => points.subarray(3 * this.tets![t + k], 3 * this.tets![t + k] + 3));
+      const nodes = [0, 1, 2, 3].map((k) =>
+        points.subarray(3 * this.tets![t + k], 3 * this.tets![t + k] + 3),
+      );
       const q = tetQuality(nodes);
       if (q > threshold) continue;
       qualities.push(q);
-      for (const p of nodes) for (let k = 0; k < 3; k++) corners.push(SHRUNK * p[k] + (1 - SHRUNK) * 0.25 * nodes.reduce((s, n) => s + n[k], 0));
+      for (const p of nodes)
+        for (let k = 0; k < 3; k++)
+          corners.push(SHRUNK * p[k] + (1 - SHRUNK) * 0.25 * nodes.reduce((s, n) => s + n[k], 0));
     }
     const faces = Uint32Array.from(qualities.flatMap((_, i) => FACES.map((k) => 4 * i + k)));
     const surface = new Surface(Float64Array.from(corners), faces, this.origin);
@@ -201,16 +250,21 @@ export class MeshLayer implements Layer {
     }
     const found = this.surface.meet(ray);
     const cut = ray.section && this.capTree?.meet(ray.o, ray.d, ray.from, () => true);
-    if (cut && (!found || cut.t < found.t)) return { t: cut.t, point: along(ray.o, ray.d, cut.t), isCap: true };
+    if (cut && (!found || cut.t < found.t))
+      return { t: cut.t, point: along(ray.o, ray.d, cut.t), isCap: true };
     if (!found) return null;
     const hit: Hit = { t: found.t, point: along(ray.o, ray.d, found.t) };
     const part = this.parts && this.doc.parts[this.parts[found.triangle]];
     if (part) hit.part = part;
     const at = (values: Float32Array) => {
-      const [a, b, c] = [0, 1, 2].map((k) => values[this.surface.triangles[3 * found.triangle + k]]);
+      const [a, b, c] = [0, 1, 2].map(
+        (k) => values[this.surface.triangles[3 * found.triangle + k]],
+      );
       return (1 - found.u - found.v) * a + found.u * b + found.v * c;
     };
-    const [u, v, deviation] = (["u", "v", "deviation"] as const).map((name) => this.columns.get(name));
+    const [u, v, deviation] = (["u", "v", "deviation"] as const).map((name) =>
+      this.columns.get(name),
+    );
     if (u && v) hit.parameter = [at(u), at(v)];
     if (deviation) hit.deviation = at(deviation);
     return hit;

@@ -1,7 +1,18 @@
 // A model: its surface is found by a shader at every pixel, for any values of the parameters.
 
 import {
-  BackSide, BoxGeometry, Data3DTexture, DataTexture, GLSL3, Mesh, NearestFilter, RedFormat, RGBAFormat, ShaderMaterial, Vector3, Vector4,
+  BackSide,
+  BoxGeometry,
+  Data3DTexture,
+  DataTexture,
+  GLSL3,
+  Mesh,
+  NearestFilter,
+  RedFormat,
+  RGBAFormat,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
 } from "three";
 import { partColor, share } from "./colors";
 import { freeSlots, solidFunction, uniformVectors } from "./glsl";
@@ -59,7 +70,8 @@ void paint(vec3 p, vec3 toEye, bool isCap) {
   vec3 base = byPart ? texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb : color;
   float h = 2e-3 * max(cell.x, max(cell.y, cell.z));
   vec2 k = vec2(1.0, -1.0);
-  vec3 slope = k.xyy * at(p + h * k.xyy) + k.yyx * at(p + h * k.yyx) + k.yxy * at(p + h * k.yxy) + k.xxx * at(p + h * k.xxx);
+  vec3 slope = k.xyy * at(p + h * k.xyy) + k.yyx * at(p + h * k.yyx);
+  slope += k.yxy * at(p + h * k.yxy) + k.xxx * at(p + h * k.xxx);
   float size = length(slope);
   vec3 n = size > 0.0 ? -slope / size : toEye;
   outColor = vec4(lit(base, n, toEye), opacity);
@@ -112,9 +124,10 @@ void main() {
     } else isKnown = false;
     if (leave >= to) break;
     t = leave;
-    if (next.x <= next.y && next.x <= next.z) { i.x += way.x; next.x += width.x; if (i.x < 0 || i.x >= cells.x) break; }
-    else if (next.y <= next.z) { i.y += way.y; next.y += width.y; if (i.y < 0 || i.y >= cells.y) break; }
-    else { i.z += way.z; next.z += width.z; if (i.z < 0 || i.z >= cells.z) break; }
+    if (next.x <= next.y && next.x <= next.z) { i.x += way.x; next.x += width.x; }
+    else if (next.y <= next.z) { i.y += way.y; next.y += width.y; }
+    else { i.z += way.z; next.z += width.z; }
+    if (any(lessThan(i, ivec3(0))) || any(greaterThanEqual(i, cells))) break;
   }
   discard;
 }
@@ -143,7 +156,11 @@ export class ModelLayer implements Layer {
   private brick: Brick | null = null;
   private readonly free: number[];
 
-  constructor(readonly id: string, readonly doc: ModelDoc, private readonly origin: V3) {
+  constructor(
+    readonly id: string,
+    readonly doc: ModelDoc,
+    private readonly origin: V3,
+  ) {
     this.solid = new Solid(doc);
     this.free = freeSlots(this.solid.surface);
     const material = new ShaderMaterial({
@@ -152,12 +169,22 @@ export class ModelLayer implements Layer {
       vertexShader: VERTEX,
       fragmentShader: FRAGMENT(solidFunction(this.solid.surface, doc.tree)),
       uniforms: {
-        clip: { value: null }, ahead: { value: new Vector3() }, isFlat: { value: false },
-        lo: { value: new Vector3() }, cell: { value: new Vector3() }, cells: { value: [1, 1, 1] },
-        shift: { value: new Vector3(...sub(origin, doc.origin)) }, brick: { value: null }, palette: { value: paletteOf(doc.parts) },
-        isCut: { value: doc.isCut }, byPart: { value: false }, plane: { value: new Vector4(0, 0, 0, 1) },
-        color: { value: new Vector3(...share([132, 160, 190])) }, cap: { value: new Vector3(...share([224, 164, 88])) },
-        opacity: { value: 1 }, u: { value: Array.from({ length: uniformVectors(this.free) }, () => new Vector4()) },
+        clip: { value: null },
+        ahead: { value: new Vector3() },
+        isFlat: { value: false },
+        lo: { value: new Vector3() },
+        cell: { value: new Vector3() },
+        cells: { value: [1, 1, 1] },
+        shift: { value: new Vector3(...sub(origin, doc.origin)) },
+        brick: { value: null },
+        palette: { value: paletteOf(doc.parts) },
+        isCut: { value: doc.isCut },
+        byPart: { value: false },
+        plane: { value: new Vector4(0, 0, 0, 1) },
+        color: { value: new Vector3(...share([132, 160, 190])) },
+        cap: { value: new Vector3(...share([224, 164, 88])) },
+        opacity: { value: 1 },
+        u: { value: Array.from({ length: uniformVectors(this.free) }, () => new Vector4()) },
       },
     });
     this.object = new Mesh(new BoxGeometry(1, 1, 1), material);
@@ -172,9 +199,15 @@ export class ModelLayer implements Layer {
     this.moved();
   }
 
-  get name(): string { return this.doc.name; }
-  get parameters(): ParameterDoc[] { return this.doc.parameters; }
-  value(p: ParameterDoc): number { return this.solid.values[p.index] + p.shift; }
+  get name(): string {
+    return this.doc.name;
+  }
+  get parameters(): ParameterDoc[] {
+    return this.doc.parameters;
+  }
+  value(p: ParameterDoc): number {
+    return this.solid.values[p.index] + p.shift;
+  }
 
   /** Gives parameters their values, by their place in the list. */
   setValues(values: [ParameterDoc, number][]): void {
@@ -184,18 +217,25 @@ export class ModelLayer implements Layer {
   }
 
   /** Whether the parameters are as they came. */
-  get isAsGiven(): boolean { return this.solid.isAsGiven; }
+  get isAsGiven(): boolean {
+    return this.solid.isAsGiven;
+  }
 
   /** The grid and the uniforms for the present values. */
   private moved(): void {
     const u = this.object.material.uniforms;
-    this.free.forEach((slot, k) => (u.u.value[k >> 2] as Vector4).setComponent(k & 3, this.solid.uniform(slot)));
+    this.free.forEach((slot, k) =>
+      (u.u.value[k >> 2] as Vector4).setComponent(k & 3, this.solid.uniform(slot)),
+    );
     this.brick = this.solid.brick();
     u.brick.value?.dispose();
     u.brick.value = null;
     if (!this.brick) return;
     const { box, n, cells } = this.brick;
-    const texture = new Data3DTexture(cells.map((c) => 255 * c), ...n);
+    const texture = new Data3DTexture(
+      cells.map((c) => 255 * c),
+      ...n,
+    );
     texture.format = RedFormat;
     texture.minFilter = texture.magFilter = NearestFilter;
     texture.unpackAlignment = 1;
@@ -210,17 +250,26 @@ export class ModelLayer implements Layer {
     this.object.position.set(lo[0] + size[0] / 2, lo[1] + size[1] / 2, lo[2] + size[2] / 2);
   }
 
-  private inScene(p: V3): V3 { return sub(add(p, this.doc.origin), this.origin); }
+  private inScene(p: V3): V3 {
+    return sub(add(p, this.doc.origin), this.origin);
+  }
 
   bounds(): Box | null {
-    return this.brick && { lo: add(this.brick.box.lo, this.doc.origin), hi: add(this.brick.box.hi, this.doc.origin) };
+    return (
+      this.brick && {
+        lo: add(this.brick.box.lo, this.doc.origin),
+        hi: add(this.brick.box.hi, this.doc.origin),
+      }
+    );
   }
 
   legend(): [string, string][] {
     if (this.colorBy !== "part") return [];
     return [...new Set(this.doc.parts)].map((name, i) => [name, `rgb(${partColor(i)})`]);
   }
-  scale(): Scale | null { return null; }
+  scale(): Scale | null {
+    return null;
+  }
 
   update(section: Section | null, _look: Look): void {
     const material = this.object.material;
@@ -249,7 +298,8 @@ export class ModelLayer implements Layer {
       else if (slope === 0 && room < 0) return null;
     }
     if (from >= to) return null;
-    const isCap = (isAtPlane || (this.doc.isCut && isAtBox)) && this.solid.value(along(o, ray.d, from)) >= 0;
+    const isCap =
+      (isAtPlane || (this.doc.isCut && isAtBox)) && this.solid.value(along(o, ray.d, from)) >= 0;
     const t = isCap ? from : this.solid.meet(o, ray.d, from, to);
     if (t === null) return null;
     const local = along(o, ray.d, t);

@@ -4,7 +4,8 @@ function bisected(lo: number, hi: number, isBelow: (t: number) => boolean): numb
   for (let k = 0; k < 200; k++) {
     const m = 0.5 * (lo + hi);
     if (m <= lo || m >= hi) break;
-    if (isBelow(m)) lo = m; else hi = m;
+    if (isBelow(m)) lo = m;
+    else hi = m;
   }
   return 0.5 * (lo + hi);
 }
@@ -15,12 +16,13 @@ export function ellipsoidDistance(args: number[]): number {
   const s = args.slice(3, 6).map(Math.abs);
   if (s.includes(0)) return NaN;
   const sum = (f: (i: number) => number) => f(0) + f(1) + f(2);
-  const g = (t: number) => sum((i) => (u[i] * s[i] / (t + s[i] * s[i])) ** 2) - 1;
+  const g = (t: number) => sum((i) => ((u[i] * s[i]) / (t + s[i] * s[i])) ** 2) - 1;
   const least = Math.min(...s);
   const t = bisected(-least * least, Math.sqrt(sum((i) => (u[i] * s[i]) ** 2)), (t) => g(t) > 0);
   const isOff = (i: number) => t + s[i] * s[i] > 1e-9 * s[i] * s[i];
-  if (isOff(0) && isOff(1) && isOff(2)) return -t * Math.sqrt(sum((i) => (u[i] / (t + s[i] * s[i])) ** 2));
-  const q = u.map((v, i) => (isOff(i) ? v * s[i] * s[i] / (t + s[i] * s[i]) : 0));
+  if (isOff(0) && isOff(1) && isOff(2))
+    return -t * Math.sqrt(sum((i) => (u[i] / (t + s[i] * s[i])) ** 2));
+  const q = u.map((v, i) => (isOff(i) ? (v * s[i] * s[i]) / (t + s[i] * s[i]) : 0));
   const short = s.indexOf(least);
   const rest = sum((i) => (i === short ? 0 : (q[i] / s[i]) ** 2));
   q[short] = s[short] * Math.sqrt(Math.max(0, 1 - rest));
@@ -40,7 +42,8 @@ function realRoots(c: number[]): number[] {
   for (let i = 0; i + 1 < cuts.length; i++) {
     const [a, b] = [at(cuts[i]), at(cuts[i + 1])];
     if (a === 0 && cuts[i] > -bound) roots.push(cuts[i]);
-    else if (sign(a) !== sign(b)) roots.push(bisected(cuts[i], cuts[i + 1], (t) => sign(at(t)) === sign(a)));
+    else if (sign(a) !== sign(b))
+      roots.push(bisected(cuts[i], cuts[i + 1], (t) => sign(at(t)) === sign(a)));
   }
   return roots;
 }
@@ -54,7 +57,9 @@ export function sardfRoot([f, g, r]: number[]): number {
 }
 
 /** C's fmod. */
-export function fmod([u, v]: number[]): number { return u % v; }
+export function fmod([u, v]: number[]): number {
+  return u % v;
+}
 
 const MASK = (1n << 64n) - 1n;
 
@@ -73,7 +78,11 @@ export function perlin(args: number[]): number {
       hash ^= hash >> 29n;
     }
     const n = Number((hash >> 33n) % 12n);
-    const [a, b] = [[0, 1], [0, 2], [1, 2]][Math.floor(n / 4)];
+    const [a, b] = [
+      [0, 1],
+      [0, 2],
+      [1, 2],
+    ][Math.floor(n / 4)];
     let term = (n & 1 ? -1 : 1) * (p[a] - bit[a]) + (n & 2 ? -1 : 1) * (p[b] - bit[b]);
     for (let i = 0; i < 3; i++) term *= bit[i] ? fade[i] : 1 - fade[i];
     sum += term;

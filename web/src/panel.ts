@@ -8,7 +8,14 @@ import { type V3, dot, norm, sub } from "./vector";
 import type { Viewer } from "./viewer";
 
 const COLORS: Record<ColorMode, string> = {
-  none: "plain", part: "by part", deviation: "by deviation", quality: "by quality", u: "by u", v: "by v", bound: "by bound", file: "as in the file",
+  none: "plain",
+  part: "by part",
+  deviation: "by deviation",
+  quality: "by quality",
+  u: "by u",
+  v: "by v",
+  bound: "by bound",
+  file: "as in the file",
 };
 /** Steps of a slider. */
 const STEPS = 1000;
@@ -16,7 +23,10 @@ const STEPS = 1000;
 const MOST_PARTS = 40;
 
 export const STANDARD: [string, V3][] = [
-  ["Iso", [1, -1.3, 0.9]], ["Front", [0, -1, 0]], ["Right", [1, 0, 0]], ["Top", [0, -1e-3, 1]],
+  ["Iso", [1, -1.3, 0.9]],
+  ["Front", [0, -1, 0]],
+  ["Right", [1, 0, 0]],
+  ["Top", [0, -1e-3, 1]],
 ];
 
 export class Panel {
@@ -45,21 +55,43 @@ export class Panel {
     return h("details", { open: true }, h("summary", {}, h("h2", {}, title)), ...children);
   }
 
-  private layers(): HTMLElement { return this.group("Layers", ...this.viewer.layers.map((layer) => this.layer(layer))); }
+  private layers(): HTMLElement {
+    return this.group("Layers", ...this.viewer.layers.map((layer) => this.layer(layer)));
+  }
 
   private layer(layer: Layer): HTMLElement {
     const { viewer } = this;
-    const visible = h("input", { type: "checkbox", change: () => viewer.set(layer.id, { visible: visible.checked }) });
-    const counted = layer.kind === "points" ? "points" : layer.kind === "patches" ? "patches" : layer.count === 1 ? "model" : "triangles";
-    const about = layer.count === 1 && layer.kind === "model" ? "model" : `${layer.count.toLocaleString("en")} ${counted}`;
-    const opacity = h("input", { type: "range", min: "0", max: "1", step: "0.05", input: () => viewer.set(layer.id, { opacity: Number(opacity.value) }) });
+    const visible = h("input", {
+      type: "checkbox",
+      change: () => viewer.set(layer.id, { visible: visible.checked }),
+    });
+    const counted =
+      layer.kind === "points"
+        ? "points"
+        : layer.kind === "patches"
+          ? "patches"
+          : layer.count === 1
+            ? "model"
+            : "triangles";
+    const about =
+      layer.count === 1 && layer.kind === "model"
+        ? "model"
+        : `${layer.count.toLocaleString("en")} ${counted}`;
+    const opacity = h("input", {
+      type: "range",
+      min: "0",
+      max: "1",
+      step: "0.05",
+      input: () => viewer.set(layer.id, { opacity: Number(opacity.value) }),
+    });
     const colors = h("select", { change: () => viewer.set(layer.id, { colorBy: colors.value }) });
     const key = h("div", { class: "key" });
     let shown = "";
     const refresh = () => {
       visible.checked = layer.visible;
       opacity.value = String(layer.opacity);
-      if (colors.options.length !== layer.modes.length) colors.replaceChildren(...layer.modes.map((m) => h("option", { value: m }, COLORS[m])));
+      if (colors.options.length !== layer.modes.length)
+        colors.replaceChildren(...layer.modes.map((m) => h("option", { value: m }, COLORS[m])));
       colors.value = layer.colorBy;
       const scale = layer.scale();
       const now = JSON.stringify([layer.colorBy, scale]);
@@ -68,32 +100,45 @@ export class Panel {
     };
     this.rows.push({ layer, refresh });
     const extras = (layer.extras ?? []).map((extra) => this.extra(extra));
-    const tets = "tets" in layer && layer.tets ? `, ${(layer.tets as Uint32Array).length / 4} tetrahedra` : "";
-    return h("div", { class: "layer" },
+    const tets =
+      "tets" in layer && layer.tets ? `, ${(layer.tets as Uint32Array).length / 4} tetrahedra` : "";
+    return h(
+      "div",
+      { class: "layer" },
       h("label", { class: "name" }, visible, foreign(layer.name)),
       h("div", { class: "about" }, about + tets, ...(layer.note ? [h("br"), layer.note] : [])),
-      h("div", { class: "pair" },
+      h(
+        "div",
+        { class: "pair" },
         h("label", {}, h("span", {}, "Opacity"), opacity),
-        ...(layer.modes.length > 1 ? [h("label", {}, h("span", {}, "Colour"), colors)] : [])),
-      ...extras, key);
+        ...(layer.modes.length > 1 ? [h("label", {}, h("span", {}, "Colour"), colors)] : []),
+      ),
+      ...extras,
+      key,
+    );
   }
 
   /** A further choice of a layer. */
   private extra(extra: Extra): HTMLElement {
-    const input = extra.isSlider ? h("input", { type: "range", min: "0", max: "1", step: "0.01" }) : h("input", { type: "checkbox" });
+    const input = extra.isSlider
+      ? h("input", { type: "range", min: "0", max: "1", step: "0.01" })
+      : h("input", { type: "checkbox" });
     input.addEventListener("input", () => {
       extra.value = extra.isSlider ? Number(input.value) : Number(input.checked);
       this.viewer.view.want();
       this.refresh();
     });
     const said = h("span");
-    this.sliders.push({ name: extra.name, refresh: () => {
-      input.checked = extra.value === 1;
-      if (extra.isSlider) {
-        input.value = String(extra.value);
-        said.textContent = ` ${brief(extra.value)}`;
-      }
-    } });
+    this.sliders.push({
+      name: extra.name,
+      refresh: () => {
+        input.checked = extra.value === 1;
+        if (extra.isSlider) {
+          input.value = String(extra.value);
+          said.textContent = ` ${brief(extra.value)}`;
+        }
+      },
+    });
     return extra.isSlider
       ? h("label", { class: "extra" }, h("span", {}, extra.name, said), input)
       : h("label", { class: "extra name" }, input, extra.name);
@@ -123,10 +168,18 @@ export class Panel {
     const figures = [`n ${scale.n.toLocaleString("en")}`];
     if (scale.left) figures.push(`without ${scale.left.toLocaleString("en")} outliers, grey`);
     if (Number.isFinite(scale.rms)) figures.push(`rms ${brief(Number(scale.rms.toPrecision(3)))}`);
-    if (Number.isFinite(scale.max)) figures.push(`${scale.title.startsWith("quality") ? "least" : "max"} ${brief(Number(scale.max.toPrecision(3)))}`);
+    if (Number.isFinite(scale.max))
+      figures.push(`${scale.isLeast ? "least" : "max"} ${brief(Number(scale.max.toPrecision(3)))}`);
     return [
-      h("p", {}, scale.title), bar,
-      h("div", { class: "ends" }, h("span", {}, brief(scale.lower)), h("span", {}, brief(middle)), h("span", {}, brief(scale.upper))),
+      h("p", {}, scale.title),
+      bar,
+      h(
+        "div",
+        { class: "ends" },
+        h("span", {}, brief(scale.lower)),
+        h("span", {}, brief(middle)),
+        h("span", {}, brief(scale.upper)),
+      ),
       h("p", {}, figures.join(" \u00b7 ")),
     ];
   }
@@ -134,69 +187,149 @@ export class Panel {
   private parameters(): HTMLElement {
     const { viewer } = this;
     const rows = viewer.parameters().map(({ name, unit, description, lower, upper }) => {
-      const slider = h("input", { type: "range", min: String(lower), max: String(upper), step: String((upper - lower) / STEPS || 1) });
-      const number = h("input", { type: "number", step: "any", min: String(lower), max: String(upper) });
-      const move = (value: number) => { if (Number.isFinite(value)) viewer.setParameters({ [name]: value }); };
+      const slider = h("input", {
+        type: "range",
+        min: String(lower),
+        max: String(upper),
+        step: String((upper - lower) / STEPS || 1),
+      });
+      const number = h("input", {
+        type: "number",
+        step: "any",
+        min: String(lower),
+        max: String(upper),
+      });
+      const move = (value: number) => {
+        if (Number.isFinite(value)) viewer.setParameters({ [name]: value });
+      };
       slider.addEventListener("input", () => move(Number(slider.value)));
-      number.addEventListener("change", () => move(number.value === "" ? NaN : Number(number.value)));
+      number.addEventListener("change", () =>
+        move(number.value === "" ? NaN : Number(number.value)),
+      );
       slider.setAttribute("aria-label", name);
       number.setAttribute("aria-label", `${name}, as a number`);
       const refresh = () => {
         const now = viewer.parameters().find((p) => p.name === name)!.value;
         slider.value = String(now);
-        if (document.activeElement !== number || Number(number.value) !== now) number.value = String(Number(now.toPrecision(9)));
+        if (document.activeElement !== number || Number(number.value) !== now)
+          number.value = String(Number(now.toPrecision(9)));
       };
       this.sliders.push({ name, refresh });
-      const head = h("div", { class: "name" }, foreign(name), ...(unit ? [" in ", foreign(unit)] : []));
-      return h("div", { class: "parameter" }, head, number, slider, ...(description ? [h("small", {}, foreign(description))] : []));
+      const head = h(
+        "div",
+        { class: "name" },
+        foreign(name),
+        ...(unit ? [" in ", foreign(unit)] : []),
+      );
+      return h(
+        "div",
+        { class: "parameter" },
+        head,
+        number,
+        slider,
+        ...(description ? [h("small", {}, foreign(description))] : []),
+      );
     });
-    return this.group("Parameters", ...rows, h("button", { type: "button", click: () => viewer.resetParameters() }, "As given"));
+    return this.group(
+      "Parameters",
+      ...rows,
+      h("button", { type: "button", click: () => viewer.resetParameters() }, "As given"),
+    );
   }
 
   private section(): HTMLElement {
     const { viewer } = this;
     const isOn = h("input", { type: "checkbox" });
-    const numbers = ["x", "y", "z"].map((axis) => h("input", { type: "number", step: "any", "aria-label": `Normal, ${axis}` }));
-    const offset = h("input", { type: "number", step: "any", "aria-label": "Offset along the normal" });
-    const slider = h("input", { type: "range", min: "0", max: "1000", "aria-label": "Place of the section" });
+    const numbers = ["x", "y", "z"].map((axis) =>
+      h("input", { type: "number", step: "any", "aria-label": `Normal, ${axis}` }),
+    );
+    const offset = h("input", {
+      type: "number",
+      step: "any",
+      "aria-label": "Offset along the normal",
+    });
+    const slider = h("input", {
+      type: "range",
+      min: "0",
+      max: "1000",
+      "aria-label": "Place of the section",
+    });
     const reach = (n: V3): [number, number] => {
       const b = viewer.view.bounds();
       if (!b) return [-1, 1];
-      const all = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => dot(n, [0, 1, 2].map((k) => (i >> k & 1 ? b.hi[k] : b.lo[k]))));
+      const all = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+        dot(
+          n,
+          [0, 1, 2].map((k) => ((i >> k) & 1 ? b.hi[k] : b.lo[k])),
+        ),
+      );
       return [Math.min(...all), Math.max(...all)];
     };
-    const cut = (normal: V3, at?: number) => viewer.setSection({ normal, offset: at ?? dot(normal, viewer.middle()) });
+    const cut = (normal: V3, at?: number) =>
+      viewer.setSection({ normal, offset: at ?? dot(normal, viewer.middle()) });
     const typed = (): void => {
       const normal = numbers.map((n) => Number(n.value)) as V3;
       if (norm(normal) > 0 && offset.value !== "") cut(normal, Number(offset.value));
     };
-    const axes = (["x", "y", "z"] as const).map((axis, k) => h("button", {
-      type: "button", "aria-label": `Cut across ${axis}`,
-      click: () => cut([0, 1, 2].map((i) => (i === k ? 1 : 0)) as V3),
-    }, axis));
-    const flip = h("button", { type: "button", click: () => {
-      const { section } = viewer.view;
-      if (section) viewer.setSection({ normal: section.normal.map((v) => 0 - v) as V3, offset: -section.offset });
-    } }, "Other side");
+    const axes = (["x", "y", "z"] as const).map((axis, k) =>
+      h(
+        "button",
+        {
+          type: "button",
+          "aria-label": `Cut across ${axis}`,
+          click: () => cut([0, 1, 2].map((i) => (i === k ? 1 : 0)) as V3),
+        },
+        axis,
+      ),
+    );
+    const flip = h(
+      "button",
+      {
+        type: "button",
+        click: () => {
+          const { section } = viewer.view;
+          if (section)
+            viewer.setSection({
+              normal: section.normal.map((v) => 0 - v) as V3,
+              offset: -section.offset,
+            });
+        },
+      },
+      "Other side",
+    );
     for (const input of [...numbers, offset]) input.addEventListener("change", typed);
     slider.addEventListener("input", () => {
       const { section } = viewer.view;
       if (!section) return;
       const [lo, hi] = reach(section.normal);
-      viewer.setSection({ normal: section.normal, offset: lo + (Number(slider.value) / 1000) * (hi - lo) });
+      viewer.setSection({
+        normal: section.normal,
+        offset: lo + (Number(slider.value) / 1000) * (hi - lo),
+      });
     });
-    isOn.addEventListener("change", () => (isOn.checked ? cut([1, 0, 0]) : viewer.setSection(null)));
-    const fields = h("div", { class: "fields" },
-      h("div", { class: "buttons" }, ...axes, flip), slider,
-      h("div", { class: "four" }, ...numbers, offset), h("small", {}, "Normal x, y, z, and offset: what lies beyond is cut away."));
+    isOn.addEventListener("change", () =>
+      isOn.checked ? cut([1, 0, 0]) : viewer.setSection(null),
+    );
+    const fields = h(
+      "div",
+      { class: "fields" },
+      h("div", { class: "buttons" }, ...axes, flip),
+      slider,
+      h("div", { class: "four" }, ...numbers, offset),
+      h("small", {}, "Normal x, y, z, and offset: what lies beyond is cut away."),
+    );
     this.refreshSection = () => {
       const { section } = viewer.view;
       isOn.checked = section !== null;
       fields.hidden = section === null;
       if (!section) return;
       const [lo, hi] = reach(section.normal);
-      numbers.forEach((n, k) => { if (document.activeElement !== n) n.value = String(Number(section.normal[k].toPrecision(7))); });
-      if (document.activeElement !== offset) offset.value = String(Number(section.offset.toPrecision(7)));
+      numbers.forEach((n, k) => {
+        if (document.activeElement !== n)
+          n.value = String(Number(section.normal[k].toPrecision(7)));
+      });
+      if (document.activeElement !== offset)
+        offset.value = String(Number(section.offset.toPrecision(7)));
       slider.value = String(Math.round((1000 * (section.offset - lo)) / (hi - lo || 1)));
     };
     return this.group("Section", h("label", { class: "name" }, isOn, "Cut by a plane"), fields);
@@ -224,30 +357,51 @@ export class Panel {
       if (picked.part) rows.push(["Part", foreign(picked.part)]);
       if (picked.isCap) rows.push(["", "on the section"]);
       if (picked.deviation !== undefined) rows.push(["Deviation", brief(picked.deviation)]);
-      if (picked.parameter) rows.push([layer?.kind === "map" ? "s, t" : "u, v", place(picked.parameter)]);
+      if (picked.parameter)
+        rows.push([layer?.kind === "map" ? "s, t" : "u, v", place(picked.parameter)]);
       const partners = this.viewer.marked?.partners ?? [];
       if (partners.length > 1) {
-        const told = ([s, t, w]: V3) => (w < 1e-9 ? `(${place([s, t])} : 0)` : place([s / w, t / w]));
-        rows.push(["Double", `${partners.length} sheets, at s, t = ${partners.map(told).join("; ")}`]);
+        const told = ([s, t, w]: V3) =>
+          w < 1e-9 ? `(${place([s, t])} : 0)` : place([s / w, t / w]);
+        rows.push([
+          "Double",
+          `${partners.length} sheets, at s, t = ${partners.map(told).join("; ")}`,
+        ]);
       }
       if (this.isMeasuring) this.measured.push(picked.point);
     }
     if (this.measured.length > 3) this.measured.splice(0, this.measured.length - 3);
     const last = this.measured.slice(-2);
-    if (last.length === 2) rows.push(["Distance", brief(norm(sub(last[1], last[0])))], ["by x, y, z", place(sub(last[1], last[0]))]);
+    if (last.length === 2)
+      rows.push(
+        ["Distance", brief(norm(sub(last[1], last[0])))],
+        ["by x, y, z", place(sub(last[1], last[0]))],
+      );
     if (this.measured.length === 3) {
       const { angle, radius } = angleAndRadius(this.measured as [V3, V3, V3]);
-      rows.push(["Angle", `${brief(angle)}\u00b0 at the second of three`], ["Radius", `${brief(radius)} of the circle through three`]);
+      rows.push(
+        ["Angle", `${brief(angle)}\u00b0 at the second of three`],
+        ["Radius", `${brief(radius)} of the circle through three`],
+      );
     }
-    const hint = this.isMeasuring ? "Click two places for their distance, a third for the angle and the circle." : "Click, or press Enter, on the shape.";
-    const list = h("dl", {}, ...rows.flatMap(([name, value]) => [h("dt", {}, name || "\u00a0"), h("dd", {}, value)]));
+    const hint = this.isMeasuring
+      ? "Click two places for their distance, a third for the angle and the circle."
+      : "Click, or press Enter, on the shape.";
+    const list = h(
+      "dl",
+      {},
+      ...rows.flatMap(([name, value]) => [h("dt", {}, name || "\u00a0"), h("dd", {}, value)]),
+    );
     this.output.replaceChildren(...(rows.length ? [list] : [h("p", {}, hint)]));
   }
 
   private camera(): HTMLElement {
     const { viewer } = this;
-    const button = (name: string, act: () => void) => h("button", { type: "button", click: act }, name);
-    const views = STANDARD.map(([name, from]) => button(name, () => viewer.view.fit(from, [0, 0, 1])));
+    const button = (name: string, act: () => void) =>
+      h("button", { type: "button", click: act }, name);
+    const views = STANDARD.map(([name, from]) =>
+      button(name, () => viewer.view.fit(from, [0, 0, 1])),
+    );
     const flat = h("input", { type: "checkbox", change: () => viewer.view.flatten(flat.checked) });
     const said = h("small", { role: "status" });
     const link = button("Link", () => {
@@ -260,11 +414,29 @@ export class Panel {
       const save = h("a", { href: viewer.view.picture(), download: "isoform.png" });
       save.click();
     });
-    this.rows.push({ layer: viewer.layers[0], refresh: () => { flat.checked = viewer.view.camera.orthographic; } });
-    return this.group("View",
-      h("div", { class: "buttons" }, button("Fit", () => viewer.view.fit()), ...views),
+    this.rows.push({
+      layer: viewer.layers[0],
+      refresh: () => {
+        flat.checked = viewer.view.camera.orthographic;
+      },
+    });
+    return this.group(
+      "View",
+      h(
+        "div",
+        { class: "buttons" },
+        button("Fit", () => viewer.view.fit()),
+        ...views,
+      ),
       h("label", { class: "name" }, flat, "Parallel projection"),
-      h("div", { class: "buttons" }, link, shot), said,
-      h("small", {}, "Drag turns, wheel or two fingers zoom, Shift with a drag moves. Keys: arrows, + and \u2212, F fits, 1 to 4 are the views, P is parallel."));
+      h("div", { class: "buttons" }, link, shot),
+      said,
+      h(
+        "small",
+        {},
+        "Drag turns, wheel or two fingers zoom, Shift with a drag moves. Keys: arrows, + and " +
+          "\u2212, F fits, 1 to 4 are the views, P is parallel.",
+      ),
+    );
   }
 }

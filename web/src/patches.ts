@@ -22,7 +22,11 @@ const STEPS = 8;
 const NEARER = 1e-3;
 const RANKS = 13;
 
-export interface Tangents { point: V3; u: V3; v: V3 }
+export interface Tangents {
+  point: V3;
+  u: V3;
+  v: V3;
+}
 
 /** Bernstein polynomials and their derivatives. */
 function bernstein(n: number, t: number): [number[], number[]] {
@@ -47,7 +51,12 @@ export function quotient(h: number[], hu: number[], hv: number[]): Tangents {
 }
 
 /** Moves a place of a surface onto a ray: Newton's method for o + t d = p(u, v). */
-export function ontoRay(at: (u: number, v: number) => Tangents, o: V3, d: V3, start: [number, number]): [number, number, Tangents] {
+export function ontoRay(
+  at: (u: number, v: number) => Tangents,
+  o: V3,
+  d: V3,
+  start: [number, number],
+): [number, number, Tangents] {
   let [u, v] = start;
   let now = at(u, v);
   for (let k = 0; k < STEPS; k++) {
@@ -71,7 +80,13 @@ export function ontoRay(at: (u: number, v: number) => Tangents, o: V3, d: V3, st
 }
 
 class Patch {
-  constructor(readonly name: string, readonly m: number, readonly n: number, readonly distance: number | null, private readonly control: Float64Array) {}
+  constructor(
+    readonly name: string,
+    readonly m: number,
+    readonly n: number,
+    readonly distance: number | null,
+    private readonly control: Float64Array,
+  ) {}
 
   /** The legs of the control net, as pairs of points; those at infinity are left out. */
   net(): V3[] {
@@ -81,21 +96,30 @@ class Patch {
       return scale(c, 1 / c[3]);
     };
     const pairs: V3[] = [];
-    const leg = (p: V3, q: V3) => { if (p.every(Number.isFinite) && q.every(Number.isFinite)) pairs.push(p, q); };
-    for (let i = 0; i <= m; i++) for (let j = 0; j <= n; j++) {
-      if (i < m) leg(point(i, j), point(i + 1, j));
-      if (j < n) leg(point(i, j), point(i, j + 1));
-    }
+    const leg = (p: V3, q: V3) => {
+      if (p.every(Number.isFinite) && q.every(Number.isFinite)) pairs.push(p, q);
+    };
+    for (let i = 0; i <= m; i++)
+      for (let j = 0; j <= n; j++) {
+        if (i < m) leg(point(i, j), point(i + 1, j));
+        if (j < n) leg(point(i, j), point(i, j + 1));
+      }
     return pairs;
   }
 
   /** Lines of constant u and v, as pairs of points. */
   isolines(): V3[] {
     const pairs: V3[] = [];
-    for (let k = 0; k <= CHEQUERS; k++) for (let i = 0; i < LINE; i++) {
-      const [a, b, c] = [k / CHEQUERS, i / LINE, (i + 1) / LINE];
-      pairs.push(this.at(a, b).point, this.at(a, c).point, this.at(b, a).point, this.at(c, a).point);
-    }
+    for (let k = 0; k <= CHEQUERS; k++)
+      for (let i = 0; i < LINE; i++) {
+        const [a, b, c] = [k / CHEQUERS, i / LINE, (i + 1) / LINE];
+        pairs.push(
+          this.at(a, b).point,
+          this.at(a, c).point,
+          this.at(b, a).point,
+          this.at(c, a).point,
+        );
+      }
     return pairs;
   }
 
@@ -104,7 +128,10 @@ class Patch {
     const [b, db] = bernstein(this.n, v);
     const sum = (p: number[], q: number[]) => {
       const h = [0, 0, 0, 0];
-      for (let i = 0; i <= this.m; i++) for (let j = 0; j <= this.n; j++) for (let c = 0; c < 4; c++) h[c] += p[i] * q[j] * this.control[4 * (i * (this.n + 1) + j) + c];
+      for (let i = 0; i <= this.m; i++)
+        for (let j = 0; j <= this.n; j++)
+          for (let c = 0; c < 4; c++)
+            h[c] += p[i] * q[j] * this.control[4 * (i * (this.n + 1) + j) + c];
       return h;
     };
     return quotient(sum(a, b), sum(da, b), sum(a, db));
@@ -117,7 +144,10 @@ export class PatchesLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "part";
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
-  readonly extras: Extra[] = [{ name: "Control nets", isSlider: false, value: 0 }, { name: "Lines of u and v", isSlider: false, value: 0 }];
+  readonly extras: Extra[] = [
+    { name: "Control nets", isSlider: false, value: 0 },
+    { name: "Lines of u and v", isSlider: false, value: 0 },
+  ];
   readonly object = new Group();
   private readonly surface: Surface;
   private readonly nets: Lines;
@@ -128,7 +158,12 @@ export class PatchesLayer implements Layer {
   private readonly squares: number;
   private readonly parameters: Float32Array;
 
-  private constructor(readonly id: string, private readonly doc: PatchesDoc, private readonly patches: Patch[], private readonly origin: V3) {
+  private constructor(
+    readonly id: string,
+    private readonly doc: PatchesDoc,
+    private readonly patches: Patch[],
+    private readonly origin: V3,
+  ) {
     this.squares = patches.length > 400 ? 8 : patches.length > 80 ? 16 : 32;
     const { squares } = this;
     const side = squares + 1;
@@ -138,16 +173,23 @@ export class PatchesLayer implements Layer {
     let at = 0;
     patches.forEach((patch, k) => {
       const first = k * side * side;
-      for (let i = 0; i < side; i++) for (let j = 0; j < side; j++) {
-        const t = patch.at(i / squares, j / squares);
-        points.set(t.point, 3 * (first + i * side + j));
-        normals.set(cross(t.u, t.v), 3 * (first + i * side + j));
-      }
-      for (let i = 0; i < squares; i++) for (let j = 0; j < squares; j++) {
-        const [a, b, c, d] = [first + i * side + j, first + (i + 1) * side + j, first + (i + 1) * side + j + 1, first + i * side + j + 1];
-        triangles.set([a, b, c, a, c, d], at);
-        at += 6;
-      }
+      for (let i = 0; i < side; i++)
+        for (let j = 0; j < side; j++) {
+          const t = patch.at(i / squares, j / squares);
+          points.set(t.point, 3 * (first + i * side + j));
+          normals.set(cross(t.u, t.v), 3 * (first + i * side + j));
+        }
+      for (let i = 0; i < squares; i++)
+        for (let j = 0; j < squares; j++) {
+          const [a, b, c, d] = [
+            first + i * side + j,
+            first + (i + 1) * side + j,
+            first + (i + 1) * side + j + 1,
+            first + i * side + j + 1,
+          ];
+          triangles.set([a, b, c, a, c, d], at);
+          at += 6;
+        }
     });
     const slopes = new Float32Array(3 * triangles.length);
     this.parameters = new Float32Array(2 * triangles.length);
@@ -162,7 +204,10 @@ export class PatchesLayer implements Layer {
     this.isolines = segments(inScene(patches.flatMap((p) => p.isolines())), [30, 36, 44]);
     this.object.add(this.surface.object, this.nets, this.isolines);
     // Patches of a cover overlap, by less than their triangles are off them.
-    this.surface.rank((corner) => this.patchOf(Math.floor(corner / 3)) % RANKS, NEARER * diagonal(this.bounds()));
+    this.surface.rank(
+      (corner) => this.patchOf(Math.floor(corner / 3)) % RANKS,
+      NEARER * diagonal(this.bounds()),
+    );
     if (patches.some((p) => p.distance !== null)) this.modes.push("bound");
   }
 
@@ -177,16 +222,27 @@ export class PatchesLayer implements Layer {
     return new PatchesLayer(id, doc, patches, origin);
   }
 
-  get name(): string { return this.doc.name; }
-  get count(): number { return this.patches.length; }
-  bounds(): Box { return { lo: this.doc.bounds[0], hi: this.doc.bounds[1] }; }
-  private patchOf(triangle: number): number { return Math.floor(triangle / (2 * this.squares * this.squares)); }
+  get name(): string {
+    return this.doc.name;
+  }
+  get count(): number {
+    return this.patches.length;
+  }
+  bounds(): Box {
+    return { lo: this.doc.bounds[0], hi: this.doc.bounds[1] };
+  }
+  private patchOf(triangle: number): number {
+    return Math.floor(triangle / (2 * this.squares * this.squares));
+  }
 
   /** Light and dark squares of a patch. */
   private chequered(corner: number, color: ArrayLike<number>): number[] {
-    const square = (Math.floor(corner / 6)) % (this.squares * this.squares);
+    const square = Math.floor(corner / 6) % (this.squares * this.squares);
     const each = this.squares / CHEQUERS;
-    const isDark = (Math.floor(Math.floor(square / this.squares) / each) + Math.floor((square % this.squares) / each)) % 2;
+    const isDark =
+      (Math.floor(Math.floor(square / this.squares) / each) +
+        Math.floor((square % this.squares) / each)) %
+      2;
     return [0, 1, 2].map((k) => Math.round(isDark ? 0.78 * color[k] : color[k]));
   }
 
@@ -197,14 +253,32 @@ export class PatchesLayer implements Layer {
     const { surface, patches } = this;
     if (this.colorBy === "u" || this.colorBy === "v") {
       const k = this.colorBy === "u" ? 0 : 1;
-      this.limits = { title: this.colorBy, lower: 0, upper: 1, isDiverging: false, n: patches.length, rms: NaN, max: NaN };
+      this.limits = {
+        title: this.colorBy,
+        lower: 0,
+        upper: 1,
+        isDiverging: false,
+        n: patches.length,
+        rms: NaN,
+        max: NaN,
+      };
       surface.paint((corner) => scaleColor(this.parameters[2 * corner + k], 0, 1, false));
     } else if (this.colorBy === "bound") {
       const all = patches.map((p) => p.distance ?? NaN);
       const known = all.filter(Number.isFinite);
       const upper = roundUp(known.reduce((m, v) => Math.max(m, v), 0));
-      this.limits = { title: "bound on the distance", lower: 0, upper, isDiverging: false, n: known.length, rms: NaN, max: known.reduce((m, v) => Math.max(m, v), 0) };
-      surface.paint((corner) => scaleColor(all[this.patchOf(Math.floor(corner / 3))], 0, upper, false));
+      this.limits = {
+        title: "bound on the distance",
+        lower: 0,
+        upper,
+        isDiverging: false,
+        n: known.length,
+        rms: NaN,
+        max: known.reduce((m, v) => Math.max(m, v), 0),
+      };
+      surface.paint((corner) =>
+        scaleColor(all[this.patchOf(Math.floor(corner / 3))], 0, upper, false),
+      );
     } else {
       const isPart = this.colorBy === "part";
       surface.paint((corner) => {
@@ -218,7 +292,9 @@ export class PatchesLayer implements Layer {
     if (this.colorBy !== "part") return [];
     return this.patches.map((p, i) => [p.name, `rgb(${partColor(i)})`]);
   }
-  scale(): Scale | null { return this.limits; }
+  scale(): Scale | null {
+    return this.limits;
+  }
 
   update(section: Section | null, look: Look): void {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
@@ -234,12 +310,22 @@ export class PatchesLayer implements Layer {
     if (!found) return null;
     const k = this.patchOf(found.triangle);
     const corner = (c: number, i: number) => this.parameters[2 * (3 * found.triangle + c) + i];
-    const place = [0, 1].map((i) => corner(0, i) + found.u * (corner(1, i) - corner(0, i)) + found.v * (corner(2, i) - corner(0, i))) as [number, number];
+    const place = [0, 1].map(
+      (i) =>
+        corner(0, i) +
+        found.u * (corner(1, i) - corner(0, i)) +
+        found.v * (corner(2, i) - corner(0, i)),
+    ) as [number, number];
     const [u, v, there] = ontoRay((u, v) => this.patches[k].at(u, v), ray.o, ray.d, place);
     // At an edge the ray may miss the patch by less than a triangle is off it.
     const isOn = u >= 0 && u <= 1 && v >= 0 && v <= 1;
     const parameter: [number, number] = isOn ? [u, v] : place;
     const point = isOn ? there.point : this.patches[k].at(...place).point;
-    return { t: dot(sub(point, ray.o), ray.d), point: add(point, [0, 0, 0]), part: this.patches[k].name, parameter };
+    return {
+      t: dot(sub(point, ray.o), ray.d),
+      point: add(point, [0, 0, 0]),
+      part: this.patches[k].name,
+      parameter,
+    };
   }
 }

@@ -1,6 +1,14 @@
 // Points, as discs of a few pixels.
 
-import { BufferAttribute, BufferGeometry, GLSL3, Points, ShaderMaterial, Vector3, Vector4 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  GLSL3,
+  Points,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
+} from "three";
 import * as bytes from "./bytes";
 import { roundUp, scaleColor, share } from "./colors";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
@@ -34,7 +42,8 @@ void main() {
   // Points on a surface are to be seen before it.
   vec4 seen = viewMatrix * p;
   if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
-  gl_Position = dot(plane.xyz, p.xyz) > plane.w ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
+  bool isAway = dot(plane.xyz, p.xyz) > plane.w;
+  gl_Position = isAway ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
 }
 `;
 const FRAGMENT = `
@@ -74,10 +83,17 @@ export class PointsLayer implements Layer {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(coordinates.array, 3, false));
     const material = new ShaderMaterial({
-      glslVersion: GLSL3, vertexShader: VERTEX, fragmentShader: FRAGMENT,
+      glslVersion: GLSL3,
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT,
       uniforms: {
-        size: { value: 3 }, plane: { value: new Vector4(0, 0, 0, 1) }, isTinted: { value: false }, isRound: { value: true },
-        color: { value: new Vector3() }, opacity: { value: 1 }, isFlat: { value: false },
+        size: { value: 3 },
+        plane: { value: new Vector4(0, 0, 0, 1) },
+        isTinted: { value: false },
+        isRound: { value: true },
+        color: { value: new Vector3() },
+        opacity: { value: 1 },
+        isFlat: { value: false },
         nearer: { value: NEARER * norm(sub(coordinates.hi, coordinates.lo)) },
       },
     });
@@ -100,10 +116,18 @@ export class PointsLayer implements Layer {
     return new PointsLayer(id, doc, coordinates, deviation, colors, outliers, origin);
   }
 
-  get name(): string { return this.doc.name; }
-  get count(): number { return this.doc.count; }
-  get deviation(): Float32Array | null { return this.measured ?? this.given; }
-  get hasOwnDeviation(): boolean { return this.given !== null; }
+  get name(): string {
+    return this.doc.name;
+  }
+  get count(): number {
+    return this.doc.count;
+  }
+  get deviation(): Float32Array | null {
+    return this.measured ?? this.given;
+  }
+  get hasOwnDeviation(): boolean {
+    return this.given !== null;
+  }
   get modes(): ColorMode[] {
     const modes: ColorMode[] = ["none"];
     if (this.deviation) modes.push("deviation");
@@ -112,7 +136,9 @@ export class PointsLayer implements Layer {
   }
 
   /** Coordinates of all points, in double precision. */
-  positions(): Float64Array { return bytes.doubles(this.coordinates); }
+  positions(): Float64Array {
+    return bytes.doubles(this.coordinates);
+  }
 
   /** Takes the deviations from a model beside, or goes back to the file's. */
   measure(values: Float32Array | null): void {
@@ -126,11 +152,16 @@ export class PointsLayer implements Layer {
     if (this.colorBy !== "deviation" || !values) return null;
     if (!this.limits) {
       const counted = this.outliers ? values.filter((_, i) => !this.outliers![i]) : values;
-      this.limits = { ...scaleOf(counted, this.measured ? undefined : this.doc.limit), left: values.length - counted.length };
+      this.limits = {
+        ...scaleOf(counted, this.measured ? undefined : this.doc.limit),
+        left: values.length - counted.length,
+      };
     }
     return this.limits;
   }
-  legend(): [string, string][] { return []; }
+  legend(): [string, string][] {
+    return [];
+  }
   bounds(): Box | null {
     return this.count ? { lo: this.coordinates.lo as V3, hi: this.coordinates.hi as V3 } : null;
   }
@@ -147,7 +178,8 @@ export class PointsLayer implements Layer {
     const scale = this.scale();
     if (scale) {
       tints = new Uint8Array(3 * this.count);
-      const color = (v: number, i: number) => (this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true));
+      const color = (v: number, i: number) =>
+        this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true);
       this.deviation!.forEach((v, i) => tints!.set(color(v, i), 3 * i));
     }
     geometry.setAttribute("tint", new BufferAttribute(tints!, 3, true));
@@ -186,9 +218,14 @@ export class PointsLayer implements Layer {
     if (!near.length) return null;
     const front = Math.min(...near.map((n) => n.depth));
     const size = norm(sub(this.coordinates.hi, this.coordinates.lo));
-    const best = near.filter((n) => n.depth <= front + 0.02 * size).reduce((a, b) => (b.away < a.away ? b : a));
+    const best = near
+      .filter((n) => n.depth <= front + 0.02 * size)
+      .reduce((a, b) => (b.away < a.away ? b : a));
     const away = dot(sub(best.p, ray.o), ray.d);
-    const hit: Hit = { t: ray.from === 0 ? away * (1 - NEARER) : away - NEARER * size, point: best.p };
+    const hit: Hit = {
+      t: ray.from === 0 ? away * (1 - NEARER) : away - NEARER * size,
+      point: best.p,
+    };
     const deviation = this.deviation?.[best.i];
     if (deviation !== undefined && Number.isFinite(deviation)) hit.deviation = deviation;
     return hit;
@@ -201,7 +238,12 @@ export function scaleOf(values: Float32Array, limit?: number): Scale {
   const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
   const squares = sizes.reduce((s, v) => s + v * v, 0);
   return {
-    title: "deviation, positive outside", lower: -end, upper: end, isDiverging: true,
-    n: sizes.length, rms: Math.sqrt(squares / Math.max(1, sizes.length)), max: sizes[sizes.length - 1] ?? 0,
+    title: "deviation, positive outside",
+    lower: -end,
+    upper: end,
+    isDiverging: true,
+    n: sizes.length,
+    rms: Math.sqrt(squares / Math.max(1, sizes.length)),
+    max: sizes[sizes.length - 1] ?? 0,
   };
 }

@@ -2,10 +2,25 @@
 
 export type Vec3 = [number, number, number];
 
-export interface BlobRef { blob: number; type: "f64" | "f32" | "u32" | "u16" | "u8"; n: number; deflated: boolean }
+export interface BlobRef {
+  blob: number;
+  type: "f64" | "f32" | "u32" | "u16" | "u8";
+  n: number;
+  deflated: boolean;
+}
 /** Coordinates: from + step * array. */
-export interface Positions { array: BlobRef; from: Vec3; step: Vec3; lo: Vec3; hi: Vec3 }
-export interface Numbers { array: BlobRef; from: number; step: number }
+export interface Positions {
+  array: BlobRef;
+  from: Vec3;
+  step: Vec3;
+  lo: Vec3;
+  hi: Vec3;
+}
+export interface Numbers {
+  array: BlobRef;
+  from: number;
+  step: number;
+}
 
 export interface TapeDoc {
   inputs: number;
@@ -43,7 +58,16 @@ export interface ModelDoc {
   origin: Vec3;
 }
 
-export interface PointsDoc { kind: "points"; name: string; count: number; positions: Positions; deviation?: Numbers; limit?: number; outliers?: BlobRef; colors?: BlobRef }
+export interface PointsDoc {
+  kind: "points";
+  name: string;
+  count: number;
+  positions: Positions;
+  deviation?: Numbers;
+  limit?: number;
+  outliers?: BlobRef;
+  colors?: BlobRef;
+}
 
 export interface MeshDoc {
   kind: "mesh" | "model";
@@ -85,7 +109,11 @@ export interface MapDoc {
 }
 
 export type LayerDoc = ModelDoc | PointsDoc | MeshDoc | PatchesDoc | MapDoc;
-export interface SceneDoc { version: number; title: string; layers: LayerDoc[] }
+export interface SceneDoc {
+  version: number;
+  title: string;
+  layers: LayerDoc[];
+}
 
 export function readScene(): SceneDoc {
   const element = document.querySelector("[data-isoform-scene]");

@@ -19,7 +19,11 @@ const SEARCH: V3 = [24, 24, 24];
 const SHRINKS = 10;
 
 /** The cells of a grid over a box that may hold surface. */
-export interface Brick { box: Box; n: V3; cells: Uint8Array }
+export interface Brick {
+  box: Box;
+  n: V3;
+  cells: Uint8Array;
+}
 
 export class Solid {
   readonly surface: Tape;
@@ -48,10 +52,14 @@ export class Solid {
   }
 
   /** Whether the parameters are as they came. */
-  get isAsGiven(): boolean { return this.doc.values.every((v, i) => v === this.values[i]); }
+  get isAsGiven(): boolean {
+    return this.doc.values.every((v, i) => v === this.values[i]);
+  }
 
   /** A slot that does not depend on the coordinates. */
-  uniform(slot: number): number { return this.point.row(slot)[0]; }
+  uniform(slot: number): number {
+    return this.point.row(slot)[0];
+  }
 
   /** The values of the first `n` points of the block, whose coordinates are set. */
   private joined(n: number): Float64Array {
@@ -64,7 +72,8 @@ export class Solid {
       }
       const v = stack.pop()!;
       const u = stack[stack.length - 1];
-      for (let i = 0; i < n; i++) u[i] = step === "min" ? Math.min(u[i], v[i]) : Math.max(u[i], v[i]);
+      for (let i = 0; i < n; i++)
+        u[i] = step === "min" ? Math.min(u[i], v[i]) : Math.max(u[i], v[i]);
     }
     return stack[0];
   }
@@ -111,7 +120,9 @@ export class Solid {
   /** The name of the part at a point. */
   partAt(p: V3): string {
     let name = "";
-    this.read(p, (_, __, part) => { name = this.doc.parts[part] ?? ""; });
+    this.read(p, (_, __, part) => {
+      name = this.doc.parts[part] ?? "";
+    });
     return name;
   }
 
@@ -141,12 +152,14 @@ export class Solid {
     for (let k = 0; k < 60; k++) {
       const m = 0.5 * (a + b);
       if (m <= a || m >= b) break;
-      if (this.value(along(o, d, m)) >= 0 === isInside) a = m; else b = m;
+      if (this.value(along(o, d, m)) >= 0 === isInside) a = m;
+      else b = m;
     }
     return 0.5 * (a + b);
   }
 
-  /** The cells of a grid that may hold surface: the grid is halved as long as ranges leave it open. */
+  /** The cells of a grid that may hold surface: the grid is halved as long as ranges leave it
+   *  open. */
   private cells(at: Box, n: V3): Uint8Array {
     const cells = new Uint8Array(n[0] * n[1] * n[2]);
     const place = (k: number, i: number) => at.lo[k] + (at.hi[k] - at.lo[k]) * (i / n[k]);
@@ -185,12 +198,20 @@ export class Solid {
     if (hi[0] < 0) return null;
     const place = (k: number, i: number) => at.lo[k] + (at.hi[k] - at.lo[k]) * (i / n[k]);
     const isAtBorder = [0, 1, 2].some((k) => lo[k] === 0 || hi[k] === n[k] - 1);
-    return { box: { lo: [0, 1, 2].map((k) => place(k, lo[k])) as V3, hi: [0, 1, 2].map((k) => place(k, hi[k] + 1)) as V3 }, isAtBorder };
+    return {
+      box: {
+        lo: [0, 1, 2].map((k) => place(k, lo[k])) as V3,
+        hi: [0, 1, 2].map((k) => place(k, hi[k] + 1)) as V3,
+      },
+      isAtBorder,
+    };
   }
 
   /** The grid of the surface for the present values; none where there is no surface. */
   brick(): Brick | null {
-    const found = this.doc.isCut ? { lo: this.doc.bounds[0], hi: this.doc.bounds[1] } : this.extent();
+    const found = this.doc.isCut
+      ? { lo: this.doc.bounds[0], hi: this.doc.bounds[1] }
+      : this.extent();
     if (!found) return null;
     const steps = this.surface.steps.length;
     const most = steps < 80 ? 48 : steps < 400 ? 32 : 20;
@@ -213,7 +234,8 @@ export class Solid {
       const found = this.used(region, SEARCH, this.cells(region, SEARCH));
       at = found?.box ?? null;
       if (found && !found.isAtBorder) break;
-      if (found && k === GROWTHS) return inBox(middle, REACH * 0.5 * Math.max(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]));
+      if (found && k === GROWTHS)
+        return inBox(middle, REACH * 0.5 * Math.max(hi[0] - lo[0], hi[1] - lo[1], hi[2] - lo[2]));
     }
     for (let k = 0; at && k < SHRINKS; k++) {
       const before = diagonal(at);

@@ -4,7 +4,11 @@
 import { ellipsoidDistance, fmod, perlin, sardfRoot } from "./native";
 import type { TapeDoc } from "./scene";
 
-export interface Step { op: string; args: number[]; n: number }
+export interface Step {
+  op: string;
+  args: number[];
+  n: number;
+}
 
 /** Steps on numbered slots: constants, coordinates, parameters, then one for each step. */
 export class Tape {
@@ -19,16 +23,32 @@ export class Tape {
 
   static of(doc: TapeDoc): Tape {
     const steps = doc.steps.map(([op, ...args]) => {
-      if (!(op in APPLY) && !(op in NATIVE)) throw new Error(`the page does not know the operation ${op}`);
+      if (!(op in APPLY) && !(op in NATIVE))
+        throw new Error(`the page does not know the operation ${op}`);
       return op === "powi" ? { op, args: [args[0]], n: args[1] } : { op, args, n: 0 };
     });
-    return new Tape(doc.constants.map(Number), doc.inputs, doc.parameters, steps, doc.uniform, doc.results);
+    return new Tape(
+      doc.constants.map(Number),
+      doc.inputs,
+      doc.parameters,
+      steps,
+      doc.uniform,
+      doc.results,
+    );
   }
 
-  get firstX(): number { return this.constants.length; }
-  get firstParameter(): number { return this.firstX + this.inputs; }
-  get firstStep(): number { return this.firstParameter + this.parameters; }
-  get slots(): number { return this.firstStep + this.steps.length; }
+  get firstX(): number {
+    return this.constants.length;
+  }
+  get firstParameter(): number {
+    return this.firstX + this.inputs;
+  }
+  get firstStep(): number {
+    return this.firstParameter + this.parameters;
+  }
+  get slots(): number {
+    return this.firstStep + this.steps.length;
+  }
 
   /** The tape of some results alone, with nothing that they do not need. */
   only(results: number[]): Tape {
@@ -47,7 +67,14 @@ export class Tape {
       steps.push({ ...step, args: step.args.map((a) => place[a]) });
       if (k < this.uniform) uniform += 1;
     });
-    return new Tape(this.constants, this.inputs, this.parameters, steps, uniform, results.map((r) => place[r]));
+    return new Tape(
+      this.constants,
+      this.inputs,
+      this.parameters,
+      steps,
+      uniform,
+      results.map((r) => place[r]),
+    );
   }
 }
 
@@ -55,7 +82,9 @@ type Row = Float64Array;
 type Apply = (out: Row, n: number, power: number, a: Row, b: Row, c: Row) => void;
 
 function unary(f: (u: number) => number): Apply {
-  return (out, n, _, a) => { for (let i = 0; i < n; i++) out[i] = f(a[i]); };
+  return (out, n, _, a) => {
+    for (let i = 0; i < n; i++) out[i] = f(a[i]);
+  };
 }
 function power(u: number, n: number): number {
   let result = 1;
@@ -68,9 +97,13 @@ function power(u: number, n: number): number {
 }
 
 const APPLY: Record<string, Apply> = {
-  neg: (o, n, _, a) => { for (let i = 0; i < n; i++) o[i] = -a[i]; },
+  neg: (o, n, _, a) => {
+    for (let i = 0; i < n; i++) o[i] = -a[i];
+  },
   abs: unary(Math.abs),
-  square: (o, n, _, a) => { for (let i = 0; i < n; i++) o[i] = a[i] * a[i]; },
+  square: (o, n, _, a) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] * a[i];
+  },
   sqrt: unary(Math.sqrt),
   exp: unary(Math.exp),
   ln: unary(Math.log),
@@ -87,20 +120,48 @@ const APPLY: Record<string, Apply> = {
   ceil: unary(Math.ceil),
   trunc: unary(Math.trunc),
   sign: unary(Math.sign),
-  add: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] + b[i]; },
-  sub: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] - b[i]; },
-  mul: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] * b[i]; },
-  div: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] / b[i]; },
-  pow: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] ** b[i]; },
-  atan2: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = Math.atan2(a[i], b[i]); },
-  less: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] < b[i] ? 1 : 0; },
-  lesseq: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] <= b[i] ? 1 : 0; },
-  runion: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] + b[i] + Math.sqrt(a[i] * a[i] + b[i] * b[i]); },
-  rintersection: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] + b[i] - Math.sqrt(a[i] * a[i] + b[i] * b[i]); },
-  max: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] > b[i] ? a[i] : b[i]; },
-  min: (o, n, _, a, b) => { for (let i = 0; i < n; i++) o[i] = a[i] < b[i] ? a[i] : b[i]; },
-  powi: (o, n, p, a) => { for (let i = 0; i < n; i++) o[i] = power(a[i], p); },
-  select: (o, n, _, a, b, c) => { for (let i = 0; i < n; i++) o[i] = a[i] !== 0 ? b[i] : c[i]; },
+  add: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] + b[i];
+  },
+  sub: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] - b[i];
+  },
+  mul: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] * b[i];
+  },
+  div: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] / b[i];
+  },
+  pow: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] ** b[i];
+  },
+  atan2: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = Math.atan2(a[i], b[i]);
+  },
+  less: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] < b[i] ? 1 : 0;
+  },
+  lesseq: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] <= b[i] ? 1 : 0;
+  },
+  runion: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] + b[i] + Math.sqrt(a[i] * a[i] + b[i] * b[i]);
+  },
+  rintersection: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] + b[i] - Math.sqrt(a[i] * a[i] + b[i] * b[i]);
+  },
+  max: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] > b[i] ? a[i] : b[i];
+  },
+  min: (o, n, _, a, b) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] < b[i] ? a[i] : b[i];
+  },
+  powi: (o, n, p, a) => {
+    for (let i = 0; i < n; i++) o[i] = power(a[i], p);
+  },
+  select: (o, n, _, a, b, c) => {
+    for (let i = 0; i < n; i++) o[i] = a[i] !== 0 ? b[i] : c[i];
+  },
 };
 
 const NATIVE: Record<string, (args: number[]) => number> = {
@@ -129,14 +190,22 @@ export class Evaluator {
   }
 
   /** The rows of the coordinates, to be filled. */
-  coordinate(k: number): Row { return this.rows[this.tape.firstX + k]; }
+  coordinate(k: number): Row {
+    return this.rows[this.tape.firstX + k];
+  }
   /** The row of a slot after a run. */
-  row(slot: number): Row { return this.rows[slot]; }
+  row(slot: number): Row {
+    return this.rows[slot];
+  }
   /** The row of a result after a run. */
-  result(k: number): Row { return this.rows[this.tape.results[k]]; }
+  result(k: number): Row {
+    return this.rows[this.tape.results[k]];
+  }
 
   /** Computes all slots of the first `n` points of the block. */
-  run(n: number): void { this.apply(this.tape.uniform, this.tape.steps.length, n); }
+  run(n: number): void {
+    this.apply(this.tape.uniform, this.tape.steps.length, n);
+  }
 
   private apply(from: number, to: number, n: number): void {
     const { rows, tape } = this;

@@ -1,6 +1,16 @@
 // Triangles: what meshes, patches and maps have in common.
 
-import { BufferAttribute, BufferGeometry, DoubleSide, GLSL3, Group, Mesh, ShaderMaterial, Vector3, Vector4 } from "three";
+import {
+  BufferAttribute,
+  BufferGeometry,
+  DoubleSide,
+  GLSL3,
+  Group,
+  Mesh,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
+} from "three";
 import { Bvh, type Meeting } from "./bvh";
 import type { Look, Ray, Section } from "./layer";
 import { type Lines, segments, showLines } from "./lines";
@@ -67,10 +77,19 @@ void main() {
 
 export function surfaceMaterial(): ShaderMaterial {
   return new ShaderMaterial({
-    glslVersion: GLSL3, side: DoubleSide, vertexShader: VERTEX, fragmentShader: FRAGMENT,
+    glslVersion: GLSL3,
+    side: DoubleSide,
+    vertexShader: VERTEX,
+    fragmentShader: FRAGMENT,
     uniforms: {
-      plane: { value: new Vector4(0, 0, 0, 1) }, opacity: { value: 1 }, hasEdges: { value: false }, hasSlopes: { value: false },
-      isCap: { value: false }, isFlat: { value: false }, ahead: { value: new Vector3() }, nearer: { value: 0 },
+      plane: { value: new Vector4(0, 0, 0, 1) },
+      opacity: { value: 1 },
+      hasEdges: { value: false },
+      hasSlopes: { value: false },
+      isCap: { value: false },
+      isFlat: { value: false },
+      ahead: { value: new Vector3() },
+      nearer: { value: 0 },
     },
   });
 }
@@ -82,7 +101,12 @@ export class Surface {
   private tree: Bvh | null = null;
   private lines: Lines | null = null;
 
-  constructor(readonly points: Float64Array, readonly triangles: Uint32Array, private readonly origin: V3, slopes?: Float32Array) {
+  constructor(
+    readonly points: Float64Array,
+    readonly triangles: Uint32Array,
+    private readonly origin: V3,
+    slopes?: Float32Array,
+  ) {
     const positions = new Float32Array(3 * triangles.length);
     for (let i = 0; i < triangles.length; i++) {
       for (let k = 0; k < 3; k++) positions[3 * i + k] = points[3 * triangles[i] + k] - origin[k];
@@ -102,8 +126,12 @@ export class Surface {
     this.object.add(this.mesh);
   }
 
-  get count(): number { return this.triangles.length / 3; }
-  get canHaveEdges(): boolean { return this.count <= MOST_EDGES; }
+  get count(): number {
+    return this.triangles.length / 3;
+  }
+  get canHaveEdges(): boolean {
+    return this.count <= MOST_EDGES;
+  }
 
   /** Surfaces that lie on one another: those of higher rank are seen, by so much nearer a rank. */
   rank(of: (corner: number) => number, nearer: number): void {
@@ -125,7 +153,14 @@ export class Surface {
     this.object.add(this.lines);
   }
 
-  update(visible: boolean, opacity: number, hasEdges: boolean, section: Section | null, _look: Look, hasCurves = true): void {
+  update(
+    visible: boolean,
+    opacity: number,
+    hasEdges: boolean,
+    section: Section | null,
+    _look: Look,
+    hasCurves = true,
+  ): void {
     const { material } = this.mesh;
     const u = material.uniforms;
     this.object.visible = visible;
@@ -146,6 +181,11 @@ export class Surface {
   meet(ray: Ray): Meeting | null {
     this.tree ??= new Bvh(this.points, this.triangles);
     const { section } = ray;
-    return this.tree.meet(ray.o, ray.d, ray.from, (p) => !section || dot(section.normal, p) <= section.offset);
+    return this.tree.meet(
+      ray.o,
+      ray.d,
+      ray.from,
+      (p) => !section || dot(section.normal, p) <= section.offset,
+    );
   }
 }

@@ -1,8 +1,32 @@
 // The pane of space: cameras, drawing, the line of sight of a pixel.
 
-import { Color, ColorManagement, LinearSRGBColorSpace, OrthographicCamera, PerspectiveCamera, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import {
+  Color,
+  ColorManagement,
+  LinearSRGBColorSpace,
+  OrthographicCamera,
+  PerspectiveCamera,
+  Scene,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
 import type { Layer, Ray, Section } from "./layer";
-import { add, along, around, type Box, center, cross, diagonal, dot, norm, scale, sub, unit, type V3 } from "./vector";
+import {
+  add,
+  along,
+  around,
+  type Box,
+  center,
+  cross,
+  diagonal,
+  dot,
+  norm,
+  scale,
+  sub,
+  unit,
+  type V3,
+} from "./vector";
 
 /** The angle of view over the height of the pane, in degrees. */
 const FOV = 35;
@@ -12,11 +36,25 @@ const FINER = 2;
 /** Room around what fills the pane. */
 const MARGIN = 1.06;
 
-export interface Camera { position: V3; target: V3; up: V3; orthographic: boolean; fov: number; height: number }
+export interface Camera {
+  position: V3;
+  target: V3;
+  up: V3;
+  orthographic: boolean;
+  fov: number;
+  height: number;
+}
 
 export class View {
   readonly canvas: HTMLCanvasElement;
-  readonly camera: Camera = { position: [3, -4, 2.5], target: [0, 0, 0], up: [0, 0, 1], orthographic: false, fov: FOV, height: 2 };
+  readonly camera: Camera = {
+    position: [3, -4, 2.5],
+    target: [0, 0, 0],
+    up: [0, 0, 1],
+    orthographic: false,
+    fov: FOV,
+    height: 2,
+  };
   section: Section | null = null;
   /** Called after each drawing. */
   onDrawn: () => void = () => {};
@@ -27,7 +65,11 @@ export class View {
   private isWanted = false;
   private rest = 0;
 
-  constructor(readonly pane: HTMLElement, private readonly layers: Layer[], readonly origin: V3) {
+  constructor(
+    readonly pane: HTMLElement,
+    private readonly layers: Layer[],
+    readonly origin: V3,
+  ) {
     // Colours are those of the style sheet, as they are: nothing is converted.
     ColorManagement.enabled = false;
     this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
@@ -57,7 +99,8 @@ export class View {
     });
   }
 
-  /** Draws finely after a rest: the edges of models, which have one sample a pixel, are smooth then. */
+  /** Draws finely after a rest: the edges of models, which have one sample a pixel, are smooth
+   *  then. */
   private refine(): void {
     clearTimeout(this.rest);
     if (!this.layers.some((l) => l.visible && l.isSampled)) return;
@@ -84,7 +127,10 @@ export class View {
 
   /** The box of what is visible. */
   bounds(): Box | null {
-    const boxes = this.layers.filter((l) => l.visible).map((l) => l.bounds()).filter((b): b is Box => b !== null);
+    const boxes = this.layers
+      .filter((l) => l.visible)
+      .map((l) => l.bounds())
+      .filter((b): b is Box => b !== null);
     return boxes.length ? around(boxes) : null;
   }
 
@@ -98,9 +144,21 @@ export class View {
     const camera = orthographic ? this.flat : this.perspective;
     if (orthographic) {
       const half = height / 2;
-      Object.assign(this.flat, { left: -half * aspect, right: half * aspect, top: half, bottom: -half, near: -reach, far: reach });
+      Object.assign(this.flat, {
+        left: -half * aspect,
+        right: half * aspect,
+        top: half,
+        bottom: -half,
+        near: -reach,
+        far: reach,
+      });
     } else {
-      Object.assign(this.perspective, { fov, aspect, near: Math.min(1e-3 * diagonal(all) || 1e-3, norm(sub(target, position)) / 10), far: reach });
+      Object.assign(this.perspective, {
+        fov,
+        aspect,
+        near: Math.min(1e-3 * diagonal(all) || 1e-3, norm(sub(target, position)) / 10),
+        far: reach,
+      });
     }
     const [p, t] = [sub(position, this.origin), sub(target, this.origin)];
     camera.position.set(...p);
@@ -123,7 +181,9 @@ export class View {
   /** Units of space for a pixel at the target. */
   perPixel(): number {
     const { position, target, orthographic, fov, height } = this.camera;
-    const whole = orthographic ? height : 2 * norm(sub(target, position)) * Math.tan((fov * Math.PI) / 360);
+    const whole = orthographic
+      ? height
+      : 2 * norm(sub(target, position)) * Math.tan((fov * Math.PI) / 360);
     return whole / Math.max(1, this.size[1]);
   }
 
@@ -133,7 +193,10 @@ export class View {
     const [width, height] = this.size;
     const { position, orthographic, fov } = this.camera;
     const half = orthographic ? this.camera.height / 2 : Math.tan((fov * Math.PI) / 360);
-    const [u, v] = [((x - width / 2) / (height / 2)) * half, (-(y - height / 2) / (height / 2)) * half];
+    const [u, v] = [
+      ((x - width / 2) / (height / 2)) * half,
+      (-(y - height / 2) / (height / 2)) * half,
+    ];
     const side = add(scale(right, u), scale(up, v));
     const project = (p: ArrayLike<number>): [number, number, number] => {
       const r = sub(p, position);
@@ -148,7 +211,9 @@ export class View {
   }
 
   /** Where a point is in the pane. */
-  project(p: V3): [number, number, number] { return this.ray(0, 0).project(p); }
+  project(p: V3): [number, number, number] {
+    return this.ray(0, 0).project(p);
+  }
 
   /** Turns about the target: right and up by angles. */
   turn(right: number, up: number): void {
@@ -164,7 +229,10 @@ export class View {
     level = unit(level);
     const beside = cross(pole, level);
     const way = add(scale(level, Math.cos(-right)), scale(beside, Math.sin(-right)));
-    this.camera.position = add(target, add(scale(way, size * Math.cos(to)), scale(pole, size * Math.sin(to))));
+    this.camera.position = add(
+      target,
+      add(scale(way, size * Math.cos(to)), scale(pole, size * Math.sin(to))),
+    );
     this.want();
   }
 
@@ -183,7 +251,11 @@ export class View {
       const [x, y] = [at[0] - this.size[0] / 2, at[1] - this.size[1] / 2];
       this.pan(-x * (1 - factor), -y * (1 - factor));
     }
-    this.camera.position = along(this.camera.target, sub(this.camera.position, this.camera.target), factor);
+    this.camera.position = along(
+      this.camera.target,
+      sub(this.camera.position, this.camera.target),
+      factor,
+    );
     this.camera.height *= factor;
     this.want();
   }
@@ -201,9 +273,22 @@ export class View {
     const [width, height] = this.size;
     const aspect = width / Math.max(1, height) || 1;
     const slope = Math.tan((this.camera.fov * Math.PI) / 360);
-    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) => sub([0, 1, 2].map((k) => (i >> k & 1 ? bounds.hi[k] : bounds.lo[k])), this.camera.target));
-    const half = Math.max(...corners.map((c) => Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect)));
-    const away = Math.max(...corners.map((c) => Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect) / slope - dot(c, ahead)));
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+      sub(
+        [0, 1, 2].map((k) => ((i >> k) & 1 ? bounds.hi[k] : bounds.lo[k])),
+        this.camera.target,
+      ),
+    );
+    const half = Math.max(
+      ...corners.map((c) => Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect)),
+    );
+    const away = Math.max(
+      ...corners.map(
+        (c) =>
+          Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect) / slope -
+          dot(c, ahead),
+      ),
+    );
     this.camera.height = 2 * MARGIN * half || 1;
     this.camera.position = along(this.camera.target, from, MARGIN * Math.max(away, 1e-3 * size));
     this.want();
@@ -221,5 +306,7 @@ export class View {
     this.want();
   }
 
-  picture(): string { return this.canvas.toDataURL("image/png"); }
+  picture(): string {
+    return this.canvas.toDataURL("image/png");
+  }
 }
