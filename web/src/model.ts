@@ -92,7 +92,7 @@ void main() {
   else if (slope == 0.0 && room < 0.0) discard;
   if (from >= to) discard;
   float f = at(o + from * d);
-  if (f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, isAtPlane); return; }
+  if (f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, true); return; }
   vec3 start = (o + from * d - lo) / cell;
   ivec3 i = clamp(ivec3(floor(start)), ivec3(0), cells - 1);
   ivec3 way = ivec3(sign(inverse));
@@ -304,8 +304,8 @@ export class ModelLayer implements Layer {
     if (t === null) return null;
     const local = along(o, ray.d, t);
     const hit: Hit = { t, point: add(local, this.doc.origin) };
-    if (isCap) hit.isCap = isAtPlane;
-    if (!isCap || !isAtPlane) hit.part = this.solid.partAt(local);
+    if (isCap) hit.isCap = true;
+    else hit.part = this.solid.partAt(local);
     return hit;
   }
 }

@@ -29,6 +29,14 @@ export const STANDARD: [string, V3][] = [
   ["Top", [0, -1e-3, 1]],
 ];
 
+/** What a layer consists of, in words. */
+function counted({ kind, count }: Layer): string {
+  if (kind === "model" && count === 1) return "model";
+  const one = kind === "points" ? "point" : kind === "patches" ? "patch" : "triangle";
+  const many = one === "patch" ? "patches" : `${one}s`;
+  return `${count.toLocaleString("en")} ${count === 1 ? one : many}`;
+}
+
 export class Panel {
   readonly element = h("aside", { "aria-label": "Controls" });
   private readonly rows: { layer: Layer; refresh: () => void }[] = [];
@@ -65,18 +73,7 @@ export class Panel {
       type: "checkbox",
       change: () => viewer.set(layer.id, { visible: visible.checked }),
     });
-    const counted =
-      layer.kind === "points"
-        ? "points"
-        : layer.kind === "patches"
-          ? "patches"
-          : layer.count === 1
-            ? "model"
-            : "triangles";
-    const about =
-      layer.count === 1 && layer.kind === "model"
-        ? "model"
-        : `${layer.count.toLocaleString("en")} ${counted}`;
+    const about = counted(layer);
     const opacity = h("input", {
       type: "range",
       min: "0",
@@ -355,7 +352,7 @@ export class Panel {
       rows.push(["Point", place(picked.point)]);
       if (layer && this.viewer.layers.length > 1) rows.push(["Layer", foreign(layer.name)]);
       if (picked.part) rows.push(["Part", foreign(picked.part)]);
-      if (picked.isCap) rows.push(["", "on the section"]);
+      if (picked.isCap) rows.push(["", "on a cut"]);
       if (picked.deviation !== undefined) rows.push(["Deviation", brief(picked.deviation)]);
       if (picked.parameter)
         rows.push([layer?.kind === "map" ? "s, t" : "u, v", place(picked.parameter)]);

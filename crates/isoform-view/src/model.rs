@@ -100,7 +100,7 @@ fn tape(tape: &Tape) -> Value {
             if c.is_finite() {
                 json!(c)
             } else {
-                json!(format!("{c}"))
+                json!(word(*c))
             }
         })
         .collect();
@@ -112,6 +112,17 @@ fn tape(tape: &Tape) -> Value {
         "uniform": tape.uniform_steps(),
         "results": tape.results(),
     })
+}
+
+/// A number that JSON has not, as JavaScript calls it.
+fn word(number: f64) -> &'static str {
+    if number.is_nan() {
+        "NaN"
+    } else if number > 0.0 {
+        "Infinity"
+    } else {
+        "-Infinity"
+    }
 }
 
 /// The name of a function of one argument, as the page knows it.
