@@ -30,7 +30,8 @@ Examples:
 
 Every file is a layer, in their order:
   points   PLY, XYZ, CSV, PCD, LAS, LAZ, E57; with the deviations that the file has, or those from a model beside them
-  model    HyperFun programs and built-in templates: parameters move by sliders, and the surface with them
+  model    HyperFun programs and built-in templates: parameters move by sliders, and the surface with them;
+           polynomials F in x, y and z as JSON (--box is needed)
   map      X, Y, Z, W in s and t as JSON; with the plane of parameters beside space (--box is needed)
   patches  of isoform parameterize
   mesh     MSH, VTU, INP, OBJ, STL, OFF; functions of isoform implicitize are meshed
@@ -276,10 +277,37 @@ fn document(
     if spline::is_fitted(&json) {
         return fitted(page, path, name, &json, context);
     }
+    if let Some(formula) = json.get("F").and_then(Value::as_str) {
+        return polynomial(page, path, name, formula, args);
+    }
     let Subject::Map(map) = triangulate::read(path, false)? else {
         return patches(page, path, name, &json);
     };
     add_map(page, path, name, &map, args, context)
+}
+
+/// Adds the surface of a polynomial.
+fn polynomial(
+    page: &mut Page,
+    path: &Path,
+    name: &str,
+    formula: &str,
+    args: &Args,
+) -> Result<&'static str, Failure> {
+    let Some(region) = args.region.as_ref().map(Place::region) else {
+        return Err(
+            Failure::usage(format!("{}: --box is needed", path.display()))
+                .why("the surface of a polynomial may have no end")
+                .hint("--box B, half the width of a box around the origin"),
+        );
+    };
+    let wrong = |what: String| Failure::input("polynomial", format!("{}: {what}", path.display()));
+    let live = LiveModel::of_polynomial(formula, region)
+        .map_err(|e| wrong(format!("F, column {}: {e}", e.column)))?
+        .filter(Page::can_draw)
+        .ok_or_else(|| wrong("F is constant, or too long to be drawn".to_owned()))?;
+    page.model(name, None, &live);
+    Ok("model")
 }
 
 /// Adds patches, with the distances that their file tells.

@@ -90,6 +90,23 @@ fn scans_with_triangles_are_points_unless_asked() {
 }
 
 #[test]
+fn polynomials_are_models_in_a_box() {
+    let f = Folder::new("view-polynomial");
+    let sphere = f.file("f.json", r#"{"F": "x^2 + y^2 + z^2 - 1/4"}"#);
+    let wrong = f.file("g.json", r#"{"F": "x^2 +"}"#);
+    let page = f.path("page.html");
+    let o = isoform(&["view", &sphere, "--box", "1", "-o", &page]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let document = scene(&fs::read_to_string(&page).expect("a page"));
+    assert_eq!(document["layers"][0]["kind"], "model");
+    assert_eq!(code(&isoform(&["view", &sphere, "-o", &page])), 1);
+    assert_eq!(
+        code(&isoform(&["view", &wrong, "--box", "1", "-o", &page])),
+        2
+    );
+}
+
+#[test]
 fn a_template_is_shown_by_its_name() {
     let f = Folder::new("view-template");
     let page = f.path("page.html");

@@ -1,10 +1,11 @@
 //! A model as other evaluators can run it, with its parameters free: what a page moves by sliders.
 
 use crate::meshing::{default_size_within, solid_of};
-use crate::{FrepTemplate, MeshModelError, ScanFit};
+use crate::{COORDINATES, FrepTemplate, MeshModelError, ScanFit};
+use isoform_algebra::{ParseError, Poly};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
-use isoform_field::{Join, Tape, parameter_values};
+use isoform_field::{Graph, Join, NodeId, Ops, Shape, Tape, parameter_values};
 use isoform_fit::Template;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_mesh::MeshError;
@@ -104,6 +105,62 @@ impl LiveModel {
             parameters,
             bounds,
             is_cut: region.is_some(),
+            is_loose: false,
+            origin: [0.0; 3],
+        }))
+    }
+
+    /// What a polynomial in x, y and z bounds within a region, of which the surface F = 0 is a part:
+    /// its inside is where fewer corners of the region are. None where F is constant.
+    ///
+    /// ```
+    /// use isoform::{LiveModel, geom::Aabb};
+    /// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+    /// let ball = LiveModel::of_polynomial("x^2 + y^2 + z^2 - 1/4", region)?.expect("a surface");
+    /// let values = ball.readings.tape.eval_all(&[0.0; 3], &[], &mut Vec::new());
+    /// assert_eq!(values[0], 0.25);
+    /// # Ok::<(), isoform::algebra::ParseError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the text is no polynomial.
+    pub fn of_polynomial(text: &str, region: Aabb) -> Result<Option<Self>, ParseError> {
+        let exact = Poly::parse(text, &COORDINATES)?;
+        let terms = exact.to_f64();
+        if exact.is_constant() || terms.iter().any(|t| !t.1.is_finite()) {
+            return Ok(None);
+        }
+        let mut graph = Graph::new();
+        let x: [NodeId; 3] = std::array::from_fn(|i| graph.x(i));
+        let mut sum = graph.constant(0.0);
+        for (exponents, c) in terms {
+            let mut term = graph.constant(c);
+            for (x, e) in x.iter().zip(exponents) {
+                let power = graph.powi(x, i32::from(e));
+                term = graph.mul(&term, &power);
+            }
+            sum = graph.add(&sum, &term);
+        }
+        let is_inside = |i: usize| {
+            let corner: Point3 = std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
+            graph.eval(sum, &corner, &[]) >= 0.0
+        };
+        if (0..8).filter(|i| is_inside(*i)).count() > 4 {
+            sum = graph.neg(&sum);
+        }
+        let shape = Shape::new(&mut graph, sum);
+        let mut roots = shape.pieces;
+        roots.extend([shape.distance, shape.part]);
+        Ok(Some(Self {
+            readings: Readings {
+                tape: Tape::new(&graph, &roots, 3, 0),
+                tree: shape.tree,
+                part_names: vec!["F".to_owned(); shape.parts.len()],
+            },
+            values: Vec::new(),
+            parameters: Vec::new(),
+            bounds: region,
+            is_cut: true,
             is_loose: false,
             origin: [0.0; 3],
         }))
