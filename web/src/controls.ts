@@ -53,6 +53,9 @@ export function control(
   pane.addEventListener(
     "wheel",
     (e) => {
+      // Within another page the wheel scrolls that page, until the pane is chosen.
+      const isChosen = document.activeElement === pane || e.ctrlKey;
+      if (pane.closest("[data-isoform-view=embedded]") && !isChosen) return;
       e.preventDefault();
       const lines = e.deltaMode === 1 ? 16 : 1;
       view.zoom(Math.exp(Math.max(-600, Math.min(600, e.deltaY * lines)) * 0.0015), place(e));

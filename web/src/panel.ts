@@ -197,7 +197,7 @@ export class Panel {
         max: String(upper),
       });
       const move = (value: number) => {
-        if (Number.isFinite(value)) viewer.setParameters({ [name]: value });
+        if (Number.isFinite(value)) viewer.slide(name, value);
       };
       slider.addEventListener("input", () => move(Number(slider.value)));
       number.addEventListener("change", () =>

@@ -46,6 +46,10 @@ export interface Parameter {
  *  of the eye. */
 const BESIDE = 0.05;
 
+/** Steps of tapes that take less than a frame; and milliseconds until others follow. */
+const AT_ONCE = 3e6;
+const REST = 250;
+
 const isNumber = (v: unknown): v is number => typeof v === "number" && Number.isFinite(v);
 
 export class Viewer {
@@ -67,6 +71,10 @@ export class Viewer {
     if (this.models.length)
       for (const layer of layers) if (layer instanceof PointsLayer) layer.colorBy = "deviation";
   }
+
+  /** Parameters that slide, until the next frame. */
+  private readonly slid = new Map<string, number>();
+  private rest = 0;
 
   private get models(): ModelLayer[] {
     return this.layers.filter((l): l is ModelLayer => l instanceof ModelLayer);
@@ -198,7 +206,20 @@ export class Viewer {
     return [...all.values()];
   }
 
-  setParameters(values: Record<string, unknown>): void {
+  /** Moves a parameter by a slider: once for all moves until the next frame. */
+  slide(name: string, value: number): void {
+    if (!this.slid.size) {
+      requestAnimationFrame(() => {
+        const values = Object.fromEntries(this.slid);
+        this.slid.clear();
+        this.setParameters(values, true);
+      });
+    }
+    this.slid.set(name, value);
+  }
+
+  /** Gives parameters values. While they slide, deviations that take long follow after a rest. */
+  setParameters(values: Record<string, unknown>, isSliding = false): void {
     for (const name of Object.keys(values)) {
       if (!isNumber(values[name])) throw new RangeError(`the value of ${name} is no number`);
       if (!this.models.some((m) => m.parameters.some((p) => p.name === name)))
@@ -210,9 +231,25 @@ export class Viewer {
         Math.max(p.lower, Math.min(p.upper, values[p.name] as number));
       if (own.length) model.setValues(own.map((p) => [p, kept(p)]));
     }
-    this.measure();
+    clearTimeout(this.rest);
+    if (isSliding && this.cost() > AT_ONCE) {
+      this.rest = setTimeout(() => {
+        this.measure();
+        this.view.want();
+        this.onChange();
+      }, REST) as unknown as number;
+    } else {
+      this.measure();
+    }
     this.view.want();
     this.onChange();
+  }
+
+  /** How many steps of tapes the deviations of all points take. */
+  private cost(): number {
+    const points = this.layers.filter((l) => l instanceof PointsLayer);
+    const steps = this.models[0]?.doc.tape.steps.length ?? 0;
+    return steps * points.reduce((sum, layer) => sum + layer.count, 0);
   }
 
   /** The parameters as they came. */

@@ -375,7 +375,10 @@ fn add_map(
                 .hint("--box B, half the width of a box around the origin"),
         );
     };
-    let options = TriangulateOptions::around(half.exact.clone());
+    let mut options = TriangulateOptions::around(half.exact.clone());
+    if let Some(limit) = context.global.time_limit {
+        options.budget.seconds = triangulate::EXACT_SHARE * limit.as_secs_f64();
+    }
     let made = triangulate_map(map, &options, &context.control());
     let (surface, analysis) = made.map_err(|e| match PatchesError::from(e) {
         PatchesError::Stopped => triangulate::nothing(name, None, context),

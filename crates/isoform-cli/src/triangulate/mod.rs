@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
-const EXACT_SHARE: f64 = 0.6;
+pub(crate) const EXACT_SHARE: f64 = 0.6;
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
 #[command(after_help = "\
