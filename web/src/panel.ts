@@ -82,7 +82,7 @@ export class Panel {
       input: () => viewer.set(layer.id, { opacity: Number(opacity.value) }),
     });
     const colors = h("select", { change: () => viewer.set(layer.id, { colorBy: colors.value }) });
-    const key = h("div", { class: "key" });
+    const key = h("div", { class: "iv-key" });
     let shown = "";
     const refresh = () => {
       visible.checked = layer.visible;
@@ -102,7 +102,7 @@ export class Panel {
     return h(
       "div",
       { class: "layer" },
-      h("label", { class: "name" }, visible, foreign(layer.name)),
+      h("label", { class: "iv-name" }, visible, foreign(layer.name)),
       h("div", { class: "about" }, about + tets, ...(layer.note ? [h("br"), layer.note] : [])),
       h(
         "div",
@@ -138,7 +138,7 @@ export class Panel {
     });
     return extra.isSlider
       ? h("label", { class: "extra" }, h("span", {}, extra.name, said), input)
-      : h("label", { class: "extra name" }, input, extra.name);
+      : h("label", { class: "extra iv-name" }, input, extra.name);
   }
 
   /** What the colours mean. */
@@ -214,7 +214,7 @@ export class Panel {
       this.sliders.push({ name, refresh });
       const head = h(
         "div",
-        { class: "name" },
+        { class: "iv-name" },
         foreign(name),
         ...(unit ? [" in ", foreign(unit)] : []),
       );
@@ -329,7 +329,7 @@ export class Panel {
         offset.value = String(Number(section.offset.toPrecision(7)));
       slider.value = String(Math.round((1000 * (section.offset - lo)) / (hi - lo || 1)));
     };
-    return this.group("Section", h("label", { class: "name" }, isOn, "Cut by a plane"), fields);
+    return this.group("Section", h("label", { class: "iv-name" }, isOn, "Cut by a plane"), fields);
   }
 
   private picking(): HTMLElement {
@@ -425,7 +425,7 @@ export class Panel {
         button("Fit", () => viewer.view.fit()),
         ...views,
       ),
-      h("label", { class: "name" }, flat, "Parallel projection"),
+      h("label", { class: "iv-name" }, flat, "Parallel projection"),
       h("div", { class: "buttons" }, link, shot),
       said,
       h(
