@@ -1,0 +1,305 @@
+//! Surface of the solid that a mesh of it passes by: features smaller than its triangles.
+//!
+//! Cells of the region are halved as long as intervals leave their sign open, until each piece that
+//! may bound the solid in a cell is known there: the mesh has triangles of it in the cell or just
+//! beside, and intervals of its gradient show one sheet that turns no farther than those triangles.
+//! What is not known in the smallest cells is looked for by Newton's method. A point of the solid's
+//! surface that is found so is a *witness*: it may lie on the mesh all the same, which whoever
+//! knows what the mesh stands for has to decide.
+
+use crate::decide::{Local, Narrowed, Scratch};
+use crate::error::{Warning, WarningKind};
+use crate::features::newton::{normalised, onto_one};
+use crate::features::octree;
+use crate::points::unit;
+use isoform_control::Control;
+use isoform_geom::{Aabb, Mesh, Point3, Solid, across, cross, dot, norm, sub};
+use isoform_num::{Interval, Real};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// How far from a cell triangles count as in it, in sizes of the mesh: chords miss a surface by an
+/// eighth of the size where its radius is the size. Features lower than this are no fault of a
+/// mesh.
+const NEAR: f64 = 0.35;
+/// How far cells are widened when slopes are bounded, in their own sizes: a sheet that bends back
+/// just outside of a cell counts as bent.
+const WIDER: f64 = 0.25;
+/// Cells in which several pieces may bound the solid are no larger than this many sizes.
+const SEVERAL: f64 = 2.0;
+/// How far normals may be from those of the triangles (25 degrees), and from one direction in all
+/// (80 degrees; less than 90, so that there is one sheet).
+const TURN: [f64; 2] = [0.4363, 1.3963];
+/// How far normals may turn where there is no triangle to compare with, 60 degrees.
+const ALONE: f64 = 1.0472;
+/// Levels of cells below the size of the mesh.
+const LEVELS: i32 = 8;
+/// Cells that are looked at: so many, and so many for each triangle.
+const BUDGET: [usize; 2] = [20_000, 4];
+/// Cells of a level for each of the one before, of which most hold no surface.
+const GROWTH: usize = 4;
+/// How far from the middle of a cell a surface is sought, in diagonals.
+const REACH: f64 = 1.5;
+/// Points on both sides of a witness have different signs at this part of the cell's size from it.
+const BESIDE: f64 = 1e-3;
+/// Witnesses that are kept.
+const MOST: usize = 20_000;
+
+/// A point of the solid's surface in a cell in which the mesh proves nothing.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Witness {
+    /// The point.
+    pub at: Point3,
+    /// The piece that it lies on.
+    pub piece: u32,
+    /// Whether the mesh has triangles near it, within a third of the size.
+    pub near: bool,
+}
+
+/// What a mesh may pass by.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Missed {
+    /// Points of the surface where the mesh may have none.
+    pub witnesses: Vec<Witness>,
+    /// Cells in which nothing was found and nothing is proved.
+    pub open: usize,
+    /// Cells looked at.
+    pub cells: usize,
+}
+
+impl Missed {
+    /// A warning if the mesh has nothing where the solid has surface.
+    pub(crate) fn warning(&self) -> Option<Warning> {
+        let mut far = self.witnesses.iter().filter(|w| !w.near);
+        far.next().map(|w| Warning::at(WarningKind::Missed, w.at))
+    }
+}
+
+/// A cell, what matters in it, and the triangles in it or near.
+struct Cell {
+    cell: Aabb,
+    local: Local,
+    triangles: Vec<u32>,
+}
+
+/// What became of a cell.
+#[derive(Default)]
+struct Fate {
+    parts: Vec<Cell>,
+    witnesses: Vec<Witness>,
+    open: usize,
+}
+
+/// The mesh, ready to be asked.
+struct Search<'a> {
+    solid: &'a dyn Solid,
+    mesh: &'a Mesh,
+    size: f64,
+    /// The piece of each part of the mesh.
+    pieces: Vec<Option<u32>>,
+    boxes: Vec<Aabb>,
+    normals: Vec<Point3>,
+    /// The smallest cells.
+    smallest: f64,
+}
+
+/// Looks for surface of the solid in the region that the mesh passes by.
+pub(crate) fn missed(
+    solid: &dyn Solid,
+    mesh: &Mesh,
+    region: Aabb,
+    size: f64,
+    control: &Control<'_>,
+) -> Missed {
+    let search = Search::new(solid, mesh, size);
+    let budget = BUDGET[0] + BUDGET[1] * mesh.triangles.len();
+    let mut out = Missed::default();
+    let mut level = vec![Cell {
+        cell: region,
+        local: Local::everywhere(solid),
+        triangles: (0..mesh.triangles.len() as u32).collect(),
+    }];
+    while !level.is_empty() && !control.is_stopped() {
+        out.cells += level.len();
+        let is_last = out.cells + GROWTH * level.len() > budget;
+        let fates: Vec<Fate> = level
+            .par_iter()
+            .map_init(
+                || Scratch::new(solid),
+                |scratch, cell| search.fate(cell, is_last, scratch),
+            )
+            .collect();
+        level.clear();
+        for fate in fates {
+            level.extend(fate.parts);
+            out.witnesses.extend(fate.witnesses);
+            out.open += fate.open;
+        }
+    }
+    // Those far from the mesh first: they are missing whatever the mesh stands for.
+    out.witnesses.sort_by_key(|w| w.near);
+    out.witnesses.truncate(MOST);
+    out
+}
+
+impl<'a> Search<'a> {
+    fn new(solid: &'a dyn Solid, mesh: &'a Mesh, size: f64) -> Self {
+        let names = solid.names().iter().enumerate();
+        let piece_of: HashMap<&str, u32> = names.map(|(k, n)| (n.as_str(), k as u32)).collect();
+        let corners = |t: &[u32; 3]| t.map(|i| mesh.points[i as usize]);
+        Self {
+            solid,
+            mesh,
+            size,
+            pieces: mesh.parts.iter().map(|n| piece_of.get(n.as_str()).copied()).collect(),
+            boxes: mesh.triangles.par_iter().map(|t| Aabb::of(&corners(t))).collect(),
+            normals: mesh.triangles.par_iter().map(|t| inward(corners(t))).collect(),
+            smallest: size * 0.5f64.powi(LEVELS),
+        }
+    }
+
+    /// What becomes of a cell; if it is one of the last, it is not halved.
+    fn fate(&self, Cell { cell, local, triangles }: &Cell, is_last: bool, scratch: &mut Scratch) -> Fate {
+        let mut fate = Fate::default();
+        let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(*cell), scratch) else {
+            return fate;
+        };
+        let side = octree::longest(cell);
+        let reach = WIDER * side + NEAR * self.size;
+        let near = self.near(cell, triangles, reach);
+        let is_small = side <= SEVERAL * self.size || local.pieces.len() == 1;
+        if is_small && near.is_empty() {
+            // No need to look closer: the mesh has nothing here.
+            let pieces = local.pieces.iter();
+            let mut found = pieces.filter_map(|k| self.witness(*k, cell, &local, &near, scratch));
+            if let Some(witness) = found.next() {
+                fate.witnesses.push(witness);
+                return fate;
+            }
+        }
+        let unknown: Vec<u32> = if is_small {
+            let pieces = local.pieces.iter().copied();
+            pieces.filter(|k| !self.is_known(*k, cell, &local, &near, scratch, &mut fate)).collect()
+        } else {
+            local.pieces.to_vec()
+        };
+        if unknown.is_empty() {
+            return fate;
+        }
+        fate.witnesses.clear();
+        if !is_last && side > self.smallest {
+            let parts = octree::split(*cell);
+            fate.parts = parts
+                .map(|cell| Cell { cell, local: local.clone(), triangles: near.clone() })
+                .collect();
+            return fate;
+        }
+        let found = unknown.iter().filter_map(|k| self.witness(*k, cell, &local, &near, scratch));
+        fate.witnesses = found.collect();
+        fate.open = usize::from(fate.witnesses.is_empty());
+        fate
+    }
+
+    /// Triangles in a cell or near it.
+    fn near(&self, cell: &Aabb, triangles: &[u32], reach: f64) -> Vec<u32> {
+        let is_near = |t: &&u32| {
+            let own = &self.boxes[**t as usize];
+            (0..3).all(|i| own.lo[i] <= cell.hi[i] + reach && own.hi[i] >= cell.lo[i] - reach)
+        };
+        triangles.iter().filter(is_near).copied().collect()
+    }
+
+    /// Whether a piece is one sheet in a cell, and the mesh has triangles of it there; or else, if
+    /// it has a point of the solid's surface there, which may lie on a face of another name.
+    fn is_known(
+        &self,
+        piece: u32,
+        cell: &Aabb,
+        local: &Local,
+        near: &[u32],
+        scratch: &mut Scratch,
+        fate: &mut Fate,
+    ) -> bool {
+        let own = near.iter().filter(|t| self.piece_of(**t) == Some(piece));
+        let normals: Vec<Point3> = own.map(|t| self.normals[*t as usize]).collect();
+        if let Some((axis, spread)) = cone(&normals) {
+            return self.is_one_sheet(piece, cell, axis, (TURN[0] + spread).min(TURN[1]));
+        }
+        if near.is_empty() {
+            return false;
+        }
+        let Some(witness) = self.witness(piece, cell, local, near, scratch) else {
+            return false;
+        };
+        let axis = normalised(self.solid, piece, witness.at).map(|g| g.n);
+        fate.witnesses.push(witness);
+        axis.is_some_and(|axis| self.is_one_sheet(piece, cell, axis, ALONE))
+    }
+
+    fn piece_of(&self, triangle: u32) -> Option<u32> {
+        let part = *self.mesh.triangle_parts.get(triangle as usize)?;
+        *self.pieces.get(part as usize)?
+    }
+
+    /// Whether the gradient of a piece is within an angle of an axis all over a cell. Where nothing
+    /// is known of gradients, nothing speaks against it.
+    fn is_one_sheet(&self, piece: u32, cell: &Aabb, axis: Point3, angle: f64) -> bool {
+        let by = WIDER * octree::longest(cell);
+        let wide = Aabb {
+            lo: cell.lo.map(|v| v - by),
+            hi: cell.hi.map(|v| v + by),
+        };
+        let Some(slopes) = self.solid.slopes(piece, wide) else {
+            return true;
+        };
+        let along = |a: Point3| {
+            (0..3).fold(Interval::constant(0.0), |sum, i| sum + slopes[i] * Interval::constant(a[i]))
+        };
+        let ahead = along(axis).lo();
+        let [u, v] = across(axis).map(|a| along(a).magnitude());
+        ahead > 0.0 && u.hypot(v) <= angle.tan() * ahead
+    }
+
+    /// A point near a cell at which a piece bounds the solid.
+    fn witness(
+        &self,
+        piece: u32,
+        cell: &Aabb,
+        local: &Local,
+        near: &[u32],
+        scratch: &mut Scratch,
+    ) -> Option<Witness> {
+        let side = octree::longest(cell);
+        let at = onto_one(self.solid, piece, cell.center(), REACH * cell.diagonal())?;
+        let n = normalised(self.solid, piece, at)?.n;
+        let mut sign = |by: f64| {
+            let p = std::array::from_fn(|i| at[i] + by * side * n[i]);
+            local.value(self.solid, p, scratch) >= 0.0
+        };
+        let beside = Aabb { lo: at, hi: at };
+        (sign(BESIDE) && !sign(-BESIDE)).then(|| Witness {
+            at,
+            piece,
+            near: !self.near(&beside, near, NEAR * self.size).is_empty(),
+        })
+    }
+}
+
+/// The unit normal of a triangle into the solid.
+fn inward([a, b, c]: [Point3; 3]) -> Point3 {
+    unit(cross(sub(c, a), sub(b, a)))
+}
+
+/// The mean direction of normals and the largest angle between it and one of them.
+fn cone(normals: &[Point3]) -> Option<(Point3, f64)> {
+    let mut sum = [0.0; 3];
+    for n in normals {
+        sum = std::array::from_fn(|i| sum[i] + n[i]);
+    }
+    let length = norm(sum);
+    (length > 0.0).then(|| {
+        let axis = sum.map(|v| v / length);
+        let angle = |n: &Point3| norm(cross(*n, axis)).atan2(dot(*n, axis));
+        (axis, normals.iter().map(angle).fold(0.0, f64::max))
+    })
+}
