@@ -457,8 +457,10 @@ fn examine_witnesses(
             boxes[*f as usize].add(built.points[*v as usize]);
         }
     }
-    let faces: Vec<(Aabb, &Surface)> =
-        boxes.into_iter().zip(built.brep.faces.iter().map(|f| &f.surface)).collect();
+    let faces: Vec<(Aabb, &Surface)> = boxes
+        .into_iter()
+        .zip(built.brep.faces.iter().map(|f| &f.surface))
+        .collect();
     let reach = BESIDE * built.size;
     // How far the next face is, and whether that is too far.
     let next = |p: Point3| {

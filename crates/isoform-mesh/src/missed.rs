@@ -9,7 +9,7 @@
 
 use crate::decide::{Local, Narrowed, Scratch};
 use crate::error::{Warning, WarningKind};
-use crate::features::newton::{normalised, onto_one};
+use crate::features::newton::{along, normalised, onto_one};
 use crate::features::octree;
 use crate::points::unit;
 use isoform_control::Control;
@@ -151,15 +151,36 @@ impl<'a> Search<'a> {
             solid,
             mesh,
             size,
-            pieces: mesh.parts.iter().map(|n| piece_of.get(n.as_str()).copied()).collect(),
-            boxes: mesh.triangles.par_iter().map(|t| Aabb::of(&corners(t))).collect(),
-            normals: mesh.triangles.par_iter().map(|t| inward(corners(t))).collect(),
+            pieces: mesh
+                .parts
+                .iter()
+                .map(|n| piece_of.get(n.as_str()).copied())
+                .collect(),
+            boxes: mesh
+                .triangles
+                .par_iter()
+                .map(|t| Aabb::of(&corners(t)))
+                .collect(),
+            normals: mesh
+                .triangles
+                .par_iter()
+                .map(|t| inward(corners(t)))
+                .collect(),
             smallest: size * 0.5f64.powi(LEVELS),
         }
     }
 
     /// What becomes of a cell; if it is one of the last, it is not halved.
-    fn fate(&self, Cell { cell, local, triangles }: &Cell, is_last: bool, scratch: &mut Scratch) -> Fate {
+    fn fate(
+        &self,
+        Cell {
+            cell,
+            local,
+            triangles,
+        }: &Cell,
+        is_last: bool,
+        scratch: &mut Scratch,
+    ) -> Fate {
         let mut fate = Fate::default();
         let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(*cell), scratch) else {
             return fate;
@@ -171,7 +192,7 @@ impl<'a> Search<'a> {
         if is_small && near.is_empty() {
             // No need to look closer: the mesh has nothing here.
             let pieces = local.pieces.iter();
-            let mut found = pieces.filter_map(|k| self.witness(*k, cell, &local, &near, scratch));
+            let mut found = pieces.filter_map(|k| self.witness(*k, cell, &near));
             if let Some(witness) = found.next() {
                 fate.witnesses.push(witness);
                 return fate;
@@ -179,7 +200,9 @@ impl<'a> Search<'a> {
         }
         let unknown: Vec<u32> = if is_small {
             let pieces = local.pieces.iter().copied();
-            pieces.filter(|k| !self.is_known(*k, cell, &local, &near, scratch, &mut fate)).collect()
+            pieces
+                .filter(|k| !self.is_known(*k, cell, &near, &mut fate))
+                .collect()
         } else {
             local.pieces.to_vec()
         };
@@ -190,11 +213,15 @@ impl<'a> Search<'a> {
         if !is_last && side > self.smallest {
             let parts = octree::split(*cell);
             fate.parts = parts
-                .map(|cell| Cell { cell, local: local.clone(), triangles: near.clone() })
+                .map(|cell| Cell {
+                    cell,
+                    local: local.clone(),
+                    triangles: near.clone(),
+                })
                 .collect();
             return fate;
         }
-        let found = unknown.iter().filter_map(|k| self.witness(*k, cell, &local, &near, scratch));
+        let found = unknown.iter().filter_map(|k| self.witness(*k, cell, &near));
         fate.witnesses = found.collect();
         fate.open = usize::from(fate.witnesses.is_empty());
         fate
@@ -211,15 +238,7 @@ impl<'a> Search<'a> {
 
     /// Whether a piece is one sheet in a cell, and the mesh has triangles of it there; or else, if
     /// it has a point of the solid's surface there, which may lie on a face of another name.
-    fn is_known(
-        &self,
-        piece: u32,
-        cell: &Aabb,
-        local: &Local,
-        near: &[u32],
-        scratch: &mut Scratch,
-        fate: &mut Fate,
-    ) -> bool {
+    fn is_known(&self, piece: u32, cell: &Aabb, near: &[u32], fate: &mut Fate) -> bool {
         let own = near.iter().filter(|t| self.piece_of(**t) == Some(piece));
         let normals: Vec<Point3> = own.map(|t| self.normals[*t as usize]).collect();
         if let Some((axis, spread)) = cone(&normals) {
@@ -228,7 +247,7 @@ impl<'a> Search<'a> {
         if near.is_empty() {
             return false;
         }
-        let Some(witness) = self.witness(piece, cell, local, near, scratch) else {
+        let Some(witness) = self.witness(piece, cell, near) else {
             return false;
         };
         let axis = normalised(self.solid, piece, witness.at).map(|g| g.n);
@@ -244,44 +263,45 @@ impl<'a> Search<'a> {
     /// Whether the gradient of a piece is within an angle of an axis all over a cell. Where nothing
     /// is known of gradients, nothing speaks against it.
     fn is_one_sheet(&self, piece: u32, cell: &Aabb, axis: Point3, angle: f64) -> bool {
-        let by = WIDER * octree::longest(cell);
-        let wide = Aabb {
-            lo: cell.lo.map(|v| v - by),
-            hi: cell.hi.map(|v| v + by),
-        };
-        let Some(slopes) = self.solid.slopes(piece, wide) else {
+        let Some(slopes) = self.solid.slopes(piece, wider(cell)) else {
             return true;
         };
-        let along = |a: Point3| {
-            (0..3).fold(Interval::constant(0.0), |sum, i| sum + slopes[i] * Interval::constant(a[i]))
+        let component = |a: Point3| {
+            (0..3).fold(Interval::constant(0.0), |sum, i| {
+                sum + slopes[i] * Interval::constant(a[i])
+            })
         };
-        let ahead = along(axis).lo();
-        let [u, v] = across(axis).map(|a| along(a).magnitude());
+        let ahead = component(axis).lo();
+        let [u, v] = across(axis).map(|a| component(a).magnitude());
         ahead > 0.0 && u.hypot(v) <= angle.tan() * ahead
     }
 
     /// A point near a cell at which a piece bounds the solid.
-    fn witness(
-        &self,
-        piece: u32,
-        cell: &Aabb,
-        local: &Local,
-        near: &[u32],
-        scratch: &mut Scratch,
-    ) -> Option<Witness> {
+    fn witness(&self, piece: u32, cell: &Aabb, near: &[u32]) -> Option<Witness> {
         let side = octree::longest(cell);
         let at = onto_one(self.solid, piece, cell.center(), REACH * cell.diagonal())?;
+        if !octree::holds(&wider(cell), at) {
+            return None;
+        }
         let n = normalised(self.solid, piece, at)?.n;
-        let mut sign = |by: f64| {
-            let p = std::array::from_fn(|i| at[i] + by * side * n[i]);
-            local.value(self.solid, p, scratch) >= 0.0
-        };
+        let beside = [BESIDE, -BESIDE].map(|by| along(at, n, by * side));
+        let mut signs = [0.0; 2];
+        self.solid.sign_values(&beside, &mut signs);
         let beside = Aabb { lo: at, hi: at };
-        (sign(BESIDE) && !sign(-BESIDE)).then(|| Witness {
+        (signs[0] >= 0.0 && signs[1] < 0.0).then(|| Witness {
             at,
             piece,
             near: !self.near(&beside, near, NEAR * self.size).is_empty(),
         })
+    }
+}
+
+/// A cell with some room around it.
+fn wider(cell: &Aabb) -> Aabb {
+    let by = WIDER * octree::longest(cell);
+    Aabb {
+        lo: cell.lo.map(|v| v - by),
+        hi: cell.hi.map(|v| v + by),
     }
 }
 
