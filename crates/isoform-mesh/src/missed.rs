@@ -9,7 +9,7 @@
 
 use crate::decide::{Local, Narrowed, Scratch};
 use crate::error::{Warning, WarningKind};
-use crate::features::newton::{along, normalised, onto_one};
+use crate::features::newton::{along, normalised, onto_one_within};
 use crate::features::octree;
 use crate::points::unit;
 use isoform_control::Control;
@@ -40,6 +40,9 @@ const BUDGET: [usize; 2] = [20_000, 4];
 const GROWTH: usize = 4;
 /// How far from the middle of a cell a surface is sought, in diagonals.
 const REACH: f64 = 1.5;
+/// How far witnesses may be from their surface, in sizes of the mesh: a hundredth of what solids
+/// are held to; functions of thin bores cancel all further digits.
+const OFF: f64 = 1e-10;
 /// Points on both sides of a witness have different signs at this part of the cell's size from it.
 const BESIDE: f64 = 1e-3;
 /// Witnesses that are kept.
@@ -90,6 +93,24 @@ struct Fate {
     open: usize,
 }
 
+impl Fate {
+    fn found(witnesses: Vec<Witness>) -> Self {
+        Self {
+            witnesses,
+            ..Self::default()
+        }
+    }
+}
+
+/// Whether a piece is known in a cell.
+enum Known {
+    /// The mesh has its only sheet.
+    ByMesh,
+    /// It has a sheet that the mesh has not by this name, with a point of the surface.
+    By(Witness),
+    No,
+}
+
 /// The mesh, ready to be asked.
 struct Search<'a> {
     solid: &'a dyn Solid,
@@ -112,6 +133,12 @@ pub(crate) fn missed(
     control: &Control<'_>,
 ) -> Missed {
     let search = Search::new(solid, mesh, size);
+    if !search.has_bounds() {
+        return Missed {
+            open: 1,
+            ..Missed::default()
+        };
+    }
     let budget = BUDGET[0] + BUDGET[1] * mesh.triangles.len();
     let mut out = Missed::default();
     let mut level = vec![Cell {
@@ -170,61 +197,75 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// What becomes of a cell; if it is one of the last, it is not halved.
-    fn fate(
-        &self,
-        Cell {
-            cell,
-            local,
-            triangles,
-        }: &Cell,
-        is_last: bool,
-        scratch: &mut Scratch,
-    ) -> Fate {
-        let mut fate = Fate::default();
-        let Narrowed::Mixed(local) = local.narrow(self.solid, octree::slack(*cell), scratch) else {
-            return fate;
+    /// Whether intervals say anything of the solid, as they do not of programs that are run: looked
+    /// at about a triangle, since ranges over all may be infinite.
+    fn has_bounds(&self) -> bool {
+        let all: Vec<u32> = (0..self.solid.names().len() as u32).collect();
+        let mut ranges = vec![Interval::ALL; all.len()];
+        let Some(cell) = self.boxes.first() else {
+            return true;
         };
-        let side = octree::longest(cell);
-        let reach = WIDER * side + NEAR * self.size;
-        let near = self.near(cell, triangles, reach);
+        self.solid.bounds(&all, *cell, &mut ranges);
+        ranges
+            .iter()
+            .any(|r| r.lo().is_finite() || r.hi().is_finite())
+    }
+
+    /// What becomes of a cell; if it is one of the last, it is not halved.
+    fn fate(&self, from: &Cell, is_last: bool, scratch: &mut Scratch) -> Fate {
+        let cell = from.cell;
+        let Narrowed::Mixed(local) = from.local.narrow(self.solid, octree::slack(cell), scratch)
+        else {
+            return Fate::default();
+        };
+        let side = octree::longest(&cell);
+        let near = self.near(&cell, &from.triangles, WIDER * side + NEAR * self.size);
         let is_small = side <= SEVERAL * self.size || local.pieces.len() == 1;
         if is_small && near.is_empty() {
             // No need to look closer: the mesh has nothing here.
             let pieces = local.pieces.iter();
-            let mut found = pieces.filter_map(|k| self.witness(*k, cell, &near));
-            if let Some(witness) = found.next() {
-                fate.witnesses.push(witness);
-                return fate;
+            if let Some(witness) = pieces.filter_map(|k| self.witness(*k, &cell, &near)).next() {
+                return Fate::found(vec![witness]);
             }
         }
-        let unknown: Vec<u32> = if is_small {
-            let pieces = local.pieces.iter().copied();
-            pieces
-                .filter(|k| !self.is_known(*k, cell, &near, &mut fate))
-                .collect()
-        } else {
-            local.pieces.to_vec()
-        };
-        if unknown.is_empty() {
-            return fate;
+        let known: Vec<Known> = local
+            .pieces
+            .iter()
+            .map(|k| self.known(*k, &cell, &near))
+            .collect();
+        if is_small && known.iter().all(|k| !matches!(k, Known::No)) {
+            let witness = |k: Known| {
+                if let Known::By(witness) = k {
+                    Some(witness)
+                } else {
+                    None
+                }
+            };
+            return Fate::found(known.into_iter().filter_map(witness).collect());
         }
-        fate.witnesses.clear();
         if !is_last && side > self.smallest {
-            let parts = octree::split(*cell);
-            fate.parts = parts
-                .map(|cell| Cell {
-                    cell,
-                    local: local.clone(),
-                    triangles: near.clone(),
-                })
-                .collect();
-            return fate;
+            let parts = octree::split(cell).map(|cell| Cell {
+                cell,
+                local: local.clone(),
+                triangles: near.clone(),
+            });
+            return Fate {
+                parts: parts.collect(),
+                ..Fate::default()
+            };
         }
-        let found = unknown.iter().filter_map(|k| self.witness(*k, cell, &near));
-        fate.witnesses = found.collect();
-        fate.open = usize::from(fate.witnesses.is_empty());
-        fate
+        let unknown = local
+            .pieces
+            .iter()
+            .zip(&known)
+            .filter(|(_, k)| matches!(k, Known::No));
+        let found: Vec<Witness> = unknown
+            .filter_map(|(k, _)| self.witness(*k, &cell, &near))
+            .collect();
+        Fate {
+            open: usize::from(found.is_empty()),
+            ..Fate::found(found)
+        }
     }
 
     /// Triangles in a cell or near it.
@@ -236,23 +277,26 @@ impl<'a> Search<'a> {
         triangles.iter().filter(is_near).copied().collect()
     }
 
-    /// Whether a piece is one sheet in a cell, and the mesh has triangles of it there; or else, if
-    /// it has a point of the solid's surface there, which may lie on a face of another name.
-    fn is_known(&self, piece: u32, cell: &Aabb, near: &[u32], fate: &mut Fate) -> bool {
+    /// Whether a piece is one sheet in a cell, and the mesh has triangles of it there; or else has
+    /// a point of the solid's surface there, which may lie on a face of another name.
+    fn known(&self, piece: u32, cell: &Aabb, near: &[u32]) -> Known {
         let own = near.iter().filter(|t| self.piece_of(**t) == Some(piece));
         let normals: Vec<Point3> = own.map(|t| self.normals[*t as usize]).collect();
         if let Some((axis, spread)) = cone(&normals) {
-            return self.is_one_sheet(piece, cell, axis, (TURN[0] + spread).min(TURN[1]));
+            let is_known = self.is_one_sheet(piece, cell, axis, (TURN[0] + spread).min(TURN[1]));
+            return if is_known { Known::ByMesh } else { Known::No };
         }
         if near.is_empty() {
-            return false;
+            return Known::No;
         }
-        let Some(witness) = self.witness(piece, cell, near) else {
-            return false;
-        };
-        let axis = normalised(self.solid, piece, witness.at).map(|g| g.n);
-        fate.witnesses.push(witness);
-        axis.is_some_and(|axis| self.is_one_sheet(piece, cell, axis, ALONE))
+        let witness = self.witness(piece, cell, near);
+        let axis = witness.and_then(|w| normalised(self.solid, piece, w.at));
+        match (witness, axis) {
+            (Some(witness), Some(axis)) if self.is_one_sheet(piece, cell, axis.n, ALONE) => {
+                Known::By(witness)
+            }
+            _ => Known::No,
+        }
     }
 
     fn piece_of(&self, triangle: u32) -> Option<u32> {
@@ -279,7 +323,8 @@ impl<'a> Search<'a> {
     /// A point near a cell at which a piece bounds the solid.
     fn witness(&self, piece: u32, cell: &Aabb, near: &[u32]) -> Option<Witness> {
         let side = octree::longest(cell);
-        let at = onto_one(self.solid, piece, cell.center(), REACH * cell.diagonal())?;
+        let reach = REACH * cell.diagonal();
+        let at = onto_one_within(self.solid, piece, cell.center(), reach, OFF * self.size)?;
         if !octree::holds(&wider(cell), at) {
             return None;
         }
