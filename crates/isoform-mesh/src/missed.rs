@@ -31,7 +31,7 @@ const SEVERAL: f64 = 2.0;
 /// (80 degrees; less than 90, so that there is one sheet).
 const TURN: [f64; 2] = [0.4363, 1.3963];
 /// How far normals may turn where there is no triangle to compare with, 60 degrees.
-const ALONE: f64 = 1.0472;
+const ALONE: f64 = std::f64::consts::FRAC_PI_3;
 /// Levels of cells below the size of the mesh.
 const LEVELS: i32 = 8;
 /// Cells that are looked at: so many, and so many for each triangle.

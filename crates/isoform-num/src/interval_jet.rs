@@ -426,7 +426,7 @@ mod tests {
         let centre = [0.7, -0.4, 0.9];
         for radius in [0.0, 1e-6, 1e-3, 0.05] {
             let [x, y, z] = std::array::from_fn(|i| {
-                IntervalJet::variable(Interval::new(centre[i] - radius, centre[i] + radius), i)
+                <IntervalJet>::variable(Interval::new(centre[i] - radius, centre[i] + radius), i)
             });
             let all = formula(&x, &y, &z);
             for corner in 0..8 {
@@ -462,12 +462,12 @@ mod tests {
 
     #[test]
     fn kinks_are_not_passed_over() {
-        let x = IntervalJet::variable(Interval::new(-1.0, 1.0), 0);
+        let x = <IntervalJet>::variable(Interval::new(-1.0, 1.0), 0);
         let a = x.abs();
         assert_eq!((a.v.lo(), a.v.hi()), (0.0, 1.0));
         assert_eq!((a.g[0].lo(), a.g[0].hi()), (-1.0, 1.0));
         assert_eq!(a.h[0], Interval::ALL);
-        let y = IntervalJet::variable(Interval::new(2.0, 3.0), 1);
+        let y = <IntervalJet>::variable(Interval::new(2.0, 3.0), 1);
         assert_eq!(x.max(&y), y);
     }
 }
