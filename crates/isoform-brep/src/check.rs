@@ -364,10 +364,16 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     } else if made.exact_gap > limits[0] {
         made.failures.push(Finding::Gap(made.exact_gap));
     }
-    let kink = SMOOTH[1] * (limits[1] / (1e-6 * size)).max(1.0);
-    if made.smooth_angle > kink.min(SMOOTH[2]) {
+    if made.smooth_angle > largest_kink(limits[1], size) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
+}
+
+/// The largest angle along smooth edges (degrees) where splines may be `tolerance` away from a
+/// model of that size.
+pub(crate) fn largest_kink(tolerance: f64, size: f64) -> f64 {
+    let kink = SMOOTH[1] * (tolerance / (1e-6 * size)).max(1.0);
+    kink.min(SMOOTH[2])
 }
 
 /// The surface of a face at an edge, and the sign of its own normal against the outward one.
