@@ -234,8 +234,17 @@ pub fn read_solids(json: &Value) -> Result<SolidFile> {
     checked(file)
 }
 
-/// A file whose solids hold together.
+/// A file whose solids hold together, with finite figures.
 pub(crate) fn checked(file: SolidFile) -> Result<SolidFile> {
+    let SolidProperties {
+        volume,
+        area,
+        centroid: [x, y, z],
+        gap,
+    } = file.properties;
+    if [volume, area, gap, x, y, z].iter().any(|v| !v.is_finite()) {
+        return Err(wrong("properties", "a number is not finite"));
+    }
     let defect = file.brep.validate().err();
     match defect {
         None => Ok(file),
