@@ -1,0 +1,208 @@
+//! The nearest point of a face: of its surface within its loops, else of its edges.
+//!
+//! The foot on the surface is exact, by formula or by iteration. Whether it lies within the loops is
+//! told by the nearest point of these: there the inside is on the left of the border. At a vertex
+//! the two borders that meet count both (as for normals of meshes, J. A. Bærentzen and H. Aanæs,
+//! IEEE Trans. Vis. Comput. Graph. 11, 2005).
+
+use crate::facets::Facets;
+use isoform_geom::brep::{Brep, Coedge, Curve, Face, Surface};
+use isoform_geom::{Point3, cross, distance_squared, distance_to_segment, dot, norm, sub};
+
+/// Steps of the golden section: it narrows an interval to a ten-thousandth of a millionth, and the
+/// distance is flat there.
+const SECTIONS: usize = 48;
+/// Steps of the iteration for feet on ellipsoids and splines.
+const STEPS: usize = 40;
+/// Steps from a point near a surface onto it.
+const LIFTS: usize = 8;
+/// What counts as no way at all, in lengths of the coordinates.
+const SAME: f64 = 1e-14;
+
+/// The faces and edges of a solid, with the triangles that tell where to begin.
+#[derive(Debug)]
+pub struct Skin<'a> {
+    brep: &'a Brep,
+    facets: &'a Facets,
+}
+
+/// A place on a border.
+struct Place {
+    at: Point3,
+    /// Which loop, which coedge of it.
+    of: [usize; 2],
+    /// The parameter on the edge.
+    s: f64,
+}
+
+impl<'a> Skin<'a> {
+    /// Of a solid and its triangles.
+    pub fn new(brep: &'a Brep, facets: &'a Facets) -> Self {
+        Self { brep, facets }
+    }
+
+    /// The point of a face that is nearest to `p`. On ellipsoids and splines it is the nearest one
+    /// that is met from `near`, a point near the face: never one that is nearer than the nearest.
+    pub fn nearest(&self, face: usize, p: Point3, near: Point3) -> Point3 {
+        let foot = foot(&self.brep.faces[face].surface, p, near);
+        if self.holds(face, foot) {
+            return foot;
+        }
+        let place = self.on_border(face, p);
+        place.map_or(foot, |place| place.at)
+    }
+
+    /// Whether a point of a face's surface lies within its loops.
+    fn holds(&self, face: usize, x: Point3) -> bool {
+        if x.iter().any(|v| !v.is_finite()) {
+            return false;
+        }
+        let Some(place) = self.on_border(face, x) else {
+            return true;
+        };
+        let face = &self.brep.faces[face];
+        let around = &face.loops[place.of[0]];
+        let coedge = around[place.of[1]];
+        let mut inward = self.inward(face, coedge, place.s);
+        let is_end = |s: f64| (place.s - s).abs() <= 1e-7;
+        if is_end(0.0) || is_end(1.0) {
+            let at_last = is_end(1.0) == coedge.forward;
+            let (i, n) = (place.of[1], around.len());
+            let other = around[if at_last { i + 1 } else { i + n - 1 } % n];
+            let s = if at_last == other.forward { 0.0 } else { 1.0 };
+            let more = self.inward(face, other, s);
+            inward = std::array::from_fn(|k| inward[k] + more[k]);
+        }
+        dot(sub(x, place.at), inward) >= 0.0
+    }
+
+    /// The unit direction into a face from its border.
+    fn inward(&self, face: &Face, coedge: Coedge, s: f64) -> Point3 {
+        let (p, velocity) = self.brep.along(coedge.edge, s);
+        let normal = face.surface.distance(p).1;
+        // Left of the border, seen from outside.
+        let sense = if coedge.forward == face.agrees { 1.0 } else { -1.0 };
+        let left = cross(normal, velocity).map(|v| sense * v);
+        let length = norm(left);
+        left.map(|v| if length > 0.0 { v / length } else { 0.0 })
+    }
+
+    /// The point of the loops of a face that is nearest to `p`: the nearest piece of their
+    /// polygons, and the curve there.
+    fn on_border(&self, face: usize, p: Point3) -> Option<Place> {
+        let mut best: Option<(f64, [usize; 2], usize)> = None;
+        for (l, around) in self.brep.faces[face].loops.iter().enumerate() {
+            for (c, coedge) in around.iter().enumerate() {
+                let along = &self.facets.along[coedge.edge as usize];
+                for (i, ends) in along.windows(2).enumerate() {
+                    let piece = [ends[0], ends[1]].map(|n| self.facets.points[n.1 as usize]);
+                    let d = distance_to_segment(p, piece);
+                    if best.is_none_or(|best| d < best.0) {
+                        best = Some((d, [l, c], i));
+                    }
+                }
+            }
+        }
+        let (_, of, i) = best?;
+        let edge = self.brep.faces[face].loops[of[0]][of[1]].edge;
+        let along = &self.facets.along[edge as usize];
+        let (from, to) = (i.saturating_sub(1), (i + 2).min(along.len() - 1));
+        let s = self.on_edge(edge, [along[from].0, along[to].0], p);
+        let at = self.brep.along(edge, s).0;
+        Some(Place { at, of, s })
+    }
+
+    /// The parameter between two others at which an edge is nearest to `p`.
+    fn on_edge(&self, edge: u32, [mut a, mut b]: [f64; 2], p: Point3) -> f64 {
+        if matches!(self.brep.edges[edge as usize].curve, Curve::Line) {
+            let (from, way) = self.brep.along(edge, 0.0);
+            return (dot(sub(p, from), way) / dot(way, way)).clamp(a, b);
+        }
+        let far = |s: f64| distance_squared(self.brep.along(edge, s).0, p);
+        let golden = 0.5 * (5f64.sqrt() - 1.0);
+        let ends = [a, b];
+        let (mut s, mut t) = (b - golden * (b - a), a + golden * (b - a));
+        let (mut at_s, mut at_t) = (far(s), far(t));
+        for _ in 0..SECTIONS {
+            if at_s < at_t {
+                (b, t, at_t) = (t, s, at_s);
+                s = b - golden * (b - a);
+                at_s = far(s);
+            } else {
+                (a, s, at_s) = (s, t, at_t);
+                t = a + golden * (b - a);
+                at_t = far(t);
+            }
+        }
+        let best = 0.5 * (a + b);
+        let candidates = [best, ends[0], ends[1]];
+        let nearest = candidates.into_iter().min_by(|x, y| far(*x).total_cmp(&far(*y)));
+        nearest.unwrap_or(best)
+    }
+}
+
+/// The point of a surface nearest to `p`.
+fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
+    let (d, n) = surface.distance(p);
+    let direct: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
+    match surface {
+        Surface::Ellipsoid(_) | Surface::Graph(_) => iterated(surface, p, near),
+        Surface::Cone(axes, _, half_angle) => {
+            // Beyond the apex the line in the half-plane goes on to the other side.
+            let beyond = (axes.local(direct)[2] - surface.base_of_v()) * half_angle.signum();
+            match surface.apex() {
+                Some(apex) if beyond < 0.0 => apex,
+                _ => direct,
+            }
+        }
+        _ => direct,
+    }
+}
+
+/// A point onto a surface that it lies near to.
+fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
+    for _ in 0..LIFTS {
+        let (d, n) = surface.distance(x);
+        let next: Point3 = std::array::from_fn(|k| x[k] - d * n[k]);
+        if next.iter().any(|v| !v.is_finite()) {
+            break;
+        }
+        let way = norm(sub(next, x));
+        x = next;
+        if way <= SAME * norm(x) {
+            break;
+        }
+    }
+    x
+}
+
+/// The foot by tangent planes: where `p` falls onto the one at x is nearer to its foot, as long as
+/// `p` is nearer than the centre of curvature; where not, the nearest that was met.
+fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
+    let mut x = lifted(surface, near);
+    let mut far = norm(sub(p, x));
+    for _ in 0..STEPS {
+        let n = surface.distance(x).1;
+        let off = dot(sub(p, x), n);
+        let on_plane = std::array::from_fn(|k| p[k] - off * n[k]);
+        let mut next = lifted(surface, on_plane);
+        // Steps that lead away are too long.
+        for _ in 0..LIFTS {
+            if norm(sub(p, next)) <= far {
+                break;
+            }
+            let half = std::array::from_fn(|k| 0.5 * (x[k] + next[k]));
+            next = lifted(surface, half);
+        }
+        let now = norm(sub(p, next));
+        if now.is_nan() || now > far {
+            break;
+        }
+        let way = norm(sub(next, x));
+        (x, far) = (next, now);
+        if way <= SAME * norm(x) {
+            break;
+        }
+    }
+    x
+}
