@@ -256,12 +256,7 @@ fn step_of<'p>(
 }
 
 /// The largest distance of the middles of triangles, and of those of their edges, from the surface.
-fn deviation(
-    surface: &Surface,
-    triangles: &[[u32; 3]],
-    outer: &[Point3],
-    inner: &[Point3],
-) -> f64 {
+fn deviation(surface: &Surface, triangles: &[[u32; 3]], outer: &[Point3], inner: &[Point3]) -> f64 {
     let point = |v: u32| {
         let v = v as usize;
         let within = || inner[v - outer.len()];
@@ -412,11 +407,7 @@ impl Border {
 
     /// By face of the triangulation, whether it lies on the left of the sides, or goes on from such
     /// without crossing one. None if the faces outside do, too.
-    fn inside(
-        &self,
-        cdt: &Cdt,
-        handles: &BTreeMap<u32, FixedVertexHandle>,
-    ) -> Option<Vec<bool>> {
+    fn inside(&self, cdt: &Cdt, handles: &BTreeMap<u32, FixedVertexHandle>) -> Option<Vec<bool>> {
         let mut inside = vec![false; cdt.num_all_faces()];
         let mut waiting = Vec::new();
         for [a, b] in self.sides() {

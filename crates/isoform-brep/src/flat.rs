@@ -104,7 +104,9 @@ impl Flat {
                 y / minor + self.starts[1],
             ],
             Surface::Sphere(..) | Surface::Ellipsoid(_) => {
-                return self.ball.map_or([f64::NAN; 3], |ball| on_ball(&ball, [x, y]));
+                return self
+                    .ball
+                    .map_or([f64::NAN; 3], |ball| on_ball(&ball, [x, y]));
             }
         };
         self.surface.point(at)
@@ -177,11 +179,19 @@ mod tests {
                 let flat = Flat::new(surface, agrees, &loops).expect("a chart");
                 let p = surface.point([at[0] + 0.1, at[1] + 0.1]);
                 let place = flat.place(p);
-                assert!(norm(sub(flat.point(place), p)) < 1e-14, "{}", surface.name());
+                assert!(
+                    norm(sub(flat.point(place), p)) < 1e-14,
+                    "{}",
+                    surface.name()
+                );
                 let h = 1e-6;
                 let x = sub(flat.point([place[0] + h, place[1]]), p);
                 let y = sub(flat.point([place[0], place[1] + h]), p);
-                assert!(norm(x) < 1.0001 * h && norm(y) < 1.0001 * h, "{}", surface.name());
+                assert!(
+                    norm(x) < 1.0001 * h && norm(y) < 1.0001 * h,
+                    "{}",
+                    surface.name()
+                );
                 let own = if agrees { 1.0 } else { -1.0 };
                 let normal = surface.distance(p).1.map(|v| own * v);
                 assert!(dot(cross(x, y), normal) > 0.0, "{}", surface.name());

@@ -81,7 +81,11 @@ impl<'a> Skin<'a> {
         let (p, velocity) = self.brep.along(coedge.edge, s);
         let normal = face.surface.distance(p).1;
         // Left of the border, seen from outside.
-        let sense = if coedge.forward == face.agrees { 1.0 } else { -1.0 };
+        let sense = if coedge.forward == face.agrees {
+            1.0
+        } else {
+            -1.0
+        };
         let left = cross(normal, velocity).map(|v| sense * v);
         let length = norm(left);
         left.map(|v| if length > 0.0 { v / length } else { 0.0 })
@@ -136,7 +140,9 @@ impl<'a> Skin<'a> {
         }
         let best = 0.5 * (a + b);
         let candidates = [best, ends[0], ends[1]];
-        let nearest = candidates.into_iter().min_by(|x, y| far(*x).total_cmp(&far(*y)));
+        let nearest = candidates
+            .into_iter()
+            .min_by(|x, y| far(*x).total_cmp(&far(*y)));
         nearest.unwrap_or(best)
     }
 }

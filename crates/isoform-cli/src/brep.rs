@@ -202,16 +202,22 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
     }
 }
 
-/// The result for people.
-pub(crate) fn text(report: &BrepReport) -> String {
+/// How many faces there are of each kind, in the order of the first of each.
+pub(crate) fn kinds<'k>(faces: impl Iterator<Item = &'k str>) -> String {
     let mut kinds: Vec<(&str, usize)> = Vec::new();
-    for face in &report.faces {
-        match kinds.iter_mut().find(|k| k.0 == face.kind) {
+    for face in faces {
+        match kinds.iter_mut().find(|k| k.0 == face) {
             Some(kind) => kind.1 += 1,
-            None => kinds.push((face.kind, 1)),
+            None => kinds.push((face, 1)),
         }
     }
     let kinds: Vec<String> = kinds.iter().map(|(k, n)| format!("{n} {k}")).collect();
+    kinds.join(", ")
+}
+
+/// The result for people.
+pub(crate) fn text(report: &BrepReport) -> String {
+    let kinds = kinds(report.faces.iter().map(|f| f.kind));
     let worst = report.faces.iter().map(|f| f.max_distance);
     let worst = worst.fold(0.0, f64::max);
     let seconds: f64 = report.seconds.0.iter().map(|s| s.1).sum();
@@ -221,10 +227,7 @@ pub(crate) fn text(report: &BrepReport) -> String {
             "solids",
             format!("{} with {} voids", report.solids, report.voids),
         ),
-        line(
-            "faces",
-            format!("{} ({})", report.faces.len(), kinds.join(", ")),
-        ),
+        line("faces", format!("{} ({kinds})", report.faces.len())),
         line(
             "edges",
             format!("{}, {} vertices", report.edges, report.vertices),

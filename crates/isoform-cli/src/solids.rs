@@ -1,14 +1,15 @@
 //! Files of solids: STEP, and our own form without loss (.brep.json).
 
-use crate::output::{self, Failure, NO_RESULT};
-use crate::scan;
+use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::watchdog::Writing;
-use isoform::ModelBrep;
-use isoform::brep::Finding;
+use crate::{interrupt, scan};
+use isoform::brep::{FacetOptions, FacetsError, Finding};
+use isoform::geom::Aabb;
 use isoform::io::{
     SolidFile, SolidOptions, SolidProperties, StepOptions, is_solid_file, read_solids,
     read_step_solids, step_solids, write_solids, write_step_solids,
 };
+use isoform::{ExactSolid, ModelBrep, solid_gap};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -130,6 +131,45 @@ fn properties(made: &ModelBrep) -> SolidProperties {
         area: total.area,
         centroid: made.certificate.centroid(),
         gap: made.certificate.gap,
+    }
+}
+
+/// What edges of a file may be away from their faces without a warning, in diagonals of the box of
+/// the vertices: ten times what splines of our own files are.
+const LOOSE: f64 = 1e-5;
+
+/// The solids of a file with their triangles, as fine as `options` say. Edges that leave their faces
+/// are warned of: figures are worth no more than these agree.
+pub(crate) fn divided(
+    path: &Path,
+    file: SolidFile,
+    options: Option<FacetOptions>,
+    context: &Context,
+) -> Result<ExactSolid, Failure> {
+    let name = path.display();
+    let gap = solid_gap(&file.brep);
+    let size = Aabb::of(&file.brep.vertices).diagonal();
+    if gap > LOOSE * size.max(10.0 * file.properties.gap) {
+        context.warn(format_args!(
+            "{name}: edges are up to {gap:.1e} away from their faces"
+        ));
+    }
+    ExactSolid::new(file.brep, options, &context.control()).map_err(|e| match e {
+        FacetsError::Stopped if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", e.to_string())
+        }
+        FacetsError::Stopped => {
+            Failure::new(NO_RESULT, "time-limit", e.to_string()).hint("a longer --time-limit")
+        }
+        e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
+    })
+}
+
+/// The format of a file of solids, for people and reports.
+pub(crate) fn format(path: &Path) -> &'static str {
+    match kind(path) {
+        Some(Kind::Step) => "step",
+        _ => "brep.json",
     }
 }
 

@@ -267,7 +267,11 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
         let mut least = f64::INFINITY;
         for (_, i) in &found {
             let i = *i as usize;
-            let face = solid.facets().face_of[sampled.owner[i] as usize];
+            // A point too far away for the square of its distance has no neighbours.
+            let Some(owner) = sampled.owner.get(i) else {
+                continue;
+            };
+            let face = solid.facets().face_of[*owner as usize];
             if !faces.contains(&face) {
                 faces.push(face);
                 let foot = skin.nearest(face as usize, *p, sampled.points[i]);

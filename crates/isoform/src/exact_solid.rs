@@ -47,14 +47,14 @@ pub fn measure_solid(brep: &Brep) -> SolidMeasures {
         area,
         volume,
         centroid: std::array::from_fn(|k| center[k] + moment[k] / volume),
-        gap: gap(brep),
+        gap: solid_gap(brep),
         euler: brep.vertices.len() as i64 - brep.edges.len() as i64 + of_faces,
     }
 }
 
 /// The largest distance of edges from their faces and vertices, at samples; infinite where one is no
-/// number.
-fn gap(brep: &Brep) -> f64 {
+/// number. Solids that hold together as data may still have faces that do not meet.
+pub fn solid_gap(brep: &Brep) -> f64 {
     let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
     let mut gap = 0.0;
     for face in &brep.faces {
@@ -77,6 +77,18 @@ fn gap(brep: &Brep) -> f64 {
 }
 
 /// Solids with the triangles of their faces.
+/// ```
+/// use isoform::{Control, ExactSolid, MeshModelOptions, Side, brep_model, compare, template};
+/// use isoform::geom::PointCloud;
+/// let ball = template("sphere").expect("a template of the gallery").model();
+/// let control = Control::default();
+/// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 2.0], &MeshModelOptions::default(), None, &control)?;
+/// let solid = ExactSolid::new(made.built.brep, None, &control)?;
+/// let points = PointCloud::from_points(vec![[0.0, 0.0, 5.0], [0.0, 0.0, 0.5], [2.0, 0.0, 0.0]]);
+/// let (there, _) = compare(Side::Points(&points), Side::Solid(&solid), None, 1000)?;
+/// assert!((there.max - 3.0).abs() < 1e-12 && (there.mean - 1.5).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
 #[derive(Debug)]
 pub struct ExactSolid {
     brep: Brep,
