@@ -21,6 +21,10 @@ const HALVED: usize = 12;
 const FAR: f64 = 2.0;
 /// How often a lattice is made finer, and all is where borders cross as polygons.
 const FINER: usize = 3;
+/// Nodes on edges, at most.
+const MOST_NODES: usize = 1 << 22;
+/// Spade takes no smaller coordinates but 0.
+const TINY: f64 = 1e-40;
 /// Points of the lattice of a face, at most.
 const MOST: f64 = 100_000.0;
 /// The lattice ends this far from the border, in its own steps: nearer points make thin triangles.
@@ -62,6 +66,9 @@ pub enum FacetsError {
         /// What is wrong with it.
         why: &'static str,
     },
+    /// Edges need more than four million nodes.
+    #[error("so fine, its edges have more than four million nodes")]
+    TooMany,
     /// The work was stopped.
     #[error("stopped")]
     Stopped,
@@ -102,6 +109,10 @@ fn at(brep: &Brep, options: &FacetOptions, control: &Control<'_>) -> Result<Face
         ..Facets::default()
     };
     for e in 0..brep.edges.len() as u32 {
+        control.begin("triangles")?;
+        if made.points.len() > MOST_NODES {
+            return Err(FacetsError::TooMany);
+        }
         made.divide(brep, e, options);
     }
     for f in 0..brep.faces.len() {
@@ -240,17 +251,22 @@ fn step_of<'p>(
     } else {
         1.0
     };
-    let mut bend = 0.0f64;
-    for p in border {
-        let n = surface.distance(*p).1;
-        let [e, f] = isoform_geom::across(n);
-        for (a, b) in [(1.0, 0.0), (0.0, 1.0), (0.7, 0.7), (0.7, -0.7)] {
-            let t = std::array::from_fn(|k| a * e[k] + b * f[k]);
-            let k = surface.bending(*p, t).abs();
-            // At the apex of a cone it is no number.
-            bend = if k.is_finite() { bend.max(k) } else { bend };
-        }
-    }
+    let mut bends: Vec<f64> = border
+        .map(|p| {
+            let n = surface.distance(*p).1;
+            let [e, f] = isoform_geom::across(n);
+            let along = |(a, b)| {
+                let t = std::array::from_fn(|k| a * e[k] + b * f[k]);
+                surface.bending(*p, t).abs()
+            };
+            let all = [(1.0, 0.0), (0.0, 1.0), (0.7, 0.7), (0.7, -0.7)];
+            all.map(along).into_iter().fold(0.0, f64::max)
+        })
+        .collect();
+    // The middle one: at the apex of a cone it is infinite, and a lattice that is too coarse
+    // somewhere is made finer.
+    let half = bends.len() / 2;
+    let bend = *bends.select_nth_unstable_by(half, f64::total_cmp).1;
     let cap = (8.0 * options.chord / bend).sqrt();
     cap.min(options.longest) / steep
 }
@@ -297,7 +313,7 @@ struct Border {
 impl Border {
     fn new(flat: &Flat, loops: Vec<Vec<u32>>, points: &[Vec<Point3>]) -> Self {
         let node = |(number, p): (u32, &Point3)| Node {
-            at: flat.place(*p),
+            at: flat.place(*p).map(|v| if v.abs() < TINY { 0.0 } else { v }),
             number,
         };
         let loops = loops.into_iter().zip(points);
@@ -366,7 +382,7 @@ impl Border {
                     distance_to_segment(space(at), side.map(|n| space(n.at))) < near
                 };
                 if !beside.iter().any(is_near) {
-                    places.push(at);
+                    places.push(at.map(|v| if v.abs() < TINY { 0.0 } else { v }));
                 }
                 k += 1.0;
             }
@@ -426,5 +442,159 @@ impl Border {
             }
         }
         Some(inside)
+    }
+}
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::*;
+    use isoform_geom::brep::{Axes, Body, Edge};
+    use isoform_geom::cross;
+    use std::f64::consts::PI;
+
+    /// A can of radius 1 and height 2 about z, its wall in two halves: top and bottom are circles of
+    /// two arcs.
+    pub(crate) fn can() -> Brep {
+        let up = [0.0, 0.0, 1.0];
+        let axes = |height: f64, x: Point3| Axes {
+            origin: [0.0, 0.0, height],
+            z: up,
+            x,
+        };
+        let (x, back) = ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]);
+        let arc = |height, ends| Edge {
+            curve: Curve::Circle(axes(height, x), 1.0),
+            ends,
+        };
+        let line = |ends| Edge {
+            curve: Curve::Line,
+            ends,
+        };
+        let face = |surface, agrees, part, around: &[(u32, bool)]| {
+            let coedge = |&(edge, forward): &(u32, bool)| Coedge { edge, forward };
+            Face {
+                surface,
+                agrees,
+                part,
+                chart: 0,
+                loops: vec![around.iter().map(coedge).collect()],
+            }
+        };
+        // Frames as they are placed: where angles begin is away from the face.
+        let half = |y: f64| Surface::Cylinder(axes(0.0, [0.0, -y, 0.0]), 1.0);
+        let at = |x: Point3, z: f64| [x[0], x[1], z];
+        Brep {
+            vertices: vec![x, back, at(x, 2.0), at(back, 2.0)],
+            edges: vec![
+                arc(0.0, [0, 1]),
+                arc(0.0, [1, 0]),
+                arc(2.0, [2, 3]),
+                arc(2.0, [3, 2]),
+                line([0, 2]),
+                line([1, 3]),
+            ],
+            faces: vec![
+                face(
+                    Surface::Plane(axes(0.0, x)),
+                    false,
+                    0,
+                    &[(1, false), (0, false)],
+                ),
+                face(
+                    Surface::Plane(axes(2.0, x)),
+                    true,
+                    1,
+                    &[(2, true), (3, true)],
+                ),
+                face(
+                    half(1.0),
+                    true,
+                    2,
+                    &[(0, true), (5, true), (2, false), (4, false)],
+                ),
+                face(
+                    half(-1.0),
+                    true,
+                    2,
+                    &[(1, true), (4, true), (3, false), (5, false)],
+                ),
+            ],
+            parts: ["bottom", "top", "wall"].map(str::to_owned).to_vec(),
+            solids: vec![Body {
+                outer: vec![0, 1, 2, 3],
+                voids: Vec::new(),
+            }],
+        }
+    }
+
+    fn made(chord: f64, longest: f64) -> Facets {
+        let options = FacetOptions { chord, longest };
+        facets(&can(), &options, &Control::default()).expect("triangles")
+    }
+
+    fn volume(made: &Facets) -> f64 {
+        let corners = made
+            .triangles
+            .iter()
+            .map(|t| t.map(|v| made.points[v as usize]));
+        corners.map(|[a, b, c]| dot(a, cross(b, c)) / 6.0).sum()
+    }
+
+    #[test]
+    fn a_can_is_closed_and_its_volume_tends_to_the_closed_form() {
+        assert_eq!(can().validate(), Ok(()));
+        let errors = [1e-2, 2.5e-3].map(|chord| {
+            let made = made(chord, f64::INFINITY);
+            assert!(made.deviation <= FAR * chord && made.deviation > 0.1 * chord);
+            let mut sides: BTreeSet<[u32; 2]> = BTreeSet::new();
+            for [a, b, c] in &made.triangles {
+                for side in [[*a, *b], [*b, *c], [*c, *a]] {
+                    assert!(sides.insert(side), "twice in one direction");
+                }
+            }
+            assert!(
+                sides.iter().all(|[a, b]| sides.contains(&[*b, *a])),
+                "closed"
+            );
+            2.0 * PI - volume(&made)
+        });
+        // Of the order of the chord: a fourth of it leaves about a fourth.
+        assert!(errors[0] > 0.0 && errors[0] < 0.1, "{errors:?}");
+        assert!((2.0..8.0).contains(&(errors[0] / errors[1])), "{errors:?}");
+    }
+
+    #[test]
+    fn edges_along_edges_are_as_short_as_asked() {
+        let made = made(1e-2, 0.3);
+        let point = |n: &(f64, u32)| made.points[n.1 as usize];
+        let pieces = made.along.iter().flat_map(|l| l.windows(2));
+        let longest = pieces.map(|w| norm(sub(point(&w[0]), point(&w[1]))));
+        let longest = longest.fold(0.0, f64::max);
+        assert!(longest <= 0.3 && longest > 0.15, "{longest}");
+    }
+
+    #[test]
+    fn what_crosses_itself_or_goes_round_is_refused() {
+        // The bottom as an eight: its second arc runs the wrong way.
+        let mut eight = can();
+        eight.edges[1].ends = [0, 1];
+        eight.faces[0].loops[0][0].forward = true;
+        let said = |brep: &Brep| {
+            let options = FacetOptions {
+                chord: 1e-2,
+                longest: f64::INFINITY,
+            };
+            let none = facets(brep, &options, &Control::default());
+            none.expect_err("no triangles").to_string()
+        };
+        assert_eq!(
+            said(&eight),
+            "the face bottom cannot be divided into triangles: its border crosses itself"
+        );
+        // One wall all the way round, in a loop that passes its seam twice.
+        let mut round = can();
+        let more = round.faces.pop().expect("a face");
+        round.faces[2].loops.extend(more.loops);
+        assert!(said(&round).ends_with("it goes round"));
     }
 }

@@ -16,6 +16,8 @@ const SECTIONS: usize = 48;
 const STEPS: usize = 40;
 /// Steps from a point near a surface onto it.
 const LIFTS: usize = 8;
+/// Shares of a step that are tried, at least.
+const SHORTEST: f64 = 1e-3;
 /// What counts as no way at all, in lengths of the coordinates.
 const SAME: f64 = 1e-14;
 
@@ -182,23 +184,19 @@ fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
     x
 }
 
-/// The foot by tangent planes: where `p` falls onto the one at x is nearer to its foot, as long as
-/// `p` is nearer than the centre of curvature; where not, the nearest that was met.
+/// The foot by Newton's method in the tangent plane, from a point near the surface; where steps lead
+/// no nearer, the nearest that was met.
 fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     let mut x = lifted(surface, near);
     let mut far = norm(sub(p, x));
     for _ in 0..STEPS {
-        let n = surface.distance(x).1;
-        let off = dot(sub(p, x), n);
-        let on_plane = std::array::from_fn(|k| p[k] - off * n[k]);
-        let mut next = lifted(surface, on_plane);
+        let step = tangent_step(surface, p, x);
+        let mut next = lifted(surface, moved(x, step, 1.0));
         // Steps that lead away are too long.
-        for _ in 0..LIFTS {
-            if norm(sub(p, next)) <= far {
-                break;
-            }
-            let half = std::array::from_fn(|k| 0.5 * (x[k] + next[k]));
-            next = lifted(surface, half);
+        let mut share = 1.0;
+        while norm(sub(p, next)) > far && share > SHORTEST {
+            share *= 0.5;
+            next = lifted(surface, moved(x, step, share));
         }
         let now = norm(sub(p, next));
         if now.is_nan() || now > far {
@@ -211,4 +209,122 @@ fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
         }
     }
     x
+}
+
+fn moved(x: Point3, step: Point3, share: f64) -> Point3 {
+    std::array::from_fn(|k| x[k] + share * step[k])
+}
+
+/// The step in the tangent plane at x towards the foot of `p`. With r = p − x = rₜ + off n, and the
+/// surface x + t − ½ b(t, t) n near x (b: the second derivative of the distance), the square of the
+/// distance is |rₜ − t|² + (off + ½ b(t, t))², least to second order where (1 + off b) t = rₜ.
+fn tangent_step(surface: &Surface, p: Point3, x: Point3) -> Point3 {
+    let n = surface.distance(x).1;
+    let [e, f] = isoform_geom::across(n);
+    let r = sub(p, x);
+    let (off, a, c) = (dot(r, n), dot(r, e), dot(r, f));
+    let bend = |t: Point3| surface.bending(x, t);
+    let (ee, ff) = (bend(e), bend(f));
+    let both = bend(std::array::from_fn(|k| e[k] + f[k]));
+    let ef = 0.5 * (both - ee - ff);
+    let [k, l, m] = [1.0 + off * ee, off * ef, 1.0 + off * ff];
+    let det = k * m - l * l;
+    // Beyond a centre of curvature the second order knows no least distance.
+    let (s, t) = if k > 0.0 && det > 0.0 {
+        ((m * a - l * c) / det, (k * c - l * a) / det)
+    } else {
+        (a, c)
+    };
+    std::array::from_fn(|i| s * e[i] + t * f[i])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::facets::tests::can;
+    use crate::{Control, FacetOptions, facets};
+    use isoform_geom::brep::{Axes, Ellipsoid};
+
+    /// The distance of a point from the can of radius 1 between z = 0 and z = 2.
+    fn from_can([x, y, z]: Point3) -> f64 {
+        let (out, above) = (x.hypot(y) - 1.0, (z - 1.0).abs() - 1.0);
+        if out <= 0.0 && above <= 0.0 {
+            -out.max(above)
+        } else {
+            out.max(0.0).hypot(above.max(0.0))
+        }
+    }
+
+    #[test]
+    fn distances_from_a_can_are_the_closed_form() {
+        let brep = can();
+        // However coarse the triangles are: they only say where to begin.
+        for chord in [0.2, 1e-3] {
+            let options = FacetOptions {
+                chord,
+                longest: f64::INFINITY,
+            };
+            let facets = facets(&brep, &options, &Control::default()).expect("triangles");
+            let skin = Skin::new(&brep, &facets);
+            for i in 0..500 {
+                let at = |k: f64| 5.0 * (k * f64::from(i)).fract() - 2.0;
+                let p = [at(0.754_877), at(0.569_840), at(0.430_159)];
+                let feet = (0..4).map(|f| skin.nearest(f, p, p));
+                let least = feet.map(|q| norm(sub(p, q))).fold(f64::INFINITY, f64::min);
+                assert!((least - from_can(p)).abs() < 1e-13, "{p:?} {least}");
+            }
+        }
+    }
+
+    #[test]
+    fn points_near_a_border_know_their_side() {
+        let brep = can();
+        let options = FacetOptions {
+            chord: 0.2,
+            longest: f64::INFINITY,
+        };
+        let facets = facets(&brep, &options, &Control::default()).expect("triangles");
+        let skin = Skin::new(&brep, &facets);
+        // Between the polygon and the circle, and just outside of the circle.
+        for i in 0..64 {
+            let (sin, cos) = (0.1 * f64::from(i)).sin_cos();
+            let at = |r: f64| [r * cos, r * sin, 2.0];
+            assert!(norm(sub(skin.nearest(1, at(0.999), at(0.999)), at(0.999))) < 1e-15);
+            let out = skin.nearest(1, at(1.001), at(1.001));
+            assert!(norm(sub(out, at(1.0))) < 1e-9, "{out:?}");
+        }
+    }
+
+    #[test]
+    fn feet_on_an_ellipsoid_are_where_its_normal_leads() {
+        let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
+        let ball = Ellipsoid::new(axes, [0.9, 0.6, 0.4]);
+        let surface = Surface::Ellipsoid(ball);
+        for at in [[0.3, 0.2], [2.0, -1.0], [4.0, 1.2]] {
+            let q = surface.point(at);
+            let n = surface.distance(q).1;
+            // Down to half of the smallest radius of curvature, 0.4²/0.9.
+            for d in [3.0, 0.2, 0.0, -0.08] {
+                let p = std::array::from_fn(|k| q[k] + d * n[k]);
+                let near = std::array::from_fn(|k| q[k] + 0.05 * axes.x[k]);
+                let found = foot(&surface, p, near);
+                let away = norm(sub(found, q));
+                // The distance is flat at its least: it tells the foot to half of the digits.
+                assert!(away < 1e-8, "{at:?} {d} {away}");
+                assert!(
+                    (norm(sub(found, p)) - f64::abs(d)).abs() < 1e-14,
+                    "{at:?} {d}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn beyond_the_tip_of_a_cone_the_tip_is_nearest() {
+        let axes = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
+        let cone = Surface::Cone(axes, 1.0, 0.5);
+        let tip = [0.0, 0.0, -1.0 / 0.5f64.tan()];
+        let p = [0.1, 0.0, tip[2] - 2.0];
+        assert!(norm(sub(foot(&cone, p, p), tip)) < 1e-14);
+    }
 }

@@ -110,7 +110,7 @@ fn solid(path: &Path, file: &SolidFile) -> Outcome {
     let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
     let stated = &report.stated;
     let beside = |measured: f64, stated: f64| format!("{measured} (stated {stated})");
-    let [x, y, z] = report.centroid;
+    let [x, y, z] = report.centroid.map(brief);
     let lines = [
         ("name", report.name.clone()),
         (
