@@ -281,9 +281,9 @@ fn deviation(surface: &Surface, triangles: &[[u32; 3]], outer: &[Point3], inner:
     let mut worst = 0.0f64;
     for t in triangles {
         let [a, b, c] = t.map(point);
-        for at in [[a, b, c], [a, b, b], [b, c, c], [c, a, a]] {
-            // Of two corners, one counts twice: at a third of an edge, most of the way to its bow.
-            worst = worst.max(surface.distance(middle(at)).0.abs());
+        let half = |p: Point3, q: Point3| std::array::from_fn(|k| 0.5 * (p[k] + q[k]));
+        for at in [middle([a, b, c]), half(a, b), half(b, c), half(c, a)] {
+            worst = worst.max(surface.distance(at).0.abs());
         }
     }
     worst
