@@ -107,8 +107,13 @@ pub fn compare(
 ) -> Result<(Distances, Distances), CompareError> {
     let samples = samples.min(MOST_SURFACE_SAMPLES);
     let (a, b) = (Shape::new(a, "first")?, Shape::new(b, "second")?);
-    let from_a = a.sampled(region.or(b.bounds()), samples)?;
-    let from_b = b.sampled(region.or(a.bounds()), samples)?;
+    let mut from_a = a.sampled(region.or(b.bounds()), samples)?;
+    let mut from_b = b.sampled(region.or(a.bounds()), samples)?;
+    for (model, sampled, other) in [(&a, &mut from_a, &b), (&b, &mut from_b, &a)] {
+        if let (Shape::Model(field, values), Shape::Solid(_)) = (model, other) {
+            sampled.points = settled(&sampled.points, *field, values);
+        }
+    }
     for (sampled, side) in [(&from_a, "first"), (&from_b, "second")] {
         if sampled.points.is_empty() {
             return Err(CompareError::Empty(side));
@@ -320,6 +325,31 @@ const STEPS: usize = 6;
 /// How far each point is from its foot on the zero set, where Newton's method along gradients
 /// leads; by the value alone where it leads away.
 fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
+    let (at, first) = newton(points, field, a);
+    let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
+        let d = norm(sub(*p, *q));
+        if d <= 2.0 * f.abs() { d } else { f.abs() }
+    };
+    points.iter().zip(&at).zip(&first).map(distance).collect()
+}
+
+/// Points that lie near a model brought to it; where Newton's method leads away they stay. What
+/// samples of a model are away from it beside its edges would count as a distance from a solid,
+/// which is exact.
+fn settled(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
+    let (at, first) = newton(points, field, a);
+    let settle = |((p, q), f): ((&Point3, &Point3), &f64)| {
+        if norm(sub(*p, *q)) <= 2.0 * f.abs() {
+            *q
+        } else {
+            *p
+        }
+    };
+    points.iter().zip(&at).zip(&first).map(settle).collect()
+}
+
+/// Where Newton's method leads from points, and the values that it begins with.
+fn newton(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> (Vec<Point3>, Vec<f64>) {
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
     let mut first = Vec::new();
@@ -335,11 +365,7 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
             }
         }
     }
-    let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
-        let d = norm(sub(*p, *q));
-        if d <= 2.0 * f.abs() { d } else { f.abs() }
-    };
-    points.iter().zip(&at).zip(&first).map(distance).collect()
+    (at, first)
 }
 
 /// Distance of a point from a triangle: to the plane where the foot lies inside, else to the

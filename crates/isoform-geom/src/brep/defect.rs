@@ -240,7 +240,8 @@ fn curve(spline: &BSpline) -> Checked {
     points(control)?;
     knots.iter().try_for_each(|t| number(*t))?;
     need(
-        knots.len() == multiplicities.len() && multiplicities.iter().all(|n| *n <= degree + 1),
+        knots.len() == multiplicities.len()
+            && multiplicities.iter().all(|n| (1..=degree + 1).contains(n)),
         "the knots have no fitting multiplicities",
     )?;
     // At most 26 times the knots, by the line above: hostile multiplicities take no memory.
