@@ -15,6 +15,7 @@ use isoform_io::{
 };
 use proptest::prelude::*;
 use serde_json::{Value, json};
+use std::path::Path;
 use std::sync::Arc;
 
 fn number() -> impl Strategy<Value = f64> {
@@ -284,6 +285,31 @@ fn half_ball() -> SolidFile {
         unit: Some("um".to_owned()),
         properties,
     }
+}
+
+/// What the fuzzing target does, on its seeds: files of models with planes, cylinders, spheres,
+/// ellipsoids and splines.
+#[test]
+fn the_corpus_is_read() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_solids");
+    let mut read = [0, 0];
+    for entry in std::fs::read_dir(folder).expect("a corpus") {
+        let bytes = std::fs::read(entry.expect("an entry").path()).expect("readable");
+        let own = serde_json::from_slice(&bytes)
+            .ok()
+            .map(|json| read_solids(&json));
+        let step = read_step_solids(&String::from_utf8_lossy(&bytes));
+        for (k, file) in [own.and_then(Result::ok), step.ok()].iter().enumerate() {
+            let Some(file) = file else { continue };
+            work_on(file);
+            assert_eq!(
+                read_solids(&json_of(&write_solids(file))).as_ref(),
+                Ok(file)
+            );
+            read[k] += 1;
+        }
+    }
+    assert!(read.iter().all(|n| *n >= 2), "{read:?}");
 }
 
 #[test]
