@@ -243,7 +243,7 @@ mod tests {
     use super::*;
     use crate::facets::tests::can;
     use crate::{Control, FacetOptions, facets};
-    use isoform_geom::brep::{Axes, Ellipsoid};
+    use isoform_geom::brep::{Axes, Edge, Ellipsoid};
 
     /// The distance of a point from the can of radius 1 between z = 0 and z = 2.
     fn from_can([x, y, z]: Point3) -> f64 {
@@ -292,6 +292,55 @@ mod tests {
             assert!(norm(sub(skin.nearest(1, at(0.999), at(0.999)), at(0.999))) < 1e-15);
             let out = skin.nearest(1, at(1.001), at(1.001));
             assert!(norm(sub(out, at(1.0))) < 1e-9, "{out:?}");
+        }
+    }
+
+    /// Both sides of a flat triangle with its tip at the origin.
+    fn blade() -> Brep {
+        let axes = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
+        let line = |ends| Edge {
+            curve: Curve::Line,
+            ends,
+        };
+        let side = |forward: bool| {
+            let mut around: Vec<Coedge> = (0..3).map(|edge| Coedge { edge, forward }).collect();
+            if !forward {
+                around.reverse();
+            }
+            Face {
+                surface: Surface::Plane(axes),
+                agrees: forward,
+                part: 0,
+                chart: u32::from(!forward),
+                loops: vec![around],
+            }
+        };
+        Brep {
+            vertices: vec![[0.0; 3], [1.0, -0.2, 0.0], [1.0, 0.2, 0.0]],
+            edges: vec![line([0, 1]), line([1, 2]), line([2, 0])],
+            faces: vec![side(true), side(false)],
+            parts: vec!["blade".to_owned()],
+            solids: Vec::new(),
+        }
+    }
+
+    #[test]
+    fn before_a_sharp_tip_both_borders_count() {
+        let brep = blade();
+        let options = FacetOptions {
+            chord: 0.1,
+            longest: f64::INFINITY,
+        };
+        let facets = facets(&brep, &options, &Control::default()).expect("triangles");
+        let skin = Skin::new(&brep, &facets);
+        // To the left of one border each, but on the right of the other.
+        for face in [0, 1] {
+            for y in [0.3, -0.3] {
+                let p = [-0.1, y, 0.0];
+                assert_eq!(skin.nearest(face, p, p), [0.0; 3], "{face} {y}");
+            }
+            let within = [0.5, 0.05, 0.0];
+            assert!(norm(sub(skin.nearest(face, within, within), within)) < 1e-16);
         }
     }
 

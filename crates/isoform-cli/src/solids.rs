@@ -39,6 +39,11 @@ pub(crate) fn is_solid(path: &Path) -> bool {
     kind(path).is_some()
 }
 
+/// Whether it is a STEP file by its name, which states a unit in any case.
+pub(crate) fn is_step(path: &Path) -> bool {
+    kind(path) == Some(Kind::Step)
+}
+
 /// What files say of solids, beside what is measured.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Statement {

@@ -110,7 +110,7 @@ fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result
     let said = Statement::of(&job.template_name, unit(job));
     let name = format!("fitted {}", job.template_name);
     let (files, _) = solids::write(&made.solid, &wanted.paths, &said, &name)?;
-    if said.unit.is_none() {
+    if said.unit.is_none() && wanted.paths.iter().any(|p| solids::is_step(p)) {
         context
             .warn("the unit of the scan is not known: STEP files state mm (--units says another)");
     }

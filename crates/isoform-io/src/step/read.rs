@@ -341,12 +341,12 @@ impl<'f> Reader<'f> {
     /// The unit of length: a converted one stands before the one that it is converted to.
     fn unit(&self) -> Result<String> {
         let unknown = || wrong("LENGTH_UNIT", "this unit of length is not known");
-        for &number in self.all("CONVERSION_BASED_UNIT") {
-            match self.of(number, "CONVERSION_BASED_UNIT")?.text(0)? {
-                "INCH" => return Ok("in".to_owned()),
-                "FOOT" => return Ok("ft".to_owned()),
-                _ => return Err(unknown()),
-            }
+        if let Some(&number) = self.all("CONVERSION_BASED_UNIT").first() {
+            return match self.of(number, "CONVERSION_BASED_UNIT")?.text(0)? {
+                "INCH" => Ok("in".to_owned()),
+                "FOOT" => Ok("ft".to_owned()),
+                _ => Err(unknown()),
+            };
         }
         let number = *self.all("LENGTH_UNIT").first().ok_or_else(unknown)?;
         let unit = match self.of(number, "SI_UNIT")?.record.arguments.first() {
