@@ -1,6 +1,7 @@
 //! From a labelled mesh and the surfaces of its parts to faces, edges and vertices.
 
 use crate::charts::Smooth;
+use crate::check::largest_kink;
 use crate::curves::{Wanted, curve};
 use crate::cut::{Cut, Labelled, crossing, cuts_of, imprint, outlines};
 use crate::fit::normal_of;
@@ -35,6 +36,8 @@ const NAMED: f64 = 0.1;
 /// Splines are sought this much nearer to the model than is asked for: edges and samples are not
 /// everywhere.
 const NEARER: f64 = 0.25;
+/// Share of the largest kink that each spline may be turned by: two of them meet, between samples.
+const TURN: f64 = 0.4;
 
 /// A boundary representation, and the triangles that stand for its faces.
 #[derive(Clone, Debug)]
@@ -287,6 +290,7 @@ impl Builder<'_> {
                         component,
                         field,
                         tolerance: NEARER * self.tolerance,
+                        turn: TURN * largest_kink(self.tolerance, self.size).to_radians(),
                     };
                     let made = smooth.charts(&mut self.mesh, &mut self.across, control)?;
                     let made = made.ok_or_else(|| BrepError::NoSpline {

@@ -37,6 +37,8 @@ pub(crate) struct Smooth<'a> {
     pub(crate) field: &'a Arc<dyn Field>,
     /// How far splines may be away.
     pub(crate) tolerance: f64,
+    /// How far they are to be turned at most (radians), as far as more spans help.
+    pub(crate) turn: f64,
 }
 
 impl Smooth<'_> {
@@ -117,7 +119,7 @@ impl Smooth<'_> {
             triangles,
             direction,
         };
-        region.fit(self.tolerance)
+        region.fit(self.tolerance, self.turn)
     }
 }
 

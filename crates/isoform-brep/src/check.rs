@@ -28,6 +28,9 @@ const VOLUME: [f64; 2] = [1e-4, 0.1];
 /// The area of a face agrees with that of its triangles within this share of it, and this share of
 /// the square of the size: chords of a small face may be long.
 const AREA: [f64; 2] = [0.15, 1e-4];
+/// How far beside the nodes of a face it may go on, in sizes of the model: chords of its borders
+/// miss it by less.
+const BESIDE: f64 = 0.02;
 /// Places at which a face is compared with its function, at most.
 const PLACES: usize = 200;
 
@@ -89,6 +92,13 @@ pub enum Finding {
         /// Its area.
         area: f64,
     },
+    /// The model has surface that is on no face: features smaller than the triangles of the mesh.
+    Missed {
+        /// Where.
+        at: Point3,
+        /// How far the next face is.
+        by: f64,
+    },
     /// Something that the mesh leaves open.
     Mesh(String),
 }
@@ -130,6 +140,12 @@ impl fmt::Display for Finding {
                     "the face {face} has an area of {area:.2e} only: readers may lose it"
                 )
             }
+            Self::Missed { at, by } => write!(
+                f,
+                "the model has surface at ({}, {}, {}), {by:.2e} away from the faces: a part is \
+                 smaller than the triangles of the mesh; a smaller --size shows it",
+                at[0], at[1], at[2]
+            ),
             Self::Mesh(what) => write!(f, "the mesh: {what}"),
         }
     }
@@ -183,8 +199,15 @@ fn worse(a: f64, b: f64) -> f64 {
 
 /// Looks for everything that could be wrong. Edges and faces on splines may be `tolerance` away
 /// from one another and from the model, in model units; exact ones a tenth of what readers resolve,
-/// and no more than that. `open` is what the certificate of the mesh leaves open.
-pub fn check(built: &Built, solid: &dyn Solid, tolerance: f64, open: Vec<String>) -> Certificate {
+/// and no more than that. `witnesses` are points of the model's surface that have to be on faces,
+/// `open` is what the certificate of the mesh leaves open.
+pub fn check(
+    built: &Built,
+    solid: &dyn Solid,
+    tolerance: f64,
+    witnesses: &[Point3],
+    open: Vec<String>,
+) -> Certificate {
     let Built { brep, size, .. } = built;
     let mut made = Certificate {
         center: Aabb::of(&brep.vertices).center(),
@@ -202,6 +225,7 @@ pub fn check(built: &Built, solid: &dyn Solid, tolerance: f64, open: Vec<String>
     made.faces = (0..brep.faces.len()).map(measure).collect();
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
+    examine_witnesses(built, witnesses, [limit, tolerance], &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
         let is_spline = matches!(brep.faces[f].surface, Surface::Graph(_));
         if by > if is_spline { tolerance } else { limit } {
@@ -340,10 +364,16 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     } else if made.exact_gap > limits[0] {
         made.failures.push(Finding::Gap(made.exact_gap));
     }
-    let kink = SMOOTH[1] * (limits[1] / (1e-6 * size)).max(1.0);
-    if made.smooth_angle > kink.min(SMOOTH[2]) {
+    if made.smooth_angle > largest_kink(limits[1], size) {
         made.failures.push(Finding::Kink(made.smooth_angle));
     }
+}
+
+/// The largest angle along smooth edges (degrees) where splines may be `tolerance` away from a
+/// model of that size.
+pub(crate) fn largest_kink(tolerance: f64, size: f64) -> f64 {
+    let kink = SMOOTH[1] * (tolerance / (1e-6 * size)).max(1.0);
+    kink.min(SMOOTH[2])
 }
 
 /// The surface of a face at an edge, and the sign of its own normal against the outward one.
@@ -417,6 +447,45 @@ fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
         worst = worse(worst, value.abs() / norm(g));
     }
     worst
+}
+
+/// Whether points of the model's surface are on faces; the limits are those of exact faces, and of
+/// splines.
+fn examine_witnesses(
+    built: &Built,
+    witnesses: &[Point3],
+    limits: [f64; 2],
+    made: &mut Certificate,
+) {
+    let mut boxes = vec![Aabb::of([]); built.brep.faces.len()];
+    for (corners, f) in built.triangles.iter().zip(&built.face_of) {
+        for v in corners {
+            boxes[*f as usize].add(built.points[*v as usize]);
+        }
+    }
+    let faces: Vec<(Aabb, &Surface)> = boxes
+        .into_iter()
+        .zip(built.brep.faces.iter().map(|f| &f.surface))
+        .collect();
+    let reach = BESIDE * built.size;
+    // How far the next face is, and whether that is too far.
+    let next = |p: Point3| {
+        let near = faces.iter().filter(|(own, _)| {
+            (0..3).all(|i| own.lo[i] - reach <= p[i] && p[i] <= own.hi[i] + reach)
+        });
+        near.map(|(_, surface)| {
+            let by = surface.distance(p).0.abs();
+            let is_spline = matches!(surface, Surface::Graph(_));
+            (by, by > limits[usize::from(is_spline)])
+        })
+        .min_by(|a, b| a.1.cmp(&b.1).then(a.0.total_cmp(&b.0)))
+    };
+    let far = witnesses.iter().find_map(|&at| match next(at) {
+        Some((_, false)) => None,
+        Some((by, true)) => Some(Finding::Missed { at, by }),
+        None => Some(Finding::Missed { at, by: reach }),
+    });
+    made.failures.extend(far);
 }
 
 /// Areas and the volume beside those of the mesh.

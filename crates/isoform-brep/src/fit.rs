@@ -6,7 +6,7 @@
 //! on beyond the part, so that edges lie inside of its domain.
 
 use isoform_geom::brep::{Axes, Basis, Graph};
-use isoform_geom::{Field, Point3, cross, dot, sub};
+use isoform_geom::{Field, Point3, cross, dot, norm, sub};
 use isoform_num::linalg::banded_solve;
 use std::collections::VecDeque;
 
@@ -42,9 +42,10 @@ pub(crate) struct Region<'a> {
 }
 
 impl Region<'_> {
-    /// A spline that is no more than `tolerance` away at places of the part; none if the finest is
-    /// farther, or it is no graph.
-    pub(crate) fn fit(&self, tolerance: f64) -> Option<Graph> {
+    /// A spline that is no more than `tolerance` away at places of the part, and turned by no more
+    /// than `turn` (radians), as far as more spans help; none if the finest is farther away, or it
+    /// is no graph.
+    pub(crate) fn fit(&self, tolerance: f64, turn: f64) -> Option<Graph> {
         let frame = self.frame();
         let local: Vec<[Point3; 3]> = self
             .triangles
@@ -52,21 +53,28 @@ impl Region<'_> {
             .map(|t| t.map(|p| frame.local(p)))
             .collect();
         let domain = domain(&local);
-        let mut last = f64::INFINITY;
+        let (mut last, mut near) = (f64::INFINITY, None);
         for spans in SPANS {
             let lattice = Lattice::new(domain, spans);
             let heights = lattice.heights(self.field, &frame, &local);
             let graph = lattice.least_squares(frame, &heights)?;
-            let worst = self.worst(&graph);
-            if worst <= tolerance {
+            let [off, turned] = self.worst(&graph);
+            let is_near = off <= tolerance;
+            if is_near && turned <= turn {
                 return Some(graph);
             }
-            if spans > FIRST && worst > STALLED * last {
-                return None;
+            // What decides now: the distance, or the angle once that is small enough.
+            let worst = if is_near { turned / turn } else { off };
+            let is_first = is_near && near.is_none();
+            if spans > FIRST && !is_first && worst > STALLED * last {
+                break;
             }
             last = worst;
+            if is_near {
+                near = Some(graph);
+            }
         }
-        None
+        near
     }
 
     /// z along the direction, x along the longest side.
@@ -96,8 +104,8 @@ impl Region<'_> {
     }
 
     /// The largest distance of the graph from the function, to first order, above places of the
-    /// triangles.
-    fn worst(&self, graph: &Graph) -> f64 {
+    /// triangles, and the largest sine between their normals.
+    fn worst(&self, graph: &Graph) -> [f64; 2] {
         let shares = [
             [1.0 / 3.0, 1.0 / 3.0],
             [0.5, 0.5],
@@ -107,18 +115,22 @@ impl Region<'_> {
             [0.96, 0.02],
             [0.02, 0.96],
         ];
-        let mut worst = 0.0f64;
+        let mut worst = [0.0f64; 2];
         for [a, b, c] in &self.triangles {
             for [s, t] in shares {
                 let p: Point3 = std::array::from_fn(|k| (1.0 - s - t) * a[k] + s * b[k] + t * c[k]);
                 let [x, y, _] = graph.axes.local(p);
                 let jet = self.field.jet(graph.point([x, y]));
-                let off = jet.v.abs() / dot(jet.g, jet.g).sqrt();
-                worst = if off.is_nan() {
-                    f64::INFINITY
-                } else {
-                    worst.max(off)
-                };
+                let (length, n) = (norm(jet.g), graph.area_vector([x, y]));
+                let off = jet.v.abs() / length;
+                let turned = norm(cross(jet.g, n)) / (length * norm(n));
+                for (worst, found) in worst.iter_mut().zip([off, turned]) {
+                    *worst = if found.is_nan() {
+                        f64::INFINITY
+                    } else {
+                        worst.max(found)
+                    };
+                }
             }
         }
         worst
@@ -421,7 +433,7 @@ mod tests {
     fn a_cap_of_a_sphere_is_met_to_any_tolerance() {
         let region = cap([0.6, 0.0, 0.8]);
         let spans = |tolerance: f64| {
-            let graph = region.fit(tolerance).expect("a sphere is smooth");
+            let graph = region.fit(tolerance, 1.0).expect("a sphere is smooth");
             for p in region.triangles.as_flattened() {
                 let [x, y, _] = graph.axes.local(*p);
                 let off = (norm(graph.point([x, y])) - 1.0).abs();

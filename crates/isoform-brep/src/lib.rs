@@ -5,7 +5,8 @@
 //! chains of edges between them edges, and where these meet are vertices. The geometry is that of
 //! the surfaces and functions; edges and vertices are where these meet, by Newton's method. Faces
 //! that go round, or are no graph over a plane and have no name, are cut. [`check`](check()) looks
-//! for everything that could be wrong with it, and measures it without the mesh.
+//! for everything that could be wrong with it, and measures it without the mesh. [`facets`](facets())
+//! are its triangles, closed where it is, and [`Skin`] finds the nearest points of its faces.
 //!
 //! Lengths are in model units, angles in radians where nothing else is said.
 #![forbid(unsafe_code)]
@@ -16,9 +17,12 @@ mod charts;
 mod check;
 mod curves;
 mod cut;
+mod facets;
 mod fit;
+mod flat;
 mod locus;
 mod measure;
+mod nearest;
 mod newton;
 mod pieces;
 mod place;
@@ -29,9 +33,11 @@ mod topology;
 
 pub use build::{Built, brep};
 pub use check::{Certificate, Finding, check};
+pub use facets::{FacetOptions, Facets, FacetsError, facets};
 pub use isoform_control::Control;
 pub use locus::Locus;
 pub use measure::{Measure, of_face, total};
+pub use nearest::Skin;
 pub use pieces::{Pieces, pieces};
 pub use surfaces::Recognize;
 

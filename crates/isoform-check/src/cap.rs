@@ -4,7 +4,7 @@
 //! x_max − x, and so on. A side is linear, so its gradient and its bounds are exact.
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
-use isoform_num::{Interval, Jet2};
+use isoform_num::{Interval, Jet2, Real};
 
 /// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to
 /// `cap.z_max`.
@@ -123,6 +123,12 @@ impl Solid for Capped<'_> {
                     .solid
                     .bounds(&[piece], region, std::slice::from_mut(out)),
             }
+        }
+    }
+    fn slopes(&self, piece: u32, region: Aabb) -> Option<[Interval; 3]> {
+        match self.side(piece) {
+            Some(_) => Some(self.gradient(piece, region.lo).1.map(Interval::constant)),
+            None => self.solid.slopes(piece, region),
         }
     }
     fn sign_values(&self, points: &[Point3], out: &mut [f64]) {

@@ -5,14 +5,14 @@ use crate::mesh::table::line;
 use crate::mesh::work::{Phases, no_mesh, place};
 use crate::model::Language;
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
-use crate::watchdog::Writing;
-use crate::{eval, gallery, interrupt, scan};
-use isoform::brep::{BrepError, Finding};
+use crate::solids::{self, Statement};
+use crate::{eval, gallery, interrupt};
+use isoform::brep::BrepError;
+use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
-use isoform::io::{SolidOptions, SolidProperties, StepOptions, step_solids, write_step_solids};
 use isoform::report::{BrepReport, ModelName, Seconds, brief};
 use isoform::{BrepModelError, Control, MeshModelOptions, ModelBrep, brep_model};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// Writes a model as a solid of exact faces for CAD (STEP)
 #[derive(clap::Args)]
@@ -21,6 +21,7 @@ Examples:
   isoform brep part.hf -o part.step
   isoform brep part.hf --params 2,0.5 --units mm --ap214 -o part.step
   isoform brep part.hf --box=-1,-1,-1,1,1,1 -o half.step --json
+  isoform brep part.hf -o part.step -o part.brep.json
 
 Faces lie on the planes, cylinders, cones, spheres and tori of the model itself, not on triangles; faces that meet
 share one edge, edges that meet one vertex. Every solid comes with a certificate: closed, with the topology of the
@@ -53,7 +54,8 @@ pub(crate) struct Args {
     /// Write the older AP214 instead of AP242
     #[arg(long)]
     ap214: bool,
-    /// Write a STEP file (.step, .stp; - for stdout); may be repeated
+    /// Write a STEP file (.step, .stp; - for stdout), or our own form without loss (.brep.json); may
+    /// be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     #[command(flatten)]
@@ -62,104 +64,106 @@ pub(crate) struct Args {
 
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    check_targets(args, context)?;
+    solids::check(&args.output)?;
+    if args.output.is_empty() {
+        context.note("no -o: nothing will be written");
+    }
     let name = args.model.display().to_string();
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
-    let phases = Phases::new(context);
-    let show = |phase: &str, _: f64| phases.enter(phase);
-    let control = Control {
-        progress: Some(&show),
-        ..context.control()
+    let subject = Subject {
+        name,
+        unit: model.info().unit.clone(),
+        model,
+        values,
     };
     let mut options = MeshModelOptions {
         size: args.size,
         ..MeshModelOptions::default()
     };
     options.mesh.region = args.region;
-    let made = brep_model(&model, &values, &options, args.tol, &control)
-        .map_err(|e| no_brep(&e, &name, args.region))?;
-    for failure in &made.certificate.failures {
-        context.warn(failure);
-    }
-    for note in made.mesh.notes() {
-        context.warn(note);
-    }
-    let unit = model.info().unit.clone();
-    let units = args.units.clone().or_else(|| unit.clone());
-    let seconds = Seconds(phases.seconds());
-    let (files, stdout) = write(&made, args, units, &name)?;
-    let about = ModelName {
-        file: name,
-        object: model.name().to_owned(),
-        parameters: values,
-        unit,
-    };
-    let report = BrepReport::new(&made, about, files, seconds);
-    let json = output::json_of(&report);
-    let exit = output::exit(made.certificate.holds());
-    Ok(Outcome::of(exit, json, stdout, || text(&report)))
-}
-
-/// Finds out before the work whether every file can be written.
-fn check_targets(args: &Args, context: &Context) -> Result<(), Failure> {
-    for path in args.output.iter().filter(|p| *p != Path::new("-")) {
-        let ending = path.extension().unwrap_or_default().to_string_lossy();
-        if !["step", "stp"].contains(&ending.to_ascii_lowercase().as_str()) {
-            let path = path.display();
-            let message = format!("{path}: solids are not written with this ending");
-            return Err(Failure::usage(message).hint("a name that ends in .step or .stp"));
-        }
-        output::check_folder(path)?;
-    }
-    if args.output.is_empty() {
-        context.note("no -o: nothing will be written");
-    }
-    Ok(())
-}
-
-/// Writes all files; gives back their names, and what is for stdout.
-fn write(
-    made: &ModelBrep,
-    args: &Args,
-    units: Option<String>,
-    name: &str,
-) -> Result<(Vec<String>, Vec<u8>), Failure> {
-    let is_open = |f: &Finding| matches!(f, Finding::OpenEdges(_));
-    if made.certificate.failures.iter().any(is_open) {
-        let failure = Failure::new(NO_RESULT, "open", format!("{name}: a shell is not closed"));
-        return Err(failure.hint("a smaller --size"));
-    }
-    let total = &made.certificate.total;
-    let properties = SolidProperties {
-        volume: total.volume,
-        area: total.area,
-        centroid: made.certificate.centroid(),
-        gap: made.certificate.gap,
-    };
-    let product = Path::new(name).file_stem().unwrap_or_default();
-    let options = SolidOptions {
-        step: StepOptions {
-            units,
-            name: product.to_string_lossy().into_owned(),
-            time: None,
-        },
+    let made = make(subject, &options, args.tol, context)?;
+    made.say(context);
+    let subject = &made.subject;
+    let said = Statement {
         ap214: args.ap214,
+        ..Statement::of(
+            &subject.name,
+            args.units.clone().or_else(|| subject.unit.clone()),
+        )
     };
-    let _writing = Writing::new();
-    let (mut files, mut stdout) = (Vec::new(), Vec::new());
-    let brep = &made.built.brep;
-    for path in &args.output {
-        if path == Path::new("-") {
-            let text = step_solids(brep, &properties, &options);
-            stdout = text.map_err(|e| scan::unwritable(&e))?.into_bytes();
-        } else {
-            write_step_solids(brep, &properties, path, &options)
-                .map_err(|e| scan::unwritable(&e))?;
-            files.push(path.display().to_string());
+    let (files, stdout) = solids::write(&made.solid, &args.output, &said, &subject.name)?;
+    let report = made.report(files);
+    let json = output::json_of(&report);
+    Ok(Outcome::of(made.exit(), json, stdout, || text(&report)))
+}
+
+/// What is to become a solid.
+pub(crate) struct Subject {
+    /// For messages.
+    pub(crate) name: String,
+    pub(crate) model: Model,
+    /// The values of its parameters.
+    pub(crate) values: Vec<f64>,
+    /// Unit of its lengths.
+    pub(crate) unit: Option<String>,
+}
+
+/// A solid with all that is known of it.
+pub(crate) struct Made {
+    subject: Subject,
+    pub(crate) solid: ModelBrep,
+    seconds: Vec<(String, f64)>,
+}
+
+/// The one way to a solid, for `brep`, `fit` and `recover`. Faces may be `tolerance` away from the
+/// model, if one is asked for.
+pub(crate) fn make(
+    subject: Subject,
+    options: &MeshModelOptions,
+    tolerance: Option<f64>,
+    context: &Context,
+) -> Result<Made, Failure> {
+    let phases = Phases::new(context);
+    let show = |phase: &str, _: f64| phases.enter(phase);
+    let control = Control {
+        progress: Some(&show),
+        ..context.control()
+    };
+    let Subject { model, values, .. } = &subject;
+    let solid = brep_model(model, values, options, tolerance, &control)
+        .map_err(|e| no_brep(&e, &subject.name, options.mesh.region))?;
+    Ok(Made {
+        subject,
+        solid,
+        seconds: phases.seconds(),
+    })
+}
+
+impl Made {
+    /// 0, or 3 where the certificate does not hold, or 130.
+    pub(crate) fn exit(&self) -> u8 {
+        output::exit(self.solid.certificate.holds())
+    }
+    /// Says all that is left open on stderr.
+    pub(crate) fn say(&self, context: &Context) {
+        for failure in &self.solid.certificate.failures {
+            context.warn(failure);
+        }
+        for note in self.solid.mesh.notes() {
+            context.warn(note);
         }
     }
-    Ok((files, stdout))
+    /// The report, with the files that the solid went to.
+    pub(crate) fn report(&self, files: Vec<String>) -> BrepReport {
+        let about = ModelName {
+            file: self.subject.name.clone(),
+            object: self.subject.model.name().to_owned(),
+            parameters: self.subject.values.clone(),
+            unit: self.subject.unit.clone(),
+        };
+        BrepReport::new(&self.solid, about, files, Seconds(self.seconds.clone()))
+    }
 }
 
 /// Why there is no solid of exact faces.
@@ -198,16 +202,22 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
     }
 }
 
-/// The result for people.
-fn text(report: &BrepReport) -> String {
+/// How many faces there are of each kind, in the order of the first of each.
+pub(crate) fn kinds<'k>(faces: impl Iterator<Item = &'k str>) -> String {
     let mut kinds: Vec<(&str, usize)> = Vec::new();
-    for face in &report.faces {
-        match kinds.iter_mut().find(|k| k.0 == face.kind) {
+    for face in faces {
+        match kinds.iter_mut().find(|k| k.0 == face) {
             Some(kind) => kind.1 += 1,
-            None => kinds.push((face.kind, 1)),
+            None => kinds.push((face, 1)),
         }
     }
     let kinds: Vec<String> = kinds.iter().map(|(k, n)| format!("{n} {k}")).collect();
+    kinds.join(", ")
+}
+
+/// The result for people.
+pub(crate) fn text(report: &BrepReport) -> String {
+    let kinds = kinds(report.faces.iter().map(|f| f.kind));
     let worst = report.faces.iter().map(|f| f.max_distance);
     let worst = worst.fold(0.0, f64::max);
     let seconds: f64 = report.seconds.0.iter().map(|s| s.1).sum();
@@ -217,10 +227,7 @@ fn text(report: &BrepReport) -> String {
             "solids",
             format!("{} with {} voids", report.solids, report.voids),
         ),
-        line(
-            "faces",
-            format!("{} ({})", report.faces.len(), kinds.join(", ")),
-        ),
+        line("faces", format!("{} ({kinds})", report.faces.len())),
         line(
             "edges",
             format!("{}, {} vertices", report.edges, report.vertices),

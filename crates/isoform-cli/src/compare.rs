@@ -2,31 +2,34 @@
 
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use crate::scan;
-use crate::{eval, gallery, spline};
+use crate::{eval, gallery, scan, solids, spline};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
 use isoform::report::{CompareReport, SideReport, brief};
-use isoform::{CompareError, Distances, FrepTemplate, Side, SplineDistance, compare, surface_of};
+use isoform::{
+    CompareError, Distances, ExactSolid, FrepTemplate, Side, SplineDistance, compare, surface_of,
+};
 use std::path::{Path, PathBuf};
 
-/// Measures the deviation between two of points, meshes and models, both ways
+/// Measures the deviation between two of points, meshes, models and solids, both ways
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   isoform compare scan.ply fitted.hf
   isoform compare part.msh fitted.hf
+  isoform compare scan.ply part.step
 
 Files with triangles count as surfaces (--vertices: as points), tetrahedra by their surface. Files
 with the ending .hf are models, those with .json functions of implicitize; their distances are those of the
-metric reading, and from meshes those of Newton's method on it. Coordinates must agree: nothing is
-moved.
+metric reading, and from meshes those of Newton's method on it. STEP files of isoform brep and .brep.json are
+solids; distances are those from their exact faces and edges, not from triangles. Coordinates must agree:
+nothing is moved.
 
 Exit code: 0; 3 if --tolerance is given and a distance exceeds it, or a point has none: where a
 model is not a number.")]
 pub(crate) struct Args {
-    /// Points, a mesh, or a model
+    /// Points, a mesh, a model, or a solid of isoform brep
     first: PathBuf,
     /// The other
     second: PathBuf,
@@ -40,7 +43,7 @@ pub(crate) struct Args {
     /// side's box]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
     region: Option<Aabb>,
-    /// About how many points are taken of a mesh and of a model
+    /// About how many points are taken of a mesh, of a model and of a solid
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(10..=2_000_000))]
     samples: u32,
     /// Take the vertices of meshes as points
@@ -60,6 +63,7 @@ enum Loaded {
     /// A model with the values of its parameters.
     Model(Box<FrepTemplate>, Vec<f64>),
     Spline(Box<SplineDistance>),
+    Solid(Box<ExactSolid>),
 }
 
 /// Whether a file is named like a HyperFun program.
@@ -138,6 +142,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
         Side::Points(_) => "points",
         Side::Mesh(_) => "mesh",
         Side::Model(..) | Side::Spline(_) => "model",
+        Side::Solid(_) => "solid",
     }
 }
 
@@ -150,6 +155,10 @@ fn load(
 ) -> Result<Loaded, Failure> {
     if is_model(path) && !scan::is_mesh(path, None) {
         return load_model(path, given, &args.language, context);
+    }
+    if let Some(file) = solids::find(path)? {
+        let solid = solids::divided(path, file, None, context)?;
+        return Ok(Loaded::Solid(Box::new(solid)));
     }
     if spline::is_json(path) {
         let metric = SplineDistance(spline::read(path)?);
@@ -190,5 +199,6 @@ fn as_side(loaded: &Loaded, vertices: bool) -> Side<'_> {
         Loaded::Cloud(c) => Side::Mesh(c),
         Loaded::Model(t, values) => Side::Model(t, values),
         Loaded::Spline(s) => Side::Spline(s),
+        Loaded::Solid(s) => Side::Solid(s),
     }
 }

@@ -1,26 +1,30 @@
-//! `isoform inspect`: what is in a file of points or a mesh.
+//! `isoform inspect`: what is in a file of points, of a mesh or of solids.
 
+use crate::brep;
 use crate::mesh::table;
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use crate::scan;
+use crate::{scan, solids};
 use isoform::check::{Options, certify};
-use isoform::io::{ColumnRange, Inspection, MeshPoints, inspect};
+use isoform::io::{ColumnRange, Inspection, MeshPoints, SolidFile, inspect};
 use isoform::mesh::Control;
-use isoform::report::{CertificateReport, ContentsReport, InspectReport, brief};
+use isoform::report::{CertificateReport, ContentsReport, InspectReport, SolidReport, brief};
 use serde_json::json;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
-/// Says what is in a file of points or a mesh
+/// Says what is in a file of points, a mesh or a solid
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
   isoform inspect scan.laz --json
   isoform inspect part.msh
+  isoform inspect part.step
 
 Gives counts, box, spacing, normals, colours, further columns, the unit (stated or guessed, with the reason) and
-everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles.")]
+everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles. Of a solid of isoform brep (.step,
+.brep.json) faces by kind, and volume, area, centroid and gaps as stated and as measured anew.")]
 pub(crate) struct Args {
-    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57, MSH, VTU, INP (- for stdin)
+    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
+    /// .brep.json of isoform brep (- for stdin)
     file: PathBuf,
     /// Its format, where neither name nor content tell it
     #[arg(long, value_name = "FORMAT")]
@@ -34,6 +38,11 @@ pub(crate) struct Args {
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if scan::is_mesh(&args.file, args.from.as_deref()) {
         return mesh(args, context);
+    }
+    if args.from.is_none()
+        && let Some(file) = solids::find(&args.file)?
+    {
+        return Ok(solid(&args.file, &file));
     }
     let max = args
         .max_points
@@ -92,6 +101,45 @@ fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         json,
         stdout: text.into_bytes(),
     })
+}
+
+/// Solids: their faces, and what is measured beside what is stated.
+fn solid(path: &Path, file: &SolidFile) -> Outcome {
+    let name = path.display().to_string();
+    let report = SolidReport::new(&name, solids::format(path), file);
+    let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
+    let stated = &report.stated;
+    let beside = |measured: f64, stated: f64| format!("{measured} (stated {stated})");
+    let [x, y, z] = report.centroid.map(brief);
+    let lines = [
+        ("name", report.name.clone()),
+        (
+            "unit",
+            report.unit.clone().unwrap_or_else(|| "unknown".to_owned()),
+        ),
+        (
+            "solids",
+            format!("{} with {} voids", report.solids, report.voids),
+        ),
+        ("faces", format!("{} ({kinds})", report.faces.len())),
+        (
+            "edges",
+            format!("{}, {} vertices", report.edges, report.vertices),
+        ),
+        ("volume", beside(report.volume, stated.volume)),
+        ("area", beside(report.area, stated.area)),
+        ("centroid", format!("({x}, {y}, {z})")),
+        (
+            "gaps",
+            format!("{:.1e} at edges (stated {:.1e})", report.gap, stated.gap),
+        ),
+    ];
+    let lines = lines.map(|(name, text)| table::line(name, text)).concat();
+    Outcome {
+        exit: DONE,
+        json: output::json_of(&report),
+        stdout: format!("{name}: {}\n{lines}", report.format).into_bytes(),
+    }
 }
 
 /// The points, with a line for each thing that is known of them.

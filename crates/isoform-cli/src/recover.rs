@@ -1,17 +1,16 @@
 //! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one
 //! is proposed from what is recognised in the scan.
 
-use crate::eval;
-use crate::fit::{Settings, document, files, job, table};
+use crate::fit::{Settings, document, files, job, solid, table};
 use crate::gallery;
 use crate::mesh::work::{self, Made, Shape, Subject};
 use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::recognize;
-use isoform::Proposal;
-use isoform::RecognizeOptions;
+use crate::solids;
 use isoform::field::hyperfun::Model;
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -31,14 +30,17 @@ Examples:
   isoform recover scan.ply
   isoform recover scan.ply bottle -o bottle.hf -o report.html
   isoform recover scan.ply part.hf -o part.inp --size 0.5
+  isoform recover scan.ply part.hf -o part.step
 
 Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
 spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
 of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the folder
-isoform-recover. With -o part.msh, .inp, .vtu, .stl and the like the fitted model is meshed, see mesh.
-Exit codes are those of fit, and 3 where the mesh is not certified or a proposed template leaves a
-fiftieth of the points, or a side that was not seen. Where a stage fails the code is its own, and what
-was made before it is written.")]
+isoform-recover; and part.step, the solid of exact faces for CAD, if SCAN is given, the fit is accepted
+and the certificate of the solid holds. With -o part.msh, .inp, .vtu, .stl and the like the fitted model
+is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep.
+Exit codes are those of fit, and 3 where the mesh or a solid asked for is not certified or a proposed
+template leaves a fiftieth of the points, or a side that was not seen. Where a stage fails the code is
+its own, and what was made before it is written.")]
 pub(crate) struct Args {
     /// The points [default: the scan of a cup that is built in]
     scan: Option<PathBuf>,
@@ -49,13 +51,13 @@ pub(crate) struct Args {
     options: Settings,
     #[command(flatten)]
     mesh: mesh::Settings,
-    /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, or a mesh: .msh, .inp,
-    /// .vtu, .stl, ...
+    /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
+    /// .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
 
-/// Runs the verb: fits, writes the results, then meshes the fitted model.
+/// Runs the verb: fits, writes the results, then makes the solid and the mesh of the fitted model.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let is_proposed = args.scan.is_some() && args.template.is_none();
     let named = if is_proposed { PROPOSED } else { TEMPLATE };
@@ -64,7 +66,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     // What the template says wrong is said before a folder is made.
     let read = || gallery::template(&template, &request.language, context);
     let model = if is_proposed { None } else { Some(read()?) };
-    let (outputs, targets) = outputs(args, context)?;
+    let outputs = Outputs::of(args, context)?;
     let scan = match &args.scan {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded(),
@@ -77,7 +79,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         }
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
-    let written = files::write(&mut job, &outputs, context)?;
+    let written = files::write(&mut job, &outputs.results, context)?;
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
     }
@@ -85,9 +87,23 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if let Some(proposal) = &proposal {
         told.add_proposal(proposal);
     }
-    if !targets.is_empty() {
+    if !outputs.solid.paths.is_empty() {
+        told.add_solid(solid::tell(
+            &job,
+            &request.language,
+            &outputs.solid,
+            context,
+        ));
+    }
+    if !outputs.meshes.is_empty() {
         let made = output::stage("mesh of the fitted model", || {
-            fitted_mesh(&job, &request.language, &args.mesh, &targets, context)
+            fitted_mesh(
+                &job,
+                &request.language,
+                &args.mesh,
+                &outputs.meshes,
+                context,
+            )
         });
         match made {
             Ok(made) => {
@@ -114,22 +130,50 @@ fn proposed(
     Ok((model, proposal))
 }
 
-/// The files to write: results of the fit, and meshes.
-fn outputs(args: &Args, context: &Context) -> Result<(Vec<PathBuf>, Vec<Target>), Failure> {
-    let outputs = if args.output.is_empty() {
-        default_outputs(context)?
-    } else {
-        args.output.clone()
-    };
-    let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = outputs
-        .into_iter()
-        .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
-    files::check(&results)?;
-    let targets = mesh::files::targets(&meshes, None, context)?;
-    Ok((results, targets))
+/// The files to write.
+struct Outputs {
+    /// Results of the fit.
+    results: Vec<PathBuf>,
+    /// The solid of the fitted model.
+    solid: solid::Wanted,
+    /// Its meshes.
+    meshes: Vec<Target>,
 }
 
-/// What is said of the fit, and then of the mesh.
+impl Outputs {
+    /// Those that were asked for, else those in a folder that is made for them.
+    fn of(args: &Args, context: &Context) -> Result<Self, Failure> {
+        let is_asked = !args.output.is_empty();
+        let paths = if is_asked {
+            args.output.clone()
+        } else {
+            default_outputs(args.scan.is_some(), context)?
+        };
+        let (solid, paths): (Vec<PathBuf>, Vec<PathBuf>) =
+            paths.into_iter().partition(|p| solids::is_solid(p));
+        let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = paths
+            .into_iter()
+            .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
+        files::check(&results)?;
+        solids::check(&solid)?;
+        let mut options = MeshModelOptions {
+            size: args.mesh.size,
+            ..MeshModelOptions::default()
+        };
+        options.mesh.region = args.mesh.region;
+        Ok(Self {
+            results,
+            solid: solid::Wanted {
+                paths: solid,
+                is_asked,
+                options,
+            },
+            meshes: mesh::files::targets(&meshes, None, context)?,
+        })
+    }
+}
+
+/// What is said of the fit, and then of the solid and the mesh.
 struct Told {
     /// Exit code so far.
     exit: u8,
@@ -177,6 +221,15 @@ impl Told {
             "gaps": gaps,
         });
     }
+    /// There is a solid, or the reason why not.
+    fn add_solid(&mut self, told: solid::Told) {
+        told.add_to(&mut self.json);
+        if self.exit == DONE || told.failure.is_some() {
+            self.exit = told.exit;
+        }
+        self.text += &told.text;
+        self.files.extend(told.files);
+    }
     /// There is a mesh. Its exit code counts where the fit is as asked for.
     fn add_mesh(&mut self, made: &Made) {
         self.files
@@ -214,16 +267,11 @@ fn fitted_mesh(
     targets: &[Target],
     context: &Context,
 ) -> Result<Made, Failure> {
-    let fitted = model::silently(&job.found.program(), language);
-    let model = fitted.map_err(|e| {
-        Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
-    })?;
-    let values = eval::values(&model, &[])?;
-    let unit = Some(job.unit.unit.clone()).filter(|u| !u.is_empty());
+    let (model, values) = solid::fitted_model(job, language)?;
     let subject = Subject {
         name: format!("fitted {}", job.template_name),
         shape: Shape::Model(Box::new(model), values),
-        unit,
+        unit: solid::unit(job),
     };
     let mut made = work::make(&subject, settings, None, context)?;
     mesh::files::write(&mut made, targets)?;
@@ -244,14 +292,18 @@ fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
     failure
 }
 
-/// The results of a run without -o, in a folder that is made for them.
-fn default_outputs(context: &Context) -> Result<Vec<PathBuf>, Failure> {
+/// The results of a run without -o, in a folder that is made for them. The scan that is built in is
+/// an example of a fit, which a solid would make three times as long.
+fn default_outputs(has_scan: bool, context: &Context) -> Result<Vec<PathBuf>, Failure> {
     let folder = Path::new(FOLDER);
-    let files = ["fitted.hf", "deviation.ply", "report.html"].map(|f| folder.join(f));
+    let names = ["fitted.hf", "deviation.ply", "report.html"];
+    let solid = has_scan.then_some("part.step");
+    let files = names.into_iter().chain(solid).map(|f| folder.join(f));
+    let files: Vec<PathBuf> = files.collect();
     files.iter().try_for_each(|f| context.inputs.allow(f))?;
     std::fs::create_dir_all(folder)
         .map_err(|e| Failure::file(folder, "make", &e).hint("-o with files elsewhere"))?;
-    Ok(files.into())
+    Ok(files)
 }
 
 /// The example scan that the program carries.

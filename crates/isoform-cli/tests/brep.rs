@@ -218,3 +218,50 @@ fn a_blend_is_a_spline_between_exact_faces() {
     let read = |name: &str| fs::read(f.path(name)).expect("a file");
     assert!(read("h.step") == read("f.step"));
 }
+
+#[test]
+fn what_is_smaller_than_the_mesh_is_said() {
+    let f = Folder::new("brep-tiny");
+    let block = "array c[3]; b = min(min(0.8 - abs(x[1]), 0.8 - abs(x[2])), 0.8 - abs(x[3]));";
+    let tiny = [
+        // A bore, a blind one, and a bump on a face.
+        "c = [0.21, -0.13, 0]; m = min(b, 0 - hfCylinderZ(x, c, 0.001));",
+        "c = [0.21, -0.13, 0]; m = min(b, 0 - min(hfCylinderZ(x, c, 0.001), x[3] - 0.799));",
+        "m = min(min(b, x[3] + 0.3), 0.7 + 0.001*exp(0 - (x[1]^2 + x[2]^2)/0.001^2) - x[3]);",
+    ];
+    for (k, body) in tiny.into_iter().enumerate() {
+        let text = format!("m(x[3], a[1]) {{ {block} {body} }}\n");
+        let size = ["--size", "0.07"];
+        let (exit, j) = brep(&f.file(&format!("{k}.hf"), &text), &size);
+        let failures = j["certificate"]["failures"].to_string();
+        assert!(exit == 3 && failures.contains("has surface at"), "{j}");
+    }
+}
+
+#[test]
+fn what_an_ellipsoid_leaves_of_an_elliptic_cylinder_has_its_volume() {
+    let f = Folder::new("brep-lens");
+    let text = "m(x[3], a[1]) { array c[3], d[3]; c = [0, 0, 0]; d = [0, 0, 0.7];
+        t = hfRotate3DX(x, 1.378); t = hfRotate3DZ(x, -1.235);
+        m = min(min(0 - hfEllipsoid(x, d, 0.8, 0.9, 0.6), x[3] + 0.4),
+            min(hfEllCylZ(x, c, 0.7, 0.5), 0.3 - x[3])); }\n";
+    let (exit, j) = brep(&f.file("lens.hf", text), &[]);
+    // In x = 0.7 r cos t, y = 0.5 r sin t the ellipsoid's lower half is z = 0.7 - 0.6 √(1 - k r²);
+    // it is below z = 0.3 up to k r² = 5/9. The integral over r is elementary, the one over t is
+    // periodic and has kinks only where the limit of r reaches 1.
+    let n = 200_000;
+    let column = |i: usize| {
+        let t = 0.5 * PI * (i as f64 + 0.5) / n as f64;
+        let k = (0.7 * t.cos()).powi(2) / 0.64 + (0.5 * t.sin()).powi(2) / 0.81;
+        let r = (5.0 / 9.0 / k).sqrt().min(1.0);
+        let cut = 0.2 * (1.0 - (1.0 - k * r * r).powf(1.5)) / k;
+        0.55 * r * r - cut + 0.35 * (1.0 - r * r)
+    };
+    let mean = (0..n).map(column).sum::<f64>() / n as f64;
+    let volume = 4.0 * 0.35 * mean * 0.5 * PI;
+    let found = j["volume"].as_f64().unwrap_or(0.0);
+    assert!(
+        exit == 0 && (found / volume - 1.0).abs() < 1e-7,
+        "{found} {volume}"
+    );
+}

@@ -451,10 +451,10 @@ impl Field for Bound {
             return None;
         }
         let point = self.run(std::array::from_fn(|i| {
-            IntervalJet::variable(Interval::new(at[i], at[i]), i)
+            <IntervalJet>::variable(Interval::new(at[i], at[i]), i)
         }));
         let whole = self.run(std::array::from_fn(|i| {
-            IntervalJet::variable(Interval::new(region.lo[i], region.hi[i]), i)
+            <IntervalJet>::variable(Interval::new(region.lo[i], region.hi[i]), i)
         }));
         Some(Expansion {
             value: point.v,

@@ -11,7 +11,7 @@ use crate::ops::{Ops, Unary};
 use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Csg, Field, Point3, Solid};
-use isoform_num::{Interval, Jet1, Jet2, Real};
+use isoform_num::{Interval, IntervalJet, Jet1, Jet2, Real};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
@@ -353,6 +353,7 @@ thread_local! {
     static JETS: Cell<Vec<Jet2>> = const { Cell::new(Vec::new()) };
     static RANGES: Cell<Vec<Interval>> = const { Cell::new(Vec::new()) };
     static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
+    static EXPANSIONS: Cell<Vec<IntervalJet<1>>> = const { Cell::new(Vec::new()) };
 }
 
 /// Runs with this thread's scratch space. It is taken out meanwhile: another use on the same thread
@@ -462,6 +463,16 @@ impl Solid for Pieces {
                 *out = self.ranges.of(piece as usize, &x, scratch);
             }
         });
+    }
+    fn slopes(&self, piece: u32, region: Aabb) -> Option<[Interval; 3]> {
+        let tape = &self.each[piece as usize];
+        if region.is_empty() || tape.has_natives() {
+            return None;
+        }
+        let x: [IntervalJet<1>; 3] = std::array::from_fn(|i| {
+            IntervalJet::variable(Interval::new(region.lo[i], region.hi[i]), i)
+        });
+        Some(with(&EXPANSIONS, |scratch| tape.eval(&x, &[], scratch).g))
     }
     fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
         values(&self.own, points, 1, |_| 0, out);

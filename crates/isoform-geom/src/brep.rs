@@ -4,10 +4,12 @@
 //! of a closed shell is in two loops, once in each direction.
 
 mod curve;
+mod defect;
 mod ellipsoid;
 mod graph;
 mod surface;
 
+pub use defect::Defect;
 pub use ellipsoid::Ellipsoid;
 pub use graph::{Basis, Graph, Height};
 
@@ -275,6 +277,11 @@ impl Brep {
             format!("{name}#chart{}", chart + 1)
         }
     }
+    /// The vertices between which a loop passes an edge.
+    pub fn ends_of(&self, coedge: &Coedge) -> [u32; 2] {
+        let [a, b] = self.edges[coedge.edge as usize].ends;
+        if coedge.forward { [a, b] } else { [b, a] }
+    }
     /// First and last point of an edge.
     pub fn ends(&self, edge: u32) -> [Point3; 2] {
         self.edges[edge as usize]
@@ -286,6 +293,53 @@ impl Brep {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A cylinder of radius 1 and height 2: bottom, top, and a wall with one seam, edge 2.
+    pub(super) fn can() -> Brep {
+        let up = [0.0, 0.0, 1.0];
+        let x = [1.0, 0.0, 0.0];
+        let axes = |height: f64, z: Point3| Axes {
+            origin: [0.0, 0.0, height],
+            z,
+            x,
+        };
+        let edge = |curve, ends| Edge { curve, ends };
+        let coedges = |list: &[(u32, bool)]| {
+            let list = list.iter();
+            list.map(|&(edge, forward)| Coedge { edge, forward })
+                .collect()
+        };
+        let face = |surface, agrees, part, around: &[(u32, bool)]| Face {
+            surface,
+            agrees,
+            part,
+            chart: 0,
+            loops: vec![coedges(around)],
+        };
+        Brep {
+            vertices: vec![x, [1.0, 0.0, 2.0]],
+            edges: vec![
+                edge(Curve::Circle(axes(0.0, up), 1.0), [0, 0]),
+                edge(Curve::Circle(axes(2.0, up), 1.0), [1, 1]),
+                edge(Curve::Line, [0, 1]),
+            ],
+            faces: vec![
+                face(Surface::Plane(axes(0.0, up)), false, 0, &[(0, false)]),
+                face(Surface::Plane(axes(2.0, up)), true, 1, &[(1, true)]),
+                face(
+                    Surface::Cylinder(axes(0.0, up), 1.0),
+                    true,
+                    2,
+                    &[(0, true), (2, true), (1, false), (2, false)],
+                ),
+            ],
+            parts: ["bottom", "top", "wall"].map(str::to_owned).to_vec(),
+            solids: vec![Body {
+                outer: vec![0, 1, 2],
+                voids: Vec::new(),
+            }],
+        }
+    }
 
     #[test]
     fn frames_go_there_and_back() {

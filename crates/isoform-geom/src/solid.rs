@@ -105,6 +105,10 @@ pub trait Solid: Send + Sync {
     fn jet(&self, piece: u32, p: Point3) -> Jet2;
     /// Intervals that hold the pieces `which` over the whole region.
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
+    /// Intervals that hold a piece's gradient over the whole region; nothing by default.
+    fn slopes(&self, _piece: u32, _region: Aabb) -> Option<[Interval; 3]> {
+        None
+    }
     /// The solid's own function at many points, for checks: has the sign of the tree, need not be a
     /// distance.
     fn sign_values(&self, points: &[Point3], out: &mut [f64]);

@@ -11,7 +11,9 @@
 //! parts, curves and regions, volume or surface: Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ,
 //! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
-//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational patches to CAD systems as faces of a STEP file (AP242).
+//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational patches
+//! to CAD systems as faces of a STEP file (AP242). [`read_step_solids`] reads solids back, from files
+//! of ours alone. [`write_solids`] and [`read_solids`] are their own file form, JSON without loss.
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
 //! [`write_map`] that of rational maps, both JSON with exact numbers.
@@ -62,6 +64,7 @@ mod read;
 mod registry;
 mod roles;
 mod sample;
+mod solids;
 mod splines;
 mod step;
 mod stl;
@@ -86,12 +89,13 @@ pub use patches::{
 };
 pub use read::read;
 pub use registry::{format_named, formats};
+pub use solids::{SolidFile, SolidFileError, is_solid_file, read_solids, write_solids};
 pub use splines::{
     SplineFileError, is_polynomial_file, is_spline_file, read_polynomial, read_spline,
     write_polynomial, write_spline,
 };
 pub use step::{
-    STEP_UNITS, SolidOptions, SolidProperties, StepFace, StepOptions, step, step_solids,
-    write_step_path, write_step_solids,
+    STEP_UNITS, SolidOptions, SolidProperties, StepFace, StepOptions, read_step_solids, step,
+    step_solids, write_step_path, write_step_solids,
 };
 pub use write::{write, write_path};

@@ -10,8 +10,10 @@
 
 mod brep;
 mod knots;
+mod parse;
 mod part21;
 mod placement;
+mod read;
 mod spline;
 
 use crate::{WriteError, write_atomic};
@@ -19,6 +21,7 @@ pub use brep::{SolidOptions, SolidProperties, step_solids, write_step_solids};
 use isoform_geom::{Point3, Quadric, RationalPatch, distance_squared};
 use part21::Document;
 use placement::Placement;
+pub use read::read_step_solids;
 use spline::Spline;
 use std::io::Write;
 use std::path::Path;

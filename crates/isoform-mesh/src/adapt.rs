@@ -23,6 +23,7 @@ use crate::features::{ExtentError, Features, extent_within};
 use crate::inside::Inside;
 use crate::lattice::{CELL, IN, Lattice, OUT};
 use crate::mesher::{Meshed, features_of, improve};
+use crate::missed::missed;
 use crate::options::Options;
 use crate::points::along;
 use crate::second::raise_order;
@@ -92,7 +93,11 @@ pub fn adapt(
         let at = place(at);
         return Err(wrong(format!("leaves out a part of the model near {at}")));
     }
+    control.begin("what the mesh misses")?;
+    let missed = missed(solid, &mesh, region, options.size, control);
+    warnings.extend(missed.warning());
     Ok(Meshed {
+        missed,
         mesh,
         region,
         region_certified: found.certified,

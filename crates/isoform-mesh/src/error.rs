@@ -106,6 +106,8 @@ pub enum WarningKind {
     EdgeLost,
     /// The program is run statement by statement: nothing is known of its edges.
     NotProved,
+    /// The solid has surface where the mesh has none: features too small for it.
+    Missed,
 }
 
 impl std::fmt::Display for WarningKind {
@@ -128,6 +130,10 @@ impl std::fmt::Display for WarningKind {
             Self::MiddleOff => "a mid-edge node could not be brought onto the surface",
             Self::VertexFar => "a vertex of the mesh given lies nowhere near the model",
             Self::EdgeLost => "the mesh given cannot be made to follow an edge of the model",
+            Self::Missed => {
+                "the mesh misses a part of the solid that is smaller than its triangles; a smaller \
+                 --size shows it"
+            }
             Self::NotProved => {
                 "the program is no expression: it was meshed as one smooth part, its edges are \
                  rounded and nothing is proved"

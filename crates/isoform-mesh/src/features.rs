@@ -16,8 +16,8 @@
 mod apex;
 mod extent;
 mod junction;
-mod newton;
-mod octree;
+pub(crate) mod newton;
+pub(crate) mod octree;
 mod proof;
 mod search;
 mod trace;

@@ -11,6 +11,7 @@ use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
+use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
 use crate::options::Options;
 use crate::refine::Refiner;
@@ -38,6 +39,8 @@ pub struct Meshed {
     pub caps: Vec<String>,
     /// The feature curves and corners of the solid.
     pub features: Features,
+    /// What of the solid the mesh may pass by.
+    pub missed: Missed,
     /// Places where the solid could not be resolved, with what happened there.
     pub warnings: Vec<Warning>,
 }
@@ -100,7 +103,11 @@ fn mesh_within(
         number: inside.number.clone(),
     };
     let mesh = improve(inside, &surface, options, joined, &mut warnings)?;
+    control.begin("what the mesh misses")?;
+    let missed = missed(solid, &mesh, region, options.size, control);
+    warnings.extend(missed.warning());
     Ok(Meshed {
+        missed,
         mesh,
         region,
         region_certified: extent.certified,

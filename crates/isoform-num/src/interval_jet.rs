@@ -9,20 +9,21 @@ use crate::jet::{PAIRS, SECOND, TRIPLES};
 use crate::{Interval, Real};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Intervals that hold a function and its derivatives to order 3 in x, y, z over a box.
+/// Intervals that hold a function and its derivatives in x, y, z over a box, to order 3 or, at less
+/// cost, to `ORDER`; those of higher orders mean nothing then.
 ///
 /// ```
 /// use isoform_num::{Interval, IntervalJet};
 ///
 /// // x y over [1, 2] × [3, 4]: ∂/∂x = y, ∂²/∂x∂y = 1.
-/// let x = IntervalJet::variable(Interval::new(1.0, 2.0), 0);
-/// let y = IntervalJet::variable(Interval::new(3.0, 4.0), 1);
+/// let x: IntervalJet = IntervalJet::variable(Interval::new(1.0, 2.0), 0);
+/// let y: IntervalJet = IntervalJet::variable(Interval::new(3.0, 4.0), 1);
 /// let product = x * y;
 /// assert!(product.v.contains(3.0) && product.v.contains(8.0));
 /// assert!(product.g[0].contains(3.5) && product.h[1].contains(1.0));
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct IntervalJet {
+pub struct IntervalJet<const ORDER: usize = 3> {
     /// Value.
     pub v: Interval,
     /// Gradient.
@@ -60,7 +61,7 @@ fn plus(a: Interval, b: Interval) -> Interval {
     }
 }
 
-impl IntervalJet {
+impl<const ORDER: usize> IntervalJet<ORDER> {
     /// The coordinate `i` (0 = x, 1 = y, 2 = z) with the range `v`.
     pub fn variable(v: Interval, i: usize) -> Self {
         let mut j = Self::flat(v);
@@ -75,17 +76,31 @@ impl IntervalJet {
             t: [c(0.0); 10],
         }
     }
+    /// Second derivatives, where the order asks for them.
+    fn second(derivative: impl Fn(usize) -> Interval) -> [Interval; 6] {
+        if ORDER < 2 {
+            return [c(0.0); 6];
+        }
+        std::array::from_fn(derivative)
+    }
+    /// Third derivatives, where the order asks for them.
+    fn third(derivative: impl Fn(usize) -> Interval) -> [Interval; 10] {
+        if ORDER < 3 {
+            return [c(0.0); 10];
+        }
+        std::array::from_fn(derivative)
+    }
     /// The function f(self), whose derivatives of order 0 to 3 have the ranges `f`.
     fn chain(&self, [f0, f1, f2, f3]: [Interval; 4]) -> Self {
         let (g, s) = (&self.g, |i: usize, j: usize| self.h[SECOND[i][j]]);
         Self {
             v: f0,
             g: g.map(|u| times(f1, u)),
-            h: std::array::from_fn(|n| {
+            h: Self::second(|n| {
                 let (i, j) = PAIRS[n];
                 plus(times(f1, self.h[n]), times(times(f2, g[i]), g[j]))
             }),
-            t: std::array::from_fn(|n| {
+            t: Self::third(|n| {
                 let (i, j, k) = TRIPLES[n];
                 let mixed = plus(
                     plus(times(s(i, j), g[k]), times(s(i, k), g[j])),
@@ -102,8 +117,8 @@ impl IntervalJet {
         Self {
             v: f(self.v, o.v),
             g: std::array::from_fn(|i| f(self.g[i], o.g[i])),
-            h: std::array::from_fn(|i| f(self.h[i], o.h[i])),
-            t: std::array::from_fn(|i| f(self.t[i], o.t[i])),
+            h: Self::second(|i| f(self.h[i], o.h[i])),
+            t: Self::third(|i| f(self.t[i], o.t[i])),
         }
     }
     fn product(&self, o: &Self) -> Self {
@@ -119,7 +134,7 @@ impl IntervalJet {
         Self {
             v: self.v * o.v,
             g: std::array::from_fn(|i| plus(times(self.v, o.g[i]), times(self.g[i], o.v))),
-            h: std::array::from_fn(|n| {
+            h: Self::second(|n| {
                 let (i, j) = PAIRS[n];
                 sum([
                     (self.v, o.h[n]),
@@ -128,7 +143,7 @@ impl IntervalJet {
                     (self.h[n], o.v),
                 ])
             }),
-            t: std::array::from_fn(|n| {
+            t: Self::third(|n| {
                 let (i, j, k) = TRIPLES[n];
                 sum([
                     (self.v, o.t[n]),
@@ -171,31 +186,31 @@ impl IntervalJet {
     }
 }
 
-impl Add for IntervalJet {
+impl<const ORDER: usize> Add for IntervalJet<ORDER> {
     type Output = Self;
     fn add(self, o: Self) -> Self {
         self.map2(&o, plus)
     }
 }
-impl Sub for IntervalJet {
+impl<const ORDER: usize> Sub for IntervalJet<ORDER> {
     type Output = Self;
     fn sub(self, o: Self) -> Self {
         self.map2(&o, |a, b| plus(a, -b))
     }
 }
-impl Neg for IntervalJet {
+impl<const ORDER: usize> Neg for IntervalJet<ORDER> {
     type Output = Self;
     fn neg(self) -> Self {
         self.map2(&self, |a, _| -a)
     }
 }
-impl Mul for IntervalJet {
+impl<const ORDER: usize> Mul for IntervalJet<ORDER> {
     type Output = Self;
     fn mul(self, o: Self) -> Self {
         self.product(&o)
     }
 }
-impl Div for IntervalJet {
+impl<const ORDER: usize> Div for IntervalJet<ORDER> {
     type Output = Self;
     #[allow(clippy::suspicious_arithmetic_impl, reason = "u / v = u · v⁻¹")]
     fn div(self, o: Self) -> Self {
@@ -207,7 +222,7 @@ impl Div for IntervalJet {
     }
 }
 
-impl Real for IntervalJet {
+impl<const ORDER: usize> Real for IntervalJet<ORDER> {
     fn constant(v: f64) -> Self {
         Self::flat(c(v))
     }
@@ -411,7 +426,7 @@ mod tests {
         let centre = [0.7, -0.4, 0.9];
         for radius in [0.0, 1e-6, 1e-3, 0.05] {
             let [x, y, z] = std::array::from_fn(|i| {
-                IntervalJet::variable(Interval::new(centre[i] - radius, centre[i] + radius), i)
+                <IntervalJet>::variable(Interval::new(centre[i] - radius, centre[i] + radius), i)
             });
             let all = formula(&x, &y, &z);
             for corner in 0..8 {
@@ -447,12 +462,12 @@ mod tests {
 
     #[test]
     fn kinks_are_not_passed_over() {
-        let x = IntervalJet::variable(Interval::new(-1.0, 1.0), 0);
+        let x = <IntervalJet>::variable(Interval::new(-1.0, 1.0), 0);
         let a = x.abs();
         assert_eq!((a.v.lo(), a.v.hi()), (0.0, 1.0));
         assert_eq!((a.g[0].lo(), a.g[0].hi()), (-1.0, 1.0));
         assert_eq!(a.h[0], Interval::ALL);
-        let y = IntervalJet::variable(Interval::new(2.0, 3.0), 1);
+        let y = <IntervalJet>::variable(Interval::new(2.0, 3.0), 1);
         assert_eq!(x.max(&y), y);
     }
 }

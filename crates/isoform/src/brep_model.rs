@@ -174,7 +174,10 @@ impl Work<'_> {
         let tolerance = self.tolerance.unwrap_or(TOLERANCE * x.max(y).max(z));
         let built = isoform_brep::brep(pieces, tolerance, self.control)?;
         self.control.begin("checking the solid")?;
-        let certificate = check(&built, self.solid, tolerance, left_open(mesh, &built));
+        let witnesses = mesh.meshed.missed.witnesses.iter();
+        let witnesses: Vec<Point3> = witnesses.map(|w| w.at).collect();
+        let open = left_open(mesh, &built);
+        let certificate = check(&built, self.solid, tolerance, &witnesses, open);
         Ok((built, certificate))
     }
 }

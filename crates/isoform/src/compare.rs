@@ -1,12 +1,14 @@
-//! Two-sided deviation between any two of points, meshes and models.
+//! Two-sided deviation between any two of points, meshes, models and solids of exact faces.
 //!
 //! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples
 //! are measured exactly); of a model the metric reading, which is the distance to first order;
 //! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
-//! reading and asked how far they went. Meshes and models are sampled evenly.
+//! reading and asked how far they went; of a solid the nearest point of its exact faces and edges
+//! (those of the nearest samples are asked). Meshes, models and solids are sampled evenly; samples
+//! of solids lie on their exact faces.
 
 use crate::facets::{CornerError, check_corners, on_triangle};
-use crate::{FrepTemplate, SplineDistance, parameter_values};
+use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
 use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use serde::Serialize;
@@ -30,6 +32,8 @@ pub enum Side<'a> {
     Model(&'a FrepTemplate, &'a [f64]),
     /// The surface of an implicit spline.
     Spline(&'a SplineDistance),
+    /// The faces of a solid.
+    Solid(&'a ExactSolid),
 }
 
 /// Distances of one side's points from the other side; NaN, in JSON null, where none of them has
@@ -90,7 +94,7 @@ pub enum CompareError {
 
 /// Distances from the first to the second, and from the second to the first. Models are looked at
 /// in `region`, by default the box of the other side (somewhat enlarged); coordinates are those of
-/// the files. Of meshes and models about `samples` points are taken, two million at most
+/// the files. Of meshes, models and solids about `samples` points are taken, two million at most
 /// ([`MOST_SURFACE_SAMPLES`]), of a mesh some of each triangle.
 ///
 /// # Errors
@@ -103,15 +107,20 @@ pub fn compare(
 ) -> Result<(Distances, Distances), CompareError> {
     let samples = samples.min(MOST_SURFACE_SAMPLES);
     let (a, b) = (Shape::new(a, "first")?, Shape::new(b, "second")?);
-    let from_a = a.sampled(region.or(b.bounds()), samples)?;
-    let from_b = b.sampled(region.or(a.bounds()), samples)?;
+    let mut from_a = a.sampled(region.or(b.bounds()), samples)?;
+    let mut from_b = b.sampled(region.or(a.bounds()), samples)?;
+    for (model, sampled, other) in [(&a, &mut from_a, &b), (&b, &mut from_b, &a)] {
+        if let (Shape::Model(field, values), Shape::Solid(_)) = (model, other) {
+            sampled.points = settled(&sampled.points, *field, values);
+        }
+    }
     for (sampled, side) in [(&from_a, "first"), (&from_b, "second")] {
         if sampled.points.is_empty() {
             return Err(CompareError::Empty(side));
         }
     }
-    let there = distances(&from_a.points, &b, &from_b, a.is_mesh());
-    let back = distances(&from_b.points, &a, &from_a, b.is_mesh());
+    let there = distances(&from_a.points, &b, &from_b, a.is_near());
+    let back = distances(&from_b.points, &a, &from_a, b.is_near());
     Ok((summary(&there), summary(&back)))
 }
 
@@ -121,6 +130,7 @@ enum Shape<'a> {
     Points(Vec<Point3>),
     Mesh(Vec<Point3>, &'a [[u32; 3]]),
     Model(&'a dyn ParamField, Vec<f64>),
+    Solid(&'a ExactSolid),
 }
 
 impl<'a> Shape<'a> {
@@ -135,17 +145,20 @@ impl<'a> Shape<'a> {
                 Self::Model(template.metric(), all_values(template, given, side)?)
             }
             Side::Spline(spline) => Self::Model(spline, Vec::new()),
+            Side::Solid(solid) => Self::Solid(solid),
         })
     }
 
-    fn is_mesh(&self) -> bool {
-        matches!(self, Self::Mesh(..))
+    /// Whether its points lie near a model that it stands for.
+    fn is_near(&self) -> bool {
+        matches!(self, Self::Mesh(..) | Self::Solid(_))
     }
 
     fn bounds(&self) -> Option<Aabb> {
         match self {
             Self::Points(points) | Self::Mesh(points, _) => Some(Aabb::of(points)),
             Self::Model(..) => None,
+            Self::Solid(solid) => Some(Aabb::of(&solid.facets().points)),
         }
     }
 
@@ -163,6 +176,7 @@ impl<'a> Shape<'a> {
                 }
             }
             Self::Mesh(corners, triangles) => Sampled::of_mesh(corners, triangles, wanted),
+            Self::Solid(solid) => Sampled::of_solid(solid, wanted),
         })
     }
 }
@@ -207,7 +221,7 @@ fn all_values(
     Ok(values)
 }
 
-/// Points of a side; of a mesh with the triangle of each.
+/// Points of a side; of a mesh or solid with the triangle of each.
 #[derive(Default)]
 struct Sampled {
     points: Vec<Point3>,
@@ -236,6 +250,42 @@ impl Sampled {
         }
         out
     }
+
+    /// Points of the triangles of faces, brought to the exact faces.
+    fn of_solid(solid: &ExactSolid, wanted: usize) -> Self {
+        let (facets, skin) = (solid.facets(), solid.skin());
+        let mut out = Self::of_mesh(&facets.points, &facets.triangles, wanted);
+        for (p, t) in out.points.iter_mut().zip(&out.owner) {
+            *p = skin.nearest(facets.face_of[*t as usize] as usize, *p, *p);
+        }
+        out
+    }
+}
+
+/// Distance by point from a solid: the nearest points of the faces that the nearest samples lie on.
+fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64> {
+    let (tree, skin) = (KdTree::new(&sampled.points), solid.skin());
+    let (mut found, mut faces) = (Vec::new(), Vec::new());
+    let mut distance = |p: &Point3| {
+        tree.nearest_k(*p, NEAREST, &mut found);
+        faces.clear();
+        let mut least = f64::INFINITY;
+        for (_, i) in &found {
+            let i = *i as usize;
+            // A point too far away for the square of its distance has no neighbours.
+            let Some(owner) = sampled.owner.get(i) else {
+                continue;
+            };
+            let face = solid.facets().face_of[*owner as usize];
+            if !faces.contains(&face) {
+                faces.push(face);
+                let foot = skin.nearest(face as usize, *p, sampled.points[i]);
+                least = least.min(norm(sub(*p, foot)));
+            }
+        }
+        least
+    };
+    points.iter().map(&mut distance).collect()
 }
 
 /// Distance by point; not finite where there is none.
@@ -247,6 +297,9 @@ fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) ->
         let mut f = vec![0.0; points.len()];
         metric.values(points, values, &mut f);
         return f.into_iter().map(f64::abs).collect();
+    }
+    if let Shape::Solid(solid) = to {
+        return to_solid(points, solid, sampled);
     }
     let tree = KdTree::new(&sampled.points);
     let mut found = Vec::new();
@@ -272,6 +325,31 @@ const STEPS: usize = 6;
 /// How far each point is from its foot on the zero set, where Newton's method along gradients
 /// leads; by the value alone where it leads away.
 fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
+    let (at, first) = newton(points, field, a);
+    let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
+        let d = norm(sub(*p, *q));
+        if d <= 2.0 * f.abs() { d } else { f.abs() }
+    };
+    points.iter().zip(&at).zip(&first).map(distance).collect()
+}
+
+/// Points that lie near a model brought to it; where Newton's method leads away they stay. What
+/// samples of a model are away from it beside its edges would count as a distance from a solid,
+/// which is exact.
+fn settled(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<Point3> {
+    let (at, first) = newton(points, field, a);
+    let settle = |((p, q), f): ((&Point3, &Point3), &f64)| {
+        if norm(sub(*p, *q)) <= 2.0 * f.abs() {
+            *q
+        } else {
+            *p
+        }
+    };
+    points.iter().zip(&at).zip(&first).map(settle).collect()
+}
+
+/// Where Newton's method leads from points, and the values that it begins with.
+fn newton(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> (Vec<Point3>, Vec<f64>) {
     let mut at = points.to_vec();
     let (mut f, mut g) = (vec![0.0; at.len()], vec![[0.0; 3]; at.len()]);
     let mut first = Vec::new();
@@ -287,11 +365,7 @@ fn feet(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> Vec<f64> {
             }
         }
     }
-    let distance = |((p, q), f): ((&Point3, &Point3), &f64)| {
-        let d = norm(sub(*p, *q));
-        if d <= 2.0 * f.abs() { d } else { f.abs() }
-    };
-    points.iter().zip(&at).zip(&first).map(distance).collect()
+    (at, first)
 }
 
 /// Distance of a point from a triangle: to the plane where the foot lies inside, else to the

@@ -100,6 +100,7 @@
 
 mod brep_model;
 mod compare;
+mod exact_solid;
 mod facets;
 mod fit_scan;
 mod gallery;
@@ -120,6 +121,7 @@ mod topology;
 
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use compare::{CompareError, Distances, Side, compare};
+pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
 pub use facets::{CornerError, points_on_faces};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};

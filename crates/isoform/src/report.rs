@@ -13,6 +13,7 @@ mod inspect;
 mod mesh;
 mod patches;
 mod recognize;
+mod solid;
 mod surface;
 
 pub use brep::{BrepCertificateReport, BrepReport, FaceReport};
@@ -37,6 +38,7 @@ pub use recognize::{
     BlendReport, EntityReport, LayoutReport, MotionReport, Parameters, PatternReport,
     RecognizeReport, RelationReport, SnapReport, SymmetryReport,
 };
+pub use solid::{SolidFaceReport, SolidReport, StatedReport};
 pub use surface::{
     AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
     PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,

@@ -4,6 +4,7 @@ use super::document;
 use super::job::Job;
 use crate::mesh::files::is_mesh;
 use crate::output::{self, Context, Failure};
+use crate::solids::is_solid;
 use crate::watchdog::Writing;
 use crate::{report, scan};
 use isoform::geom::{Column, PointCloud};
@@ -24,8 +25,11 @@ enum Kind {
     Document,
 }
 
-/// What an ending asks for.
+/// What an ending asks for. Solids are made from what a fit gives, not written by it.
 fn named(path: &Path) -> Option<Kind> {
+    if is_solid(path) {
+        return None;
+    }
     let ending = path
         .extension()
         .unwrap_or_default()
@@ -55,7 +59,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
         if is_mesh(path) {
             return failure.hint("isoform recover, which meshes the fitted model");
         }
-        failure.hint("-o with .hf, .ply, .xyz, .csv, .html or .json")
+        failure.hint("-o with .hf, .ply, .xyz, .csv, .html, .json, .step or .brep.json")
     })
 }
 

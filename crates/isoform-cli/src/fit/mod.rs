@@ -1,18 +1,21 @@
 //! `isoform fit`: the parameters of a template from points.
 //!
 //! The way is one for `fit` and `recover`: [`job`] reads the scan, fits and gathers the warnings;
-//! [`files`] writes what endings ask for; [`table`] and [`document`] print the result for people
-//! and for programs.
+//! [`files`] writes what endings ask for, [`solid`] makes a solid for CAD; [`table`] and
+//! [`document`] print the result for people and for programs.
 
 pub(crate) mod document;
 pub(crate) mod files;
 pub(crate) mod job;
 pub(crate) mod settings;
+pub(crate) mod solid;
 pub(crate) mod table;
 
 use crate::gallery;
 use crate::model::Language;
 use crate::output::{Context, Failure, Outcome};
+use crate::solids;
+use isoform::MeshModelOptions;
 use isoform::field::hyperfun::Pose;
 use isoform::fit::{Beside, Local, Loss, Method};
 use job::Request;
@@ -22,14 +25,20 @@ use std::path::{Path, PathBuf};
 /// Fits a template to points
 #[derive(clap::Args)]
 #[command(after_help = "\
-Example:
+Examples:
   isoform fit scan.ply --template cup -o fitted.hf -o deviation.ply -o report.html
+  isoform fit scan.ply --template part.hf -o part.step
 
 TEMPLATE is a HyperFun file, or a name out of --list. The table (--json: the document) gives every parameter with its
 95 % interval and what the points say of it: determined, weak, undetermined, fixed, at-bound. See docs/fitting.md.
 
-Exit code: 0, or 3 if the template does not fit or the search was cut short (files are written all the same), 4 without
-a result, 2 for unreadable input, 130 after Ctrl-C (the best so far is written).")]
+With -o part.step (or .brep.json) the fitted model becomes a solid of exact faces for CAD, in the unit of the fit, with
+the certificate of isoform brep: the verdict says whether the model is that of the scan, the certificate whether the
+solid is that of the model.
+
+Exit code: 0, or 3 if the template does not fit, the search was cut short or the certificate of the solid does not hold
+(files are written all the same), 4 without a result or without the solid that was asked for, 2 for unreadable input,
+130 after Ctrl-C (the best so far is written).")]
 pub(crate) struct Args {
     /// The points: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57 (- for stdin)
     #[arg(required_unless_present = "list")]
@@ -54,7 +63,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_points: Option<u64>,
     /// Write a file; by its ending: .hf (fitted program), .ply .xyz .csv (points with deviations),
-    /// .html (report), .json
+    /// .html (report), .json, .step .brep.json (solid)
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -223,30 +232,43 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             stdout: text.into_bytes(),
         });
     };
-    files::check(&args.output)?;
+    let output = args.output.iter().cloned();
+    let (solids, results): (Vec<PathBuf>, Vec<PathBuf>) = output.partition(|p| solids::is_solid(p));
+    files::check(&results)?;
+    solids::check(&solids)?;
     let max_points = args
         .max_points
         .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
     let scan = job::read_scan(scan, args.from.as_deref(), max_points, context)?;
-    let mut job = job::run(scan, &args.options.request(template), context)?;
-    let written = files::write(&mut job, &args.output, context)?;
+    let request = args.options.request(template);
+    let mut job = job::run(scan, &request, context)?;
+    let written = files::write(&mut job, &results, context)?;
     if !context.global.json {
         for w in &job.warnings {
             context.warn(w);
         }
     }
     let mut json = document::document(&job, "fit");
-    if !written.is_empty() {
-        json["outputs"] = written.iter().map(|p| p.display().to_string()).collect();
+    let mut written: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+    let (mut exit, mut text) = (job.exit(), table::text(&job));
+    if !solids.is_empty() {
+        let wanted = solid::Wanted {
+            paths: solids,
+            is_asked: true,
+            options: MeshModelOptions::default(),
+        };
+        let told = solid::tell(&job, &request.language, &wanted, context);
+        exit = told.exit;
+        text += &told.text;
+        written.extend(told.files.iter().cloned());
+        told.add_to(&mut json);
     }
-    let stdout = if context.global.json {
-        Vec::new()
-    } else {
-        table::text(&job).into_bytes()
-    };
+    if !written.is_empty() {
+        json["outputs"] = written.into();
+    }
     Ok(Outcome {
-        exit: job.exit(),
+        exit,
         json,
-        stdout,
+        stdout: text.into_bytes(),
     })
 }

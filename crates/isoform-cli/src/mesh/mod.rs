@@ -3,12 +3,13 @@
 pub(crate) mod document;
 pub(crate) mod files;
 mod sizes;
+mod solid;
 pub(crate) mod table;
 pub(crate) mod work;
 
 use crate::model::Language;
 use crate::output::{self, Context, Failure, Outcome};
-use crate::{eval, gallery, scan, spline};
+use crate::{eval, gallery, scan, solids, spline};
 use isoform::Unseen;
 use isoform::geom::Aabb;
 use std::path::PathBuf;
@@ -22,17 +23,20 @@ Examples:
   isoform mesh part.hf --surface-only --grade 0.01 -o part.obj
   isoform mesh part.hf --sizes sizes.csv --order 2 -o part.inp
   isoform mesh part.hf --adapt old.msh -o better.msh
+  isoform mesh part.step -o part.stl
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
 certificate: closed, manifold, free of self-intersections and inverted elements, with angles and distances. Formats:
 msh (Gmsh), vtu (ParaView), inp (CalculiX, Abaqus) and others, see docs/meshing.md. Without -o it is only measured.
+Of a solid of isoform brep (.step, .brep.json) the faces are divided into triangles for display, closed and near to
+them (--grade, --size), without regard to their shape.
 
 Exit code: 0, or 3 if the certificate fails or something is left unproved (files are written all the same), 4 without a
 mesh, 2 for unreadable input, 130 after Ctrl-C.")]
 pub(crate) struct Args {
-    /// The model: a HyperFun file (- for stdin), the name of a built-in template, or a function
-    /// fitted to points (.json, from isoform implicitize)
+    /// The model: a HyperFun file (- for stdin), the name of a built-in template, a function
+    /// fitted to points (.json, from isoform implicitize), or a solid of isoform brep
     model: PathBuf,
     /// The values of the parameters a, in their order; missing ones are as annotated, else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
@@ -110,6 +114,9 @@ fn angles(text: &str) -> Result<Angles, String> {
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
+    if let Some(file) = solids::find(&args.model)? {
+        return solid::run(args, file, &targets, context);
+    }
     let subject = subject(args, context)?;
     let given = args
         .adapt

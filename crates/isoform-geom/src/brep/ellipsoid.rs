@@ -1,7 +1,8 @@
 //! Ellipsoids: spheres of radius 1, stretched.
 
 use super::Axes;
-use crate::{Point3, cross, dot};
+use crate::{Point3, cross, dot, sub};
+use isoform_num::Svd;
 use std::array::from_fn;
 
 /// x²/a² + y²/b² + z²/c² = 1 in coordinates of a frame. What has angles about an axis for a sphere
@@ -153,6 +154,47 @@ impl Ellipsoid {
         }
         (control, weights)
     }
+    /// The ellipsoid whose chart ([`Self::chart`]) has these control points: the stretched frame of
+    /// the sphere by differences, and its singular values, which are the half axes. None where
+    /// there is no such ellipsoid; whether the points are those of its chart is not looked at.
+    pub fn of_chart(control: &[[Point3; 3]; 3], reach: f64) -> Option<Self> {
+        let between = |a: Point3, b: Point3, share: f64| -> Point3 {
+            from_fn(|k| a[k] + share * (b[k] - a[k]))
+        };
+        let apart = |a: Point3, b: Point3| sub(b, a).map(|v| v / (4.0 * reach));
+        let f = apart(control[0][1], control[2][1]);
+        let g = apart(control[1][0], control[1][2]);
+        // In the middle between these two is origin + e; the middle control point is
+        // origin + (1 + 2 reach²)/(1 − 2 reach²) e.
+        let near = between(control[0][1], control[2][1], 0.5);
+        let e = sub(control[1][1], near).map(|v| v * (1.0 / (4.0 * reach * reach) - 0.5));
+        let Svd {
+            values: half,
+            right,
+            images,
+        } = Svd::new([e, f, g]);
+        if half.iter().any(|h| h.is_nan() || *h <= 0.0) || dot(cross(e, f), g) <= 0.0 {
+            return None;
+        }
+        let [x, y, mut z]: [Point3; 3] = from_fn(|k| images[k].map(|v| v / half[k]));
+        let mut rows = right;
+        if dot(cross(x, y), z) < 0.0 {
+            z = z.map(|v| -v);
+            rows[2] = rows[2].map(|v| -v);
+        }
+        let column = |j: usize| -> Point3 { from_fn(|k| rows[k][j]) };
+        let axes = Axes {
+            origin: sub(near, e),
+            z,
+            x,
+        };
+        let sphere = Axes {
+            origin: [0.0; 3],
+            z: column(1),
+            x: column(0).map(|v| -v),
+        };
+        Some(Self { axes, half, sphere })
+    }
     /// The frame of the sphere with x away from `direction` of the unit sphere's space.
     #[must_use]
     pub fn facing(self, direction: Point3) -> Self {
@@ -175,7 +217,7 @@ fn normal([u, v]: [f64; 2]) -> Point3 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{norm, sub};
+    use crate::norm;
 
     fn tilted() -> Ellipsoid {
         let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
@@ -221,6 +263,27 @@ mod tests {
         // The middle is the direction that the sphere faces away from.
         let q = ball.shrunk(at(0.5, 0.5));
         assert!(norm(sub(q, [0.48, 0.6, 0.64])) < 1e-15, "{q:?}");
+    }
+
+    #[test]
+    fn a_chart_tells_its_ellipsoid() {
+        // Three different half axes, and a spheroid, whose frame is free to turn.
+        for half in [[0.9, 0.6, 0.4], [0.5, 0.9, 0.5]] {
+            let ball = Ellipsoid { half, ..tilted() };
+            let (control, _) = ball.chart(Ellipsoid::REACH);
+            let again = Ellipsoid::of_chart(&control, Ellipsoid::REACH).expect("a chart");
+            let (back, _) = again.chart(Ellipsoid::REACH);
+            for (p, q) in control.as_flattened().iter().zip(back.as_flattened()) {
+                assert!(norm(sub(*p, *q)) < 1e-14, "{p:?} {q:?}");
+            }
+            // Also far from the chart the two are one surface.
+            for at in [[0.3, 0.2], [2.0, -1.0], [4.0, 1.2]] {
+                assert!(again.distance(ball.point(at)).0.abs() < 1e-14);
+            }
+        }
+        let mut flat = [[[0.0; 3]; 3]; 3];
+        (0..9).for_each(|n| flat[n / 3][n % 3] = [n as f64, (n / 3) as f64, 0.0]);
+        assert_eq!(Ellipsoid::of_chart(&flat, Ellipsoid::REACH), None);
     }
 
     #[test]

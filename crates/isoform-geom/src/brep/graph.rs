@@ -1,7 +1,9 @@
 //! Graphs of functions of two variables, as B-splines.
 
 use super::Axes;
-use crate::{Point3, dot};
+use crate::{Point3, cross, dot};
+use isoform_num::Svd;
+use std::array::from_fn;
 
 /// The surface z = h(x, y) over a rectangle, in coordinates of a frame, with h a tensor product of
 /// B-splines: x and y are themselves the parameters, so that the point of the surface below or
@@ -96,6 +98,43 @@ impl Basis {
     }
 }
 
+/// Directions of a frame are of length 1 and at right angles within this: they come from rounded
+/// control points, which tell them the worse the flatter the graph is.
+const FRAME: f64 = 1e-6;
+/// Control points that leave their plane by no more than this share of their extent tell the
+/// directions across it worse than the length of these does.
+const FLAT: f64 = 1e-6;
+
+/// The directions x and y along which points have the given coordinates, by least squares: the sums
+/// of uₖ·b / σₖ vₖ. Where the points are flat, the part along their normal v₃ makes the length 1,
+/// and x and y orthogonal.
+fn directions(svd: &Svd<Vec<f64>, 3>, sides: &[Vec<f64>; 2]) -> [Point3; 2] {
+    let share = |k: usize, b: &[f64]| {
+        let size = svd.values[k];
+        if size > 0.0 {
+            svd.along(k, b) / size
+        } else {
+            0.0
+        }
+    };
+    let shares = sides.each_ref().map(|b| [0, 1, 2].map(|k| share(k, b)));
+    let mut across = shares.map(|s| s[2]);
+    if svd.values[2] <= FLAT * svd.values[0] {
+        let [[a, b, p], [c, d, q]] = shares;
+        let rest = |e: f64, f: f64| (1.0 - e * e - f * f).max(0.0).sqrt();
+        let (u, mut v) = (rest(a, b), rest(c, d));
+        if a * c + b * d > 0.0 {
+            v = -v;
+        }
+        let side = if u * p + v * q < 0.0 { -1.0 } else { 1.0 };
+        across = [side * u, side * v];
+    }
+    [0, 1].map(|i| {
+        let parts = [shares[i][0], shares[i][1], across[i]];
+        from_fn(|j| (0..3).map(|k| parts[k] * svd.right[k][j]).sum())
+    })
+}
+
 impl Graph {
     /// How many B-splines of y there are.
     pub fn columns(&self) -> usize {
@@ -161,19 +200,64 @@ impl Graph {
         let [a, b] = self.height(at).slope;
         self.axes.vector([-a, -b, 1.0])
     }
-    /// The control points, as the coefficients are ordered: x and y are Greville's abscissae.
-    pub fn control(&self) -> Vec<Point3> {
-        let greville = |k: usize| -> Vec<f64> {
+    /// Greville's abscissae of each coefficient: x and y of its control point.
+    fn greville(&self) -> Vec<[f64; 2]> {
+        let means = |k: usize| -> Vec<f64> {
             let knots = &self.knots[k];
             let count = knots.len() - self.degree - 1;
             let mean = |i: usize| knots[i + 1..=i + self.degree].iter().sum::<f64>();
             (0..count).map(|i| mean(i) / self.degree as f64).collect()
         };
-        let (xs, ys) = (greville(0), greville(1));
-        let all = xs.iter().flat_map(|x| ys.iter().map(move |y| [*x, *y]));
+        let (xs, ys) = (means(0), means(1));
+        let pairs = xs.iter().flat_map(|x| ys.iter().map(move |y| [*x, *y]));
+        pairs.collect()
+    }
+    /// The control points, as the coefficients are ordered: x and y are Greville's abscissae.
+    pub fn control(&self) -> Vec<Point3> {
+        let all = self.greville().into_iter();
         all.zip(&self.heights)
             .map(|([x, y], h)| self.axes.point([x, y, *h]))
             .collect()
+    }
+    /// The graph whose control points ([`Self::control`]) these are: the frame in which their x and
+    /// y are Greville's abscissae, by least squares. None where there is no such frame; of two that
+    /// flat control points leave, both have the same surface. Knots are as [`Graph`] has them.
+    pub fn of_control(degree: usize, knots: [Vec<f64>; 2], control: &[Point3]) -> Option<Self> {
+        let axes = Axes {
+            origin: [0.0; 3],
+            z: [0.0; 3],
+            x: [0.0; 3],
+        };
+        let mut graph = Self {
+            axes,
+            degree,
+            knots,
+            heights: vec![0.0; control.len()],
+        };
+        let at = graph.greville();
+        let count = control.len() as f64;
+        let mean_of = |values: &mut dyn Iterator<Item = f64>| values.sum::<f64>() / count;
+        let center: Point3 = from_fn(|k| mean_of(&mut control.iter().map(|p| p[k])));
+        let columns = [0, 1, 2].map(|k| control.iter().map(|p| p[k] - center[k]).collect());
+        let svd: Svd<Vec<f64>, 3> = Svd::new(columns);
+        let middle = [0, 1].map(|k| mean_of(&mut at.iter().map(|g| g[k])));
+        let sides = [0, 1].map(|k| at.iter().map(|g| g[k] - middle[k]).collect::<Vec<f64>>());
+        let [x, y] = directions(&svd, &sides);
+        let lengths = [dot(x, x), dot(y, y), 1.0 + dot(x, y)];
+        if lengths
+            .iter()
+            .any(|l| (l - 1.0).abs() > FRAME || l.is_nan())
+        {
+            return None;
+        }
+        let x = x.map(|v| v / lengths[0].sqrt());
+        let z = cross(x, y);
+        let z = z.map(|v| v / dot(z, z).sqrt());
+        let origin = from_fn(|k| center[k] - middle[0] * x[k] - middle[1] * cross(z, x)[k]);
+        graph.axes = Axes { origin, z, x };
+        let heights = control.iter().map(|p| graph.axes.local(*p)[2]);
+        graph.heights = heights.collect();
+        Some(graph)
     }
 }
 
@@ -237,10 +321,44 @@ mod tests {
             assert!((h.slope[0] - 0.5).abs() + (h.slope[1] + 0.25).abs() < 1e-13);
             let p = graph.point(at);
             let n = graph.area_vector(at);
-            let off = std::array::from_fn(|k| p[k] + 0.3 * n[k] / norm(n));
+            let off = from_fn(|k| p[k] + 0.3 * n[k] / norm(n));
             let (d, normal) = graph.distance(off);
             assert!((d - 0.3).abs() < 1e-14, "{d}");
             assert!(norm(sub(normal, n.map(|v| v / norm(n)))) < 1e-14);
         }
+    }
+
+    /// z = x/2 + bend (x² + y)/4 over a rectangle, with one knot inside.
+    fn bent(bend: f64) -> Graph {
+        let mut graph = Graph {
+            axes: Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]),
+            degree: 3,
+            knots: [knots(3, &[0.5]), knots(3, &[0.4, 1.3])],
+            heights: Vec::new(),
+        };
+        let heights = graph.greville().into_iter();
+        graph.heights = heights.map(|[x, y]| bend * (x * x + y) / 4.0).collect();
+        graph
+    }
+
+    #[test]
+    fn control_points_tell_the_frame_or_one_as_good() {
+        for bend in [1.0, 1e-3, 1e-6, 1e-8, 1e-10, 1e-13, 0.0] {
+            let graph = bent(bend);
+            let control = graph.control();
+            let again = Graph::of_control(3, graph.knots.clone(), &control).expect("a graph");
+            for (p, q) in control.iter().zip(again.control()) {
+                assert!(norm(sub(*p, q)) < 1e-14, "{bend}: {p:?} {q:?}");
+            }
+            // A flat one may be seen from the mirrored side of its tilt.
+            assert!(bend < 1e-6 || dot(again.axes.z, graph.axes.z) > 1.0 - 1e-12);
+        }
+        let other = bent(1.0);
+        let stretched = other
+            .control()
+            .iter()
+            .map(|p| p.map(|v| 2.0 * v))
+            .collect::<Vec<_>>();
+        assert_eq!(Graph::of_control(3, other.knots, &stretched), None);
     }
 }

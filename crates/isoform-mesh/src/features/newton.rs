@@ -80,6 +80,17 @@ fn limited(step: Point3, reach: f64) -> (Point3, f64) {
 
 /// The point of one piece near `p`, at most `reach` away.
 pub(crate) fn onto_one(solid: &dyn Solid, piece: u32, p: Point3, reach: f64) -> Option<Point3> {
+    onto_one_within(solid, piece, p, reach, 1e-15 * reach)
+}
+
+/// A point of one piece, or a place nearer to it than the tolerance, as [`onto_one`] finds it.
+pub(crate) fn onto_one_within(
+    solid: &dyn Solid,
+    piece: u32,
+    p: Point3,
+    reach: f64,
+    tolerance: f64,
+) -> Option<Point3> {
     let mut q = p;
     for _ in 0..STEPS {
         let g = normalised(solid, piece, q)?;
@@ -87,7 +98,7 @@ pub(crate) fn onto_one(solid: &dyn Solid, piece: u32, p: Point3, reach: f64) -> 
         if norm(sub(q, p)) > reach {
             return None;
         }
-        if g.d.abs() <= 2.0 * rounding(q) + 1e-15 * reach {
+        if g.d.abs() <= 2.0 * rounding(q) + tolerance {
             return Some(q);
         }
     }

@@ -27,7 +27,7 @@ pub struct CompareReport {
 pub struct SideReport {
     /// Its file.
     pub file: String,
-    /// `points`, `mesh` or `model`.
+    /// `points`, `mesh`, `model` or `solid`.
     pub kind: &'static str,
 }
 

@@ -1,0 +1,351 @@
+//! Whether a boundary representation holds together as data: what comes out of a file need not.
+
+use super::{Axes, BSpline, Brep, Curve, Edge, Ellipsoid, Face, Graph, Surface};
+use crate::{Point3, dot};
+use std::f64::consts::FRAC_PI_2;
+use std::fmt;
+
+/// Numbers are no larger than this, and lengths no smaller than its inverse: the cube of a length,
+/// a volume, is still a double.
+const LARGEST: f64 = 1e100;
+/// Directions are of length 1 and at right angles within this: a few thousand roundings. What is
+/// wrong by more was not meant as a frame.
+const FRAME: f64 = 1e-9;
+/// Largest degree of the curve of an edge. Our own have 5.
+const MOST_DEGREE: usize = 25;
+/// Largest degree of a graph: its B-splines at a place are counted at compile time.
+const MOST_GRAPH_DEGREE: usize = 7;
+
+/// What is wrong with a boundary representation, and where.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Defect {
+    /// Such as `edge 3` or `face 0, loop 1`; numbers are from 0.
+    pub at: String,
+    /// What is wrong there.
+    pub problem: &'static str,
+}
+
+impl fmt::Display for Defect {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}: {}", self.at, self.problem)
+    }
+}
+
+impl std::error::Error for Defect {}
+
+type Checked = Result<(), &'static str>;
+
+/// The error unless something is so.
+fn need(is: bool, problem: &'static str) -> Checked {
+    if is { Ok(()) } else { Err(problem) }
+}
+
+fn at(place: impl FnOnce() -> String) -> impl FnOnce(&'static str) -> Defect {
+    |problem| Defect {
+        at: place(),
+        problem,
+    }
+}
+
+impl Brep {
+    /// Whether all numbers are finite and of a sane size, all indices in range, all frames at right
+    /// angles, all splines complete, all loops closed, each edge in two loops, once in each
+    /// direction, and each face in one shell: what every function on it relies on. Whether edges
+    /// lie on their faces is not looked at.
+    ///
+    /// # Errors
+    /// The first [`Defect`].
+    pub fn validate(&self) -> Result<(), Defect> {
+        for (v, p) in self.vertices.iter().enumerate() {
+            points(std::slice::from_ref(p)).map_err(at(|| format!("vertex {v}")))?;
+        }
+        for (e, edge) in self.edges.iter().enumerate() {
+            self.check_edge(edge).map_err(at(|| format!("edge {e}")))?;
+        }
+        for (f, face) in self.faces.iter().enumerate() {
+            let part = need(
+                (face.part as usize) < self.parts.len(),
+                "there is no such part",
+            );
+            part.and_then(|()| surface(&face.surface))
+                .map_err(at(|| format!("face {f}")))?;
+            self.check_loops(f, face)?;
+        }
+        self.check_uses()?;
+        self.check_shells()
+    }
+
+    fn check_edge(&self, edge: &Edge) -> Checked {
+        let exist = |v: &u32| (*v as usize) < self.vertices.len();
+        need(edge.ends.iter().all(exist), "there is no such vertex")?;
+        match &edge.curve {
+            Curve::Line => need(
+                edge.ends[0] != edge.ends[1],
+                "a segment from a vertex to itself",
+            ),
+            Curve::Circle(axes, radius) => frame(axes).and_then(|()| length(*radius)),
+            Curve::Ellipse(axes, a, b) => {
+                frame(axes)?;
+                length(*a)?;
+                length(*b)
+            }
+            Curve::BSpline(spline) => curve(spline),
+        }
+    }
+
+    fn check_loops(&self, f: usize, face: &Face) -> Result<(), Defect> {
+        let place = |l: usize| move || format!("face {f}, loop {l}");
+        need(!face.loops.is_empty(), "it has no loop").map_err(at(|| format!("face {f}")))?;
+        for (l, around) in face.loops.iter().enumerate() {
+            need(!around.is_empty(), "it is empty").map_err(at(place(l)))?;
+            let exist = around.iter().all(|c| (c.edge as usize) < self.edges.len());
+            need(exist, "there is no such edge").map_err(at(place(l)))?;
+            let ends: Vec<[u32; 2]> = around.iter().map(|c| self.ends_of(c)).collect();
+            let next = ends.iter().cycle().skip(1);
+            let is_closed = ends.iter().zip(next).all(|(a, b)| a[1] == b[0]);
+            need(is_closed, "its edges are no closed chain").map_err(at(place(l)))?;
+        }
+        Ok(())
+    }
+
+    /// Each edge is in two loops, once in each direction.
+    fn check_uses(&self) -> Result<(), Defect> {
+        let mut uses = vec![[0usize; 2]; self.edges.len()];
+        let faces = self.faces.iter();
+        for coedge in faces.flat_map(|f| f.loops.iter().flatten()) {
+            uses[coedge.edge as usize][usize::from(coedge.forward)] += 1;
+        }
+        match uses.iter().position(|u| *u != [1, 1]) {
+            None => Ok(()),
+            Some(e) => Err(Defect {
+                at: format!("edge {e}"),
+                problem: "it is not in two loops, once in each direction",
+            }),
+        }
+    }
+
+    /// There is a solid, no shell is empty, and each face is in one shell.
+    fn check_shells(&self) -> Result<(), Defect> {
+        let whole = at(|| "the solids".to_owned());
+        need(!self.solids.is_empty(), "there is none").map_err(whole)?;
+        let mut seen = vec![false; self.faces.len()];
+        for (s, body) in self.solids.iter().enumerate() {
+            for shell in std::iter::once(&body.outer).chain(&body.voids) {
+                let mut check = || {
+                    need(!shell.is_empty(), "a shell has no face")?;
+                    for f in shell {
+                        let known = seen.get_mut(*f as usize);
+                        let known = known.ok_or("there is no such face")?;
+                        need(!std::mem::replace(known, true), "a face is in two shells")?;
+                    }
+                    Ok(())
+                };
+                check().map_err(at(|| format!("solid {s}")))?;
+            }
+        }
+        match seen.iter().position(|is| !is) {
+            None => Ok(()),
+            Some(f) => Err(Defect {
+                at: format!("face {f}"),
+                problem: "it is in no shell",
+            }),
+        }
+    }
+}
+
+fn number(v: f64) -> Checked {
+    need(v.abs() <= LARGEST, "a number is not finite, or too large")
+}
+
+fn points(all: &[Point3]) -> Checked {
+    all.iter().flatten().try_for_each(|v| number(*v))
+}
+
+fn length(v: f64) -> Checked {
+    need(
+        (1.0 / LARGEST..=LARGEST).contains(&v),
+        "a length is not positive, or not of a sane size",
+    )
+}
+
+fn frame(axes: &Axes) -> Checked {
+    points(&[axes.origin])?;
+    let Axes { z, x, .. } = axes;
+    let right = [dot(*z, *z) - 1.0, dot(*x, *x) - 1.0, dot(*z, *x)];
+    need(
+        right.iter().all(|v| v.abs() <= FRAME),
+        "the directions of a frame are not of length 1 and at right angles",
+    )
+}
+
+fn surface(surface: &Surface) -> Checked {
+    frame(surface.axes())?;
+    match surface {
+        Surface::Plane(_) => Ok(()),
+        Surface::Cylinder(_, radius) | Surface::Sphere(_, radius) => length(*radius),
+        Surface::Cone(_, radius, half_angle) => {
+            let is_radius = *radius == 0.0 || length(*radius).is_ok();
+            need(is_radius, "a radius is negative, or not of a sane size")?;
+            need(
+                (1e-9..FRAC_PI_2 - 1e-9).contains(&half_angle.abs()),
+                "the half angle of a cone is not between 0 and a right angle",
+            )
+        }
+        Surface::Torus(_, major, minor) => {
+            length(*minor)?;
+            length(*major)?;
+            need(minor < major, "the tube of a torus reaches its axis")
+        }
+        Surface::Ellipsoid(Ellipsoid { half, sphere, .. }) => {
+            half.iter().try_for_each(|h| length(*h))?;
+            frame(sphere)?;
+            need(
+                sphere.origin == [0.0; 3],
+                "the unit sphere of an ellipsoid is not about the origin",
+            )
+        }
+        Surface::Graph(graph) => check_graph(graph),
+    }
+}
+
+fn check_graph(graph: &Graph) -> Checked {
+    let degree = graph.degree;
+    need(
+        (1..=MOST_GRAPH_DEGREE).contains(&degree),
+        "the degree is not from 1 to 7",
+    )?;
+    for all in &graph.knots {
+        all.iter().try_for_each(|t| number(*t))?;
+        clamped(all, degree)?;
+    }
+    graph.heights.iter().try_for_each(|h| number(*h))?;
+    let count = |k: usize| graph.knots[k].len() - degree - 1;
+    need(
+        count(0).checked_mul(count(1)) == Some(graph.heights.len()),
+        "there are not as many heights as the knots ask for",
+    )
+}
+
+fn curve(spline: &BSpline) -> Checked {
+    let BSpline {
+        degree,
+        knots,
+        multiplicities,
+        control,
+    } = spline;
+    need(
+        (1..=MOST_DEGREE).contains(degree),
+        "the degree is not from 1 to 25",
+    )?;
+    points(control)?;
+    knots.iter().try_for_each(|t| number(*t))?;
+    need(
+        knots.len() == multiplicities.len()
+            && multiplicities.iter().all(|n| (1..=degree + 1).contains(n)),
+        "the knots have no fitting multiplicities",
+    )?;
+    // At most 26 times the knots, by the line above: hostile multiplicities take no memory.
+    clamped(&spline.flat_knots(), *degree)?;
+    need(
+        multiplicities.iter().sum::<usize>() == control.len() + degree + 1,
+        "there are not as many control points as the knots ask for",
+    )
+}
+
+/// Whether knots, each as often as it counts, never fall, with degree + 1 equal ones at the ends
+/// and no more than `degree` of them inside.
+fn clamped(knots: &[f64], degree: usize) -> Checked {
+    let runs: Vec<&[f64]> = knots.chunk_by(|a, b| a == b).collect();
+    let rises = runs.windows(2).all(|w| w[0][0] < w[1][0]);
+    need(rises && runs.len() >= 2, "the knots do not rise")?;
+    let is_end = |i: usize| i == 0 || i == runs.len() - 1;
+    let fits = |(i, run): (usize, &&[f64])| {
+        if is_end(i) {
+            run.len() == degree + 1
+        } else {
+            run.len() <= degree
+        }
+    };
+    need(
+        runs.iter().enumerate().all(fits),
+        "the ends do not count degree + 1 times, or a knot inside more often than the degree",
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::can;
+    use super::*;
+    use crate::brep::{Body, Coedge};
+
+    #[test]
+    fn what_is_broken_is_found_where_it_is() {
+        let can = can();
+        assert_eq!(can.validate(), Ok(()));
+        type Break = fn(&mut Brep);
+        let breaks: [(&str, Break); 16] = [
+            ("vertex 1", |b| b.vertices[1][2] = f64::NAN),
+            ("vertex 1", |b| b.vertices[1][2] = 1e101),
+            ("edge 0", |b| b.edges[0].ends[1] = 9),
+            ("edge 0", |b| b.edges[0].curve = Curve::Line),
+            ("edge 1", |b| {
+                b.edges[1].curve = Curve::Circle(Axes::along([0.0; 3], [0.0, 0.0, 2.0]), 1.0);
+            }),
+            ("face 0", |b| b.faces[0].part = 3),
+            ("face 1", |b| b.faces[1].loops.clear()),
+            ("face 0, loop 0", |b| b.faces[0].loops[0].clear()),
+            ("face 2, loop 0", |b| b.faces[2].loops[0][0].edge = 7),
+            ("face 2, loop 0", |b| b.faces[2].loops[0][1].forward ^= true),
+            ("edge 0", |b| b.faces[0].loops[0][0].forward ^= true),
+            ("face 1", |b| {
+                b.faces[1].surface =
+                    Surface::Torus(Axes::along([0.0; 3], [1.0, 0.0, 0.0]), 1.0, 1.0);
+            }),
+            ("the solids", |b| b.solids.clear()),
+            ("solid 0", |b| b.solids[0].outer.push(0)),
+            ("solid 1", |b| b.solids.push(Body::default())),
+            ("face 2", |b| b.solids[0].outer.truncate(2)),
+        ];
+        for (at, change) in breaks {
+            let mut broken = can.clone();
+            change(&mut broken);
+            assert_eq!(broken.validate().expect_err(at).at, at);
+        }
+    }
+
+    #[test]
+    fn knots_and_control_points_belong_together() {
+        let spline = |knots: &[f64], multiplicities: &[usize], control: usize| {
+            curve(&BSpline {
+                degree: 2,
+                knots: knots.to_vec(),
+                multiplicities: multiplicities.to_vec(),
+                control: vec![[0.0; 3]; control],
+            })
+        };
+        assert_eq!(spline(&[0.0, 1.0, 2.0], &[3, 1, 3], 4), Ok(()));
+        for (knots, multiplicities, control) in [
+            (&[0.0, 1.0, 2.0][..], &[3, 1, 3][..], 5),
+            (&[0.0, 1.0, 2.0], &[3, 3, 3], 6),
+            (&[0.0, 1.0, 2.0], &[3, 0, 3], 3),
+            (&[0.0, 1.0, 1.0], &[3, 1, 3], 4),
+            (&[0.0, 2.0, 1.0], &[3, 1, 3], 4),
+            (&[0.0, f64::NAN, 1.0], &[3, 1, 3], 4),
+            (&[0.0, 1.0], &[3, usize::MAX], 4),
+            (&[0.0], &[3], 0),
+            (&[], &[], 0),
+        ] {
+            assert!(
+                spline(knots, multiplicities, control).is_err(),
+                "{knots:?} {multiplicities:?}"
+            );
+        }
+    }
+
+    #[test]
+    fn a_coedge_runs_from_end_to_end() {
+        let can = can();
+        let passed = |forward| can.ends_of(&Coedge { edge: 2, forward });
+        assert_eq!((passed(true), passed(false)), ([0, 1], [1, 0]));
+    }
+}

@@ -1,0 +1,319 @@
+//! The text of ISO 10303-21 taken apart: instances with their arguments.
+
+use crate::solids::{SolidFileError, wrong};
+use std::collections::BTreeMap;
+
+/// Lists in lists, at most: our own files have four. More would cost stack.
+const DEEPEST: usize = 16;
+
+/// An argument.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) enum Value {
+    /// $ or *: nothing, or derived.
+    Nothing,
+    /// #12.
+    Reference(u64),
+    /// A number, whole or not.
+    Number(f64),
+    /// A text in quotes.
+    Text(String),
+    /// .T. and the like, without the points.
+    Word(String),
+    /// Arguments in brackets.
+    List(Vec<Self>),
+    /// A typed argument, such as `LENGTH_MEASURE(1.)`.
+    Typed(Record),
+}
+
+/// A keyword with arguments.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Record {
+    pub(super) name: String,
+    pub(super) arguments: Vec<Value>,
+}
+
+/// A file: records of the header, and the records of each instance by its number.
+#[derive(Debug, Default)]
+pub(super) struct File {
+    pub(super) header: Vec<Record>,
+    pub(super) instances: BTreeMap<u64, Vec<Record>>,
+}
+
+type Result<T> = std::result::Result<T, SolidFileError>;
+
+/// Takes a text apart.
+pub(super) fn parse(text: &str) -> Result<File> {
+    let mut parser = Parser {
+        bytes: text.as_bytes(),
+        at: 0,
+    };
+    let mut file = File::default();
+    parser.expect("ISO-10303-21;")?;
+    parser.expect("HEADER;")?;
+    while !parser.take("ENDSEC;") {
+        file.header.push(parser.record(0)?);
+        parser.expect(";")?;
+    }
+    parser.expect("DATA;")?;
+    while !parser.take("ENDSEC;") {
+        let start = parser.at;
+        parser.expect("#")?;
+        let number = parser.whole()?;
+        parser.expect("=")?;
+        let records = if parser.peek() == Some(b'(') {
+            parser.complex()?
+        } else {
+            vec![parser.record(0)?]
+        };
+        parser.expect(";")?;
+        if file.instances.insert(number, records).is_some() {
+            parser.at = start;
+            return Err(parser.wrong(&format!("#{number} is there twice")));
+        }
+    }
+    Ok(file)
+}
+
+struct Parser<'t> {
+    bytes: &'t [u8],
+    at: usize,
+}
+
+impl Parser<'_> {
+    /// The error at the place reached, as line and column from 1.
+    fn wrong(&self, problem: &str) -> SolidFileError {
+        let before = &self.bytes[..self.at.min(self.bytes.len())];
+        let line = before.iter().filter(|b| **b == b'\n').count() + 1;
+        let start = before
+            .iter()
+            .rposition(|b| *b == b'\n')
+            .map_or(0, |i| i + 1);
+        let column = before.len() - start + 1;
+        wrong(format!("line {line}, column {column}"), problem)
+    }
+    /// The next byte that is no space.
+    fn peek(&mut self) -> Option<u8> {
+        let is_space = |b: &u8| b.is_ascii_whitespace();
+        while self.bytes.get(self.at).is_some_and(is_space) {
+            self.at += 1;
+        }
+        self.bytes.get(self.at).copied()
+    }
+    /// Goes on beyond these characters if they come next.
+    fn take(&mut self, what: &str) -> bool {
+        self.peek();
+        let comes = self.bytes[self.at..].starts_with(what.as_bytes());
+        if comes {
+            self.at += what.len();
+        }
+        comes
+    }
+    fn expect(&mut self, what: &str) -> Result<()> {
+        if self.take(what) {
+            return Ok(());
+        }
+        Err(self.wrong(&format!("`{what}` is expected")))
+    }
+    /// The bytes from here on that are of a kind.
+    fn run(&mut self, is: impl Fn(u8) -> bool) -> &str {
+        let start = self.at;
+        while self.bytes.get(self.at).is_some_and(|b| is(*b)) {
+            self.at += 1;
+        }
+        // What is of a kind is ASCII here: the run begins and ends between characters.
+        std::str::from_utf8(&self.bytes[start..self.at]).unwrap_or_default()
+    }
+    fn whole(&mut self) -> Result<u64> {
+        let digits = self.run(|b| b.is_ascii_digit()).parse();
+        digits.map_err(|_| self.wrong("a whole number is expected"))
+    }
+    fn word(&mut self) -> Result<String> {
+        self.peek();
+        let name = self.run(|b| b.is_ascii_alphanumeric() || b == b'_');
+        if name.is_empty() {
+            return Err(self.wrong("a keyword is expected"));
+        }
+        Ok(name.to_owned())
+    }
+    fn record(&mut self, depth: usize) -> Result<Record> {
+        let name = self.word()?;
+        self.expect("(")?;
+        let arguments = self.list(depth)?;
+        Ok(Record { name, arguments })
+    }
+    /// Several records in brackets, without commas.
+    fn complex(&mut self) -> Result<Vec<Record>> {
+        self.expect("(")?;
+        let mut records = Vec::new();
+        while !self.take(")") {
+            records.push(self.record(0)?);
+        }
+        Ok(records)
+    }
+    /// Arguments up to the bracket that ends them.
+    fn list(&mut self, depth: usize) -> Result<Vec<Value>> {
+        if depth > DEEPEST {
+            return Err(self.wrong("too many brackets in one another"));
+        }
+        let mut values = Vec::new();
+        if self.take(")") {
+            return Ok(values);
+        }
+        loop {
+            values.push(self.value(depth)?);
+            if self.take(")") {
+                return Ok(values);
+            }
+            self.expect(",")?;
+        }
+    }
+    fn value(&mut self, depth: usize) -> Result<Value> {
+        match self.peek() {
+            Some(b'$' | b'*') => {
+                self.at += 1;
+                Ok(Value::Nothing)
+            }
+            Some(b'#') => {
+                self.at += 1;
+                Ok(Value::Reference(self.whole()?))
+            }
+            Some(b'(') => {
+                self.at += 1;
+                Ok(Value::List(self.list(depth + 1)?))
+            }
+            Some(b'.') => {
+                self.at += 1;
+                let word = self.word()?;
+                self.expect(".")?;
+                Ok(Value::Word(word))
+            }
+            Some(b'\'') => self.text(),
+            Some(b'0'..=b'9' | b'+' | b'-') => self.number(),
+            _ => Ok(Value::Typed(self.record(depth + 1)?)),
+        }
+    }
+    fn number(&mut self) -> Result<Value> {
+        let start = self.at;
+        let text = self.run(|b| b.is_ascii_digit() || b"+-.E".contains(&b));
+        match text.parse() {
+            Ok(number) => Ok(Value::Number(number)),
+            Err(_) => {
+                self.at = start;
+                Err(self.wrong("a number is expected"))
+            }
+        }
+    }
+    /// A text in quotes, which it doubles.
+    fn text(&mut self) -> Result<Value> {
+        let start = self.at;
+        let mut bytes = Vec::new();
+        loop {
+            self.at += 1;
+            match self.bytes.get(self.at) {
+                Some(b'\'') if self.bytes.get(self.at + 1) == Some(&b'\'') => {
+                    self.at += 1;
+                    bytes.push(b'\'');
+                }
+                Some(b'\'') => break,
+                Some(b) => bytes.push(*b),
+                None => {
+                    self.at = start;
+                    return Err(self.wrong("a text does not end"));
+                }
+            }
+        }
+        self.at += 1;
+        let text = String::from_utf8_lossy(&bytes);
+        let plain = plain(&text);
+        plain
+            .map(Value::Text)
+            .ok_or_else(|| self.wrong("a text has an unknown escape"))
+    }
+}
+
+/// A text without the escapes that `part21::text` writes: \\, \X2\…\X0\ and \X4\…\X0\.
+fn plain(text: &str) -> Option<String> {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some((before, escaped)) = rest.split_once('\\') {
+        out.push_str(before);
+        if let Some(after) = escaped.strip_prefix('\\') {
+            out.push('\\');
+            rest = after;
+            continue;
+        }
+        let (width, hex) = match escaped.get(..3)? {
+            "X2\\" => (4, &escaped[3..]),
+            "X4\\" => (8, &escaped[3..]),
+            _ => return None,
+        };
+        let (digits, after) = hex.split_once("\\X0\\")?;
+        if !digits.is_ascii() || digits.len() % width != 0 {
+            return None;
+        }
+        for code in digits.as_bytes().chunks(width) {
+            let code = u32::from_str_radix(std::str::from_utf8(code).ok()?, 16).ok()?;
+            out.push(char::from_u32(code)?);
+        }
+        rest = after;
+    }
+    out.push_str(rest);
+    Some(out)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::part21;
+    use super::*;
+    use proptest::prelude::*;
+
+    fn data(instances: &str) -> String {
+        format!("ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n{instances}ENDSEC;\nEND-ISO-10303-21;\n")
+    }
+
+    #[test]
+    fn instances_are_taken_apart() {
+        let text = data("#1=A('x',(1,-2.5E-3),$,*,#7,.T.,L(2.));\n#30=(B()C((#1)));\n");
+        let file = parse(&text).expect("a file");
+        let record = |name: &str, arguments| Record {
+            name: name.to_owned(),
+            arguments,
+        };
+        let a = vec![
+            Value::Text("x".to_owned()),
+            Value::List(vec![Value::Number(1.0), Value::Number(-0.0025)]),
+            Value::Nothing,
+            Value::Nothing,
+            Value::Reference(7),
+            Value::Word("T".to_owned()),
+            Value::Typed(record("L", vec![Value::Number(2.0)])),
+        ];
+        assert_eq!(file.instances[&1], [record("A", a)]);
+        let one = Value::List(vec![Value::Reference(1)]);
+        let both = [record("B", vec![]), record("C", vec![one])];
+        assert_eq!(file.instances[&30], both);
+    }
+
+    #[test]
+    fn what_is_wrong_is_said_with_its_place() {
+        let said = |instances: &str| parse(&data(instances)).expect_err(instances).to_string();
+        assert_eq!(said("#1=A(1;"), "line 5, column 7: `,` is expected");
+        assert_eq!(
+            said("#1=A();\n#1=B();"),
+            "line 6, column 1: #1 is there twice"
+        );
+        assert_eq!(said("#1=A('x"), "line 5, column 6: a text does not end");
+        assert_eq!(said("#1=A(1-2);"), "line 5, column 6: a number is expected");
+        let deep = format!("#1=A({});", "(".repeat(100_000));
+        assert!(said(&deep).contains("too many brackets"));
+        assert!(parse("solid x").is_err() && parse("").is_err());
+    }
+
+    proptest! {
+        #[test]
+        fn texts_read_back(text in "\\PC*") {
+            let file = parse(&data(&format!("#1=A({});", part21::text(&text)))).expect("a file");
+            prop_assert_eq!(&file.instances[&1][0].arguments[0], &Value::Text(text));
+        }
+    }
+}

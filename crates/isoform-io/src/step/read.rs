@@ -1,0 +1,531 @@
+//! Solids out of STEP files that this crate wrote ([`super::step_solids`]).
+//!
+//! No other STEP file is read: its curves and surfaces may be of any kind, and what is read here is
+//! to be what was written, to the last digit. Only the frames of splines and ellipsoids, which STEP
+//! has no place for, are found from their control points, to rounding. Parts come in the order of
+//! their first faces.
+
+use super::parse::{File, Record, Value, parse};
+use super::{SolidProperties, UNCERTAINTY};
+use crate::solids::{SolidFile, SolidFileError, checked, wrong};
+use isoform_geom::brep::{
+    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Surface,
+};
+use isoform_geom::{Aabb, Point3, norm, sub};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Control points that are found again are this near to those of the file, in sizes of the face:
+/// some hundred roundings.
+const SAME: f64 = 1e-12;
+
+type Result<T> = std::result::Result<T, SolidFileError>;
+
+/// The solids of a STEP file that [`step_solids`](super::step_solids) wrote.
+///
+/// # Errors
+/// [`SolidFileError`] for every other text, STEP files of other programs among them.
+pub fn read_step_solids(text: &str) -> Result<SolidFile> {
+    let file = parse(text)?;
+    is_ours(&file)?;
+    let mut reader = Reader::new(&file);
+    checked(SolidFile {
+        brep: reader.brep()?,
+        name: reader.product()?,
+        unit: Some(reader.unit()?),
+        properties: reader.properties()?,
+    })
+}
+
+/// Fails where another program wrote the file.
+fn is_ours(file: &File) -> Result<()> {
+    let header = file.header.iter().find(|r| r.name == "FILE_NAME");
+    let by = match header.and_then(|r| r.arguments.get(4)) {
+        Some(Value::Text(by)) => by.as_str(),
+        _ => "",
+    };
+    if by.starts_with("isoform ") {
+        return Ok(());
+    }
+    let by = crate::input::shorten(by);
+    let problem = format!("written by `{by}`; only STEP files of isoform brep can be read");
+    Err(wrong("FILE_NAME", problem))
+}
+
+struct Reader<'f> {
+    file: &'f File,
+    /// Numbers of the instances by the names of their records, rising.
+    named: BTreeMap<&'f str, Vec<u64>>,
+    /// Instances that were taken.
+    taken: BTreeSet<u64>,
+}
+
+/// Numbers of instances to indices.
+type Indices = BTreeMap<u64, u32>;
+
+impl<'f> Reader<'f> {
+    fn new(file: &'f File) -> Self {
+        let mut named: BTreeMap<&str, Vec<u64>> = BTreeMap::new();
+        for (number, records) in &file.instances {
+            for record in records {
+                named.entry(&record.name).or_default().push(*number);
+            }
+        }
+        let taken = BTreeSet::new();
+        Self { file, named, taken }
+    }
+
+    /// Takes an instance that is referred to once in our files: a file that refers to a long one
+    /// many times would take any amount of memory.
+    fn take(&mut self, number: u64) -> Result<u64> {
+        if self.taken.insert(number) {
+            return Ok(number);
+        }
+        let at = format!("#{number}");
+        Err(wrong(at, "it is referred to more than once"))
+    }
+
+    /// The numbers of all instances with a record of this name.
+    fn all(&self, name: &str) -> &[u64] {
+        self.named.get(name).map_or(&[], Vec::as_slice)
+    }
+    /// The arguments of a record of an instance.
+    fn of(&self, number: u64, name: &str) -> Result<Arguments<'f>> {
+        let records = self.file.instances.get(&number);
+        let record = records.and_then(|r| r.iter().find(|r| r.name == name));
+        record
+            .map(|record| Arguments { number, record })
+            .ok_or_else(|| wrong(format!("#{number}"), format!("{name} is expected")))
+    }
+
+    fn brep(&mut self) -> Result<Brep> {
+        if self.all("MANIFOLD_SOLID_BREP").is_empty() && self.all("BREP_WITH_VOIDS").is_empty() {
+            let problem = "there is none: patches and faces alone are not read";
+            return Err(wrong("solids", problem));
+        }
+        let mut brep = Brep::default();
+        let mut at_vertex = Indices::new();
+        let [vertices, edges, faces] =
+            ["VERTEX_POINT", "EDGE_CURVE", "ADVANCED_FACE"].map(|name| self.all(name).to_vec());
+        for number in vertices {
+            at_vertex.insert(number, brep.vertices.len() as u32);
+            let point = self.of(number, "VERTEX_POINT")?.reference(1)?;
+            brep.vertices.push(self.point(point)?);
+        }
+        let mut at_edge = Indices::new();
+        for number in edges {
+            at_edge.insert(number, brep.edges.len() as u32);
+            brep.edges.push(self.edge(number, &at_vertex)?);
+        }
+        let mut at_face = Indices::new();
+        let mut parts = BTreeMap::new();
+        for number in faces {
+            at_face.insert(number, brep.faces.len() as u32);
+            let name = self.of(number, "ADVANCED_FACE")?.text(0)?;
+            let (name, chart) = part_of(name);
+            let part = *parts.entry(name).or_insert_with(|| {
+                brep.parts.push(name.to_owned());
+                brep.parts.len() as u32 - 1
+            });
+            brep.faces.push(self.face(number, &at_edge, part, chart)?);
+        }
+        let mut bodies: Vec<u64> = self.all("MANIFOLD_SOLID_BREP").to_vec();
+        bodies.extend(self.all("BREP_WITH_VOIDS"));
+        bodies.sort_unstable();
+        let bodies = bodies.into_iter().map(|b| self.body(b, &at_face));
+        brep.solids = bodies.collect::<Result<_>>()?;
+        Ok(brep)
+    }
+
+    fn point(&self, number: u64) -> Result<Point3> {
+        self.of(number, "CARTESIAN_POINT")?.point(1)
+    }
+    fn direction(&self, number: u64) -> Result<Point3> {
+        self.of(number, "DIRECTION")?.point(1)
+    }
+    fn axes(&self, number: u64) -> Result<Axes> {
+        let given = self.of(number, "AXIS2_PLACEMENT_3D")?;
+        Ok(Axes {
+            origin: self.point(given.reference(1)?)?,
+            z: self.direction(given.reference(2)?)?,
+            x: self.direction(given.reference(3)?)?,
+        })
+    }
+
+    fn edge(&mut self, number: u64, at_vertex: &Indices) -> Result<Edge> {
+        let given = self.of(number, "EDGE_CURVE")?;
+        let end = |k: usize| given.indexed(k, at_vertex);
+        let curve = self.take(given.reference(3)?)?;
+        Ok(Edge {
+            ends: [end(1)?, end(2)?],
+            curve: self.curve(curve)?,
+        })
+    }
+
+    fn curve(&self, number: u64) -> Result<Curve> {
+        let given = self.only(number)?;
+        Ok(match given.record.name.as_str() {
+            "LINE" => Curve::Line,
+            "CIRCLE" => Curve::Circle(self.axes(given.reference(1)?)?, given.number(2)?),
+            "ELLIPSE" => {
+                let axes = self.axes(given.reference(1)?)?;
+                Curve::Ellipse(axes, given.number(2)?, given.number(3)?)
+            }
+            "B_SPLINE_CURVE_WITH_KNOTS" => Curve::BSpline(BSpline {
+                degree: given.whole(1)?,
+                control: self.points(given.list(2)?, &given)?,
+                multiplicities: given.wholes(6)?,
+                knots: given.numbers(7)?,
+            }),
+            _ => return Err(given.wrong("a curve of this kind is not read")),
+        })
+    }
+
+    /// The first record of an instance.
+    fn only(&self, number: u64) -> Result<Arguments<'f>> {
+        let records = self.file.instances.get(&number);
+        let record = records.and_then(|r| r.first());
+        record
+            .map(|record| Arguments { number, record })
+            .ok_or_else(|| wrong(format!("#{number}"), "there is no such instance"))
+    }
+
+    fn points(&self, list: &[Value], of: &Arguments) -> Result<Vec<Point3>> {
+        let point = |v: &Value| match v {
+            Value::Reference(number) => self.point(*number),
+            _ => Err(of.wrong("references to points are expected")),
+        };
+        list.iter().map(point).collect()
+    }
+
+    /// Rows of control points.
+    fn grid(&self, list: &[Value], of: &Arguments) -> Result<Vec<Vec<Point3>>> {
+        let row = |v: &Value| match v {
+            Value::List(row) => self.points(row, of),
+            _ => Err(of.wrong("rows of points are expected")),
+        };
+        list.iter().map(row).collect()
+    }
+
+    fn face(&mut self, number: u64, at_edge: &Indices, part: u32, chart: u32) -> Result<Face> {
+        let given = self.of(number, "ADVANCED_FACE")?;
+        let mut loops = Vec::new();
+        for bound in given.references(1)? {
+            let bound = self.take(bound)?;
+            loops.push(self.around(bound, at_edge)?);
+        }
+        let surface = self.take(given.reference(2)?)?;
+        Ok(Face {
+            surface: self.surface(surface)?,
+            agrees: given.flag(3)?,
+            part,
+            chart,
+            loops,
+        })
+    }
+
+    fn around(&mut self, bound: u64, at_edge: &Indices) -> Result<Vec<Coedge>> {
+        let around = self.only(bound)?.reference(1)?;
+        let around = self.take(around)?;
+        let around = self.of(around, "EDGE_LOOP")?;
+        let coedge = |number: u64| {
+            let given = self.of(number, "ORIENTED_EDGE")?;
+            Ok(Coedge {
+                edge: given.indexed(3, at_edge)?,
+                forward: given.flag(4)?,
+            })
+        };
+        around.references(1)?.into_iter().map(coedge).collect()
+    }
+
+    fn surface(&self, number: u64) -> Result<Surface> {
+        let given = self.only(number)?;
+        if given.record.name == "BOUNDED_SURFACE" {
+            return self.ellipsoid(number);
+        }
+        if given.record.name == "B_SPLINE_SURFACE_WITH_KNOTS" {
+            return self.graph(&given);
+        }
+        let axes = || self.axes(given.reference(1)?);
+        Ok(match given.record.name.as_str() {
+            "PLANE" => Surface::Plane(axes()?),
+            "CYLINDRICAL_SURFACE" => Surface::Cylinder(axes()?, given.number(2)?),
+            "CONICAL_SURFACE" => Surface::Cone(axes()?, given.number(2)?, given.number(3)?),
+            "SPHERICAL_SURFACE" => Surface::Sphere(axes()?, given.number(2)?),
+            "TOROIDAL_SURFACE" => Surface::Torus(axes()?, given.number(2)?, given.number(3)?),
+            _ => return Err(given.wrong("a surface of this kind is not read")),
+        })
+    }
+
+    /// The ellipsoid of which this is the chart.
+    fn ellipsoid(&self, number: u64) -> Result<Surface> {
+        let given = self.of(number, "B_SPLINE_SURFACE")?;
+        let rows = self.grid(given.list(2)?, &given)?;
+        let other = || given.wrong("this is no chart of an ellipsoid");
+        let rows: Option<Vec<[Point3; 3]>> = rows.into_iter().map(|r| r.try_into().ok()).collect();
+        let control: Option<[[Point3; 3]; 3]> = rows.and_then(|r| r.try_into().ok());
+        let control = control.ok_or_else(other)?;
+        let ball = Ellipsoid::of_chart(&control, Ellipsoid::REACH).ok_or_else(other)?;
+        let (again, weights) = ball.chart(Ellipsoid::REACH);
+        let stated = self.of(number, "RATIONAL_B_SPLINE_SURFACE")?;
+        let stated: Option<Vec<Vec<f64>>> = stated.list(0)?.iter().map(numbers).collect();
+        let are_stated = stated.is_some_and(|s| s == weights.map(Vec::from));
+        if !are_stated || !are_same(control.as_flattened(), again.as_flattened()) {
+            return Err(other());
+        }
+        Ok(Surface::Ellipsoid(ball))
+    }
+
+    /// The graph with these control points.
+    fn graph(&self, given: &Arguments) -> Result<Surface> {
+        let other = || given.wrong("this is no graph over a plane");
+        let degree = given.whole(1)?;
+        let rows = self.grid(given.list(3)?, given)?;
+        let columns = rows.first().map_or(0, Vec::len);
+        let knots = [(8, 10), (9, 11)].map(|(counts, values)| {
+            flat(&given.numbers(values)?, &given.wholes(counts)?).ok_or_else(other)
+        });
+        let [u, v] = knots;
+        let knots = [u?, v?];
+        let fits = |k: usize, n: usize| Some(knots[k].len()) == n.checked_add(degree + 1);
+        let is_net = rows.iter().all(|r| r.len() == columns)
+            && fits(0, rows.len())
+            && fits(1, columns)
+            && (1..=7).contains(&degree)
+            && columns > 0;
+        if !is_net {
+            return Err(other());
+        }
+        let control: Vec<Point3> = rows.into_iter().flatten().collect();
+        let graph = Graph::of_control(degree, knots, &control).ok_or_else(other)?;
+        if !are_same(&control, &graph.control()) {
+            return Err(other());
+        }
+        Ok(Surface::Graph(Arc::new(graph)))
+    }
+
+    fn body(&mut self, number: u64, at_face: &Indices) -> Result<Body> {
+        let given = self.only(number)?;
+        let mut body = Body {
+            outer: self.shell(given.reference(1)?, at_face)?,
+            voids: Vec::new(),
+        };
+        if given.record.name == "BREP_WITH_VOIDS" {
+            for void in given.references(2)? {
+                let void = self.of(void, "ORIENTED_CLOSED_SHELL")?;
+                body.voids.push(self.shell(void.reference(2)?, at_face)?);
+            }
+        }
+        Ok(body)
+    }
+
+    fn shell(&mut self, number: u64, at_face: &Indices) -> Result<Vec<u32>> {
+        let number = self.take(number)?;
+        let given = self.of(number, "CLOSED_SHELL")?;
+        let faces = given.references(1)?.into_iter();
+        faces
+            .map(|f| {
+                let face = at_face.get(&f).copied();
+                face.ok_or_else(|| given.wrong("references to faces are expected"))
+            })
+            .collect()
+    }
+
+    fn product(&self) -> Result<String> {
+        let Some(&number) = self.all("PRODUCT").first() else {
+            return Err(wrong("PRODUCT", "it is missing"));
+        };
+        Ok(self.of(number, "PRODUCT")?.text(0)?.to_owned())
+    }
+
+    /// The unit of length: a converted one stands before the one that it is converted to.
+    fn unit(&self) -> Result<String> {
+        let unknown = || wrong("LENGTH_UNIT", "this unit of length is not known");
+        if let Some(&number) = self.all("CONVERSION_BASED_UNIT").first() {
+            return match self.of(number, "CONVERSION_BASED_UNIT")?.text(0)? {
+                "INCH" => Ok("in".to_owned()),
+                "FOOT" => Ok("ft".to_owned()),
+                _ => Err(unknown()),
+            };
+        }
+        let number = *self.all("LENGTH_UNIT").first().ok_or_else(unknown)?;
+        let unit = match self.of(number, "SI_UNIT")?.record.arguments.first() {
+            Some(Value::Nothing) => "m",
+            Some(Value::Word(prefix)) => match prefix.as_str() {
+                "MICRO" => "um",
+                "MILLI" => "mm",
+                "CENTI" => "cm",
+                _ => return Err(unknown()),
+            },
+            _ => return Err(unknown()),
+        };
+        Ok(unit.to_owned())
+    }
+
+    /// Volume, area and centroid. The accuracy is stated ten times as large as the gap, but no less
+    /// than a least one: of that, a tenth is what the gap can be at most.
+    fn properties(&self) -> Result<SolidProperties> {
+        let missing = |what: &str| wrong(what, "it is missing");
+        let mut found = [None; 2];
+        for &number in self.all("MEASURE_REPRESENTATION_ITEM") {
+            let given = self.of(number, "MEASURE_REPRESENTATION_ITEM")?;
+            match given.text(0)? {
+                "volume measure" => found[0] = Some(given.measure(1)?),
+                "surface area measure" => found[1] = Some(given.measure(1)?),
+                _ => {}
+            }
+        }
+        let points = self.all("CARTESIAN_POINT").iter();
+        let points = points.map(|n| self.of(*n, "CARTESIAN_POINT"));
+        let mut named = points.filter_map(|p| p.ok().filter(|p| p.text(0) == Ok("centre point")));
+        let centroid = named.next().ok_or_else(|| missing("centre point"))?;
+        let accuracy = match self.all("UNCERTAINTY_MEASURE_WITH_UNIT").first() {
+            Some(&n) => self.of(n, "UNCERTAINTY_MEASURE_WITH_UNIT")?.measure(0)?,
+            None => UNCERTAINTY,
+        };
+        Ok(SolidProperties {
+            volume: found[0].ok_or_else(|| missing("volume measure"))?,
+            area: found[1].ok_or_else(|| missing("surface area measure"))?,
+            centroid: centroid.point(1)?,
+            gap: accuracy / 10.0,
+        })
+    }
+}
+
+/// The part and the number of the chart, from 0, that a face is named after.
+fn part_of(name: &str) -> (&str, u32) {
+    let chart = name.rsplit_once("#chart");
+    let numbered = chart.and_then(|(part, n)| Some((part, n.parse::<u32>().ok()?.checked_sub(1)?)));
+    numbered.unwrap_or((name, 0))
+}
+
+/// Knots, each as often as it counts; none where one counts more than twenty times.
+fn flat(values: &[f64], counts: &[usize]) -> Option<Vec<f64>> {
+    if values.len() != counts.len() || counts.iter().any(|n| *n > 20) {
+        return None;
+    }
+    let each = values.iter().zip(counts);
+    Some(
+        each.flat_map(|(t, n)| std::iter::repeat_n(*t, *n))
+            .collect(),
+    )
+}
+
+/// Whether points are the same but for rounding.
+fn are_same(given: &[Point3], found: &[Point3]) -> bool {
+    let size = Aabb::of(given).diagonal();
+    let far = given.iter().flatten().fold(size, |m, v| m.max(v.abs()));
+    let near = |(p, q): (&Point3, &Point3)| norm(sub(*p, *q)) <= SAME * far;
+    given.len() == found.len() && given.iter().zip(found).all(near)
+}
+
+/// The arguments of an instance.
+struct Arguments<'f> {
+    number: u64,
+    record: &'f Record,
+}
+
+impl<'f> Arguments<'f> {
+    fn wrong(&self, problem: &str) -> SolidFileError {
+        wrong(format!("#{} {}", self.number, self.record.name), problem)
+    }
+    /// What an argument is by `as_it`, or that something else is expected.
+    fn read<T>(
+        &self,
+        k: usize,
+        expected: &str,
+        as_it: impl FnOnce(&'f Value) -> Option<T>,
+    ) -> Result<T> {
+        let value = self.record.arguments.get(k).and_then(as_it);
+        value.ok_or_else(|| self.wrong(&format!("argument {}: {expected}", k + 1)))
+    }
+    fn reference(&self, k: usize) -> Result<u64> {
+        self.read(k, "a reference is expected", reference)
+    }
+    fn references(&self, k: usize) -> Result<Vec<u64>> {
+        let references = |v: &'f Value| list(v)?.iter().map(reference).collect();
+        self.read(k, "references are expected", references)
+    }
+    /// The index of the instance that an argument refers to.
+    fn indexed(&self, k: usize, indices: &Indices) -> Result<u32> {
+        let index = |v: &'f Value| indices.get(&reference(v)?).copied();
+        self.read(
+            k,
+            "a reference to another kind of instance is expected",
+            index,
+        )
+    }
+    fn number(&self, k: usize) -> Result<f64> {
+        self.read(k, "a number is expected", number)
+    }
+    fn numbers(&self, k: usize) -> Result<Vec<f64>> {
+        self.read(k, "numbers are expected", numbers)
+    }
+    fn whole(&self, k: usize) -> Result<usize> {
+        self.read(k, "a whole number is expected", whole)
+    }
+    fn wholes(&self, k: usize) -> Result<Vec<usize>> {
+        let wholes = |v: &'f Value| list(v)?.iter().map(whole).collect();
+        self.read(k, "whole numbers are expected", wholes)
+    }
+    fn point(&self, k: usize) -> Result<Point3> {
+        let numbers = self.numbers(k)?;
+        let point = numbers.try_into();
+        point.map_err(|_| self.wrong("three numbers are expected"))
+    }
+    fn text(&self, k: usize) -> Result<&'f str> {
+        self.read(k, "a text is expected", |v| match v {
+            Value::Text(text) => Some(text.as_str()),
+            _ => None,
+        })
+    }
+    fn flag(&self, k: usize) -> Result<bool> {
+        self.read(k, ".T. or .F. is expected", |v| match v {
+            Value::Word(word) if word == "T" => Some(true),
+            Value::Word(word) if word == "F" => Some(false),
+            _ => None,
+        })
+    }
+    fn list(&self, k: usize) -> Result<&'f [Value]> {
+        self.read(k, "a list is expected", list)
+    }
+    /// The number of a typed argument.
+    fn measure(&self, k: usize) -> Result<f64> {
+        self.read(k, "a measure is expected", |v| match v {
+            Value::Typed(record) => record.arguments.first().and_then(number),
+            _ => None,
+        })
+    }
+}
+
+fn list(value: &Value) -> Option<&[Value]> {
+    match value {
+        Value::List(list) => Some(list),
+        _ => None,
+    }
+}
+
+fn reference(value: &Value) -> Option<u64> {
+    match value {
+        Value::Reference(number) => Some(*number),
+        _ => None,
+    }
+}
+
+fn number(value: &Value) -> Option<f64> {
+    match value {
+        Value::Number(number) => Some(*number),
+        _ => None,
+    }
+}
+
+fn numbers(value: &Value) -> Option<Vec<f64>> {
+    list(value)?.iter().map(number).collect()
+}
+
+/// A whole number from 0 to 2³²: all that a count can be here.
+fn whole(value: &Value) -> Option<usize> {
+    let number = number(value)?;
+    let is_count = number.fract() == 0.0 && (0.0..=4_294_967_296.0).contains(&number);
+    is_count.then_some(number as usize)
+}

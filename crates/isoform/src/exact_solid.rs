@@ -1,0 +1,143 @@
+//! A solid of exact faces as it comes out of a file: measured, divided into triangles, and asked for
+//! distances.
+
+use isoform_brep::{FacetOptions, Facets, FacetsError, Measure, Skin, facets, of_face, total};
+use isoform_control::Control;
+use isoform_geom::brep::Brep;
+use isoform_geom::{Aabb, Mesh, Point3, norm, sub};
+
+/// How far triangles may be away from faces where nothing else is asked for, in diagonals of the
+/// box: they only tell where to look for the nearest face.
+const CHORD: f64 = 1e-3;
+/// Samples of a piece of an edge at which the distance from its faces is taken.
+const SAMPLES: usize = 8;
+
+/// What is measured of a solid without its function.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SolidMeasures {
+    /// By face, its area.
+    pub areas: Vec<f64>,
+    /// Area of all faces, in square units.
+    pub area: f64,
+    /// Volume, in cubic units; by integrals along edges, as its certificate has it.
+    pub volume: f64,
+    /// The centre of the volume.
+    pub centroid: Point3,
+    /// Largest distance of places on edges from the surfaces of their faces, and of the ends of
+    /// edges from their vertices.
+    pub gap: f64,
+    /// Vertices − edges + Euler numbers of the faces.
+    pub euler: i64,
+}
+
+/// Measures solids that hold together ([`Brep::validate`]).
+pub fn measure_solid(brep: &Brep) -> SolidMeasures {
+    let center = Aabb::of(&brep.vertices).center();
+    let faces: Vec<Measure> = (0..brep.faces.len())
+        .map(|f| of_face(brep, f, center))
+        .collect();
+    let Measure {
+        area,
+        volume,
+        moment,
+    } = total(&faces);
+    let of_faces: i64 = brep.faces.iter().map(|f| 2 - f.loops.len() as i64).sum();
+    SolidMeasures {
+        areas: faces.iter().map(|f| f.area).collect(),
+        area,
+        volume,
+        centroid: std::array::from_fn(|k| center[k] + moment[k] / volume),
+        gap: solid_gap(brep),
+        euler: brep.vertices.len() as i64 - brep.edges.len() as i64 + of_faces,
+    }
+}
+
+/// The largest distance of edges from their faces and vertices, at samples; infinite where one is no
+/// number. Solids that hold together as data may still have faces that do not meet.
+pub fn solid_gap(brep: &Brep) -> f64 {
+    let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
+    let mut gap = 0.0;
+    for face in &brep.faces {
+        for coedge in face.loops.iter().flatten() {
+            for piece in brep.breaks(coedge.edge).windows(2) {
+                for k in 0..=SAMPLES {
+                    let s = piece[0] + (piece[1] - piece[0]) * k as f64 / SAMPLES as f64;
+                    let p = brep.along(coedge.edge, s).0;
+                    gap = worse(gap, face.surface.distance(p).0.abs());
+                }
+            }
+        }
+    }
+    for e in 0..brep.edges.len() as u32 {
+        for (s, end) in [0.0, 1.0].into_iter().zip(brep.ends(e)) {
+            gap = worse(gap, norm(sub(brep.along(e, s).0, end)));
+        }
+    }
+    gap
+}
+
+/// Solids with the triangles of their faces.
+/// ```
+/// use isoform::{Control, ExactSolid, MeshModelOptions, Side, brep_model, compare, template};
+/// use isoform::geom::PointCloud;
+/// let ball = template("sphere").expect("a template of the gallery").model();
+/// let control = Control::default();
+/// let made = brep_model(&ball, &[0.0, 0.0, 0.0, 2.0], &MeshModelOptions::default(), None, &control)?;
+/// let solid = ExactSolid::new(made.built.brep, None, &control)?;
+/// let points = PointCloud::from_points(vec![[0.0, 0.0, 5.0], [0.0, 0.0, 0.5], [2.0, 0.0, 0.0]]);
+/// let (there, _) = compare(Side::Points(&points), Side::Solid(&solid), None, 1000)?;
+/// assert!((there.max - 3.0).abs() < 1e-12 && (there.mean - 1.5).abs() < 1e-12);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+#[derive(Debug)]
+pub struct ExactSolid {
+    brep: Brep,
+    facets: Facets,
+}
+
+impl ExactSolid {
+    /// Of solids that hold together ([`Brep::validate`]), with triangles as fine as `options` say,
+    /// else near to a thousandth of the diagonal of the box.
+    ///
+    /// # Errors
+    /// [`FacetsError`] where a face has no triangles.
+    pub fn new(
+        brep: Brep,
+        options: Option<FacetOptions>,
+        control: &Control<'_>,
+    ) -> Result<Self, FacetsError> {
+        let options = options.unwrap_or_else(|| FacetOptions {
+            chord: CHORD * bounds_of_edges(&brep).diagonal(),
+            longest: f64::INFINITY,
+        });
+        let facets = facets(&brep, &options, control)?;
+        Ok(Self { brep, facets })
+    }
+    /// The solids.
+    pub fn brep(&self) -> &Brep {
+        &self.brep
+    }
+    /// The triangles of their faces.
+    pub fn facets(&self) -> &Facets {
+        &self.facets
+    }
+    /// The triangles as a mesh with the parts of the solids: closed, as edges are divided once.
+    pub fn mesh(&self) -> Mesh {
+        self.facets.mesh(&self.brep)
+    }
+    /// The nearest points of faces.
+    pub(crate) fn skin(&self) -> Skin<'_> {
+        Skin::new(&self.brep, &self.facets)
+    }
+}
+
+/// A box about all edges, at samples. Faces may bulge out of it, but not by more than its size.
+fn bounds_of_edges(brep: &Brep) -> Aabb {
+    let mut bounds = Aabb::of(&brep.vertices);
+    for e in 0..brep.edges.len() as u32 {
+        for s in brep.breaks(e) {
+            bounds.add(brep.along(e, s).0);
+        }
+    }
+    bounds
+}
