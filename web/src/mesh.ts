@@ -64,6 +64,11 @@ export class MeshLayer implements Layer {
     this.cap.frustumCulled = false;
     this.object.add(this.surface.object, this.cap);
     if (parts) this.modes.splice(1, 0, "part");
+    if (doc.kind === "solid") {
+      // Its faces are exact: triangles only draw them.
+      this.colorBy = parts ? "part" : "none";
+      this.extras[0].value = 0;
+    }
     if (tets)
       this.extras.push(
         { name: "Tetrahedra, shrunk", isSlider: false, value: 0 },

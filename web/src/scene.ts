@@ -70,7 +70,7 @@ export interface PointsDoc {
 }
 
 export interface MeshDoc {
-  kind: "mesh" | "model";
+  kind: "mesh" | "solid" | "model";
   name: string;
   count: number;
   positions: Positions;

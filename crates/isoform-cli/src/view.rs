@@ -6,7 +6,7 @@ use crate::mesh::work::no_mesh;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::triangulate::{self, HalfWidth, Subject};
-use crate::{gallery, scan, spline};
+use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
@@ -34,6 +34,7 @@ Every file is a layer, in their order:
            polynomials F in x, y and z as JSON (--box is needed)
   map      X, Y, Z, W in s and t as JSON; with the plane of parameters beside space (--box is needed)
   patches  of isoform parameterize
+  solid    STEP and .brep.json of isoform brep: faces by their names
   mesh     MSH, VTU, INP, OBJ, STL, OFF; functions of isoform implicitize are meshed
 
 The page fetches nothing and can be sent. What it shows and how it is moved: docs/view.md.
@@ -157,6 +158,13 @@ fn add(
     args: &Args,
     context: &Context,
 ) -> Result<&'static str, Failure> {
+    if path != Path::new("-")
+        && let Some(file) = solids::find(path)?
+    {
+        let solid = solids::divided(path, file, None, context)?;
+        page.solid(name, &solid.mesh());
+        return Ok("solid");
+    }
     if spline::is_json(path) {
         return document(page, path, name, args, context);
     }

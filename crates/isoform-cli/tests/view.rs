@@ -90,6 +90,26 @@ fn scans_with_triangles_are_points_unless_asked() {
 }
 
 #[test]
+fn solids_are_shown_by_their_faces() {
+    let f = Folder::new("view-solid");
+    let (ball, page) = (f.file("ball.hf", BALL), f.path("page.html"));
+    for name in ["ball.step", "ball.brep.json"] {
+        let solid = f.path(name);
+        let o = isoform(&["brep", &ball, "-o", &solid]);
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        let o = isoform(&["view", &solid, "-o", &page]);
+        assert_eq!(code(&o), 0, "{name}: {}", stderr(&o));
+        let document = scene(&fs::read_to_string(&page).expect("a page"));
+        let layer = &document["layers"][0];
+        assert_eq!(
+            (layer["kind"].as_str(), layer["name"].as_str()),
+            (Some("solid"), Some(name))
+        );
+        assert!(layer["count"].as_u64() > Some(100));
+    }
+}
+
+#[test]
 fn polynomials_are_models_in_a_box() {
     let f = Folder::new("view-polynomial");
     let sphere = f.file("f.json", r#"{"F": "x^2 + y^2 + z^2 - 1/4"}"#);

@@ -55,6 +55,13 @@ impl Page {
         self.layers.push(model::layer(name, title, model));
     }
 
+    /// Adds a solid of exact faces by triangles, a part for each face.
+    pub fn solid(&mut self, name: &str, mesh: &Mesh) {
+        let mut layer = mesh::layer(name, mesh, &mut self.blobs);
+        layer["kind"] = json!("solid");
+        self.layers.push(layer);
+    }
+
     /// Adds a mesh in the place of a model that the page cannot compute by itself.
     pub fn meshed_model(&mut self, name: &str, mesh: &Mesh) {
         let mut layer = mesh::layer(name, mesh, &mut self.blobs);
