@@ -67,6 +67,13 @@ fi
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 check "release" cargo build --release --locked --quiet
+# The viewer that pages embed is what its sources build.
+if command -v npm >/dev/null; then
+  viewer() { (cd web && npm ci --silent --no-audit --no-fund && npm run --silent check && npm test --silent && npm run --silent build -- --check); }
+  check "viewer" viewer
+else
+  missing npm
+fi
 
 binary=${CARGO_TARGET_DIR:-target}/release/isoform
 if [ -x "$binary" ]; then
@@ -102,10 +109,31 @@ acceptance() {
   # The limit per part is wide, since the machine may be busy.
   script accept_recognize "recognition and templates" --seconds 5
   script accept_brep "solids for CAD"
+  pages
   accept "meshes in solvers" accept_mesh part "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$binary"
   run_example() { PATH=$(dirname "$binary"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
   check "example: scan to stress with scikit-fem" run_example scikit_fem
   if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
+}
+
+# Pages in a real browser, with python packages of their own. Pictures without a browser and the
+# server are still to come.
+pages() {
+  local hash
+  hash=$(sha256sum "$checks/requirements-view.txt" | cut -c1-16)
+  local venv=${XDG_CACHE_HOME:-$HOME/.cache}/isoform/venv-view-$hash
+  local modules='import playwright, axe_playwright_python, meshio, numpy, PIL'
+  if ! "$venv/bin/python" -c "$modules" 2>/dev/null; then
+    python3 -m venv "$venv" && "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$checks/requirements-view.txt"
+  fi
+  debian chromium chromium
+  if ! "$venv/bin/python" -c "$modules" 2>/dev/null; then
+    missing "a python environment with playwright"
+  elif ! command -v chromium >/dev/null; then
+    missing chromium
+  else
+    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size --examples examples
+  fi
 }
 
 if [ ! -d "$checks" ]; then

@@ -24,6 +24,7 @@ mod scan;
 mod solids;
 mod spline;
 mod triangulate;
+mod view;
 mod watchdog;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
@@ -57,6 +58,7 @@ enum Verb {
     Inspect(inspect::Args),
     Convert(convert::Args),
     Compare(Box<compare::Args>),
+    View(view::Args),
     /// Prints the completion script of a shell
     Completions {
         /// The shell
@@ -78,6 +80,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Inspect(args) => inspect::run(&args, context),
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),
+        Verb::View(args) => view::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {
             let script = completions::script(shell, &mut Cli::command());

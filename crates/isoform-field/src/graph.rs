@@ -230,7 +230,7 @@ impl Graph {
     }
 
     /// [`Graph::rewrite`] of several roots; a node that several of them need is rebuilt once.
-    pub(crate) fn rewrite_all<O: Ops>(
+    pub fn rewrite_all<O: Ops>(
         &self,
         roots: &[NodeId],
         target: &mut O,

@@ -312,8 +312,8 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     found.into_iter().collect()
 }
 
-/// The values of all parameters of a model where the first ones are given: the others are where
-/// their annotations start, else 0. The program of a fit, which has a parameter that it does not
+/// The values of all parameters of a model where the first ones are given: the others are typical,
+/// as annotated, or where their annotations start, else 0. The program of a fit, which has a parameter that it does not
 /// use, needs no value.
 ///
 /// ```
@@ -333,8 +333,9 @@ pub fn parameter_values(model: &Model, given: &[f64]) -> Result<Vec<f64>, SolidE
     if found > expected {
         return Err(SolidError::Parameters { expected, found });
     }
-    let start = |info: &ParamInfo| info.start.and_then(Amount::value).unwrap_or(0.0);
-    let missing = model.params()[found..].iter().map(start);
+    let start = |info: &ParamInfo| info.start.and_then(Amount::value);
+    let typical = |info: &ParamInfo| info.typical.or_else(|| start(info)).unwrap_or(0.0);
+    let missing = model.params()[found..].iter().map(typical);
     Ok(given.iter().copied().chain(missing).collect())
 }
 

@@ -7,6 +7,7 @@
 //! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
 //! | a scan | the planes, spheres, cylinders, cones and tori that it consists of | [`recognize_scan`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
+//! | a program | a tape with free parameters, for evaluators elsewhere | [`LiveModel`] |
 //! | a program | solids of exact faces for CAD, with a certificate | [`brep_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
@@ -107,6 +108,7 @@ mod held;
 mod implicit;
 mod implicit_surface;
 mod implicitize_scan;
+mod live;
 mod mesh_model;
 mod mesh_spline;
 mod meshing;
@@ -151,6 +153,7 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
+pub use live::{LiveModel, LiveParameter, Readings};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };

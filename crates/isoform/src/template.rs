@@ -1,6 +1,7 @@
 //! A HyperFun program as a template for fitting, with a pose of its own where the program or the
 //! caller asks for one.
 
+use crate::Readings;
 use isoform_field::hyperfun::{
     Amount, Fixed, Kind as ProgramKind, Model, ParamInfo, Placement, Pose,
 };
@@ -209,6 +210,29 @@ impl FrepTemplate {
         is_wider.then(|| {
             Self::with_base_and_slack(&self.model, self.pose, self.base, points, &slack)
                 .expect("the model was compiled before")
+        })
+    }
+
+    /// What is computed, for evaluators elsewhere; none where the program is no expression.
+    pub fn readings(&self) -> Option<Readings> {
+        let own = self.model.n_params();
+        let mut posed = Graph::new();
+        let (point, scale) = posed_point(&mut posed, self.pose, &self.base, own);
+        let mut graph = Graph::new();
+        let root = self.model.compile(&mut graph).ok()?;
+        let shape = Shape::new(&mut graph, root);
+        let a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
+        let mut roots = shape.pieces;
+        roots.extend([shape.distance, shape.part]);
+        let mut roots = graph.rewrite_all(&roots, &mut posed, &point, &a, |_, _, _| {});
+        if let Some(scale) = scale {
+            let distance = roots.len() - 2;
+            roots[distance] = posed.mul(&roots[distance], &scale);
+        }
+        Some(Readings {
+            tape: Tape::new(&posed, &roots, 3, self.parameters.len()),
+            tree: shape.tree,
+            part_names: shape.parts.into_iter().map(|p| p.name).collect(),
         })
     }
 

@@ -50,8 +50,13 @@ fn table(text: &str) -> Uses {
         let used = match uses {
             "" => BTreeSet::new(),
             "all above" => rows.keys().cloned().collect(),
-            "isoform" => BTreeSet::from(["isoform".to_owned()]),
-            list => list.split(", ").map(|n| format!("isoform-{n}")).collect(),
+            list => {
+                let crate_of = |name: &str| match name {
+                    "isoform" => name.to_owned(),
+                    name => format!("isoform-{name}"),
+                };
+                list.split(", ").map(crate_of).collect()
+            }
         };
         rows.insert(name.to_owned(), used);
     }

@@ -10,11 +10,14 @@ pub(crate) mod svg;
 
 use crate::fit::job::Job;
 use crate::fit::table::{self, counted, millimetres, rounded, starts_found, with_unit};
+use isoform::LiveModel;
 use isoform::fit::{Fit, PartStatistics, Step, Template, Verdict};
 use isoform::report::brief;
 use isoform::report::{loss_name, method_name};
+use isoform_view::{Page, ShownPoints};
 use std::collections::BTreeMap;
 use std::fmt::Write;
+use std::path::Path;
 use svg::escaped;
 
 /// Colours of the phases, from dark to light.
@@ -76,6 +79,7 @@ pub(crate) fn page(job: &Job, is_late: bool) -> String {
     let sheets = (!is_late)
         .then(|| drawing::sheets(job, color_limit(&job.found.fit)))
         .flatten();
+    html += &viewer(job);
     html += &model(sheets.as_ref().map(|s| s[0].as_str()), is_late);
     html += &parameters(job);
     html += &figures(job, &lengths);
@@ -108,12 +112,42 @@ fn head(job: &Job) -> String {
         )
     };
     format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n<meta http-equiv=\"Content-Security-Policy\" content=\"{4}\">\n<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
          <title>{0} fitted to {1}</title>\n<style>\n{2}</style>\n</head>\n<body>\n<main>\n<h1>{0}</h1>\n<p class=\"lead\">fitted to {1}, {3} points{unit}</p>\n",
         escaped(&title),
         escaped(&job.scan),
         include_str!("style.css"),
         job.found.fit.n_points,
+        policy(),
+    )
+}
+
+/// What the page may do: run the viewer, and show what is in it. Drawings have styles of their own.
+fn policy() -> String {
+    let [script, _] = isoform_view::hashes();
+    format!(
+        "default-src 'none'; script-src {script}; style-src 'unsafe-inline'; img-src data: blob:; \
+         base-uri 'none'; form-action 'none'"
+    )
+}
+
+/// The points with their deviations and the fitted model, to be turned, cut and moved.
+fn viewer(job: &Job) -> String {
+    let mut page = Page::new(&job.template_name);
+    let scan = Path::new(&job.scan).file_name().unwrap_or_default();
+    let points = ShownPoints {
+        cloud: &job.found.cloud,
+        deviation: Some(&job.found.deviation()),
+        outliers: &job.found.fit.outliers,
+        limit: Some(color_limit(&job.found.fit)),
+    };
+    page.points(&scan.to_string_lossy(), &points);
+    if let Some(live) = LiveModel::of_fit(&job.found).filter(Page::can_draw) {
+        page.model(&job.template_name, None, &live);
+    }
+    format!(
+        "<section><h2>Model and points</h2>{}</section>\n",
+        page.embedded()
     )
 }
 

@@ -26,7 +26,7 @@ use std::time::{Duration, Instant};
 
 /// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
 /// after them, and take less.
-const EXACT_SHARE: f64 = 0.6;
+pub(crate) const EXACT_SHARE: f64 = 0.6;
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -113,11 +113,11 @@ enum Sheets {
 
 /// A positive rational number and its nearest double.
 #[derive(Clone, Debug)]
-struct HalfWidth {
+pub(crate) struct HalfWidth {
     /// The number as it was written.
-    exact: RBig,
+    pub(crate) exact: RBig,
     /// Its nearest double.
-    near: f64,
+    pub(crate) near: f64,
 }
 
 /// Reads a rational number exactly as it is written.
@@ -155,7 +155,7 @@ fn polygon(text: &str) -> Result<Domain, String> {
 }
 
 /// Reads a positive rational number whose double is neither 0 nor infinite.
-fn half_width(text: &str) -> Result<HalfWidth, String> {
+pub(crate) fn half_width(text: &str) -> Result<HalfWidth, String> {
     let exact = rational(text)?;
     let near = exact.to_f64_fast();
     if near > 0.0 && near.is_normal() {
@@ -284,7 +284,7 @@ fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
 }
 
 /// What there is to draw.
-enum Subject {
+pub(crate) enum Subject {
     Map(Box<Map>),
     Patches(Vec<Patch>),
 }
@@ -304,7 +304,7 @@ impl Subject {
 }
 
 /// Reads and checks a map, or patches.
-fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
+pub(crate) fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
     let text = output::text(output::read_file(path)?);
     let path = if path == Path::new("-") {
         Path::new("stdin")
@@ -523,7 +523,7 @@ fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
 }
 
 /// Why there is no triangle; of a surface and what it was to be, if the analysis came to its end.
-fn nothing(
+pub(crate) fn nothing(
     name: &str,
     surface: Option<(&Surface, &TriangulateOptions)>,
     context: &Context,

@@ -137,6 +137,8 @@ pub struct ParamInfo {
     pub max: Option<Amount>,
     /// Where to start from.
     pub start: Option<Amount>,
+    /// The value where there are no data: for a model that is shown or meshed alone.
+    pub typical: Option<f64>,
     /// Unit, as written.
     pub unit: Option<String>,
     /// Whether it is held.
@@ -198,6 +200,7 @@ fn plain(index: usize) -> ParamInfo {
         min: None,
         max: None,
         start: None,
+        typical: None,
         unit: None,
         fixed: None,
         tie: None,
@@ -346,7 +349,7 @@ fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: 
     ))
 }
 
-const KEYS: &str = "min=, max=, start=, unit=, fixed, fixed=, tie=";
+const KEYS: &str = "min=, max=, start=, typical=, unit=, fixed, fixed=, tie=";
 
 /// `a[i] [NAME [KIND]] [key=value …] [: description]`, and the text of its tie.
 fn param<'s>(
@@ -443,6 +446,7 @@ impl<'s> ParamLine<'_, 's> {
                 self.info.start = Some(amount(source, value)?);
                 self.start = Some((word.at, word.end()));
             }
+            "typical" => self.info.typical = Some(number(source, value)?),
             "unit" => self.info.unit = Some(value.text.to_owned()),
             "fixed" => self.info.fixed = Some(Fixed::At(number(source, value)?)),
             "tie" => {
@@ -493,6 +497,9 @@ impl<'s> ParamLine<'_, 's> {
             |v| min.is_some_and(|min| min.is_above(v)) || max.is_some_and(|max| v.is_above(max));
         if self.info.start.is_some_and(is_outside) {
             return wrong("start is outside the bounds");
+        }
+        if self.info.typical.map(Amount::Value).is_some_and(is_outside) {
+            return wrong("typical is outside the bounds");
         }
         if self.info.fixed.is_some() && self.tie.is_some() {
             return wrong("a parameter is fixed or tied, not both");

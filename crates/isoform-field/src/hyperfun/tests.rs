@@ -432,6 +432,16 @@ fn amounts_are_numbers_or_shares_of_the_data() {
 }
 
 #[test]
+fn typical_values_stand_in_where_none_are_given() {
+    let text = "-- @param a[1] r length start=40% typical=3\n-- @param a[2] h length start=2\n\
+                -- @param a[3] d length start=10%\nm(x[3], a[3]) { m = a[1] + a[2] + a[3]; }";
+    let m = model(text);
+    assert_eq!(m.params()[0].typical, Some(3.0));
+    assert_eq!(crate::parameter_values(&m, &[]), Ok(vec![3.0, 2.0, 0.0]));
+    assert_eq!(crate::parameter_values(&m, &[1.0]), Ok(vec![1.0, 2.0, 0.0]));
+}
+
+#[test]
 fn bad_annotations_have_positions() {
     let bad = |line: &str, column: usize, word: &str| {
         let e = refused(&format!("\n-- @param {line}\nm(x[3], a[2]) {{ m = 1; }}"));
@@ -447,6 +457,8 @@ fn bad_annotations_have_positions() {
     bad("a[1] r length min=3%z max=2%z", 11, "above");
     bad("a[1] r length min=3%q", 31, "%q");
     bad("a[1] r length start=9 max=2", 11, "bounds");
+    bad("a[1] r length typical=1 min=2", 11, "bounds");
+    bad("a[1] r length typical=3%z", 33, "not a number");
     bad("a[1] r tie=a[2]*a[2]", 27, "linear");
     bad("a[1] r tie=q", 22, "no parameter");
     bad("a[1] r tie=r+1", 22, "free");

@@ -1,0 +1,81 @@
+//! A tape as a list of steps, for evaluators that live elsewhere: a page, a shader.
+//!
+//! The slots are numbered as in the tape: constants, coordinates, parameters, then one for each
+//! step.
+
+use crate::library::Native;
+use crate::ops::{Binary, SetOp, Unary};
+use crate::tape::{Op, Tape};
+
+/// A step; its arguments are slots.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Step {
+    /// A function of one argument.
+    Unary(Unary, u32),
+    /// A function of two arguments.
+    Binary(Binary, u32, u32),
+    /// A set operation.
+    Set(SetOp, u32, u32),
+    /// An integer power.
+    PowI(u32, i32),
+    /// The second where the first is not 0, else the third.
+    Select(u32, u32, u32),
+    /// A function with an iteration inside.
+    Native(Native, Vec<u32>),
+}
+
+impl Step {
+    /// The slots that it uses.
+    pub fn arguments(&self) -> Vec<u32> {
+        match self {
+            Self::Unary(_, u) | Self::PowI(u, _) => vec![*u],
+            Self::Binary(_, u, v) | Self::Set(_, u, v) => vec![*u, *v],
+            Self::Select(u, v, w) => vec![*u, *v, *w],
+            Self::Native(_, list) => list.clone(),
+        }
+    }
+}
+
+impl Tape {
+    /// The values of the first slots.
+    pub fn constants(&self) -> &[f64] {
+        &self.constants
+    }
+
+    /// The steps in the order of computation. Those that do not depend on the coordinates come
+    /// first: [`Self::uniform_steps`] of them.
+    ///
+    /// ```
+    /// use isoform_field::{Binary, Graph, Ops, Step, Tape};
+    /// let mut graph = Graph::new();
+    /// let (x, a) = (graph.x(0), graph.param(0));
+    /// let f = graph.sub(&a, &x);
+    /// let tape = Tape::new(&graph, &[f], 3, 1);
+    /// // Slots 0 to 2 are x, y and z, slot 3 is the parameter; the result is slot 4.
+    /// assert_eq!(tape.steps().collect::<Vec<_>>(), [Step::Binary(Binary::Sub, 3, 0)]);
+    /// assert_eq!((tape.results(), tape.uniform_steps()), (&[4][..], 0));
+    /// ```
+    pub fn steps(&self) -> impl Iterator<Item = Step> + '_ {
+        self.code.iter().map(|i| match i.op {
+            Op::Unary(op) => Step::Unary(op, i.a),
+            Op::Binary(op) => Step::Binary(op, i.a, i.b),
+            Op::Set(op) => Step::Set(op, i.a, i.b),
+            Op::PowI => Step::PowI(i.a, i.c as i32),
+            Op::Select => Step::Select(i.a, i.b, i.c),
+            Op::Native => {
+                let (function, arguments) = &self.natives[i.a as usize];
+                Step::Native(*function, arguments.to_vec())
+            }
+        })
+    }
+
+    /// The number of first steps that do not depend on the coordinates.
+    pub fn uniform_steps(&self) -> usize {
+        self.uniform
+    }
+
+    /// The slots of the results.
+    pub fn results(&self) -> &[u32] {
+        &self.roots
+    }
+}

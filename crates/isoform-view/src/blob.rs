@@ -1,0 +1,132 @@
+//! Arrays of numbers in a page: bytes, deflated where that is shorter, as base64.
+//!
+//! The document of the scene names an array by its number, with its type; the bytes stand in an
+//! element of their own, so that a browser need not read millions of numbers as text.
+
+use serde_json::{Value, json};
+
+/// Shorter arrays are not worth a try: the browser's decoder takes time, too.
+const LEAST: usize = 512;
+/// A deflated array is taken where it is at most this share of the plain one.
+const SAVING: f64 = 0.85;
+/// The effort of deflation, of 10: more takes much longer and saves little.
+const LEVEL: u8 = 6;
+
+/// The arrays of a page.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Blobs {
+    texts: Vec<String>,
+}
+
+impl Blobs {
+    /// Adds little-endian bytes of numbers; what the document says of them.
+    fn add(&mut self, kind: &str, count: usize, bytes: &[u8]) -> Value {
+        let packed = (bytes.len() >= LEAST)
+            .then(|| miniz_oxide::deflate::compress_to_vec(bytes, LEVEL))
+            .filter(|packed| (packed.len() as f64) <= SAVING * bytes.len() as f64);
+        let is_packed = packed.is_some();
+        self.texts.push(base64(packed.as_deref().unwrap_or(bytes)));
+        let number = self.texts.len() - 1;
+        json!({"blob": number, "type": kind, "n": count, "deflated": is_packed})
+    }
+
+    /// Adds doubles.
+    pub(crate) fn f64(&mut self, values: &[f64]) -> Value {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.add("f64", values.len(), &bytes)
+    }
+
+    /// Adds numbers rounded to single precision.
+    pub(crate) fn f32(&mut self, values: impl IntoIterator<Item = f64>) -> Value {
+        let mut bytes = Vec::new();
+        for v in values {
+            bytes.extend((v as f32).to_le_bytes());
+        }
+        self.add("f32", bytes.len() / 4, &bytes)
+    }
+
+    /// Adds numbers of 32 bits.
+    pub(crate) fn u32(&mut self, values: &[u32]) -> Value {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.add("u32", values.len(), &bytes)
+    }
+
+    /// Adds numbers of 16 bits.
+    pub(crate) fn u16(&mut self, values: &[u16]) -> Value {
+        let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+        self.add("u16", values.len(), &bytes)
+    }
+
+    /// Adds bytes.
+    pub(crate) fn u8(&mut self, values: &[u8]) -> Value {
+        self.add("u8", values.len(), values)
+    }
+
+    /// The elements of the page that hold the arrays.
+    pub(crate) fn elements(&self) -> String {
+        let mut html = String::new();
+        for (number, text) in self.texts.iter().enumerate() {
+            html += &format!(
+                "<script type=\"application/octet-stream\" data-isoform-blob=\"{number}\">"
+            );
+            html += text;
+            html += "</script>\n";
+        }
+        html
+    }
+}
+
+/// Base64 (RFC 4648) with padding.
+fn base64(bytes: &[u8]) -> String {
+    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
+    for chunk in bytes.chunks(3) {
+        let byte = |i: usize| u32::from(chunk.get(i).copied().unwrap_or(0));
+        let word = byte(0) << 16 | byte(1) << 8 | byte(2);
+        for i in 0..4 {
+            if i <= chunk.len() {
+                text.push(char::from(LETTERS[(word >> (18 - 6 * i) & 63) as usize]));
+            } else {
+                text.push('=');
+            }
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn base64_of_the_standard() {
+        let pairs = [
+            ("", ""),
+            ("f", "Zg=="),
+            ("fo", "Zm8="),
+            ("foo", "Zm9v"),
+            ("foob", "Zm9vYg=="),
+            ("fooba", "Zm9vYmE="),
+            ("foobar", "Zm9vYmFy"),
+        ];
+        for (plain, text) in pairs {
+            assert_eq!(base64(plain.as_bytes()), text);
+        }
+    }
+
+    #[test]
+    fn arrays_are_deflated_where_that_is_shorter() {
+        let mut blobs = Blobs::default();
+        let flat = blobs.u32(&vec![7; 10_000]);
+        let short = blobs.u8(&[1, 2, 3]);
+        assert_eq!(
+            flat,
+            json!({"blob": 0, "type": "u32", "n": 10_000, "deflated": true})
+        );
+        assert_eq!(
+            short,
+            json!({"blob": 1, "type": "u8", "n": 3, "deflated": false})
+        );
+        assert!(blobs.texts[0].len() < 1000 && blobs.texts[1] == "AQID");
+    }
+}

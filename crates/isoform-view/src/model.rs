@@ -1,0 +1,185 @@
+//! Models as tapes in the document of a page.
+
+use isoform::LiveModel;
+use isoform::field::{Binary, Join, Native, SetOp, Step, Tape, Unary};
+use serde_json::{Value, json};
+
+/// The most steps of a tape that a shader is made of: compilers of shaders take seconds for more.
+const MOST_STEPS: usize = 4000;
+
+/// Whether a page can draw a model by a shader: its tape is short enough, and iterations in it are
+/// such as shaders have. What only measures (the last two results) does not matter.
+pub(crate) fn can_be_drawn(model: &LiveModel) -> bool {
+    let tape = &model.readings.tape;
+    let steps: Vec<Step> = tape.steps().collect();
+    let first = tape.constants().len() + tape.dimension() + tape.n_params();
+    let mut need = vec![false; first + steps.len()];
+    for slot in &tape.results()[..tape.n_results() - 2] {
+        need[*slot as usize] = true;
+    }
+    let mut count = 0;
+    for (k, step) in steps.iter().enumerate().rev() {
+        if !need[first + k] {
+            continue;
+        }
+        if matches!(
+            step,
+            Step::Native(Native::SardfRoot | Native::PerlinNoise, _)
+        ) {
+            return false;
+        }
+        count += 1;
+        for slot in step.arguments() {
+            need[slot as usize] = true;
+        }
+    }
+    count <= MOST_STEPS
+}
+
+/// A layer of a model that moves.
+pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value {
+    let parameters: Vec<Value> = model
+        .parameters
+        .iter()
+        .map(|p| {
+            json!({
+                "index": p.index, "name": p.name, "description": p.description, "unit": p.unit,
+                "value": p.value, "lower": p.lower, "upper": p.upper, "shift": p.shift,
+            })
+        })
+        .collect();
+    let tree: Vec<Value> = model
+        .readings
+        .tree
+        .iter()
+        .map(|join| match join {
+            Join::Part(part) => json!(part),
+            Join::Min => json!("min"),
+            Join::Max => json!("max"),
+        })
+        .collect();
+    json!({
+        "kind": "model",
+        "name": name,
+        "title": title,
+        "count": 1,
+        "tape": tape(&model.readings.tape),
+        "tree": tree,
+        "parts": model.readings.part_names,
+        "values": model.values,
+        "parameters": parameters,
+        "bounds": [model.bounds.lo, model.bounds.hi],
+        "isCut": model.is_cut,
+        "isLoose": model.is_loose,
+        "origin": model.origin,
+    })
+}
+
+/// A tape: constants, then for each step its name and its arguments.
+fn tape(tape: &Tape) -> Value {
+    let steps: Vec<Value> = tape
+        .steps()
+        .map(|step| match step {
+            Step::Unary(op, u) => json!([unary(op), u]),
+            Step::Binary(op, u, v) => json!([binary(op), u, v]),
+            Step::Set(op, u, v) => json!([set(op), u, v]),
+            Step::PowI(u, n) => json!(["powi", u, n]),
+            Step::Select(c, u, v) => json!(["select", c, u, v]),
+            Step::Native(function, list) => {
+                let mut all = vec![json!(native(function))];
+                all.extend(list.iter().map(|slot| json!(slot)));
+                Value::from(all)
+            }
+        })
+        .collect();
+    // Numbers that JSON has not are told by words.
+    let constants: Vec<Value> = tape
+        .constants()
+        .iter()
+        .map(|c| {
+            if c.is_finite() {
+                json!(c)
+            } else {
+                json!(word(*c))
+            }
+        })
+        .collect();
+    json!({
+        "inputs": tape.dimension(),
+        "parameters": tape.n_params(),
+        "constants": constants,
+        "steps": steps,
+        "uniform": tape.uniform_steps(),
+        "results": tape.results(),
+    })
+}
+
+/// A number that JSON has not, as JavaScript calls it.
+fn word(number: f64) -> &'static str {
+    if number.is_nan() {
+        "NaN"
+    } else if number > 0.0 {
+        "Infinity"
+    } else {
+        "-Infinity"
+    }
+}
+
+/// The name of a function of one argument, as the page knows it.
+fn unary(op: Unary) -> &'static str {
+    match op {
+        Unary::Neg => "neg",
+        Unary::Abs => "abs",
+        Unary::Square => "square",
+        Unary::Sqrt => "sqrt",
+        Unary::Exp => "exp",
+        Unary::Ln => "ln",
+        Unary::Sin => "sin",
+        Unary::Cos => "cos",
+        Unary::Tan => "tan",
+        Unary::Asin => "asin",
+        Unary::Acos => "acos",
+        Unary::Atan => "atan",
+        Unary::Sinh => "sinh",
+        Unary::Cosh => "cosh",
+        Unary::Tanh => "tanh",
+        Unary::Floor => "floor",
+        Unary::Ceil => "ceil",
+        Unary::Trunc => "trunc",
+        Unary::Sign => "sign",
+    }
+}
+
+/// The name of a function of two arguments.
+fn binary(op: Binary) -> &'static str {
+    match op {
+        Binary::Add => "add",
+        Binary::Sub => "sub",
+        Binary::Mul => "mul",
+        Binary::Div => "div",
+        Binary::Pow => "pow",
+        Binary::Atan2 => "atan2",
+        Binary::Less => "less",
+        Binary::LessEq => "lesseq",
+    }
+}
+
+/// The name of a set operation.
+fn set(op: SetOp) -> &'static str {
+    match op {
+        SetOp::RUnion => "runion",
+        SetOp::RIntersection => "rintersection",
+        SetOp::Max => "max",
+        SetOp::Min => "min",
+    }
+}
+
+/// The name of a function with an iteration inside.
+fn native(function: Native) -> &'static str {
+    match function {
+        Native::EllipsoidDistance => "ellipsoid",
+        Native::SardfRoot => "sardfroot",
+        Native::Fmod => "fmod",
+        Native::PerlinNoise => "perlin",
+    }
+}

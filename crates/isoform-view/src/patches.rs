@@ -1,0 +1,51 @@
+//! Rational patches in a page: their control points, which the page evaluates itself.
+
+use crate::blob::Blobs;
+use isoform::geom::{Aabb, Point3, RationalPatch};
+use serde_json::{Value, json};
+
+/// Points per side of a patch, from which its box is taken.
+const SAMPLES: usize = 12;
+
+/// A patch and what is known of it.
+#[derive(Clone, Debug)]
+pub struct ShownPatch {
+    /// The patch.
+    pub patch: RationalPatch,
+    /// Its name.
+    pub name: String,
+    /// The largest distance from the surface that it stands for, where it is known.
+    pub distance: Option<f64>,
+}
+
+/// A layer of patches.
+pub(crate) fn layer(name: &str, patches: &[ShownPatch], blobs: &mut Blobs) -> Value {
+    let mut control = Vec::new();
+    let mut list = Vec::new();
+    for shown in patches {
+        let (m, n) = shown.patch.degree();
+        control.extend(shown.patch.control().as_flattened());
+        list.push(json!({"name": shown.name, "degree": [m, n], "distance": shown.distance}));
+    }
+    let points: Vec<Point3> = patches.iter().flat_map(samples).collect();
+    let bounds = Aabb::of(&points);
+    json!({
+        "kind": "patches",
+        "name": name,
+        "count": patches.len(),
+        "control": blobs.f64(&control),
+        "patches": list,
+        "bounds": [bounds.lo, bounds.hi],
+    })
+}
+
+/// Points of a patch that are finite.
+fn samples(shown: &ShownPatch) -> impl Iterator<Item = Point3> + '_ {
+    let side = SAMPLES + 1;
+    (0..side * side)
+        .map(move |k| {
+            let at = |i: usize| i as f64 / SAMPLES as f64;
+            shown.patch.point(at(k / side), at(k % side))
+        })
+        .filter(|p| p.iter().all(|v| v.is_finite()))
+}

@@ -1,0 +1,119 @@
+//! Points, and the corners of meshes, as arrays of a page.
+
+use crate::blob::Blobs;
+use isoform::geom::{Aabb, Point3, PointCloud};
+use serde_json::{Value, json};
+
+/// Up to this many points have coordinates in single precision; more are rounded to steps of a
+/// 65535th of their box, which is below a pixel as long as the whole is in view.
+const EXACT: usize = 200_000;
+/// The number of steps of a rounded coordinate.
+const STEPS: f64 = 65535.0;
+
+/// Points, and what is known of them.
+#[derive(Clone, Copy, Debug)]
+pub struct ShownPoints<'a> {
+    /// The points.
+    pub cloud: &'a PointCloud,
+    /// Their deviations, one for each, positive outside of the model.
+    pub deviation: Option<&'a [f64]>,
+    /// Which of them are outliers, which no figure counts: one for each, or empty.
+    pub outliers: &'a [bool],
+    /// The deviation at which colours end; by default a round one that 95 % are within.
+    pub limit: Option<f64>,
+}
+
+impl<'a> ShownPoints<'a> {
+    /// Points of which no more is known than their columns tell.
+    pub fn new(cloud: &'a PointCloud) -> Self {
+        Self {
+            cloud,
+            deviation: None,
+            outliers: &[],
+            limit: None,
+        }
+    }
+
+    /// The numbers of a column.
+    fn column(&self, name: &str) -> Option<&'a [f64]> {
+        let column = self.cloud.columns.iter().find(|c| c.name == name);
+        column.map(|c| c.values.as_slice())
+    }
+}
+
+/// A layer of points. What is not given is in the columns `deviation` and `outlier`.
+pub(crate) fn layer(name: &str, points: &ShownPoints<'_>, blobs: &mut Blobs) -> Value {
+    let cloud = points.cloud;
+    let mut layer = json!({
+        "kind": "points",
+        "name": name,
+        "count": cloud.points.len(),
+        "positions": positions(&cloud.points, cloud.origin, blobs),
+    });
+    if let Some(values) = points.deviation.or(points.column("deviation")) {
+        layer["deviation"] = numbers(values, blobs);
+        let outliers: Vec<u8> = match points.column("outlier") {
+            Some(column) if points.outliers.is_empty() => {
+                column.iter().map(|v| u8::from(*v > 0.0)).collect()
+            }
+            _ => points.outliers.iter().map(|o| u8::from(*o)).collect(),
+        };
+        if outliers.contains(&1) {
+            layer["outliers"] = blobs.u8(&outliers);
+        }
+        if let Some(limit) = points.limit {
+            layer["limit"] = json!(limit);
+        }
+    }
+    if cloud.colors.len() == cloud.points.len() && !cloud.colors.is_empty() {
+        layer["colors"] = blobs.u8(cloud.colors.as_flattened());
+    }
+    layer
+}
+
+/// Positions about the middle of their box, which is given in the file's coordinates.
+pub(crate) fn positions(points: &[Point3], origin: Point3, blobs: &mut Blobs) -> Value {
+    let bounds = Aabb::of(points);
+    let bounds = if bounds.is_empty() {
+        Aabb {
+            lo: [0.0; 3],
+            hi: [0.0; 3],
+        }
+    } else {
+        bounds
+    };
+    let size = bounds.size();
+    let place = |p: Point3| -> Point3 { std::array::from_fn(|k| p[k] + origin[k]) };
+    if points.len() <= EXACT {
+        let middle = bounds.center();
+        let near = points
+            .iter()
+            .flat_map(|p| (0..3).map(move |k| p[k] - middle[k]));
+        return json!({"array": blobs.f32(near), "from": place(middle), "step": [1.0, 1.0, 1.0],
+            "lo": place(bounds.lo), "hi": place(bounds.hi)});
+    }
+    let step = size.map(|s| if s > 0.0 { s / STEPS } else { 1.0 });
+    let rounded: Vec<u16> = points
+        .iter()
+        .flat_map(|p| (0..3).map(move |k| ((p[k] - bounds.lo[k]) / step[k]).round() as u16))
+        .collect();
+    json!({"array": blobs.u16(&rounded), "from": place(bounds.lo), "step": step,
+        "lo": place(bounds.lo), "hi": place(bounds.hi)})
+}
+
+/// One number for each point; of many points rounded like coordinates.
+pub(crate) fn numbers(values: &[f64], blobs: &mut Blobs) -> Value {
+    let finite = values.iter().copied().filter(|v| v.is_finite());
+    let lo = finite.clone().fold(f64::INFINITY, f64::min);
+    let hi = finite.fold(f64::NEG_INFINITY, f64::max);
+    let is_whole = values.iter().all(|v| v.is_finite());
+    if values.len() <= EXACT || !is_whole || lo >= hi {
+        return json!({"array": blobs.f32(values.iter().copied()), "from": 0.0, "step": 1.0});
+    }
+    let step = (hi - lo) / STEPS;
+    let rounded: Vec<u16> = values
+        .iter()
+        .map(|v| ((v - lo) / step).round() as u16)
+        .collect();
+    json!({"array": blobs.u16(&rounded), "from": lo, "step": step})
+}

@@ -1,0 +1,267 @@
+//! A model as other evaluators can run it, with its parameters free: what a page moves by sliders.
+
+use crate::meshing::{default_size_within, solid_of};
+use crate::{COORDINATES, FrepTemplate, MeshModelError, ScanFit};
+use isoform_algebra::{ParseError, Poly};
+use isoform_control::Control;
+use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
+use isoform_field::{Graph, Join, NodeId, Ops, Shape, Tape, parameter_values};
+use isoform_fit::Template;
+use isoform_geom::{Aabb, Point3, Solid};
+use isoform_mesh::MeshError;
+use isoform_mesh::features::{START, extent_within};
+
+/// The readings of a model as one tape, with free parameters.
+#[derive(Clone, Debug)]
+pub struct Readings {
+    /// Its results are the functions of the parts, then the near signed distance, then the number
+    /// of the part that is nearest.
+    pub tape: Tape,
+    /// How the parts are joined to the solid, in the order of computation.
+    pub tree: Vec<Join>,
+    /// The names of the parts.
+    pub part_names: Vec<String>,
+}
+
+/// A parameter that may be moved.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LiveParameter {
+    /// Its number among all parameters, from 0.
+    pub index: usize,
+    /// Its name.
+    pub name: String,
+    /// What it is, in words; may be empty.
+    pub description: String,
+    /// Its unit, where it is known.
+    pub unit: Option<String>,
+    /// The value.
+    pub value: f64,
+    /// The least value.
+    pub lower: f64,
+    /// The greatest value.
+    pub upper: f64,
+    /// What is added to the value of the tape's parameter to get this one.
+    pub shift: f64,
+}
+
+/// A model with the values of its parameters, and the box that holds it.
+#[derive(Clone, Debug)]
+pub struct LiveModel {
+    /// What is computed.
+    pub readings: Readings,
+    /// The values of all parameters of the tape.
+    pub values: Vec<f64>,
+    /// Those that may be moved.
+    pub parameters: Vec<LiveParameter>,
+    /// The box of the surface for these values, relative to the origin.
+    pub bounds: Aabb,
+    /// Whether the box cuts the solid off.
+    pub is_cut: bool,
+    /// Whether the box is that of points beside the model, which the surface may leave.
+    pub is_loose: bool,
+    /// What is added to coordinates of the tape to get those of the file.
+    pub origin: Point3,
+}
+
+impl LiveModel {
+    /// A model with the values `a`; missing ones are those of
+    /// [`parameter_values`](crate::parameter_values). With a region, what lies in it. None where
+    /// the program is no expression, and must be run statement by statement.
+    ///
+    /// ```
+    /// use isoform::{Control, LiveModel, template};
+    /// let ball = template("sphere").expect("a template of the gallery").model();
+    /// let live = LiveModel::new(&ball, &[0.0, 0.0, 0.0, 2.0], None, &Control::default())?;
+    /// let live = live.expect("an expression");
+    /// assert_eq!(live.parameters[3].value, 2.0);
+    /// assert!(live.bounds.size()[0] > 4.0 && live.bounds.size()[0] < 5.0);
+    /// # Ok::<(), isoform::MeshModelError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// [`MeshModelError`], where there is no surface to be shown.
+    pub fn new(
+        model: &Model,
+        a: &[f64],
+        region: Option<Aabb>,
+        control: &Control<'_>,
+    ) -> Result<Option<Self>, MeshModelError> {
+        let (solid, is_run) = solid_of(model, a)?;
+        let template = FrepTemplate::with_pose(model, Pose::None, &[]);
+        let Some(readings) = template.ok().filter(|_| !is_run).and_then(|t| t.readings()) else {
+            return Ok(None);
+        };
+        let bounds = bounds_of(solid.as_ref(), region, control)?;
+        let values = parameter_values(model, a)?;
+        let used = used_parameters(&readings.tape);
+        let all = model.params().iter().zip(&values);
+        let parameters = all
+            .filter(|(info, _)| used[info.index])
+            .map(|(info, value)| own_parameter(info, *value, bounds.diagonal()))
+            .collect();
+        Ok(Some(Self {
+            readings,
+            values,
+            parameters,
+            bounds,
+            is_cut: region.is_some(),
+            is_loose: false,
+            origin: [0.0; 3],
+        }))
+    }
+
+    /// What a polynomial in x, y and z bounds within a region, of which the surface F = 0 is a part:
+    /// its inside is where fewer corners of the region are. None where F is constant.
+    ///
+    /// ```
+    /// use isoform::{LiveModel, geom::Aabb};
+    /// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+    /// let ball = LiveModel::of_polynomial("x^2 + y^2 + z^2 - 1/4", region)?.expect("a surface");
+    /// let values = ball.readings.tape.eval_all(&[0.0; 3], &[], &mut Vec::new());
+    /// assert_eq!(values[0], 0.25);
+    /// # Ok::<(), isoform::algebra::ParseError>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If the text is no polynomial.
+    pub fn of_polynomial(text: &str, region: Aabb) -> Result<Option<Self>, ParseError> {
+        let exact = Poly::parse(text, &COORDINATES)?;
+        let terms = exact.to_f64();
+        if exact.is_constant() || terms.iter().any(|t| !t.1.is_finite()) {
+            return Ok(None);
+        }
+        let mut graph = Graph::new();
+        let x: [NodeId; 3] = std::array::from_fn(|i| graph.x(i));
+        let mut sum = graph.constant(0.0);
+        for (exponents, c) in terms {
+            let mut term = graph.constant(c);
+            for (x, e) in x.iter().zip(exponents) {
+                let power = graph.powi(x, i32::from(e));
+                term = graph.mul(&term, &power);
+            }
+            sum = graph.add(&sum, &term);
+        }
+        let is_inside = |i: usize| {
+            let corner: Point3 = std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
+            graph.eval(sum, &corner, &[]) >= 0.0
+        };
+        if (0..8).filter(|i| is_inside(*i)).count() > 4 {
+            sum = graph.neg(&sum);
+        }
+        let shape = Shape::new(&mut graph, sum);
+        let mut roots = shape.pieces;
+        roots.extend([shape.distance, shape.part]);
+        Ok(Some(Self {
+            readings: Readings {
+                tape: Tape::new(&graph, &roots, 3, 0),
+                tree: shape.tree,
+                part_names: vec!["F".to_owned(); shape.parts.len()],
+            },
+            values: Vec::new(),
+            parameters: Vec::new(),
+            bounds: region,
+            is_cut: true,
+            is_loose: false,
+            origin: [0.0; 3],
+        }))
+    }
+
+    /// The model of a fit, in the place where its points are. None where the program is no
+    /// expression.
+    pub fn of_fit(found: &ScanFit) -> Option<Self> {
+        let frep = &found.template.frep;
+        let readings = frep.readings()?;
+        let values = found.fit.values();
+        let bounds = found.cloud.bounds();
+        let infos = frep.model().params();
+        let used = used_parameters(&readings.tape);
+        let all = found.template.parameters().iter().enumerate();
+        let parameters = all
+            .filter(|(i, _)| used[*i])
+            .map(|(i, p)| {
+                let shift = found.template.shift[i];
+                let value = values[i] + shift;
+                let [lower, upper] = range(p.min, p.max, values[i], bounds.diagonal());
+                LiveParameter {
+                    index: i,
+                    name: p.name.clone(),
+                    description: infos
+                        .get(i)
+                        .map_or(String::new(), |i| i.description.clone()),
+                    unit: p.unit.clone(),
+                    value,
+                    lower: (lower + shift).min(value),
+                    upper: (upper + shift).max(value),
+                    shift,
+                }
+            })
+            .collect();
+        Some(Self {
+            readings,
+            values,
+            parameters,
+            bounds,
+            is_cut: false,
+            is_loose: true,
+            origin: found.cloud.origin,
+        })
+    }
+}
+
+/// The box of a solid, or the region that is asked for.
+fn bounds_of(
+    solid: &dyn Solid,
+    region: Option<Aabb>,
+    control: &Control<'_>,
+) -> Result<Aabb, MeshModelError> {
+    if let Some(region) = region {
+        return Ok(region);
+    }
+    let found = default_size_within(solid, None, control)
+        .and_then(|size| extent_within(solid, START, size, control));
+    found
+        .map(|extent| extent.bounds)
+        .map_err(|e| MeshError::Extent(e).into())
+}
+
+/// By parameter, whether a step of the tape, or a result, is one that it decides.
+fn used_parameters(tape: &Tape) -> Vec<bool> {
+    let first = tape.constants().len() + tape.dimension();
+    let mut used = vec![false; tape.n_params()];
+    let mut see = |slot: u32| {
+        let at = (slot as usize).wrapping_sub(first);
+        if let Some(used) = used.get_mut(at) {
+            *used = true;
+        }
+    };
+    tape.results().iter().copied().for_each(&mut see);
+    for step in tape.steps() {
+        step.arguments().into_iter().for_each(&mut see);
+    }
+    used
+}
+
+/// A parameter of a program.
+fn own_parameter(info: &ParamInfo, value: f64, size: f64) -> LiveParameter {
+    let number = |amount: Option<Amount>| amount.and_then(Amount::value);
+    let [lower, upper] = range(number(info.min), number(info.max), value, size);
+    LiveParameter {
+        index: info.index,
+        name: info.name.clone(),
+        description: info.description.clone(),
+        unit: info.unit.clone(),
+        value,
+        lower: lower.min(value),
+        upper: upper.max(value),
+        shift: 0.0,
+    }
+}
+
+/// Bounds to move a parameter between: the annotated ones, and where one is missing, as far from
+/// the value as it is from 0, or the size of the model where it is 0.
+fn range(min: Option<f64>, max: Option<f64>, value: f64, size: f64) -> [f64; 2] {
+    let reach = if value == 0.0 { size } else { value.abs() };
+    let lower = min.unwrap_or(value - reach);
+    let upper = max.unwrap_or(value.max(lower) + reach);
+    [lower, upper]
+}

@@ -1,0 +1,33 @@
+// Elements. Texts of files go in as text nodes in <bdi>, never as HTML.
+
+type Child = Node | string;
+type Attributes = Record<string, string | boolean | ((e: Event) => void)>;
+
+export function h<K extends keyof HTMLElementTagNameMap>(
+  tag: K,
+  attributes: Attributes = {},
+  ...children: Child[]
+): HTMLElementTagNameMap[K] {
+  const element = document.createElement(tag);
+  for (const [name, value] of Object.entries(attributes)) {
+    if (typeof value === "function") element.addEventListener(name, value);
+    else if (value === true) element.setAttribute(name, "");
+    else if (value !== false) element.setAttribute(name, value);
+  }
+  element.append(...children);
+  return element;
+}
+
+/** A text from a file, which may run in any direction. */
+export const foreign = (text: string): HTMLElement => h("bdi", {}, text);
+
+/** A number with as many digits as are worth reading. */
+export function brief(v: number): string {
+  if (!Number.isFinite(v)) return String(v);
+  const text =
+    Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4)
+      ? v.toExponential(4)
+      : String(Number(v.toPrecision(6)));
+  return text.replace("-", "\u2212");
+}
+export const place = (p: ArrayLike<number>): string => Array.from(p).map(brief).join(", ");

@@ -1,0 +1,311 @@
+// A model: its surface is found by a shader at every pixel, for any values of the parameters.
+
+import {
+  BackSide,
+  BoxGeometry,
+  Data3DTexture,
+  DataTexture,
+  GLSL3,
+  Mesh,
+  NearestFilter,
+  RedFormat,
+  RGBAFormat,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
+} from "three";
+import { partColor, share } from "./colors";
+import { freeSlots, solidFunction, uniformVectors } from "./glsl";
+import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import type { ModelDoc, ParameterDoc } from "./scene";
+import { HATCH, LIGHT, planeOf } from "./shaders";
+import { type Brick, Solid } from "./solid";
+import { add, along, type Box, dot, sub, through, type V3 } from "./vector";
+
+const VERTEX = `
+out vec3 place;
+void main() {
+  place = (modelMatrix * vec4(position, 1.0)).xyz;
+  gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+}
+`;
+
+/** The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
+ *  evaluated at a few places; where its sign changes between two of them, the place is bisected. */
+const FRAGMENT = (solid: string) => `
+precision highp float;
+precision highp int;
+precision highp sampler3D;
+in vec3 place;
+out vec4 outColor;
+uniform mat4 clip;
+uniform vec3 ahead;
+uniform bool isFlat;
+uniform vec3 lo;
+uniform vec3 cell;
+uniform ivec3 cells;
+uniform vec3 shift;
+uniform sampler3D brick;
+uniform sampler2D palette;
+uniform bool isCut;
+uniform bool byPart;
+uniform vec4 plane;
+uniform vec3 color;
+uniform vec3 cap;
+uniform float opacity;
+${solid}
+${LIGHT}
+${HATCH}
+const int STEPS = 4;
+const int HALVINGS = 14;
+
+float at(vec3 p) { int part; return solid(p + shift, part); }
+
+void paint(vec3 p, vec3 toEye, bool isCap) {
+  vec4 c = clip * vec4(p, 1.0);
+  gl_FragDepth = 0.5 * c.z / c.w + 0.5;
+  if (isCap) { outColor = vec4(hatched(cap), opacity); return; }
+  int part;
+  solid(p + shift, part);
+  vec3 base = byPart ? texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb : color;
+  float h = 2e-3 * max(cell.x, max(cell.y, cell.z));
+  vec2 k = vec2(1.0, -1.0);
+  vec3 slope = k.xyy * at(p + h * k.xyy) + k.yyx * at(p + h * k.yyx);
+  slope += k.yxy * at(p + h * k.yxy) + k.xxx * at(p + h * k.xxx);
+  float size = length(slope);
+  vec3 n = size > 0.0 ? -slope / size : toEye;
+  outColor = vec4(lit(base, n, toEye), opacity);
+}
+
+void main() {
+  vec3 d = isFlat ? ahead : normalize(place - cameraPosition);
+  vec3 o = isFlat ? place - d * 4.0 * length(cell * vec3(cells)) : cameraPosition;
+  vec3 inverse = 1.0 / mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
+  vec3 p = (lo - o) * inverse, q = (lo + cell * vec3(cells) - o) * inverse;
+  vec3 near = min(p, q), far = max(p, q);
+  float from = max(max(near.x, near.y), max(near.z, 0.0)), to = min(far.x, min(far.y, far.z));
+  bool isAtBox = from > 0.0;
+  float slope = dot(plane.xyz, d), room = plane.w - dot(plane.xyz, o);
+  bool isAtPlane = false;
+  if (slope > 0.0) to = min(to, room / slope);
+  else if (slope < 0.0 && room / slope > from) { from = room / slope; isAtPlane = true; }
+  else if (slope == 0.0 && room < 0.0) discard;
+  if (from >= to) discard;
+  float f = at(o + from * d);
+  if (f >= 0.0 && (isAtPlane || (isCut && isAtBox))) { paint(o + from * d, -d, true); return; }
+  vec3 start = (o + from * d - lo) / cell;
+  ivec3 i = clamp(ivec3(floor(start)), ivec3(0), cells - 1);
+  ivec3 way = ivec3(sign(inverse));
+  vec3 next = (lo + cell * (vec3(i) + vec3(greaterThan(way, ivec3(0)))) - o) * inverse;
+  vec3 width = abs(cell * inverse);
+  float t = from;
+  bool isKnown = true;
+  for (int k = 0; k < 400; k++) {
+    float leave = min(min(next.x, min(next.y, next.z)), to);
+    if (texelFetch(brick, i, 0).r > 0.0) {
+      if (!isKnown) f = at(o + t * d);
+      float a = t;
+      for (int j = 1; j <= STEPS; j++) {
+        float b = mix(t, leave, float(j) / float(STEPS));
+        float g = at(o + b * d);
+        if ((f >= 0.0) != (g >= 0.0)) {
+          bool inside = f >= 0.0;
+          for (int h = 0; h < HALVINGS; h++) {
+            float m = 0.5 * (a + b);
+            if ((at(o + m * d) >= 0.0) == inside) a = m; else b = m;
+          }
+          paint(o + 0.5 * (a + b) * d, -d, false);
+          return;
+        }
+        a = b;
+        f = g;
+      }
+      isKnown = true;
+    } else isKnown = false;
+    if (leave >= to) break;
+    t = leave;
+    if (next.x <= next.y && next.x <= next.z) { i.x += way.x; next.x += width.x; }
+    else if (next.y <= next.z) { i.y += way.y; next.y += width.y; }
+    else { i.z += way.z; next.z += width.z; }
+    if (any(lessThan(i, ivec3(0))) || any(greaterThanEqual(i, cells))) break;
+  }
+  discard;
+}
+`;
+
+/** Colours of a part by its number, as a texture; parts of one name are of one colour. */
+function paletteOf(parts: string[]): DataTexture {
+  const names = [...new Set(parts)];
+  const data = new Uint8Array(1024 * Math.max(1, Math.ceil(parts.length / 1024)) * 4);
+  parts.forEach((name, i) => data.set([...partColor(names.indexOf(name)), 255], 4 * i));
+  const texture = new DataTexture(data, 1024, data.length / 4096, RGBAFormat);
+  texture.needsUpdate = true;
+  return texture;
+}
+
+export class ModelLayer implements Layer {
+  readonly kind = "model";
+  readonly count = 1;
+  readonly isSampled = true;
+  visible = true;
+  opacity = 1;
+  colorBy: ColorMode = "none";
+  readonly modes: ColorMode[] = ["none", "part"];
+  readonly solid: Solid;
+  readonly object: Mesh<BoxGeometry, ShaderMaterial>;
+  private brick: Brick | null = null;
+  private readonly free: number[];
+
+  constructor(
+    readonly id: string,
+    readonly doc: ModelDoc,
+    private readonly origin: V3,
+  ) {
+    this.solid = new Solid(doc);
+    this.free = freeSlots(this.solid.surface);
+    const material = new ShaderMaterial({
+      glslVersion: GLSL3,
+      side: BackSide,
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT(solidFunction(this.solid.surface, doc.tree)),
+      uniforms: {
+        clip: { value: null },
+        ahead: { value: new Vector3() },
+        isFlat: { value: false },
+        lo: { value: new Vector3() },
+        cell: { value: new Vector3() },
+        cells: { value: [1, 1, 1] },
+        shift: { value: new Vector3(...sub(origin, doc.origin)) },
+        brick: { value: null },
+        palette: { value: paletteOf(doc.parts) },
+        isCut: { value: doc.isCut },
+        byPart: { value: false },
+        plane: { value: new Vector4(0, 0, 0, 1) },
+        color: { value: new Vector3(...share([132, 160, 190])) },
+        cap: { value: new Vector3(...share([224, 164, 88])) },
+        opacity: { value: 1 },
+        u: { value: Array.from({ length: uniformVectors(this.free) }, () => new Vector4()) },
+      },
+    });
+    this.object = new Mesh(new BoxGeometry(1, 1, 1), material);
+    this.object.frustumCulled = false;
+    this.object.onBeforeRender = (_r, _s, camera) => {
+      const u = material.uniforms;
+      u.clip.value = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
+      camera.getWorldDirection(u.ahead.value);
+      u.isFlat.value = "isOrthographicCamera" in camera;
+      material.uniformsNeedUpdate = true;
+    };
+    this.moved();
+  }
+
+  get name(): string {
+    return this.doc.name;
+  }
+  get parameters(): ParameterDoc[] {
+    return this.doc.parameters;
+  }
+  value(p: ParameterDoc): number {
+    return this.solid.values[p.index] + p.shift;
+  }
+
+  /** Gives parameters their values, by their place in the list. */
+  setValues(values: [ParameterDoc, number][]): void {
+    for (const [p, value] of values) this.solid.values[p.index] = value - p.shift;
+    this.solid.changed();
+    this.moved();
+  }
+
+  /** Whether the parameters are as they came. */
+  get isAsGiven(): boolean {
+    return this.solid.isAsGiven;
+  }
+
+  /** The grid and the uniforms for the present values. */
+  private moved(): void {
+    const u = this.object.material.uniforms;
+    this.free.forEach((slot, k) =>
+      (u.u.value[k >> 2] as Vector4).setComponent(k & 3, this.solid.uniform(slot)),
+    );
+    this.brick = this.solid.brick();
+    u.brick.value?.dispose();
+    u.brick.value = null;
+    if (!this.brick) return;
+    const { box, n, cells } = this.brick;
+    const texture = new Data3DTexture(
+      cells.map((c) => 255 * c),
+      ...n,
+    );
+    texture.format = RedFormat;
+    texture.minFilter = texture.magFilter = NearestFilter;
+    texture.unpackAlignment = 1;
+    texture.needsUpdate = true;
+    u.brick.value = texture;
+    const lo = this.inScene(box.lo);
+    const size = sub(box.hi, box.lo);
+    u.lo.value.set(...lo);
+    u.cell.value.set(size[0] / n[0], size[1] / n[1], size[2] / n[2]);
+    u.cells.value = n;
+    this.object.scale.set(...size);
+    this.object.position.set(lo[0] + size[0] / 2, lo[1] + size[1] / 2, lo[2] + size[2] / 2);
+  }
+
+  private inScene(p: V3): V3 {
+    return sub(add(p, this.doc.origin), this.origin);
+  }
+
+  bounds(): Box | null {
+    return (
+      this.brick && {
+        lo: add(this.brick.box.lo, this.doc.origin),
+        hi: add(this.brick.box.hi, this.doc.origin),
+      }
+    );
+  }
+
+  legend(): [string, string][] {
+    if (this.colorBy !== "part") return [];
+    return [...new Set(this.doc.parts)].map((name, i) => [name, `rgb(${partColor(i)})`]);
+  }
+  scale(): Scale | null {
+    return null;
+  }
+
+  update(section: Section | null, _look: Look): void {
+    const material = this.object.material;
+    const u = material.uniforms;
+    this.object.visible = this.visible && this.brick !== null;
+    u.plane.value = planeOf(section, this.origin);
+    u.opacity.value = this.opacity;
+    u.byPart.value = this.colorBy === "part";
+    material.transparent = this.opacity < 1;
+    material.depthWrite = true;
+    this.object.renderOrder = this.opacity < 1 ? 1 : 0;
+  }
+
+  pick(ray: Ray): Hit | null {
+    if (!this.brick) return null;
+    const o = sub(ray.o, this.doc.origin);
+    const range = through(this.brick.box, o, ray.d);
+    if (!range) return null;
+    let [from, to] = [Math.max(range[0], ray.from), range[1]];
+    let [isAtPlane, isAtBox] = [false, range[0] >= ray.from];
+    if (ray.section) {
+      const slope = dot(ray.section.normal, ray.d);
+      const room = ray.section.offset - dot(ray.section.normal, ray.o);
+      if (slope > 0) to = Math.min(to, room / slope);
+      else if (slope < 0 && room / slope > from) [from, isAtPlane] = [room / slope, true];
+      else if (slope === 0 && room < 0) return null;
+    }
+    if (from >= to) return null;
+    const isCap =
+      (isAtPlane || (this.doc.isCut && isAtBox)) && this.solid.value(along(o, ray.d, from)) >= 0;
+    const t = isCap ? from : this.solid.meet(o, ray.d, from, to);
+    if (t === null) return null;
+    const local = along(o, ray.d, t);
+    const hit: Hit = { t, point: add(local, this.doc.origin) };
+    if (isCap) hit.isCap = true;
+    else hit.part = this.solid.partAt(local);
+    return hit;
+  }
+}

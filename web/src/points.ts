@@ -1,0 +1,249 @@
+// Points, as discs of a few pixels.
+
+import {
+  BufferAttribute,
+  BufferGeometry,
+  GLSL3,
+  Points,
+  ShaderMaterial,
+  Vector3,
+  Vector4,
+} from "three";
+import * as bytes from "./bytes";
+import { roundUp, scaleColor, share } from "./colors";
+import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import type { PointsDoc } from "./scene";
+import { planeOf } from "./shaders";
+import { type Box, dot, norm, sub, type V3 } from "./vector";
+
+/** How far from a pixel a point may be to be picked, in pixels. */
+const REACH = 6;
+/** Share of the sorted deviations within the ends of the scale. */
+const WITHIN = 0.95;
+const OUTLIER: [number, number, number] = [96, 96, 102];
+
+/** How much nearer points are drawn: a share of their distance, or of the whole. */
+const NEARER = 0.002;
+
+const VERTEX = `
+#define NEARER ${NEARER}
+uniform bool isFlat;
+uniform float nearer;
+in vec3 tint;
+uniform float size;
+uniform vec4 plane;
+uniform bool isTinted;
+uniform vec3 color;
+flat out vec3 paint;
+void main() {
+  vec4 p = modelMatrix * vec4(position, 1.0);
+  paint = isTinted ? tint : color;
+  gl_PointSize = size;
+  // Points on a surface are to be seen before it.
+  vec4 seen = viewMatrix * p;
+  if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
+  bool isAway = dot(plane.xyz, p.xyz) > plane.w;
+  gl_Position = isAway ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
+}
+`;
+const FRAGMENT = `
+precision mediump float;
+flat in vec3 paint;
+uniform float opacity;
+uniform bool isRound;
+out vec4 outColor;
+void main() {
+  vec2 q = 2.0 * gl_PointCoord - 1.0;
+  if (isRound && dot(q, q) > 1.0) discard;
+  outColor = vec4(paint, opacity);
+}
+`;
+
+export class PointsLayer implements Layer {
+  readonly kind = "points";
+  visible = true;
+  opacity = 1;
+  colorBy: ColorMode = "none";
+  readonly object: Points<BufferGeometry, ShaderMaterial>;
+  /** What a model beside the points says of them; in place of the file's numbers. */
+  private measured: Float32Array | null = null;
+  private limits: Scale | null = null;
+  private tinted = "";
+
+  private constructor(
+    readonly id: string,
+    private readonly doc: PointsDoc,
+    private readonly coordinates: bytes.Coordinates,
+    private readonly given: Float32Array | null,
+    private readonly colors: Uint8Array | null,
+    /** 1 for points that no figure counts. */
+    private readonly outliers: Uint8Array | null,
+    private readonly origin: V3,
+  ) {
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new BufferAttribute(coordinates.array, 3, false));
+    const material = new ShaderMaterial({
+      glslVersion: GLSL3,
+      vertexShader: VERTEX,
+      fragmentShader: FRAGMENT,
+      uniforms: {
+        size: { value: 3 },
+        plane: { value: new Vector4(0, 0, 0, 1) },
+        isTinted: { value: false },
+        isRound: { value: true },
+        color: { value: new Vector3() },
+        opacity: { value: 1 },
+        isFlat: { value: false },
+        nearer: { value: NEARER * norm(sub(coordinates.hi, coordinates.lo)) },
+      },
+    });
+    this.object = new Points(geometry, material);
+    this.object.frustumCulled = false;
+    this.object.onBeforeRender = (_r, _s, camera) => {
+      material.uniforms.isFlat.value = "isOrthographicCamera" in camera;
+      material.uniformsNeedUpdate = true;
+    };
+    this.object.scale.set(...(coordinates.step as V3));
+    this.object.position.set(...sub(coordinates.from, origin));
+    if (this.colors) this.colorBy = "file";
+  }
+
+  static async of(id: string, doc: PointsDoc, origin: V3): Promise<PointsLayer> {
+    const coordinates = await bytes.coordinates(doc.positions);
+    const deviation = doc.deviation ? await bytes.numbers(doc.deviation) : null;
+    const colors = doc.colors ? await bytes.u8(doc.colors) : null;
+    const outliers = doc.outliers ? await bytes.u8(doc.outliers) : null;
+    return new PointsLayer(id, doc, coordinates, deviation, colors, outliers, origin);
+  }
+
+  get name(): string {
+    return this.doc.name;
+  }
+  get count(): number {
+    return this.doc.count;
+  }
+  get deviation(): Float32Array | null {
+    return this.measured ?? this.given;
+  }
+  get hasOwnDeviation(): boolean {
+    return this.given !== null;
+  }
+  get modes(): ColorMode[] {
+    const modes: ColorMode[] = ["none"];
+    if (this.deviation) modes.push("deviation");
+    if (this.colors) modes.push("file");
+    return modes;
+  }
+
+  /** Coordinates of all points, in double precision. */
+  positions(): Float64Array {
+    return bytes.doubles(this.coordinates);
+  }
+
+  /** Takes the deviations from a model beside, or goes back to the file's. */
+  measure(values: Float32Array | null): void {
+    this.measured = values;
+    this.limits = null;
+    this.tinted = "";
+  }
+
+  scale(): Scale | null {
+    const values = this.deviation;
+    if (this.colorBy !== "deviation" || !values) return null;
+    if (!this.limits) {
+      const counted = this.outliers ? values.filter((_, i) => !this.outliers![i]) : values;
+      this.limits = {
+        ...scaleOf(counted, this.measured ? undefined : this.doc.limit),
+        left: values.length - counted.length,
+      };
+    }
+    return this.limits;
+  }
+  legend(): [string, string][] {
+    return [];
+  }
+  bounds(): Box | null {
+    return this.count ? { lo: this.coordinates.lo as V3, hi: this.coordinates.hi as V3 } : null;
+  }
+
+  private tint(): void {
+    if (this.tinted === this.colorBy) return;
+    this.tinted = this.colorBy;
+    const { geometry } = this.object;
+    if (this.colorBy === "none") {
+      geometry.deleteAttribute("tint");
+      return;
+    }
+    let tints = this.colors;
+    const scale = this.scale();
+    if (scale) {
+      tints = new Uint8Array(3 * this.count);
+      const color = (v: number, i: number) =>
+        this.outliers?.[i] ? OUTLIER : scaleColor(v, scale.lower, scale.upper, true);
+      this.deviation!.forEach((v, i) => tints!.set(color(v, i), 3 * i));
+    }
+    geometry.setAttribute("tint", new BufferAttribute(tints!, 3, true));
+  }
+
+  update(section: Section | null, look: Look): void {
+    if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
+    this.tint();
+    const { material } = this.object;
+    const u = material.uniforms;
+    this.object.visible = this.visible;
+    u.plane.value = planeOf(section, this.origin);
+    u.opacity.value = this.opacity;
+    u.isTinted.value = this.colorBy !== "none";
+    const size = this.count > 300_000 ? 2 : this.count > 30_000 ? 3 : this.count > 60 ? 4 : 8;
+    u.size.value = size * look.pixelRatio;
+    u.isRound.value = u.size.value > 2;
+    u.color.value.set(...share(look.isDark ? [240, 190, 90] : [176, 84, 12]));
+    material.transparent = this.opacity < 1;
+  }
+
+  /** Of the points near the pixel the one in front; of those as near as it, the nearest to the
+   *  pixel. */
+  pick(ray: Ray): Hit | null {
+    const { array, from, step } = this.coordinates;
+    const near: { i: number; p: V3; away: number; depth: number }[] = [];
+    const p: V3 = [0, 0, 0];
+    for (let i = 0; i < this.count; i++) {
+      for (let k = 0; k < 3; k++) p[k] = from[k] + step[k] * array[3 * i + k];
+      const [x, y, depth] = ray.project(p);
+      const [a, b] = [x - ray.pixel[0], y - ray.pixel[1]];
+      if (a * a + b * b > REACH * REACH || depth < ray.from) continue;
+      if (ray.section && dot(ray.section.normal, p) > ray.section.offset) continue;
+      near.push({ i, p: [...p], away: Math.hypot(a, b), depth });
+    }
+    if (!near.length) return null;
+    const front = Math.min(...near.map((n) => n.depth));
+    const size = norm(sub(this.coordinates.hi, this.coordinates.lo));
+    const best = near
+      .filter((n) => n.depth <= front + 0.02 * size)
+      .reduce((a, b) => (b.away < a.away ? b : a));
+    const away = dot(sub(best.p, ray.o), ray.d);
+    const hit: Hit = {
+      t: ray.from === 0 ? away * (1 - NEARER) : away - NEARER * size,
+      point: best.p,
+    };
+    const deviation = this.deviation?.[best.i];
+    if (deviation !== undefined && Number.isFinite(deviation)) hit.deviation = deviation;
+    return hit;
+  }
+}
+
+/** Symmetric ends at a round number that most deviations are within. */
+export function scaleOf(values: Float32Array, limit?: number): Scale {
+  const sizes = values.filter(Number.isFinite).map(Math.abs).sort();
+  const end = limit ?? roundUp(sizes[Math.floor(WITHIN * (sizes.length - 1))] ?? 1);
+  const squares = sizes.reduce((s, v) => s + v * v, 0);
+  return {
+    title: "deviation, positive outside",
+    lower: -end,
+    upper: end,
+    isDiverging: true,
+    n: sizes.length,
+    rms: Math.sqrt(squares / Math.max(1, sizes.length)),
+    max: sizes[sizes.length - 1] ?? 0,
+  };
+}

@@ -1,0 +1,121 @@
+// The document of the scene, as the Rust crate writes it.
+
+export type Vec3 = [number, number, number];
+
+export interface BlobRef {
+  blob: number;
+  type: "f64" | "f32" | "u32" | "u16" | "u8";
+  n: number;
+  deflated: boolean;
+}
+/** Coordinates: from + step * array. */
+export interface Positions {
+  array: BlobRef;
+  from: Vec3;
+  step: Vec3;
+  lo: Vec3;
+  hi: Vec3;
+}
+export interface Numbers {
+  array: BlobRef;
+  from: number;
+  step: number;
+}
+
+export interface TapeDoc {
+  inputs: number;
+  parameters: number;
+  constants: (number | string)[];
+  steps: [string, ...number[]][];
+  uniform: number;
+  results: number[];
+}
+
+export interface ParameterDoc {
+  index: number;
+  name: string;
+  description: string;
+  unit: string | null;
+  value: number;
+  lower: number;
+  upper: number;
+  shift: number;
+}
+
+export interface ModelDoc {
+  kind: "model";
+  name: string;
+  title: string | null;
+  tape: TapeDoc;
+  tree: (number | "min" | "max")[];
+  parts: string[];
+  values: number[];
+  parameters: ParameterDoc[];
+  bounds: [Vec3, Vec3];
+  isCut: boolean;
+  /** Whether the box is one of the points beside, which the surface may leave. */
+  isLoose: boolean;
+  origin: Vec3;
+}
+
+export interface PointsDoc {
+  kind: "points";
+  name: string;
+  count: number;
+  positions: Positions;
+  deviation?: Numbers;
+  limit?: number;
+  outliers?: BlobRef;
+  colors?: BlobRef;
+}
+
+export interface MeshDoc {
+  kind: "mesh" | "model";
+  name: string;
+  count: number;
+  positions: Positions;
+  triangles: BlobRef;
+  parts: string[];
+  triangleParts?: BlobRef;
+  tets?: BlobRef;
+  edges?: BlobRef;
+  columns: { name: string; values: Numbers }[];
+}
+
+export interface PatchesDoc {
+  kind: "patches";
+  name: string;
+  control: BlobRef;
+  patches: { name: string; degree: [number, number]; distance: number | null }[];
+  bounds: [Vec3, Vec3];
+}
+
+export interface MapDoc {
+  kind: "map";
+  name: string;
+  count: number;
+  positions: Positions;
+  triangles: BlobRef;
+  charts: BlobRef;
+  corners: BlobRef;
+  frame: number[][] | null;
+  degree: number;
+  forms: [number, number, number][][];
+  halfWidth: number;
+  basePoints: Vec3[];
+  double: Vec3[][];
+  solitary: Vec3[][];
+  isCertified: boolean;
+}
+
+export type LayerDoc = ModelDoc | PointsDoc | MeshDoc | PatchesDoc | MapDoc;
+export interface SceneDoc {
+  version: number;
+  title: string;
+  layers: LayerDoc[];
+}
+
+export function readScene(): SceneDoc {
+  const element = document.querySelector("[data-isoform-scene]");
+  return JSON.parse(element?.textContent ?? '{"version":1,"title":"","layers":[]}');
+}

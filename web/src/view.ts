@@ -1,0 +1,312 @@
+// The pane of space: cameras, drawing, the line of sight of a pixel.
+
+import {
+  Color,
+  ColorManagement,
+  LinearSRGBColorSpace,
+  OrthographicCamera,
+  PerspectiveCamera,
+  Scene,
+  Vector2,
+  Vector3,
+  WebGLRenderer,
+} from "three";
+import type { Layer, Ray, Section } from "./layer";
+import {
+  add,
+  along,
+  around,
+  type Box,
+  center,
+  cross,
+  diagonal,
+  dot,
+  norm,
+  scale,
+  sub,
+  unit,
+  type V3,
+} from "./vector";
+
+/** The angle of view over the height of the pane, in degrees. */
+const FOV = 35;
+/** Milliseconds of rest after which the picture is drawn finely, and how many times finer. */
+const REST = 250;
+const FINER = 2;
+/** Room around what fills the pane. */
+const MARGIN = 1.06;
+
+export interface Camera {
+  position: V3;
+  target: V3;
+  up: V3;
+  orthographic: boolean;
+  fov: number;
+  height: number;
+}
+
+export class View {
+  readonly canvas: HTMLCanvasElement;
+  readonly camera: Camera = {
+    position: [3, -4, 2.5],
+    target: [0, 0, 0],
+    up: [0, 0, 1],
+    orthographic: false,
+    fov: FOV,
+    height: 2,
+  };
+  section: Section | null = null;
+  /** Called after each drawing. */
+  onDrawn: () => void = () => {};
+  private readonly renderer: WebGLRenderer;
+  private readonly scene = new Scene();
+  private readonly perspective = new PerspectiveCamera();
+  private readonly flat = new OrthographicCamera();
+  private isWanted = false;
+  private rest = 0;
+
+  constructor(
+    readonly pane: HTMLElement,
+    private readonly layers: Layer[],
+    readonly origin: V3,
+  ) {
+    // Colours are those of the style sheet, as they are: nothing is converted.
+    ColorManagement.enabled = false;
+    this.renderer = new WebGLRenderer({ antialias: true, preserveDrawingBuffer: true });
+    this.renderer.outputColorSpace = LinearSRGBColorSpace;
+    this.canvas = this.renderer.domElement;
+    this.canvas.setAttribute("aria-hidden", "true");
+    pane.prepend(this.canvas);
+    for (const layer of layers) this.scene.add(layer.object);
+    new ResizeObserver(() => this.draw()).observe(pane);
+    pane.addEventListener("pointerenter", () => this.refine());
+  }
+
+  /** The pane's width and height, which need not be whole pixels. */
+  get size(): [number, number] {
+    const { width, height } = this.pane.getBoundingClientRect();
+    return [width, height];
+  }
+
+  /** Draws soon, once for all changes until then. */
+  want(): void {
+    if (this.isWanted) return;
+    this.isWanted = true;
+    requestAnimationFrame(() => {
+      if (!this.isWanted) return;
+      this.draw();
+      this.refine();
+    });
+  }
+
+  /** Draws finely after a rest: the edges of models, which have one sample a pixel, are smooth
+   *  then. */
+  private refine(): void {
+    clearTimeout(this.rest);
+    if (!this.layers.some((l) => l.visible && l.isSampled)) return;
+    this.rest = setTimeout(() => this.draw(FINER), REST) as unknown as number;
+  }
+
+  /** Draws now, so many times finer than the screen. */
+  draw(finer = 1): void {
+    clearTimeout(this.rest);
+    this.isWanted = false;
+    const [width, height] = this.size;
+    if (!width || !height) return;
+    const ratio = finer * Math.min(2, devicePixelRatio || 1);
+    const isDark = matchMedia("(prefers-color-scheme: dark)").matches;
+    if (this.renderer.getPixelRatio() !== ratio) this.renderer.setPixelRatio(ratio);
+    const old = this.renderer.getSize(new Vector2());
+    if (old.x !== width || old.y !== height) this.renderer.setSize(width, height, false);
+    const paint = getComputedStyle(this.pane).backgroundColor;
+    this.renderer.setClearColor(new Color(paint), 1);
+    for (const layer of this.layers) layer.update(this.section, { isDark, pixelRatio: ratio });
+    this.renderer.render(this.scene, this.three());
+    this.onDrawn();
+  }
+
+  /** The box of what is visible. */
+  bounds(): Box | null {
+    const boxes = this.layers
+      .filter((l) => l.visible)
+      .map((l) => l.bounds())
+      .filter((b): b is Box => b !== null);
+    return boxes.length ? around(boxes) : null;
+  }
+
+  /** The camera that three.js draws with. */
+  private three(): PerspectiveCamera | OrthographicCamera {
+    const { position, target, up, orthographic, fov, height } = this.camera;
+    const aspect = this.size[0] / this.size[1];
+    const boxes = this.layers.map((l) => l.bounds()).filter((b): b is Box => b !== null);
+    const all = boxes.length ? around(boxes) : { lo: target, hi: target };
+    const reach = norm(sub(center(all), position)) + diagonal(all) + 1e-9;
+    const camera = orthographic ? this.flat : this.perspective;
+    if (orthographic) {
+      const half = height / 2;
+      Object.assign(this.flat, {
+        left: -half * aspect,
+        right: half * aspect,
+        top: half,
+        bottom: -half,
+        near: -reach,
+        far: reach,
+      });
+    } else {
+      Object.assign(this.perspective, {
+        fov,
+        aspect,
+        near: Math.min(1e-3 * diagonal(all) || 1e-3, norm(sub(target, position)) / 10),
+        far: reach,
+      });
+    }
+    const [p, t] = [sub(position, this.origin), sub(target, this.origin)];
+    camera.position.set(...p);
+    camera.up.set(...up);
+    camera.lookAt(new Vector3(...t));
+    camera.updateProjectionMatrix();
+    camera.updateMatrixWorld();
+    return camera;
+  }
+
+  /** Right, up and ahead. */
+  axes(): [V3, V3, V3] {
+    const ahead = unit(sub(this.camera.target, this.camera.position));
+    let right = cross(ahead, this.camera.up);
+    if (norm(right) < 1e-9) right = cross(ahead, Math.abs(ahead[0]) < 0.9 ? [1, 0, 0] : [0, 1, 0]);
+    right = unit(right);
+    return [right, cross(right, ahead), ahead];
+  }
+
+  /** Units of space for a pixel at the target. */
+  perPixel(): number {
+    const { position, target, orthographic, fov, height } = this.camera;
+    const whole = orthographic
+      ? height
+      : 2 * norm(sub(target, position)) * Math.tan((fov * Math.PI) / 360);
+    return whole / Math.max(1, this.size[1]);
+  }
+
+  /** The line of sight of a pixel of the pane. */
+  ray(x: number, y: number): Ray {
+    const [right, up, ahead] = this.axes();
+    const [width, height] = this.size;
+    const { position, orthographic, fov } = this.camera;
+    const half = orthographic ? this.camera.height / 2 : Math.tan((fov * Math.PI) / 360);
+    const [u, v] = [
+      ((x - width / 2) / (height / 2)) * half,
+      (-(y - height / 2) / (height / 2)) * half,
+    ];
+    const side = add(scale(right, u), scale(up, v));
+    const project = (p: ArrayLike<number>): [number, number, number] => {
+      const r = sub(p, position);
+      const depth = dot(r, ahead);
+      const k = ((orthographic ? 1 : depth) * half) / (height / 2);
+      return [width / 2 + dot(r, right) / k, height / 2 - dot(r, up) / k, depth];
+    };
+    const common = { section: this.section, project, pixel: [x, y] as [number, number] };
+    return orthographic
+      ? { o: add(position, side), d: ahead, from: -Infinity, ...common }
+      : { o: position, d: unit(add(ahead, side)), from: 0, ...common };
+  }
+
+  /** Where a point is in the pane. */
+  project(p: V3): [number, number, number] {
+    return this.ray(0, 0).project(p);
+  }
+
+  /** Turns about the target: right and up by angles. */
+  turn(right: number, up: number): void {
+    const { target, position } = this.camera;
+    const pole = unit(this.camera.up);
+    const from = sub(position, target);
+    const size = norm(from);
+    const height = Math.asin(Math.max(-1, Math.min(1, dot(from, pole) / size)));
+    const most = Math.PI / 2 - 1e-3;
+    const to = Math.max(-most, Math.min(most, height + up));
+    let level = sub(from, scale(pole, dot(from, pole)));
+    if (norm(level) < 1e-6 * size) level = scale(cross(this.axes()[0], pole), -1);
+    level = unit(level);
+    const beside = cross(pole, level);
+    const way = add(scale(level, Math.cos(-right)), scale(beside, Math.sin(-right)));
+    this.camera.position = add(
+      target,
+      add(scale(way, size * Math.cos(to)), scale(pole, size * Math.sin(to))),
+    );
+    this.want();
+  }
+
+  /** Moves across the line of sight, by pixels. */
+  pan(x: number, y: number): void {
+    const [right, up] = this.axes();
+    const by = add(scale(right, -x * this.perPixel()), scale(up, y * this.perPixel()));
+    this.camera.position = add(this.camera.position, by);
+    this.camera.target = add(this.camera.target, by);
+    this.want();
+  }
+
+  /** Comes nearer by a factor below 1; the place at a pixel stays where it is. */
+  zoom(factor: number, at?: [number, number]): void {
+    if (at) {
+      const [x, y] = [at[0] - this.size[0] / 2, at[1] - this.size[1] / 2];
+      this.pan(-x * (1 - factor), -y * (1 - factor));
+    }
+    this.camera.position = along(
+      this.camera.target,
+      sub(this.camera.position, this.camera.target),
+      factor,
+    );
+    this.camera.height *= factor;
+    this.want();
+  }
+
+  /** All that is visible fills the pane; the direction stays, or is as given. */
+  fit(direction?: V3, up?: V3): void {
+    const bounds = this.bounds();
+    if (!bounds) return;
+    if (up) this.camera.up = up;
+    const from = unit(direction ?? sub(this.camera.position, this.camera.target));
+    this.camera.target = center(bounds);
+    const size = diagonal(bounds) || 1;
+    this.camera.position = along(this.camera.target, from, size);
+    const [right, upward, ahead] = this.axes();
+    const [width, height] = this.size;
+    const aspect = width / Math.max(1, height) || 1;
+    const slope = Math.tan((this.camera.fov * Math.PI) / 360);
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((i) =>
+      sub(
+        [0, 1, 2].map((k) => ((i >> k) & 1 ? bounds.hi[k] : bounds.lo[k])),
+        this.camera.target,
+      ),
+    );
+    const half = Math.max(
+      ...corners.map((c) => Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect)),
+    );
+    const away = Math.max(
+      ...corners.map(
+        (c) =>
+          Math.max(Math.abs(dot(c, upward)), Math.abs(dot(c, right)) / aspect) / slope -
+          dot(c, ahead),
+      ),
+    );
+    this.camera.height = 2 * MARGIN * half || 1;
+    this.camera.position = along(this.camera.target, from, MARGIN * Math.max(away, 1e-3 * size));
+    this.want();
+  }
+
+  /** From perspective to parallel and back, with what is at the target of the same size. */
+  flatten(isFlat: boolean): void {
+    if (isFlat === this.camera.orthographic) return;
+    const height = this.perPixel() * this.size[1];
+    const slope = Math.tan((this.camera.fov * Math.PI) / 360);
+    const from = unit(sub(this.camera.position, this.camera.target));
+    this.camera.orthographic = isFlat;
+    if (isFlat) this.camera.height = height;
+    else this.camera.position = along(this.camera.target, from, height / 2 / slope);
+    this.want();
+  }
+
+  picture(): string {
+    return this.canvas.toDataURL("image/png");
+  }
+}

@@ -1,0 +1,357 @@
+// The viewer: its layers, what is picked and marked, its state. The panel and window.isoform are
+// two ways to the same verbs.
+
+import type { Domain } from "./domain";
+import { COLOR_MODES, type ColorMode, type Hit, type Layer, type Section } from "./layer";
+import { MapLayer } from "./map";
+import { ModelLayer } from "./model";
+import { PointsLayer } from "./points";
+import type { ParameterDoc } from "./scene";
+import { add, isFinite3, norm, sub, unit, type V3 } from "./vector";
+import type { Camera, View } from "./view";
+
+export interface Picked {
+  layer: string;
+  point: V3;
+  part?: string;
+  deviation?: number;
+  parameter?: [number, number];
+  isCap?: boolean;
+}
+/** Partners are all parameters (s : t : w) of the place of the double curve that is nearest to the
+ *  pick. */
+export interface Marked {
+  space: V3;
+  domain: [number, number];
+  partners: V3[];
+}
+export interface LayerState {
+  id: string;
+  name: string;
+  kind: string;
+  visible: boolean;
+  opacity: number;
+  count: number;
+}
+export interface Parameter {
+  name: string;
+  value: number;
+  lower: number;
+  upper: number;
+  unit: string | null;
+  description: string;
+}
+
+/** How far a place of the double curve may be from the pick beside it, as a share of the distance
+ *  of the eye. */
+const BESIDE = 0.05;
+
+/** Steps of tapes that take less than a frame; and milliseconds until others follow. */
+const AT_ONCE = 3e6;
+const REST = 250;
+
+const isNumber = (v: unknown): v is number => typeof v === "number" && Number.isFinite(v);
+
+export class Viewer {
+  readonly layers: Layer[];
+  domain: Domain | null = null;
+  marked: Marked | null = null;
+  picked: Picked | null = null;
+  /** Called where something else than the camera has changed. */
+  onChange: () => void = () => {};
+  onPick: () => void = () => {};
+
+  constructor(
+    layers: Layer[],
+    readonly view: View,
+  ) {
+    this.layers = layers;
+    this.measure();
+    // Points beside a model are there to be compared with it.
+    if (this.models.length)
+      for (const layer of layers) if (layer instanceof PointsLayer) layer.colorBy = "deviation";
+  }
+
+  /** Parameters that slide, until the next frame. */
+  private readonly slid = new Map<string, number>();
+  private rest = 0;
+
+  private get models(): ModelLayer[] {
+    return this.layers.filter((l): l is ModelLayer => l instanceof ModelLayer);
+  }
+  get map(): MapLayer | null {
+    return this.layers.find((l): l is MapLayer => l instanceof MapLayer) ?? null;
+  }
+
+  private layer(id: string): Layer {
+    const layer = this.layers.find((l) => l.id === id);
+    if (!layer) throw new RangeError(`no layer has the id ${id}`);
+    return layer;
+  }
+
+  states(): LayerState[] {
+    return this.layers.map(({ id, name, kind, visible, opacity, count }) => ({
+      id,
+      name,
+      kind,
+      visible,
+      opacity,
+      count,
+    }));
+  }
+
+  /** Changes a layer; what it has not is left as it is. */
+  set(id: string, some: { visible?: unknown; opacity?: unknown; colorBy?: unknown }): void {
+    const layer = this.layer(id);
+    if (typeof some.visible === "boolean") layer.visible = some.visible;
+    if (isNumber(some.opacity)) layer.opacity = Math.max(0, Math.min(1, some.opacity));
+    if (some.colorBy !== undefined) {
+      if (!COLOR_MODES.includes(some.colorBy as ColorMode))
+        throw new RangeError(`colours are ${COLOR_MODES.join(", ")}`);
+      if (layer.modes.includes(some.colorBy as ColorMode))
+        layer.colorBy = some.colorBy as ColorMode;
+    }
+    this.view.want();
+    this.onChange();
+  }
+
+  /** What is seen at a pixel of the pane of space. */
+  pickSpace(x: number, y: number): Picked | null {
+    const ray = this.view.ray(x, y);
+    let best: [Layer, Hit] | null = null;
+    for (const layer of this.layers) {
+      if (!layer.visible || layer.opacity === 0) continue;
+      const hit = layer.pick(ray);
+      if (hit && (!best || hit.t < best[1].t)) best = [layer, hit];
+    }
+    const near = best && best[0] instanceof MapLayer ? best[0].nearDouble(ray) : null;
+    const isBeside =
+      best &&
+      near &&
+      norm(sub(near, best[1].point)) <
+        BESIDE * norm(sub(this.view.camera.target, this.view.camera.position));
+    return this.mark(best && best[0], best && best[1], isBeside ? near : null);
+  }
+
+  /** Takes a hit as what is picked, and marks it in both panes, with what is known of a place of
+   *  the double curve beside it. */
+  mark(layer: Layer | null, hit: Hit | null, double: V3 | null = null): Picked | null {
+    this.picked = null;
+    this.marked = null;
+    if (layer && hit) {
+      const { t: _, ...rest } = hit;
+      this.picked = { layer: layer.id, ...rest };
+      if (layer instanceof MapLayer && hit.parameter) {
+        this.marked = {
+          space: hit.point,
+          domain: hit.parameter,
+          partners: double ? layer.preimages(double) : [],
+        };
+      }
+    }
+    this.onPick();
+    return this.picked;
+  }
+
+  camera(): Camera {
+    const { position, target, up, orthographic, fov, height } = this.view.camera;
+    return { position: [...position], target: [...target], up: [...up], orthographic, fov, height };
+  }
+
+  /** Takes what is given of a camera and makes sense. */
+  setCamera(some: Partial<Camera>): void {
+    const { camera } = this.view;
+    const next = { ...camera };
+    if (isFinite3(some.position)) next.position = [...some.position];
+    if (isFinite3(some.target)) next.target = [...some.target];
+    if (isFinite3(some.up) && norm(some.up) > 0) next.up = [...some.up];
+    if (typeof some.orthographic === "boolean") next.orthographic = some.orthographic;
+    if (isNumber(some.fov)) next.fov = Math.max(1, Math.min(150, some.fov));
+    if (isNumber(some.height) && some.height > 0) next.height = some.height;
+    if (norm(sub(next.position, next.target)) === 0)
+      throw new RangeError("the camera is in its target");
+    Object.assign(camera, next);
+    this.view.want();
+    this.onChange();
+  }
+
+  setSection(section: Section | null): void {
+    if (section !== null) {
+      if (!isFinite3(section.normal) || norm(section.normal) === 0 || !isNumber(section.offset))
+        throw new RangeError("a section has a normal and an offset");
+      const size = norm(section.normal);
+      section = { normal: unit(section.normal), offset: section.offset / size };
+    }
+    this.view.section = section;
+    this.view.want();
+    this.onChange();
+  }
+
+  /** The parameters of all models; one name moves all that have it. */
+  parameters(): Parameter[] {
+    const all = new Map<string, Parameter>();
+    for (const model of this.models) {
+      for (const p of model.parameters) {
+        if (!all.has(p.name))
+          all.set(p.name, {
+            name: p.name,
+            value: model.value(p),
+            lower: p.lower,
+            upper: p.upper,
+            unit: p.unit,
+            description: p.description,
+          });
+      }
+    }
+    return [...all.values()];
+  }
+
+  /** Moves a parameter by a slider: once for all moves until the next frame. */
+  slide(name: string, value: number): void {
+    if (!this.slid.size) {
+      requestAnimationFrame(() => {
+        const values = Object.fromEntries(this.slid);
+        this.slid.clear();
+        this.setParameters(values, true);
+      });
+    }
+    this.slid.set(name, value);
+  }
+
+  /** Gives parameters values. While they slide, deviations that take long follow after a rest. */
+  setParameters(values: Record<string, unknown>, isSliding = false): void {
+    for (const name of Object.keys(values)) {
+      if (!isNumber(values[name])) throw new RangeError(`the value of ${name} is no number`);
+      if (!this.models.some((m) => m.parameters.some((p) => p.name === name)))
+        throw new RangeError(`no parameter is called ${name}`);
+    }
+    for (const model of this.models) {
+      const own = model.parameters.filter((p) => Object.hasOwn(values, p.name));
+      const kept = (p: ParameterDoc) =>
+        Math.max(p.lower, Math.min(p.upper, values[p.name] as number));
+      if (own.length) model.setValues(own.map((p) => [p, kept(p)]));
+    }
+    clearTimeout(this.rest);
+    if (isSliding && this.cost() > AT_ONCE) {
+      this.rest = setTimeout(() => {
+        this.measure();
+        this.view.want();
+        this.onChange();
+      }, REST) as unknown as number;
+    } else {
+      this.measure();
+    }
+    this.view.want();
+    this.onChange();
+  }
+
+  /** How many steps of tapes the deviations of all points take. */
+  private cost(): number {
+    const points = this.layers.filter((l) => l instanceof PointsLayer);
+    const steps = this.models[0]?.doc.tape.steps.length ?? 0;
+    return steps * points.reduce((sum, layer) => sum + layer.count, 0);
+  }
+
+  /** The parameters as they came. */
+  resetParameters(): void {
+    for (const model of this.models) model.setValues(model.parameters.map((p) => [p, p.value]));
+    this.measure();
+    this.view.want();
+    this.onChange();
+  }
+
+  /** Deviations of points from the first model beside them. Those of the file are kept as long as
+   *  the model is as it came. */
+  private measure(): void {
+    const model = this.models[0];
+    if (!model) return;
+    for (const points of this.layers.filter((l): l is PointsLayer => l instanceof PointsLayer)) {
+      if (points.hasOwnDeviation && model.isAsGiven) {
+        points.measure(null);
+        continue;
+      }
+      const places = points.positions();
+      for (let i = 0; i < places.length; i += 3)
+        for (let k = 0; k < 3; k++) places[i + k] -= model.doc.origin[k];
+      const deviation = new Float32Array(points.count);
+      model.solid.read(places, (i, distance) => {
+        deviation[i] = 0 - distance;
+      });
+      points.measure(deviation);
+    }
+  }
+
+  /** What of the view a link keeps. */
+  state(): string {
+    const { position, target, up, orthographic, fov, height } = this.view.camera;
+    const layers = this.layers.map((l) => [
+      l.visible ? 1 : 0,
+      l.opacity,
+      l.colorBy,
+      ...(l.extras ?? []).map((e) => e.value),
+    ]);
+    const values = this.parameters().map((p) => [p.name, p.value]);
+    const { section } = this.view;
+    const whole = {
+      c: [...position, ...target, ...up, orthographic ? 1 : 0, fov, height],
+      l: layers,
+      s: section && [...section.normal, section.offset],
+      p: values,
+    };
+    const utf8 = new TextEncoder().encode(JSON.stringify(whole));
+    return btoa(String.fromCharCode(...utf8))
+      .replaceAll("+", "-")
+      .replaceAll("/", "_")
+      .replaceAll("=", "");
+  }
+
+  /** Shows what a state says. One that makes no sense changes nothing; whether it made sense. */
+  restore(text: string): boolean {
+    const before = this.state();
+    try {
+      const raw = atob(text.replaceAll("-", "+").replaceAll("_", "/"));
+      const whole = JSON.parse(
+        new TextDecoder().decode(Uint8Array.from(raw, (c) => c.charCodeAt(0))),
+      );
+      this.take(whole);
+      return true;
+    } catch {
+      if (text !== before) this.restore(before);
+      return false;
+    }
+  }
+
+  private take(whole: {
+    c: number[];
+    l: [number, number, string, ...number[]][];
+    s: number[] | null;
+    p: [string, number][];
+  }): void {
+    const { c, l, s, p } = whole;
+    if (!c.every(isNumber) || c.length !== 12 || l.length !== this.layers.length)
+      throw new RangeError("no state");
+    this.setCamera({
+      position: [c[0], c[1], c[2]],
+      target: [c[3], c[4], c[5]],
+      up: [c[6], c[7], c[8]],
+      orthographic: c[9] === 1,
+      fov: c[10],
+      height: c[11],
+    });
+    l.forEach(([visible, opacity, colorBy, ...extras], i) => {
+      this.set(this.layers[i].id, { visible: visible === 1, opacity, colorBy });
+      (this.layers[i].extras ?? []).forEach((extra, k) => {
+        if (isNumber(extras[k])) extra.value = Math.max(0, Math.min(1, extras[k]));
+      });
+    });
+    this.setSection(s && { normal: [s[0], s[1], s[2]], offset: s[3] });
+    const known = new Set(this.parameters().map((q) => q.name));
+    this.setParameters(Object.fromEntries(p.filter(([name]) => known.has(name))));
+  }
+
+  /** The middle of what is visible, for a section's first place. */
+  middle(): V3 {
+    const b = this.view.bounds();
+    return b ? (add(b.lo, b.hi).map((v) => v / 2) as V3) : [0, 0, 0];
+  }
+}

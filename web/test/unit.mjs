@@ -1,0 +1,284 @@
+// Tests of what the viewer computes: node test/unit.mjs
+import { build } from "esbuild";
+import assert from "node:assert/strict";
+import { dirname, join } from "node:path";
+import { test } from "node:test";
+import { fileURLToPath } from "node:url";
+
+const source = join(dirname(fileURLToPath(import.meta.url)), "../src");
+const entry = ["tape", "interval", "solid", "bvh", "caps", "measure", "glsl", "patches", "native"]
+  .map((m) => `export * as ${m} from "./${m}";`)
+  .join("\n");
+const bundle = await build({
+  stdin: { contents: entry, resolveDir: source, loader: "ts" },
+  bundle: true,
+  write: false,
+  format: "esm",
+  platform: "node",
+});
+const { tape, interval, solid, bvh, caps, measure, glsl, patches, native } = await import(
+  `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
+);
+
+/** Numbers between 0 and 1, the same in every run. */
+let seed = 1;
+const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+const between = (a, b) => a + (b - a) * random();
+
+const UNARY = [
+  "neg",
+  "abs",
+  "square",
+  "sqrt",
+  "exp",
+  "ln",
+  "sin",
+  "cos",
+  "tan",
+  "asin",
+  "acos",
+  "atan",
+  "sinh",
+  "cosh",
+  "tanh",
+  "floor",
+  "ceil",
+  "trunc",
+  "sign",
+];
+const BINARY = [
+  "add",
+  "sub",
+  "mul",
+  "div",
+  "pow",
+  "atan2",
+  "less",
+  "lesseq",
+  "runion",
+  "rintersection",
+  "max",
+  "min",
+];
+const STEPS = [
+  ...UNARY.map((op) => [op, 0]),
+  ...BINARY.map((op) => [op, 0, 1]),
+  ["select", 0, 1, 2],
+  ["powi", 0, 3],
+  ["powi", 0, 2],
+  ["powi", 0, -1],
+  ["powi", 0, -2],
+  ["fmod", 0, 1],
+];
+
+/** A tape of one step on x, y and z. */
+const single = (step) =>
+  tape.Tape.of({
+    inputs: 3,
+    parameters: 0,
+    constants: [],
+    steps: [step],
+    uniform: 0,
+    results: [3],
+  });
+
+test("ranges contain the values, of every operation", () => {
+  for (const step of STEPS) {
+    const t = single(step);
+    const ranges = new interval.Ranges(t);
+    const evaluator = new tape.Evaluator(t);
+    for (let k = 0; k < 400; k++) {
+      const [wide, shift] = [random() < 0.5 ? 4 : 0.3, between(-2, 2)];
+      const ends = [0, 1, 2].map(() =>
+        [between(-wide, wide) + shift, between(-wide, wide) + shift].sort((a, b) => a - b),
+      );
+      ranges.run(
+        ends.map((e) => e[0]),
+        ends.map((e) => e[1]),
+      );
+      for (let i = 0; i < 20; i++)
+        for (let c = 0; c < 3; c++)
+          evaluator.coordinate(c)[i] = i < 2 ? ends[c][i] : between(...ends[c]);
+      evaluator.run(20);
+      for (const v of evaluator.result(0).slice(0, 20)) {
+        const room = 1e-12 * (1 + Math.abs(v));
+        assert.ok(
+          Number.isNaN(v) || (ranges.lo[3] <= v + room && ranges.hi[3] >= v - room),
+          `${step}: ${v} in ${ranges.lo[3]} .. ${ranges.hi[3]}`,
+        );
+      }
+    }
+  }
+});
+
+test("every operation has a meaning in the shader", () => {
+  for (const step of [...STEPS, ["ellipsoid", 0, 1, 2, 0, 1, 2]]) {
+    const text = glsl.solidFunction(single(step), [0]);
+    assert.ok(!text.includes("undefined") && text.includes("return f0"), `${step}`);
+  }
+  assert.throws(() => single(["unheard", 0]), /unheard/);
+});
+
+/** A ball of radius a1 less the half space x > 1/4, as a document. Slot 0 is 1/4, 1 to 3 are x, y
+ *  and z, 4 is a1, 11 the function of the ball, 12 that of the cut, 13 both, 14 the part. */
+const DOC = {
+  kind: "model",
+  name: "ball",
+  title: null,
+  parts: ["ball", "cut"],
+  tree: [0, 1, "min"],
+  values: [1],
+  parameters: [],
+  bounds: [
+    [-1, -1, -1],
+    [0.25, 1, 1],
+  ],
+  isCut: false,
+  isLoose: true,
+  origin: [0, 0, 0],
+  tape: {
+    inputs: 3,
+    parameters: 1,
+    constants: [0.25],
+    uniform: 1,
+    results: [11, 12, 13, 14],
+    steps: [
+      ["square", 4],
+      ["square", 1],
+      ["square", 2],
+      ["square", 3],
+      ["add", 6, 7],
+      ["add", 9, 8],
+      ["sub", 5, 10],
+      ["sub", 0, 1],
+      ["min", 11, 12],
+      ["less", 12, 11],
+    ],
+  },
+};
+test("a ray meets a solid where it should, after its parameters moved, too", () => {
+  const ball = new solid.Solid(DOC);
+  const near = (a, b) => assert.ok(Math.abs(a - b) < 1e-9, `${a} of ${b}`);
+  near(ball.meet([-5, 0, 0], [1, 0, 0], 0, 10), 4);
+  near(ball.meet([5, 0, 0], [-1, 0, 0], 0, 10), 4.75);
+  assert.equal(ball.meet([-5, 1.01, 0], [1, 0, 0], 0, 10), null);
+  // A ray that grazes the sphere by a millionth.
+  assert.notEqual(ball.meet([-5, 1 - 1e-6, 0], [1, 0, 0], 0, 10), null);
+  assert.equal(ball.partAt([0.25, 0, 0]), "cut");
+  ball.values[0] = 3;
+  ball.changed();
+  near(ball.meet([-5, 0, 0], [1, 0, 0], 0, 10), 2);
+});
+
+test("the grid holds all of the surface", () => {
+  const ball = new solid.Solid(DOC);
+  for (const radius of [1, 0.3, 30]) {
+    ball.values[0] = radius;
+    ball.changed();
+    const { box, n, cells } = ball.brick();
+    const size = [0, 1, 2].map((k) => box.hi[k] - box.lo[k]);
+    assert.ok(Math.max(...size) < 2.3 * radius, `a box of ${size} for the radius ${radius}`);
+    for (let k = 0; k < 2000; k++) {
+      const [z, turn] = [between(-1, 1), between(0, 2 * Math.PI)];
+      const p = [
+        Math.sqrt(1 - z * z) * Math.cos(turn),
+        Math.sqrt(1 - z * z) * Math.sin(turn),
+        z,
+      ].map((v) => v * radius);
+      if (p[0] > 0.25) continue;
+      const i = p.map((v, c) => Math.min(n[c] - 1, Math.floor(((v - box.lo[c]) / size[c]) * n[c])));
+      assert.equal(cells[i[0] + n[0] * (i[1] + n[1] * i[2])], 1, `${p}`);
+    }
+  }
+});
+
+test("the tree finds the triangle that trying all of them finds", () => {
+  const points = Float64Array.from({ length: 900 }, () => between(-1, 1));
+  const triangles = Uint32Array.from({ length: 900 }, () => Math.floor(300 * random()));
+  const tree = new bvh.Bvh(points, triangles);
+  const all = Array.from(
+    { length: 300 },
+    (_, i) => new bvh.Bvh(points, triangles.slice(3 * i, 3 * i + 3)),
+  );
+  for (let k = 0; k < 300; k++) {
+    const o = [between(-3, 3), between(-3, 3), -3];
+    const d = k % 3 ? [between(-1, 1), between(-1, 1), 1] : [0, 0, 1];
+    const found = tree.meet(o, d, 0, () => true);
+    const least = Math.min(...all.map((t) => t.meet(o, d, 0, () => true)?.t ?? Infinity));
+    assert.equal(found ? found.t : Infinity, least);
+  }
+});
+
+/** The area of triangles, three numbers for each corner. */
+const area = (cap) => {
+  let sum = 0;
+  for (let i = 0; i < cap.length; i += 9) {
+    const [u, v] = [
+      [0, 1, 2].map((k) => cap[i + 3 + k] - cap[i + k]),
+      [0, 1, 2].map((k) => cap[i + 6 + k] - cap[i + k]),
+    ];
+    sum +=
+      0.5 *
+      Math.hypot(u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]);
+  }
+  return sum;
+};
+
+test("caps of a cube with a hollow leave the hollow open", () => {
+  const cube = (half, isInward, first) => {
+    const corners = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) =>
+      [0, 1, 2].map((k) => ((i >> k) & 1 ? half : -half)),
+    );
+    const quads = [
+      [0, 2, 3, 1],
+      [4, 5, 7, 6],
+      [0, 1, 5, 4],
+      [2, 6, 7, 3],
+      [0, 4, 6, 2],
+      [1, 3, 7, 5],
+    ];
+    const faces = quads
+      .flatMap(([a, b, c, d]) => (isInward ? [a, c, b, a, d, c] : [a, b, c, a, c, d]))
+      .map((i) => i + first);
+    return { corners, faces };
+  };
+  const [outer, inner] = [cube(1, false, 0), cube(0.5, true, 8)];
+  const points = Float64Array.from([...outer.corners, ...inner.corners]);
+  const triangles = Uint32Array.from([...outer.faces, ...inner.faces]);
+  const cut = (normal, offset) => area(caps.ofSurface(points, triangles, { normal, offset }));
+  assert.ok(Math.abs(cut([0, 0, 1], 0.1) - 3) < 1e-12);
+  assert.ok(Math.abs(cut([0, 0, 1], 0.7) - 4) < 1e-12);
+  assert.equal(cut([0, 0, 1], 1.5), 0);
+  const s = Math.SQRT1_2;
+  assert.ok(
+    Math.abs(cut([s, s, 0], 0.1) - ((2 * Math.SQRT2 - 0.2) * 2 - (Math.SQRT2 - 0.2) * 1)) < 1e-12,
+  );
+});
+
+test("caps of a tetrahedron", () => {
+  const points = Float64Array.from([0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1]);
+  const cut = (offset) =>
+    area(caps.ofTetrahedra(points, Uint32Array.from([0, 1, 2, 3]), { normal: [0, 0, 1], offset }));
+  assert.ok(Math.abs(cut(0.5) - 0.125) < 1e-15 && cut(2) === 0);
+});
+
+test("a place of a patch moves onto the ray", () => {
+  const paraboloid = (u, v) => ({
+    point: [u, v, u * u + v * v],
+    u: [1, 0, 2 * u],
+    v: [0, 1, 2 * v],
+  });
+  const [u, v, there] = patches.ontoRay(paraboloid, [0.3, 0.4, 5], [0, 0, -1], [0.25, 0.5]);
+  assert.ok(Math.hypot(u - 0.3, v - 0.4) < 1e-12 && Math.abs(there.point[2] - 0.25) < 1e-12);
+});
+
+test("angles, circles, ellipsoids", () => {
+  const { angle, radius } = measure.angleAndRadius([
+    [1, 0, 0],
+    [0, 0, 0],
+    [0, 1, 0],
+  ]);
+  assert.ok(Math.abs(angle - 90) < 1e-12 && Math.abs(radius - Math.SQRT1_2) < 1e-12);
+  assert.ok(Math.abs(native.ellipsoidDistance([5, 0, 0, 3, 2, 1]) + 2) < 1e-12);
+  assert.ok(Math.abs(native.ellipsoidDistance([0, 0, 0, 3, 2, 1]) - 1) < 1e-12);
+});
