@@ -36,6 +36,9 @@ const NAMED: f64 = 0.1;
 /// Splines are sought this much nearer to the model than is asked for: edges and samples are not
 /// everywhere.
 const NEARER: f64 = 0.25;
+/// Surfaces that meet at a smaller angle (radians) and along no limit have no edge: one that is
+/// larger multiplies roundings by no more than a thousand.
+const GRAZING: f64 = 1e-3;
 /// Share of the largest kink that each spline may be turned by: two of them meet, between samples.
 const TURN: f64 = 0.4;
 
@@ -422,13 +425,15 @@ impl Builder<'_> {
         } else {
             &points[..]
         };
-        if largest_angle([a, b], inner) > TOUCHING {
+        let angle = largest_angle([a, b], inner);
+        if angle > TOUCHING {
             return Ok([a.clone(), b.clone()]);
         }
         let pieces = sheets.map(|s| &self.pieces[self.sheets.pieces[s] as usize]);
         let on = if b.surface().is_some() { b } else { a };
         seam(pieces, &points)
             .map(|limit| [on.clone(), limit])
+            .or_else(|| (angle > GRAZING).then(|| [a.clone(), b.clone()]))
             .ok_or_else(|| self.no_curve(sheets, chain))
     }
 

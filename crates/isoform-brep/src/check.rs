@@ -3,6 +3,7 @@
 //! What is counted is exact; distances, angles and areas are taken at samples.
 
 use crate::build::Built;
+use crate::locus::{Distance, Locus};
 use crate::measure::{Measure, of_face, total};
 use crate::newton::meet;
 use crate::shells::volume;
@@ -406,7 +407,10 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
             let cos = sense_a * sense_b * dot(n[0], n[1]);
             let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
             if angle < SMOOTH[0] {
-                found.angle = found.angle.max(angle);
+                // An edge of the model itself, at a small angle, is no kink.
+                let own = of_functions(&built.meeting[e as usize], p);
+                let own = if own < SMOOTH[0] { own } else { 0.0 };
+                found.angle = found.angle.max((angle - own).abs());
             }
         }
     }
@@ -414,6 +418,12 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
         found.gap = worse(found.gap, norm(sub(brep.along(e, s).0, end)));
     }
     found
+}
+
+/// The angle at which what meets in an edge does so (degrees).
+fn of_functions(meeting: &[Locus; 2], p: Point3) -> f64 {
+    let [a, b] = meeting.each_ref().map(|l| l.distance(p).1);
+    norm(cross(a, b)).atan2(dot(a, b).abs()).to_degrees()
 }
 
 /// Parameters along an edge, some in each of its pieces, with both ends.

@@ -22,8 +22,12 @@ const STALLED: f64 = 0.6;
 const FIRST: usize = 13;
 /// Points of the lattice in a span.
 const PER_SPAN: usize = 3;
-/// The domain reaches beyond the part by this share of its longer side.
-const MARGIN: f64 = 0.06;
+/// The domain reaches beyond the part by the first share of its own side, and no less than the
+/// second one of its longer side: a narrow part would else be lost in its margin.
+const MARGIN: [f64; 2] = [0.06, 0.015];
+/// Sides of a narrow part: the longer one is this many times the other. More would leave out
+/// fillets; fewer fit many parts twice.
+const NARROW: usize = 4;
 /// Normals keep this cosine with z where heights are taken.
 const STEEP: f64 = 0.2;
 /// Weight of third differences of coefficients beside heights: what is known outweighs it, and
@@ -55,10 +59,19 @@ impl Region<'_> {
         let domain = domain(&local);
         let (mut last, mut near) = (f64::INFINITY, None);
         for spans in SPANS {
-            let lattice = Lattice::new(domain, spans);
-            let heights = lattice.heights(self.field, &frame, &local);
-            let graph = lattice.least_squares(frame, &heights)?;
-            let [off, turned] = self.worst(&graph);
+            let mut best: Option<(Graph, [f64; 2])> = None;
+            for lattice in Lattice::of(domain, spans) {
+                let heights = lattice.heights(self.field, &frame, &local);
+                let graph = lattice.least_squares(frame, &heights)?;
+                let found = self.worst(&graph);
+                if best.as_ref().is_none_or(|b| found[0] < b.1[0]) {
+                    best = Some((graph, found));
+                }
+                if found[0] <= tolerance && found[1] <= turn {
+                    break;
+                }
+            }
+            let (graph, [off, turned]) = best?;
             let is_near = off <= tolerance;
             if is_near && turned <= turn {
                 return Some(graph);
@@ -145,8 +158,11 @@ fn domain(local: &[[Point3; 3]]) -> [[f64; 2]; 2] {
             [lo.min(v), hi.max(v)]
         })
     });
-    let margin = MARGIN * ends.iter().map(|[lo, hi]| hi - lo).fold(0.0, f64::max);
-    ends.map(|[lo, hi]| [lo - margin, hi + margin])
+    let longer = ends.iter().map(|[lo, hi]| hi - lo).fold(0.0, f64::max);
+    ends.map(|[lo, hi]| {
+        let margin = (MARGIN[0] * (hi - lo)).max(MARGIN[1] * longer);
+        [lo - margin, hi + margin]
+    })
 }
 
 /// A point of the lattice with its height and slope.
@@ -160,11 +176,19 @@ struct Lattice {
 }
 
 impl Lattice {
-    fn new(domain: [[f64; 2]; 2], spans: usize) -> Self {
+    /// Spans of about one width in both directions, and, on a [`NARROW`] part, equally many: tubes
+    /// bend across much more than along.
+    fn of(domain: [[f64; 2]; 2], spans: usize) -> Vec<Self> {
         let sides = domain.map(|[lo, hi]| hi - lo);
         let width = sides[0].max(sides[1]) / spans as f64;
-        let spans = sides.map(|side| ((side / width).ceil() as usize).clamp(1, spans));
-        Self { domain, spans }
+        let one_width = sides.map(|side| ((side / width).ceil() as usize).clamp(1, spans));
+        let mut all = vec![one_width];
+        if one_width[0].min(one_width[1]) * NARROW <= spans {
+            all.push([spans; 2]);
+        }
+        all.into_iter()
+            .map(|spans| Self { domain, spans })
+            .collect()
     }
 
     fn count(&self, k: usize) -> usize {
