@@ -78,7 +78,7 @@ fn damaged_solids_are_refused_or_survived() {
     let numbers: Vec<(usize, usize)> = numbers(&text);
     let mut random = fastrand::Rng::with_seed(5);
     let (mut survived, mut refused) = (0, 0);
-    for _ in 0..300 {
+    for _ in 0..150 {
         let mut broken = text.clone();
         let mut places: Vec<_> = (0..1 + random.usize(..3))
             .map(|_| random.choice(&numbers))
@@ -109,7 +109,7 @@ fn damaged_solids_are_refused_or_survived() {
             }
         }
     }
-    assert!(survived > 50 && refused > 50, "{survived} {refused}");
+    assert!(survived > 25 && refused > 25, "{survived} {refused}");
 }
 
 /// Where numbers stand in a text.
