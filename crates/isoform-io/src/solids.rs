@@ -82,7 +82,7 @@ pub fn is_solid_file(json: &Value) -> bool {
 /// use isoform_io::{SolidFile, SolidProperties, read_solids, write_solids};
 /// // A ball of two halves.
 /// let axes = Axes::along([0.0; 3], [0.0, 0.0, 1.0]);
-/// let half = |forward| Face {
+/// let half = |forward: bool| Face {
 ///     surface: Surface::Sphere(axes, 1.0),
 ///     agrees: true,
 ///     part: 0,
