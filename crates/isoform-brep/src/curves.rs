@@ -47,17 +47,23 @@ pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
     path.extend_from_slice(wanted.between);
     path.push(wanted.ends[1]);
     let parts = FEWEST.div_ceil(path.len() - 1).max(2);
-    let mut near: Vec<Point3> = Vec::with_capacity(parts * path.len());
+    let mut near: Vec<(Point3, Point3)> = Vec::with_capacity(parts * path.len());
     for (i, w) in path.windows(2).enumerate() {
-        near.extend((i > 0).then_some(w[0]));
+        let ahead = sub(path[(i + 2).min(path.len() - 1)], path[i.max(1) - 1]);
+        near.extend((i > 0).then_some((w[0], ahead)));
         near.extend((1..parts).map(|n| {
             let s = n as f64 / parts as f64;
-            std::array::from_fn(|k| (1.0 - s) * w[0][k] + s * w[1][k])
+            let p = std::array::from_fn(|k| (1.0 - s) * w[0][k] + s * w[1][k]);
+            (p, ahead)
         }));
     }
-    let mut points = vec![wanted.ends[0]];
-    points.extend(near.into_iter().map(|p| meet(wanted.surfaces, p)));
-    points.push(wanted.ends[1]);
+    let near = near
+        .into_iter()
+        .map(|(p, ahead)| (meet(wanted.surfaces, p), ahead));
+    let mut points = forward(wanted.ends, near);
+    while points.len() <= FEWEST {
+        points = with_middles(&points, wanted.surfaces);
+    }
     let on = ON * wanted.size;
     if is_line(&points, on) {
         return Some(Curve::Line);
@@ -65,6 +71,35 @@ pub(crate) fn curve(wanted: &Wanted<'_>) -> Option<Curve> {
     circle(&points, on)
         .or_else(|| ellipse(&points, wanted.surfaces, on))
         .or_else(|| spline(wanted, &points).map(Curve::BSpline))
+}
+
+/// The ends and what lies between them, each point with the direction in which the curve runs
+/// there. Nodes of the mesh near an end may come to lie behind it on the curve, which would turn
+/// back: such points are left out.
+fn forward(ends: [Point3; 2], near: impl Iterator<Item = (Point3, Point3)>) -> Vec<Point3> {
+    let mut points = vec![ends[0]];
+    let mut last = [0.0; 3];
+    for (p, ahead) in near {
+        if dot(sub(p, points[points.len() - 1]), ahead) > 0.0 {
+            points.push(p);
+        }
+        last = ahead;
+    }
+    while points.len() > 1 && dot(sub(ends[1], points[points.len() - 1]), last) <= 0.0 {
+        points.pop();
+    }
+    points.push(ends[1]);
+    points
+}
+
+/// Points of a curve with one more between each two.
+fn with_middles(points: &[Point3], surfaces: [&Locus; 2]) -> Vec<Point3> {
+    let mut all = vec![points[0]];
+    for w in points.windows(2) {
+        let half = std::array::from_fn(|k| 0.5 * (w[0][k] + w[1][k]));
+        all.extend([meet(surfaces, half), w[1]]);
+    }
+    all
 }
 
 fn is_line(points: &[Point3], on: f64) -> bool {
@@ -396,6 +431,28 @@ mod tests {
         let up = [[0.1, 0.5, 0.0], [0.1, 0.5, 1.0]];
         let made = curve(&wanted([&cylinder, &along], &[[0.1, 0.5, 0.4]], up));
         assert_eq!(made, Some(Curve::Line));
+    }
+
+    #[test]
+    fn a_node_behind_an_end_does_not_turn_a_curve_back() {
+        let round = |z, radius| Locus::Exact(Surface::Cylinder(Axes::along([0.0; 3], z), radius));
+        let first = round([0.0, 0.0, 1.0], 1.0);
+        let second = round([1.0, 0.0, 0.0], 0.6);
+        let at = |t: f64| [1.0, 0.6 * t.cos(), 0.6 * t.sin()];
+        let ends = [at(0.0), at(3.0)];
+        let length = |first_node: f64, last_node: f64| {
+            let mut between: Vec<Point3> = (1..8).map(|i| at(f64::from(i) * 0.375)).collect();
+            between.insert(0, at(first_node));
+            between.push(at(last_node));
+            match curve(&wanted([&first, &second], &between, ends)) {
+                Some(Curve::BSpline(spline)) => spline.knots[spline.knots.len() - 1],
+                made => panic!("{made:?}"),
+            }
+        };
+        let right = length(0.2, 2.8);
+        for (a, b) in [(-0.01, 2.8), (0.2, 3.01), (-0.01, 3.01)] {
+            assert!((length(a, b) / right - 1.0).abs() < 1e-6, "{a} {b}");
+        }
     }
 
     #[test]
