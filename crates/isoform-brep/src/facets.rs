@@ -452,8 +452,8 @@ pub(crate) mod tests {
     use isoform_geom::cross;
     use std::f64::consts::PI;
 
-    /// A can of radius 1 and height 2 about z, its wall in two halves: top and bottom are circles of
-    /// two arcs.
+    /// A can of radius 1 and height 2 about z, its wall in two halves: top and bottom are circles
+    /// of two arcs.
     pub(crate) fn can() -> Brep {
         let up = [0.0, 0.0, 1.0];
         let axes = |height: f64, x: Point3| Axes {

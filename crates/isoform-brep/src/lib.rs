@@ -1,12 +1,13 @@
 //! Boundary representations of solids, written from the function and not from triangles.
 //!
-//! [`pieces`] finds what the parts of a labelled mesh lie on, and divides them where their functions
-//! change. [`brep`](brep()) takes the topology from the mesh: components of one surface are faces,
-//! chains of edges between them edges, and where these meet are vertices. The geometry is that of
-//! the surfaces and functions; edges and vertices are where these meet, by Newton's method. Faces
-//! that go round, or are no graph over a plane and have no name, are cut. [`check`](check()) looks
-//! for everything that could be wrong with it, and measures it without the mesh. [`facets`](facets())
-//! are its triangles, closed where it is, and [`Skin`] finds the nearest points of its faces.
+//! [`pieces`] finds what the parts of a labelled mesh lie on, and divides them where their
+//! functions change. [`brep`](brep()) takes the topology from the mesh: components of one surface
+//! are faces, chains of edges between them edges, and where these meet are vertices. The geometry
+//! is that of the surfaces and functions; edges and vertices are where these meet, by Newton's
+//! method. Faces that go round, or are no graph over a plane and have no name, are cut.
+//! [`check`](check()) looks for everything that could be wrong with it, and measures it without the
+//! mesh. [`facets`](facets()) are its triangles, closed where it is, and [`Skin`] finds the nearest
+//! points of its faces.
 //!
 //! Lengths are in model units, angles in radians where nothing else is said.
 #![forbid(unsafe_code)]

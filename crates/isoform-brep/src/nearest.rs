@@ -1,9 +1,9 @@
 //! The nearest point of a face: of its surface within its loops, else of its edges.
 //!
-//! The foot on the surface is exact, by formula or by iteration. Whether it lies within the loops is
-//! told by the nearest point of these: there the inside is on the left of the border. At a vertex
-//! the two borders that meet count both (as for normals of meshes, J. A. Bærentzen and H. Aanæs,
-//! IEEE Trans. Vis. Comput. Graph. 11, 2005).
+//! The foot on the surface is exact, by formula or by iteration. Whether it lies within the loops
+//! is told by the nearest point of these: there the inside is on the left of the border. At a
+//! vertex the two borders that meet count both (as for normals of meshes, J. A. Bærentzen and H.
+//! Aanæs, IEEE Trans. Vis. Comput. Graph. 11, 2005).
 
 use crate::facets::Facets;
 use isoform_geom::brep::{Brep, Coedge, Curve, Face, Surface};
@@ -184,8 +184,8 @@ fn lifted(surface: &Surface, mut x: Point3) -> Point3 {
     x
 }
 
-/// The foot by Newton's method in the tangent plane, from a point near the surface; where steps lead
-/// no nearer, the nearest that was met.
+/// The foot by Newton's method in the tangent plane, from a point near the surface; where steps
+/// lead no nearer, the nearest that was met.
 fn iterated(surface: &Surface, p: Point3, near: Point3) -> Point3 {
     let mut x = lifted(surface, near);
     let mut far = norm(sub(p, x));

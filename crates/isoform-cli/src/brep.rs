@@ -54,8 +54,8 @@ pub(crate) struct Args {
     /// Write the older AP214 instead of AP242
     #[arg(long)]
     ap214: bool,
-    /// Write a STEP file (.step, .stp; - for stdout), or our own form without loss (.brep.json); may
-    /// be repeated
+    /// Write a STEP file (.step, .stp; - for stdout), or our own form without loss (.brep.json);
+    /// may be repeated
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
     #[command(flatten)]

@@ -143,8 +143,8 @@ fn properties(made: &ModelBrep) -> SolidProperties {
 /// the vertices: ten times what splines of our own files are.
 const LOOSE: f64 = 1e-5;
 
-/// The solids of a file with their triangles, as fine as `options` say. Edges that leave their faces
-/// are warned of: figures are worth no more than these agree.
+/// The solids of a file with their triangles, as fine as `options` say. Edges that leave their
+/// faces are warned of: figures are worth no more than these agree.
 pub(crate) fn divided(
     path: &Path,
     file: SolidFile,

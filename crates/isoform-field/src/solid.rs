@@ -313,8 +313,8 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
 }
 
 /// The values of all parameters of a model where the first ones are given: the others are typical,
-/// as annotated, or where their annotations start, else 0. The program of a fit, which has a parameter that it does not
-/// use, needs no value.
+/// as annotated, or where their annotations start, else 0. The program of a fit, which has a
+/// parameter that it does not use, needs no value.
 ///
 /// ```
 /// use isoform_field::{hyperfun::{Mode, Model}, parameter_values};

@@ -136,6 +136,14 @@ impl Aabb {
     pub fn center(&self) -> Point3 {
         std::array::from_fn(|i| 0.5 * self.lo[i] + 0.5 * self.hi[i])
     }
+    /// The box that reaches farther by a length on each side.
+    #[must_use]
+    pub fn widened(&self, by: f64) -> Self {
+        Self {
+            lo: self.lo.map(|v| v - by),
+            hi: self.hi.map(|v| v + by),
+        }
+    }
     /// Length of the diagonal.
     pub fn diagonal(&self) -> f64 {
         norm(self.size())

@@ -11,9 +11,10 @@
 //! parts, curves and regions, volume or surface: Gmsh, VTK, Abaqus/CalculiX, Nastran, STL, OBJ,
 //! PLY, OFF, 3MF and glTF ([`mesh_formats`]).
 //!
-//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational patches
-//! to CAD systems as faces of a STEP file (AP242). [`read_step_solids`] reads solids back, from files
-//! of ours alone. [`write_solids`] and [`read_solids`] are their own file form, JSON without loss.
+//! [`write_step_solids`] gives solids to CAD systems, and [`write_step_path`] gives rational
+//! patches to CAD systems as faces of a STEP file (AP242). [`read_step_solids`] reads solids back,
+//! from files of ours alone. [`write_solids`] and [`read_solids`] are their own file form, JSON
+//! without loss.
 //!
 //! [`read_patches`] and [`write_patches`] are the file form of patches, [`read_map`] and
 //! [`write_map`] that of rational maps, both JSON with exact numbers.

@@ -20,8 +20,8 @@
 //! `radius` and `half_angle` (radians); `torus` with `major` and `minor`; `ellipsoid` with `half`
 //! (three half axes) and `sphere` (the frame of its longitudes); and `spline`, a graph over the
 //! plane of its frame, with `degree`, `knots` (of x and of y, each as often as it counts) and
-//! `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts and faces are from 0.
-//! Unknown keys are ignored. `unit` is null where the unit is not known.
+//! `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts and faces are from
+//! 0. Unknown keys are ignored. `unit` is null where the unit is not known.
 //!
 //! Reading checks all that [`Brep::validate`] does: what is read can be worked on.
 

@@ -76,8 +76,8 @@ impl Blobs {
     }
 }
 
-/// Base64 (RFC 4648) with padding.
-fn base64(bytes: &[u8]) -> String {
+/// Base64 (RFC 4648) with padding, for what pages hold of bytes.
+pub fn base64(bytes: &[u8]) -> String {
     const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
     let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
     for chunk in bytes.chunks(3) {

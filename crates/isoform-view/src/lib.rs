@@ -2,12 +2,12 @@
 //!
 //! A [`Page`] is a document with the data of its layers and the viewer, a script that is built from
 //! the folder web of the repository and lies in assets. The page fetches nothing; its
-//! Content-Security-Policy lets nothing run but the viewer, and texts of files (names, comments) are
-//! data that is never read as HTML.
+//! Content-Security-Policy lets nothing run but the viewer, and texts of files (names, comments)
+//! are data that is never read as HTML.
 //!
-//! Models are in it as their tapes: the page draws the surface itself by a shader, for any values of
-//! the parameters, and computes what is picked in double precision. Patches and maps are in it as
-//! their control points and polynomials. Points and meshes are arrays of numbers.
+//! Models are in it as their tapes: the page draws the surface itself by a shader, for any values
+//! of the parameters, and computes what is picked in double precision. Patches and maps are in it
+//! as their control points and polynomials. Points and meshes are arrays of numbers.
 //!
 //! ```
 //! use isoform::geom::PointCloud;
@@ -29,6 +29,7 @@ mod page;
 mod patches;
 mod points;
 
+pub use blob::base64;
 pub use page::{Page, hashes};
 pub use patches::ShownPatch;
 pub use points::ShownPoints;

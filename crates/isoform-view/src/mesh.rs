@@ -44,7 +44,8 @@ fn surface(mesh: &Mesh) -> (Vec<[u32; 3]>, Vec<u32>) {
     }
     let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
     for (corners, mids) in mesh.triangles.iter().zip(&mesh.triangle_mids) {
-        // The three at the corners, each between the mid nodes of its two edges, and the middle one.
+        // The three at the corners, each between the mid nodes of its two edges, and the middle
+        // one.
         for (k, corner) in corners.iter().enumerate() {
             let before = TRIANGLE_EDGES.iter().position(|e| e[1] == k).unwrap_or(0);
             triangles.push([*corner, mids[k], mids[before]]);

@@ -1,5 +1,5 @@
-//! A solid of exact faces as it comes out of a file: measured, divided into triangles, and asked for
-//! distances.
+//! A solid of exact faces as it comes out of a file: measured, divided into triangles, and asked
+//! for distances.
 
 use isoform_brep::{FacetOptions, Facets, FacetsError, Measure, Skin, facets, of_face, total};
 use isoform_control::Control;
@@ -52,8 +52,8 @@ pub fn measure_solid(brep: &Brep) -> SolidMeasures {
     }
 }
 
-/// The largest distance of edges from their faces and vertices, at samples; infinite where one is no
-/// number. Solids that hold together as data may still have faces that do not meet.
+/// The largest distance of edges from their faces and vertices, at samples; infinite where one is
+/// no number. Solids that hold together as data may still have faces that do not meet.
 pub fn solid_gap(brep: &Brep) -> f64 {
     let worse = |a: f64, b: f64| if b.is_nan() { f64::INFINITY } else { a.max(b) };
     let mut gap = 0.0;

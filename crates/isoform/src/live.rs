@@ -110,8 +110,8 @@ impl LiveModel {
         }))
     }
 
-    /// What a polynomial in x, y and z bounds within a region, of which the surface F = 0 is a part:
-    /// its inside is where fewer corners of the region are. None where F is constant.
+    /// What a polynomial in x, y and z bounds within a region, of which the surface F = 0 is a
+    /// part: its inside is where fewer corners of the region are. None where F is constant.
     ///
     /// ```
     /// use isoform::{LiveModel, geom::Aabb};

@@ -13,7 +13,7 @@
 mod boxes;
 
 use crate::decide::{Local, Narrowed, Scratch};
-use boxes::{clipped, doubled, shell, split, touches, union, widened, within};
+use boxes::{clipped, doubled, shell, split, touches, union, within};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
 
@@ -274,7 +274,7 @@ impl Search<'_> {
             if !touches(bounds, region) {
                 return Ok((region, Known { bounds, certified }));
             }
-            reached += usize::from(touches(widened(self.inside, coarse), region));
+            reached += usize::from(touches(self.inside.widened(coarse), region));
             if !self.is_all(region) {
                 region = doubled(region, self.limit);
                 continue;
@@ -400,7 +400,7 @@ impl Search<'_> {
             looked.unproved
         } else {
             let all = union(looked.hull, looked.unproved);
-            clipped(widened(all, task.tolerance), region)
+            clipped(all.widened(task.tolerance), region)
         };
         Found {
             bounds,
@@ -423,7 +423,7 @@ impl Search<'_> {
         } else {
             union(looked.hull, looked.unproved)
         };
-        if within(cell, widened(known, tolerance)) {
+        if within(cell, known.widened(tolerance)) {
             return None;
         }
         if looked.left == 0 {
@@ -448,7 +448,7 @@ impl Search<'_> {
             looked.unproved = union(looked.unproved, cell);
             return None;
         }
-        let known = widened(union(looked.hull, looked.unproved), tolerance);
+        let known = union(looked.hull, looked.unproved).widened(tolerance);
         let (a, b) = split(cell, known);
         Some([(a, local.clone()), (b, local)])
     }

@@ -205,11 +205,7 @@ pub(crate) fn holds(cell: &Aabb, p: Point3) -> bool {
 
 /// A cell widened by its slack.
 pub(crate) fn slack(cell: Aabb) -> Aabb {
-    let by = SLACK * longest(&cell);
-    Aabb {
-        lo: cell.lo.map(|v| v - by),
-        hi: cell.hi.map(|v| v + by),
-    }
+    cell.widened(SLACK * longest(&cell))
 }
 
 /// The longest side of a cell.

@@ -1,4 +1,4 @@
-//! Small PNG pictures with few tones, and base64: enough for the shading of a drawing.
+//! Small PNG pictures with few tones: enough for the shading of a drawing.
 //!
 //! Rows are stored as differences to the row above and packed as runs of equal bytes (RFC 1950,
 //! 1951, 2083), which suits smooth shades of few tones: 100 000 pixels take some 10 kB.
@@ -129,38 +129,9 @@ fn zlib(data: &[u8]) -> Vec<u8> {
     out
 }
 
-/// Bytes as text for a data address.
-pub(super) fn base64(bytes: &[u8]) -> String {
-    /// The digits of base64 (RFC 4648).
-    const LETTERS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut text = String::with_capacity(bytes.len().div_ceil(3) * 4);
-    for three in bytes.chunks(3) {
-        let word = three
-            .iter()
-            .enumerate()
-            .fold(0_u32, |w, (i, b)| w | u32::from(*b) << (16 - 8 * i));
-        for i in 0..4 {
-            if i <= three.len() {
-                text.push(char::from(LETTERS[(word >> (18 - 6 * i) & 63) as usize]));
-            } else {
-                text.push('=');
-            }
-        }
-    }
-    text
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn base64_of_rfc_4648() {
-        assert_eq!(
-            ["", "f", "fo", "foo", "foob"].map(|t| base64(t.as_bytes())),
-            ["", "Zg==", "Zm8=", "Zm9v", "Zm9vYg=="]
-        );
-    }
 
     #[test]
     fn sums_of_the_standards() {

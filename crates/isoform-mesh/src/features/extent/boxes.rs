@@ -70,13 +70,6 @@ pub(super) fn clipped(a: Aabb, b: Aabb) -> Aabb {
     }
 }
 
-pub(super) fn widened(b: Aabb, by: f64) -> Aabb {
-    Aabb {
-        lo: b.lo.map(|v| v - by),
-        hi: b.hi.map(|v| v + by),
-    }
-}
-
 /// Whether the first box lies within the second.
 pub(super) fn within(a: Aabb, b: Aabb) -> bool {
     (0..3).all(|i| b.lo[i] <= a.lo[i] && a.hi[i] <= b.hi[i])

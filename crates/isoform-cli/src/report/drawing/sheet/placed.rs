@@ -124,7 +124,7 @@ impl Placed<'_> {
             corner[1] - 0.5 * side,
             side * picture.width as f64,
             side * picture.height as f64,
-            png::base64(&bytes)
+            isoform_view::base64(&bytes)
         )
     }
 
