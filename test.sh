@@ -57,6 +57,8 @@ if cargo clippy --version >/dev/null 2>&1; then
 else
   missing clippy
 fi
+# Property tests draw one set of cases, so that a change is judged by itself; --full draws new ones.
+if [ "$extent" = part ]; then export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-20261125}"; fi
 # Unit and property tests, the command line, who may use whom, the fuzzing corpus replayed, and the examples in the documentation.
 tests "tests" cargo test --workspace --locked --no-fail-fast
 # Tests that take minutes each.

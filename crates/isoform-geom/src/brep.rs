@@ -274,7 +274,7 @@ impl Brep {
         if charts == 1 {
             name.clone()
         } else {
-            format!("{name}#chart{}", chart + 1)
+            format!("{name}#chart{}", u64::from(chart) + 1)
         }
     }
     /// The vertices between which a loop passes an edge.
@@ -339,6 +339,15 @@ mod tests {
                 voids: Vec::new(),
             }],
         }
+    }
+
+    #[test]
+    fn charts_are_numbered_from_one() {
+        let mut can = can();
+        can.faces[0].part = 2;
+        can.faces[2].chart = u32::MAX; // the largest that a file can give
+        let names: Vec<String> = (0..3).map(|f| can.face_name(f)).collect();
+        assert_eq!(names, ["wall#chart1", "top", "wall#chart4294967296"]);
     }
 
     #[test]
