@@ -16,6 +16,7 @@ mod arcs;
 mod build;
 mod charts;
 mod check;
+mod contacts;
 mod curves;
 mod cut;
 mod facets;

@@ -5,6 +5,7 @@
 //! divide the part ([`SmoothPart::limits`]).
 
 use crate::BrepError;
+use crate::contacts::{Contact, Touching};
 use crate::cut::Labelled;
 use crate::locus::Locus;
 use crate::seams::{Seams, Whole};
@@ -89,11 +90,17 @@ pub fn pieces(
             });
         }
     }
+    let contacts = separate(&mut labelled, solid, smooth, &found, mesh.bounds());
     labelled.charts = vec![0; labelled.triangles.len()];
     let mut list = Vec::with_capacity(found.len());
     for (found, nodes) in found.iter().zip(found_nodes(&labelled, &found)) {
         let name = &mesh.parts[found.part as usize];
         list.push(found.piece(nodes, name, mesh.bounds(), solid, recognize)?);
+    }
+    for Contact { labels, limit } in contacts {
+        for label in labels {
+            list[label as usize].limits.push(limit.clone());
+        }
     }
     share_surfaces(&mut list);
     Ok(Pieces {
@@ -101,6 +108,27 @@ pub fn pieces(
         list,
         names: mesh.parts.clone(),
     })
+}
+
+/// Moves the borders along which pieces touch onto what separates them in the tree.
+fn separate(
+    mesh: &mut Labelled,
+    solid: &dyn Solid,
+    smooth: Option<&Parts>,
+    found: &[Found<'_>],
+    bounds: Aabb,
+) -> Vec<Contact> {
+    let parts = smooth.map_or(&[][..], |s| &s.parts);
+    let candidates: Vec<Arc<dyn Field>> = parts.iter().map(|p| p.field.clone()).collect();
+    let [x, y, z] = bounds.size();
+    let touching = Touching {
+        solid,
+        piece_of: &found.iter().map(|f| f.piece).collect::<Vec<_>>(),
+        part_of: &found.iter().map(|f| f.part).collect::<Vec<_>>(),
+        candidates: &candidates,
+        size: x.max(y).max(z),
+    };
+    touching.separate(mesh)
 }
 
 /// Labels triangles by their piece.

@@ -1,0 +1,251 @@
+//! Where two parts touch along a third piece of the tree.
+//!
+//! A bar with round ends is the union of a box and two cylinders: the side of the box goes over
+//! smoothly into the cylinder where the end of the box, which is nowhere on the surface, crosses
+//! both. There the two parts meet at no angle, and the border of their labels is good to half the
+//! digits only. So the piece that separates them is sought among those of the tree, and the border
+//! moved onto it.
+
+use crate::cut::{Cut, Labelled, crossing, imprint};
+use crate::locus::{Distance, Locus};
+use crate::newton::meet;
+use crate::seams::Whole;
+use crate::topology::ends_of;
+use isoform_geom::{Field, Point3, Solid, UnionFind, cross, distance_squared, norm};
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+/// Sine of the angle between two parts at a node of their border, above which they do not touch
+/// there: a node that a tenth of a radius lies between it and the contact still counts.
+const TOUCHING: f64 = 0.3;
+/// On the contact itself the sine is no larger: it is rounding, times the square root of it where
+/// a function is a root of others.
+const TANGENT: f64 = 1e-6;
+/// A part passes through a point that is this near to it, in sizes of the model.
+const ON: f64 = 1e-9;
+/// A node belongs to the nearer part if the other one is this many times as far away.
+const CLEAR: f64 = 10.0;
+/// Rings of triangles about the border in which nodes have to be on their side of the contact.
+const RINGS: usize = 2;
+
+/// Two labels that touch along the zeros of a function.
+pub(crate) struct Contact {
+    pub(crate) labels: [u32; 2],
+    pub(crate) limit: Arc<dyn Field>,
+}
+
+/// What the search needs to know of a solid.
+pub(crate) struct Touching<'a> {
+    pub(crate) solid: &'a dyn Solid,
+    /// The piece of the solid by label of the triangles (`Labelled::sheets`).
+    pub(crate) piece_of: &'a [u32],
+    /// The part of the mesh by label.
+    pub(crate) part_of: &'a [u32],
+    /// What may separate two parts.
+    pub(crate) candidates: &'a [Arc<dyn Field>],
+    /// The largest side of the box of the model.
+    pub(crate) size: f64,
+}
+
+/// Two labels, with the nodes of a run of their border at which they touch.
+type Run = ([u32; 2], BTreeSet<u32>);
+
+impl Touching<'_> {
+    /// Moves the borders along which parts touch onto the pieces of the tree that separate them.
+    pub(crate) fn separate(&self, mesh: &mut Labelled) -> Vec<Contact> {
+        let mut made = Vec::new();
+        for (labels, run) in self.runs(mesh) {
+            let band = band(mesh, labels, &run);
+            if let Some(limit) = self.separating(mesh, labels, &run, &band) {
+                self.move_border(mesh, labels, &band, &limit);
+                made.push(Contact { labels, limit });
+            }
+        }
+        made
+    }
+
+    /// The distances of a point from two labels' pieces, and the sine between their normals.
+    fn at(&self, labels: [u32; 2], p: Point3) -> ([f64; 2], f64) {
+        let [a, b] = labels.map(|k| self.whole(k).distance(p));
+        ([a.0.abs(), b.0.abs()], norm(cross(a.1, b.1)))
+    }
+
+    fn whole(&self, label: u32) -> Whole<'_> {
+        Whole {
+            solid: self.solid,
+            piece: self.piece_of[label as usize],
+        }
+    }
+
+    /// The runs of borders along which pieces touch.
+    fn runs(&self, mesh: &Labelled) -> Vec<Run> {
+        let mut border: BTreeMap<[u32; 2], Vec<[u32; 2]>> = BTreeMap::new();
+        for (labels, ends) in borders(mesh) {
+            let [a, b] = labels.map(|k| self.piece_of[k as usize]);
+            let touches = |v: &u32| self.at(labels, mesh.points[*v as usize]).1 <= TOUCHING;
+            if a != b && ends.iter().all(touches) {
+                border.entry(labels).or_default().push(ends);
+            }
+        }
+        let runs = border.into_iter().flat_map(|(labels, sides)| {
+            let each = connected(&sides).into_iter();
+            each.map(move |nodes| (labels, nodes))
+        });
+        runs.collect()
+    }
+
+    /// The piece of the tree that has all nodes of one label on one side near a run of the border,
+    /// and those of the other on the other; the one that is nearest to the border.
+    fn separating(
+        &self,
+        mesh: &Labelled,
+        labels: [u32; 2],
+        run: &BTreeSet<u32>,
+        band: &[u32],
+    ) -> Option<Arc<dyn Field>> {
+        let nodes: BTreeSet<u32> = corners(mesh, band).collect();
+        let sided: Vec<(Point3, bool)> = nodes
+            .iter()
+            .map(|v| mesh.points[*v as usize])
+            .filter_map(|p| Some((p, self.is_first(labels, p)?)))
+            .collect();
+        let has_both = sided.iter().any(|s| s.1) && sided.iter().any(|s| !s.1);
+        if !has_both {
+            return None;
+        }
+        let reach = longest(mesh, band);
+        let nearest = |limit: &Arc<dyn Field>| {
+            let sign = limit.value(sided[0].0).signum() * if sided[0].1 { 1.0 } else { -1.0 };
+            let on_its_side =
+                |(p, is_first): &(Point3, bool)| (sign * limit.value(*p) >= 0.0) == *is_first;
+            if !sided.iter().all(on_its_side) {
+                return None;
+            }
+            let locus = Locus::Zero(limit.clone());
+            let off = run.iter().map(|v| locus.distance(mesh.points[*v as usize]).0.abs());
+            let off = off.fold(0.0, f64::max);
+            let touch = |v: &u32| self.is_contact(labels, &locus, mesh.points[*v as usize]);
+            (off <= reach && run.iter().all(touch)).then_some(off)
+        };
+        let all = self.candidates.iter().filter_map(|c| Some((nearest(c)?, c)));
+        let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
+        Some(best.1.clone())
+    }
+
+    /// Whether a point of the surface belongs to the first label; none where both are near.
+    fn is_first(&self, labels: [u32; 2], p: Point3) -> Option<bool> {
+        let [a, b] = self.at(labels, p).0;
+        let is_clear = a.max(b) > ON * self.size && a.max(b) > CLEAR * a.min(b);
+        is_clear.then_some(a < b)
+    }
+
+    /// Whether the two pieces touch where the limit crosses the first one near a point.
+    fn is_contact(&self, labels: [u32; 2], limit: &Locus, p: Point3) -> bool {
+        let q = meet::<dyn Distance>([&self.whole(labels[0]) as &dyn Distance, limit], p);
+        let (distances, sine) = self.at(labels, q);
+        distances.iter().all(|d| *d <= ON * self.size) && sine <= TANGENT
+    }
+
+    /// Divides a band of triangles along a limit, and labels them by their side of it.
+    fn move_border(
+        &self,
+        mesh: &mut Labelled,
+        labels: [u32; 2],
+        band: &[u32],
+        limit: &Arc<dyn Field>,
+    ) {
+        let locus = Locus::Zero(limit.clone());
+        let of_first: Vec<Point3> = corners(mesh, band)
+            .map(|v| mesh.points[v as usize])
+            .filter(|p| self.is_first(labels, *p) == Some(true))
+            .collect();
+        let is_beyond = |p: &Point3| locus.distance(*p).0 > 0.0;
+        let is_first_beyond = of_first.first().is_some_and(is_beyond);
+        for t in band {
+            mesh.charts[*t as usize] = 0;
+        }
+        let cut = Cut {
+            own: band,
+            bit: 0,
+            locus: &locus,
+            crossing: &|ends| crossing(ends, &self.whole(labels[0]), &locus),
+            is_vertex: &|_| false,
+        };
+        let new = imprint(mesh, &cut);
+        for t in band.iter().chain(&new).map(|t| *t as usize) {
+            let is_beyond = mesh.charts[t] & 1 == 1;
+            let label = labels[usize::from(is_beyond != is_first_beyond)];
+            mesh.sheets[t] = label;
+            mesh.parts[t] = self.part_of[label as usize];
+            mesh.components[t] = mesh.parts[t];
+        }
+    }
+}
+
+/// The edges between triangles of two labels, with those, the smaller label first.
+fn borders(mesh: &Labelled) -> Vec<([u32; 2], [u32; 2])> {
+    let mut beside: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    let mut found = Vec::new();
+    for (corners, &label) in mesh.triangles.iter().zip(&mesh.sheets) {
+        for k in 0..3 {
+            let [a, b] = ends_of(corners, k);
+            let ends = [a.min(b), a.max(b)];
+            match beside.insert(ends, label) {
+                Some(other) if other != label => {
+                    found.push(([label.min(other), label.max(other)], ends));
+                }
+                _ => {}
+            }
+        }
+    }
+    found
+}
+
+/// The nodes of edges, by connected component.
+fn connected(sides: &[[u32; 2]]) -> Vec<BTreeSet<u32>> {
+    let nodes: BTreeSet<u32> = sides.iter().flatten().copied().collect();
+    let number: BTreeMap<u32, u32> = nodes.iter().zip(0..).map(|(v, n)| (*v, n)).collect();
+    let mut joined = UnionFind::new(nodes.len());
+    for [a, b] in sides {
+        joined.unite(number[a], number[b]);
+    }
+    let mut made: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+    for (v, n) in number {
+        made.entry(joined.root(n)).or_default().insert(v);
+    }
+    made.into_values().collect()
+}
+
+/// The triangles of two labels within some rings about nodes.
+fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
+    let all = 0..mesh.triangles.len() as u32;
+    let own: Vec<u32> = all
+        .filter(|t| labels.contains(&mesh.sheets[*t as usize]))
+        .collect();
+    let mut nodes = nodes.clone();
+    let mut band = Vec::new();
+    for _ in 0..RINGS {
+        let touches = |t: &&u32| {
+            let corners = mesh.triangles[**t as usize];
+            corners.iter().any(|v| nodes.contains(v))
+        };
+        band = own.iter().filter(touches).copied().collect();
+        nodes.extend(corners(mesh, &band));
+    }
+    band
+}
+
+/// The corners of triangles, with repetitions.
+fn corners<'a>(mesh: &'a Labelled, of: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
+    of.iter().flat_map(|t| mesh.triangles[*t as usize])
+}
+
+/// The length of the longest side of triangles.
+fn longest(mesh: &Labelled, of: &[u32]) -> f64 {
+    let sides = of.iter().flat_map(|t| (0..3).map(move |k| (t, k)));
+    let lengths = sides.map(|(t, k)| {
+        let [p, q] = ends_of(&mesh.triangles[*t as usize], k).map(|v| mesh.points[v as usize]);
+        distance_squared(p, q)
+    });
+    lengths.fold(0.0, f64::max).sqrt()
+}
