@@ -56,6 +56,8 @@ pub struct Built {
     /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a
     /// face, or a limit where two functions join smoothly.
     pub meeting: Vec<[Locus; 2]>,
+    /// What the faces on both sides of each edge lie on.
+    pub beside: Vec<[Locus; 2]>,
     /// The part of the mesh that each triangle belongs to.
     pub part_of: Vec<u32>,
     /// Names of the parts of the mesh.
@@ -400,6 +402,7 @@ impl Builder<'_> {
             triangles: mesh.triangles.clone(),
             face_of: topology.face_of,
             meeting,
+            beside: topology.chains.iter().map(|c| self.loci(c)).collect(),
             part_of: mesh.parts.clone(),
             part_names: self.part_names.to_vec(),
             size: self.size,
@@ -410,8 +413,8 @@ impl Builder<'_> {
     /// the other smoothly.
     fn meeting(&self, chain: &Chain) -> Result<[Locus; 2], BrepError> {
         let [t, other] = self.beside(chain);
-        let sheets = [t, other].map(|t| self.mesh.sheets[t as usize] as usize);
-        let [a, b] = sheets.map(|s| &self.sheets.loci[s]);
+        let sheets = self.sheets_beside(chain);
+        let [a, b] = &self.loci(chain);
         if sheets[0] == sheets[1] {
             let cut = self.mesh.cut_between(t, other);
             return cut
@@ -441,6 +444,18 @@ impl Builder<'_> {
     fn beside(&self, chain: &Chain) -> [u32; 2] {
         let (t, k) = chain.sides[0];
         [t, self.across[t as usize][k as usize].0]
+    }
+
+    /// The sheets on both sides of a chain.
+    fn sheets_beside(&self, chain: &Chain) -> [usize; 2] {
+        self.beside(chain)
+            .map(|t| self.mesh.sheets[t as usize] as usize)
+    }
+
+    /// What these lie on.
+    fn loci(&self, chain: &Chain) -> [Locus; 2] {
+        self.sheets_beside(chain)
+            .map(|s| self.sheets.loci[s].clone())
     }
 
     fn no_curve(&self, sheets: [usize; 2], chain: &Chain) -> BrepError {
@@ -504,11 +519,8 @@ impl Builder<'_> {
             between: &between,
             size: self.size,
         };
-        let curve = curve(&wanted).ok_or_else(|| {
-            let sheets = self.beside(chain);
-            let sheets = sheets.map(|t| self.mesh.sheets[t as usize] as usize);
-            self.no_curve(sheets, chain)
-        })?;
+        let curve = curve(&wanted);
+        let curve = curve.ok_or_else(|| self.no_curve(self.sheets_beside(chain), chain))?;
         Ok(Edge { curve, ends })
     }
 

@@ -408,8 +408,7 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
             let angle = norm(cross(n[0], n[1])).atan2(cos).to_degrees();
             if angle < SMOOTH[0] {
                 // An edge of the model itself, at a small angle, is no kink.
-                let own = of_functions(&built.meeting[e as usize], p);
-                let own = if own < SMOOTH[0] { own } else { 0.0 };
+                let own = angle_between(&built.beside[e as usize], p);
                 found.angle = found.angle.max((angle - own).abs());
             }
         }
@@ -420,9 +419,9 @@ fn examine_edge(built: &Built, e: u32, sides: &[Side<'_>]) -> AlongEdge {
     found
 }
 
-/// The angle at which what meets in an edge does so (degrees).
-fn of_functions(meeting: &[Locus; 2], p: Point3) -> f64 {
-    let [a, b] = meeting.each_ref().map(|l| l.distance(p).1);
+/// The angle at which two loci cross at a point (degrees).
+fn angle_between(loci: &[Locus; 2], p: Point3) -> f64 {
+    let [a, b] = loci.each_ref().map(|l| l.distance(p).1);
     norm(cross(a, b)).atan2(dot(a, b).abs()).to_degrees()
 }
 

@@ -18,9 +18,6 @@ use std::sync::Arc;
 /// Sine of the angle between two parts at a node of their border, above which they do not touch
 /// there: a node that a tenth of a radius lies between it and the contact still counts.
 const TOUCHING: f64 = 0.3;
-/// On the contact itself the sine is no larger: it is rounding, times the square root of it where
-/// a function is a root of others.
-const TANGENT: f64 = 1e-6;
 /// A part passes through a point that is this near to it, in sizes of the model.
 const ON: f64 = 1e-9;
 /// A node belongs to the nearer part if the other one is this many times as far away.
@@ -124,7 +121,7 @@ impl Touching<'_> {
             let locus = Locus::Zero(limit.clone());
             let off = run.iter().map(|v| locus.distance(mesh.points[*v as usize]).0.abs());
             let off = off.fold(0.0, f64::max);
-            let touch = |v: &u32| self.is_contact(labels, &locus, mesh.points[*v as usize]);
+            let touch = |v: &u32| self.meet_there(labels, &locus, mesh.points[*v as usize]);
             (off <= reach && run.iter().all(touch)).then_some(off)
         };
         let all = self.candidates.iter().filter_map(|c| Some((nearest(c)?, c)));
@@ -139,11 +136,11 @@ impl Touching<'_> {
         is_clear.then_some(a < b)
     }
 
-    /// Whether the two pieces touch where the limit crosses the first one near a point.
-    fn is_contact(&self, labels: [u32; 2], limit: &Locus, p: Point3) -> bool {
+    /// Whether the limit crosses both pieces in one point near a given one.
+    fn meet_there(&self, labels: [u32; 2], limit: &Locus, p: Point3) -> bool {
         let q = meet::<dyn Distance>([&self.whole(labels[0]) as &dyn Distance, limit], p);
-        let (distances, sine) = self.at(labels, q);
-        distances.iter().all(|d| *d <= ON * self.size) && sine <= TANGENT
+        let distances = self.at(labels, q).0;
+        distances.iter().all(|d| *d <= ON * self.size)
     }
 
     /// Divides a band of triangles along a limit, and labels them by their side of it.
