@@ -13,9 +13,9 @@ use crate::place::place;
 use crate::seams::{largest_angle, seam};
 use crate::shells::solids;
 use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
-use crate::{BrepError, Control};
+use crate::{BrepError, Control, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
-use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -90,6 +90,7 @@ pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Bui
         mesh,
         across,
         apexes: BTreeSet::new(),
+        revolved: BTreeMap::new(),
         graphs: Vec::new(),
         tolerance,
         size,
@@ -209,6 +210,8 @@ struct Builder<'a> {
     across: Vec<[Side; 3]>,
     /// Nodes at apexes of cones.
     apexes: BTreeSet<u32>,
+    /// Smooth components that are surfaces of revolution.
+    revolved: BTreeMap<u32, Surface>,
     /// Splines of charts, each with a triangle of its chart.
     graphs: Vec<(u32, Arc<Graph>)>,
     /// How far splines may be away from functions.
@@ -291,6 +294,12 @@ impl Builder<'_> {
                     }
                 }
                 Locus::Zero(field) => {
+                    if let Some(surface) = self.revolved(component, field) {
+                        self.cut_exact(component, first, &surface, &topology)?;
+                        self.revolved.insert(component, surface);
+                        topology = self.topology();
+                        continue;
+                    }
                     let smooth = Smooth {
                         component,
                         field,
@@ -308,6 +317,29 @@ impl Builder<'_> {
             }
         }
         Ok(())
+    }
+
+    /// The surface of revolution that a smooth component is, if it is one.
+    fn revolved(&self, component: u32, field: &Arc<dyn Field>) -> Option<Surface> {
+        let own = self.triangles_of(component);
+        let corners =
+            |t: u32| self.mesh.triangles[t as usize].map(|v| self.mesh.points[v as usize]);
+        let triangles: Vec<[Point3; 3]> = own.into_iter().map(corners).collect();
+        let exact = self.sheets.loci.iter().filter_map(Locus::surface);
+        let axes = exact.filter_map(|surface| match surface {
+            Surface::Cylinder(axes, _) | Surface::Cone(axes, ..) | Surface::Torus(axes, ..) => {
+                Some(*axes)
+            }
+            _ => None,
+        });
+        let piece = revolution::Piece {
+            field,
+            triangles: &triangles,
+            axes: &axes.collect::<Vec<_>>(),
+            tolerance: NEARER * self.tolerance,
+            size: self.size,
+        };
+        piece.revolved()
     }
 
     /// Cuts a component on an exact surface, if it goes round; whether it did.
@@ -538,9 +570,10 @@ impl Builder<'_> {
         let mut charts = vec![0; self.sheets.names.len()];
         for (f, (own, loops)) in triangles.iter().zip(&topology.loops).enumerate() {
             let sheet = self.mesh.sheets[own[0] as usize] as usize;
-            let exact = match &self.sheets.loci[sheet] {
-                Locus::Exact(surface) => surface.clone(),
-                Locus::Zero(_) => Surface::Graph(graphs[&(f as u32)].clone()),
+            let revolved = self.revolved.get(&self.mesh.components[own[0] as usize]);
+            let exact = match (&self.sheets.loci[sheet], revolved) {
+                (Locus::Exact(surface), _) | (_, Some(surface)) => surface.clone(),
+                _ => Surface::Graph(graphs[&(f as u32)].clone()),
             };
             let (surface, agrees) = self.placed(own, &exact);
             let coedge = |&(edge, forward): &(u32, bool)| Coedge { edge, forward };

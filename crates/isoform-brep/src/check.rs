@@ -228,7 +228,7 @@ pub fn check(
     examine_measures(built, &mut made);
     examine_witnesses(built, witnesses, [limit, tolerance], &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
-        let is_spline = matches!(brep.faces[f].surface, Surface::Graph(_));
+        let is_spline = brep.faces[f].surface.is_near_only();
         if by > if is_spline { tolerance } else { limit } {
             let face = brep.face_name(f);
             made.failures.push(Finding::Distance { face, by });
@@ -278,6 +278,11 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
                 let at = graph.axes.local(p);
                 let domain = graph.domain();
                 (0..2).all(|k| domain[k][0] < at[k] && at[k] < domain[k][1])
+            }
+            Surface::Revolved(turned) => {
+                let [first, last] = turned.domain();
+                let at = turned.parameters(p)[1];
+                first < at && at < last
             }
             Surface::Ellipsoid(ball) => {
                 let at = ball.in_chart(p);
@@ -351,7 +356,7 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
         let found = examine_edge(built, e as u32, sides);
         made.gap = made.gap.max(found.gap);
         made.smooth_angle = made.smooth_angle.max(found.angle);
-        if !sides.iter().any(|s| matches!(s.0, Surface::Graph(_))) {
+        if !sides.iter().any(|s| s.0.is_near_only()) {
             made.exact_gap = made.exact_gap.max(found.gap);
         }
         made.shortest_edge = made.shortest_edge.min(found.length);
@@ -484,7 +489,7 @@ fn examine_witnesses(
         });
         near.map(|(_, surface)| {
             let by = surface.distance(p).0.abs();
-            let is_spline = matches!(surface, Surface::Graph(_));
+            let is_spline = surface.is_near_only();
             (by, by > limits[usize::from(is_spline)])
         })
         .min_by(|a, b| a.1.cmp(&b.1).then(a.0.total_cmp(&b.0)))

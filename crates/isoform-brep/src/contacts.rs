@@ -119,12 +119,17 @@ impl Touching<'_> {
                 return None;
             }
             let locus = Locus::Zero(limit.clone());
-            let off = run.iter().map(|v| locus.distance(mesh.points[*v as usize]).0.abs());
+            let off = run
+                .iter()
+                .map(|v| locus.distance(mesh.points[*v as usize]).0.abs());
             let off = off.fold(0.0, f64::max);
             let touch = |v: &u32| self.meet_there(labels, &locus, mesh.points[*v as usize]);
             (off <= reach && run.iter().all(touch)).then_some(off)
         };
-        let all = self.candidates.iter().filter_map(|c| Some((nearest(c)?, c)));
+        let all = self
+            .candidates
+            .iter()
+            .filter_map(|c| Some((nearest(c)?, c)));
         let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(best.1.clone())
     }

@@ -302,7 +302,8 @@ fn piece(a: &Jet, b: &Jet) -> ([Point3; 6], f64) {
     (quintic(a, b, length), length)
 }
 
-fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
+/// The spline through points of a curve, ends included, that lies on both surfaces.
+pub(crate) fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
     let start = starts(wanted, points)?;
     let mut pieces = Vec::new();
     for pair in start.windows(2) {

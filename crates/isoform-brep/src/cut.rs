@@ -78,7 +78,7 @@ pub(crate) fn cuts_of(mesh: &Labelled, surface: &Surface, outline: &Outline) -> 
     let axes = *surface.axes();
     match *surface {
         Surface::Plane(_) | Surface::Graph(_) => Vec::new(),
-        Surface::Cylinder(..) | Surface::Cone(..) => chooser.axial(&axes),
+        Surface::Cylinder(..) | Surface::Cone(..) | Surface::Revolved(_) => chooser.axial(&axes),
         Surface::Torus(_, major, _) => {
             let mut cuts = chooser.axial(&axes);
             cuts.extend(chooser.about_tube(&axes, major));

@@ -1,12 +1,12 @@
 //! Faces laid flat: a plane chart of each kind of surface, without seams or poles within a face.
 //!
-//! Planes and graphs are seen from above, cylinders and cones are unrolled, tori are taken by their
-//! two angles, spheres and ellipsoids by the stereographic projection from the far side. Distances
+//! Planes and graphs are seen from above, cylinders and cones are unrolled, tori and revolved
+//! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic projection from the far side. Distances
 //! in space are no longer than about those in the chart ([`STEEP`] times on graphs).
 
 use crate::arcs::Arcs;
 use isoform_geom::Point3;
-use isoform_geom::brep::{Axes, Ellipsoid, Surface};
+use isoform_geom::brep::{Axes, Ellipsoid, Revolved, Surface};
 use std::f64::consts::TAU;
 
 /// How much longer than in the chart a way on a graph may be: normals are within 50° of its z.
@@ -42,7 +42,7 @@ impl Flat {
             _ => None,
         };
         let angles = match surface {
-            Surface::Cylinder(..) | Surface::Cone(..) => 1,
+            Surface::Cylinder(..) | Surface::Cone(..) | Surface::Revolved(_) => 1,
             Surface::Torus(..) => 2,
             _ => 0,
         };
@@ -69,6 +69,7 @@ impl Flat {
         let [x, y] = match self.surface {
             Surface::Plane(_) | Surface::Graph(_) => [a, b],
             Surface::Cylinder(_, radius) => [radius * self.turned(a, 0), b],
+            Surface::Revolved(ref turned) => [widest(turned) * self.turned(a, 0), b],
             Surface::Cone(_, _, half_angle) => {
                 // Unrolled: the angle about the apex is that about the axis times sin(half angle),
                 // and turns the other way round as seen from outside.
@@ -94,6 +95,7 @@ impl Flat {
         let at = match self.surface {
             Surface::Plane(_) | Surface::Graph(_) => [x, y],
             Surface::Cylinder(_, radius) => [x / radius + self.starts[0], y],
+            Surface::Revolved(ref turned) => [x / widest(turned) + self.starts[0], y],
             Surface::Cone(_, _, half_angle) => {
                 let out = x.hypot(y) * half_angle.cos();
                 let angle = x.atan2(y).rem_euclid(TAU) / half_angle.sin();
@@ -111,6 +113,11 @@ impl Flat {
         };
         self.surface.point(at)
     }
+}
+
+/// No point of a revolved curve is farther from the axis.
+fn widest(turned: &Revolved) -> f64 {
+    turned.control.iter().map(|c| c[0]).fold(0.0, f64::max)
 }
 
 /// The point of an ellipsoid at a scaled place of its stereographic chart ([`Ellipsoid::chart`]).

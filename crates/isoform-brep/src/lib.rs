@@ -28,6 +28,7 @@ mod nearest;
 mod newton;
 mod pieces;
 mod place;
+mod revolution;
 mod seams;
 mod shells;
 mod surfaces;

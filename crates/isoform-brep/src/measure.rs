@@ -60,7 +60,7 @@ struct Work<'a> {
     brep: &'a Brep,
     face: &'a Face,
     center: Point3,
-    /// Angles about the tube of a torus, and y of a graph, are counted from here.
+    /// Angles about the tube of a torus, and v of a spline, are counted from here.
     start_of_v: f64,
     outer: (Vec<f64>, Vec<f64>),
     inner: (Vec<f64>, Vec<f64>),
@@ -132,10 +132,15 @@ impl<'a> Work<'a> {
         }
         let mut sum = Measure::default();
         // A spline is a polynomial from knot to knot only.
-        if let Surface::Graph(graph) = surface {
+        let knots = match surface {
+            Surface::Graph(graph) => Some(&graph.knots[1]),
+            Surface::Revolved(turned) => Some(&turned.knots),
+            _ => None,
+        };
+        if let Some(knots) = knots {
             base = self.start_of_v;
             let (lo, hi) = (base.min(v), base.max(v));
-            let mut inner: Vec<f64> = graph.knots[1].clone();
+            let mut inner: Vec<f64> = knots.clone();
             inner.retain(|k| lo < *k && *k < hi);
             if v < base {
                 inner.reverse();
@@ -191,7 +196,7 @@ fn sign_of_area(surface: &Surface, [_, v]: [f64; 2]) -> f64 {
 /// An angle about the tube of a torus that the face leaves free; the middle of the border of a face
 /// on a spline, far from which the spline may be anything; 0 for other surfaces.
 fn start_of_v(brep: &Brep, face: &Face) -> f64 {
-    if matches!(face.surface, Surface::Graph(_)) {
+    if face.surface.is_near_only() {
         let coedges = face.loops.iter().flatten();
         let starts = coedges.map(|c| face.surface.parameters(brep.along(c.edge, 0.0).0)[1]);
         let (sum, count) = starts.fold((0.0, 0.0), |(s, n), v| (s + v, n + 1.0));

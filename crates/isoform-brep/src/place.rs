@@ -1,8 +1,9 @@
 //! Where the frame of a face's surface stands: seams and poles away from the face.
 
 use crate::cut::{CAP, ELLIPSOID_CAP, cap_direction, gaps_of};
-use isoform_geom::brep::{Axes, Surface};
+use isoform_geom::brep::{Axes, Revolved, Surface};
 use isoform_geom::{Point3, across, dot, sub};
+use std::sync::Arc;
 
 /// The surface with its frame placed for a face, given by the sides of its triangles. `outward` is
 /// a normal of the face: the normal of a plane takes its side.
@@ -68,6 +69,10 @@ pub(crate) fn place(
             let direction = cap_direction(out, ELLIPSOID_CAP).unwrap_or([1.0, 0.0, 0.0]);
             Surface::Ellipsoid(ball.facing(direction))
         }
+        Surface::Revolved(ref turned) => Surface::Revolved(Arc::new(Revolved {
+            axes: seam_free(axes),
+            ..Revolved::clone(turned)
+        })),
         Surface::Graph(_) => surface.clone(),
     }
 }

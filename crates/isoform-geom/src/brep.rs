@@ -7,11 +7,13 @@ mod curve;
 mod defect;
 mod ellipsoid;
 mod graph;
+mod revolved;
 mod surface;
 
 pub use defect::Defect;
 pub use ellipsoid::Ellipsoid;
 pub use graph::{Basis, Graph, Height};
+pub use revolved::Revolved;
 
 use crate::quadric::{NormalForm, QuadricKind};
 use crate::{Point3, Quadric, across, cross, dot, sub};
@@ -72,8 +74,9 @@ impl Axes {
     }
 }
 
-/// The surface of a face: exact, but for the last kind. Its own normal points along z for a plane
-/// and a graph, else away from the centre, the axis or the middle of the tube.
+/// The surface of a face: exact, but for the last two kinds. Its own normal points along z for a
+/// plane and a graph, away from the axis where the profile of a revolved one rises, and else away
+/// from the centre, the axis or the middle of the tube.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Surface {
     /// z = 0.
@@ -90,6 +93,8 @@ pub enum Surface {
     Torus(Axes, f64, f64),
     /// An ellipsoid.
     Ellipsoid(Ellipsoid),
+    /// A B-spline turned about an axis, near a smooth surface of revolution that has no name.
+    Revolved(Arc<Revolved>),
     /// A B-spline near a smooth surface that has no name.
     Graph(Arc<Graph>),
 }
@@ -151,6 +156,7 @@ impl Surface {
             | Self::Sphere(axes, _)
             | Self::Torus(axes, ..) => axes,
             Self::Ellipsoid(ball) => &ball.axes,
+            Self::Revolved(turned) => &turned.axes,
             Self::Graph(graph) => &graph.axes,
         }
     }
@@ -163,8 +169,13 @@ impl Surface {
             Self::Sphere(..) => "sphere",
             Self::Torus(..) => "torus",
             Self::Ellipsoid(_) => "ellipsoid",
+            Self::Revolved(_) => "revolved",
             Self::Graph(_) => "spline",
         }
+    }
+    /// Whether it is a spline near the surface that is meant, which it is not itself.
+    pub fn is_near_only(&self) -> bool {
+        matches!(self, Self::Revolved(_) | Self::Graph(_))
     }
 }
 

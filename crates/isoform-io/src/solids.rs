@@ -28,7 +28,7 @@
 use crate::SolidProperties;
 use isoform_geom::Point3;
 use isoform_geom::brep::{
-    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Surface,
+    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface,
 };
 use serde_json::{Map, Value, json};
 use std::sync::Arc;
@@ -175,6 +175,11 @@ fn face_json(face: &Face) -> Value {
         Surface::Ellipsoid(ball) => {
             json!({"half": ball.half, "sphere": axes_json(&ball.sphere)})
         }
+        Surface::Revolved(turned) => json!({
+            "degree": turned.degree,
+            "knots": turned.knots,
+            "control": turned.control,
+        }),
         Surface::Graph(graph) => json!({
             "degree": graph.degree,
             "knots": graph.knots,
@@ -313,6 +318,18 @@ fn surface(keys: &Keys) -> Result<Surface> {
             half: keys.several("half")?,
             sphere: keys.axes("sphere")?,
         }),
+        "revolved" => {
+            let control = keys.list("control")?.iter().map(numbers);
+            let pair = |c: Option<Vec<f64>>| <[f64; 2]>::try_from(c?).ok();
+            let control: Option<Vec<[f64; 2]>> = control.map(pair).collect();
+            Surface::Revolved(Arc::new(Revolved {
+                axes,
+                degree: keys.whole("degree")?,
+                knots: keys.numbers("knots")?,
+                control: control
+                    .ok_or_else(|| keys.wrong("control", "pairs of numbers are expected"))?,
+            }))
+        }
         "spline" => {
             let knots = keys.list("knots")?.iter().map(numbers);
             let knots: Option<Vec<Vec<f64>>> = knots.collect();

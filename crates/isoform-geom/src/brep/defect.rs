@@ -1,6 +1,6 @@
 //! Whether a boundary representation holds together as data: what comes out of a file need not.
 
-use super::{Axes, BSpline, Brep, Curve, Edge, Ellipsoid, Face, Graph, Surface};
+use super::{Axes, BSpline, Brep, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface};
 use crate::{Point3, dot};
 use std::f64::consts::FRAC_PI_2;
 use std::fmt;
@@ -204,6 +204,7 @@ fn surface(surface: &Surface) -> Checked {
                 "the unit sphere of an ellipsoid is not about the origin",
             )
         }
+        Surface::Revolved(turned) => check_revolved(turned),
         Surface::Graph(graph) => check_graph(graph),
     }
 }
@@ -223,6 +224,30 @@ fn check_graph(graph: &Graph) -> Checked {
     need(
         count(0).checked_mul(count(1)) == Some(graph.heights.len()),
         "there are not as many heights as the knots ask for",
+    )
+}
+
+fn check_revolved(turned: &Revolved) -> Checked {
+    let Revolved {
+        degree,
+        knots,
+        control,
+        ..
+    } = turned;
+    need(
+        (1..=MOST_GRAPH_DEGREE).contains(degree),
+        "the degree is not from 1 to 7",
+    )?;
+    knots.iter().try_for_each(|t| number(*t))?;
+    clamped(knots, *degree)?;
+    control.iter().flatten().try_for_each(|v| number(*v))?;
+    need(
+        control.iter().all(|c| c[0] > 0.0),
+        "a curve that is revolved reaches its axis",
+    )?;
+    need(
+        knots.len() == control.len() + degree + 1,
+        "there are not as many control points as the knots ask for",
     )
 }
 

@@ -4,17 +4,17 @@ use super::{Axes, Surface};
 use crate::{Point3, dot};
 
 /// A point in the half-plane about an axis.
-struct Meridian {
+pub(super) struct Meridian {
     /// Distance from the axis.
-    out: f64,
+    pub(super) out: f64,
     /// Height along it.
-    height: f64,
+    pub(super) height: f64,
     /// The direction away from the axis; x where the point lies on it.
-    radial: Point3,
+    pub(super) radial: Point3,
 }
 
 impl Meridian {
-    fn of(axes: &Axes, p: Point3) -> Self {
+    pub(super) fn of(axes: &Axes, p: Point3) -> Self {
         let [x, y, height] = axes.local(p);
         let out = x.hypot(y);
         let radial = if out > 0.0 {
@@ -31,7 +31,7 @@ impl Meridian {
 }
 
 /// a u + b v.
-fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
+pub(super) fn combined(a: f64, u: Point3, b: f64, v: Point3) -> Point3 {
     std::array::from_fn(|k| a * u[k] + b * v[k])
 }
 
@@ -39,7 +39,7 @@ impl Surface {
     /// The signed distance of a point, positive on the side of the surface's own normal, and its
     /// gradient, of length 1. Of a cone the distance is that from its line in the half-plane about
     /// the axis: beyond the apex it is no distance, but as smooth. Of ellipsoids and graphs it is
-    /// the distance to first order.
+    /// the distance to first order; of revolved ones points have to be near.
     pub fn distance(&self, p: Point3) -> (f64, Point3) {
         match *self {
             Self::Plane(axes) => (axes.local(p)[2], axes.z),
@@ -70,12 +70,13 @@ impl Surface {
                 (r - minor, combined(c, at.radial, s, axes.z))
             }
             Self::Ellipsoid(ball) => ball.distance(p),
+            Self::Revolved(ref turned) => turned.distance(p),
             Self::Graph(ref graph) => graph.distance(p),
         }
     }
 
-    /// The second derivative of the distance along a vector; of ellipsoids and graphs along a
-    /// tangent, at a point of theirs.
+    /// The second derivative of the distance along a vector; of ellipsoids, revolved surfaces and
+    /// graphs along a tangent, at a point of theirs.
     pub fn bending(&self, p: Point3, along: Point3) -> f64 {
         let axes = self.axes();
         let at = Meridian::of(axes, p);
@@ -99,23 +100,26 @@ impl Surface {
                 across * across / r + c / at.out * round
             }
             Self::Ellipsoid(ball) => ball.bending(p, along),
+            Self::Revolved(ref turned) => turned.bending(p, along),
             Self::Graph(ref graph) => graph.bending(p, along),
         }
     }
 
     /// Parameters of the point nearest to `p`: x and y of a plane or graph; else the angle about z,
     /// from 0 to 2π, and the height along z, or the latitude on a sphere, or the angle about the
-    /// tube, from 0 to 2π, on a torus.
+    /// tube, from 0 to 2π, on a torus, or the parameter of the curve that is revolved.
     pub fn parameters(&self, p: Point3) -> [f64; 2] {
-        if let Self::Ellipsoid(ball) = self {
-            return ball.parameters(p);
+        match self {
+            Self::Ellipsoid(ball) => return ball.parameters(p),
+            Self::Revolved(turned) => return turned.parameters(p),
+            _ => {}
         }
         let full = |angle: f64| angle.rem_euclid(std::f64::consts::TAU);
         let [x, y, z] = self.axes().local(p);
         let u = full(y.atan2(x));
         match *self {
             Self::Plane(_) | Self::Graph(_) => [x, y],
-            Self::Cylinder(..) | Self::Cone(..) => [u, z],
+            Self::Cylinder(..) | Self::Cone(..) | Self::Revolved(_) => [u, z],
             Self::Sphere(..) | Self::Ellipsoid(_) => [u, z.atan2(x.hypot(y))],
             Self::Torus(_, major, _) => [u, full(z.atan2(x.hypot(y) - major))],
         }
@@ -131,6 +135,7 @@ impl Surface {
             Self::Sphere(_, radius) => round(radius * v.cos(), radius * v.sin()),
             Self::Torus(_, major, minor) => round(major + minor * v.cos(), minor * v.sin()),
             Self::Ellipsoid(ball) => return ball.point([u, v]),
+            Self::Revolved(ref turned) => return turned.point([u, v]),
             Self::Graph(ref graph) => return graph.point([u, v]),
         };
         self.axes().point(local)
@@ -158,6 +163,7 @@ impl Surface {
                 [area * c * cos, area * c * sin, area * s]
             }
             Self::Ellipsoid(ball) => return ball.area_vector([u, v]),
+            Self::Revolved(ref turned) => return turned.area_vector([u, v]),
             Self::Graph(ref graph) => return graph.area_vector([u, v]),
         };
         self.axes().vector(local)
@@ -196,7 +202,7 @@ impl Surface {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::brep::{Ellipsoid, Graph};
+    use crate::brep::{Ellipsoid, Graph, Revolved};
     use crate::{cross, norm, sub};
     use std::sync::Arc;
 
@@ -217,7 +223,17 @@ mod tests {
         }
     }
 
-    fn all() -> [Surface; 7] {
+    /// The parabola with the control points (0.9, 0), (0.5, 0.5), (1.1, 0.8), turned.
+    fn vase(axes: Axes) -> Revolved {
+        Revolved {
+            axes,
+            degree: 2,
+            knots: vec![0.0, 0.0, 0.0, 1.0, 1.0, 1.0],
+            control: vec![[0.9, 0.0], [0.5, 0.5], [1.1, 0.8]],
+        }
+    }
+
+    fn all() -> [Surface; 8] {
         let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
         [
             Surface::Plane(axes),
@@ -226,6 +242,7 @@ mod tests {
             Surface::Sphere(axes, 1.2),
             Surface::Torus(axes, 1.0, 0.3),
             Surface::Ellipsoid(Ellipsoid::new(axes, [0.9, 0.6, 0.4]).facing([0.48, 0.6, 0.64])),
+            Surface::Revolved(Arc::new(vase(axes))),
             Surface::Graph(Arc::new(saddle(axes))),
         ]
     }
@@ -260,7 +277,7 @@ mod tests {
     fn bending_is_the_second_derivative() {
         for surface in all() {
             let (mut p, mut t) = ([0.9, 0.4, -0.3], [0.2, -0.7, 0.4]);
-            if matches!(surface, Surface::Ellipsoid(_) | Surface::Graph(_)) {
+            if matches!(surface, Surface::Ellipsoid(_)) || surface.is_near_only() {
                 p = surface.point([2.1, 0.35]);
                 let n = surface.distance(p).1;
                 t = combined(1.0, t, -dot(t, n), n);

@@ -7,7 +7,9 @@ use super::placement::Placement;
 use super::{EPOCH, Product, StepOptions, unit};
 use crate::{WriteError, write_atomic};
 use isoform_geom::Point3;
-use isoform_geom::brep::{Axes, Body, Brep, Coedge, Curve, Ellipsoid, Face, Graph, Surface};
+use isoform_geom::brep::{
+    Axes, BSpline, Body, Brep, Coedge, Curve, Ellipsoid, Face, Graph, Surface,
+};
 use std::io::Write;
 use std::path::Path;
 
@@ -199,19 +201,21 @@ impl<'a> Writer<'a> {
             Curve::Ellipse(axes, a, b) => {
                 format!("ELLIPSE('',{},{},{})", self.axes(axes), real(*a), real(*b))
             }
-            Curve::BSpline(spline) => {
-                let points = spline.control.iter();
-                let points: Vec<usize> = points.map(|p| self.doc.point(*p)).collect();
-                format!(
-                    "B_SPLINE_CURVE_WITH_KNOTS('',{},{},.UNSPECIFIED.,.F.,.F.,{},{},.UNSPECIFIED.)",
-                    spline.degree,
-                    ids(&points),
-                    integers(&spline.multiplicities),
-                    reals(&spline.knots)
-                )
-            }
+            Curve::BSpline(spline) => return self.spline(spline),
         };
         self.doc.add(&entity)
+    }
+
+    fn spline(&mut self, spline: &BSpline) -> usize {
+        let points = spline.control.iter();
+        let points: Vec<usize> = points.map(|p| self.doc.point(*p)).collect();
+        self.doc.add(&format!(
+            "B_SPLINE_CURVE_WITH_KNOTS('',{},{},.UNSPECIFIED.,.F.,.F.,{},{},.UNSPECIFIED.)",
+            spline.degree,
+            ids(&points),
+            integers(&spline.multiplicities),
+            reals(&spline.knots)
+        ))
     }
 
     fn surface(&mut self, surface: &Surface) -> usize {
@@ -230,6 +234,17 @@ impl<'a> Writer<'a> {
             Surface::Torus(axes, major, minor) => {
                 let (axes, major, minor) = (self.axes(axes), real(*major), real(*minor));
                 format!("TOROIDAL_SURFACE('',{axes},{major},{minor})")
+            }
+            Surface::Revolved(turned) => {
+                let (values, counts) = distinct(&turned.knots);
+                let profile = self.spline(&BSpline {
+                    degree: turned.degree,
+                    knots: values,
+                    multiplicities: counts,
+                    control: turned.control_points(),
+                });
+                let axis = self.doc.axis(turned.axes.origin, turned.axes.z);
+                format!("SURFACE_OF_REVOLUTION('',{},{})", id(profile), id(axis))
             }
             Surface::Ellipsoid(ball) => return self.ellipsoid(ball),
             Surface::Graph(graph) => return self.graph(graph),

@@ -87,6 +87,11 @@ impl Document {
             id(x)
         ))
     }
+    /// Adds an axis: a point of it and its direction; gives back its number.
+    pub(super) fn axis(&mut self, origin: Point3, z: Point3) -> usize {
+        let (origin, z) = (self.point(origin), self.direction(z));
+        self.add(&format!("AXIS1_PLACEMENT('',{},{})", id(origin), id(z)))
+    }
     /// A rational B-spline curve.
     pub(super) fn curve(&mut self, control: &[[f64; 4]], knots: &Knots) -> usize {
         let points: Vec<usize> = control.iter().map(|c| self.point(affine(c))).collect();

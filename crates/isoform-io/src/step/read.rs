@@ -9,7 +9,7 @@ use super::parse::{File, Record, Value, parse};
 use super::{SolidProperties, UNCERTAINTY};
 use crate::solids::{SolidFile, SolidFileError, checked, wrong};
 use isoform_geom::brep::{
-    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Surface,
+    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface,
 };
 use isoform_geom::{Aabb, Point3, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
@@ -246,6 +246,9 @@ impl<'f> Reader<'f> {
         if given.record.name == "B_SPLINE_SURFACE_WITH_KNOTS" {
             return self.graph(&given);
         }
+        if given.record.name == "SURFACE_OF_REVOLUTION" {
+            return self.revolved(&given);
+        }
         let axes = || self.axes(given.reference(1)?);
         Ok(match given.record.name.as_str() {
             "PLANE" => Surface::Plane(axes()?),
@@ -255,6 +258,45 @@ impl<'f> Reader<'f> {
             "TOROIDAL_SURFACE" => Surface::Torus(axes()?, given.number(2)?, given.number(3)?),
             _ => return Err(given.wrong("a surface of this kind is not read")),
         })
+    }
+
+    /// The revolved curve, which lies in a half-plane about the axis.
+    fn revolved(&self, given: &Arguments) -> Result<Surface> {
+        let other = || given.wrong("this is no spline in a half-plane about the axis");
+        let Curve::BSpline(spline) = self.curve(given.reference(1)?)? else {
+            return Err(other());
+        };
+        let axis = self.of(given.reference(2)?, "AXIS1_PLACEMENT")?;
+        let origin = self.point(axis.reference(1)?)?;
+        let z = self.direction(axis.reference(2)?)?;
+        let axes = Axes::along(origin, z);
+        let out = |p: &Point3| {
+            let [x, y, _] = axes.local(*p);
+            x.hypot(y)
+        };
+        let all = spline.control.iter();
+        let farthest = all.max_by(|p, q| out(p).total_cmp(&out(q)));
+        let farthest = farthest.ok_or_else(other)?;
+        let axes = Axes {
+            origin,
+            z,
+            x: axes.turned(sub(*farthest, origin)).x,
+        };
+        let knots = flat(&spline.knots, &spline.multiplicities).ok_or_else(other)?;
+        let control = spline
+            .control
+            .iter()
+            .map(|p| [axes.local(*p)[0], axes.local(*p)[2]]);
+        let turned = Revolved {
+            axes,
+            degree: spline.degree,
+            knots,
+            control: control.collect(),
+        };
+        if !are_same(&spline.control, &turned.control_points()) {
+            return Err(other());
+        }
+        Ok(Surface::Revolved(Arc::new(turned)))
     }
 
     /// The ellipsoid of which this is the chart.
