@@ -7,16 +7,18 @@
 
 use crate::curves::{Wanted, spline};
 use crate::locus::{Distance, Locus};
+use crate::newton::meet;
 use isoform_geom::brep::{Axes, Revolved, Surface};
 use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
 use isoform_num::linalg::symmetric_eigen;
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// Nodes from which the axis is found and at which it is tried.
 const SAMPLES: usize = 200;
 /// Turns by which the nodes are moved.
 const TURNS: usize = 5;
-/// Nodes that are moved about the axis leave the surface by no more than this, in sizes: rounding.
+/// Nodes that are moved about the axis stay as near to the surface as this, in sizes: rounding.
 const ROUND: f64 = 1e-11;
 /// Steps along the profile for the diagonal of its box.
 const STEPS: f64 = 48.0;
@@ -55,7 +57,9 @@ impl Piece<'_> {
         let candidates = self.axes.iter().copied().chain(found);
         let axes = candidates.into_iter().find(|a| self.is_round(a, &nodes))?;
         let made = Surface::Revolved(Arc::new(self.turned(&axes)?));
-        let is_near = |p: &Point3| made.distance(*p).0.abs() <= self.tolerance;
+        // Nodes on a border may not lie on the surface.
+        let locus = Locus::Zero(self.field.clone());
+        let is_near = |p: &Point3| made.distance(meet([&locus], *p)).0.abs() <= self.tolerance;
         all.iter().all(is_near).then_some(made)
     }
 
@@ -87,16 +91,19 @@ impl Piece<'_> {
         Some(Axes::along(origin, c.map(|v| v / square.sqrt())))
     }
 
-    /// Whether nodes stay on the surface when they are turned about z.
+    /// Whether nodes stay as far from the surface when they are turned about z: those on a border
+    /// may not lie on it.
     fn is_round(&self, axes: &Axes, nodes: &[Point3]) -> bool {
+        let off = |p: Point3| {
+            let jet = self.field.jet(p);
+            jet.v / norm(jet.g)
+        };
         nodes.iter().all(|p| {
-            let [x, y, z] = axes.local(*p);
+            let ([x, y, z], before) = (axes.local(*p), off(*p));
             (1..=TURNS).all(|k| {
-                let (sin, cos) = (k as f64 * std::f64::consts::TAU / (TURNS + 1) as f64).sin_cos();
-                let jet = self
-                    .field
-                    .jet(axes.point([cos * x - sin * y, sin * x + cos * y, z]));
-                jet.v.abs() <= ROUND * self.size * norm(jet.g)
+                let (sin, cos) = (k as f64 * TAU / (TURNS + 1) as f64).sin_cos();
+                let turned = axes.point([cos * x - sin * y, sin * x + cos * y, z]);
+                (off(turned) - before).abs() <= ROUND * self.size
             })
         })
     }
