@@ -26,6 +26,8 @@ const STEPS: f64 = 48.0;
 const MOST_STEPS: usize = 1000;
 /// A step onto the profile this short, in lengths of the steps along it, is the last.
 const CLOSE: f64 = 1e-13;
+/// Or one of so many roundings of the coordinates.
+const ROUNDINGS: f64 = 8.0;
 /// Nodes within this of the profile, in steps, have been passed.
 const PASSED: f64 = 0.3;
 /// Steps for the longest edge of the mesh after which the walk ends where no node was passed.
@@ -228,7 +230,8 @@ impl<'a> Walk<'a> {
             if q[0] < POLE * self.step {
                 return None;
             }
-            let (d, n) = locus.distance(self.axes.point([q[0], 0.0, q[1]]));
+            let p = self.axes.point([q[0], 0.0, q[1]]);
+            let (d, n) = locus.distance(p);
             let n = [dot(n, self.axes.x), dot(n, self.axes.z)];
             let length = n[0].hypot(n[1]);
             let way = d / length;
@@ -236,7 +239,7 @@ impl<'a> Walk<'a> {
             if !way.is_finite() || apart(q, near) > self.step {
                 return None;
             }
-            if way.abs() <= CLOSE * self.step {
+            if way.abs() <= CLOSE * self.step + ROUNDINGS * f64::EPSILON * norm(p) {
                 return Some((q, [-n[1] / length, n[0] / length]));
             }
         }
