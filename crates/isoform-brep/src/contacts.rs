@@ -22,6 +22,8 @@ const TOUCHING: f64 = 0.3;
 const ON: f64 = 1e-9;
 /// A node belongs to the nearer part if the other one is this many times as far away.
 const CLEAR: f64 = 10.0;
+/// Nodes this near to a limit, in lengths of the longest edge there, say nothing of its sides.
+const BESIDE: f64 = 0.1;
 /// Rings of triangles about the border in which nodes have to be on their side of the contact.
 const RINGS: usize = 2;
 
@@ -100,22 +102,10 @@ impl Touching<'_> {
         run: &BTreeSet<u32>,
         band: &[u32],
     ) -> Option<Arc<dyn Field>> {
-        let nodes: BTreeSet<u32> = corners(mesh, band).collect();
-        let sided: Vec<(Point3, bool)> = nodes
-            .iter()
-            .map(|v| mesh.points[*v as usize])
-            .filter_map(|p| Some((p, self.is_first(labels, p)?)))
-            .collect();
-        let has_both = sided.iter().any(|s| s.1) && sided.iter().any(|s| !s.1);
-        if !has_both {
-            return None;
-        }
+        let sided = self.sided(mesh, labels, band);
         let reach = longest(mesh, band);
         let nearest = |limit: &Arc<dyn Field>| {
-            let sign = limit.value(sided[0].0).signum() * if sided[0].1 { 1.0 } else { -1.0 };
-            let on_its_side =
-                |(p, is_first): &(Point3, bool)| (sign * limit.value(*p) >= 0.0) == *is_first;
-            if !sided.iter().all(on_its_side) {
+            if !separates(limit, &sided, reach) {
                 return None;
             }
             let locus = Locus::Zero(limit.clone());
@@ -132,6 +122,15 @@ impl Touching<'_> {
             .filter_map(|c| Some((nearest(c)?, c)));
         let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
         Some(best.1.clone())
+    }
+
+    /// The nodes of triangles that clearly belong to one of the labels, and whether it is the first.
+    fn sided(&self, mesh: &Labelled, labels: [u32; 2], band: &[u32]) -> Vec<(Point3, bool)> {
+        let nodes: BTreeSet<u32> = corners(mesh, band).collect();
+        let points = nodes.into_iter().map(|v| mesh.points[v as usize]);
+        points
+            .filter_map(|p| Some((p, self.is_first(labels, p)?)))
+            .collect()
     }
 
     /// Whether a point of the surface belongs to the first label; none where both are near.
@@ -157,12 +156,10 @@ impl Touching<'_> {
         limit: &Arc<dyn Field>,
     ) {
         let locus = Locus::Zero(limit.clone());
-        let of_first: Vec<Point3> = corners(mesh, band)
-            .map(|v| mesh.points[v as usize])
-            .filter(|p| self.is_first(labels, *p) == Some(true))
-            .collect();
-        let is_beyond = |p: &Point3| locus.distance(*p).0 > 0.0;
-        let is_first_beyond = of_first.first().is_some_and(is_beyond);
+        let sided = self.sided(mesh, labels, band).into_iter();
+        let off = sided.map(|(p, is_first)| (locus.distance(p).0, is_first));
+        let farthest = off.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
+        let is_first_beyond = farthest.is_some_and(|(off, is_first)| (off > 0.0) == is_first);
         for t in band {
             mesh.charts[*t as usize] = 0;
         }
@@ -235,6 +232,22 @@ fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
         nodes.extend(corners(mesh, &band));
     }
     band
+}
+
+/// Whether a limit has one sign where points belong to the first of two labels, and the other where
+/// they do not. Points beside it say nothing: meshes have them on either label.
+fn separates(limit: &Arc<dyn Field>, sided: &[(Point3, bool)], longest: f64) -> bool {
+    let locus = Locus::Zero(limit.clone());
+    // By side of the limit, whether points of the first and of the second label are there.
+    let mut there = [[false; 2]; 2];
+    for (p, is_first) in sided {
+        let off = locus.distance(*p).0;
+        if off.abs() > BESIDE * longest {
+            there[usize::from(off > 0.0)][usize::from(*is_first)] = true;
+        }
+    }
+    let [[a, b], [c, d]] = there;
+    a != b && c != d && a != c
 }
 
 /// The corners of triangles, with repetitions.
