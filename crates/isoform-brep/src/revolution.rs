@@ -24,10 +24,9 @@ const ROUND: f64 = 1e-11;
 const STEPS: f64 = 48.0;
 /// Steps at most: profiles that wind more are cut into graphs.
 const MOST_STEPS: usize = 1000;
-/// A step onto the profile this short, in lengths of the steps along it, is the last.
-const CLOSE: f64 = 1e-13;
-/// Or one of so many roundings of the coordinates.
-const ROUNDINGS: f64 = 8.0;
+/// A step onto the profile this short, in lengths of the steps along it, is the last: the next one
+/// would be about its square.
+const CLOSE: f64 = 1e-7;
 /// Nodes within this of the profile, in steps, have been passed.
 const PASSED: f64 = 0.3;
 /// Steps for the longest edge of the mesh after which the walk ends where no node was passed.
@@ -230,8 +229,7 @@ impl<'a> Walk<'a> {
             if q[0] < POLE * self.step {
                 return None;
             }
-            let p = self.axes.point([q[0], 0.0, q[1]]);
-            let (d, n) = locus.distance(p);
+            let (d, n) = locus.distance(self.axes.point([q[0], 0.0, q[1]]));
             let n = [dot(n, self.axes.x), dot(n, self.axes.z)];
             let length = n[0].hypot(n[1]);
             let way = d / length;
@@ -239,7 +237,7 @@ impl<'a> Walk<'a> {
             if !way.is_finite() || apart(q, near) > self.step {
                 return None;
             }
-            if way.abs() <= CLOSE * self.step + ROUNDINGS * f64::EPSILON * norm(p) {
+            if way.abs() <= CLOSE * self.step {
                 return Some((q, [-n[1] / length, n[0] / length]));
             }
         }
