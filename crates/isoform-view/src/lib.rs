@@ -30,6 +30,6 @@ mod patches;
 mod points;
 
 pub use blob::base64;
-pub use page::{Page, hashes};
+pub use page::{Page, hashes, served_policy};
 pub use patches::ShownPatch;
 pub use points::ShownPoints;
