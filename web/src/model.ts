@@ -6,6 +6,7 @@ import {
   Data3DTexture,
   DataTexture,
   GLSL3,
+  Matrix4,
   Mesh,
   NearestFilter,
   RedFormat,
@@ -15,22 +16,25 @@ import {
   Vector4,
 } from "three";
 import { partColor, share } from "./colors";
-import { freeSlots, solidFunction, uniformVectors } from "./glsl";
+import { NATIVE, SolidShader } from "./glsl";
 import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import type { ModelDoc, ParameterDoc } from "./scene";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { type Brick, Solid } from "./solid";
-import { add, along, type Box, dot, sub, through, type V3 } from "./vector";
+import { add, along, type Box, center, dot, sub, through, type V3 } from "./vector";
 
 const VERTEX = `
 out vec3 place;
+uniform vec3 cell;
+uniform ivec3 cells;
 void main() {
-  place = (modelMatrix * vec4(position, 1.0)).xyz;
-  gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+  place = position * cell * vec3(cells);
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }
 `;
 
-/** The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
+/** All places are relative to the middle of the brick, so that single precision does for models that
+ *  are far from the origin. The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
  *  evaluated at a few places; where its sign changes between two of them, the place is bisected. */
 const FRAGMENT = (solid: string) => `
 precision highp float;
@@ -44,7 +48,7 @@ uniform bool isFlat;
 uniform vec3 lo;
 uniform vec3 cell;
 uniform ivec3 cells;
-uniform vec3 shift;
+uniform vec3 eye;
 uniform sampler3D brick;
 uniform sampler2D palette;
 uniform bool isCut;
@@ -59,14 +63,14 @@ ${HATCH}
 const int STEPS = 4;
 const int HALVINGS = 14;
 
-float at(vec3 p) { int part; return solid(p + shift, part); }
+float at(vec3 p) { int part; return solid(p, part); }
 
 void paint(vec3 p, vec3 toEye, bool isCap) {
   vec4 c = clip * vec4(p, 1.0);
   gl_FragDepth = 0.5 * c.z / c.w + 0.5;
   if (isCap) { outColor = vec4(hatched(cap), opacity); return; }
   int part;
-  solid(p + shift, part);
+  solid(p, part);
   vec3 base = byPart ? texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb : color;
   float h = 2e-3 * max(cell.x, max(cell.y, cell.z));
   vec2 k = vec2(1.0, -1.0);
@@ -78,8 +82,8 @@ void paint(vec3 p, vec3 toEye, bool isCap) {
 }
 
 void main() {
-  vec3 d = isFlat ? ahead : normalize(place - cameraPosition);
-  vec3 o = isFlat ? place - d * 4.0 * length(cell * vec3(cells)) : cameraPosition;
+  vec3 d = isFlat ? ahead : normalize(place - eye);
+  vec3 o = isFlat ? place - d * 4.0 * length(cell * vec3(cells)) : eye;
   vec3 inverse = 1.0 / mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
   vec3 p = (lo - o) * inverse, q = (lo + cell * vec3(cells) - o) * inverse;
   vec3 near = min(p, q), far = max(p, q);
@@ -154,7 +158,9 @@ export class ModelLayer implements Layer {
   readonly solid: Solid;
   readonly object: Mesh<BoxGeometry, ShaderMaterial>;
   private brick: Brick | null = null;
-  private readonly free: number[];
+  private readonly shader: SolidShader;
+  /** The middle of the brick, in coordinates of the tape. */
+  private middle: V3 = [0, 0, 0];
 
   constructor(
     readonly id: string,
@@ -162,12 +168,12 @@ export class ModelLayer implements Layer {
     private readonly origin: V3,
   ) {
     this.solid = new Solid(doc);
-    this.free = freeSlots(this.solid.surface);
+    this.shader = new SolidShader(this.solid.surface, doc.tree);
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       side: BackSide,
       vertexShader: VERTEX,
-      fragmentShader: FRAGMENT(solidFunction(this.solid.surface, doc.tree)),
+      fragmentShader: FRAGMENT(NATIVE + this.shader.text("solid", "u")),
       uniforms: {
         clip: { value: null },
         ahead: { value: new Vector3() },
@@ -175,7 +181,7 @@ export class ModelLayer implements Layer {
         lo: { value: new Vector3() },
         cell: { value: new Vector3() },
         cells: { value: [1, 1, 1] },
-        shift: { value: new Vector3(...sub(origin, doc.origin)) },
+        eye: { value: new Vector3() },
         brick: { value: null },
         palette: { value: paletteOf(doc.parts) },
         isCut: { value: doc.isCut },
@@ -184,14 +190,18 @@ export class ModelLayer implements Layer {
         color: { value: new Vector3(...share([132, 160, 190])) },
         cap: { value: new Vector3(...share([224, 164, 88])) },
         opacity: { value: 1 },
-        u: { value: Array.from({ length: uniformVectors(this.free) }, () => new Vector4()) },
+        u: { value: Array.from({ length: this.shader.vectors }, () => new Vector4()) },
       },
     });
     this.object = new Mesh(new BoxGeometry(1, 1, 1), material);
     this.object.frustumCulled = false;
     this.object.onBeforeRender = (_r, _s, camera) => {
       const u = material.uniforms;
-      u.clip.value = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
+      // In double precision: near the camera what is left is small.
+      const { position } = this.object;
+      const moved = new Matrix4().makeTranslation(position).premultiply(camera.matrixWorldInverse);
+      u.clip.value = moved.premultiply(camera.projectionMatrix);
+      u.eye.value.setFromMatrixPosition(camera.matrixWorld).sub(position);
       camera.getWorldDirection(u.ahead.value);
       u.isFlat.value = "isOrthographicCamera" in camera;
       material.uniformsNeedUpdate = true;
@@ -224,14 +234,15 @@ export class ModelLayer implements Layer {
   /** The grid and the uniforms for the present values. */
   private moved(): void {
     const u = this.object.material.uniforms;
-    this.free.forEach((slot, k) =>
-      (u.u.value[k >> 2] as Vector4).setComponent(k & 3, this.solid.uniform(slot)),
-    );
     this.brick = this.solid.brick();
     u.brick.value?.dispose();
     u.brick.value = null;
     if (!this.brick) return;
     const { box, n, cells } = this.brick;
+    this.middle = center(box);
+    this.solid
+      .at(this.middle, this.shader.slots)
+      .forEach((value, k) => (u.u.value[k >> 2] as Vector4).setComponent(k & 3, value));
     const texture = new Data3DTexture(
       cells.map((c) => 255 * c),
       ...n,
@@ -241,24 +252,23 @@ export class ModelLayer implements Layer {
     texture.unpackAlignment = 1;
     texture.needsUpdate = true;
     u.brick.value = texture;
-    const lo = this.inScene(box.lo);
     const size = sub(box.hi, box.lo);
-    u.lo.value.set(...lo);
+    u.lo.value.set(...sub(box.lo, this.middle));
     u.cell.value.set(size[0] / n[0], size[1] / n[1], size[2] / n[2]);
     u.cells.value = n;
     this.object.scale.set(...size);
-    this.object.position.set(lo[0] + size[0] / 2, lo[1] + size[1] / 2, lo[2] + size[2] / 2);
+    this.object.position.set(...sub(this.inFile(this.middle), this.origin));
   }
 
-  private inScene(p: V3): V3 {
-    return sub(add(p, this.doc.origin), this.origin);
+  private inFile(p: V3): V3 {
+    return add(p, this.doc.origin);
   }
 
   bounds(): Box | null {
     return (
       this.brick && {
-        lo: add(this.brick.box.lo, this.doc.origin),
-        hi: add(this.brick.box.hi, this.doc.origin),
+        lo: this.inFile(this.brick.box.lo),
+        hi: this.inFile(this.brick.box.hi),
       }
     );
   }
@@ -275,7 +285,7 @@ export class ModelLayer implements Layer {
     const material = this.object.material;
     const u = material.uniforms;
     this.object.visible = this.visible && this.brick !== null;
-    u.plane.value = planeOf(section, this.origin);
+    u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
     material.transparent = this.opacity < 1;

@@ -16,7 +16,11 @@ const AGAIN = 1000;
 
 const own = Number(document.querySelector<HTMLMetaElement>("[name=isoform-version]")?.content);
 const told = h("pre", {});
-const banner = h("div", { class: "isoform-served", role: "status", tabindex: "0", hidden: true }, told);
+const banner = h(
+  "div",
+  { class: "isoform-served", role: "status", tabindex: "0", hidden: true },
+  told,
+);
 document.body.append(banner);
 
 function say(text: string | null): void {

@@ -113,7 +113,7 @@ test("ranges contain the values, of every operation", () => {
 
 test("every operation has a meaning in the shader", () => {
   for (const step of [...STEPS, ["ellipsoid", 0, 1, 2, 0, 1, 2]]) {
-    const text = glsl.solidFunction(single(step), [0]);
+    const text = new glsl.SolidShader(single(step), [0]).text("solid", "u");
     assert.ok(!text.includes("undefined") && text.includes("return f0"), `${step}`);
   }
   assert.throws(() => single(["unheard", 0]), /unheard/);
