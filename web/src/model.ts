@@ -17,11 +17,11 @@ import {
 } from "three";
 import { partColor, share } from "./colors";
 import { NATIVE, SolidShader } from "./glsl";
-import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import type { ModelDoc, ParameterDoc } from "./scene";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { type Brick, Solid } from "./solid";
-import { add, along, type Box, center, dot, sub, through, type V3 } from "./vector";
+import { add, along, type Box, center, diagonal, dot, sub, through, type V3 } from "./vector";
 
 const VERTEX = `
 out vec3 place;
@@ -36,7 +36,8 @@ void main() {
 /** All places are relative to the middle of the brick, so that single precision does for models that
  *  are far from the origin. The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
  *  evaluated at a few places; where its sign changes between two of them, the place is bisected. */
-const FRAGMENT = (solid: string) => `
+const FRAGMENT = (solid: string, hasOpen: boolean) => `
+${hasOpen ? "#define HAS_OPEN" : ""}
 precision highp float;
 precision highp int;
 precision highp sampler3D;
@@ -57,11 +58,25 @@ uniform vec4 plane;
 uniform vec3 color;
 uniform vec3 cap;
 uniform float opacity;
+uniform bool showsOpen;
+uniform float least;
+uniform float stripe;
 ${solid}
 ${LIGHT}
 ${HATCH}
 const int STEPS = 4;
 const int HALVINGS = 14;
+
+#ifdef HAS_OPEN
+// Stripes where the surface moves with parameters that are undetermined; slope is the gradient.
+vec3 striped(vec3 base, vec3 p, float slope) {
+  int part;
+  float moves = abs(moved(p, part) - solid(p, part));
+  if (!showsOpen || !(moves > least * slope)) return base;
+  bool isStripe = mod(gl_FragCoord.x + gl_FragCoord.y, stripe) < 0.5 * stripe;
+  return isStripe ? vec3(0.80, 0.16, 0.40) : mix(base, vec3(1.0), 0.35);
+}
+#endif
 
 float at(vec3 p) { int part; return solid(p, part); }
 
@@ -78,6 +93,9 @@ void paint(vec3 p, vec3 toEye, bool isCap) {
   slope += k.yxy * at(p + h * k.yxy) + k.xxx * at(p + h * k.xxx);
   float size = length(slope);
   vec3 n = size > 0.0 ? -slope / size : toEye;
+#ifdef HAS_OPEN
+  base = striped(base, p, size / (4.0 * h));
+#endif
   outColor = vec4(lit(base, n, toEye), opacity);
 }
 
@@ -147,6 +165,16 @@ function paletteOf(parts: string[]): DataTexture {
   return texture;
 }
 
+/** How far undetermined parameters are moved to see what moves with them: this share of their
+ *  range, and for each of them this factor more, so that no two are alike and cancel. */
+const TRIAL = 0.002;
+const UNLIKE = 1.17;
+/** What moves less than this share of the size with them stays where it is: single precision tells
+ *  no less apart. */
+const MOVES = 2e-5;
+/** The width of two stripes, in pixels of the page. */
+const STRIPE = 10;
+
 export class ModelLayer implements Layer {
   readonly kind = "model";
   readonly count = 1;
@@ -155,6 +183,7 @@ export class ModelLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "none";
   readonly modes: ColorMode[] = ["none", "part"];
+  readonly extras: Extra[] = [];
   readonly solid: Solid;
   readonly object: Mesh<BoxGeometry, ShaderMaterial>;
   private brick: Brick | null = null;
@@ -169,11 +198,13 @@ export class ModelLayer implements Layer {
   ) {
     this.solid = new Solid(doc);
     this.shader = new SolidShader(this.solid.surface, doc.tree);
+    if (this.open.length)
+      this.extras.push({ name: "Stripes: undetermined", isSlider: false, value: 1 });
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       side: BackSide,
       vertexShader: VERTEX,
-      fragmentShader: FRAGMENT(NATIVE + this.shader.text("solid", "u")),
+      fragmentShader: FRAGMENT(this.functions(), this.open.length > 0),
       uniforms: {
         clip: { value: null },
         ahead: { value: new Vector3() },
@@ -190,7 +221,11 @@ export class ModelLayer implements Layer {
         color: { value: new Vector3(...share([132, 160, 190])) },
         cap: { value: new Vector3(...share([224, 164, 88])) },
         opacity: { value: 1 },
-        u: { value: Array.from({ length: this.shader.vectors }, () => new Vector4()) },
+        showsOpen: { value: true },
+        least: { value: 0 },
+        stripe: { value: STRIPE },
+        u: { value: this.vectors() },
+        w: { value: this.vectors() },
       },
     });
     this.object = new Mesh(new BoxGeometry(1, 1, 1), material);
@@ -207,6 +242,26 @@ export class ModelLayer implements Layer {
       material.uniformsNeedUpdate = true;
     };
     this.moved();
+  }
+
+  /** The function of the solid; and once more, with undetermined parameters moved. */
+  private functions(): string {
+    const moved = this.open.length ? this.shader.text("moved", "w") : "";
+    return NATIVE + this.shader.text("solid", "u") + moved;
+  }
+  private vectors(): Vector4[] {
+    return Array.from({ length: this.shader.vectors }, () => new Vector4());
+  }
+
+  /** Parameters that a fit left undetermined. */
+  private get open(): ParameterDoc[] {
+    return this.doc.parameters.filter((p) => p.isOpen);
+  }
+  get note(): string | undefined {
+    const names = this.open.map((p) => p.name);
+    return names.length
+      ? `striped: what moves with ${names.join(", ")}, which the points leave undetermined`
+      : undefined;
   }
 
   get name(): string {
@@ -240,9 +295,9 @@ export class ModelLayer implements Layer {
     if (!this.brick) return;
     const { box, n, cells } = this.brick;
     this.middle = center(box);
-    this.solid
-      .at(this.middle, this.shader.slots)
-      .forEach((value, k) => (u.u.value[k >> 2] as Vector4).setComponent(k & 3, value));
+    this.fill(u.u.value);
+    if (this.open.length) this.tryOpen(u.w.value);
+    u.least.value = MOVES * diagonal(box);
     const texture = new Data3DTexture(
       cells.map((c) => 255 * c),
       ...n,
@@ -258,6 +313,27 @@ export class ModelLayer implements Layer {
     u.cells.value = n;
     this.object.scale.set(...size);
     this.object.position.set(...sub(this.inFile(this.middle), this.origin));
+  }
+
+  /** Puts the values of the shader's slots into its uniforms. */
+  private fill(vectors: Vector4[]): void {
+    const values = this.solid.at(this.middle, this.shader.slots);
+    values.forEach((value, k) => vectors[k >> 2].setComponent(k & 3, value));
+  }
+
+  /** The same with undetermined parameters moved a little, to the farther end of their range. */
+  private tryOpen(vectors: Vector4[]): void {
+    const { values } = this.solid;
+    const kept = [...values];
+    this.open.forEach((p, k) => {
+      const step = TRIAL * UNLIKE ** k * (p.upper - p.lower);
+      const isLow = this.value(p) < 0.5 * (p.lower + p.upper);
+      values[p.index] += isLow ? step : -step;
+    });
+    this.solid.changed();
+    this.fill(vectors);
+    kept.forEach((value, i) => (values[i] = value));
+    this.solid.changed();
   }
 
   private inFile(p: V3): V3 {
@@ -281,13 +357,15 @@ export class ModelLayer implements Layer {
     return null;
   }
 
-  update(section: Section | null, _look: Look): void {
+  update(section: Section | null, look: Look): void {
     const material = this.object.material;
     const u = material.uniforms;
     this.object.visible = this.visible && this.brick !== null;
     u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
+    u.showsOpen.value = this.extras[0]?.value === 1;
+    u.stripe.value = STRIPE * look.pixelRatio;
     material.transparent = this.opacity < 1;
     material.depthWrite = true;
     this.object.renderOrder = this.opacity < 1 ? 1 : 0;

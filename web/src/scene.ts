@@ -40,6 +40,8 @@ export interface ParameterDoc {
   lower: number;
   upper: number;
   shift: number;
+  /** Whether a fit left it undetermined. */
+  isOpen: boolean;
 }
 
 export interface ModelDoc {
