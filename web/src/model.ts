@@ -33,9 +33,10 @@ void main() {
 }
 `;
 
-/** All places are relative to the middle of the brick, so that single precision does for models that
- *  are far from the origin. The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
- *  evaluated at a few places; where its sign changes between two of them, the place is bisected. */
+/** All places are relative to the middle of the brick, so that single precision does for models
+ *  that are far from the origin. The ray goes from cell to cell of the brick. In a cell that may
+ *  hold surface the function is evaluated at a few places; where its sign changes between two of
+ *  them, the place is bisected. */
 const FRAGMENT = (solid: string, hasOpen: boolean) => `
 ${hasOpen ? "#define HAS_OPEN" : ""}
 precision highp float;

@@ -172,6 +172,22 @@ test("layers far from one another are drawn as each of them alone", async () => 
   });
 });
 
+test("what is picked of a solid is on its face, not on a triangle", async () => {
+  run(["brep", "sphere", "--params", "0,0,0,2", "-q", "-o", "ball.step"]);
+  await view(["ball.step"], async (page) => {
+    const [x, y, width, height] = await page.evaluate(() => {
+      const box = document.querySelector("[data-pane=space]").getBoundingClientRect();
+      return [box.x, box.y, box.width, box.height];
+    });
+    for (let k = 0; k < 40; k++) {
+      const [u, v] = [0.4 + 0.005 * k, 0.6 - 0.004 * k];
+      const at = [x + u * width, y + v * height];
+      const hit = await page.evaluate((at) => window.isoform.pick(...at), at);
+      assert.ok(Math.abs(Math.hypot(...hit.point) - 2) < 1e-9, `${hit.point}`);
+    }
+  });
+});
+
 /** Points of a tube without its ends, which leave the height of a cylinder open. */
 function tube() {
   let seed = 1;

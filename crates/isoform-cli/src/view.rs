@@ -191,7 +191,7 @@ fn add(
         && let Some(file) = solids::find(path)?
     {
         let solid = solids::divided(path, file, None, context)?;
-        page.solid(name, &solid.mesh());
+        page.solid(name, &solid);
         return Ok("solid");
     }
     if spline::is_json(path) {

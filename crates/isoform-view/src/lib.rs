@@ -28,6 +28,7 @@ mod model;
 mod page;
 mod patches;
 mod points;
+mod solid;
 
 pub use blob::base64;
 pub use page::{Page, hashes, served_policy};

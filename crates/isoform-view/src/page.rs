@@ -1,10 +1,10 @@
 //! The page: one document that fetches nothing and runs nothing but the viewer.
 
 use crate::blob::Blobs;
-use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points};
-use isoform::LiveModel;
+use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points, solid};
 use isoform::geom::Mesh;
 use isoform::tess::{Analysis, Map, Surface};
+use isoform::{ExactSolid, LiveModel};
 use serde_json::{Value, json};
 
 /// The viewer, built from the folder web of the repository.
@@ -59,10 +59,9 @@ impl Page {
         self.layers.push(model::layer(name, title, model));
     }
 
-    /// Adds a solid of exact faces by triangles, a part for each face.
-    pub fn solid(&mut self, name: &str, mesh: &Mesh) {
-        let mut layer = mesh::layer(name, mesh, &mut self.blobs);
-        layer["kind"] = json!("solid");
+    /// Adds a solid of exact faces: triangles to draw it by, and the faces to pick on.
+    pub fn solid(&mut self, name: &str, solid: &ExactSolid) {
+        let layer = solid::layer(name, solid, &mut self.blobs);
         self.layers.push(layer);
     }
 
