@@ -348,6 +348,35 @@ fn it_ends_by_signals_as_asked_for() {
 }
 
 #[test]
+fn the_document_tells_the_address_at_once_and_is_the_only_one() {
+    let f = Folder::new("serve-json");
+    let file = f.file("four.xyz", POINTS);
+    let child = Command::new(env!("CARGO_BIN_EXE_isoform"))
+        .args(["view", "--serve", "--json", &file])
+        .stdout(Stdio::piped())
+        .spawn();
+    let mut server = Server {
+        child: child.expect("it runs"),
+        port: 0,
+        path: String::new(),
+    };
+    let mut stdout = BufReader::new(server.child.stdout.take().expect("a pipe"));
+    let mut text = String::new();
+    while !text.ends_with("\n}\n") {
+        assert!(stdout.read_line(&mut text).expect("text") > 0, "{text}");
+    }
+    let told: Value = serde_json::from_str(&text).expect("JSON");
+    assert_eq!((&told["ok"], &told["verb"]), (&true.into(), &"view".into()));
+    assert_eq!(told["layers"][0]["kind"], "points");
+    let address = told["address"].as_str().expect("an address");
+    assert!(address.starts_with("http://127.0.0.1:"), "{address}");
+    assert_eq!(server.end("-INT"), 0);
+    let mut rest = String::new();
+    stdout.read_to_string(&mut rest).expect("text");
+    assert_eq!(rest, "", "nothing follows");
+}
+
+#[test]
 fn what_cannot_be_served_is_refused_before() {
     let f = Folder::new("serve-refused");
     let file = f.file("four.xyz", POINTS);
