@@ -69,6 +69,8 @@ fi
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 check "release" cargo build --release --locked --quiet
+# Pages of docs/ as a site: its links lead somewhere, and each page is found.
+check "site of the documentation" cargo run --quiet --locked -p isoform-docs -- build target/site
 # The viewer that pages embed is what its sources build.
 if command -v npm >/dev/null; then
   viewer() { (cd web && npm ci --silent --no-audit --no-fund && npm run --silent check && npm test --silent && npm run --silent build -- --check); }
@@ -86,6 +88,7 @@ if [ -x "$binary" ]; then
   for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
     check "example: ${example%:*}" cargo run --release --quiet --locked -p isoform --example "${example%:*}" -- "$scratch/${example/:/.}"
   done
+  check "commands of the documentation" cargo run --quiet --locked -p isoform-docs -- run "$binary"
   run_recover() { (cd "$scratch" && "$binary" recover -q && ls -l isoform-recover); }
   check "recover on the built-in scan" run_recover
 fi
@@ -118,8 +121,8 @@ acceptance() {
   if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
 }
 
-# Pages in a real browser, with python packages of their own. Pictures without a browser and the
-# server are still to come.
+# Pages in a real browser, with python packages of their own. Pictures without a browser are still
+# to come.
 pages() {
   local hash
   hash=$(sha256sum "$checks/requirements-view.txt" | cut -c1-16)
@@ -134,7 +137,9 @@ pages() {
   elif ! command -v chromium >/dev/null; then
     missing chromium
   else
-    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size --examples examples
+    browser() { (cd web && ISOFORM=$binary CHROMIUM=$(command -v chromium) npm run --silent browser); }
+    if [ -d web/node_modules ]; then check "pages in a browser" browser; else missing npm; fi
+    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size,serve --examples examples
   fi
 }
 

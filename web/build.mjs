@@ -12,24 +12,30 @@ const here = dirname(fileURLToPath(import.meta.url));
 const assets = join(here, "../crates/isoform-view/assets");
 const common = { bundle: true, minify: true, write: false, absWorkingDir: here, charset: "ascii" };
 const licence = readFileSync(join(here, "node_modules/three/LICENSE"), "utf8").trim();
-const script = await build({
-  ...common,
-  entryPoints: ["src/main.ts"],
-  format: "iife",
-  target: "es2022",
-  legalComments: "none",
-  banner: { js: `/*! The viewer of Isoform, MIT OR Apache-2.0. Holds three.js:\n${licence}\n*/` },
-});
-const style = await build({ ...common, entryPoints: ["src/style.css"], target: "es2022" });
+/** The text of a bundle: a script, or a style. */
+async function bundled(entry, more = {}) {
+  const made = await build({
+    ...common,
+    entryPoints: [entry],
+    format: entry.endsWith(".css") ? undefined : "iife",
+    target: "es2022",
+    legalComments: "none",
+    ...more,
+  });
+  return made.outputFiles[0].text.trim();
+}
+const banner = `/*! The viewer of Isoform, MIT OR Apache-2.0. Holds three.js:\n${licence}\n*/`;
 const texts = {
-  "viewer.js": script.outputFiles[0].text.trim(),
-  "viewer.css": style.outputFiles[0].text.trim(),
+  "viewer.js": await bundled("src/main.ts", { banner: { js: banner } }),
+  "viewer.css": await bundled("src/style.css"),
+  "served.js": await bundled("src/served.ts"),
+  "served.css": await bundled("src/served.css"),
 };
 if (/<\/(script|style)/i.test(Object.values(texts).join())) {
   throw new Error("the bundle would end its own element");
 }
 const hash = (text) => `'sha256-${createHash("sha256").update(text).digest("base64")}'\n`;
-texts["hashes.txt"] = hash(texts["viewer.js"]) + hash(texts["viewer.css"]);
+texts["hashes.txt"] = Object.values(texts).map(hash).join("");
 
 let isSame = true;
 mkdirSync(assets, { recursive: true });

@@ -1,22 +1,36 @@
 // A tape as GLSL: a function of the point p that gives the solid's value and the part that decides.
 
-import type { Tape } from "./tape";
+import type { Step, Tape } from "./tape";
 
-/** Slots without coordinates that the varying steps use: their values are computed in double
- *  precision outside of the shader, and come as the uniforms `u`. */
-export function freeSlots(tape: Tape): number[] {
-  const isFree = (slot: number) =>
-    slot >= tape.firstParameter && slot < tape.firstStep + tape.uniform;
-  const used = new Set<number>();
-  for (const step of tape.steps.slice(tape.uniform))
-    for (const a of step.args) if (isFree(a)) used.add(a);
-  for (const r of tape.results) if (isFree(r)) used.add(r);
-  return [...used].sort((a, b) => a - b);
+/** What a slot is as a function of the coordinates. */
+const CONSTANT = 0;
+const AFFINE = 1;
+const OTHER = 2;
+
+/** Uniforms, in numbers, that a shader may have for one solid; any device has 224 vectors. */
+const MOST_UNIFORMS = 4 * 160;
+
+function kind(op: string, args: number[]): number {
+  const most = Math.max(...args);
+  if (most !== AFFINE) return most;
+  const isLinear =
+    ["neg", "add", "sub"].includes(op) ||
+    (op === "mul" && Math.min(...args) === CONSTANT) ||
+    (op === "div" && args[1] === CONSTANT);
+  return isLinear ? AFFINE : OTHER;
 }
 
-/** Vectors of four that the uniforms take; at least one, as GLSL has no empty arrays. */
-export function uniformVectors(free: number[]): number {
-  return Math.max(1, Math.ceil(free.length / 4));
+/** Which slots do not depend on the coordinates, or by an affine function. */
+function kinds(tape: Tape): Uint8Array {
+  const all = new Uint8Array(tape.slots);
+  all.fill(AFFINE, tape.firstX, tape.firstParameter);
+  tape.steps.forEach((step, k) => {
+    all[tape.firstStep + k] = kind(
+      step.op,
+      step.args.map((a) => all[a]),
+    );
+  });
+  return all;
 }
 
 function literal(value: number): string {
@@ -73,7 +87,8 @@ function power(a: string, n: number): string {
   return n < 0 ? `1.0 / (${signed})` : signed;
 }
 
-const NATIVE = `
+/** Functions with an iteration inside, for all solids of a shader. */
+export const NATIVE = `
 float ellipsoid(vec3 u, vec3 s) {
   u = abs(u); s = abs(s);
   vec3 s2 = s * s;
@@ -87,51 +102,137 @@ float ellipsoid(vec3 u, vec3 s) {
 }
 `;
 
-/** `float solid(vec3 p, out int part)` of a tape whose results are the parts, joined by `tree`. */
-export function solidFunction(tape: Tape, tree: (number | "min" | "max")[]): string {
-  const free = freeSlots(tape);
-  const name = (slot: number): string => {
-    if (slot < tape.firstX) return literal(tape.constants[slot]);
-    if (slot < tape.firstParameter) return `p.${"xyz"[slot - tape.firstX]}`;
-    const at = free.indexOf(slot);
-    return at >= 0 ? `u[${at >> 2}].${"xyzw"[at & 3]}` : `v${slot}`;
-  };
-  const lines: string[] = [];
-  tape.steps.forEach((step, k) => {
-    if (k < tape.uniform) return;
-    const args = step.args.map(name);
-    const value =
-      step.op === "ellipsoid"
-        ? `ellipsoid(vec3(${args.slice(0, 3)}), vec3(${args.slice(3, 6)}))`
-        : step.op === "fmod"
-          ? `(${args[0]} - ${args[1]} * trunc(${args[0]} / ${args[1]}))`
-          : WRITE[step.op](args[0], args[1], args[2], step.n);
-    lines.push(`float v${tape.firstStep + k} = ${value};`);
-  });
-  const stack: number[] = [];
-  let joins = 0;
-  for (const step of tree) {
-    if (typeof step === "number") {
-      lines.push(`float f${joins} = ${name(tape.results[step])}; int i${joins} = ${step};`);
-    } else {
-      const [v, u] = [stack.pop(), stack.pop()];
-      const isFirst = step === "min" ? `f${u} <= f${v}` : `f${u} >= f${v}`;
-      lines.push(
-        `bool b${joins} = ${isFirst};`,
-        `float f${joins} = b${joins} ? f${u} : f${v};`,
-        `int i${joins} = b${joins} ? i${u} : i${v};`,
-      );
-    }
-    stack.push(joins);
-    joins += 1;
+/** The value of a solid at a point in GLSL, for a tape whose results are its parts, joined by
+ *  `tree`.
+ *
+ *  Points come relative to a place near the solid, and numbers in single precision: far from the
+ *  origin, x - c of a centre c would lose what the surface is made of. So of affine functions of
+ *  the coordinates the shader computes the linear part alone; their values at the place, computed
+ *  in double precision outside, are added where the functions are used otherwise. */
+export class SolidShader {
+  /** The slots whose values, at the place that points are relative to, are the uniforms. */
+  readonly slots: number[];
+  private readonly kinds: Uint8Array;
+
+  constructor(
+    private readonly tape: Tape,
+    private readonly tree: (number | "min" | "max")[],
+  ) {
+    this.kinds = kinds(tape);
+    this.slots = this.uniforms();
+    if (this.slots.length <= MOST_UNIFORMS) return;
+    // Too many: the coordinates alone are moved.
+    this.kinds.forEach((kind, slot) => {
+      if (kind === AFFINE && slot >= tape.firstStep) this.kinds[slot] = OTHER;
+    });
+    this.slots = this.uniforms();
   }
-  const root = stack[stack.length - 1];
-  return `uniform vec4 u[${uniformVectors(free)}];
-${NATIVE}
-float solid(vec3 p, out int part) {
+
+  /** Vectors of four that the uniforms take; at least one, as GLSL has no empty arrays. */
+  get vectors(): number {
+    return Math.max(1, Math.ceil(this.slots.length / 4));
+  }
+
+  /** Slots that are used by value: free ones, and affine ones. */
+  private uniforms(): number[] {
+    const { tape } = this;
+    const used = new Set<number>();
+    const use = (slot: number) => {
+      if (slot >= tape.firstX && this.kinds[slot] !== OTHER) used.add(slot);
+    };
+    tape.steps.forEach((step, k) => {
+      const own = this.kinds[tape.firstStep + k];
+      if (own === OTHER) step.args.forEach(use);
+      // The factor of a linear part.
+      else if (own === AFFINE && (step.op === "mul" || step.op === "div"))
+        step.args.filter((a) => this.kinds[a] === CONSTANT).forEach(use);
+    });
+    tape.results.forEach(use);
+    return [...used].sort((a, b) => a - b);
+  }
+
+  /** The function of this name, whose uniforms are in an array. */
+  text(name: string, uniforms: string): string {
+    const value = this.values(uniforms);
+    const lines: string[] = [];
+    this.tape.steps.forEach((step, k) => {
+      const slot = this.tape.firstStep + k;
+      if (this.kinds[slot] === AFFINE) lines.push(`float l${slot} = ${this.linear(step, value)};`);
+      else if (this.kinds[slot] === OTHER) lines.push(`float v${slot} = ${written(step, value)};`);
+    });
+    const root = this.joined(lines, value);
+    return `uniform vec4 ${uniforms}[${this.vectors}];
+float ${name}(vec3 p, out int part) {
 ${lines.join("\n")}
 part = i${root};
 return f${root};
 }
 `;
+  }
+
+  /** The linear part of a slot; none where it is constant. */
+  private part(slot: number): string | null {
+    const { firstX, firstParameter } = this.tape;
+    if (this.kinds[slot] === CONSTANT) return null;
+    return slot < firstParameter ? `p.${"xyz"[slot - firstX]}` : `l${slot}`;
+  }
+
+  /** What a slot is called where its value is used. */
+  private values(uniforms: string): (slot: number) => string {
+    const places = new Map(this.slots.map((slot, at) => [slot, at]));
+    return (slot) => {
+      if (slot < this.tape.firstX) return literal(this.tape.constants[slot]);
+      if (this.kinds[slot] === OTHER) return `v${slot}`;
+      const at = places.get(slot)!;
+      const uniform = `${uniforms}[${at >> 2}].${"xyzw"[at & 3]}`;
+      const part = this.part(slot);
+      return part ? `(${part} + ${uniform})` : uniform;
+    };
+  }
+
+  /** The linear part of an affine step. */
+  private linear(step: Step, value: (slot: number) => string): string {
+    const [a, b] = step.args.map((slot) => this.part(slot));
+    switch (step.op) {
+      case "neg":
+        return `-${a}`;
+      case "mul":
+        return a ? `${a} * ${value(step.args[1])}` : `${value(step.args[0])} * ${b}`;
+      case "div":
+        return `${a} / ${value(step.args[1])}`;
+      case "add":
+        return a && b ? `${a} + ${b}` : (a ?? b)!;
+      default:
+        return a && b ? `${a} - ${b}` : (a ?? `-${b}`);
+    }
+  }
+
+  /** Adds lines that join the parts; the number of the root. */
+  private joined(lines: string[], value: (slot: number) => string): number {
+    const stack: number[] = [];
+    this.tree.forEach((step, joins) => {
+      if (typeof step === "number") {
+        lines.push(`float f${joins} = ${value(this.tape.results[step])}; int i${joins} = ${step};`);
+      } else {
+        const [v, u] = [stack.pop(), stack.pop()];
+        const isFirst = step === "min" ? `f${u} <= f${v}` : `f${u} >= f${v}`;
+        lines.push(
+          `bool b${joins} = ${isFirst};`,
+          `float f${joins} = b${joins} ? f${u} : f${v};`,
+          `int i${joins} = b${joins} ? i${u} : i${v};`,
+        );
+      }
+      stack.push(joins);
+    });
+    return stack[stack.length - 1];
+  }
+}
+
+/** A step as an expression. */
+function written(step: Step, value: (slot: number) => string): string {
+  const args = step.args.map(value);
+  if (step.op === "ellipsoid")
+    return `ellipsoid(vec3(${args.slice(0, 3)}), vec3(${args.slice(3, 6)}))`;
+  if (step.op === "fmod") return `(${args[0]} - ${args[1]} * trunc(${args[0]} / ${args[1]}))`;
+  return WRITE[step.op](args[0], args[1], args[2], step.n);
 }

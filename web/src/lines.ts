@@ -1,4 +1,4 @@
-// Curves in space: pairs of points, about the origin of the scene.
+// Curves in space: pairs of points, about the origin of their layer.
 
 import {
   BufferAttribute,
@@ -19,10 +19,10 @@ in float along;
 out vec3 place;
 out float length_;
 void main() {
-  place = (modelMatrix * vec4(position, 1.0)).xyz;
+  place = position;
   length_ = along;
   // Curves on a surface are to be seen before it.
-  vec4 seen = viewMatrix * vec4(place, 1.0);
+  vec4 seen = modelViewMatrix * vec4(position, 1.0);
   if (isFlat) seen.z += nearer; else seen.xyz *= 0.999;
   gl_Position = projectionMatrix * seen;
 }
@@ -74,7 +74,7 @@ export function segments(pairs: Float32Array, color: [number, number, number], d
   return lines;
 }
 
-/** Shows segments up to a plane of the scene. */
+/** Shows segments up to a plane, in coordinates of the layer. */
 export function showLines(lines: Lines, isVisible: boolean, plane: Vector4): void {
   lines.visible = isVisible;
   lines.material.uniforms.plane.value = plane;

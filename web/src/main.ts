@@ -1,5 +1,6 @@
 // Where the page begins: layers from the document, panes, panel, and window.isoform.
 
+import { Vector3 } from "three";
 import { control } from "./controls";
 import { h } from "./dom";
 import { Domain } from "./domain";
@@ -12,7 +13,7 @@ import { Panel, STANDARD } from "./panel";
 import { PatchesLayer } from "./patches";
 import { PointsLayer } from "./points";
 import { type LayerDoc, type MeshDoc, type ModelDoc, readScene, type Vec3 } from "./scene";
-import { around, center, type V3 } from "./vector";
+import { around, center, sub, type V3 } from "./vector";
 import { View, type Camera } from "./view";
 import { Viewer } from "./viewer";
 
@@ -27,7 +28,17 @@ function boxOf(doc: LayerDoc): { lo: V3; hi: V3 } {
   return { lo: positions.lo, hi: positions.hi };
 }
 
+/** A layer. Its coordinates are about the middle of its own box: single precision, in which they
+ *  are drawn, does for what is small and far away, and for layers far from one another. */
 async function layerOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
+  if (doc.kind === "model" && "tape" in doc) return new ModelLayer(id, doc as ModelDoc, origin);
+  const own = center(boxOf(doc));
+  const layer = await arraysOf(doc, id, own);
+  layer.object.position.add(new Vector3(...sub(own, origin)));
+  return layer;
+}
+
+async function arraysOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
   switch (doc.kind) {
     case "points":
       return PointsLayer.of(id, doc, origin);
@@ -36,9 +47,7 @@ async function layerOf(doc: LayerDoc, id: string, origin: V3): Promise<Layer> {
     case "map":
       return MapLayer.of(id, doc, origin);
     default:
-      return "tape" in doc
-        ? new ModelLayer(id, doc as ModelDoc, origin)
-        : MeshLayer.of(id, doc as MeshDoc, origin);
+      return MeshLayer.of(id, doc as MeshDoc, origin);
   }
 }
 

@@ -1,15 +1,16 @@
 // Meshes: triangles with parts, tetrahedra with their quality, caps of sections.
 
 import { BufferAttribute, BufferGeometry, Group, Mesh, type ShaderMaterial } from "three";
-import { Bvh } from "./bvh";
+import { Bvh, type Meeting } from "./bvh";
 import * as bytes from "./bytes";
 import { type Cap, ofSurface, ofTetrahedra } from "./caps";
 import { partColor, scaleColor } from "./colors";
 import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import { meetSurface } from "./exact";
 import { scaleOf } from "./points";
 import type { MeshDoc } from "./scene";
 import { Surface, surfaceMaterial } from "./triangles";
-import { type Box, along, cross, dot, norm, sub, type V3 } from "./vector";
+import { type Box, along, cross, diagonal, dot, norm, sub, type V3 } from "./vector";
 
 const PLAIN: [number, number, number] = [158, 170, 164];
 const CAP: [number, number, number] = [224, 164, 88];
@@ -33,6 +34,10 @@ function tetQuality([a, b, c, d]: ArrayLike<number>[]): number {
 const SHRUNK = 0.85;
 const FACES = [1, 2, 3, 0, 3, 2, 0, 1, 3, 0, 2, 1];
 
+/** How far along a line of sight a triangle may be from its face, as a share of the size: triangles
+ *  are within a thousandth of it, and are seen aslant. */
+const NEAR_FACE = 0.02;
+
 export class MeshLayer implements Layer {
   visible = true;
   opacity = 1;
@@ -55,6 +60,7 @@ export class MeshLayer implements Layer {
     points: Float64Array,
     triangles: Uint32Array,
     private readonly parts: Uint32Array | null,
+    private readonly faces: Uint32Array | null,
     readonly tets: Uint32Array | null,
     private readonly origin: V3,
   ) {
@@ -80,8 +86,9 @@ export class MeshLayer implements Layer {
     const points = bytes.doubles(await bytes.coordinates(doc.positions));
     const triangles = await bytes.u32(doc.triangles);
     const parts = doc.triangleParts ? await bytes.u32(doc.triangleParts) : null;
+    const faces = doc.triangleFaces ? await bytes.u32(doc.triangleFaces) : null;
     const tets = doc.tets ? await bytes.u32(doc.tets) : null;
-    const layer = new MeshLayer(id, doc, points, triangles, parts, tets, origin);
+    const layer = new MeshLayer(id, doc, points, triangles, parts, faces, tets, origin);
     for (const column of doc.columns) {
       const mode = column.name === "distance" ? "deviation" : column.name;
       const values = await bytes.numbers(column.values);
@@ -248,6 +255,14 @@ export class MeshLayer implements Layer {
     this.inside = { surface, threshold };
   }
 
+  /** Where a ray meets the face of a triangle that it meets; a spline's is the triangle. */
+  private exactly(ray: Ray, found: Meeting): number {
+    const surface = this.faces && this.doc.surfaces?.[this.faces[found.triangle]];
+    if (!surface) return found.t;
+    const reach = NEAR_FACE * diagonal(this.bounds());
+    return meetSurface(surface, ray.o, ray.d, found.t, reach) ?? found.t;
+  }
+
   pick(ray: Ray): Hit | null {
     if (this.extras[1]?.value === 1 && this.inside) {
       const met = this.inside.surface.meet(ray);
@@ -258,7 +273,8 @@ export class MeshLayer implements Layer {
     if (cut && (!found || cut.t < found.t))
       return { t: cut.t, point: along(ray.o, ray.d, cut.t), isCap: true };
     if (!found) return null;
-    const hit: Hit = { t: found.t, point: along(ray.o, ray.d, found.t) };
+    const t = this.exactly(ray, found);
+    const hit: Hit = { t, point: along(ray.o, ray.d, t) };
     const part = this.parts && this.doc.parts[this.parts[found.triangle]];
     if (part) hit.part = part;
     const at = (values: Float32Array) => {

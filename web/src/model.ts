@@ -6,6 +6,7 @@ import {
   Data3DTexture,
   DataTexture,
   GLSL3,
+  Matrix4,
   Mesh,
   NearestFilter,
   RedFormat,
@@ -15,24 +16,29 @@ import {
   Vector4,
 } from "three";
 import { partColor, share } from "./colors";
-import { freeSlots, solidFunction, uniformVectors } from "./glsl";
-import type { ColorMode, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import { NATIVE, SolidShader } from "./glsl";
+import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
 import type { ModelDoc, ParameterDoc } from "./scene";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { type Brick, Solid } from "./solid";
-import { add, along, type Box, dot, sub, through, type V3 } from "./vector";
+import { add, along, type Box, center, diagonal, dot, sub, through, type V3 } from "./vector";
 
 const VERTEX = `
 out vec3 place;
+uniform vec3 cell;
+uniform ivec3 cells;
 void main() {
-  place = (modelMatrix * vec4(position, 1.0)).xyz;
-  gl_Position = projectionMatrix * viewMatrix * vec4(place, 1.0);
+  place = position * cell * vec3(cells);
+  gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
 }
 `;
 
-/** The ray goes from cell to cell of the brick. In a cell that may hold surface the function is
- *  evaluated at a few places; where its sign changes between two of them, the place is bisected. */
-const FRAGMENT = (solid: string) => `
+/** All places are relative to the middle of the brick, so that single precision does for models
+ *  that are far from the origin. The ray goes from cell to cell of the brick. In a cell that may
+ *  hold surface the function is evaluated at a few places; where its sign changes between two of
+ *  them, the place is bisected. */
+const FRAGMENT = (solid: string, hasOpen: boolean) => `
+${hasOpen ? "#define HAS_OPEN" : ""}
 precision highp float;
 precision highp int;
 precision highp sampler3D;
@@ -44,7 +50,7 @@ uniform bool isFlat;
 uniform vec3 lo;
 uniform vec3 cell;
 uniform ivec3 cells;
-uniform vec3 shift;
+uniform vec3 eye;
 uniform sampler3D brick;
 uniform sampler2D palette;
 uniform bool isCut;
@@ -53,20 +59,34 @@ uniform vec4 plane;
 uniform vec3 color;
 uniform vec3 cap;
 uniform float opacity;
+uniform bool showsOpen;
+uniform float least;
+uniform float stripe;
 ${solid}
 ${LIGHT}
 ${HATCH}
 const int STEPS = 4;
 const int HALVINGS = 14;
 
-float at(vec3 p) { int part; return solid(p + shift, part); }
+#ifdef HAS_OPEN
+// Stripes where the surface moves with parameters that are undetermined; slope is the gradient.
+vec3 striped(vec3 base, vec3 p, float slope) {
+  int part;
+  float moves = abs(moved(p, part) - solid(p, part));
+  if (!showsOpen || !(moves > least * slope)) return base;
+  bool isStripe = mod(gl_FragCoord.x + gl_FragCoord.y, stripe) < 0.5 * stripe;
+  return isStripe ? vec3(0.80, 0.16, 0.40) : mix(base, vec3(1.0), 0.35);
+}
+#endif
+
+float at(vec3 p) { int part; return solid(p, part); }
 
 void paint(vec3 p, vec3 toEye, bool isCap) {
   vec4 c = clip * vec4(p, 1.0);
   gl_FragDepth = 0.5 * c.z / c.w + 0.5;
   if (isCap) { outColor = vec4(hatched(cap), opacity); return; }
   int part;
-  solid(p + shift, part);
+  solid(p, part);
   vec3 base = byPart ? texelFetch(palette, ivec2(part & 1023, part >> 10), 0).rgb : color;
   float h = 2e-3 * max(cell.x, max(cell.y, cell.z));
   vec2 k = vec2(1.0, -1.0);
@@ -74,12 +94,15 @@ void paint(vec3 p, vec3 toEye, bool isCap) {
   slope += k.yxy * at(p + h * k.yxy) + k.xxx * at(p + h * k.xxx);
   float size = length(slope);
   vec3 n = size > 0.0 ? -slope / size : toEye;
+#ifdef HAS_OPEN
+  base = striped(base, p, size / (4.0 * h));
+#endif
   outColor = vec4(lit(base, n, toEye), opacity);
 }
 
 void main() {
-  vec3 d = isFlat ? ahead : normalize(place - cameraPosition);
-  vec3 o = isFlat ? place - d * 4.0 * length(cell * vec3(cells)) : cameraPosition;
+  vec3 d = isFlat ? ahead : normalize(place - eye);
+  vec3 o = isFlat ? place - d * 4.0 * length(cell * vec3(cells)) : eye;
   vec3 inverse = 1.0 / mix(d, vec3(1e-12), lessThan(abs(d), vec3(1e-12)));
   vec3 p = (lo - o) * inverse, q = (lo + cell * vec3(cells) - o) * inverse;
   vec3 near = min(p, q), far = max(p, q);
@@ -143,6 +166,16 @@ function paletteOf(parts: string[]): DataTexture {
   return texture;
 }
 
+/** How far undetermined parameters are moved to see what moves with them: this share of their
+ *  range, and for each of them this factor more, so that no two are alike and cancel. */
+const TRIAL = 0.002;
+const UNLIKE = 1.17;
+/** What moves less than this share of the size with them stays where it is: single precision tells
+ *  no less apart. */
+const MOVES = 2e-5;
+/** The width of two stripes, in pixels of the page. */
+const STRIPE = 10;
+
 export class ModelLayer implements Layer {
   readonly kind = "model";
   readonly count = 1;
@@ -151,10 +184,13 @@ export class ModelLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "none";
   readonly modes: ColorMode[] = ["none", "part"];
+  readonly extras: Extra[] = [];
   readonly solid: Solid;
   readonly object: Mesh<BoxGeometry, ShaderMaterial>;
   private brick: Brick | null = null;
-  private readonly free: number[];
+  private readonly shader: SolidShader;
+  /** The middle of the brick, in coordinates of the tape. */
+  private middle: V3 = [0, 0, 0];
 
   constructor(
     readonly id: string,
@@ -162,12 +198,14 @@ export class ModelLayer implements Layer {
     private readonly origin: V3,
   ) {
     this.solid = new Solid(doc);
-    this.free = freeSlots(this.solid.surface);
+    this.shader = new SolidShader(this.solid.surface, doc.tree);
+    if (this.open.length)
+      this.extras.push({ name: "Stripes: undetermined", isSlider: false, value: 1 });
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       side: BackSide,
       vertexShader: VERTEX,
-      fragmentShader: FRAGMENT(solidFunction(this.solid.surface, doc.tree)),
+      fragmentShader: FRAGMENT(this.functions(), this.open.length > 0),
       uniforms: {
         clip: { value: null },
         ahead: { value: new Vector3() },
@@ -175,7 +213,7 @@ export class ModelLayer implements Layer {
         lo: { value: new Vector3() },
         cell: { value: new Vector3() },
         cells: { value: [1, 1, 1] },
-        shift: { value: new Vector3(...sub(origin, doc.origin)) },
+        eye: { value: new Vector3() },
         brick: { value: null },
         palette: { value: paletteOf(doc.parts) },
         isCut: { value: doc.isCut },
@@ -184,19 +222,47 @@ export class ModelLayer implements Layer {
         color: { value: new Vector3(...share([132, 160, 190])) },
         cap: { value: new Vector3(...share([224, 164, 88])) },
         opacity: { value: 1 },
-        u: { value: Array.from({ length: uniformVectors(this.free) }, () => new Vector4()) },
+        showsOpen: { value: true },
+        least: { value: 0 },
+        stripe: { value: STRIPE },
+        u: { value: this.vectors() },
+        w: { value: this.vectors() },
       },
     });
     this.object = new Mesh(new BoxGeometry(1, 1, 1), material);
     this.object.frustumCulled = false;
     this.object.onBeforeRender = (_r, _s, camera) => {
       const u = material.uniforms;
-      u.clip.value = camera.projectionMatrix.clone().multiply(camera.matrixWorldInverse);
+      // In double precision: near the camera what is left is small.
+      const { position } = this.object;
+      const moved = new Matrix4().makeTranslation(position).premultiply(camera.matrixWorldInverse);
+      u.clip.value = moved.premultiply(camera.projectionMatrix);
+      u.eye.value.setFromMatrixPosition(camera.matrixWorld).sub(position);
       camera.getWorldDirection(u.ahead.value);
       u.isFlat.value = "isOrthographicCamera" in camera;
       material.uniformsNeedUpdate = true;
     };
     this.moved();
+  }
+
+  /** The function of the solid; and once more, with undetermined parameters moved. */
+  private functions(): string {
+    const moved = this.open.length ? this.shader.text("moved", "w") : "";
+    return NATIVE + this.shader.text("solid", "u") + moved;
+  }
+  private vectors(): Vector4[] {
+    return Array.from({ length: this.shader.vectors }, () => new Vector4());
+  }
+
+  /** Parameters that a fit left undetermined. */
+  private get open(): ParameterDoc[] {
+    return this.doc.parameters.filter((p) => p.isOpen);
+  }
+  get note(): string | undefined {
+    const names = this.open.map((p) => p.name);
+    return names.length
+      ? `striped: what moves with ${names.join(", ")}, which the points leave undetermined`
+      : undefined;
   }
 
   get name(): string {
@@ -224,14 +290,15 @@ export class ModelLayer implements Layer {
   /** The grid and the uniforms for the present values. */
   private moved(): void {
     const u = this.object.material.uniforms;
-    this.free.forEach((slot, k) =>
-      (u.u.value[k >> 2] as Vector4).setComponent(k & 3, this.solid.uniform(slot)),
-    );
     this.brick = this.solid.brick();
     u.brick.value?.dispose();
     u.brick.value = null;
     if (!this.brick) return;
     const { box, n, cells } = this.brick;
+    this.middle = center(box);
+    this.fill(u.u.value);
+    if (this.open.length) this.tryOpen(u.w.value);
+    u.least.value = MOVES * diagonal(box);
     const texture = new Data3DTexture(
       cells.map((c) => 255 * c),
       ...n,
@@ -241,24 +308,44 @@ export class ModelLayer implements Layer {
     texture.unpackAlignment = 1;
     texture.needsUpdate = true;
     u.brick.value = texture;
-    const lo = this.inScene(box.lo);
     const size = sub(box.hi, box.lo);
-    u.lo.value.set(...lo);
+    u.lo.value.set(...sub(box.lo, this.middle));
     u.cell.value.set(size[0] / n[0], size[1] / n[1], size[2] / n[2]);
     u.cells.value = n;
     this.object.scale.set(...size);
-    this.object.position.set(lo[0] + size[0] / 2, lo[1] + size[1] / 2, lo[2] + size[2] / 2);
+    this.object.position.set(...sub(this.inFile(this.middle), this.origin));
   }
 
-  private inScene(p: V3): V3 {
-    return sub(add(p, this.doc.origin), this.origin);
+  /** Puts the values of the shader's slots into its uniforms. */
+  private fill(vectors: Vector4[]): void {
+    const values = this.solid.at(this.middle, this.shader.slots);
+    values.forEach((value, k) => vectors[k >> 2].setComponent(k & 3, value));
+  }
+
+  /** The same with undetermined parameters moved a little, to the farther end of their range. */
+  private tryOpen(vectors: Vector4[]): void {
+    const { values } = this.solid;
+    const kept = [...values];
+    this.open.forEach((p, k) => {
+      const step = TRIAL * UNLIKE ** k * (p.upper - p.lower);
+      const isLow = this.value(p) < 0.5 * (p.lower + p.upper);
+      values[p.index] += isLow ? step : -step;
+    });
+    this.solid.changed();
+    this.fill(vectors);
+    kept.forEach((value, i) => (values[i] = value));
+    this.solid.changed();
+  }
+
+  private inFile(p: V3): V3 {
+    return add(p, this.doc.origin);
   }
 
   bounds(): Box | null {
     return (
       this.brick && {
-        lo: add(this.brick.box.lo, this.doc.origin),
-        hi: add(this.brick.box.hi, this.doc.origin),
+        lo: this.inFile(this.brick.box.lo),
+        hi: this.inFile(this.brick.box.hi),
       }
     );
   }
@@ -271,13 +358,15 @@ export class ModelLayer implements Layer {
     return null;
   }
 
-  update(section: Section | null, _look: Look): void {
+  update(section: Section | null, look: Look): void {
     const material = this.object.material;
     const u = material.uniforms;
     this.object.visible = this.visible && this.brick !== null;
-    u.plane.value = planeOf(section, this.origin);
+    u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
+    u.showsOpen.value = this.extras[0]?.value === 1;
+    u.stripe.value = STRIPE * look.pixelRatio;
     material.transparent = this.opacity < 1;
     material.depthWrite = true;
     this.object.renderOrder = this.opacity < 1 ? 1 : 0;

@@ -183,7 +183,7 @@ export class Panel {
 
   private parameters(): HTMLElement {
     const { viewer } = this;
-    const rows = viewer.parameters().map(({ name, unit, description, lower, upper }) => {
+    const rows = viewer.parameters().map(({ name, unit, description, lower, upper, isOpen }) => {
       const slider = h("input", {
         type: "range",
         min: String(lower),
@@ -217,10 +217,11 @@ export class Panel {
         { class: "iv-name" },
         foreign(name),
         ...(unit ? [" in ", foreign(unit)] : []),
+        ...(isOpen ? [" ", h("span", { class: "open" }, "undetermined")] : []),
       );
       return h(
         "div",
-        { class: "parameter" },
+        { class: isOpen ? "parameter is-open" : "parameter" },
         head,
         number,
         slider,

@@ -29,6 +29,8 @@ const VERTEX = `
 #define NEARER ${NEARER}
 uniform bool isFlat;
 uniform float nearer;
+uniform vec3 first;
+uniform vec3 unit;
 in vec3 tint;
 uniform float size;
 uniform vec4 plane;
@@ -36,13 +38,13 @@ uniform bool isTinted;
 uniform vec3 color;
 flat out vec3 paint;
 void main() {
-  vec4 p = modelMatrix * vec4(position, 1.0);
+  vec3 p = first + unit * position;
   paint = isTinted ? tint : color;
   gl_PointSize = size;
   // Points on a surface are to be seen before it.
-  vec4 seen = viewMatrix * p;
+  vec4 seen = modelViewMatrix * vec4(position, 1.0);
   if (isFlat) seen.z += nearer; else seen.xyz *= 1.0 - NEARER;
-  bool isAway = dot(plane.xyz, p.xyz) > plane.w;
+  bool isAway = dot(plane.xyz, p) > plane.w;
   gl_Position = isAway ? vec4(2.0, 2.0, 2.0, 1.0) : projectionMatrix * seen;
 }
 `;
@@ -94,6 +96,8 @@ export class PointsLayer implements Layer {
         color: { value: new Vector3() },
         opacity: { value: 1 },
         isFlat: { value: false },
+        first: { value: new Vector3(...sub(coordinates.from, origin)) },
+        unit: { value: new Vector3(...(coordinates.step as V3)) },
         nearer: { value: NEARER * norm(sub(coordinates.hi, coordinates.lo)) },
       },
     });

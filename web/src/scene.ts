@@ -40,6 +40,8 @@ export interface ParameterDoc {
   lower: number;
   upper: number;
   shift: number;
+  /** Whether a fit left it undetermined. */
+  isOpen: boolean;
 }
 
 export interface ModelDoc {
@@ -69,6 +71,15 @@ export interface PointsDoc {
   colors?: BlobRef;
 }
 
+/** The surface of a face: a frame, and its measures in the order of exact.ts. */
+export interface SurfaceDoc {
+  kind: "plane" | "cylinder" | "cone" | "sphere" | "torus" | "ellipsoid";
+  origin: Vec3;
+  z: Vec3;
+  x: Vec3;
+  measures: number[];
+}
+
 export interface MeshDoc {
   kind: "mesh" | "solid" | "model";
   name: string;
@@ -79,6 +90,9 @@ export interface MeshDoc {
   triangleParts?: BlobRef;
   tets?: BlobRef;
   edges?: BlobRef;
+  /** Of solids: the face of each triangle, and the surface of each face; null for splines. */
+  triangleFaces?: BlobRef;
+  surfaces?: (SurfaceDoc | null)[];
   columns: { name: string; values: Numbers }[];
 }
 

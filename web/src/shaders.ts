@@ -24,7 +24,8 @@ vec3 hatched(vec3 color) {
 }
 `;
 
-/** The plane of a section in coordinates of the scene; nothing is beyond it where there is none. */
+/** The plane of a section in coordinates about an origin; nothing is beyond it where there is
+ *  none. */
 export function planeOf(section: Section | null, origin: V3): Vector4 {
   if (!section) return new Vector4(0, 0, 0, 1);
   const [x, y, z] = section.normal;

@@ -56,9 +56,11 @@ export class Solid {
     return this.doc.values.every((v, i) => v === this.values[i]);
   }
 
-  /** A slot that does not depend on the coordinates. */
-  uniform(slot: number): number {
-    return this.point.row(slot)[0];
+  /** The values of slots at a point. */
+  at(p: V3, slots: number[]): number[] {
+    for (let k = 0; k < 3; k++) this.point.coordinate(k)[0] = p[k];
+    this.point.run(1);
+    return slots.map((slot) => this.point.row(slot)[0]);
   }
 
   /** The values of the first `n` points of the block, whose coordinates are set. */

@@ -32,13 +32,13 @@ out vec3 paint;
 out vec3 corner;
 out vec3 side;
 void main() {
-  place = (modelMatrix * vec4(position, 1.0)).xyz;
+  place = position;
   paint = tint;
   side = hasSlopes ? slope : vec3(0.0);
   int c = gl_VertexID % 3;
   corner = vec3(c == 0, c == 1, c == 2);
   // Surfaces of higher rank come nearer to the eye, along the line of sight.
-  vec4 seen = viewMatrix * vec4(place, 1.0);
+  vec4 seen = modelViewMatrix * vec4(position, 1.0);
   if (isFlat) seen.z += rank * nearer;
   else seen.xyz *= 1.0 - rank * nearer / max(length(seen.xyz), 1e-30);
   gl_Position = projectionMatrix * seen;
@@ -55,6 +55,7 @@ uniform bool hasEdges;
 uniform bool isCap;
 uniform bool isFlat;
 uniform vec3 ahead;
+uniform vec3 eye;
 uniform vec4 plane;
 uniform float opacity;
 out vec4 outColor;
@@ -62,7 +63,7 @@ ${LIGHT}
 ${HATCH}
 void main() {
   if (!isCap && dot(plane.xyz, place) > plane.w) discard;
-  vec3 toEye = isFlat ? -ahead : normalize(cameraPosition - place);
+  vec3 toEye = isFlat ? -ahead : normalize(eye - place);
   vec3 face = cross(dFdx(place), dFdy(place));
   vec3 n = hasSlopes && dot(side, side) > 0.0 ? normalize(side) : normalize(face);
   vec3 color = isCap ? hatched(paint) : lit(paint, n, toEye);
@@ -89,12 +90,26 @@ export function surfaceMaterial(): ShaderMaterial {
       isCap: { value: false },
       isFlat: { value: false },
       ahead: { value: new Vector3() },
+      eye: { value: new Vector3() },
       nearer: { value: 0 },
     },
   });
 }
 
-/** Triangles in coordinates of the file, drawn about the origin of the scene. */
+/** Tells the shader of triangles where it is looked from, in the coordinates of the corners. */
+function lookAt(mesh: Mesh<BufferGeometry, ShaderMaterial>): void {
+  mesh.onBeforeRender = (_r, _s, camera) => {
+    const u = mesh.material.uniforms;
+    camera.getWorldDirection(u.ahead.value);
+    u.eye.value
+      .setFromMatrixPosition(camera.matrixWorld)
+      .sub(new Vector3().setFromMatrixPosition(mesh.matrixWorld));
+    u.isFlat.value = "isOrthographicCamera" in camera;
+    mesh.material.uniformsNeedUpdate = true;
+  };
+}
+
+/** Triangles in coordinates of the file, drawn about an origin near them. */
 export class Surface {
   readonly object = new Group();
   private readonly mesh: Mesh<BufferGeometry, ShaderMaterial>;
@@ -118,11 +133,7 @@ export class Surface {
     const u = this.mesh.material.uniforms;
     u.hasSlopes.value = slopes !== undefined;
     this.mesh.frustumCulled = false;
-    this.mesh.onBeforeRender = (_r, _s, camera) => {
-      camera.getWorldDirection(u.ahead.value);
-      u.isFlat.value = "isOrthographicCamera" in camera;
-      this.mesh.material.uniformsNeedUpdate = true;
-    };
+    lookAt(this.mesh);
     this.object.add(this.mesh);
   }
 

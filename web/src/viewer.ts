@@ -40,6 +40,7 @@ export interface Parameter {
   upper: number;
   unit: string | null;
   description: string;
+  isOpen: boolean;
 }
 
 /** How far a place of the double curve may be from the pick beside it, as a share of the distance
@@ -200,6 +201,7 @@ export class Viewer {
             upper: p.upper,
             unit: p.unit,
             description: p.description,
+            isOpen: p.isOpen,
           });
       }
     }
@@ -281,7 +283,20 @@ export class Viewer {
     }
   }
 
-  /** What of the view a link keeps. */
+  /** Parameters that are not as they came. */
+  private moved(): Parameter[] {
+    const came = this.asCame();
+    return this.parameters().filter((p) => p.value !== came[p.name]);
+  }
+
+  /** The values of parameters as they came. */
+  private asCame(): Record<string, number> {
+    const all = this.models.flatMap((m) => m.parameters).reverse();
+    return Object.fromEntries(all.map((p) => [p.name, p.value]));
+  }
+
+  /** What of the view a link keeps. Of parameters only those that were moved: where a file has
+   *  changed, the others are as it says now. */
   state(): string {
     const { position, target, up, orthographic, fov, height } = this.view.camera;
     const layers = this.layers.map((l) => [
@@ -290,13 +305,12 @@ export class Viewer {
       l.colorBy,
       ...(l.extras ?? []).map((e) => e.value),
     ]);
-    const values = this.parameters().map((p) => [p.name, p.value]);
     const { section } = this.view;
     const whole = {
       c: [...position, ...target, ...up, orthographic ? 1 : 0, fov, height],
       l: layers,
       s: section && [...section.normal, section.offset],
-      p: values,
+      p: this.moved().map((p) => [p.name, p.value]),
     };
     const utf8 = new TextEncoder().encode(JSON.stringify(whole));
     return btoa(String.fromCharCode(...utf8))
@@ -345,8 +359,9 @@ export class Viewer {
       });
     });
     this.setSection(s && { normal: [s[0], s[1], s[2]], offset: s[3] });
-    const known = new Set(this.parameters().map((q) => q.name));
-    this.setParameters(Object.fromEntries(p.filter(([name]) => known.has(name))));
+    const came = this.asCame();
+    const given = p.filter(([name]) => Object.hasOwn(came, name));
+    this.setParameters({ ...came, ...Object.fromEntries(given) });
   }
 
   /** The middle of what is visible, for a section's first place. */

@@ -6,7 +6,18 @@ import { test } from "node:test";
 import { fileURLToPath } from "node:url";
 
 const source = join(dirname(fileURLToPath(import.meta.url)), "../src");
-const entry = ["tape", "interval", "solid", "bvh", "caps", "measure", "glsl", "patches", "native"]
+const entry = [
+  "tape",
+  "interval",
+  "solid",
+  "bvh",
+  "caps",
+  "measure",
+  "glsl",
+  "patches",
+  "native",
+  "exact",
+]
   .map((m) => `export * as ${m} from "./${m}";`)
   .join("\n");
 const bundle = await build({
@@ -16,7 +27,7 @@ const bundle = await build({
   format: "esm",
   platform: "node",
 });
-const { tape, interval, solid, bvh, caps, measure, glsl, patches, native } = await import(
+const { tape, interval, solid, bvh, caps, measure, glsl, patches, native, exact } = await import(
   `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
 );
 
@@ -113,7 +124,7 @@ test("ranges contain the values, of every operation", () => {
 
 test("every operation has a meaning in the shader", () => {
   for (const step of [...STEPS, ["ellipsoid", 0, 1, 2, 0, 1, 2]]) {
-    const text = glsl.solidFunction(single(step), [0]);
+    const text = new glsl.SolidShader(single(step), [0]).text("solid", "u");
     assert.ok(!text.includes("undefined") && text.includes("return f0"), `${step}`);
   }
   assert.throws(() => single(["unheard", 0]), /unheard/);
@@ -281,4 +292,28 @@ test("angles, circles, ellipsoids", () => {
   assert.ok(Math.abs(angle - 90) < 1e-12 && Math.abs(radius - Math.SQRT1_2) < 1e-12);
   assert.ok(Math.abs(native.ellipsoidDistance([5, 0, 0, 3, 2, 1]) + 2) < 1e-12);
   assert.ok(Math.abs(native.ellipsoidDistance([0, 0, 0, 3, 2, 1]) - 1) < 1e-12);
+});
+
+test("a ray meets the surface of a face near its triangle", () => {
+  const meet = (kind, measures, o, d, near, reach = 0.1) => {
+    const frame = { origin: [1e3, 0, 0], z: [0, 0.6, 0.8], x: [1, 0, 0] };
+    const y = [0, 0.8, -0.6];
+    const turned = (v) => [0, 1, 2].map((k) => v[0] * frame.x[k] + v[1] * y[k] + v[2] * frame.z[k]);
+    const from = turned(o).map((v, k) => v + frame.origin[k]);
+    return exact.meetSurface({ kind, measures, ...frame }, from, turned(d), near, reach);
+  };
+  const cases = [
+    ["plane", [], [0, 0, 3], [0.6, 0, -0.8], 3.75],
+    ["cylinder", [2], [5, 0, 7], [-1, 0, 0], 3],
+    ["cone", [2, Math.PI / 4], [9, 0, 1], [-1, 0, 0], 6],
+    ["sphere", [2], [0, 1.2, -5], [0, 0, 1], 3.4],
+    ["torus", [3, 1], [3, 0, 5], [0, 0, -1], 4],
+    ["ellipsoid", [1, 2, 3], [0, 0, 5], [0, 0, -1], 2],
+  ];
+  for (const [kind, measures, o, d, want] of cases) {
+    const t = meet(kind, measures, o, d, want + 0.03);
+    assert.ok(Math.abs(t - want) < 1e-11, `${kind}: ${t} of ${want}`);
+    assert.equal(meet(kind, measures, o, d, want + 0.5), null, `${kind}: too far`);
+  }
+  assert.equal(meet("sphere", [2], [2.001, 0, -5], [0, 0, 1], 5), null, "it passes by");
 });

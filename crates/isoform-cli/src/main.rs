@@ -21,6 +21,7 @@ mod recognize;
 mod recover;
 mod report;
 mod scan;
+mod serve;
 mod solids;
 mod spline;
 mod triangulate;

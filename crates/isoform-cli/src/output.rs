@@ -163,7 +163,7 @@ fn say(message: impl Display) {
 pub(crate) struct Outcome {
     /// Exit code.
     pub(crate) exit: u8,
-    /// Fields of the JSON document.
+    /// Fields of the JSON document; null where the verb has printed it.
     pub(crate) json: Value,
     /// Bytes for stdout without --json.
     pub(crate) stdout: Vec<u8>,
@@ -386,7 +386,9 @@ pub(crate) fn finish(
     let _over = watchdog::Writing::new();
     match result {
         Ok(outcome) => {
-            let bytes = if context.global.json {
+            let bytes = if context.global.json && outcome.json.is_null() {
+                Vec::new()
+            } else if context.global.json {
                 document(![NO_RESULT, INTERNAL].contains(&outcome.exit), outcome.json)
             } else {
                 outcome.stdout
@@ -451,6 +453,16 @@ pub(crate) fn document(ok: bool, fields: Value) -> Vec<u8> {
     let mut bytes = serde_json::to_vec_pretty(&Value::Object(all)).unwrap_or_default();
     bytes.push(b'\n');
     bytes
+}
+
+/// Prints what a verb says before it is done: the text, or the document with --json.
+pub(crate) fn announce(context: &Context, json: Value, text: String) -> Result<(), Failure> {
+    let bytes = if context.global.json {
+        document(true, json)
+    } else {
+        text.into_bytes()
+    };
+    to_stdout(&bytes).map_err(|e| Failure::file(Path::new("stdout"), "write", &e))
 }
 
 /// A reader that has seen enough is no error.

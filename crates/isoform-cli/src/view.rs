@@ -1,4 +1,4 @@
-//! `isoform view`: one page that shows files as layers.
+//! `isoform view`: one page that shows files as layers, written or served.
 
 use crate::eval::{self, Parameters};
 use crate::mesh::Settings;
@@ -6,7 +6,7 @@ use crate::mesh::work::no_mesh;
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::triangulate::{self, HalfWidth, Subject};
-use crate::{gallery, scan, solids, spline};
+use crate::{gallery, scan, serve, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
@@ -19,7 +19,7 @@ use isoform_view::{Page, ShownPatch, ShownPoints};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// Writes one page that shows files as layers, offline, in any browser
+/// Makes one page that shows files as layers, offline, in any browser
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -27,6 +27,7 @@ Examples:
   isoform view scan.ply fitted.hf -o compare.html
   isoform view torus.json --box 4 -o torus.html
   isoform view patches.json mesh.msh -o page.html
+  isoform view --serve part.hf                     open the address, edit part.hf: the page follows
 
 Every file is a layer, in their order:
   points   PLY, XYZ, CSV, PCD, LAS, LAZ, E57; with the deviations that the file has, or those from a model beside them
@@ -37,7 +38,8 @@ Every file is a layer, in their order:
   solid    STEP and .brep.json of isoform brep: faces by their names
   mesh     MSH, VTU, INP, OBJ, STL, OFF; functions of isoform implicitize are meshed
 
-The page fetches nothing and can be sent. What it shows and how it is moved: docs/view.md.
+The page fetches nothing and can be sent. With --serve it is given to browsers of this machine alone, at an address
+that nobody guesses, and loads itself again when a file changes; Ctrl-C ends that. What it shows and how it is moved: docs/view.md.
 
 Exit code: 0; 2 for unreadable input, 4 where there is nothing to show.")]
 pub(crate) struct Args {
@@ -45,8 +47,25 @@ pub(crate) struct Args {
     #[arg(required = true, value_name = "FILE")]
     file: Vec<PathBuf>,
     /// The page (- for stdout)
-    #[arg(short, long, value_name = "PAGE.html")]
-    output: PathBuf,
+    #[arg(
+        short,
+        long,
+        value_name = "PAGE.html",
+        required_unless_present = "serve"
+    )]
+    output: Option<PathBuf>,
+    /// Give the page to browsers of this machine, and a new one whenever a file changes
+    #[arg(long, conflicts_with_all = ["output", "time_limit"])]
+    serve: bool,
+    /// The port of the address [default: one that is free]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 0,
+        hide_default_value = true,
+        requires = "serve"
+    )]
+    port: u16,
     /// The values of the parameters a of the models, in their order; missing ones are as annotated,
     /// else 0
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
@@ -106,34 +125,31 @@ fn place(text: &str) -> Result<Place, String> {
 
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let is_stdout = args.output == Path::new("-");
+    if args.serve {
+        return serve::run(&args.file, args.port, context, || made(args, context));
+    }
+    let output = args.output.as_deref().unwrap_or(Path::new("-"));
+    let is_stdout = output == Path::new("-");
     if !is_stdout {
-        output::check_folder(&args.output)?;
+        output::check_folder(output)?;
     }
-    let names: Vec<String> = args.file.iter().map(|path| base_name(path)).collect();
-    let title = args.title.clone().unwrap_or_else(|| names.join(", "));
-    let mut page = Page::new(title);
-    let mut layers = Vec::new();
-    for (path, name) in args.file.iter().zip(&names) {
-        let kind = add(&mut page, path, name, args, context)?;
-        layers.push(json!({"file": path.display().to_string(), "kind": kind}));
-    }
+    let (page, layers) = made(args, context)?;
     let html = page.html().into_bytes();
     let size = html.len();
     let stdout = if is_stdout {
         html
     } else {
-        output::write_file(&args.output, &html)?;
+        output::write_file(output, &html)?;
         format!(
             "{}: {} layers, {size} bytes\n",
-            args.output.display(),
+            output.display(),
             layers.len()
         )
         .into_bytes()
     };
     let json = json!({
         "verb": "view",
-        "output": args.output.display().to_string(),
+        "output": output.display().to_string(),
         "bytes": size,
         "layers": layers,
     });
@@ -142,6 +158,19 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         json,
         stdout,
     })
+}
+
+/// The page of the files as they are now, and what its layers are.
+fn made(args: &Args, context: &Context) -> Result<(Page, Vec<Value>), Failure> {
+    let names: Vec<String> = args.file.iter().map(|path| base_name(path)).collect();
+    let title = args.title.clone().unwrap_or_else(|| names.join(", "));
+    let mut page = Page::new(title);
+    let mut layers = Vec::new();
+    for (path, name) in args.file.iter().zip(&names) {
+        let kind = add(&mut page, path, name, args, context)?;
+        layers.push(json!({"file": path.display().to_string(), "kind": kind}));
+    }
+    Ok((page, layers))
 }
 
 /// The name of a file without its folder.
@@ -162,7 +191,7 @@ fn add(
         && let Some(file) = solids::find(path)?
     {
         let solid = solids::divided(path, file, None, context)?;
-        page.solid(name, &solid.mesh());
+        page.solid(name, &solid);
         return Ok("solid");
     }
     if spline::is_json(path) {

@@ -106,6 +106,12 @@ fn solids_are_shown_by_their_faces() {
             (Some("solid"), Some(name))
         );
         assert!(layer["count"].as_u64() > Some(100));
+        assert_eq!(layer["triangleFaces"]["n"], layer["count"]);
+        let surfaces = layer["surfaces"].as_array().expect("surfaces");
+        for surface in surfaces {
+            assert_eq!(surface["kind"], "sphere");
+            assert_eq!(surface["measures"][0], 1.5);
+        }
     }
 }
 

@@ -28,8 +28,9 @@ mod model;
 mod page;
 mod patches;
 mod points;
+mod solid;
 
 pub use blob::base64;
-pub use page::{Page, hashes};
+pub use page::{Page, hashes, served_policy};
 pub use patches::ShownPatch;
 pub use points::ShownPoints;

@@ -45,6 +45,7 @@ pub(crate) fn layer(name: &str, title: Option<&str>, model: &LiveModel) -> Value
             json!({
                 "index": p.index, "name": p.name, "description": p.description, "unit": p.unit,
                 "value": p.value, "lower": p.lower, "upper": p.upper, "shift": p.shift,
+                "isOpen": p.is_open,
             })
         })
         .collect();

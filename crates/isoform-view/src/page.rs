@@ -1,17 +1,21 @@
 //! The page: one document that fetches nothing and runs nothing but the viewer.
 
 use crate::blob::Blobs;
-use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points};
-use isoform::LiveModel;
+use crate::{ShownPatch, ShownPoints, map, mesh, model, patches, points, solid};
 use isoform::geom::Mesh;
 use isoform::tess::{Analysis, Map, Surface};
+use isoform::{ExactSolid, LiveModel};
 use serde_json::{Value, json};
 
 /// The viewer, built from the folder web of the repository.
 const SCRIPT: &str = include_str!("../assets/viewer.js");
 /// Its style.
 const STYLE: &str = include_str!("../assets/viewer.css");
-/// The SHA-256 of both as a Content-Security-Policy names them, a line each.
+/// The script of a served page, which asks for news and loads the page again.
+const SERVED_SCRIPT: &str = include_str!("../assets/served.js");
+/// Its style.
+const SERVED_STYLE: &str = include_str!("../assets/served.css");
+/// The SHA-256 of these four as a Content-Security-Policy names them, a line each.
 const HASHES: &str = include_str!("../assets/hashes.txt");
 
 /// A page under construction: layers, in the order in which they are shown.
@@ -55,10 +59,9 @@ impl Page {
         self.layers.push(model::layer(name, title, model));
     }
 
-    /// Adds a solid of exact faces by triangles, a part for each face.
-    pub fn solid(&mut self, name: &str, mesh: &Mesh) {
-        let mut layer = mesh::layer(name, mesh, &mut self.blobs);
-        layer["kind"] = json!("solid");
+    /// Adds a solid of exact faces: triangles to draw it by, and the faces to pick on.
+    pub fn solid(&mut self, name: &str, solid: &ExactSolid) {
+        let layer = solid::layer(name, solid, &mut self.blobs);
         self.layers.push(layer);
     }
 
@@ -95,19 +98,33 @@ impl Page {
 
     /// The whole page.
     pub fn html(&self) -> String {
+        self.document("", "", &policy(&hashes(), ""))
+    }
+
+    /// The whole page as a server gives it. It asks the server for `news` beside it, and is loaded
+    /// again where they tell of another `version` than this.
+    pub fn served(&self, version: u64) -> String {
+        let head = format!(
+            "<meta name=\"isoform-version\" content=\"{version}\">\n<style>{SERVED_STYLE}</style>\n"
+        );
+        let foot = format!("<script>{SERVED_SCRIPT}</script>\n");
+        self.document(&head, &foot, &served_policy())
+    }
+
+    /// The page with more behind its head and its body.
+    fn document(&self, head: &str, foot: &str, policy: &str) -> String {
         let title = escaped(&self.title);
-        let policy = policy();
         let (scene, blobs) = (self.scene(), self.blobs.elements());
         format!(
             "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n\
              <meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">\n\
              <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n\
              <meta name=\"color-scheme\" content=\"light dark\">\n\
-             <title>{title}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n\
+             <title>{title}</title>\n<style>{STYLE}</style>\n{head}</head>\n<body>\n\
              <main data-isoform-view=\"page\"></main>\n\
              <noscript><p>This page shows shapes by a script of its own, \
              which the browser does not run.</p></noscript>\n\
-             {scene}{blobs}<script>{SCRIPT}</script>\n</body>\n</html>\n"
+             {scene}{blobs}<script>{SCRIPT}</script>\n{foot}</body>\n</html>\n"
         )
     }
 
@@ -137,15 +154,30 @@ impl Page {
 /// assert!(script.starts_with("'sha256-") && style.ends_with("='"));
 /// ```
 pub fn hashes() -> [&'static str; 2] {
-    let mut lines = HASHES.lines();
-    [(); 2].map(|()| lines.next().unwrap_or("'none'"))
+    let [script, style, ..] = all_hashes();
+    [script, style]
 }
 
-/// What the page may do: run its one script, use its one style, show pictures that it made itself.
-fn policy() -> String {
-    let [script, style] = hashes();
+/// The hashes of the viewer's script and style, and of those that served pages have beside them.
+fn all_hashes() -> [&'static str; 4] {
+    let mut lines = HASHES.lines();
+    [(); 4].map(|()| lines.next().unwrap_or("'none'"))
+}
+
+/// What a served page may do: what any page may, and ask its own server for news. A server says
+/// the same in a header.
+pub fn served_policy() -> String {
+    let [script, style, served_script, served_style] = all_hashes();
+    let scripts = format!("{script} {served_script}");
+    let styles = format!("{style} {served_style}");
+    policy(&[&scripts, &styles], " connect-src 'self';")
+}
+
+/// What a page may do: run its script, use its style, show pictures that it made itself, and
+/// `more`.
+fn policy([script, style]: &[&str; 2], more: &str) -> String {
     format!(
-        "default-src 'none'; script-src {script}; style-src {style}; img-src data: blob:; \
+        "default-src 'none'; script-src {script}; style-src {style}; img-src data: blob:;{more} \
          base-uri 'none'; form-action 'none'"
     )
 }

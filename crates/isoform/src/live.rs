@@ -6,7 +6,7 @@ use isoform_algebra::{ParseError, Poly};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
 use isoform_field::{Graph, Join, NodeId, Ops, Shape, Tape, parameter_values};
-use isoform_fit::Template;
+use isoform_fit::{Status, Template};
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_mesh::MeshError;
 use isoform_mesh::features::{START, extent_within};
@@ -42,6 +42,8 @@ pub struct LiveParameter {
     pub upper: f64,
     /// What is added to the value of the tape's parameter to get this one.
     pub shift: f64,
+    /// Whether a fit left it undetermined.
+    pub is_open: bool,
 }
 
 /// A model with the values of its parameters, and the box that holds it.
@@ -176,6 +178,11 @@ impl LiveModel {
         let infos = frep.model().params();
         let used = used_parameters(&readings.tape);
         let all = found.template.parameters().iter().enumerate();
+        let estimates = &found.fit.parameters;
+        let is_open = |i: usize| {
+            let estimate = estimates.get(i);
+            estimate.is_some_and(|e| e.status == Status::Undetermined)
+        };
         let parameters = all
             .filter(|(i, _)| used[*i])
             .map(|(i, p)| {
@@ -193,6 +200,7 @@ impl LiveModel {
                     lower: (lower + shift).min(value),
                     upper: (upper + shift).max(value),
                     shift,
+                    is_open: is_open(i),
                 }
             })
             .collect();
@@ -254,6 +262,7 @@ fn own_parameter(info: &ParamInfo, value: f64, size: f64) -> LiveParameter {
         lower: lower.min(value),
         upper: upper.max(value),
         shift: 0.0,
+        is_open: false,
     }
 }
 

@@ -286,7 +286,8 @@ fn parameters(job: &Job) -> String {
         let text = infos.get(i).map_or("", |p| p.description.as_str());
         let _ = write!(
             html,
-            "<tr><td><b>{}</b><small>{}</small></td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
+            "<tr class=\"{}\"><td><b>{}</b><small>{}</small></td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
+            r.status,
             escaped(&r.name),
             escaped(text),
             escaped(&r.value),

@@ -1,0 +1,163 @@
+//! Who is answered, and with what.
+//!
+//! The server listens on the loopback address alone, but every page that a browser of this machine
+//! has open can send requests there. So a request must carry the path that only the printed
+//! address has; it must be meant for this server (a name of a foreign host that leads here is
+//! "DNS rebinding"); and if it comes out of a page, that must be a page of this server.
+
+use hyper::header::{HOST, HeaderValue, ORIGIN};
+use hyper::http::request::Parts;
+use hyper::{Method, StatusCode};
+
+/// What a request that is let in asks for.
+#[derive(Debug, PartialEq, Eq)]
+pub(super) enum Asked {
+    /// The page.
+    Page,
+    /// What is new after these news.
+    News(Option<u64>),
+}
+
+/// What is known of the way in.
+#[derive(Clone, Debug)]
+pub(super) struct Door {
+    /// The port that the server listens on.
+    pub(super) port: u16,
+    /// The first part of every path.
+    pub(super) token: String,
+}
+
+impl Door {
+    /// What a request asks for, or why it is refused.
+    pub(super) fn judge(&self, request: &Parts) -> Result<Asked, StatusCode> {
+        self.check_host(request)?;
+        self.check_origin(request)?;
+        if request.method != Method::GET && request.method != Method::HEAD {
+            return Err(StatusCode::METHOD_NOT_ALLOWED);
+        }
+        let path = request.uri.path().strip_prefix('/');
+        match path.and_then(|path| path.split_once('/')) {
+            Some((token, "")) if token == self.token => Ok(Asked::Page),
+            Some((token, "news")) if token == self.token => Ok(Asked::News(after(request))),
+            _ => Err(StatusCode::NOT_FOUND),
+        }
+    }
+
+    /// Whether it is one of the names of this server, as `Host` has it.
+    fn is_own(&self, host: &[u8]) -> bool {
+        ["127.0.0.1", "localhost"].iter().any(|name| {
+            let own = format!("{name}:{}", self.port);
+            host.eq_ignore_ascii_case(own.as_bytes())
+        })
+    }
+
+    /// A request names the server that it is meant for, once.
+    fn check_host(&self, request: &Parts) -> Result<(), StatusCode> {
+        let mut hosts = request.headers.get_all(HOST).iter();
+        let (Some(host), None) = (hosts.next(), hosts.next()) else {
+            return Err(StatusCode::BAD_REQUEST);
+        };
+        let in_target = request.uri.authority();
+        let is_own = self.is_own(host.as_bytes())
+            && in_target.is_none_or(|name| self.is_own(name.as_str().as_bytes()));
+        is_own.then_some(()).ok_or(StatusCode::MISDIRECTED_REQUEST)
+    }
+
+    /// Requests of pages say whose page it is, except where a link is followed.
+    fn check_origin(&self, request: &Parts) -> Result<(), StatusCode> {
+        let is_own = |origin: &HeaderValue| {
+            let name = origin.as_bytes().strip_prefix(b"http://");
+            name.is_some_and(|name| self.is_own(name))
+        };
+        let mut origins = request.headers.get_all(ORIGIN).iter();
+        origins
+            .all(is_own)
+            .then_some(())
+            .ok_or(StatusCode::FORBIDDEN)
+    }
+}
+
+/// The number in `?after=N`.
+fn after(request: &Parts) -> Option<u64> {
+    request.uri.query()?.strip_prefix("after=")?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use hyper::Request;
+
+    fn judge(uri: &str, headers: &[(&str, &str)]) -> Result<Asked, u16> {
+        let door = Door {
+            port: 4000,
+            token: "abc".into(),
+        };
+        let mut request = Request::get(uri);
+        for (name, value) in headers {
+            request = request.header(*name, *value);
+        }
+        let (parts, ()) = request.body(()).expect("a request").into_parts();
+        door.judge(&parts).map_err(|status| status.as_u16())
+    }
+
+    #[test]
+    fn hosts() {
+        let page = |host| judge("/abc/", &[("host", host)]);
+        assert_eq!(page("127.0.0.1:4000"), Ok(Asked::Page));
+        assert_eq!(page("LocalHost:4000"), Ok(Asked::Page));
+        for foreign in [
+            "evil.example:4000",
+            "127.0.0.1.evil.example:4000",
+            "127.0.0.1",
+            "127.0.0.1:4001",
+            "127.0.0.1:04000",
+            "127.1:4000",
+            "[::1]:4000",
+            "0.0.0.0:4000",
+            "x@127.0.0.1:4000",
+            "",
+        ] {
+            assert_eq!(page(foreign), Err(421), "{foreign}");
+        }
+        assert_eq!(judge("/abc/", &[]), Err(400));
+        let own = ("host", "127.0.0.1:4000");
+        assert_eq!(judge("/abc/", &[own, own]), Err(400));
+        assert_eq!(judge("http://127.0.0.1:4000/abc/", &[own]), Ok(Asked::Page));
+        assert_eq!(judge("http://evil.example/abc/", &[own]), Err(421));
+    }
+
+    #[test]
+    fn origins() {
+        let own = ("host", "127.0.0.1:4000");
+        let page = |origin| judge("/abc/", &[own, ("origin", origin)]);
+        assert_eq!(page("http://127.0.0.1:4000"), Ok(Asked::Page));
+        for foreign in [
+            "null",
+            "https://127.0.0.1:4000",
+            "http://127.0.0.1:4001",
+            "http://evil.example",
+            "",
+        ] {
+            assert_eq!(page(foreign), Err(403), "{foreign}");
+        }
+    }
+
+    #[test]
+    fn paths() {
+        let at = |uri| judge(uri, &[("host", "127.0.0.1:4000")]);
+        assert_eq!(at("/abc/?x"), Ok(Asked::Page));
+        assert_eq!(at("/abc/news?after=7"), Ok(Asked::News(Some(7))));
+        assert_eq!(at("/abc/news?after=-1"), Ok(Asked::News(None)));
+        for other in [
+            "/",
+            "/abc",
+            "/abcd/",
+            "/abc/x",
+            "/abc/news/",
+            "//abc/",
+            "/abc/../abc/",
+        ] {
+            assert_eq!(at(other), Err(404), "{other}");
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! The documentation as a site, and as a test.
+//!
+//! ```text
+//! isoform-docs build FOLDER     writes the site; what is wrong with links is a failure
+//! isoform-docs run PROGRAM      runs the commands of all pages by this isoform
+//! ```
+#![forbid(unsafe_code)]
+
+mod commands;
+mod page;
+mod run;
+mod site;
+
+use std::error::Error;
+use std::path::Path;
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    let args: Vec<String> = std::env::args().skip(1).collect();
+    let args: Vec<&str> = args.iter().map(String::as_str).collect();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let done = match args.as_slice() {
+        ["build", folder] => build(&root, Path::new(folder)),
+        ["run", program] => run::all(&root, Path::new(program)),
+        _ => Err("usage: isoform-docs build FOLDER | run PROGRAM".into()),
+    };
+    match done {
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
+        Err(error) => {
+            eprintln!("{error}");
+            ExitCode::from(2)
+        }
+    }
+}
+
+/// Writes the site; whether nothing is wrong with it.
+fn build(root: &Path, folder: &Path) -> Result<bool, Box<dyn Error>> {
+    let site = site::Site::read(root)?;
+    site.write(folder)?;
+    let wrong = site.wrong();
+    for line in &wrong {
+        println!("{line}");
+    }
+    println!(
+        "{}: {} pages, {} links",
+        folder.join("index.html").display(),
+        site.pages.len(),
+        site.links()
+    );
+    Ok(wrong.is_empty())
+}

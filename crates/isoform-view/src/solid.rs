@@ -1,0 +1,34 @@
+//! Solids in the document of a page: triangles, and the surfaces of the faces that they divide.
+
+use crate::blob::Blobs;
+use crate::mesh;
+use isoform::ExactSolid;
+use isoform::geom::brep::{Axes, Surface};
+use serde_json::{Value, json};
+
+/// A layer of a solid.
+pub(crate) fn layer(name: &str, solid: &ExactSolid, blobs: &mut Blobs) -> Value {
+    let mut layer = mesh::layer(name, &solid.mesh(), blobs);
+    layer["kind"] = json!("solid");
+    layer["triangleFaces"] = blobs.u32(&solid.facets().face_of);
+    let faces = solid.brep().faces.iter();
+    layer["surfaces"] = faces.map(|face| surface(&face.surface)).collect();
+    layer
+}
+
+/// A surface: its name, its frame and its measures; null for splines, which pages do not compute.
+fn surface(surface: &Surface) -> Value {
+    match surface {
+        Surface::Plane(axes) => with("plane", axes, &[]),
+        Surface::Cylinder(axes, radius) => with("cylinder", axes, &[*radius]),
+        Surface::Cone(axes, radius, angle) => with("cone", axes, &[*radius, *angle]),
+        Surface::Sphere(axes, radius) => with("sphere", axes, &[*radius]),
+        Surface::Torus(axes, major, minor) => with("torus", axes, &[*major, *minor]),
+        Surface::Ellipsoid(ball) => with("ellipsoid", &ball.axes, &ball.half),
+        Surface::Graph(_) => Value::Null,
+    }
+}
+
+fn with(kind: &str, axes: &Axes, measures: &[f64]) -> Value {
+    json!({"kind": kind, "origin": axes.origin, "z": axes.z, "x": axes.x, "measures": measures})
+}

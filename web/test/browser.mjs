@@ -1,0 +1,321 @@
+// Tests of pages in a browser: node --test test/browser.mjs
+//
+// They need the program (ISOFORM, else what cargo has built) and Chromium (CHROMIUM).
+import assert from "node:assert/strict";
+import { spawn, spawnSync } from "node:child_process";
+import { once } from "node:events";
+import { mkdtempSync, rmSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { dirname, join } from "node:path";
+import { createInterface } from "node:readline";
+import { after, test } from "node:test";
+import { fileURLToPath, pathToFileURL } from "node:url";
+import { chromium } from "playwright-core";
+
+const root = join(dirname(fileURLToPath(import.meta.url)), "../..");
+const isoform = process.env.ISOFORM ?? join(root, "target/release/isoform");
+const folder = mkdtempSync(join(tmpdir(), "isoform-browser-"));
+const browser = await chromium.launch({
+  executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium",
+  args: ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
+});
+after(async () => {
+  await browser.close();
+  rmSync(folder, { recursive: true });
+});
+
+const path = (name) => join(folder, name);
+function file(name, text) {
+  writeFileSync(path(name), text);
+  return path(name);
+}
+/** Runs the program, to one of these ends. */
+function run(args, ends = [0]) {
+  const { status, stderr } = spawnSync(isoform, args, { cwd: folder, encoding: "utf8" });
+  assert.ok(ends.includes(status), stderr);
+}
+
+/** Opens a page; what it complains of is an error at its end. */
+async function open(address, use, size = { width: 800, height: 500 }) {
+  const page = await browser.newPage({ viewport: size });
+  page.setDefaultTimeout(30_000);
+  const errors = [];
+  page.on("console", (m) => m.type() === "error" && errors.push(m.text()));
+  page.on("pageerror", (e) => errors.push(String(e)));
+  try {
+    await page.goto(address);
+    await page.evaluate("isoform.ready");
+    const result = await use(page);
+    assert.deepEqual(errors, []);
+    return result;
+  } finally {
+    await page.close();
+  }
+}
+/** Opens the page of some files. */
+function view(args, use) {
+  const name = `${args.map((a) => a.replace(/\W/g, "")).join("_")}.html`;
+  run(["view", "-q", ...args, "-o", name]);
+  return open(pathToFileURL(path(name)).href, use);
+}
+
+/** The picture of the pane of space as bytes of red, green, blue and opacity. */
+async function picture(page) {
+  const bytes = await page.evaluate(async () => {
+    const image = new Image();
+    image.src = await window.isoform.screenshot();
+    await image.decode();
+    const canvas = new OffscreenCanvas(image.width, image.height);
+    const context = canvas.getContext("2d");
+    context.drawImage(image, 0, 0);
+    const { data } = context.getImageData(0, 0, image.width, image.height);
+    let text = "";
+    for (let i = 0; i < data.length; i += 8192)
+      text += String.fromCharCode(...data.subarray(i, i + 8192));
+    return btoa(text);
+  });
+  return Buffer.from(bytes, "base64");
+}
+/** The share of pixels that differ by more than this. */
+function differing(a, b, by = 24) {
+  assert.equal(a.length, b.length);
+  let count = 0;
+  for (let i = 0; i < a.length; i += 4) {
+    if ([0, 1, 2].some((k) => Math.abs(a[i + k] - b[i + k]) > by)) count += 1;
+  }
+  return count / (a.length / 4);
+}
+
+/** A place far from the origin in proportion to the size of what is there. */
+const FAR = 1e6;
+
+/** A ball with a dent, about a place on the diagonal. */
+const dented = (c) => `-- @param a[1] radius length min=0.5 max=2 typical=1
+my_model(x[3], a[1]) {
+  array c[3], d[3];
+  c = [${c}, ${c}, ${c}]; d = [${c + 0.5}, ${c}, ${c}];
+  my_model = hfSphere(x, c, a[1]) \\ hfSphere(x, d, 0.8);
+}
+`;
+/** Triangles of a bowl, about a place on the diagonal. */
+function bowl(c) {
+  const n = 16;
+  let text = "";
+  for (let i = 0; i <= n; i++)
+    for (let j = 0; j <= n; j++) {
+      const [u, v] = [(2 * i) / n - 1, (2 * j) / n - 1];
+      text += `v ${c + u} ${c + v} ${c + 0.5 * (u * u + v * v)}\n`;
+    }
+  for (let i = 0; i < n; i++)
+    for (let j = 0; j < n; j++) {
+      const a = i * (n + 1) + j + 1;
+      text += `f ${a} ${a + n + 1} ${a + n + 2}\nf ${a} ${a + n + 2} ${a + 1}\n`;
+    }
+  return text;
+}
+const points = (text) => text.replace(/^f.*\n/gm, "").replace(/^v /gm, "");
+
+/** The same view of what is about a place on the diagonal. */
+const look = (page, c) =>
+  page.evaluate(
+    (c) =>
+      window.isoform.camera({
+        position: [c + 2.1, c - 2.9, c + 1.7],
+        target: [c, c, c],
+        up: [0, 0, 1],
+      }),
+    c,
+  );
+
+test("what is far from the origin looks like what is near it", async () => {
+  const around = (c) => {
+    const [lo, hi] = [c - 1.1, c + 1.1];
+    return `--box=${lo},${lo},${lo},${hi},${hi},${hi}`;
+  };
+  const kinds = {
+    model: (c) => [file(`${c}.hf`, dented(c)), around(c)],
+    mesh: (c) => [file(`${c}.obj`, bowl(c))],
+    points: (c) => [file(`${c}.xyz`, points(bowl(c)))],
+  };
+  for (const [kind, files] of Object.entries(kinds)) {
+    const [near, far] = await Promise.all(
+      [0, FAR].map((c) =>
+        view(files(c), async (page) => {
+          await look(page, c);
+          await page.evaluate(
+            (c) => window.isoform.section({ normal: [0, 0, 1], offset: c + 0.4 }),
+            c,
+          );
+          const hit = await page.evaluate(() => window.isoform.pick(260, 260));
+          return { image: await picture(page), hit: hit?.point.map((v) => v - c) };
+        }),
+      ),
+    );
+    const share = differing(near.image, far.image);
+    assert.ok(share < 0.004, `${kind}: ${share} of the pixels differ`);
+    near.hit?.forEach((v, k) =>
+      assert.ok(Math.abs(v - far.hit[k]) < 1e-3, `${kind}: picked at ${far.hit} of ${near.hit}`),
+    );
+  }
+});
+
+test("layers far from one another are drawn as each of them alone", async () => {
+  const files = [0, FAR].map((c) => file(`bowl-${c}.obj`, bowl(c)));
+  const alone = await view([files[1]], async (page) => {
+    await look(page, FAR);
+    return picture(page);
+  });
+  await view(files, async (page) => {
+    await look(page, FAR);
+    const share = differing(alone, await picture(page));
+    assert.ok(share < 0.004, `${share} of the pixels differ`);
+  });
+});
+
+test("what is picked of a solid is on its face, not on a triangle", async () => {
+  run(["brep", "sphere", "--params", "0,0,0,2", "-q", "-o", "ball.step"]);
+  await view(["ball.step"], async (page) => {
+    const [x, y, width, height] = await page.evaluate(() => {
+      const box = document.querySelector("[data-pane=space]").getBoundingClientRect();
+      return [box.x, box.y, box.width, box.height];
+    });
+    for (let k = 0; k < 40; k++) {
+      const [u, v] = [0.4 + 0.005 * k, 0.6 - 0.004 * k];
+      const at = [x + u * width, y + v * height];
+      const hit = await page.evaluate((at) => window.isoform.pick(...at), at);
+      assert.ok(Math.abs(Math.hypot(...hit.point) - 2) < 1e-9, `${hit.point}`);
+    }
+  });
+});
+
+/** Points of a tube without its ends, which leave the height of a cylinder open. */
+function tube() {
+  let seed = 1;
+  const random = () => (seed = (seed * 16807) % 2147483647) / 2147483647;
+  const row = () => {
+    const [turn, r] = [2 * Math.PI * random(), 30 + 0.04 * (random() - 0.5)];
+    return `${r * Math.cos(turn)} ${r * Math.sin(turn)} ${40 * random() - 20}`;
+  };
+  return Array.from({ length: 4000 }, row).join("\n");
+}
+/** Pixels of the colour of stripes. */
+function striped(image) {
+  let count = 0;
+  for (let i = 0; i < image.length; i += 4)
+    if (image[i] > 90 && image[i + 1] < 0.45 * image[i] && image[i + 2] > 1.2 * image[i + 1])
+      count += 1;
+  return count;
+}
+
+test("what moves with undetermined parameters is striped, and they are named", async () => {
+  // 3: the ends are without data, and the fit is not accepted.
+  run(["fit", file("tube.xyz", tube()), "-t", "cylinder", "-o", "report.html", "-q"], [0, 3]);
+  const address = pathToFileURL(path("report.html")).href;
+  await open(address, async (page) => {
+    await page.evaluate(() => window.isoform.set("layer-1", { visible: false }));
+    const list = await page.locator(".parameter.is-open").allInnerTexts();
+    assert.deepEqual(
+      list.map((t) => t.split(/\s/)[0]),
+      ["height", "lid_depth", "pose_z"],
+    );
+    const row = page.locator("tr.undetermined td:first-child b");
+    assert.deepEqual(await row.allInnerTexts(), ["height", "lid_depth", "pose_z"]);
+    assert.ok(striped(await picture(page)) > 500);
+    const from = (...way) =>
+      page.evaluate(async (way) => {
+        const { target } = await window.isoform.camera();
+        await window.isoform.camera({ position: target.map((v, k) => v + way[k]) });
+        await window.isoform.fitView();
+      }, way);
+    // From beside, the wall is all that is seen: it does not move.
+    await from(0, -100, 0);
+    assert.ok(striped(await picture(page)) < 300);
+    await from(100, -130, 90);
+    assert.ok(striped(await picture(page)) > 500);
+    await page.getByLabel("Stripes: undetermined").uncheck();
+    await page.evaluate(() => window.isoform.fitView());
+    assert.equal(striped(await picture(page)), 0);
+  });
+});
+
+/** A server, with its address. */
+async function serve(...files) {
+  const child = spawn(isoform, ["view", "--serve", ...files], { stdio: "pipe" });
+  const [line] = await once(createInterface(child.stdout), "line", {
+    signal: AbortSignal.timeout(20_000),
+  });
+  return { child, address: line };
+}
+
+/** Waits until a page is another one than that which was marked as old. */
+async function reloaded(page) {
+  for (let k = 0; k < 200; k++) {
+    // While it loads there is nothing to be asked.
+    const isNew = await page.evaluate("!window.isOld && !!window.isoform").catch(() => false);
+    if (isNew) return page.evaluate("isoform.ready");
+    await new Promise((f) => setTimeout(f, 100));
+  }
+  assert.fail("the page was not loaded again");
+}
+
+test("a served page follows its file, and keeps what was chosen", async () => {
+  const ball = file("ball.hf", dented(0));
+  const { child, address } = await serve(ball);
+  try {
+    await open(address, async (page) => {
+      const parameter = () => page.evaluate("isoform.ready.then(() => isoform.parameters())");
+      await page.evaluate(async () => {
+        await window.isoform.camera({ position: [5, 5, 5], target: [0.1, 0, 0] });
+        await window.isoform.section({ normal: [0, 1, 0], offset: 0.25 });
+        await window.isoform.set("layer-1", { opacity: 0.5, colorBy: "part" });
+        window.isOld = true;
+      });
+      file("ball.hf", dented(0).replace("typical=1", "typical=1.25"));
+      await reloaded(page);
+      assert.equal((await parameter())[0].value, 1.25, "what was not moved is as the file says");
+      const { camera, layers } = await page.evaluate(async () => ({
+        camera: await window.isoform.camera(),
+        layers: await window.isoform.layers(),
+      }));
+      assert.deepEqual(
+        [camera.position, camera.target],
+        [
+          [5, 5, 5],
+          [0.1, 0, 0],
+        ],
+      );
+      assert.equal(layers[0].opacity, 0.5);
+      assert.ok(await page.getByLabel("Cut by a plane").isChecked());
+
+      await page.evaluate(async () => {
+        await window.isoform.setParameter("radius", 0.75);
+        window.isOld = true;
+      });
+      file("ball.hf", dented(0).replace("typical=1", "typical=1.5"));
+      await reloaded(page);
+      assert.equal((await parameter())[0].value, 0.75, "what was moved stays");
+
+      file("ball.hf", "my_model(x[3], a[1]) { my_model = <b>; }");
+      const told = page.getByRole("status").filter({ hasText: "Shown as it was before" });
+      await told.waitFor();
+      assert.match(await told.innerText(), /ball\.hf:1:35/);
+      assert.equal(await page.evaluate("isoform.layers().then((l) => l.length)"), 1);
+      file("ball.hf", dented(0));
+      await told.waitFor({ state: "hidden" });
+      await page.evaluate("isoform.ready");
+    });
+  } finally {
+    child.kill("SIGINT");
+  }
+});
+
+test("a served page says when its server has ended", async () => {
+  const { child, address } = await serve(file("four.xyz", "0 0 0\n1 0 0\n0 1 0\n0 0 1\n"));
+  const page = await browser.newPage();
+  await page.goto(address);
+  await page.evaluate("isoform.ready");
+  child.kill("SIGINT");
+  await page.getByText("has ended").waitFor();
+  assert.equal(await page.evaluate("isoform.layers().then((l) => l[0].count)"), 4);
+  await page.close();
+});
