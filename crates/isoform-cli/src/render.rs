@@ -10,8 +10,8 @@ use cameras::{Cameras, report};
 use isoform::geom::{Point3, PointCloud, Solid};
 use isoform::{Control, LiveModel, Stopped, solid_of, solid_of_polynomial};
 use isoform_render::{
-    Color, ColorBy, FINEST, Key, Pane, Patch, Picture, Scene, Section, ShownModel, Style,
-    draw_legend, render, write_png,
+    Color, ColorBy, Drawing, FINEST, Key, Pane, Patch, Picture, Scene, Section, ShownModel, Style,
+    draw_legend, draw_svg, legend_width, render, write_png,
 };
 use rayon::prelude::*;
 use serde_json::{Value, json};
@@ -49,9 +49,12 @@ pub(crate) struct Args {
     /// The colour behind everything: white, black, grey or #rrggbb
     #[arg(long, value_name = "COLOR", default_value = "white", value_parser = color)]
     background: Color,
-    /// Hatch caps of sections
+    /// Hatch caps of sections, as drawings (.svg) always do
     #[arg(long)]
     hatch: bool,
+    /// Draw hidden edges, dashed; in drawings (.svg)
+    #[arg(long)]
+    hidden: bool,
     /// Leave out lines of edges and outlines
     #[arg(long)]
     no_lines: bool,
@@ -108,12 +111,14 @@ fn color(text: &str) -> Result<Color, String> {
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Format {
     Png,
+    Svg,
 }
 
 fn format_of(path: &Path) -> Result<Format, Failure> {
     let ending = path.extension().unwrap_or_default().to_string_lossy();
     match ending.to_ascii_lowercase().as_str() {
         "png" => Ok(Format::Png),
+        "svg" => Ok(Format::Svg),
         _ => {
             let message = format!(
                 "{}: pictures are not written with this ending",
@@ -136,6 +141,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let format = format_of(&args.output)?;
     output::check_folder(&args.output)?;
     args.cameras.check()?;
+    if args.hidden && format == Format::Png {
+        return Err(Failure::usage("hidden edges are drawn in drawings only").hint("-o NAME.svg"));
+    }
     let progress = Progress::new(context);
     let show = |phase: &str, done: f64| progress.show(phase, done);
     let control = Control {
@@ -154,9 +162,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         .collect();
     let scene = scene(args, read, &control).map_err(|Stopped| stopped())?;
     check(args, &scene)?;
-    let panes = args.cameras.panes(&scene.bounds())?;
+    let panes = args.cameras.panes(&scene.bounds(), room(args, &scene))?;
     let bytes = match format {
         Format::Png => png(args, &scene, &panes, &control)?,
+        Format::Svg => svg(args, &scene, &panes, &control)?,
     };
     drop(progress);
     output::write_file(&args.output, &bytes)?;
@@ -313,6 +322,43 @@ fn check(args: &Args, scene: &Scene) -> Result<(), Failure> {
         )))
 }
 
+/// The width that is left beside several views for what their colours mean; a single view is
+/// written upon.
+fn room(args: &Args, scene: &Scene) -> u32 {
+    let width = legend_width(&scene.layers);
+    let is_wanted =
+        args.cameras.is_sheet() && !args.no_legend && 3 * width < args.cameras.size.0[0];
+    if is_wanted { width } else { 0 }
+}
+
+/// How pictures and drawings look.
+fn style(args: &Args) -> Style {
+    Style {
+        background: args.background,
+        lines: !args.no_lines,
+        hatch: args.hatch,
+    }
+}
+
+/// The bytes of an SVG.
+fn svg(
+    args: &Args,
+    scene: &Scene,
+    panes: &[Pane],
+    control: &Control<'_>,
+) -> Result<Vec<u8>, Failure> {
+    let names: Vec<String> = args.file.iter().map(|p| layers::base_name(p)).collect();
+    let drawing = Drawing {
+        style: style(args),
+        hidden: args.hidden,
+        legend: !args.no_legend,
+        has_room: room(args, scene) > 0,
+        title: names.join(", "),
+    };
+    let made = draw_svg(scene, panes, args.cameras.size.0, &drawing, control);
+    made.map(String::into_bytes).map_err(|Stopped| stopped())
+}
+
 /// The bytes of a PNG.
 fn png(
     args: &Args,
@@ -320,11 +366,7 @@ fn png(
     panes: &[Pane],
     control: &Control<'_>,
 ) -> Result<Vec<u8>, Failure> {
-    let style = Style {
-        background: args.background,
-        lines: !args.no_lines,
-        hatch: args.hatch,
-    };
+    let style = style(args);
     let mut sheet = Picture::blank(args.cameras.size.0, args.background);
     for pane in panes {
         let picture = render(scene, &pane.camera, pane.size, &style, control);
@@ -332,7 +374,12 @@ fn png(
         sheet.title(pane.at, &pane.name, args.background);
     }
     if !args.no_legend {
-        draw_legend(&mut sheet, &scene.layers, args.background);
+        draw_legend(
+            &mut sheet,
+            &scene.layers,
+            args.background,
+            room(args, scene) > 0,
+        );
     }
     write_png(&sheet).map_err(|_| Failure::internal("picture"))
 }

@@ -142,6 +142,33 @@ impl Scale {
     }
 }
 
+impl Scale {
+    /// The step of the scale that a value is in; one more for what is no number.
+    pub(crate) fn step(&self, value: f64) -> u16 {
+        if !value.is_finite() {
+            return STEPS;
+        }
+        let share = (value - self.lower) / (self.upper - self.lower);
+        (share * f64::from(STEPS))
+            .floor()
+            .clamp(0.0, f64::from(STEPS - 1)) as u16
+    }
+
+    /// The colour of a step: that of its middle.
+    pub(crate) fn step_color(&self, step: u16) -> Color {
+        let share = (f64::from(step) + 0.5) / f64::from(STEPS);
+        if step >= STEPS {
+            UNKNOWN
+        } else {
+            self.color(self.lower + share * (self.upper - self.lower))
+        }
+    }
+}
+
+/// Steps of a scale in drawings that have areas of one colour: the two in the middle are the
+/// neutral band.
+const STEPS: u16 = 20;
+
 /// The colour at a place from 0 to 1 between stops.
 fn mixed(stops: &[Color; 7], at: f64) -> Color {
     let place = at.clamp(0.0, 1.0) * (stops.len() - 1) as f64;

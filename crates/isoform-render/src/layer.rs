@@ -6,7 +6,7 @@ use crate::model::Model;
 use crate::section::Section;
 use crate::shade;
 use crate::surface::{Lid, Paint, Surface, cut_of, is_closed, quality};
-use isoform::geom::{Aabb, Mesh, Point3, PointCloud, RationalPatch, Solid};
+use isoform::geom::{Aabb, Mesh, Point3, PointCloud, RationalPatch, Solid, distance_squared};
 use isoform::tess::{Map, Surface as MapSurface};
 use isoform::{Control, Stopped, flat_triangles};
 use std::collections::HashSet;
@@ -437,9 +437,12 @@ impl Layer {
         surface.parts = drawn.charts.iter().map(|c| u32::from(*c)).collect();
         let forms = Forms::new(map, drawn);
         surface.exact = Some((Exact::Map(forms), drawn.corners.clone()));
-        let arcs = drawn.double_curve.iter().map(|arc| &arc.points);
-        let curve = |points: &Vec<Point3>| Polyline {
-            points: points.clone(),
+        let arcs = drawn.double_curve.iter().map(|arc| arc.points.clone());
+        // Solitary arcs are dashed: no sheet of the surface passes through them.
+        let dash = surface.bounds().diagonal() / DASHES;
+        let solitary = drawn.solitary_arcs.iter().flat_map(|arc| dashes(arc, dash));
+        let curve = |points: Vec<Point3>| Polyline {
+            points,
             color: shade::DOUBLE,
         };
         Self {
@@ -449,7 +452,7 @@ impl Layer {
             modes,
             key,
             body: Body::Surface(Box::new(surface)),
-            curves: arcs.chain(&drawn.solitary_arcs).map(curve).collect(),
+            curves: arcs.chain(solitary).map(curve).collect(),
         }
     }
 
@@ -467,6 +470,40 @@ impl Layer {
         }
     }
 }
+
+/// Dashes along the diagonal of a map.
+const DASHES: f64 = 90.0;
+
+/// Every second stretch of a curve, of this length.
+fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
+    let (mut runs, mut run) = (Vec::new(), Vec::new());
+    let mut done = 0.0;
+    for pair in points.windows(2) {
+        let length = distance_squared(pair[0], pair[1]).sqrt();
+        let count = (2.0 * length / dash).ceil().clamp(1.0, MOST_DASHES);
+        for k in 0..count as usize {
+            let at = |k: usize| -> Point3 {
+                let share = k as f64 / count;
+                std::array::from_fn(|i| pair[0][i] + share * (pair[1][i] - pair[0][i]))
+            };
+            let is_drawn = ((done + k as f64 / count * length) / dash) as u64 % 2 == 0;
+            if is_drawn {
+                if run.is_empty() {
+                    run.push(at(k));
+                }
+                run.push(at(k + 1));
+            } else if !run.is_empty() {
+                runs.push(std::mem::take(&mut run));
+            }
+        }
+        done += length;
+    }
+    runs.extend((!run.is_empty()).then_some(run));
+    runs
+}
+
+/// Pieces of one segment that is dashed, at most.
+const MOST_DASHES: f64 = 1e4;
 
 /// The names and colours of the unit triangles of a map.
 const CHARTS: [(&str, Color); 4] = [

@@ -12,7 +12,7 @@ const MARGIN: u32 = 14;
 /// Size of a bar and of a part's square.
 const BAR: [u32; 2] = [18, 160];
 const SQUARE: u32 = 11;
-/// The least room, as shares of the picture, that the legend must leave.
+/// The share of the width of a picture that a legend may cover.
 const MOST_SHARE: f64 = 0.5;
 /// How much of what is beneath the legend shows through.
 const COVER: f64 = 0.85;
@@ -114,20 +114,29 @@ fn rows_of(layer: &Layer) -> Vec<Row> {
     rows
 }
 
-/// Draws the legends of layers into the corner of a picture that has the most room; those that
-/// would cover half of it are left out.
-pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color) {
+/// The width that the legend of layers takes, in pixels, with its margins; 0 where there is none.
+pub fn legend_width(layers: &[Layer]) -> u32 {
+    let rows = layers.iter().flat_map(rows_of);
+    rows.map(|r| r.size()[0] + 2 * MARGIN).max().unwrap_or(0)
+}
+
+/// Draws the legends of layers into a picture: at its right side where room was left for them,
+/// else into the corner that has the most room. Where they would cover half of it they are left
+/// out.
+pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color, has_room: bool) {
     let rows: Vec<Row> = layers.iter().flat_map(rows_of).collect();
     let width = rows.iter().map(|r| r.size()[0]).max().unwrap_or(0);
     let height: u32 = rows.iter().map(|r| r.size()[1]).sum();
-    let fits =
-        |k: usize, v: u32| f64::from(v + 2 * MARGIN) <= MOST_SHARE * f64::from(picture.size[k]);
-    // A bar needs its height, but may not cover the whole of a small picture.
-    if rows.is_empty() || !fits(0, width) || height + 2 * MARGIN > picture.size[1] {
+    let share = f64::from(width + 2 * MARGIN) / f64::from(picture.size[0].max(1));
+    if rows.is_empty() || share > MOST_SHARE || height + 2 * MARGIN > picture.size[1] {
         return;
     }
     let ink = ink_on(background);
-    let at = emptiest(picture, [width, height], background);
+    let at = if has_room {
+        [picture.size[0] - MARGIN - width, MARGIN]
+    } else {
+        emptiest(picture, [width, height], background)
+    };
     veil(picture, at, [width, height], background);
     let mut y = at[1];
     for row in &rows {

@@ -14,6 +14,7 @@ use crate::camera::{Ray, along};
 use isoform::Control;
 use isoform::Stopped;
 use isoform::geom::{Aabb, Csg, Point3, Solid, dot};
+use isoform::mesh::features::{FeatureOptions, find};
 use isoform::num::{Interval, Real};
 use rayon::prelude::*;
 use std::fmt;
@@ -29,6 +30,8 @@ const SHALLOWEST: usize = 3;
 const MOST_CELLS: usize = 400_000;
 /// Stretches of a ray that are looked at within a cell, at most. What is beyond is decided by signs.
 const MOST_STRETCHES: usize = 4096;
+/// Cells along the diagonal in which feature curves are looked for.
+const FEATURES: f64 = 60.0;
 /// Steps of the enclosure of a root: halving alone needs 60.
 const STEPS: usize = 100;
 
@@ -257,6 +260,16 @@ impl Model {
         }
         scratch.stack = stack;
         met
+    }
+
+    /// The curves in which its faces meet at an angle.
+    pub(crate) fn features(&self, control: &Control<'_>) -> Vec<Vec<Point3>> {
+        let options = FeatureOptions {
+            size: self.bounds.diagonal() / FEATURES,
+            ..FeatureOptions::default()
+        };
+        let found = find(self.solid.as_ref(), self.bounds, &options, control);
+        found.curves.into_iter().map(|c| c.points).collect()
     }
 
     /// The outward direction of a piece at a place; zero where it has none.

@@ -35,7 +35,7 @@ impl Default for Look {
 }
 
 /// Panes of equal size for some views, row by row, as square as it goes; in each all of the box is
-/// seen.
+/// seen. Several views have parallel rays and one scale, as drawings have.
 ///
 /// ```
 /// use isoform::geom::Aabb;
@@ -45,6 +45,7 @@ impl Default for Look {
 /// let panes = panes(&cube, &views, [900, 600], Look::default());
 /// assert_eq!(panes[2].at, [0, 300]);
 /// assert_eq!(panes[2].size, [450, 300]);
+/// assert!(panes.iter().all(|p| p.camera.orthographic && p.camera.height == panes[0].camera.height));
 /// ```
 pub fn panes(bounds: &Aabb, views: &[(&str, View)], size: [u32; 2], look: Look) -> Vec<Pane> {
     let columns = (1..).find(|c| c * c >= views.len()).unwrap_or(1) as u32;
@@ -52,6 +53,7 @@ pub fn panes(bounds: &Aabb, views: &[(&str, View)], size: [u32; 2], look: Look) 
     let grid = [columns, rows];
     let border =
         |k: usize, i: u32| (u64::from(size[k]) * u64::from(i) / u64::from(grid[k].max(1))) as u32;
+    let is_flat = look.orthographic || views.len() > 1;
     let each = views.iter().zip(0..);
     let pane = |((name, view), i): (&(&str, View), u32)| {
         let cell = [i % columns, i / columns];
@@ -66,8 +68,14 @@ pub fn panes(bounds: &Aabb, views: &[(&str, View)], size: [u32; 2], look: Look) 
             },
             at,
             size,
-            camera: Camera::fitted(bounds, *view, aspect, look.fov, look.orthographic),
+            camera: Camera::fitted(bounds, *view, aspect, look.fov, is_flat),
         }
     };
-    each.map(pane).collect()
+    let mut panes: Vec<Pane> = each.map(pane).collect();
+    let scale = |p: &Pane| p.camera.height / f64::from(p.size[1]);
+    let most = panes.iter().map(scale).fold(0.0, f64::max);
+    for pane in panes.iter_mut().filter(|_| is_flat) {
+        pane.camera.height = most * f64::from(pane.size[1]);
+    }
+    panes
 }

@@ -170,26 +170,50 @@ impl Surface {
 
     /// The colour of a place.
     pub(crate) fn color(&self, m: &Meeting) -> Color {
-        let part = self.part(m.triangle) as usize;
-        let of = |list: &[Color]| list.get(part).copied().unwrap_or_else(|| part_color(part));
         match &self.paint {
-            Paint::Plain(color) => *color,
-            Paint::Parts(list) => of(list),
-            Paint::Chequered(list) => {
-                let uv = self
-                    .exact
-                    .as_ref()
-                    .map(|(_, corners)| self.parameters(corners, m));
-                let square = |v: f64| (v * CHEQUERS).floor() as i64;
-                match uv.map(|[u, v]| (square(u) + square(v)).rem_euclid(2)) {
-                    Some(1) => of(list).map(|v| (DARK * f64::from(v)).round() as u8),
-                    _ => of(list),
-                }
-            }
             Paint::Values(values, scale) => {
                 let corners = &values[m.triangle as usize];
                 scale.color((0..3).map(|c| m.shares[c] * corners[c]).sum())
             }
+            _ => self.fill(self.part(m.triangle), self.tone(m)),
+        }
+    }
+
+    /// Which of its part's colours a place has: the square of a chequered patch, or the step of a
+    /// scale.
+    pub(crate) fn tone(&self, m: &Meeting) -> u16 {
+        match &self.paint {
+            Paint::Plain(_) | Paint::Parts(_) => 0,
+            Paint::Chequered(_) => {
+                let Some((_, corners)) = &self.exact else {
+                    return 0;
+                };
+                let [u, v] = self
+                    .parameters(corners, m)
+                    .map(|v| (v * CHEQUERS).floor() as i64);
+                (u + v).rem_euclid(2) as u16
+            }
+            Paint::Values(values, scale) => {
+                let corners = &values[m.triangle as usize];
+                scale.step((0..3).map(|c| m.shares[c] * corners[c]).sum())
+            }
+        }
+    }
+
+    /// The colour of one of a part's tones.
+    pub(crate) fn fill(&self, part: u32, tone: u16) -> Color {
+        let of = |list: &[Color]| {
+            let own = list.get(part as usize).copied();
+            own.unwrap_or_else(|| part_color(part as usize))
+        };
+        match &self.paint {
+            Paint::Plain(color) => *color,
+            Paint::Parts(list) => of(list),
+            Paint::Chequered(list) if tone == 1 => {
+                of(list).map(|v| (DARK * f64::from(v)).round() as u8)
+            }
+            Paint::Chequered(list) => of(list),
+            Paint::Values(_, scale) => scale.step_color(tone),
         }
     }
 

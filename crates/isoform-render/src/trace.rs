@@ -39,8 +39,29 @@ pub(crate) struct Seen {
     pub(crate) layer: u16,
     /// The part of the layer; [`CAP`] for a cap.
     pub(crate) part: u32,
+    /// Which of its part's colours it has, where there are several.
+    pub(crate) tone: u16,
     /// The size of a pixel there.
     pub(crate) pixel: f64,
+}
+
+impl Seen {
+    /// What is one area of one colour in a drawing.
+    pub(crate) fn class(&self) -> Class {
+        Class {
+            layer: self.layer,
+            part: self.part,
+            tone: self.tone,
+        }
+    }
+}
+
+/// An area of one colour: a layer, a part of it, and one of the part's colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Class {
+    pub(crate) layer: u16,
+    pub(crate) part: u32,
+    pub(crate) tone: u16,
 }
 
 /// What is seen at a place of the picture.
@@ -69,31 +90,9 @@ impl Sample {
     /// What lies between two samples.
     pub(crate) fn border(&self, other: &Self) -> Border {
         if self.is_mark || other.is_mark {
-            return Border::None;
-        }
-        let (a, b) = match (&self.seen, &other.seen) {
-            (None, None) => return Border::None,
-            (Some(_), None) => return Border::Before,
-            (None, Some(_)) => return Border::Behind,
-            (Some(a), Some(b)) => (a, b),
-        };
-        let step = isoform::geom::sub(b.point, a.point);
-        let length = dot(step, step).sqrt();
-        let off = dot(a.normal, step).abs().max(dot(b.normal, step).abs());
-        if length > APART * a.pixel.min(b.pixel) && off > OFF_PLANE * length {
-            return if a.depth < b.depth {
-                Border::Before
-            } else {
-                Border::Behind
-            };
-        }
-        let turn = dot(a.normal, b.normal);
-        let is_one = a.layer == b.layer && a.part == b.part;
-        let is_cap = (a.part == CAP) != (b.part == CAP);
-        if is_cap || turn < if is_one { FOLD } else { EDGE } {
-            Border::Edge
-        } else {
             Border::None
+        } else {
+            border(self.seen.as_ref(), other.seen.as_ref())
         }
     }
 
@@ -101,6 +100,34 @@ impl Sample {
     pub(crate) fn differs(&self, other: &Self) -> bool {
         let is_unlike = (0..3).any(|k| (self.color[k] - other.color[k]).abs() > UNLIKE);
         is_unlike || self.is_mark != other.is_mark || self.border(other) != Border::None
+    }
+}
+
+/// What lies between two surfaces that are seen beside each other.
+pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
+    let (a, b) = match (a, b) {
+        (None, None) => return Border::None,
+        (Some(_), None) => return Border::Before,
+        (None, Some(_)) => return Border::Behind,
+        (Some(a), Some(b)) => (a, b),
+    };
+    let step = isoform::geom::sub(b.point, a.point);
+    let length = dot(step, step).sqrt();
+    let off = dot(a.normal, step).abs().max(dot(b.normal, step).abs());
+    if length > APART * a.pixel.min(b.pixel) && off > OFF_PLANE * length {
+        return if a.depth < b.depth {
+            Border::Before
+        } else {
+            Border::Behind
+        };
+    }
+    let turn = dot(a.normal, b.normal);
+    let is_one = a.layer == b.layer && a.part == b.part;
+    let is_cap = (a.part == CAP) != (b.part == CAP);
+    if is_cap || turn < if is_one { FOLD } else { EDGE } {
+        Border::Edge
+    } else {
+        Border::None
     }
 }
 
@@ -210,6 +237,7 @@ impl Place<'_> {
             normal,
             layer: self.layer,
             part,
+            tone: 0,
             pixel: self.tracer.sight.pixel(depth),
         };
         Nearest { t, seen, color }
@@ -264,7 +292,9 @@ impl Place<'_> {
         let on = surface.meet(&self.ray, self.range, section)?;
         let color = self.lit(surface.color(&on.meeting), on.normal);
         let color = self.wired(color, surface, &on);
-        Some(self.found(on.t, on.normal, on.part, color))
+        let mut found = self.found(on.t, on.normal, on.part, color);
+        found.seen.tone = surface.tone(&on.meeting);
+        Some(found)
     }
 
     /// A colour with the edges of the triangle, which are a pixel wide.

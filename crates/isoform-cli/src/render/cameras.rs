@@ -73,7 +73,7 @@ pub(super) struct Cameras {
     /// A standard view in which all is seen: iso, front, back, right, left, top, bottom
     #[arg(long, value_name = "NAME", default_value = "iso", value_parser = view)]
     view: Named,
-    /// Several of them on one sheet
+    /// Several of them on one sheet, with parallel rays and at one scale
     #[arg(long, value_name = "NAMES", value_delimiter = ',', value_parser = view,
         conflicts_with = "view")]
     views: Vec<Named>,
@@ -114,9 +114,14 @@ impl Cameras {
             .map_err(refused)
     }
 
-    /// The views of the picture, in which a box is seen.
-    pub(super) fn panes(&self, bounds: &Aabb) -> Result<Vec<Pane>, Failure> {
-        let size = self.size.0;
+    /// Whether there are several views.
+    pub(super) fn is_sheet(&self) -> bool {
+        self.views.len() > 1
+    }
+
+    /// The views of the picture, in which a box is seen; beside them some width is left.
+    pub(super) fn panes(&self, bounds: &Aabb, room: u32) -> Result<Vec<Pane>, Failure> {
+        let size = [self.size.0[0] - room, self.size.0[1]];
         if let Some(camera) = self.given()? {
             return Ok(vec![Pane {
                 name: String::new(),
