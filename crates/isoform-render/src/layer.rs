@@ -389,11 +389,7 @@ impl Layer {
             _ => None,
         };
         let mut surface = Surface::new(grid.points, grid.triangles, paint);
-        let rank = |p: &u32| (p % RANKS) as u8;
-        surface.ranks = (
-            grid.parts.iter().map(rank).collect(),
-            NEARER * surface.bounds().diagonal(),
-        );
+        surface.ranks = (grid.parts.clone(), APART * surface.bounds().diagonal());
         surface.parts = grid.parts;
         let all = patches.iter().map(|p| p.patch.clone()).collect();
         surface.exact = Some((Exact::Patches(all), grid.corners));
@@ -513,10 +509,9 @@ const CHARTS: [(&str, Color); 4] = [
     ("s ≥ 0, t ≤ 0", [205, 165, 205]),
 ];
 
-/// Patches that lie on one another are drawn as far apart as this share of the whole; so many of
-/// them are told apart.
-const NEARER: f64 = 1e-3;
-const RANKS: u32 = 13;
+/// Patches that overlap lie on one another up to this share of the whole: their triangles are no
+/// farther off.
+const APART: f64 = 1e-3;
 
 fn parts_key(names: impl Iterator<Item = String>) -> Key {
     Key::Parts(names.enumerate().map(|(i, n)| (n, part_color(i))).collect())

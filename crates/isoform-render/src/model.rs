@@ -1,27 +1,28 @@
 //! Where lines of sight meet the surface of a model: its function, not a mesh of it.
 //!
 //! The box of the model is divided into cells (an octree) wherever interval arithmetic leaves open
-//! whether surface passes, and each cell keeps those pieces of the function that may decide in it.
-//! A ray visits the cells from front to back. Where a cell has one piece whose slope along the ray
-//! has one sign, the signs at both ends decide; elsewhere the ray is halved as long as intervals
-//! leave it open, down to [`FINEST`] of the box. The place itself is then enclosed by two values of
-//! opposite signs and found to rounding.
+//! whether surface passes, and each cell keeps those pieces of the function that may decide in it,
+//! with ranges of their gradients. A ray visits the cells from front to back. Within a cell it goes
+//! on by |f| over the largest slope along it, so far as f cannot come to zero (Kalra and Barr,
+//! SIGGRAPH 1989), but at least by [`FINEST`]; where slopes have no bounds it is halved as long as
+//! intervals of f leave it open. The place itself is then enclosed by two values of opposite signs
+//! and found to rounding.
 //!
 //! So no first hit is lost but where the solid, or a gap in it, is thinner along the ray than
 //! [`FINEST`] of the box: that is a fraction of a pixel.
 
-use crate::camera::{Ray, along};
+use crate::camera::{Ray, along, unit};
 use isoform::Control;
 use isoform::Stopped;
 use isoform::geom::{Aabb, Csg, Point3, Solid, dot};
 use isoform::mesh::features::{FeatureOptions, find};
-use isoform::num::{Interval, Real};
+use isoform::num::Interval;
 use rayon::prelude::*;
 use std::fmt;
 
 /// A stretch of a ray that is shorter than this share of the box's diagonal is decided by the signs
 /// at its ends.
-pub const FINEST: f64 = 1.0 / 32768.0;
+pub const FINEST: f64 = 1.0 / 131_072.0;
 /// Halvings of the box at most: cells have a hundredth of its side.
 const DEEPEST: usize = 7;
 /// Halvings at least, before one smooth piece alone is reason enough to stop.
@@ -32,6 +33,10 @@ const MOST_CELLS: usize = 400_000;
 const MOST_STRETCHES: usize = 4096;
 /// Cells along the diagonal in which feature curves are looked for.
 const FEATURES: f64 = 60.0;
+/// How far before a place its normal is looked for, in diagonals of the box.
+const BEFORE: [f64; 3] = [0.0, 1e-9, 1e-6];
+/// Steps along a ray within a cell by bounds of the slope, at most.
+const MOST_STEPS: usize = 24;
 /// Steps of the enclosure of a root: halving alone needs 60.
 const STEPS: usize = 100;
 
@@ -52,8 +57,8 @@ struct Leaf {
     /// How its pieces are joined; numbers are places in `pieces`.
     tree: Csg,
     pieces: Vec<u32>,
-    /// The range of the gradient of its only piece.
-    slopes: Option<[Interval; 3]>,
+    /// The ranges of the gradients of all pieces, where they are known.
+    slopes: Option<Vec<[Interval; 3]>>,
 }
 
 /// A cell that is to be judged.
@@ -66,8 +71,9 @@ struct Open {
 /// What comes of it.
 enum Judged {
     Whole(bool),
-    /// To be a leaf, unless it is divided.
-    Open(Csg, Option<[Interval; 3]>),
+    /// To be a leaf, unless it is divided; with the ranges of its pieces' gradients where they are
+    /// wanted and known.
+    Open(Csg, Option<Vec<[Interval; 3]>>),
 }
 
 /// A solid, prepared for rays.
@@ -131,15 +137,16 @@ impl Model {
         }];
         for depth in 0..=DEEPEST {
             control.check()?;
-            let judged: Vec<Judged> = open.par_iter().map(|o| model.judge(o)).collect();
             let is_last = depth == DEEPEST || model.cells.len() + 8 * open.len() > MOST_CELLS;
+            let judged: Vec<Judged> = open.par_iter().map(|o| model.judge(o, is_last)).collect();
             let mut next = Vec::new();
             for (o, judged) in open.iter().zip(judged) {
                 match judged {
                     Judged::Whole(inside) => model.cells[o.slot] = Cell::Whole(inside),
                     Judged::Open(tree, slopes) => {
+                        let only = slopes.as_deref().filter(|s| s.len() == 1);
                         let is_simple =
-                            depth >= SHALLOWEST && slopes.is_some_and(|s| is_narrow(&s));
+                            depth >= SHALLOWEST && only.is_some_and(|s| is_narrow(&s[0]));
                         if is_last || is_simple {
                             model.cells[o.slot] = model.leaf(&tree, slopes);
                         } else {
@@ -159,7 +166,7 @@ impl Model {
     }
 
     /// Adds a leaf.
-    fn leaf(&mut self, tree: &Csg, slopes: Option<[Interval; 3]>) -> Cell {
+    fn leaf(&mut self, tree: &Csg, slopes: Option<Vec<[Interval; 3]>>) -> Cell {
         let pieces = pieces_of(tree);
         self.leaves.push(Leaf {
             tree: renumbered(tree, &pieces),
@@ -184,7 +191,7 @@ impl Model {
     }
 
     /// Whether surface may pass a cell, and which pieces may decide there.
-    fn judge(&self, o: &Open) -> Judged {
+    fn judge(&self, o: &Open, is_last: bool) -> Judged {
         let pieces = pieces_of(&o.tree);
         let mut ranges = vec![Interval::ALL; pieces.len()];
         self.solid.bounds(&pieces, o.region, &mut ranges);
@@ -196,9 +203,12 @@ impl Model {
         if whole.lo() > 0.0 || whole.hi() < 0.0 {
             return Judged::Whole(whole.lo() > 0.0);
         }
-        let slopes = match tree {
-            Csg::Piece(piece) => self.solid.slopes(piece, o.region),
-            _ => None,
+        let left = pieces_of(&tree);
+        let slopes = if is_last || left.len() == 1 {
+            let each = left.iter().map(|p| self.solid.slopes(*p, o.region));
+            each.collect()
+        } else {
+            None
         };
         Judged::Open(tree, slopes)
     }
@@ -272,11 +282,31 @@ impl Model {
         found.curves.into_iter().map(|c| c.points).collect()
     }
 
-    /// The outward direction of a piece at a place; zero where it has none.
-    pub(crate) fn normal(&self, piece: u32, p: Point3) -> Point3 {
-        let (_, g) = self.solid.gradient(piece, p);
-        crate::camera::unit(g.map(|v| -v))
+    /// The outward direction of a piece at a place. Where a formula has no derivative just there,
+    /// as roots of zero have none, it is that of a place a little before it on the ray; zero where
+    /// there is none, either.
+    pub(crate) fn normal(&self, piece: u32, ray: &Ray, t: f64) -> Point3 {
+        let size = self.bounds.diagonal();
+        let places = BEFORE
+            .iter()
+            .map(|share| along(ray.o, ray.d, t - share * size));
+        let normal = |p| {
+            let (_, g) = self.solid.gradient(piece, p);
+            unit(g.map(|v| -v))
+        };
+        let mut known = places.map(normal).filter(|n| *n != [0.0; 3]);
+        known.next().unwrap_or([0.0; 3])
     }
+}
+
+/// What came of going along a ray.
+enum Marched {
+    /// The sign changes between two places.
+    Met([(f64, f64); 2]),
+    /// It does not change up to a place, which has about this value.
+    Through((f64, f64)),
+    /// It does not up to there, and the way goes on.
+    Open((f64, f64)),
 }
 
 /// A ray on its way.
@@ -325,11 +355,17 @@ impl Walk<'_> {
         if let Some(met) = self.enter(first >= 0.0, a, Some(leaf.pieces[0])) {
             return Some(self.named(leaf, met, scratch));
         }
-        let found = if leaf.slopes.is_some_and(|s| is_steady(&s, self.ray.d)) {
-            let last = self.at(leaf, b, scratch);
-            ((first >= 0.0) != (last >= 0.0)).then_some([(a, first), (b, last)])
-        } else {
-            self.search(leaf, [(a, first), (b, f64::NAN)], scratch)
+        let ends = [(a, first), (b, f64::NAN)];
+        let rates = leaf
+            .slopes
+            .as_ref()
+            .and_then(|s| finite_rates(s, self.ray.d));
+        let found = match rates.map(|rates| self.march(leaf, ends, rates, scratch)) {
+            Some(Marched::Met(found)) => Some(found),
+            Some(Marched::Through(_)) => None,
+            // The bounds are wide here: narrower ones, along the ray alone, are worth their time.
+            Some(Marched::Open(there)) => self.search(leaf, [there, ends[1]], scratch),
+            None => self.search(leaf, ends, scratch),
         };
         let t = self.enclosed(leaf, found?, scratch);
         let met = Met {
@@ -353,7 +389,44 @@ impl Walk<'_> {
         }
     }
 
-    /// The first two places with opposite signs, as near to each other as intervals demand.
+    /// Goes from a place to another, where the value rises along the ray at rates between two
+    /// bounds: so far as it cannot come to zero, nothing is missed.
+    fn march(
+        &self,
+        leaf: &Leaf,
+        [first, last]: [(f64, f64); 2],
+        [least, most]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> Marched {
+        let end = last.0;
+        if least > 0.0 || most < 0.0 {
+            let last = (end, self.at(leaf, end, scratch));
+            let is_met = (first.1 >= 0.0) != (last.1 >= 0.0);
+            return if is_met {
+                Marched::Met([first, last])
+            } else {
+                Marched::Through(last)
+            };
+        }
+        let finest = FINEST * self.model.bounds.diagonal();
+        let (mut t, mut value) = first;
+        for _ in 0..MOST_STEPS {
+            let rate = if value >= 0.0 { -least } else { most };
+            if rate <= 0.0 || t >= end {
+                return Marched::Through((end, value));
+            }
+            let next = (t + (value.abs() / rate).max(finest)).min(end);
+            let there = self.at(leaf, next, scratch);
+            if (there >= 0.0) != (value >= 0.0) {
+                return Marched::Met([(t, value), (next, there)]);
+            }
+            (t, value) = (next, there);
+        }
+        Marched::Open((t, value))
+    }
+
+    /// The first two places with opposite signs. Stretches that intervals leave open are marched
+    /// along where the slope has bounds, else halved.
     fn search(
         &self,
         leaf: &Leaf,
@@ -363,48 +436,69 @@ impl Walk<'_> {
         let finest = FINEST * self.model.bounds.diagonal();
         let mut begin = first;
         let mut ends = vec![last.0];
-        for count in 0.. {
+        for count in 0..MOST_STRETCHES {
             let end = *ends.last()?;
-            let is_open = self.is_open(leaf, [begin.0, end], scratch);
-            if is_open && end - begin.0 > finest && count < MOST_STRETCHES {
-                let middle = 0.5 * (begin.0 + end);
-                if middle > begin.0 && middle < end {
-                    ends.push(middle);
-                    continue;
-                }
-            }
-            ends.pop();
-            if !is_open && !ends.is_empty() {
+            let stretch = [begin.0, end];
+            if !self.is_open(leaf, stretch, scratch) {
                 // One sign all the way: that of the value before.
                 begin = (end, begin.1);
+                ends.pop();
                 continue;
             }
-            let value = self.at(leaf, end, scratch);
-            if (value >= 0.0) != (begin.1 >= 0.0) {
-                return Some([begin, (end, value)]);
+            // Ranges of gradients cost more than those of values: they are asked for every other
+            // time.
+            let is_worth = ends.len() % 2 == 1 && end - begin.0 > finest;
+            if let Some(rates) = self.rates(leaf, stretch).filter(|_| is_worth) {
+                match self.march(leaf, [begin, (end, f64::NAN)], rates, scratch) {
+                    Marched::Met(found) => return Some(found),
+                    Marched::Through(there) => {
+                        begin = there;
+                        ends.pop();
+                        continue;
+                    }
+                    Marched::Open(there) => begin = there,
+                }
             }
-            begin = (end, value);
+            let middle = 0.5 * (begin.0 + end);
+            let is_long = end - begin.0 > finest && middle > begin.0 && middle < end;
+            if is_long && count + 1 < MOST_STRETCHES {
+                ends.push(middle);
+                continue;
+            }
+            let there = (end, self.at(leaf, end, scratch));
+            if (there.1 >= 0.0) != (begin.1 >= 0.0) {
+                return Some([begin, there]);
+            }
+            begin = there;
+            ends.pop();
         }
         None
     }
 
-    /// Whether intervals leave open that the sign changes along a stretch more than once.
-    fn is_open(&self, leaf: &Leaf, [a, b]: [f64; 2], scratch: &mut Scratch) -> bool {
-        let ends = [a, b].map(|t| along(self.ray.o, self.ray.d, t));
-        let region = Aabb::of(&ends);
+    /// Whether intervals leave open that the sign changes along a stretch.
+    fn is_open(&self, leaf: &Leaf, stretch: [f64; 2], scratch: &mut Scratch) -> bool {
+        let region = self.region(stretch);
         scratch.ranges.resize(leaf.pieces.len(), Interval::ALL);
-        self.model
-            .solid
-            .bounds(&leaf.pieces, region, &mut scratch.ranges);
+        let solid = &self.model.solid;
+        solid.bounds(&leaf.pieces, region, &mut scratch.ranges);
         let range = leaf.tree.range(&|k| scratch.ranges[k as usize]);
-        if range.lo() > 0.0 || range.hi() < 0.0 {
-            return false;
-        }
-        let [piece] = leaf.pieces[..] else {
-            return true;
-        };
-        let slopes = self.model.solid.slopes(piece, region);
-        !slopes.is_some_and(|s| is_steady(&s, self.ray.d))
+        range.lo() <= 0.0 && range.hi() >= 0.0
+    }
+
+    /// Bounds for how fast the value rises along a stretch; none where there are none.
+    fn rates(&self, leaf: &Leaf, stretch: [f64; 2]) -> Option<[f64; 2]> {
+        let region = self.region(stretch);
+        let each = leaf
+            .pieces
+            .iter()
+            .map(|p| self.model.solid.slopes(*p, region));
+        let slopes: Vec<[Interval; 3]> = each.collect::<Option<_>>()?;
+        finite_rates(&slopes, self.ray.d)
+    }
+
+    /// The box of a stretch.
+    fn region(&self, stretch: [f64; 2]) -> Aabb {
+        Aabb::of(&stretch.map(|t| along(self.ray.o, self.ray.d, t)))
     }
 
     /// The place between two of opposite signs: regula falsi (Illinois), with a halving wherever it
@@ -520,12 +614,26 @@ fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
     )
 }
 
-/// Whether a function rises, or falls, all along a direction where its gradient has this range.
-fn is_steady(slopes: &[Interval; 3], d: Point3) -> bool {
-    let along = (0..3).fold(Interval::constant(0.0), |sum, k| {
-        sum + slopes[k] * Interval::constant(d[k])
-    });
-    along.lo() > 0.0 || along.hi() < 0.0
+/// Bounds for how fast a minimum and maximum of pieces rises along a direction; none where they are
+/// not finite.
+fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
+    let mut bounds = [f64::INFINITY, f64::NEG_INFINITY];
+    for s in slopes {
+        let (mut lo, mut hi, mut size) = (0.0, 0.0, 0.0);
+        for k in 0..3 {
+            let (a, b) = (s[k].lo() * d[k], s[k].hi() * d[k]);
+            (lo, hi) = (lo + a.min(b), hi + a.max(b));
+            size += a.abs().max(b.abs());
+        }
+        // More than the rounding of three products and their sum.
+        let slack = 8.0 * f64::EPSILON * size;
+        // What is no number must not be lost in a minimum.
+        if !(lo.is_finite() && hi.is_finite()) {
+            return None;
+        }
+        bounds = [bounds[0].min(lo - slack), bounds[1].max(hi + slack)];
+    }
+    Some(bounds)
 }
 
 /// Whether a gradient hardly turns: then most rays meet the surface of a cell at most once.
@@ -553,7 +661,7 @@ mod tests {
     }
 
     fn first(model: &Model, o: Point3, toward: Point3) -> Option<f64> {
-        let d = crate::camera::unit(isoform::geom::sub(toward, o));
+        let d = unit(isoform::geom::sub(toward, o));
         let ray = Ray { o, d, from: 0.0 };
         let met = model.meet(&ray, [0.0, f64::INFINITY], false, &mut Scratch::default());
         met.map(|m| m.t)
@@ -561,7 +669,7 @@ mod tests {
 
     /// The distance to the unit ball about 0.
     fn ball(o: Point3, toward: Point3) -> Option<f64> {
-        let d = crate::camera::unit(isoform::geom::sub(toward, o));
+        let d = unit(isoform::geom::sub(toward, o));
         let (b, c) = (dot(o, d), dot(o, o) - 1.0);
         (b * b >= c).then(|| -b - (b * b - c).sqrt())
     }

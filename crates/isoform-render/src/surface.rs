@@ -29,6 +29,10 @@ pub(crate) enum Paint {
     Values(Vec<[f64; 3]>, Scale),
 }
 
+/// The sine of the angle at which surfaces that lie on one another are still told from such that do
+/// not: their distance along a ray grows with the inverse.
+const STEEPEST: f64 = 0.1;
+
 /// Triangles, prepared for rays.
 #[derive(Clone, Debug)]
 pub(crate) struct Surface {
@@ -42,8 +46,8 @@ pub(crate) struct Surface {
     /// Normals at the corners of triangles that stand for smooth faces.
     pub(crate) normals: Vec<[Point3; 3]>,
     /// Surfaces that lie on one another: those of higher rank are seen. The rank of each triangle,
-    /// and how much nearer each rank is.
-    pub(crate) ranks: (Vec<u8>, f64),
+    /// and how far from one another such surfaces may be.
+    pub(crate) ranks: (Vec<u32>, f64),
     /// Whether the edges of triangles are drawn.
     pub(crate) has_edges: bool,
     /// What bounds the solid, where there is one: caps of sections fill it.
@@ -109,20 +113,33 @@ impl Surface {
         range: [f64; 2],
         section: Option<&Section>,
     ) -> Option<OnSurface> {
-        let mut best: Option<(f64, Meeting)> = None;
-        let (ranks, nearer) = &self.ranks;
-        let most = nearer * f64::from(ranks.iter().copied().max().unwrap_or(0));
+        let (ranks, apart) = &self.ranks;
+        // The nearest place, and those that lie behind it by no more than surfaces that lie on one
+        // another may.
+        let mut nearest = f64::INFINITY;
+        let mut near: Vec<Meeting> = Vec::new();
         self.tree
             .visit((&self.points, &self.triangles), ray, range, |m| {
-                let is_left = section.is_none_or(|s| s.keeps(along(ray.o, ray.d, m.t)));
-                let rank = ranks.get(m.triangle as usize).copied().unwrap_or(0);
-                let key = m.t - nearer * f64::from(rank);
-                if is_left && best.is_none_or(|(k, _)| key < k) {
-                    best = Some((key, m));
+                if section.is_none_or(|s| s.keeps(along(ray.o, ray.d, m.t))) {
+                    nearest = nearest.min(m.t);
+                    near.retain(|other| other.t <= nearest + apart / STEEPEST);
+                    near.push(m);
                 }
-                best.map_or(f64::INFINITY, |(k, _)| k + most)
+                nearest + apart / STEEPEST
             });
-        best.map(|(_, meeting)| self.place(ray, meeting))
+        let rank = |m: &Meeting| ranks.get(m.triangle as usize).copied().unwrap_or(0);
+        let is_on = |m: &&Meeting| {
+            let n = unit(facet_normal(self.corners(m.triangle)));
+            m.t <= nearest + apart / dot(n, ray.d).abs().max(STEEPEST)
+        };
+        // The first of the highest rank; the nearest of those.
+        let best = near.iter().filter(is_on).max_by(|a, b| {
+            let order = rank(a).cmp(&rank(b));
+            order
+                .then(b.t.total_cmp(&a.t))
+                .then(b.triangle.cmp(&a.triangle))
+        });
+        best.map(|meeting| self.place(ray, *meeting))
     }
 
     /// The place of the surface itself where its triangle is met.

@@ -120,7 +120,7 @@ impl Sheet<'_> {
 
     fn style_sheet(&self) -> String {
         let (line, light) = (hex(shade::LINE), hex(tinted(shade::CAP, 0.55)));
-        let cap = hex(shade::CAP);
+        let (cap, ground) = (hex(shade::CAP), hex(self.drawing.style.background));
         let mut style = format!(
             ".outline,.edge,.hidden,.curve{{fill:none;stroke:{line};stroke-width:1.5;\
              stroke-linecap:round;stroke-linejoin:round}}\n\
@@ -129,6 +129,7 @@ impl Sheet<'_> {
              .cap{{fill:url(#hatch);fill-rule:evenodd;stroke:none}}\n\
              .cap-ground{{fill:{light}}}\n.cap-line{{stroke:{cap};stroke-width:1.4}}\n\
              .points{{fill:none;stroke-linecap:round}}\n\
+             .ground{{fill:{ground};fill-opacity:0.85}}\n\
              text{{font:{LETTER}px sans-serif;fill:{line}}}\n"
         );
         for (color, name) in &self.classes {
@@ -336,7 +337,10 @@ impl Sheet<'_> {
         let (x, y) = (x.max(0.0), y.max(0.0));
         let _ = writeln!(
             self.body,
-            "<g transform=\"translate({x:.1} {y:.1})\">\n{}</g>",
+            "<g transform=\"translate({x:.1} {y:.1})\">\n\
+             <rect class=\"ground\" x=\"-5\" width=\"{:.1}\" height=\"{:.1}\"/>\n{}</g>",
+            rows.width + 10.0,
+            rows.y + 5.0,
             rows.svg
         );
     }

@@ -269,8 +269,7 @@ impl Place<'_> {
             };
             return Some(self.cap(met.t, normal));
         };
-        let point = along(self.ray.o, self.ray.d, met.t);
-        let normal = model.normal(piece, point);
+        let normal = model.normal(piece, &self.ray, met.t);
         let own = colors.as_ref().map(|c| c[piece as usize]);
         let color = self.lit(own.unwrap_or(shade::MODEL), normal);
         Some(self.found(met.t, normal, piece, color))
