@@ -163,11 +163,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let scene = scene(args, read, &control).map_err(|Stopped| stopped())?;
     check(args, &scene)?;
     let panes = args.cameras.panes(&scene.bounds(), room(args, &scene))?;
-    let bytes = match format {
+    let (bytes, is_blank) = match format {
         Format::Png => png(args, &scene, &panes, &control)?,
         Format::Svg => svg(args, &scene, &panes, &control)?,
     };
     drop(progress);
+    if is_blank {
+        context.warn("nothing is seen from there: the picture is empty");
+    }
     output::write_file(&args.output, &bytes)?;
     let is_proved = said.iter().all(|s| s.proved);
     Ok(Outcome {
@@ -340,13 +343,13 @@ fn style(args: &Args) -> Style {
     }
 }
 
-/// The bytes of an SVG.
+/// The bytes of an SVG, and whether nothing is seen.
 fn svg(
     args: &Args,
     scene: &Scene,
     panes: &[Pane],
     control: &Control<'_>,
-) -> Result<Vec<u8>, Failure> {
+) -> Result<(Vec<u8>, bool), Failure> {
     let names: Vec<String> = args.file.iter().map(|p| layers::base_name(p)).collect();
     let drawing = Drawing {
         style: style(args),
@@ -356,21 +359,26 @@ fn svg(
         title: names.join(", "),
     };
     let made = draw_svg(scene, panes, args.cameras.size.0, &drawing, control);
-    made.map(String::into_bytes).map_err(|Stopped| stopped())
+    let text = made.map_err(|Stopped| stopped())?;
+    let is_blank = !text.contains("<path");
+    Ok((text.into_bytes(), is_blank))
 }
 
-/// The bytes of a PNG.
+/// The bytes of a PNG, and whether nothing is seen.
 fn png(
     args: &Args,
     scene: &Scene,
     panes: &[Pane],
     control: &Control<'_>,
-) -> Result<Vec<u8>, Failure> {
+) -> Result<(Vec<u8>, bool), Failure> {
     let style = style(args);
     let mut sheet = Picture::blank(args.cameras.size.0, args.background);
     for pane in panes {
         let picture = render(scene, &pane.camera, pane.size, &style, control);
         sheet.put(&picture.map_err(|Stopped| stopped())?, pane.at);
+    }
+    let is_blank = sheet.pixels.iter().all(|p| *p == args.background);
+    for pane in panes {
         sheet.title(pane.at, &pane.name, args.background);
     }
     if !args.no_legend {
@@ -381,7 +389,8 @@ fn png(
             room(args, scene) > 0,
         );
     }
-    write_png(&sheet).map_err(|_| Failure::internal("picture"))
+    let bytes = write_png(&sheet).map_err(|_| Failure::internal("picture"))?;
+    Ok((bytes, is_blank))
 }
 
 /// What the picture shows, and how.

@@ -88,6 +88,9 @@ pub(crate) enum Body {
         points: Vec<Point3>,
         /// One for each, or one for all.
         colors: Vec<Color>,
+        /// How far they may be within a surface beside them and still be seen: what lies inside of
+        /// a model by its deviation is not hidden by it.
+        lift: f64,
     },
 }
 
@@ -207,7 +210,7 @@ impl Layer {
             ColorBy::None
         };
         let color_by = chosen(asked, &modes, usual);
-        let mut key = None;
+        let (mut key, mut lift) = (None, 0.0);
         let colors = match (color_by, deviation) {
             (ColorBy::Deviation, Some(values)) => {
                 let outlier = column("outlier").unwrap_or_default();
@@ -226,6 +229,8 @@ impl Layer {
                     }
                 };
                 let colors = values.iter().enumerate().map(color).collect();
+                let most = MOST_LIFT * cloud.bounds().diagonal();
+                lift = (LIFT * scale.upper).min(most);
                 key = Some(Key::Scale(scale));
                 colors
             }
@@ -241,6 +246,7 @@ impl Layer {
             body: Body::Points {
                 points: (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect(),
                 colors,
+                lift,
             },
             curves: Vec::new(),
         }
@@ -466,6 +472,11 @@ impl Layer {
         }
     }
 }
+
+/// Points are lifted by this many ends of the scale of their deviations, but by no more than this
+/// share of their size.
+const LIFT: f64 = 1.5;
+const MOST_LIFT: f64 = 0.05;
 
 /// Dashes along the diagonal of a map.
 const DASHES: f64 = 90.0;

@@ -151,21 +151,27 @@ impl Mark {
 
 /// Adds the marks of a layer.
 fn of_layer(layer: &Layer, scene: &Scene, sight: &Sight, nearer: f64, marks: &mut Vec<Mark>) {
-    let seen = |p: Point3| -> Option<([f64; 2], f64)> {
+    let seen = |p: Point3, lift: f64| -> Option<([f64; 2], f64)> {
         let is_left = scene.section.is_none_or(|s| s.keeps(p));
         let at = sight.project(p).filter(|_| is_left)?;
         let depth = sight.depth(p);
-        let depth = if sight.camera.orthographic {
-            depth - nearer
+        let own = if sight.camera.orthographic {
+            nearer
         } else {
-            depth * (1.0 - NEARER)
+            depth * NEARER
         };
-        at.iter().all(|v| v.abs() < 1e9).then_some((at, depth))
+        let is_near = at.iter().all(|v| v.abs() < 1e9);
+        is_near.then_some((at, depth - own.max(lift)))
     };
-    if let Body::Points { points, colors } = &layer.body {
+    if let Body::Points {
+        points,
+        colors,
+        lift,
+    } = &layer.body
+    {
         let radius = radius(points.len());
         for (i, p) in points.iter().enumerate() {
-            if let Some((at, depth)) = seen(*p) {
+            if let Some((at, depth)) = seen(*p, *lift) {
                 let color = colors[i.min(colors.len() - 1)];
                 marks.push(Mark {
                     ends: [at; 2],
@@ -178,7 +184,7 @@ fn of_layer(layer: &Layer, scene: &Scene, sight: &Sight, nearer: f64, marks: &mu
     }
     for curve in &layer.curves {
         for pair in curve.points.windows(2) {
-            if let (Some(a), Some(b)) = (seen(pair[0]), seen(pair[1])) {
+            if let (Some(a), Some(b)) = (seen(pair[0], 0.0), seen(pair[1], 0.0)) {
                 marks.push(Mark {
                     ends: [a.0, b.0],
                     depths: [a.1, b.1],

@@ -253,7 +253,12 @@ impl Sheet<'_> {
     /// Points that are seen, as dots, one path for each colour.
     fn points(&mut self, tracer: &Tracer<'_>) {
         for layer in &self.scene.layers {
-            let Body::Points { points, colors } = &layer.body else {
+            let Body::Points {
+                points,
+                colors,
+                lift,
+            } = &layer.body
+            else {
                 continue;
             };
             let scale = match &layer.key {
@@ -262,7 +267,9 @@ impl Sheet<'_> {
             };
             let seen: Vec<Option<[f64; 2]>> = points
                 .par_iter()
-                .map_init(Scratch::default, |scratch, p| visible(tracer, *p, scratch))
+                .map_init(Scratch::default, |scratch, p| {
+                    visible(tracer, *p, *lift, scratch)
+                })
                 .collect();
             let mut by_color: BTreeMap<Color, String> = BTreeMap::new();
             for (i, at) in seen.into_iter().enumerate() {
@@ -416,13 +423,13 @@ fn nearest_step(scale: &Scale, color: Color) -> Color {
     steps.min_by_key(|c| away(*c)).unwrap_or(color)
 }
 
-/// Where a place is in the picture, if it is seen there.
-fn visible(tracer: &Tracer<'_>, p: Point3, scratch: &mut Scratch) -> Option<[f64; 2]> {
+/// Where a place is in the picture, if it is seen there, or within a surface by no more than `lift`.
+fn visible(tracer: &Tracer<'_>, p: Point3, lift: f64, scratch: &mut Scratch) -> Option<[f64; 2]> {
     let is_left = tracer.scene.section.is_none_or(|s| s.keeps(p));
     let at = tracer.sight.project(p).filter(|_| is_left)?;
     let depth = tracer.sight.depth(p);
     let seen = tracer.seen(at, scratch);
-    let is_free = seen.is_none_or(|s| s.depth > depth - ON * s.pixel);
+    let is_free = seen.is_none_or(|s| s.depth > depth - lift.max(ON * s.pixel));
     is_free.then_some(at)
 }
 
@@ -444,7 +451,7 @@ pub(crate) fn runs(tracer: &Tracer<'_>, points: &[Point3], is_seen: bool) -> Vec
                 runs.push(std::mem::take(&mut run));
                 continue;
             };
-            if visible(tracer, p, &mut scratch).is_some() == is_seen {
+            if visible(tracer, p, 0.0, &mut scratch).is_some() == is_seen {
                 run.push(at);
             } else {
                 runs.push(std::mem::take(&mut run));

@@ -151,10 +151,10 @@ impl Cameras {
 
 /// A camera that shows nothing.
 fn refused(error: CameraError) -> Failure {
-    Failure::usage(error.to_string()).hint(
-        "--camera with six numbers, x,y,z of the eye and of another place that it looks at; \
-         --view without it",
-    )
+    Failure::usage(error.to_string()).hint(match error {
+        CameraError::Fov(_) => "--fov 35",
+        _ => "--camera with x,y,z of the eye and of another place that it looks at, or --view",
+    })
 }
 
 /// A camera in reports: as the page tells its own.
