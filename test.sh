@@ -118,8 +118,8 @@ acceptance() {
   if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
 }
 
-# Pages in a real browser, with python packages of their own. Pictures without a browser and the
-# server are still to come.
+# Pages in a real browser and pictures without one, with python packages of their own. The server is
+# still to come.
 pages() {
   local hash
   hash=$(sha256sum "$checks/requirements-view.txt" | cut -c1-16)
@@ -134,7 +134,7 @@ pages() {
   elif ! command -v chromium >/dev/null; then
     missing chromium
   else
-    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size --examples examples
+    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size,render --examples examples
   fi
 }
 

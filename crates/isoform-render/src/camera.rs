@@ -72,7 +72,7 @@ impl View {
     ];
 
     /// From the target to the eye. Top and bottom lean a little, so that z decides what is up.
-    fn from_target(self) -> Point3 {
+    fn direction(self) -> Point3 {
         match self {
             Self::Iso => [1.0, -1.3, 0.9],
             Self::Front => [0.0, -1.0, 0.0],
@@ -96,7 +96,7 @@ impl Camera {
     /// assert_eq!((camera.target, camera.height), ([0.0; 3], 2.12));
     /// ```
     pub fn fitted(bounds: &Aabb, view: View, aspect: f64, fov: f64, orthographic: bool) -> Self {
-        let from = unit(view.from_target());
+        let from = unit(view.direction());
         let target = bounds.center();
         let diagonal = bounds.diagonal();
         let size = if diagonal > 0.0 { diagonal } else { 1.0 };

@@ -493,7 +493,8 @@ fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
                 let share = k as f64 / count;
                 std::array::from_fn(|i| pair[0][i] + share * (pair[1][i] - pair[0][i]))
             };
-            let is_drawn = ((done + k as f64 / count * length) / dash) as u64 % 2 == 0;
+            let number = ((done + k as f64 / count * length) / dash) as u64;
+            let is_drawn = number.is_multiple_of(2);
             if is_drawn {
                 if run.is_empty() {
                     run.push(at(k));
