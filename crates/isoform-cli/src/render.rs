@@ -26,11 +26,12 @@ Examples:
   isoform render scan.ply part.hf --color-by deviation --views iso,front,top,right -o sheet.png
   isoform render torus.json --box 4 --camera 9,-7,5,0,0,0 --size 1600x1200 -o torus.png
 
-Files are the same layers as those of isoform view. A model's own function is drawn, patches and maps are drawn
-themselves; the same files give the same bytes, for any number of threads. More: docs/render.md.
+Files are the same layers as those of isoform view. A model's own function is drawn, and patches
+and maps themselves. The same files give the same bytes, for any number of threads. More:
+docs/render.md.
 
-Exit code: 0; 1 for wrong usage; 2 for unreadable input; 3 where a program without intervals is drawn by its mesh;
-4 where there is nothing to be seen.")]
+Exit code: 0; 1 for wrong usage; 2 for unreadable input; 3 where a program without intervals is
+drawn by its mesh; 4 where there is nothing to be seen.")]
 pub(crate) struct Args {
     /// The files (- for stdin, points alone)
     #[arg(required = true, value_name = "FILE")]
@@ -68,7 +69,7 @@ pub(crate) struct Args {
 /// What a picture can show.
 const SHOWER: Shower = Shower {
     can_draw: |_| true,
-    why_mesh: "no intervals are known of this program: its mesh is drawn, which may miss thin parts",
+    why_mesh: "no intervals are known of this program: its mesh is drawn, and may miss thin parts",
 };
 
 /// Reads a plane.
@@ -408,7 +409,10 @@ fn document(args: &Args, scene: &Scene, panes: &[Pane], said: &[Said], bytes: us
         "layers": layers,
     });
     if panes.len() > 1 {
-        let view = |p: &Pane| json!({"name": p.name, "at": p.at, "size": p.size, "camera": report(&p.camera)});
+        let view = |p: &Pane| {
+            let camera = report(&p.camera);
+            json!({"name": p.name, "at": p.at, "size": p.size, "camera": camera})
+        };
         document["views"] = panes.iter().map(view).collect();
     }
     document

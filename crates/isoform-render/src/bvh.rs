@@ -176,7 +176,7 @@ impl Bvh {
         if self.nodes.is_empty() {
             return;
         }
-        // Along parallel rays places may be far from the surface: it is met from a place at its box.
+        // Parallel rays may begin far from the surface: they are taken from a place at its box.
         let inverse = ray.d.map(inverse);
         let [near, far] = through(&self.nodes[0].bounds, ray.o, inverse);
         if near > far {

@@ -29,7 +29,8 @@ const DEEPEST: usize = 7;
 const SHALLOWEST: usize = 3;
 /// Cells at most: more cost more time than they save.
 const MOST_CELLS: usize = 400_000;
-/// Stretches of a ray that are looked at within a cell, at most. What is beyond is decided by signs.
+/// Stretches of a ray that are looked at within a cell, at most: what is beyond is decided by the
+/// signs at its ends.
 const MOST_STRETCHES: usize = 4096;
 /// Cells along the diagonal in which feature curves are looked for.
 const FEATURES: f64 = 60.0;

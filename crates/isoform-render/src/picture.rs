@@ -1,8 +1,8 @@
 //! Pictures: samples of the scene, more of them where something changes, and thin dark lines at
 //! edges and outlines.
 //!
-//! Each pixel has one sample in its middle. Where it differs from a neighbour's (by the surface, its
-//! direction or its colour), the pixel has a grid of 4 × 4. The pattern is fixed and each pixel is
+//! Each pixel has one sample in its middle. Where it differs from a neighbour's (by the surface,
+//! its direction or its colour), the pixel has a grid of 4 × 4. The pattern is fixed and each pixel is
 //! computed by itself, so that pictures do not depend on the number of threads, and pixels within
 //! one flat colour have exactly that.
 

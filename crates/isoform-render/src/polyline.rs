@@ -1,5 +1,5 @@
-//! Lines on paper: segments joined to chains, corners put back where a grid has cut them, and points
-//! left out that a line does not need.
+//! Lines on paper: segments joined to chains, corners put back where a grid has cut them, and
+//! points left out that a line does not need.
 
 use std::collections::BTreeMap;
 
@@ -134,8 +134,8 @@ fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
     (t >= 1.0 && s >= 1.0).then(|| [a[0] + t * u[0], a[1] + t * u[1]])
 }
 
-/// Points that a line needs (Douglas and Peucker 1973), without recursion: those left out lie within
-/// the tolerance of the line.
+/// Points that a line needs (Douglas and Peucker 1973), without recursion: those left out lie
+/// within the tolerance of the line.
 ///
 /// ```
 /// use isoform_render::polyline::simplified;

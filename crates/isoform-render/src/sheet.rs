@@ -45,7 +45,8 @@ impl Default for Look {
 /// let panes = panes(&cube, &views, [900, 600], Look::default());
 /// assert_eq!(panes[2].at, [0, 300]);
 /// assert_eq!(panes[2].size, [450, 300]);
-/// assert!(panes.iter().all(|p| p.camera.orthographic && p.camera.height == panes[0].camera.height));
+/// let height = panes[0].camera.height;
+/// assert!(panes.iter().all(|p| p.camera.orthographic && p.camera.height == height));
 /// ```
 pub fn panes(bounds: &Aabb, views: &[(&str, View)], size: [u32; 2], look: Look) -> Vec<Pane> {
     let columns = (1..).find(|c| c * c >= views.len()).unwrap_or(1) as u32;

@@ -423,7 +423,8 @@ fn nearest_step(scale: &Scale, color: Color) -> Color {
     steps.min_by_key(|c| away(*c)).unwrap_or(color)
 }
 
-/// Where a place is in the picture, if it is seen there, or within a surface by no more than `lift`.
+/// Where a place is in the picture, if it is seen there, or is within a surface by no more than
+/// `lift`.
 fn visible(tracer: &Tracer<'_>, p: Point3, lift: f64, scratch: &mut Scratch) -> Option<[f64; 2]> {
     let is_left = tracer.scene.section.is_none_or(|s| s.keeps(p));
     let at = tracer.sight.project(p).filter(|_| is_left)?;
