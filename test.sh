@@ -121,8 +121,7 @@ acceptance() {
   if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
 }
 
-# Pages in a real browser, with python packages of their own. Pictures without a browser are still
-# to come.
+# Pages in a real browser and pictures without one, with python packages of their own.
 pages() {
   local hash
   hash=$(sha256sum "$checks/requirements-view.txt" | cut -c1-16)
@@ -139,7 +138,7 @@ pages() {
   else
     browser() { (cd web && ISOFORM=$binary CHROMIUM=$(command -v chromium) npm run --silent browser); }
     if [ -d web/node_modules ]; then check "pages in a browser" browser; else missing npm; fi
-    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size,serve --examples examples
+    script accept_view "pages" --only pages,picks,acts,domain,report,input,access,hostile,size,serve,render --examples examples
   fi
 }
 

@@ -12,6 +12,7 @@ mod implicitize;
 mod inputs;
 mod inspect;
 mod interrupt;
+mod layers;
 mod mesh;
 mod model;
 mod output;
@@ -19,6 +20,7 @@ mod parameterize;
 mod progress;
 mod recognize;
 mod recover;
+mod render;
 mod report;
 mod scan;
 mod serve;
@@ -60,6 +62,7 @@ enum Verb {
     Convert(convert::Args),
     Compare(Box<compare::Args>),
     View(view::Args),
+    Render(Box<render::Args>),
     /// Prints the completion script of a shell
     Completions {
         /// The shell
@@ -82,6 +85,7 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         Verb::Convert(args) => convert::run(&args, context),
         Verb::Compare(args) => compare::run(&args, context),
         Verb::View(args) => view::run(&args, context),
+        Verb::Render(args) => render::run(&args, context),
         Verb::Eval(args) => eval::run(&args, context),
         Verb::Completions { shell } => {
             let script = completions::script(shell, &mut Cli::command());

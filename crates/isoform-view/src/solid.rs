@@ -25,7 +25,7 @@ fn surface(surface: &Surface) -> Value {
         Surface::Sphere(axes, radius) => with("sphere", axes, &[*radius]),
         Surface::Torus(axes, major, minor) => with("torus", axes, &[*major, *minor]),
         Surface::Ellipsoid(ball) => with("ellipsoid", &ball.axes, &ball.half),
-        Surface::Graph(_) => Value::Null,
+        Surface::Revolved(_) | Surface::Graph(_) => Value::Null,
     }
 }
 

@@ -153,13 +153,14 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
-pub use live::{LiveModel, LiveParameter, Readings};
+pub use live::{LiveModel, LiveParameter, Readings, solid_of_polynomial};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };
 pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
-    certified_adaptation, certified_mesh, default_size, default_size_within, solid_of, surface_of,
+    certified_adaptation, certified_mesh, default_size, default_size_within, flat_triangles,
+    solid_of, surface_of,
 };
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,

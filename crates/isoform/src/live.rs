@@ -5,7 +5,7 @@ use crate::{COORDINATES, FrepTemplate, MeshModelError, ScanFit};
 use isoform_algebra::{ParseError, Poly};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
-use isoform_field::{Graph, Join, NodeId, Ops, Shape, Tape, parameter_values};
+use isoform_field::{Graph, Join, NodeId, Ops, Pieces, Shape, Tape, parameter_values};
 use isoform_fit::{Status, Template};
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_mesh::MeshError;
@@ -127,29 +127,9 @@ impl LiveModel {
     /// # Errors
     /// If the text is no polynomial.
     pub fn of_polynomial(text: &str, region: Aabb) -> Result<Option<Self>, ParseError> {
-        let exact = Poly::parse(text, &COORDINATES)?;
-        let terms = exact.to_f64();
-        if exact.is_constant() || terms.iter().any(|t| !t.1.is_finite()) {
+        let Some((mut graph, sum)) = polynomial_within(text, region)? else {
             return Ok(None);
-        }
-        let mut graph = Graph::new();
-        let x: [NodeId; 3] = std::array::from_fn(|i| graph.x(i));
-        let mut sum = graph.constant(0.0);
-        for (exponents, c) in terms {
-            let mut term = graph.constant(c);
-            for (x, e) in x.iter().zip(exponents) {
-                let power = graph.powi(x, i32::from(e));
-                term = graph.mul(&term, &power);
-            }
-            sum = graph.add(&sum, &term);
-        }
-        let is_inside = |i: usize| {
-            let corner: Point3 = std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
-            graph.eval(sum, &corner, &[]) >= 0.0
         };
-        if (0..8).filter(|i| is_inside(*i)).count() > 4 {
-            sum = graph.neg(&sum);
-        }
         let shape = Shape::new(&mut graph, sum);
         let mut roots = shape.pieces;
         roots.extend([shape.distance, shape.part]);
@@ -166,6 +146,27 @@ impl LiveModel {
             is_loose: false,
             origin: [0.0; 3],
         }))
+    }
+
+    /// The signed distances of points from the surface as the readings have them, positive inside,
+    /// for the values that the model has. Points are in the coordinates of the file.
+    ///
+    /// ```
+    /// use isoform::{Control, LiveModel, template};
+    /// let ball = template("sphere").expect("a template of the gallery").model();
+    /// let live = LiveModel::new(&ball, &[0.0, 0.0, 0.0, 2.0], None, &Control::default())?;
+    /// assert_eq!(live.expect("an expression").distances(&[[0.0, 0.0, 2.5]]), [-0.5]);
+    /// # Ok::<(), isoform::MeshModelError>(())
+    /// ```
+    pub fn distances(&self, points: &[Point3]) -> Vec<f64> {
+        let tape = &self.readings.tape;
+        let reading = tape.n_results() - 2;
+        let mut scratch = Vec::new();
+        let mut at = |p: &Point3| {
+            let place: Point3 = std::array::from_fn(|k| p[k] - self.origin[k]);
+            tape.eval_all(&place, &self.values, &mut scratch)[reading]
+        };
+        points.iter().map(&mut at).collect()
     }
 
     /// The model of a fit, in the place where its points are. None where the program is no
@@ -214,6 +215,52 @@ impl LiveModel {
             origin: found.cloud.origin,
         })
     }
+}
+
+/// What a polynomial in x, y and z bounds within a region, as [`LiveModel::of_polynomial`] takes it.
+/// None where F is constant.
+///
+/// ```
+/// use isoform::geom::{Aabb, Solid};
+/// let region = Aabb { lo: [-1.0; 3], hi: [1.0; 3] };
+/// let ball = isoform::solid_of_polynomial("x^2 + y^2 + z^2 - 1/4", region)?.expect("a surface");
+/// assert_eq!(ball.gradient(0, [0.5, 0.0, 0.0]), (0.0, [-1.0, 0.0, 0.0]));
+/// # Ok::<(), isoform::algebra::ParseError>(())
+/// ```
+///
+/// # Errors
+/// If the text is no polynomial.
+pub fn solid_of_polynomial(text: &str, region: Aabb) -> Result<Option<Pieces>, ParseError> {
+    let found = polynomial_within(text, region)?;
+    Ok(found.and_then(|(graph, root)| Pieces::new(&graph, root, &[]).ok()))
+}
+
+/// A polynomial as an expression that is positive inside: where fewer corners of the region are.
+fn polynomial_within(text: &str, region: Aabb) -> Result<Option<(Graph, NodeId)>, ParseError> {
+    let exact = Poly::parse(text, &COORDINATES)?;
+    let terms = exact.to_f64();
+    if exact.is_constant() || terms.iter().any(|t| !t.1.is_finite()) {
+        return Ok(None);
+    }
+    let mut graph = Graph::new();
+    let x: [NodeId; 3] = std::array::from_fn(|i| graph.x(i));
+    let mut sum = graph.constant(0.0);
+    for (exponents, c) in terms {
+        let mut term = graph.constant(c);
+        for (x, e) in x.iter().zip(exponents) {
+            let power = graph.powi(x, i32::from(e));
+            term = graph.mul(&term, &power);
+        }
+        sum = graph.add(&sum, &term);
+    }
+    let is_inside = |i: usize| {
+        let corner: Point3 = std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
+        graph.eval(sum, &corner, &[]) >= 0.0
+    };
+    if (0..8).filter(|i| is_inside(*i)).count() > 4 {
+        sum = graph.neg(&sum);
+    }
+    Ok(Some((graph, sum)))
 }
 
 /// The box of a solid, or the region that is asked for.

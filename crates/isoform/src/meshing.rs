@@ -75,20 +75,34 @@ pub(crate) fn usual_size(region: Aabb) -> f64 {
     two_digits(region.diagonal() / ELEMENTS)
 }
 
+/// The triangles of a mesh's surface between all of its nodes, and the part of each: faces with mid
+/// nodes are four triangles each.
+///
+/// ```
+/// use isoform::geom::Mesh;
+/// let mut mesh = Mesh::from_triangles(vec![[0.0; 3]; 6], vec![[0, 1, 2]]);
+/// mesh.triangle_mids = vec![[3, 4, 5]];
+/// let (triangles, _) = isoform::flat_triangles(&mesh);
+/// assert_eq!(triangles, [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]);
+/// ```
+pub fn flat_triangles(mesh: &Mesh) -> (Vec<[u32; 3]>, Vec<u32>) {
+    if mesh.triangle_mids.is_empty() {
+        return (mesh.triangles.clone(), mesh.triangle_parts.clone());
+    }
+    let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
+    for (t, &[ab, bc, ca]) in mesh.triangles.iter().zip(&mesh.triangle_mids) {
+        triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]]);
+    }
+    let parts = mesh.triangle_parts.iter().flat_map(|p| [*p; 4]).collect();
+    (triangles, parts)
+}
+
 /// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.
 ///
 /// # Panics
 /// If a triangle has a node that the mesh has not; meshes that were read or made have them all.
 pub fn surface_of(mesh: &Mesh) -> PointCloud {
-    let mut triangles: Vec<[u32; 3]> = Vec::with_capacity(mesh.triangles.len());
-    for (i, &t) in mesh.triangles.iter().enumerate() {
-        match mesh.triangle_mids.get(i) {
-            Some(&[ab, bc, ca]) => {
-                triangles.extend([[t[0], ab, ca], [ab, t[1], bc], [ca, bc, t[2]], [ab, bc, ca]])
-            }
-            None => triangles.push(t),
-        }
-    }
+    let (mut triangles, _) = flat_triangles(mesh);
     let mut number = vec![u32::MAX; mesh.points.len()];
     let mut points = Vec::new();
     for v in triangles.as_flattened_mut() {

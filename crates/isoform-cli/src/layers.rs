@@ -1,0 +1,398 @@
+//! Files as layers: what `view` and `render` show of them.
+
+use crate::eval::{self, Parameters};
+use crate::mesh::Settings;
+use crate::mesh::work::no_mesh;
+use crate::model::Language;
+use crate::output::{self, Context, Failure};
+use crate::triangulate::{self, HalfWidth, Subject};
+use crate::{gallery, scan, solids, spline};
+use isoform::field::hyperfun::Model;
+use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
+use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
+use isoform::mesh::Options;
+use isoform::tess::{Analysis, Map, Surface, TriangulateOptions};
+use isoform::{
+    ExactSolid, LiveModel, MeshModelOptions, PatchesError, Unseen, mesh_model, mesh_spline,
+    triangulate_map,
+};
+use serde_json::Value;
+use std::path::Path;
+
+/// How files are read, the same for every verb that shows them.
+#[derive(clap::Args)]
+pub(crate) struct Reading {
+    /// The values of the parameters a of the models, in their order; missing ones are as annotated,
+    /// else 0
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    params: Option<Parameters>,
+    /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
+    /// upper corner, for models without an end
+    #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
+    region: Option<Place>,
+    /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL and OFF
+    /// as meshes]
+    #[arg(long = "as", value_name = "KIND", value_enum)]
+    kind: Option<Kind>,
+    #[command(flatten)]
+    language: Language,
+}
+
+/// What a file with points and triangles is shown as.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    Points,
+    Mesh,
+}
+
+/// Where to look.
+#[derive(Clone, Debug)]
+enum Place {
+    /// A cube about the origin.
+    Around(HalfWidth),
+    /// A box.
+    Box(Aabb),
+}
+
+impl Place {
+    /// The box.
+    fn region(&self) -> Aabb {
+        match self {
+            Self::Around(half) => Aabb {
+                lo: [-half.near; 3],
+                hi: [half.near; 3],
+            },
+            Self::Box(region) => *region,
+        }
+    }
+}
+
+/// Reads half a width, or six numbers.
+fn place(text: &str) -> Result<Place, String> {
+    if text.contains(',') {
+        output::region(text).map(Place::Box)
+    } else {
+        triangulate::half_width(text).map(Place::Around)
+    }
+}
+
+/// What a file is.
+pub(crate) enum Layer {
+    Points(PointCloud),
+    Model(Box<LiveLayer>),
+    /// A model in the place of whose function its mesh is shown.
+    Meshed(Mesh),
+    Mesh(Mesh),
+    Solid(ExactSolid),
+    Patches(Vec<Patch>),
+    Map(Box<MapLayer>),
+}
+
+/// A model whose function is shown itself.
+pub(crate) struct LiveLayer {
+    pub(crate) live: LiveModel,
+    pub(crate) title: Option<String>,
+    pub(crate) source: Source,
+}
+
+/// What a model comes from.
+pub(crate) enum Source {
+    /// A program, with the values of its parameters.
+    Program(Box<Model>, Vec<f64>),
+    /// A polynomial in x, y and z.
+    Polynomial(String),
+}
+
+/// A patch of a file.
+pub(crate) struct Patch {
+    pub(crate) patch: RationalPatch,
+    pub(crate) name: String,
+    /// The largest distance from its surface that the file tells.
+    pub(crate) distance: Option<f64>,
+}
+
+/// A rational surface in a box about the origin.
+pub(crate) struct MapLayer {
+    pub(crate) map: Map,
+    pub(crate) surface: Surface,
+    pub(crate) analysis: Analysis,
+    pub(crate) half_width: f64,
+}
+
+impl Layer {
+    /// Its kind in a word, as reports have it.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Points(_) => "points",
+            Self::Model(_) | Self::Meshed(_) => "model",
+            Self::Mesh(_) => "mesh",
+            Self::Solid(_) => "solid",
+            Self::Patches(_) => "patches",
+            Self::Map(_) => "map",
+        }
+    }
+}
+
+/// Who shows the layers.
+pub(crate) struct Shower {
+    /// Whether it can show a model's function itself.
+    pub(crate) can_draw: fn(&LiveModel) -> bool,
+    /// Why the mesh of a model is shown instead.
+    pub(crate) why_mesh: &'static str,
+}
+
+/// The name of a file without its folder.
+pub(crate) fn base_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    name.to_string_lossy().into_owned()
+}
+
+/// A file being read.
+struct File<'a> {
+    path: &'a Path,
+    name: &'a str,
+    reading: &'a Reading,
+    shower: &'a Shower,
+    context: &'a Context,
+}
+
+/// Reads a file as a layer.
+pub(crate) fn read(
+    path: &Path,
+    reading: &Reading,
+    shower: &Shower,
+    context: &Context,
+) -> Result<Layer, Failure> {
+    let file = File {
+        path,
+        name: &base_name(path),
+        reading,
+        shower,
+        context,
+    };
+    file.read()
+}
+
+/// Whether it is the name of a template, and of no file.
+fn is_template(path: &Path) -> bool {
+    !path.exists() && isoform::template(&path.to_string_lossy()).is_some()
+}
+
+/// A surface of triangles, in a region where there is one.
+fn surface_options(region: Option<Aabb>) -> MeshModelOptions {
+    MeshModelOptions {
+        mesh: Options {
+            surface_only: true,
+            region,
+            ..Options::default()
+        },
+        ..MeshModelOptions::default()
+    }
+}
+
+impl File<'_> {
+    fn read(&self) -> Result<Layer, Failure> {
+        let path = self.path;
+        if path != Path::new("-")
+            && let Some(file) = solids::find(path)?
+        {
+            let solid = solids::divided(path, file, None, self.context)?;
+            return Ok(Layer::Solid(solid));
+        }
+        if spline::is_json(path) {
+            return self.document();
+        }
+        let is_program = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
+        if is_program || is_template(path) {
+            let model = gallery::template(path, &self.reading.language, self.context)?;
+            return self.program(&model);
+        }
+        if scan::is_mesh(path, None) {
+            return self.mesh();
+        }
+        self.points()
+    }
+
+    /// Points, or the mesh that they are the corners of.
+    fn points(&self) -> Result<Layer, Failure> {
+        let path = self.path;
+        let (cloud, report) =
+            scan::read_points(path, None, None, MeshPoints::Vertices, self.context)?;
+        let usual = if report.format == "ply" {
+            Kind::Points
+        } else {
+            Kind::Mesh
+        };
+        let kind = self.reading.kind.unwrap_or(usual);
+        let is_mesh = !cloud.triangles.is_empty() && kind == Kind::Mesh;
+        if is_mesh && path != Path::new("-") {
+            return self.mesh();
+        }
+        self.warn_all(&report.warnings);
+        if cloud.points.is_empty() {
+            let message = format!("{}: there are no points", path.display());
+            return Err(Failure::input("no-points", message)
+                .hint("isoform inspect shows what is in the file"));
+        }
+        Ok(Layer::Points(cloud))
+    }
+
+    fn warn_all(&self, warnings: &[impl std::fmt::Display]) {
+        for warning in warnings {
+            self.context
+                .warn(format_args!("{}: {warning}", self.path.display()));
+        }
+    }
+
+    fn mesh(&self) -> Result<Layer, Failure> {
+        let (mesh, report) = scan::read_mesh_file(self.path, None)?;
+        self.warn_all(&report.warnings);
+        if mesh.triangles.is_empty() {
+            let message = format!("{}: there are no triangles", self.path.display());
+            return Err(Failure::input("no-triangles", message)
+                .hint("isoform inspect shows what is in the file"));
+        }
+        Ok(Layer::Mesh(mesh))
+    }
+
+    fn region(&self) -> Option<Aabb> {
+        self.reading.region.as_ref().map(Place::region)
+    }
+
+    /// A model that moves; one that cannot be shown itself as its mesh.
+    fn program(&self, model: &Model) -> Result<Layer, Failure> {
+        let (name, region) = (self.name, self.region());
+        let values = eval::values(model, self.reading.params.as_ref().map_or(&[], |p| &p.0))?;
+        let control = self.context.control();
+        let settings = Settings {
+            region,
+            ..Settings::default()
+        };
+        let live = LiveModel::new(model, &values, region, &control);
+        let live = live.map_err(|e| no_mesh(&e, name, &settings))?;
+        if let Some(live) = live.filter(self.shower.can_draw) {
+            return Ok(Layer::Model(Box::new(LiveLayer {
+                live,
+                title: model.info().title.clone(),
+                source: Source::Program(Box::new(model.clone()), values),
+            })));
+        }
+        let options = surface_options(region);
+        let made = mesh_model(model, &values, &options, &control);
+        let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
+        self.context
+            .warn(format_args!("{name}: {}", self.shower.why_mesh));
+        Ok(Layer::Meshed(made.meshed.mesh))
+    }
+
+    /// What a document holds: patches, a function fitted to points, a polynomial, or a map.
+    fn document(&self) -> Result<Layer, Failure> {
+        let text = output::text(output::read_file(self.path)?);
+        let json: Value = serde_json::from_str(&text).unwrap_or_default();
+        if is_patch_file(&json) {
+            return self.patches(&json);
+        }
+        if spline::is_fitted(&json) {
+            return self.fitted(&json);
+        }
+        if let Some(formula) = json.get("F").and_then(Value::as_str) {
+            return self.polynomial(formula);
+        }
+        let Subject::Map(map) = triangulate::read(self.path, false)? else {
+            return self.patches(&json);
+        };
+        self.map(*map)
+    }
+
+    /// The surface of a polynomial.
+    fn polynomial(&self, formula: &str) -> Result<Layer, Failure> {
+        let path = self.path.display();
+        let Some(region) = self.region() else {
+            return Err(Failure::usage(format!("{path}: --box is needed"))
+                .why("the surface of a polynomial may have no end")
+                .hint("--box B, half the width of a box around the origin"));
+        };
+        let wrong = |what: String| Failure::input("polynomial", format!("{path}: {what}"));
+        let live = LiveModel::of_polynomial(formula, region)
+            .map_err(|e| wrong(format!("F, column {}: {e}", e.column)))?
+            .filter(self.shower.can_draw)
+            .ok_or_else(|| wrong("F is constant, or too long to be drawn".to_owned()))?;
+        Ok(Layer::Model(Box::new(LiveLayer {
+            live,
+            title: None,
+            source: Source::Polynomial(formula.to_owned()),
+        })))
+    }
+
+    /// Patches, with the distances that their file tells.
+    fn patches(&self, json: &Value) -> Result<Layer, Failure> {
+        let wrong = |e: &dyn std::fmt::Display| {
+            Failure::input("not_patches", format!("{}: {e}", self.path.display()))
+                .hint("see Patches in docs/rational.md")
+        };
+        let found = read_patches(json).map_err(|e| wrong(&e))?;
+        let told = |k: usize| json["patches"][k]["max_distance"].as_f64();
+        let shown = |(k, p): (usize, &FilePatch)| -> Result<Patch, Failure> {
+            Ok(Patch {
+                patch: p.patch().map_err(|e| wrong(&e))?,
+                name: p.name.clone(),
+                distance: told(k),
+            })
+        };
+        let list = found
+            .iter()
+            .enumerate()
+            .map(shown)
+            .collect::<Result<_, _>>()?;
+        Ok(Layer::Patches(list))
+    }
+
+    /// The surface of a function that was fitted to points.
+    fn fitted(&self, json: &Value) -> Result<Layer, Failure> {
+        let function = spline::of_document(self.path, json)?;
+        let made = mesh_spline(
+            &function,
+            Unseen::Cut,
+            &surface_options(None),
+            &self.context.control(),
+        );
+        let made = made.map_err(|e| no_mesh(&e, self.name, &Settings::default()))?;
+        Ok(Layer::Mesh(made.meshed.mesh))
+    }
+
+    /// A rational surface.
+    fn map(&self, map: Map) -> Result<Layer, Failure> {
+        let (name, context) = (self.name, self.context);
+        let Some(Place::Around(half)) = &self.reading.region else {
+            return Err(
+                Failure::usage(format!("{}: --box is needed", self.path.display()))
+                    .why("the parameters are the whole plane")
+                    .hint("--box B, half the width of a box around the origin"),
+            );
+        };
+        let mut options = TriangulateOptions::around(half.exact.clone());
+        if let Some(limit) = context.global.time_limit {
+            options.budget.seconds = triangulate::EXACT_SHARE * limit.as_secs_f64();
+        }
+        let made = triangulate_map(&map, &options, &context.control());
+        let (surface, analysis) = made.map_err(|e| match PatchesError::from(e) {
+            PatchesError::Stopped => triangulate::nothing(name, None, context),
+            e => Failure::usage(format!("{}: {e}", self.path.display())),
+        })?;
+        if surface.triangles.is_empty() {
+            let nothing = triangulate::nothing(name, Some((&surface, &options)), context);
+            return Err(nothing);
+        }
+        for finding in &surface.findings {
+            context.note(format_args!("{name}: {finding}"));
+        }
+        Ok(Layer::Map(Box::new(MapLayer {
+            map,
+            surface,
+            analysis,
+            half_width: half.near,
+        })))
+    }
+}

@@ -1,0 +1,649 @@
+//! What is shown: models, points, meshes, patches, maps and solids, each a layer with its colours.
+
+use crate::color::{Color, Scale, part_color};
+use crate::exact::{Exact, Forms};
+use crate::model::Model;
+use crate::section::Section;
+use crate::shade;
+use crate::surface::{Lid, Paint, Surface, cut_of, is_closed, quality};
+use isoform::geom::{Aabb, Mesh, Point3, PointCloud, RationalPatch, Solid, distance_squared};
+use isoform::tess::{Map, Surface as MapSurface};
+use isoform::{Control, Stopped, flat_triangles};
+use std::collections::HashSet;
+use std::fmt;
+
+/// What a layer is coloured by.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ColorBy {
+    /// One colour for all.
+    None,
+    /// A colour for each part, face, patch or unit triangle of parameters.
+    Part,
+    /// Deviations, positive outside.
+    Deviation,
+    /// The quality of triangles, or of tetrahedra.
+    Quality,
+    /// The parameter u.
+    U,
+    /// The parameter v.
+    V,
+    /// The largest distance of a patch from its surface that its file tells.
+    Bound,
+    /// The colours of the file.
+    File,
+}
+
+impl ColorBy {
+    /// All of them, with their names.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("none", Self::None),
+        ("part", Self::Part),
+        ("deviation", Self::Deviation),
+        ("quality", Self::Quality),
+        ("u", Self::U),
+        ("v", Self::V),
+        ("bound", Self::Bound),
+        ("file", Self::File),
+    ];
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        let found = Self::ALL.iter().find(|(_, by)| *by == self);
+        found.map_or("none", |(name, _)| name)
+    }
+}
+
+impl fmt::Display for ColorBy {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+/// What the colours of a layer mean.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Key {
+    /// A scale of values.
+    Scale(Scale),
+    /// Names with their colours.
+    Parts(Vec<(String, Color)>),
+}
+
+/// A curve of a layer, drawn on it.
+#[derive(Clone, Debug)]
+pub(crate) struct Polyline {
+    pub(crate) points: Vec<Point3>,
+    pub(crate) color: Color,
+}
+
+/// What is drawn of a layer.
+#[derive(Debug)]
+pub(crate) enum Body {
+    Model {
+        model: Box<Model>,
+        /// The colours of its pieces, where parts have any.
+        colors: Option<Vec<Color>>,
+    },
+    Surface(Box<Surface>),
+    Points {
+        points: Vec<Point3>,
+        /// One for each, or one for all.
+        colors: Vec<Color>,
+        /// How far they may be within a surface beside them and still be seen: what lies inside of
+        /// a model by its deviation is not hidden by it.
+        lift: f64,
+    },
+}
+
+/// A layer of a scene.
+#[derive(Debug)]
+pub struct Layer {
+    /// The name of what it shows.
+    pub name: String,
+    /// What kind of thing that is, in a word.
+    pub kind: &'static str,
+    /// What it is coloured by.
+    pub color_by: ColorBy,
+    /// What it could be coloured by.
+    pub modes: Vec<ColorBy>,
+    /// What its colours mean, where they mean anything.
+    pub key: Option<Key>,
+    pub(crate) body: Body,
+    pub(crate) curves: Vec<Polyline>,
+}
+
+/// A patch and what is known of it.
+#[derive(Clone, Debug)]
+pub struct Patch {
+    /// The patch.
+    pub patch: RationalPatch,
+    /// Its name.
+    pub name: String,
+    /// The largest distance from the surface that it stands for, where it is known.
+    pub distance: Option<f64>,
+}
+
+/// A model to be shown.
+pub struct ShownModel<'a> {
+    /// Its function.
+    pub solid: Box<dyn Solid>,
+    /// The box of its surface, or what of it is to be seen.
+    pub bounds: Aabb,
+    /// Whether the box cuts the solid off.
+    pub is_cut: bool,
+    /// The names of its parts in the order of their colours; those of pieces that are missing
+    /// follow.
+    pub names: &'a [String],
+}
+
+impl fmt::Debug for ShownModel<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("ShownModel")
+            .field("bounds", &self.bounds)
+            .field("is_cut", &self.is_cut)
+            .finish_non_exhaustive()
+    }
+}
+
+/// The first of the modes that is asked for, else the usual one.
+fn chosen(asked: Option<ColorBy>, modes: &[ColorBy], usual: ColorBy) -> ColorBy {
+    asked.filter(|by| modes.contains(by)).unwrap_or(usual)
+}
+
+impl Layer {
+    /// A model: its function itself is drawn.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub fn model(
+        name: &str,
+        shown: ShownModel<'_>,
+        asked: Option<ColorBy>,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let modes = vec![ColorBy::None, ColorBy::Part];
+        let color_by = chosen(asked, &modes, ColorBy::None);
+        let model = Model::new(shown.solid, shown.bounds, shown.is_cut, control)?;
+        let mut seen = HashSet::new();
+        let all = shown.names.iter().chain(model.names());
+        let names: Vec<&String> = all.filter(|n| seen.insert(n.as_str())).collect();
+        let number = |name: &String| names.iter().position(|n| *n == name).unwrap_or(0);
+        let is_parts = color_by == ColorBy::Part;
+        let colors = is_parts.then(|| {
+            let pieces = model.names().iter();
+            pieces.map(|n| part_color(number(n))).collect()
+        });
+        let key = is_parts.then(|| parts_key(names.iter().map(|n| (*n).clone())));
+        Ok(Self {
+            name: name.to_owned(),
+            kind: "model",
+            color_by,
+            modes,
+            key,
+            body: Body::Model {
+                model: Box::new(model),
+                colors,
+            },
+            curves: Vec::new(),
+        })
+    }
+
+    /// Points, with their deviations where there are any: those given, else those of the column
+    /// `deviation`. A column `outlier` above 0 leaves a point out of all figures.
+    pub fn points(
+        name: &str,
+        cloud: &PointCloud,
+        deviation: Option<&[f64]>,
+        asked: Option<ColorBy>,
+    ) -> Self {
+        let column = |name: &str| {
+            let found = cloud.columns.iter().find(|c| c.name == name);
+            found.map(|c| c.values.as_slice())
+        };
+        let deviation = deviation.or(column("deviation"));
+        let has_colors = !cloud.colors.is_empty() && cloud.colors.len() == cloud.points.len();
+        let mut modes = vec![ColorBy::None];
+        modes.extend(deviation.map(|_| ColorBy::Deviation));
+        modes.extend(has_colors.then_some(ColorBy::File));
+        let usual = if has_colors {
+            ColorBy::File
+        } else {
+            ColorBy::None
+        };
+        let color_by = chosen(asked, &modes, usual);
+        let (mut key, mut lift) = (None, 0.0);
+        let colors = match (color_by, deviation) {
+            (ColorBy::Deviation, Some(values)) => {
+                let outlier = column("outlier").unwrap_or_default();
+                let is_out = |i: usize| outlier.get(i).is_some_and(|v| *v > 0.0);
+                let all = values.iter().enumerate();
+                let counted: Vec<f64> = all.filter(|(i, _)| !is_out(*i)).map(|v| *v.1).collect();
+                let scale = Scale {
+                    outliers: values.len() - counted.len(),
+                    ..Scale::of_deviations(&counted, None)
+                };
+                let color = |(i, v): (usize, &f64)| {
+                    if is_out(i) {
+                        shade::OUTLIER
+                    } else {
+                        scale.color(*v)
+                    }
+                };
+                let colors = values.iter().enumerate().map(color).collect();
+                let most = MOST_LIFT * cloud.bounds().diagonal();
+                lift = (LIFT * scale.upper).min(most);
+                key = Some(Key::Scale(scale));
+                colors
+            }
+            (ColorBy::File, _) => cloud.colors.clone(),
+            _ => vec![shade::POINT],
+        };
+        Self {
+            name: name.to_owned(),
+            kind: "points",
+            color_by,
+            modes,
+            key,
+            body: Body::Points {
+                points: (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect(),
+                colors,
+                lift,
+            },
+            curves: Vec::new(),
+        }
+    }
+
+    /// A mesh: its triangles with their edges, and its feature curves. With tetrahedra, a section
+    /// shows the cut through them.
+    pub fn mesh(
+        name: &str,
+        mesh: &Mesh,
+        asked: Option<ColorBy>,
+        section: Option<&Section>,
+    ) -> Self {
+        Self::triangles(name, "mesh", mesh, asked, section)
+    }
+
+    /// A solid of exact faces by its triangles: its faces are smooth, and no triangle is seen.
+    pub fn solid(
+        name: &str,
+        mesh: &Mesh,
+        asked: Option<ColorBy>,
+        section: Option<&Section>,
+    ) -> Self {
+        let mut layer = Self::triangles(name, "solid", mesh, asked, section);
+        if let Body::Surface(surface) = layer.body {
+            let mut surface = surface.smoothed();
+            surface.has_edges = false;
+            layer.body = Body::Surface(Box::new(surface));
+        }
+        layer
+    }
+
+    /// The mesh of a model whose function is not drawn itself.
+    pub fn meshed_model(
+        name: &str,
+        mesh: &Mesh,
+        asked: Option<ColorBy>,
+        section: Option<&Section>,
+    ) -> Self {
+        Self {
+            kind: "model",
+            ..Self::solid(name, mesh, asked.or(Some(ColorBy::None)), section)
+        }
+    }
+
+    fn triangles(
+        name: &str,
+        kind: &'static str,
+        mesh: &Mesh,
+        asked: Option<ColorBy>,
+        section: Option<&Section>,
+    ) -> Self {
+        let (triangles, parts) = flat_triangles(mesh);
+        let has_parts = parts.len() == triangles.len() && !mesh.parts.is_empty();
+        let (modes, columns) = modes_of(mesh, has_parts);
+        let usual = if kind == "solid" && has_parts {
+            ColorBy::Part
+        } else {
+            ColorBy::None
+        };
+        let color_by = chosen(asked, &modes, usual);
+        let values = columns.iter().find(|(by, _)| *by == color_by).map(|c| c.1);
+        let each = |values: &[f64]| {
+            triangles
+                .iter()
+                .map(|t| t.map(|i| values[i as usize]))
+                .collect()
+        };
+        let paint = match (color_by, values) {
+            (ColorBy::Part, _) => Paint::Parts((0..mesh.parts.len()).map(part_color).collect()),
+            (ColorBy::Quality, _) => {
+                let corner = |i: u32| mesh.points[i as usize];
+                let all = triangles
+                    .iter()
+                    .map(|t| [quality(t.map(corner)); 3])
+                    .collect();
+                let title = "quality of triangles";
+                Paint::Values(all, Scale::sequential(title, 1.0, triangles.len()))
+            }
+            (ColorBy::Deviation, Some(values)) => {
+                Paint::Values(each(values), Scale::of_deviations(values, None))
+            }
+            (by, Some(values)) => {
+                let scale = Scale::sequential(by.name(), 1.0, values.len());
+                Paint::Values(each(values), scale)
+            }
+            _ => Paint::Plain(shade::MESH),
+        };
+        let key = match &paint {
+            Paint::Values(_, scale) => Some(Key::Scale(scale.clone())),
+            Paint::Parts(_) => Some(parts_key(mesh.parts.iter().cloned())),
+            _ => None,
+        };
+        let mut surface = Surface::new(mesh.points.clone(), triangles, paint);
+        surface.lid = lid_of(&surface, mesh, section);
+        surface.parts = if has_parts { parts } else { Vec::new() };
+        surface.has_edges = true;
+        let points = |edge: &[u32; 2]| edge.map(|i| mesh.points[i as usize]).to_vec();
+        let edges = mesh.edges.iter();
+        let curves = edges.map(|e| Polyline {
+            points: points(e),
+            color: shade::LINE,
+        });
+        Self {
+            name: name.to_owned(),
+            kind,
+            color_by,
+            modes,
+            key,
+            body: Body::Surface(Box::new(surface)),
+            curves: curves.collect(),
+        }
+    }
+
+    /// Rational patches: their triangles show where rays meet them, and places and normals are
+    /// those of the patches themselves.
+    pub fn patches(name: &str, patches: &[Patch], asked: Option<ColorBy>) -> Self {
+        let mut modes = vec![ColorBy::None, ColorBy::Part, ColorBy::U, ColorBy::V];
+        let bounds: Vec<Option<f64>> = patches.iter().map(|p| p.distance).collect();
+        if bounds.iter().any(Option::is_some) {
+            modes.push(ColorBy::Bound);
+        }
+        let color_by = chosen(asked, &modes, ColorBy::Part);
+        let grid = Grid::of(patches);
+        let colors = || (0..patches.len()).map(part_color).collect();
+        let by_uv = |k: usize| grid.corners.iter().map(|c| c.map(|uv| uv[k])).collect();
+        let count = patches.len();
+        let paint = match color_by {
+            ColorBy::Part => Paint::Chequered(colors()),
+            ColorBy::U => Paint::Values(by_uv(0), Scale::sequential("u", 1.0, count)),
+            ColorBy::V => Paint::Values(by_uv(1), Scale::sequential("v", 1.0, count)),
+            ColorBy::Bound => {
+                let most = bounds.iter().flatten().fold(0.0, |m: f64, v| m.max(*v));
+                let title = "largest distance from the surface";
+                let value = |p: &u32| [bounds[*p as usize].unwrap_or(f64::NAN); 3];
+                Paint::Values(
+                    grid.parts.iter().map(value).collect(),
+                    Scale::sequential(title, most, count),
+                )
+            }
+            _ => Paint::Plain(shade::MAP),
+        };
+        let key = match &paint {
+            Paint::Values(_, scale) => Some(Key::Scale(scale.clone())),
+            Paint::Chequered(_) => Some(parts_key(patches.iter().map(|p| p.name.clone()))),
+            _ => None,
+        };
+        let mut surface = Surface::new(grid.points, grid.triangles, paint);
+        surface.ranks = (grid.parts.clone(), APART * surface.bounds().diagonal());
+        surface.parts = grid.parts;
+        let all = patches.iter().map(|p| p.patch.clone()).collect();
+        surface.exact = Some((Exact::Patches(all), grid.corners));
+        Self {
+            name: name.to_owned(),
+            kind: "patches",
+            color_by,
+            modes,
+            key,
+            body: Body::Surface(Box::new(surface)),
+            curves: Vec::new(),
+        }
+    }
+
+    /// A rational surface: its triangles show where rays meet it, and places and normals are those
+    /// of the map itself. Double curves are drawn on it.
+    pub fn map(name: &str, map: &Map, drawn: &MapSurface, asked: Option<ColorBy>) -> Self {
+        let modes = vec![ColorBy::None, ColorBy::Part, ColorBy::U, ColorBy::V];
+        let color_by = chosen(asked, &modes, ColorBy::None);
+        let by_uv = |k: usize| drawn.corners.iter().map(|c| c.map(|uv| uv[k])).collect();
+        let scale = |name: &str| {
+            let title = format!("{name} of the unit triangles");
+            Scale::sequential(&title, 1.0, drawn.triangles.len())
+        };
+        let (paint, key) = match color_by {
+            ColorBy::Part => (
+                Paint::Parts(CHARTS.iter().map(|c| c.1).collect()),
+                Some(Key::Parts(CHARTS.map(|(n, c)| (n.to_owned(), c)).to_vec())),
+            ),
+            ColorBy::U => (
+                Paint::Values(by_uv(0), scale("u")),
+                Some(Key::Scale(scale("u"))),
+            ),
+            ColorBy::V => (
+                Paint::Values(by_uv(1), scale("v")),
+                Some(Key::Scale(scale("v"))),
+            ),
+            _ => (Paint::Plain(shade::MAP), None),
+        };
+        let mut surface = Surface::new(drawn.points.clone(), drawn.triangles.clone(), paint);
+        surface.parts = drawn.charts.iter().map(|c| u32::from(*c)).collect();
+        let forms = Forms::new(map, drawn);
+        surface.exact = Some((Exact::Map(forms), drawn.corners.clone()));
+        let arcs = drawn.double_curve.iter().map(|arc| arc.points.clone());
+        // Solitary arcs are dashed: no sheet of the surface passes through them.
+        let dash = surface.bounds().diagonal() / DASHES;
+        let solitary = drawn.solitary_arcs.iter().flat_map(|arc| dashes(arc, dash));
+        let curve = |points: Vec<Point3>| Polyline {
+            points,
+            color: shade::DOUBLE,
+        };
+        Self {
+            name: name.to_owned(),
+            kind: "map",
+            color_by,
+            modes,
+            key,
+            body: Body::Surface(Box::new(surface)),
+            curves: arcs.chain(solitary).map(curve).collect(),
+        }
+    }
+
+    /// Whether a function itself is drawn.
+    pub fn is_function(&self) -> bool {
+        matches!(self.body, Body::Model { .. })
+    }
+
+    /// The box of what is shown; empty where there is nothing.
+    pub fn bounds(&self) -> Aabb {
+        match &self.body {
+            Body::Model { model, .. } => model.bounds,
+            Body::Surface(surface) => surface.bounds(),
+            Body::Points { points, .. } => Aabb::of(points),
+        }
+    }
+}
+
+/// Points are lifted by this many ends of the scale of their deviations, but by no more than this
+/// share of their size.
+const LIFT: f64 = 1.5;
+const MOST_LIFT: f64 = 0.05;
+
+/// Dashes along the diagonal of a map.
+const DASHES: f64 = 90.0;
+
+/// Every second stretch of a curve, of this length.
+fn dashes(points: &[Point3], dash: f64) -> Vec<Vec<Point3>> {
+    let (mut runs, mut run) = (Vec::new(), Vec::new());
+    let mut done = 0.0;
+    for pair in points.windows(2) {
+        let length = distance_squared(pair[0], pair[1]).sqrt();
+        let count = (2.0 * length / dash).ceil().clamp(1.0, MOST_DASHES);
+        for k in 0..count as usize {
+            let at = |k: usize| -> Point3 {
+                let share = k as f64 / count;
+                std::array::from_fn(|i| pair[0][i] + share * (pair[1][i] - pair[0][i]))
+            };
+            let number = ((done + k as f64 / count * length) / dash) as u64;
+            let is_drawn = number.is_multiple_of(2);
+            if is_drawn {
+                if run.is_empty() {
+                    run.push(at(k));
+                }
+                run.push(at(k + 1));
+            } else if !run.is_empty() {
+                runs.push(std::mem::take(&mut run));
+            }
+        }
+        done += length;
+    }
+    runs.extend((!run.is_empty()).then_some(run));
+    runs
+}
+
+/// Pieces of one segment that is dashed, at most.
+const MOST_DASHES: f64 = 1e4;
+
+/// The names and colours of the unit triangles of a map.
+const CHARTS: [(&str, Color); 4] = [
+    ("s ≥ 0, t ≥ 0", [150, 190, 225]),
+    ("s ≤ 0, t ≥ 0", [238, 190, 130]),
+    ("s ≤ 0, t ≤ 0", [150, 200, 160]),
+    ("s ≥ 0, t ≤ 0", [205, 165, 205]),
+];
+
+/// Patches that overlap lie on one another up to this share of the whole: their triangles are no
+/// farther off.
+const APART: f64 = 1e-3;
+
+fn parts_key(names: impl Iterator<Item = String>) -> Key {
+    Key::Parts(names.enumerate().map(|(i, n)| (n, part_color(i))).collect())
+}
+
+/// What a mesh can be coloured by, with the columns for that.
+fn modes_of(mesh: &Mesh, has_parts: bool) -> (Vec<ColorBy>, Vec<(ColorBy, &[f64])>) {
+    let mut modes = vec![ColorBy::None];
+    modes.extend(has_parts.then_some(ColorBy::Part));
+    modes.push(ColorBy::Quality);
+    let mut columns: Vec<(ColorBy, &[f64])> = Vec::new();
+    for column in &mesh.columns {
+        let by = match column.name.as_str() {
+            "deviation" | "distance" => ColorBy::Deviation,
+            "u" => ColorBy::U,
+            "v" => ColorBy::V,
+            _ => continue,
+        };
+        if column.values.len() == mesh.points.len() {
+            modes.push(by);
+            columns.push((by, &column.values));
+        }
+    }
+    (modes, columns)
+}
+
+/// What fills the solid that a mesh bounds where a section cuts it.
+fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
+    match section {
+        Some(section) if !mesh.tets.is_empty() => {
+            let cut = cut_of(&mesh.points, &mesh.tets, section, shade::CAP);
+            Lid::Cut(Box::new(cut))
+        }
+        Some(_) if is_closed(&surface.triangles) => Lid::Own,
+        _ => Lid::Open,
+    }
+}
+
+/// The triangles of patches.
+#[derive(Default)]
+struct Grid {
+    points: Vec<Point3>,
+    triangles: Vec<[u32; 3]>,
+    parts: Vec<u32>,
+    corners: Vec<[[f64; 2]; 3]>,
+}
+
+impl Grid {
+    /// Two triangles for each square of each patch. Squares with a corner at infinity are left out.
+    fn of(patches: &[Patch]) -> Self {
+        let squares = match patches.len() {
+            0..=80 => 32,
+            81..=400 => 16,
+            _ => 8,
+        };
+        let at = |i: u32| f64::from(i) / f64::from(squares);
+        let mut grid = Self::default();
+        for (k, shown) in patches.iter().enumerate() {
+            let first = grid.points.len() as u32;
+            for i in 0..=squares {
+                grid.points
+                    .extend((0..=squares).map(|j| shown.patch.point(at(i), at(j))));
+            }
+            let node = |i: u32, j: u32| first + i * (squares + 1) + j;
+            for (i, j) in (0..squares).flat_map(|i| (0..squares).map(move |j| (i, j))) {
+                let [a, b, c, d] = [(i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)];
+                for t in [[a, b, c], [a, c, d]] {
+                    grid.add(
+                        k as u32,
+                        t.map(|(i, j)| node(i, j)),
+                        t.map(|(i, j)| [at(i), at(j)]),
+                    );
+                }
+            }
+        }
+        grid
+    }
+
+    fn add(&mut self, part: u32, triangle: [u32; 3], corners: [[f64; 2]; 3]) {
+        let is_finite = |i: u32| self.points[i as usize].iter().all(|v| v.is_finite());
+        if triangle.into_iter().all(is_finite) {
+            self.triangles.push(triangle);
+            self.parts.push(part);
+            self.corners.push(corners);
+        }
+    }
+}
+
+/// Layers, and the plane that cuts them.
+#[derive(Debug, Default)]
+pub struct Scene {
+    /// What is shown.
+    pub layers: Vec<Layer>,
+    /// What cuts it.
+    pub section: Option<Section>,
+}
+
+impl Scene {
+    /// The box of all layers; empty where there is nothing.
+    pub fn bounds(&self) -> Aabb {
+        let mut all = Aabb::EMPTY;
+        for bounds in self
+            .layers
+            .iter()
+            .map(Layer::bounds)
+            .filter(|b| !b.is_empty())
+        {
+            all.add(bounds.lo);
+            all.add(bounds.hi);
+        }
+        all
+    }
+
+    /// Whether the plane leaves anything of the box of all layers.
+    pub fn is_left(&self) -> bool {
+        let b = self.bounds();
+        let Some(section) = &self.section else {
+            return !b.is_empty();
+        };
+        let corner = |i: usize| std::array::from_fn(|k| [b.lo, b.hi][i >> k & 1][k]);
+        !b.is_empty() && (0..8).any(|i| section.keeps(corner(i)))
+    }
+}

@@ -1,0 +1,253 @@
+//! What the colours of a picture mean: bars of scales, and lists of parts.
+
+use crate::color::{Color, Scale};
+use crate::layer::{Key, Layer};
+use crate::picture::Picture;
+use crate::text;
+
+/// Parts that are listed at most; more say nothing at a glance.
+const MOST_PARTS: usize = 12;
+/// Room at the border of a picture, in pixels.
+const MARGIN: u32 = 14;
+/// Size of a bar and of a part's square.
+const BAR: [u32; 2] = [18, 160];
+const SQUARE: u32 = 11;
+/// The share of the width of a picture that a legend may cover.
+const MOST_SHARE: f64 = 0.5;
+/// How much of what is beneath the legend shows through.
+const COVER: f64 = 0.85;
+
+/// A line of a legend.
+#[derive(Clone, Debug)]
+enum Row {
+    Text(String),
+    Part(String, Color),
+    Bar(Scale),
+}
+
+impl Row {
+    fn size(&self) -> [u32; 2] {
+        match self {
+            Self::Text(text) => [text::width(text), text::LINE],
+            Self::Part(name, _) => [SQUARE + 7 + text::width(name), text::LINE],
+            Self::Bar(scale) => {
+                let widest = ticks(scale).iter().map(|(_, t)| text::width(t)).max();
+                [BAR[0] + 8 + widest.unwrap_or(0), BAR[1] + text::LINE]
+            }
+        }
+    }
+}
+
+/// A number in few digits.
+pub(crate) fn number(v: f64) -> String {
+    if v == 0.0 {
+        return "0".to_owned();
+    }
+    if (1e-3..1e5).contains(&v.abs()) {
+        let digits = (2 - v.abs().log10().floor() as i32).clamp(0, 6) as usize;
+        let text = format!("{v:.digits$}");
+        return if text.contains('.') {
+            text.trim_end_matches('0').trim_end_matches('.').to_owned()
+        } else {
+            text
+        };
+    }
+    let text = format!("{v:.2e}");
+    let (mantissa, exponent) = text.split_once('e').unwrap_or((&text, "0"));
+    let mantissa = if mantissa.contains('.') {
+        mantissa.trim_end_matches('0').trim_end_matches('.')
+    } else {
+        mantissa
+    };
+    format!("{mantissa}e{exponent}")
+}
+
+/// The places of a scale that are named, from 0 to 1, and their names.
+pub(crate) fn ticks(scale: &Scale) -> Vec<(f64, String)> {
+    let signed = |v: f64| {
+        let sign = if scale.is_diverging && v > 0.0 {
+            "+"
+        } else {
+            ""
+        };
+        format!("{sign}{}", number(v))
+    };
+    [0.0, 0.5, 1.0]
+        .map(|s| (s, signed(scale.lower + s * (scale.upper - scale.lower))))
+        .to_vec()
+}
+
+/// The figures under a bar.
+pub(crate) fn figures(scale: &Scale) -> Vec<String> {
+    let mut lines = vec![format!("n {}", scale.count)];
+    if let Some([rms, max]) = scale.rms_and_max {
+        lines.push(format!("rms {}", number(rms)));
+        lines.push(format!("max {}", number(max)));
+    }
+    if scale.outliers > 0 {
+        lines.push(format!("without {} outliers", scale.outliers));
+    }
+    lines
+}
+
+/// The lines of a layer's legend.
+fn rows_of(layer: &Layer) -> Vec<Row> {
+    let mut rows = vec![Row::Text(text::shortened(&layer.name))];
+    match &layer.key {
+        None => return Vec::new(),
+        Some(Key::Scale(scale)) => {
+            rows.push(Row::Text(scale.title.clone()));
+            rows.push(Row::Bar(scale.clone()));
+            rows.extend(figures(scale).into_iter().map(Row::Text));
+        }
+        Some(Key::Parts(parts)) => {
+            let part = |(name, color): &(String, Color)| Row::Part(text::shortened(name), *color);
+            if parts.len() < 2 {
+                return Vec::new();
+            }
+            rows.extend(parts.iter().take(MOST_PARTS).map(part));
+            if parts.len() > MOST_PARTS {
+                rows.push(Row::Text(format!("and {} more", parts.len() - MOST_PARTS)));
+            }
+        }
+    }
+    rows
+}
+
+/// The width that the legend of layers takes, in pixels, with its margins; 0 where there is none.
+pub fn legend_width(layers: &[Layer]) -> u32 {
+    let rows = layers.iter().flat_map(rows_of);
+    rows.map(|r| r.size()[0] + 2 * MARGIN).max().unwrap_or(0)
+}
+
+/// Draws the legends of layers into a picture: at its right side where room was left for them,
+/// else into the corner that has the most room. Where they would cover half of it they are left
+/// out.
+pub fn draw(picture: &mut Picture, layers: &[Layer], background: Color, has_room: bool) {
+    let rows: Vec<Row> = layers.iter().flat_map(rows_of).collect();
+    let width = rows.iter().map(|r| r.size()[0]).max().unwrap_or(0);
+    let height: u32 = rows.iter().map(|r| r.size()[1]).sum();
+    let share = f64::from(width + 2 * MARGIN) / f64::from(picture.size[0].max(1));
+    if rows.is_empty() || share > MOST_SHARE || height + 2 * MARGIN > picture.size[1] {
+        return;
+    }
+    let ink = ink_on(background);
+    let at = if has_room {
+        [picture.size[0] - MARGIN - width, MARGIN]
+    } else {
+        emptiest(picture, [width, height], background)
+    };
+    veil(picture, at, [width, height], background);
+    let mut y = at[1];
+    for row in &rows {
+        draw_row(picture, row, [at[0], y], ink);
+        y += row.size()[1];
+    }
+}
+
+/// The colour of letters on a background.
+fn ink_on(background: Color) -> Color {
+    let light: u32 = background.iter().map(|v| u32::from(*v)).sum();
+    if light > 382 {
+        [40, 44, 52]
+    } else {
+        [225, 228, 232]
+    }
+}
+
+impl Picture {
+    /// Writes the name of a view into its upper left corner; nothing where there is none.
+    pub fn title(&mut self, [x, y]: [u32; 2], name: &str, background: Color) {
+        text::write(self, [x + MARGIN, y + MARGIN], name, ink_on(background));
+    }
+}
+
+/// The corner with the fewest pixels that are not background: upper right, lower right, upper left,
+/// lower left.
+fn emptiest(picture: &Picture, size: [u32; 2], background: Color) -> [u32; 2] {
+    let far = |k: usize| picture.size[k] - MARGIN - size[k];
+    let corners = [
+        [far(0), MARGIN],
+        [far(0), far(1)],
+        [MARGIN, MARGIN],
+        [MARGIN, far(1)],
+    ];
+    let taken = |[x, y]: &[u32; 2]| {
+        let rows = *y..*y + size[1];
+        let row = |y: u32| (*x..*x + size[0]).filter(move |x| picture.pixel(*x, y) != background);
+        rows.map(|y| row(y).count()).sum::<usize>()
+    };
+    corners.into_iter().min_by_key(taken).unwrap_or(corners[0])
+}
+
+/// Dims what is beneath the legend.
+fn veil(picture: &mut Picture, [x, y]: [u32; 2], size: [u32; 2], background: Color) {
+    for dy in 0..size[1] {
+        for dx in 0..size[0] {
+            picture.mix([i64::from(x + dx), i64::from(y + dy)], background, COVER);
+        }
+    }
+}
+
+/// Fills a rectangle.
+fn fill(picture: &mut Picture, [x, y]: [u32; 2], size: [u32; 2], color: Color) {
+    for dy in 0..size[1] {
+        for dx in 0..size[0] {
+            picture.mix([i64::from(x + dx), i64::from(y + dy)], color, 1.0);
+        }
+    }
+}
+
+fn draw_row(picture: &mut Picture, row: &Row, [x, y]: [u32; 2], ink: Color) {
+    match row {
+        Row::Text(line) => text::write(picture, [x, y], line, ink),
+        Row::Part(name, color) => {
+            fill(picture, [x, y + 3], [SQUARE, SQUARE], *color);
+            text::write(picture, [x + SQUARE + 7, y], name, ink);
+        }
+        Row::Bar(scale) => {
+            let top = y + text::LINE / 2;
+            for k in 0..BAR[1] {
+                let share = 1.0 - (f64::from(k) + 0.5) / f64::from(BAR[1]);
+                let value = scale.lower + share * (scale.upper - scale.lower);
+                fill(picture, [x, top + k], [BAR[0], 1], scale.color(value));
+            }
+            for (share, name) in ticks(scale) {
+                let down = ((1.0 - share) * f64::from(BAR[1])).round() as u32;
+                fill(
+                    picture,
+                    [x + BAR[0], top + down.min(BAR[1] - 1)],
+                    [4, 1],
+                    ink,
+                );
+                text::write(
+                    picture,
+                    [x + BAR[0] + 8, top + down - text::LINE / 2],
+                    &name,
+                    ink,
+                );
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_short() {
+        for (v, want) in [
+            (0.05, "0.05"),
+            (-0.002, "-0.002"),
+            (1.0, "1"),
+            (12345.0, "12345"),
+            (2e-7, "2e-7"),
+            (1e6, "1e6"),
+            (0.12345, "0.123"),
+            (200.0, "200"),
+        ] {
+            assert_eq!(number(v), want);
+        }
+    }
+}

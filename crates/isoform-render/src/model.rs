@@ -1,0 +1,744 @@
+//! Where lines of sight meet the surface of a model: its function, not a mesh of it.
+//!
+//! The box of the model is divided into cells (an octree) wherever interval arithmetic leaves open
+//! whether surface passes, and each cell keeps those pieces of the function that may decide in it,
+//! with ranges of their gradients. A ray visits the cells from front to back. Within a cell it goes
+//! on by |f| over the largest slope along it, so far as f cannot come to zero (Kalra and Barr,
+//! SIGGRAPH 1989), but at least by [`FINEST`]; where slopes have no bounds it is halved as long as
+//! intervals of f leave it open. The place itself is then enclosed by two values of opposite signs
+//! and found to rounding.
+//!
+//! So no first hit is lost but where the solid, or a gap in it, is thinner along the ray than
+//! [`FINEST`] of the box: that is a fraction of a pixel.
+
+use crate::camera::{Ray, along, unit};
+use isoform::Control;
+use isoform::Stopped;
+use isoform::geom::{Aabb, Csg, Point3, Solid, dot};
+use isoform::mesh::features::{FeatureOptions, find};
+use isoform::num::Interval;
+use rayon::prelude::*;
+use std::fmt;
+
+/// A stretch of a ray that is shorter than this share of the box's diagonal is decided by the signs
+/// at its ends.
+pub const FINEST: f64 = 1.0 / 131_072.0;
+/// Halvings of the box at most: cells have a hundredth of its side.
+const DEEPEST: usize = 7;
+/// Halvings at least, before one smooth piece alone is reason enough to stop.
+const SHALLOWEST: usize = 3;
+/// Cells at most: more cost more time than they save.
+const MOST_CELLS: usize = 400_000;
+/// Stretches of a ray that are looked at within a cell, at most: what is beyond is decided by the
+/// signs at its ends.
+const MOST_STRETCHES: usize = 4096;
+/// Cells along the diagonal in which feature curves are looked for.
+const FEATURES: f64 = 60.0;
+/// How far before a place its normal is looked for, in diagonals of the box.
+const BEFORE: [f64; 3] = [0.0, 1e-9, 1e-6];
+/// Steps along a ray within a cell by bounds of the slope, at most.
+const MOST_STEPS: usize = 24;
+/// Steps of the enclosure of a root: halving alone needs 60.
+const STEPS: usize = 100;
+
+/// A part of the box.
+#[derive(Clone, Copy, Debug)]
+enum Cell {
+    /// No surface passes; whether it is inside.
+    Whole(bool),
+    /// Surface may pass: the number of its leaf.
+    Leaf(u32),
+    /// Divided into eight, the first of which is this one.
+    Split(u32),
+}
+
+/// A cell that surface may pass.
+#[derive(Clone, Debug)]
+struct Leaf {
+    /// How its pieces are joined; numbers are places in `pieces`.
+    tree: Csg,
+    pieces: Vec<u32>,
+    /// The ranges of the gradients of all pieces, where they are known.
+    slopes: Option<Vec<[Interval; 3]>>,
+}
+
+/// A cell that is to be judged.
+struct Open {
+    slot: usize,
+    region: Aabb,
+    tree: Csg,
+}
+
+/// What comes of it.
+enum Judged {
+    Whole(bool),
+    /// To be a leaf, unless it is divided; with the ranges of its pieces' gradients where they are
+    /// wanted and known.
+    Open(Csg, Option<Vec<[Interval; 3]>>),
+}
+
+/// A solid, prepared for rays.
+pub(crate) struct Model {
+    solid: Box<dyn Solid>,
+    /// What is looked at.
+    pub(crate) bounds: Aabb,
+    /// Whether the box cuts the solid off; else all of the surface is in it.
+    is_cut: bool,
+    cells: Vec<Cell>,
+    leaves: Vec<Leaf>,
+}
+
+impl fmt::Debug for Model {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Model")
+            .field("bounds", &self.bounds)
+            .field("cells", &self.cells.len())
+            .finish_non_exhaustive()
+    }
+}
+
+/// Where a ray meets a model.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Met {
+    pub(crate) t: f64,
+    /// The piece of the solid; none on a cap.
+    pub(crate) piece: Option<u32>,
+}
+
+/// Space for what is computed along a ray.
+#[derive(Debug, Default)]
+pub(crate) struct Scratch {
+    values: Vec<f64>,
+    ranges: Vec<Interval>,
+    stack: Vec<(u32, Aabb)>,
+}
+
+impl Model {
+    /// Prepares a solid within a box.
+    ///
+    /// # Errors
+    /// [`Stopped`].
+    pub(crate) fn new(
+        solid: Box<dyn Solid>,
+        bounds: Aabb,
+        is_cut: bool,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let mut model = Self {
+            cells: vec![Cell::Whole(false)],
+            leaves: Vec::new(),
+            solid,
+            bounds,
+            is_cut,
+        };
+        let mut open = vec![Open {
+            slot: 0,
+            region: bounds,
+            tree: model.solid.tree().clone(),
+        }];
+        for depth in 0..=DEEPEST {
+            control.check()?;
+            let is_last = depth == DEEPEST || model.cells.len() + 8 * open.len() > MOST_CELLS;
+            let judged: Vec<Judged> = open.par_iter().map(|o| model.judge(o, is_last)).collect();
+            let mut next = Vec::new();
+            for (o, judged) in open.iter().zip(judged) {
+                match judged {
+                    Judged::Whole(inside) => model.cells[o.slot] = Cell::Whole(inside),
+                    Judged::Open(tree, slopes) => {
+                        let only = slopes.as_deref().filter(|s| s.len() == 1);
+                        let is_simple =
+                            depth >= SHALLOWEST && only.is_some_and(|s| is_narrow(&s[0]));
+                        if is_last || is_simple {
+                            model.cells[o.slot] = model.leaf(&tree, slopes);
+                        } else {
+                            model.divide(o, &tree, &mut next);
+                        }
+                    }
+                }
+            }
+            open = next;
+        }
+        Ok(model)
+    }
+
+    /// Names of the pieces.
+    pub(crate) fn names(&self) -> &[String] {
+        self.solid.names()
+    }
+
+    /// Adds a leaf.
+    fn leaf(&mut self, tree: &Csg, slopes: Option<Vec<[Interval; 3]>>) -> Cell {
+        let pieces = pieces_of(tree);
+        self.leaves.push(Leaf {
+            tree: renumbered(tree, &pieces),
+            pieces,
+            slopes,
+        });
+        Cell::Leaf(self.leaves.len() as u32 - 1)
+    }
+
+    /// Divides a cell into eight.
+    fn divide(&mut self, o: &Open, tree: &Csg, next: &mut Vec<Open>) {
+        let first = self.cells.len();
+        self.cells[o.slot] = Cell::Split(first as u32);
+        self.cells.resize(first + 8, Cell::Whole(false));
+        for i in 0..8 {
+            next.push(Open {
+                slot: first + i,
+                region: octant(&o.region, i),
+                tree: tree.clone(),
+            });
+        }
+    }
+
+    /// Whether surface may pass a cell, and which pieces may decide there.
+    fn judge(&self, o: &Open, is_last: bool) -> Judged {
+        let pieces = pieces_of(&o.tree);
+        let mut ranges = vec![Interval::ALL; pieces.len()];
+        self.solid.bounds(&pieces, o.region, &mut ranges);
+        let range = |piece: u32| match pieces.binary_search(&piece) {
+            Ok(k) => ranges[k],
+            Err(_) => Interval::ALL,
+        };
+        let (tree, whole) = pruned(&o.tree, &range);
+        if whole.lo() > 0.0 || whole.hi() < 0.0 {
+            return Judged::Whole(whole.lo() > 0.0);
+        }
+        let left = pieces_of(&tree);
+        let slopes = if is_last || left.len() == 1 {
+            let each = left.iter().map(|p| self.solid.slopes(*p, o.region));
+            each.collect()
+        } else {
+            None
+        };
+        Judged::Open(tree, slopes)
+    }
+
+    /// The value of some pieces at a place; what is no number is outside.
+    fn value(&self, leaf: &Leaf, p: Point3, scratch: &mut Scratch) -> f64 {
+        scratch.values.resize(leaf.pieces.len(), 0.0);
+        self.solid.values(&leaf.pieces, &[p], &mut scratch.values);
+        let v = leaf.tree.value(&|k| scratch.values[k as usize]);
+        if v.is_nan() { -f64::MIN_POSITIVE } else { v }
+    }
+
+    /// Where a ray first meets the surface between two distances; `is_cap` says whether it begins
+    /// at a cut, so that what is inside there is a cap.
+    pub(crate) fn meet(
+        &self,
+        ray: &Ray,
+        [from, to]: [f64; 2],
+        is_cap: bool,
+        scratch: &mut Scratch,
+    ) -> Option<Met> {
+        let inverse = ray.d.map(inverse);
+        let [near, far] = through(&self.bounds, ray.o, inverse);
+        let is_cap = is_cap || (self.is_cut && near > from);
+        let (from, to) = (near.max(from), far.min(to));
+        if from >= to {
+            return None;
+        }
+        let mut walk = Walk {
+            model: self,
+            ray,
+            is_inside: None,
+            is_cap,
+        };
+        let mirror = (0..3).fold(0, |m, k| m | usize::from(ray.d[k] < 0.0) << k);
+        let mut stack = std::mem::take(&mut scratch.stack);
+        stack.clear();
+        stack.push((0, self.bounds));
+        let mut met = None;
+        while let Some((cell, region)) = stack.pop() {
+            let [a, b] = through(&region, ray.o, inverse);
+            let (a, b) = (a.max(from), b.min(to));
+            if a > b {
+                continue;
+            }
+            met = match self.cells[cell as usize] {
+                Cell::Whole(inside) => walk.enter(inside, a, None),
+                Cell::Leaf(leaf) => walk.pass(&self.leaves[leaf as usize], [a, b], scratch),
+                Cell::Split(first) => {
+                    let front = (0..8).map(|i| i ^ mirror);
+                    let children = front.map(|i| (first + i as u32, octant(&region, i)));
+                    stack.extend(children.rev());
+                    None
+                }
+            };
+            if met.is_some() {
+                break;
+            }
+        }
+        scratch.stack = stack;
+        met
+    }
+
+    /// The curves in which its faces meet at an angle.
+    pub(crate) fn features(&self, control: &Control<'_>) -> Vec<Vec<Point3>> {
+        let options = FeatureOptions {
+            size: self.bounds.diagonal() / FEATURES,
+            ..FeatureOptions::default()
+        };
+        let found = find(self.solid.as_ref(), self.bounds, &options, control);
+        found.curves.into_iter().map(|c| c.points).collect()
+    }
+
+    /// The outward direction of a piece at a place. Where a formula has no derivative just there,
+    /// as roots of zero have none, it is that of a place a little before it on the ray; zero where
+    /// there is none, either.
+    pub(crate) fn normal(&self, piece: u32, ray: &Ray, t: f64) -> Point3 {
+        let size = self.bounds.diagonal();
+        let places = BEFORE
+            .iter()
+            .map(|share| along(ray.o, ray.d, t - share * size));
+        let normal = |p| {
+            let (_, g) = self.solid.gradient(piece, p);
+            unit(g.map(|v| -v))
+        };
+        let mut known = places.map(normal).filter(|n| *n != [0.0; 3]);
+        known.next().unwrap_or([0.0; 3])
+    }
+}
+
+/// What came of going along a ray.
+enum Marched {
+    /// The sign changes between two places.
+    Met([(f64, f64); 2]),
+    /// It does not change up to a place, which has about this value.
+    Through((f64, f64)),
+    /// It does not up to there, and the way goes on.
+    Open((f64, f64)),
+}
+
+/// A ray on its way.
+struct Walk<'a> {
+    model: &'a Model,
+    ray: &'a Ray,
+    /// Whether it is inside so far; none before its first cell.
+    is_inside: Option<bool>,
+    is_cap: bool,
+}
+
+impl Walk<'_> {
+    /// Comes to a place that is inside or not. Rounding may hide a crossing between two cells: it
+    /// is seen here.
+    fn enter(&mut self, inside: bool, t: f64, piece: Option<u32>) -> Option<Met> {
+        let before = self.is_inside.replace(inside);
+        match before {
+            None if inside && self.is_cap => Some(Met { t, piece: None }),
+            Some(before) if before != inside => {
+                let piece = piece.or_else(|| Some(self.nearest_piece(t)));
+                Some(Met { t, piece })
+            }
+            _ => None,
+        }
+    }
+
+    /// The piece that decides at a place of the whole solid.
+    fn nearest_piece(&self, t: f64) -> u32 {
+        let tree = self.model.solid.tree();
+        let pieces = pieces_of(tree);
+        let mut values = vec![0.0; pieces.len()];
+        let p = along(self.ray.o, self.ray.d, t);
+        self.model.solid.values(&pieces, &[p], &mut values);
+        let value = |k: u32| pieces.binary_search(&k).map_or(f64::NAN, |k| values[k]);
+        tree.value_and_piece(&value).1
+    }
+
+    fn at(&self, leaf: &Leaf, t: f64, scratch: &mut Scratch) -> f64 {
+        let p = along(self.ray.o, self.ray.d, t);
+        self.model.value(leaf, p, scratch)
+    }
+
+    /// Passes a cell that surface may be in.
+    fn pass(&mut self, leaf: &Leaf, [a, b]: [f64; 2], scratch: &mut Scratch) -> Option<Met> {
+        let first = self.at(leaf, a, scratch);
+        if let Some(met) = self.enter(first >= 0.0, a, Some(leaf.pieces[0])) {
+            return Some(self.named(leaf, met, scratch));
+        }
+        let ends = [(a, first), (b, f64::NAN)];
+        let rates = leaf
+            .slopes
+            .as_ref()
+            .and_then(|s| finite_rates(s, self.ray.d));
+        let found = match rates.map(|rates| self.march(leaf, ends, rates, scratch)) {
+            Some(Marched::Met(found)) => Some(found),
+            Some(Marched::Through(_)) => None,
+            // The bounds are wide here: narrower ones, along the ray alone, are worth their time.
+            Some(Marched::Open(there)) => self.search(leaf, [there, ends[1]], scratch),
+            None => self.search(leaf, ends, scratch),
+        };
+        let t = self.enclosed(leaf, found?, scratch);
+        let met = Met {
+            t,
+            piece: Some(leaf.pieces[0]),
+        };
+        Some(self.named(leaf, met, scratch))
+    }
+
+    /// With the piece that decides at the place.
+    fn named(&self, leaf: &Leaf, met: Met, scratch: &mut Scratch) -> Met {
+        if met.piece.is_none() || leaf.pieces.len() == 1 {
+            return met;
+        }
+        self.at(leaf, met.t, scratch);
+        let values = &scratch.values;
+        let (_, k) = leaf.tree.value_and_piece(&|k| values[k as usize]);
+        Met {
+            piece: Some(leaf.pieces[k as usize]),
+            ..met
+        }
+    }
+
+    /// Goes from a place to another, where the value rises along the ray at rates between two
+    /// bounds: so far as it cannot come to zero, nothing is missed.
+    fn march(
+        &self,
+        leaf: &Leaf,
+        [first, last]: [(f64, f64); 2],
+        [least, most]: [f64; 2],
+        scratch: &mut Scratch,
+    ) -> Marched {
+        let end = last.0;
+        if least > 0.0 || most < 0.0 {
+            let last = (end, self.at(leaf, end, scratch));
+            let is_met = (first.1 >= 0.0) != (last.1 >= 0.0);
+            return if is_met {
+                Marched::Met([first, last])
+            } else {
+                Marched::Through(last)
+            };
+        }
+        let finest = FINEST * self.model.bounds.diagonal();
+        let (mut t, mut value) = first;
+        for _ in 0..MOST_STEPS {
+            let rate = if value >= 0.0 { -least } else { most };
+            if rate <= 0.0 || t >= end {
+                return Marched::Through((end, value));
+            }
+            let next = (t + (value.abs() / rate).max(finest)).min(end);
+            let there = self.at(leaf, next, scratch);
+            if (there >= 0.0) != (value >= 0.0) {
+                return Marched::Met([(t, value), (next, there)]);
+            }
+            (t, value) = (next, there);
+        }
+        Marched::Open((t, value))
+    }
+
+    /// The first two places with opposite signs. Stretches that intervals leave open are marched
+    /// along where the slope has bounds, else halved.
+    fn search(
+        &self,
+        leaf: &Leaf,
+        [first, last]: [(f64, f64); 2],
+        scratch: &mut Scratch,
+    ) -> Option<[(f64, f64); 2]> {
+        let finest = FINEST * self.model.bounds.diagonal();
+        let mut begin = first;
+        let mut ends = vec![last.0];
+        for count in 0..MOST_STRETCHES {
+            let end = *ends.last()?;
+            let stretch = [begin.0, end];
+            if !self.is_open(leaf, stretch, scratch) {
+                // One sign all the way: that of the value before.
+                begin = (end, begin.1);
+                ends.pop();
+                continue;
+            }
+            // Ranges of gradients cost more than those of values: they are asked for every other
+            // time.
+            let is_worth = ends.len() % 2 == 1 && end - begin.0 > finest;
+            if let Some(rates) = self.rates(leaf, stretch).filter(|_| is_worth) {
+                match self.march(leaf, [begin, (end, f64::NAN)], rates, scratch) {
+                    Marched::Met(found) => return Some(found),
+                    Marched::Through(there) => {
+                        begin = there;
+                        ends.pop();
+                        continue;
+                    }
+                    Marched::Open(there) => begin = there,
+                }
+            }
+            let middle = 0.5 * (begin.0 + end);
+            let is_long = end - begin.0 > finest && middle > begin.0 && middle < end;
+            if is_long && count + 1 < MOST_STRETCHES {
+                ends.push(middle);
+                continue;
+            }
+            let there = (end, self.at(leaf, end, scratch));
+            if (there.1 >= 0.0) != (begin.1 >= 0.0) {
+                return Some([begin, there]);
+            }
+            begin = there;
+            ends.pop();
+        }
+        None
+    }
+
+    /// Whether intervals leave open that the sign changes along a stretch.
+    fn is_open(&self, leaf: &Leaf, stretch: [f64; 2], scratch: &mut Scratch) -> bool {
+        let region = self.region(stretch);
+        scratch.ranges.resize(leaf.pieces.len(), Interval::ALL);
+        let solid = &self.model.solid;
+        solid.bounds(&leaf.pieces, region, &mut scratch.ranges);
+        let range = leaf.tree.range(&|k| scratch.ranges[k as usize]);
+        range.lo() <= 0.0 && range.hi() >= 0.0
+    }
+
+    /// Bounds for how fast the value rises along a stretch; none where there are none.
+    fn rates(&self, leaf: &Leaf, stretch: [f64; 2]) -> Option<[f64; 2]> {
+        let region = self.region(stretch);
+        let each = leaf
+            .pieces
+            .iter()
+            .map(|p| self.model.solid.slopes(*p, region));
+        let slopes: Vec<[Interval; 3]> = each.collect::<Option<_>>()?;
+        finite_rates(&slopes, self.ray.d)
+    }
+
+    /// The box of a stretch.
+    fn region(&self, stretch: [f64; 2]) -> Aabb {
+        Aabb::of(&stretch.map(|t| along(self.ray.o, self.ray.d, t)))
+    }
+
+    /// The place between two of opposite signs: regula falsi (Illinois), with a halving wherever it
+    /// is slow.
+    fn enclosed(&self, leaf: &Leaf, ends: [(f64, f64); 2], scratch: &mut Scratch) -> f64 {
+        let [(mut a, mut fa), (mut b, mut fb)] = ends;
+        let is_inside = fa >= 0.0;
+        for k in 0..STEPS {
+            let chord = (a * fb - b * fa) / (fb - fa);
+            let is_between = chord > a && chord < b;
+            let m = if k % 3 == 2 || !is_between {
+                0.5 * (a + b)
+            } else {
+                chord
+            };
+            if m <= a || m >= b {
+                break;
+            }
+            let fm = self.at(leaf, m, scratch);
+            if (fm >= 0.0) == is_inside {
+                (a, fa) = (m, fm);
+                fb *= 0.5;
+            } else {
+                (b, fb) = (m, fm);
+                fa *= 0.5;
+            }
+            if b - a <= 4.0 * f64::EPSILON * a.abs().max(b.abs()) {
+                break;
+            }
+        }
+        0.5 * (a + b)
+    }
+}
+
+/// 1/d, finite: a direction along an axis never leaves the slab of the others.
+pub(crate) fn inverse(d: f64) -> f64 {
+    1.0 / if d.abs() < 1e-200 {
+        1e-200_f64.copysign(d)
+    } else {
+        d
+    }
+}
+
+/// Where a ray is in a box: from the first distance to the second, unless that is less.
+pub(crate) fn through(b: &Aabb, o: Point3, inverse: Point3) -> [f64; 2] {
+    let mut range = [f64::NEG_INFINITY, f64::INFINITY];
+    for k in 0..3 {
+        let (p, q) = ((b.lo[k] - o[k]) * inverse[k], (b.hi[k] - o[k]) * inverse[k]);
+        range = [range[0].max(p.min(q)), range[1].min(p.max(q))];
+    }
+    range
+}
+
+/// One eighth of a box.
+fn octant(region: &Aabb, i: usize) -> Aabb {
+    let middle = region.center();
+    let is_upper = |k: usize| i >> k & 1 == 1;
+    Aabb {
+        lo: std::array::from_fn(|k| if is_upper(k) { middle[k] } else { region.lo[k] }),
+        hi: std::array::from_fn(|k| if is_upper(k) { region.hi[k] } else { middle[k] }),
+    }
+}
+
+/// The pieces of a tree, sorted, each once.
+fn pieces_of(tree: &Csg) -> Vec<u32> {
+    let mut pieces = tree.pieces();
+    pieces.sort_unstable();
+    pieces.dedup();
+    pieces
+}
+
+/// The tree with places in a list for the numbers of pieces.
+fn renumbered(tree: &Csg, pieces: &[u32]) -> Csg {
+    let all = |list: &[Csg]| list.iter().map(|c| renumbered(c, pieces)).collect();
+    match tree {
+        Csg::Piece(i) => Csg::Piece(pieces.binary_search(i).unwrap_or(0) as u32),
+        Csg::Min(list) => Csg::Min(all(list)),
+        Csg::Max(list) => Csg::Max(all(list)),
+    }
+}
+
+/// The tree without what never decides where its pieces have these ranges, and its own range.
+fn pruned(tree: &Csg, range: &impl Fn(u32) -> Interval) -> (Csg, Interval) {
+    let (list, is_min) = match tree {
+        Csg::Piece(i) => return (tree.clone(), range(*i)),
+        Csg::Min(list) => (list, true),
+        Csg::Max(list) => (list, false),
+    };
+    let join = if is_min { f64::min } else { f64::max };
+    let mut all: Vec<(Csg, Interval)> = list.iter().map(|c| pruned(c, range)).collect();
+    let whole = all[1..].iter().fold(all[0].1, |w, (_, r)| {
+        Interval::new(join(w.lo(), r.lo()), join(w.hi(), r.hi()))
+    });
+    // Of a minimum, what is above another one everywhere; of a maximum, what is below.
+    all.retain(|(_, r)| {
+        if is_min {
+            r.lo() <= whole.hi()
+        } else {
+            r.hi() >= whole.lo()
+        }
+    });
+    if all.len() == 1 {
+        return (all.remove(0).0, whole);
+    }
+    let left = all.into_iter().map(|(c, _)| c).collect();
+    (
+        if is_min {
+            Csg::Min(left)
+        } else {
+            Csg::Max(left)
+        },
+        whole,
+    )
+}
+
+/// Bounds for how fast a minimum and maximum of pieces rises along a direction; none where they are
+/// not finite.
+fn finite_rates(slopes: &[[Interval; 3]], d: Point3) -> Option<[f64; 2]> {
+    let mut bounds = [f64::INFINITY, f64::NEG_INFINITY];
+    for s in slopes {
+        let (mut lo, mut hi, mut size) = (0.0, 0.0, 0.0);
+        for k in 0..3 {
+            let (a, b) = (s[k].lo() * d[k], s[k].hi() * d[k]);
+            (lo, hi) = (lo + a.min(b), hi + a.max(b));
+            size += a.abs().max(b.abs());
+        }
+        // More than the rounding of three products and their sum.
+        let slack = 8.0 * f64::EPSILON * size;
+        // What is no number must not be lost in a minimum.
+        if !(lo.is_finite() && hi.is_finite()) {
+            return None;
+        }
+        bounds = [bounds[0].min(lo - slack), bounds[1].max(hi + slack)];
+    }
+    Some(bounds)
+}
+
+/// Whether a gradient hardly turns: then most rays meet the surface of a cell at most once.
+fn is_narrow(slopes: &[Interval; 3]) -> bool {
+    let middle = slopes.map(|s| 0.5 * (s.lo() + s.hi()));
+    let widths = slopes.map(|s| 0.5 * (s.hi() - s.lo()));
+    let (size, width) = (dot(middle, middle), dot(widths, widths));
+    width < 0.01 * size
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform::field::hyperfun::{Mode, Model as Program};
+
+    fn model(body: &str, half: f64) -> Model {
+        let text = format!("m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; {body} }}");
+        let program = Program::parse(&text, Mode::Default).expect("a program");
+        let (solid, _) = isoform::solid_of(&program, &[1.0]).expect("a solid");
+        let bounds = Aabb {
+            lo: [-half; 3],
+            hi: [half; 3],
+        };
+        Model::new(solid, bounds, false, &Control::default()).expect("no end")
+    }
+
+    fn first(model: &Model, o: Point3, toward: Point3) -> Option<f64> {
+        let d = unit(isoform::geom::sub(toward, o));
+        let ray = Ray { o, d, from: 0.0 };
+        let met = model.meet(&ray, [0.0, f64::INFINITY], false, &mut Scratch::default());
+        met.map(|m| m.t)
+    }
+
+    /// The distance to the unit ball about 0.
+    fn ball(o: Point3, toward: Point3) -> Option<f64> {
+        let d = unit(isoform::geom::sub(toward, o));
+        let (b, c) = (dot(o, d), dot(o, o) - 1.0);
+        (b * b >= c).then(|| -b - (b * b - c).sqrt())
+    }
+
+    #[test]
+    fn a_ball_is_met_where_it_is() {
+        let sphere = model("m = hfSphere(x, c, 1);", 1.1);
+        let mut random = fastrand::Rng::with_seed(7);
+        let mut seen = 0;
+        for _ in 0..3000 {
+            let o = [3.0, -2.5, 1.5];
+            let toward = [(); 3].map(|()| 2.4 * random.f64() - 1.2);
+            let (found, want) = (first(&sphere, o, toward), ball(o, toward));
+            match (found, want) {
+                (Some(t), Some(w)) => assert!((t - w).abs() < 1e-9, "{t} {w}"),
+                (None, None) => {}
+                // Rays that graze it within a fraction of a pixel may miss it.
+                (_, w) => assert!(w.is_some(), "met beside the ball"),
+            }
+            seen += usize::from(found.is_some() && want.is_some());
+        }
+        assert!(seen > 1000, "{seen}");
+    }
+
+    #[test]
+    fn thin_walls_are_not_lost() {
+        // A shell of 1e-4 of its size: no grid of cells would see it.
+        let body = "m = min(hfSphere(x, c, 1), -hfSphere(x, c, 0.9999));";
+        let shell = model(body, 1.1);
+        for i in 0..500 {
+            let toward = [0.001 * f64::from(i) - 0.3, 0.0007 * f64::from(i), 0.2];
+            let (o, want) = (
+                [0.3, 0.2, 5.0],
+                ball([0.3, 0.2, 5.0], toward).expect("a hit"),
+            );
+            let t = first(&shell, o, toward).expect("the shell");
+            assert!((t - want).abs() < 1e-9, "{toward:?}: {t} {want}");
+        }
+    }
+
+    #[test]
+    fn an_axis_through_corners_of_cells_is_no_gap() {
+        let cube = model(
+            "m = min(min(1 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3]));",
+            2.0,
+        );
+        for p in [[0.0, 0.0], [0.5, 0.5], [0.25, -0.75], [1.0 - 1e-9, 0.5]] {
+            let t = first(&cube, [p[0], p[1], 4.0], [p[0], p[1], 0.0]).expect("the cube");
+            assert!((t - 3.0).abs() < 1e-12, "{p:?} {t}");
+        }
+        assert_eq!(
+            first(&cube, [1.0 + 1e-9, 0.5, 4.0], [1.0 + 1e-9, 0.5, 0.0]),
+            None
+        );
+    }
+
+    #[test]
+    fn what_is_inside_at_a_cut_is_a_cap() {
+        let sphere = model("m = hfSphere(x, c, 1);", 1.1);
+        let ray = Ray {
+            o: [0.2, 0.1, 5.0],
+            d: [0.0, 0.0, -1.0],
+            from: 0.0,
+        };
+        let met = sphere.meet(&ray, [4.5, 9.0], true, &mut Scratch::default());
+        assert!(
+            met.is_some_and(|m| m.piece.is_none() && m.t == 4.5),
+            "{met:?}"
+        );
+    }
+}

@@ -1,0 +1,280 @@
+//! Pictures: samples of the scene, more of them where something changes, and thin dark lines at
+//! edges and outlines.
+//!
+//! Each pixel has one sample in its middle. Where it differs from a neighbour's (by the surface,
+//! its direction or its colour), the pixel has a grid of 4 × 4. The pattern is fixed and each pixel is
+//! computed by itself, so that pictures do not depend on the number of threads, and pixels within
+//! one flat colour have exactly that.
+
+use crate::camera::{Camera, Sight};
+use crate::color::Color;
+use crate::layer::Scene;
+use crate::marks::Marks;
+use crate::model::Scratch;
+use crate::shade;
+use crate::trace::{Border, Sample, Tracer};
+use isoform::{Control, Stopped};
+use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+/// Samples on each side of a pixel where something changes.
+const FINE: usize = 4;
+/// Rows that are computed together; and how many pixels at most.
+const ROWS: usize = 32;
+const MOST_PIXELS: usize = 40_000;
+/// Pixels around a band whose samples its lines need.
+const APRON: usize = 2;
+/// How far lines reach, in pixels: outlines on the surface that is before the other, edges on both.
+const OUTLINE: f64 = 0.9;
+const EDGE: f64 = 0.55;
+/// How dark they are.
+const OUTLINE_SHARE: f32 = 0.85;
+const EDGE_SHARE: f32 = 0.7;
+
+/// How pictures are made.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Style {
+    /// What is seen where there is nothing.
+    pub background: Color,
+    /// Whether edges and outlines are drawn.
+    pub lines: bool,
+    /// Whether caps of sections are hatched.
+    pub hatch: bool,
+}
+
+impl Default for Style {
+    fn default() -> Self {
+        Self {
+            background: [255; 3],
+            lines: true,
+            hatch: false,
+        }
+    }
+}
+
+/// A picture: rows of pixels from the top.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Picture {
+    /// Width and height in pixels.
+    pub size: [u32; 2],
+    /// Width times height colours.
+    pub pixels: Vec<Color>,
+}
+
+impl Picture {
+    /// A picture of one colour.
+    pub fn blank(size: [u32; 2], color: Color) -> Self {
+        let count = size[0] as usize * size[1] as usize;
+        Self {
+            size,
+            pixels: vec![color; count],
+        }
+    }
+
+    /// The colour of a pixel.
+    ///
+    /// # Panics
+    /// If it is not in the picture.
+    pub fn pixel(&self, x: u32, y: u32) -> Color {
+        self.pixels[y as usize * self.size[0] as usize + x as usize]
+    }
+
+    /// Puts another picture into this one; what reaches beyond is left out.
+    pub fn put(&mut self, other: &Self, [x, y]: [u32; 2]) {
+        let width = (self.size[0].saturating_sub(x)).min(other.size[0]) as usize;
+        for row in 0..other.size[1].min(self.size[1].saturating_sub(y)) as usize {
+            let to = (y as usize + row) * self.size[0] as usize + x as usize;
+            let from = row * other.size[0] as usize;
+            self.pixels[to..to + width].copy_from_slice(&other.pixels[from..from + width]);
+        }
+    }
+
+    /// Mixes a colour into a pixel by a share; nothing outside of the picture.
+    pub(crate) fn mix(&mut self, [x, y]: [i64; 2], color: Color, share: f64) {
+        let [width, height] = self.size.map(i64::from);
+        if (0..width).contains(&x) && (0..height).contains(&y) {
+            let pixel = &mut self.pixels[(y * width + x) as usize];
+            *pixel = std::array::from_fn(|k| {
+                let (a, b) = (f64::from(pixel[k]), f64::from(color[k]));
+                (a + share * (b - a)).round() as u8
+            });
+        }
+    }
+}
+
+/// Draws a scene.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn render(
+    scene: &Scene,
+    camera: &Camera,
+    size: [u32; 2],
+    style: &Style,
+    control: &Control<'_>,
+) -> Result<Picture, Stopped> {
+    control.begin("drawing")?;
+    let sight = Sight::new(*camera, size);
+    let marks = Marks::new(scene, &sight, size);
+    let tracer = Tracer {
+        scene,
+        sight: &sight,
+        marks: &marks,
+        background: style.background,
+        is_hatched: style.hatch,
+    };
+    let [width, height] = size.map(|v| v as usize);
+    let rows = (MOST_PIXELS / width.max(1)).clamp(1, ROWS);
+    let done = AtomicUsize::new(0);
+    let bands: Vec<Vec<Color>> = (0..height)
+        .step_by(rows)
+        .collect::<Vec<_>>()
+        .into_par_iter()
+        .map(|top| {
+            control.check()?;
+            let band = Band::new(&tracer, width, [top, (top + rows).min(height)]);
+            let colors = band.colors(style);
+            let count = done.fetch_add(rows, Ordering::Relaxed) + rows;
+            control.report("drawing", (count as f64 / height as f64).min(1.0));
+            Ok(colors)
+        })
+        .collect::<Result<_, Stopped>>()?;
+    Ok(Picture {
+        size,
+        pixels: bands.concat(),
+    })
+}
+
+/// Some rows of a picture with the pixels around them.
+struct Band {
+    /// Width with the apron.
+    width: usize,
+    /// Rows with the apron.
+    height: usize,
+    /// The sample in the middle of each pixel.
+    coarse: Vec<Sample>,
+    /// Where the samples of a pixel begin in `fine`, one behind the number; 0 where it has no more
+    /// than one.
+    index: Vec<u32>,
+    fine: Vec<Sample>,
+}
+
+impl Band {
+    fn new(tracer: &Tracer<'_>, width: usize, [top, bottom]: [usize; 2]) -> Self {
+        let (width, height) = (width + 2 * APRON, bottom - top + 2 * APRON);
+        let place = |pixel: usize| {
+            let (x, y) = (pixel % width, pixel / width + top);
+            [x as f64 - APRON as f64, y as f64 - APRON as f64]
+        };
+        let mut scratch = Scratch::default();
+        let mut sample = |[x, y]: [f64; 2]| tracer.sample([x, y], &mut scratch);
+        let middle = |[x, y]: [f64; 2]| [x + 0.5, y + 0.5];
+        let coarse: Vec<Sample> = (0..width * height)
+            .map(|k| sample(middle(place(k))))
+            .collect();
+        let mut band = Self {
+            width,
+            height,
+            coarse,
+            index: Vec::new(),
+            fine: Vec::new(),
+        };
+        band.index = vec![0; width * height];
+        let own = |k: usize| (k as f64 + 0.5) / FINE as f64;
+        for pixel in 0..width * height {
+            if !band.is_mixed(pixel) {
+                continue;
+            }
+            band.index[pixel] = band.fine.len() as u32 + 1;
+            let [x, y] = place(pixel);
+            for k in 0..FINE * FINE {
+                band.fine
+                    .push(sample([x + own(k % FINE), y + own(k / FINE)]));
+            }
+        }
+        band
+    }
+
+    /// Whether a pixel differs from one around it; those at the end of the apron do not count.
+    fn is_mixed(&self, pixel: usize) -> bool {
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        if x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height {
+            return false;
+        }
+        let around = (y - 1..=y + 1).flat_map(|y| (x - 1..=x + 1).map(move |x| (x, y)));
+        let own = &self.coarse[pixel];
+        around
+            .map(|(x, y)| y * self.width + x)
+            .any(|k| k != pixel && own.differs(&self.coarse[k]))
+    }
+
+    /// The sample of a place of the fine grid.
+    fn at(&self, x: usize, y: usize) -> &Sample {
+        let pixel = y / FINE * self.width + x / FINE;
+        match self.index[pixel] {
+            0 => &self.coarse[pixel],
+            first => &self.fine[first as usize - 1 + y % FINE * FINE + x % FINE],
+        }
+    }
+
+    /// The colours of the rows without the apron.
+    fn colors(&self, style: &Style) -> Vec<Color> {
+        let reach = reach();
+        let mut colors = Vec::new();
+        for y in APRON..self.height - APRON {
+            for x in APRON..self.width - APRON {
+                let pixel = y * self.width + x;
+                let color = if self.index[pixel] == 0 {
+                    self.coarse[pixel].color
+                } else {
+                    self.mean([x, y], style.lines.then_some(&reach))
+                };
+                colors.push(color.map(|v| v.round() as u8));
+            }
+        }
+        colors
+    }
+
+    /// The mean of a pixel's samples, with the lines on them.
+    fn mean(&self, [x, y]: [usize; 2], reach: Option<&Vec<([i32; 2], bool)>>) -> [f32; 3] {
+        let mut sum = [0.0; 3];
+        for k in 0..FINE * FINE {
+            let place = [x * FINE + k % FINE, y * FINE + k / FINE];
+            let sample = self.at(place[0], place[1]);
+            let share = reach.map_or(0.0, |reach| self.line(place, sample, reach));
+            for (sum, (own, line)) in sum.iter_mut().zip(sample.color.iter().zip(shade::LINE)) {
+                *sum += own + share * (f32::from(line) - own);
+            }
+        }
+        sum.map(|v| v / (FINE * FINE) as f32)
+    }
+
+    /// How much of a line is on a sample.
+    fn line(&self, [x, y]: [usize; 2], own: &Sample, reach: &[([i32; 2], bool)]) -> f32 {
+        if own.seen.is_none() {
+            return 0.0;
+        }
+        for ([dx, dy], is_near) in reach {
+            let (x, y) = (x as i32 + dx, y as i32 + dy);
+            match own.border(self.at(x as usize, y as usize)) {
+                Border::Before => return OUTLINE_SHARE,
+                Border::Edge if *is_near => return EDGE_SHARE,
+                _ => {}
+            }
+        }
+        0.0
+    }
+}
+
+/// The places around one of the fine grid that a line may come from, nearest first, and whether an
+/// edge may.
+fn reach() -> Vec<([i32; 2], bool)> {
+    let most = (OUTLINE * FINE as f64).floor() as i32;
+    let away = |[x, y]: [i32; 2]| f64::from(x * x + y * y).sqrt() / FINE as f64;
+    let all = (-most..=most).flat_map(|y| (-most..=most).map(move |x| [x, y]));
+    let mut places: Vec<[i32; 2]> = all
+        .filter(|p| *p != [0, 0] && away(*p) <= OUTLINE)
+        .collect();
+    places.sort_by(|a, b| away(*a).total_cmp(&away(*b)).then(a.cmp(b)));
+    places.into_iter().map(|p| (p, away(p) <= EDGE)).collect()
+}

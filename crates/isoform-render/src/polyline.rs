@@ -1,0 +1,214 @@
+//! Lines on paper: segments joined to chains, corners put back where a grid has cut them, and
+//! points left out that a line does not need.
+
+use std::collections::BTreeMap;
+
+/// A point of a line on a grid: to the right (0) or down (1) of a place of the grid, or (2) amid
+/// four.
+pub type Node = (usize, usize, u8);
+
+/// Chains of segments, open ones first, each as long as it goes without a fork.
+pub fn chains(segments: &[[Node; 2]]) -> Vec<Vec<Node>> {
+    let mut web = Web::of(segments);
+    let ends = web.at.iter().filter(|(_, s)| s.len() != 2).map(|(n, _)| *n);
+    let starts: Vec<Node> = ends.chain(web.at.keys().copied()).collect();
+    let mut chains = Vec::new();
+    for start in starts {
+        while let Some(first) = web.unused(start) {
+            chains.push(web.chain(start, first));
+        }
+    }
+    chains
+}
+
+/// Segments by the nodes that they join.
+struct Web<'s> {
+    segments: &'s [[Node; 2]],
+    /// The segments at each node.
+    at: BTreeMap<Node, Vec<usize>>,
+    /// Segments that are part of a chain already.
+    used: Vec<bool>,
+}
+
+impl<'s> Web<'s> {
+    /// The web of these segments, none of them used.
+    fn of(segments: &'s [[Node; 2]]) -> Self {
+        let mut at: BTreeMap<Node, Vec<usize>> = BTreeMap::new();
+        for (i, segment) in segments.iter().enumerate() {
+            for node in segment {
+                at.entry(*node).or_default().push(i);
+            }
+        }
+        Self {
+            segments,
+            at,
+            used: vec![false; segments.len()],
+        }
+    }
+
+    /// The first segment at a node that is in no chain yet.
+    fn unused(&self, node: Node) -> Option<usize> {
+        self.at[&node].iter().copied().find(|s| !self.used[*s])
+    }
+
+    /// The chain from a node along a segment, up to an end, a fork or itself.
+    fn chain(&mut self, start: Node, first: usize) -> Vec<Node> {
+        let (mut chain, mut node, mut segment) = (vec![start], start, first);
+        loop {
+            self.used[segment] = true;
+            let [a, b] = self.segments[segment];
+            node = if a == node { b } else { a };
+            chain.push(node);
+            match self.unused(node) {
+                Some(next) if self.at[&node].len() == 2 => segment = next,
+                _ => return chain,
+            }
+        }
+    }
+}
+
+/// Where two straight runs meet within a cell the chain cuts the corner: the corner is put in its
+/// place. `pixel` is the size of a cell.
+pub fn sharpened(points: Vec<[f64; 2]>, pixel: f64) -> Vec<[f64; 2]> {
+    let n = points.len();
+    let is_closed = n > 8 && points[0] == points[n - 1];
+    let get = |i: isize| -> Option<[f64; 2]> {
+        if is_closed {
+            Some(points[i.rem_euclid(n as isize - 1) as usize])
+        } else {
+            usize::try_from(i).ok().and_then(|i| points.get(i)).copied()
+        }
+    };
+    let mut out = Vec::with_capacity(n + 8);
+    for i in 0..n {
+        out.push(points[i]);
+        if i + 1 == n {
+            break;
+        }
+        let i = i as isize;
+        // Two segments before and two behind, each pair straight.
+        let (Some(a), Some(b), Some(c), Some(d), Some(e), Some(f)) = (
+            get(i - 2),
+            get(i - 1),
+            get(i),
+            get(i + 1),
+            get(i + 2),
+            get(i + 3),
+        ) else {
+            continue;
+        };
+        if is_straight(a, b, c)
+            && is_straight(d, e, f)
+            && let Some(corner) = meeting([a, c], [f, d])
+            && distance(corner, c).max(distance(corner, d)) < 1.5 * pixel
+        {
+            out.push(corner);
+        }
+    }
+    out
+}
+
+/// The distance on the paper.
+fn distance(a: [f64; 2], b: [f64; 2]) -> f64 {
+    (a[0] - b[0]).hypot(a[1] - b[1])
+}
+
+/// Whether the middle one of three points lies on the chord of the others, within 3 % of its
+/// length.
+fn is_straight(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> bool {
+    let cross = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+    let length = distance(a, c);
+    length > 0.0 && cross.abs() < 0.03 * length * length
+}
+
+/// Where the lines through two pairs of points meet, ahead of both; none if they run nearly alike.
+fn meeting([a, b]: [[f64; 2]; 2], [c, d]: [[f64; 2]; 2]) -> Option<[f64; 2]> {
+    let (u, v) = ([b[0] - a[0], b[1] - a[1]], [d[0] - c[0], d[1] - c[1]]);
+    let cross = u[0] * v[1] - u[1] * v[0];
+    let sizes = u[0].hypot(u[1]) * v[0].hypot(v[1]);
+    if cross.abs() < 0.3 * sizes {
+        return None;
+    }
+    let t = ((c[0] - a[0]) * v[1] - (c[1] - a[1]) * v[0]) / cross;
+    let s = ((c[0] - a[0]) * u[1] - (c[1] - a[1]) * u[0]) / cross;
+    (t >= 1.0 && s >= 1.0).then(|| [a[0] + t * u[0], a[1] + t * u[1]])
+}
+
+/// Points that a line needs (Douglas and Peucker 1973), without recursion: those left out lie
+/// within the tolerance of the line.
+///
+/// ```
+/// use isoform_render::polyline::simplified;
+/// let line = [[0.0, 0.0], [1.0, 0.01], [2.0, 0.0], [2.0, 3.0]];
+/// assert_eq!(simplified(&line, 0.1), [[0.0, 0.0], [2.0, 0.0], [2.0, 3.0]]);
+/// ```
+pub fn simplified(points: &[[f64; 2]], tolerance: f64) -> Vec<[f64; 2]> {
+    let n = points.len();
+    if n < 3 {
+        return points.to_vec();
+    }
+    let mut keep = vec![false; n];
+    keep[0] = true;
+    keep[n - 1] = true;
+    // A closed line has no chord; it is split in the middle.
+    let mut open = if distance(points[0], points[n - 1]) < tolerance {
+        keep[n / 2] = true;
+        vec![(0, n / 2), (n / 2, n - 1)]
+    } else {
+        vec![(0, n - 1)]
+    };
+    while let Some((i, j)) = open.pop() {
+        let off = |k: usize| from_chord(points[k], [points[i], points[j]]);
+        let far = (i + 1..j).max_by(|a, b| off(*a).total_cmp(&off(*b)));
+        if let Some(k) = far.filter(|k| off(*k) > tolerance) {
+            keep[k] = true;
+            open.extend([(i, k), (k, j)]);
+        }
+    }
+    (0..n).filter(|i| keep[*i]).map(|i| points[i]).collect()
+}
+
+/// The distance of a point of the paper from a chord.
+fn from_chord(p: [f64; 2], chord: [[f64; 2]; 2]) -> f64 {
+    let lifted = |[x, y]: [f64; 2]| [x, y, 0.0];
+    isoform::geom::distance_to_segment(lifted(p), chord.map(lifted))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_corner_that_is_cut_is_put_back() {
+        let mut cut: Vec<[f64; 2]> = (0..5).map(|i| [f64::from(i), 0.0]).collect();
+        cut.extend((0..5).map(|i| [4.5, 0.5 + f64::from(i)]));
+        let sharp = sharpened(cut, 1.0);
+        assert!(sharp.contains(&[4.5, 0.0]), "{sharp:?}");
+        assert_eq!(
+            simplified(&sharp, 0.01),
+            [[0.0, 0.0], [4.5, 0.0], [4.5, 4.5]]
+        );
+    }
+
+    #[test]
+    fn a_closed_line_stays_closed() {
+        let ring: Vec<[f64; 2]> = (0..=40)
+            .map(|i| f64::from(i % 40) * std::f64::consts::TAU / 40.0)
+            .map(|t| [t.cos(), t.sin()])
+            .collect();
+        let few = simplified(&ring, 0.02);
+        assert!(
+            few.len() > 8 && few.len() < 40 && few[0] == few[few.len() - 1],
+            "{few:?}"
+        );
+    }
+
+    #[test]
+    fn chains_end_at_forks() {
+        let n = |x: usize| (x, 0, 0);
+        let forked = [[n(0), n(1)], [n(1), n(2)], [n(2), n(3)], [n(2), n(4)]];
+        let mut lengths: Vec<usize> = chains(&forked).iter().map(Vec::len).collect();
+        lengths.sort_unstable();
+        assert_eq!(lengths, [2, 2, 3]);
+    }
+}

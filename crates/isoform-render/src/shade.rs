@@ -1,0 +1,53 @@
+//! Light and the colours that surfaces have without any of their own: those of the page.
+
+use crate::camera::{Sight, along, unit};
+use crate::color::Color;
+use isoform::geom::{Point3, dot};
+
+/// Models.
+pub(crate) const MODEL: Color = [132, 160, 190];
+/// Meshes.
+pub(crate) const MESH: Color = [158, 170, 164];
+/// Maps and patches.
+pub(crate) const MAP: Color = [150, 178, 205];
+/// Caps of sections.
+pub(crate) const CAP: Color = [224, 164, 88];
+/// Points.
+pub(crate) const POINT: Color = [176, 84, 12];
+/// Points that no figure counts.
+pub(crate) const OUTLIER: Color = [96, 96, 102];
+/// Lines of edges and outlines.
+pub(crate) const LINE: Color = [40, 44, 52];
+/// Double curves of maps.
+pub(crate) const DOUBLE: Color = [209, 73, 91];
+
+/// What light from everywhere, light from one side, and its reflection add.
+const AMBIENT: f64 = 0.56;
+const DIFFUSE: f64 = 0.56;
+const SHINE: f64 = 0.06;
+/// How far above the eye and to its left the light is, for a distance of 1: enough for the faces of
+/// a block to be told apart.
+const ABOVE: f64 = 0.6;
+const BESIDE: f64 = 0.4;
+/// How narrow the reflection is.
+const GLOSS: i32 = 40;
+
+/// A colour in the light, which comes from beside the eye. Faces are lit on both sides.
+pub(crate) fn lit(color: Color, normal: Point3, ray: Point3, sight: &Sight) -> [f64; 3] {
+    let to_eye = ray.map(|v| -v);
+    let n = if dot(normal, to_eye) < 0.0 {
+        normal.map(|v| -v)
+    } else {
+        normal
+    };
+    let light = unit(along(along(to_eye, sight.up, ABOVE), sight.right, -BESIDE));
+    let diffuse = dot(n, light).max(0.0);
+    let half = unit(along(light, to_eye, 1.0));
+    let shine = dot(n, half).max(0.0).powi(GLOSS);
+    color.map(|c| f64::from(c) * (AMBIENT + DIFFUSE * diffuse) + 255.0 * SHINE * shine)
+}
+
+/// A flat colour.
+pub(crate) fn flat(color: Color) -> [f64; 3] {
+    color.map(f64::from)
+}

@@ -1,0 +1,363 @@
+//! Surfaces of triangles: meshes, and the triangles of patches, maps and solids.
+
+use crate::bvh::{Bvh, Meeting};
+use crate::camera::{Ray, along, unit};
+use crate::color::{Color, Scale, part_color};
+use crate::exact::{Exact, facet_normal};
+use crate::section::Section;
+use isoform::geom::{Aabb, Point3, dot, norm, sub};
+use std::collections::HashMap;
+
+/// Squares of a chequered patch on each side.
+const CHEQUERS: f64 = 8.0;
+/// How dark the dark squares are.
+const DARK: f64 = 0.78;
+/// How far the surface may be from its triangle, as a share of the whole: what Newton's method
+/// finds farther away is another sheet.
+const NEAR: f64 = 0.02;
+
+/// What triangles are coloured by.
+#[derive(Clone, Debug)]
+pub(crate) enum Paint {
+    /// One colour for all.
+    Plain(Color),
+    /// A colour for each part.
+    Parts(Vec<Color>),
+    /// The same, each part chequered by its parameters.
+    Chequered(Vec<Color>),
+    /// Values at the corners of each triangle.
+    Values(Vec<[f64; 3]>, Scale),
+}
+
+/// The sine of the angle at which surfaces that lie on one another are still told from such that do
+/// not: their distance along a ray grows with the inverse.
+const STEEPEST: f64 = 0.1;
+
+/// Triangles, prepared for rays.
+#[derive(Clone, Debug)]
+pub(crate) struct Surface {
+    pub(crate) points: Vec<Point3>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// The part of each triangle, or nothing where there is one part.
+    pub(crate) parts: Vec<u32>,
+    pub(crate) paint: Paint,
+    /// Parameters of the corners of each triangle, and the surface itself.
+    pub(crate) exact: Option<(Exact, Vec<[[f64; 2]; 3]>)>,
+    /// Normals at the corners of triangles that stand for smooth faces.
+    pub(crate) normals: Vec<[Point3; 3]>,
+    /// Surfaces that lie on one another: those of higher rank are seen. The rank of each triangle,
+    /// and how far from one another such surfaces may be.
+    pub(crate) ranks: (Vec<u32>, f64),
+    /// Whether the edges of triangles are drawn.
+    pub(crate) has_edges: bool,
+    /// What bounds the solid, where there is one: caps of sections fill it.
+    pub(crate) lid: Lid,
+    tree: Bvh,
+}
+
+/// What bounds a solid.
+#[derive(Clone, Debug)]
+pub(crate) enum Lid {
+    /// Nothing: the surface is open.
+    Open,
+    /// The triangles themselves.
+    Own,
+    /// The cut through tetrahedra.
+    Cut(Box<Surface>),
+}
+
+/// Where a ray meets a surface.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct OnSurface {
+    pub(crate) t: f64,
+    pub(crate) normal: Point3,
+    pub(crate) part: u32,
+    pub(crate) meeting: Meeting,
+}
+
+impl Surface {
+    pub(crate) fn new(points: Vec<Point3>, triangles: Vec<[u32; 3]>, paint: Paint) -> Self {
+        let tree = Bvh::new(&points, &triangles);
+        Self {
+            points,
+            triangles,
+            parts: Vec::new(),
+            paint,
+            exact: None,
+            normals: Vec::new(),
+            ranks: (Vec::new(), 0.0),
+            has_edges: false,
+            lid: Lid::Open,
+            tree,
+        }
+    }
+
+    /// The box of all corners of triangles.
+    pub(crate) fn bounds(&self) -> Aabb {
+        let corners = self.triangles.as_flattened().iter();
+        Aabb::of(corners.map(|i| &self.points[*i as usize]))
+    }
+
+    pub(crate) fn corners(&self, triangle: u32) -> [Point3; 3] {
+        self.triangles[triangle as usize].map(|i| self.points[i as usize])
+    }
+
+    fn part(&self, triangle: u32) -> u32 {
+        self.parts.get(triangle as usize).copied().unwrap_or(0)
+    }
+
+    /// The first place in which a ray meets what a section leaves.
+    pub(crate) fn meet(
+        &self,
+        ray: &Ray,
+        range: [f64; 2],
+        section: Option<&Section>,
+    ) -> Option<OnSurface> {
+        let (ranks, apart) = &self.ranks;
+        // The nearest place, and those that lie behind it by no more than surfaces that lie on one
+        // another may.
+        let mut nearest = f64::INFINITY;
+        let mut near: Vec<Meeting> = Vec::new();
+        self.tree
+            .visit((&self.points, &self.triangles), ray, range, |m| {
+                if section.is_none_or(|s| s.keeps(along(ray.o, ray.d, m.t))) {
+                    nearest = nearest.min(m.t);
+                    near.retain(|other| other.t <= nearest + apart / STEEPEST);
+                    near.push(m);
+                }
+                nearest + apart / STEEPEST
+            });
+        let rank = |m: &Meeting| ranks.get(m.triangle as usize).copied().unwrap_or(0);
+        let is_on = |m: &&Meeting| {
+            let n = unit(facet_normal(self.corners(m.triangle)));
+            m.t <= nearest + apart / dot(n, ray.d).abs().max(STEEPEST)
+        };
+        // The first of the highest rank; the nearest of those.
+        let best = near.iter().filter(is_on).max_by(|a, b| {
+            let order = rank(a).cmp(&rank(b));
+            order
+                .then(b.t.total_cmp(&a.t))
+                .then(b.triangle.cmp(&a.triangle))
+        });
+        best.map(|meeting| self.place(ray, *meeting))
+    }
+
+    /// The place of the surface itself where its triangle is met.
+    fn place(&self, ray: &Ray, meeting: Meeting) -> OnSurface {
+        let Meeting {
+            t,
+            triangle,
+            shares,
+        } = meeting;
+        let part = self.part(triangle);
+        let flat = |normal| OnSurface {
+            t,
+            normal,
+            part,
+            meeting,
+        };
+        if let Some((exact, corners)) = &self.exact {
+            let uv = self.parameters(corners, &meeting);
+            let diagonal = self.tree.bounds().diagonal();
+            let found = exact.onto(ray, part, uv);
+            if let Some((at, normal)) = found.filter(|f| (f.0 - t).abs() < NEAR * diagonal) {
+                return OnSurface {
+                    t: at,
+                    normal,
+                    part,
+                    meeting,
+                };
+            }
+            let normal = exact.at(part, uv).normal();
+            if norm(normal).is_finite() && norm(normal) > 0.0 {
+                return flat(unit(normal));
+            }
+        }
+        if let Some(normals) = self.normals.get(triangle as usize) {
+            let sum = |k: usize| (0..3).map(|c| shares[c] * normals[c][k]).sum();
+            return flat(unit(std::array::from_fn(sum)));
+        }
+        flat(unit(facet_normal(self.corners(triangle))))
+    }
+
+    fn parameters(&self, corners: &[[[f64; 2]; 3]], m: &Meeting) -> [f64; 2] {
+        let uv = &corners[m.triangle as usize];
+        [0, 1].map(|k| (0..3).map(|c| m.shares[c] * uv[c][k]).sum())
+    }
+
+    /// The colour of a place.
+    pub(crate) fn color(&self, m: &Meeting) -> Color {
+        match &self.paint {
+            Paint::Values(values, scale) => {
+                let corners = &values[m.triangle as usize];
+                scale.color((0..3).map(|c| m.shares[c] * corners[c]).sum())
+            }
+            _ => self.fill(self.part(m.triangle), self.tone(m)),
+        }
+    }
+
+    /// Which of its part's colours a place has: the square of a chequered patch, or the step of a
+    /// scale.
+    pub(crate) fn tone(&self, m: &Meeting) -> u16 {
+        match &self.paint {
+            Paint::Plain(_) | Paint::Parts(_) => 0,
+            Paint::Chequered(_) => {
+                let Some((_, corners)) = &self.exact else {
+                    return 0;
+                };
+                let [u, v] = self
+                    .parameters(corners, m)
+                    .map(|v| (v * CHEQUERS).floor() as i64);
+                (u + v).rem_euclid(2) as u16
+            }
+            Paint::Values(values, scale) => {
+                let corners = &values[m.triangle as usize];
+                scale.step((0..3).map(|c| m.shares[c] * corners[c]).sum())
+            }
+        }
+    }
+
+    /// The colour of one of a part's tones.
+    pub(crate) fn fill(&self, part: u32, tone: u16) -> Color {
+        let of = |list: &[Color]| {
+            let own = list.get(part as usize).copied();
+            own.unwrap_or_else(|| part_color(part as usize))
+        };
+        match &self.paint {
+            Paint::Plain(color) => *color,
+            Paint::Parts(list) => of(list),
+            Paint::Chequered(list) if tone == 1 => {
+                of(list).map(|v| (DARK * f64::from(v)).round() as u8)
+            }
+            Paint::Chequered(list) => of(list),
+            Paint::Values(_, scale) => scale.step_color(tone),
+        }
+    }
+
+    /// Whether a place at which a ray comes through a section is inside of the solid; with the
+    /// place on the cut where there is one.
+    pub(crate) fn cap(&self, ray: &Ray, t: f64) -> Option<Option<OnSurface>> {
+        match &self.lid {
+            Lid::Open => None,
+            Lid::Own => {
+                let mesh = (self.points.as_slice(), self.triangles.as_slice());
+                (self.tree.crossings(mesh, ray, t) % 2 == 1).then_some(None)
+            }
+            Lid::Cut(cut) => cut
+                .meet(ray, [f64::NEG_INFINITY, f64::INFINITY], None)
+                .map(Some),
+        }
+    }
+
+    /// The cut through tetrahedra, where there is one.
+    pub(crate) fn cut(&self) -> Option<&Self> {
+        match &self.lid {
+            Lid::Cut(cut) => Some(cut),
+            _ => None,
+        }
+    }
+
+    /// Takes the smooth faces of parts for what triangles stand for: normals at the corners are the
+    /// means of those around, by area.
+    pub(crate) fn smoothed(mut self) -> Self {
+        let mut sums: HashMap<(u32, u32), Point3> = HashMap::new();
+        for (k, t) in self.triangles.iter().enumerate() {
+            let n = facet_normal(self.corners(k as u32));
+            for i in t {
+                let sum = sums.entry((*i, self.part(k as u32))).or_default();
+                *sum = along(*sum, n, 1.0);
+            }
+        }
+        let each = self.triangles.iter().enumerate();
+        self.normals = each
+            .map(|(k, t)| t.map(|i| unit(sums[&(i, self.part(k as u32))])))
+            .collect();
+        self
+    }
+}
+
+/// Whether triangles close up: each edge has as many of one direction as of the other.
+pub(crate) fn is_closed(triangles: &[[u32; 3]]) -> bool {
+    let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
+    for t in triangles {
+        for k in 0..3 {
+            let (i, j) = (t[k], t[(k + 1) % 3]);
+            let sign = if i < j { 1 } else { -1 };
+            *balance.entry([i.min(j), i.max(j)]).or_default() += sign;
+        }
+    }
+    !triangles.is_empty() && balance.values().all(|sum| *sum == 0)
+}
+
+/// The polygons in which a section cuts tetrahedra, as triangles.
+pub(crate) fn cut_of(
+    points: &[Point3],
+    tets: &[[u32; 4]],
+    section: &Section,
+    color: Color,
+) -> Surface {
+    let height = |i: u32| section.height(points[i as usize]);
+    let (mut nodes, mut triangles) = (Vec::new(), Vec::new());
+    for tet in tets {
+        let (above, below): (Vec<u32>, Vec<u32>) = tet.iter().partition(|i| height(**i) > 0.0);
+        let crossing = |i: u32, j: u32| -> Point3 {
+            let (p, q) = (points[i as usize], points[j as usize]);
+            along(p, sub(q, p), height(i) / (height(i) - height(j)))
+        };
+        let polygon: Vec<Point3> = match (above.as_slice(), below.as_slice()) {
+            ([a, b], [c, d]) => [(a, c), (a, d), (b, d), (b, c)]
+                .map(|(i, j)| crossing(*i, *j))
+                .to_vec(),
+            ([one], three) | (three, [one]) => three.iter().map(|j| crossing(*one, *j)).collect(),
+            _ => continue,
+        };
+        let first = nodes.len() as u32;
+        for k in 2..polygon.len() as u32 {
+            triangles.push([first, first + k - 1, first + k]);
+        }
+        nodes.extend(polygon);
+    }
+    let mut cut = Surface::new(nodes, triangles, Paint::Plain(color));
+    cut.has_edges = true;
+    cut
+}
+
+/// The quality of a triangle: 1 where it is equilateral, 0 where it has no area.
+pub(crate) fn quality([a, b, c]: [Point3; 3]) -> f64 {
+    let squares: f64 = [sub(b, a), sub(c, b), sub(a, c)]
+        .iter()
+        .map(|e| dot(*e, *e))
+        .sum();
+    let area = norm(facet_normal([a, b, c]));
+    if squares > 0.0 {
+        2.0 * 3.0_f64.sqrt() * area / squares
+    } else {
+        0.0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_equilateral_triangle_has_quality_one() {
+        let h = 0.75_f64.sqrt();
+        let q = quality([[0.0; 3], [1.0, 0.0, 0.0], [0.5, h, 0.0]]);
+        assert!((q - 1.0).abs() < 1e-15);
+        assert_eq!(quality([[0.0; 3], [1.0, 0.0, 0.0], [2.0, 0.0, 0.0]]), 0.0);
+    }
+
+    #[test]
+    fn a_tetrahedron_is_closed_and_its_cut_flat() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let skin = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+        assert!(is_closed(&skin) && !is_closed(&skin[1..]));
+        let section = Section::new([0.0, 0.0, 2.0], 1.0).expect("a plane");
+        let cut = cut_of(&points, &[[0, 1, 2, 3]], &section, [0; 3]);
+        let area: f64 = (0..cut.triangles.len() as u32)
+            .map(|k| 0.5 * norm(facet_normal(cut.corners(k))))
+            .sum();
+        assert!((area - 0.125).abs() < 1e-15, "{area}");
+    }
+}

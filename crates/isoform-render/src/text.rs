@@ -1,0 +1,58 @@
+//! Letters on pictures.
+
+use crate::color::Color;
+use crate::picture::Picture;
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+
+const WEIGHT: FontWeight = FontWeight::Regular;
+const HEIGHT: RasterHeight = RasterHeight::Size16;
+/// Height of a line of text, in pixels.
+pub(crate) const LINE: u32 = 18;
+/// Letters of a name at most.
+const MOST: usize = 32;
+/// What stands for a letter that the font has not.
+const MISSING: char = '?';
+
+/// A text in letters that the font has.
+fn spelled(text: &str) -> String {
+    text.replace('≥', ">=").replace('≤', "<=").replace('−', "-")
+}
+
+/// The width of a text in pixels.
+pub(crate) fn width(text: &str) -> u32 {
+    (get_raster_width(WEIGHT, HEIGHT) * spelled(text).chars().count()) as u32
+}
+
+/// A name that fits: its beginning and its end. Letters that turn the direction of writing, and
+/// others that are not seen, have no picture.
+pub(crate) fn shortened(name: &str) -> String {
+    let letters: Vec<char> = name.chars().filter(|c| !c.is_control()).collect();
+    if letters.len() <= MOST {
+        return letters.into_iter().collect();
+    }
+    let (head, tail) = (MOST / 2, MOST - MOST / 2 - 1);
+    let mut short: String = letters[..head].iter().collect();
+    short.push('~');
+    short.extend(&letters[letters.len() - tail..]);
+    short
+}
+
+/// Writes a text; its upper left corner is at a place.
+pub(crate) fn write(picture: &mut Picture, [x, y]: [u32; 2], text: &str, color: Color) {
+    let step = get_raster_width(WEIGHT, HEIGHT) as i64;
+    for (k, letter) in spelled(text).chars().enumerate() {
+        let found = get_raster(letter, WEIGHT, HEIGHT);
+        let Some(raster) = found.or_else(|| get_raster(MISSING, WEIGHT, HEIGHT)) else {
+            continue;
+        };
+        for (dy, row) in raster.rows().enumerate() {
+            for (dx, share) in row.iter().enumerate().filter(|(_, s)| **s > 0) {
+                let at = [
+                    i64::from(x) + k as i64 * step + dx as i64,
+                    i64::from(y) + dy as i64,
+                ];
+                picture.mix(at, color, f64::from(*share) / 255.0);
+            }
+        }
+    }
+}

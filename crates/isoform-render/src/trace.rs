@@ -1,0 +1,320 @@
+//! What is seen along a line of sight.
+
+use crate::camera::{Ray, Sight, along};
+use crate::color::Color;
+use crate::layer::{Body, Layer, Scene};
+use crate::marks::Marks;
+use crate::model::Scratch;
+use crate::shade::{self, flat, lit};
+use crate::surface::{OnSurface, Surface};
+use isoform::geom::{Point3, dot};
+
+/// Normals that turn by more than this between neighbours show an edge: the cosines of 10° between
+/// two parts, of 30° within one.
+const EDGE: f64 = 0.985;
+const FOLD: f64 = 0.866;
+/// Neighbours farther apart than this many pixels may be of two surfaces, one before the other.
+const APART: f64 = 3.0;
+/// They are, unless the surfaces explain it: the step must leave the plane of one of them by this
+/// share of itself.
+const OFF_PLANE: f64 = 0.3;
+/// Colours that differ by more are not one.
+const UNLIKE: f32 = 20.0;
+/// The part of what has none.
+pub(crate) const CAP: u32 = u32::MAX;
+/// Distance between hatches, and their width, in pixels.
+const HATCH: f64 = 9.0;
+const HATCH_WIDTH: f64 = 1.0;
+/// Edges of triangles: how dark they are, and how small triangles may be to have any.
+const WIRE: f64 = 0.3;
+const SMALL: [f64; 2] = [3.0, 9.0];
+
+/// The surface that is seen.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Seen {
+    pub(crate) point: Point3,
+    pub(crate) depth: f64,
+    /// Towards the eye.
+    pub(crate) normal: Point3,
+    pub(crate) layer: u16,
+    /// The part of the layer; [`CAP`] for a cap.
+    pub(crate) part: u32,
+    /// Which of its part's colours it has, where there are several.
+    pub(crate) tone: u16,
+    /// The size of a pixel there.
+    pub(crate) pixel: f64,
+}
+
+impl Seen {
+    /// What is one area of one colour in a drawing.
+    pub(crate) fn class(&self) -> Class {
+        Class {
+            layer: self.layer,
+            part: self.part,
+            tone: self.tone,
+        }
+    }
+}
+
+/// An area of one colour: a layer, a part of it, and one of the part's colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Class {
+    pub(crate) layer: u16,
+    pub(crate) part: u32,
+    pub(crate) tone: u16,
+}
+
+/// What is seen at a place of the picture.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Sample {
+    pub(crate) color: [f32; 3],
+    /// None where there is nothing, or a mark.
+    pub(crate) seen: Option<Seen>,
+    pub(crate) is_mark: bool,
+}
+
+/// What lies between two neighbouring samples.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Border {
+    /// Nothing.
+    None,
+    /// The first is before the second, or the second is empty.
+    Before,
+    /// The other way round.
+    Behind,
+    /// An edge of both.
+    Edge,
+}
+
+impl Sample {
+    /// What lies between two samples.
+    pub(crate) fn border(&self, other: &Self) -> Border {
+        if self.is_mark || other.is_mark {
+            Border::None
+        } else {
+            border(self.seen.as_ref(), other.seen.as_ref())
+        }
+    }
+
+    /// Whether a pixel between the two needs more samples.
+    pub(crate) fn differs(&self, other: &Self) -> bool {
+        let is_unlike = (0..3).any(|k| (self.color[k] - other.color[k]).abs() > UNLIKE);
+        is_unlike || self.is_mark != other.is_mark || self.border(other) != Border::None
+    }
+}
+
+/// What lies between two surfaces that are seen beside each other.
+pub(crate) fn border(a: Option<&Seen>, b: Option<&Seen>) -> Border {
+    let (a, b) = match (a, b) {
+        (None, None) => return Border::None,
+        (Some(_), None) => return Border::Before,
+        (None, Some(_)) => return Border::Behind,
+        (Some(a), Some(b)) => (a, b),
+    };
+    let step = isoform::geom::sub(b.point, a.point);
+    let length = dot(step, step).sqrt();
+    let off = dot(a.normal, step).abs().max(dot(b.normal, step).abs());
+    if length > APART * a.pixel.min(b.pixel) && off > OFF_PLANE * length {
+        return if a.depth < b.depth {
+            Border::Before
+        } else {
+            Border::Behind
+        };
+    }
+    let turn = dot(a.normal, b.normal);
+    let is_one = a.layer == b.layer && a.part == b.part;
+    let is_cap = (a.part == CAP) != (b.part == CAP);
+    if is_cap || turn < if is_one { FOLD } else { EDGE } {
+        Border::Edge
+    } else {
+        Border::None
+    }
+}
+
+/// How a scene is seen.
+#[derive(Debug)]
+pub(crate) struct Tracer<'a> {
+    pub(crate) scene: &'a Scene,
+    pub(crate) sight: &'a Sight,
+    pub(crate) marks: &'a Marks,
+    pub(crate) background: Color,
+    pub(crate) is_hatched: bool,
+}
+
+/// The nearest place so far, with its colour in the light.
+struct Nearest {
+    t: f64,
+    seen: Seen,
+    color: [f64; 3],
+}
+
+impl Tracer<'_> {
+    /// What is seen at a place of the picture.
+    pub(crate) fn sample(&self, at: [f64; 2], scratch: &mut Scratch) -> Sample {
+        let nearest = self.nearest(at, scratch);
+        let depth = nearest.as_ref().map_or(f64::INFINITY, |n| n.seen.depth);
+        let single = |c: [f64; 3]| c.map(|v| v.clamp(0.0, 255.0) as f32);
+        if let Some((_, color)) = self.marks.at(at).filter(|(d, _)| *d < depth) {
+            return Sample {
+                color: single(flat(color)),
+                seen: None,
+                is_mark: true,
+            };
+        }
+        match nearest {
+            Some(n) => Sample {
+                color: single(n.color),
+                seen: Some(n.seen),
+                is_mark: false,
+            },
+            None => Sample {
+                color: single(flat(self.background)),
+                seen: None,
+                is_mark: false,
+            },
+        }
+    }
+
+    /// The surface that is seen, without marks.
+    pub(crate) fn seen(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<Seen> {
+        self.nearest(at, scratch).map(|n| n.seen)
+    }
+
+    fn nearest(&self, at: [f64; 2], scratch: &mut Scratch) -> Option<Nearest> {
+        let ray = self.sight.ray(at);
+        let (range, is_cut) = match &self.scene.section {
+            Some(section) => section.clip(&ray)?,
+            None => ([ray.from, f64::INFINITY], false),
+        };
+        let mut best: Option<Nearest> = None;
+        for (k, layer) in self.scene.layers.iter().enumerate() {
+            let to = best.as_ref().map_or(range[1], |b| b.t);
+            let place = Place {
+                tracer: self,
+                ray,
+                range: [range[0], to],
+                is_cut,
+                at,
+                layer: k as u16,
+            };
+            let found = match &layer.body {
+                Body::Model { .. } => place.on_model(layer, scratch),
+                Body::Surface(surface) => place.on_surface(surface),
+                Body::Points { .. } => None,
+            };
+            if let Some(found) = found.filter(|f| best.as_ref().is_none_or(|b| f.t < b.t)) {
+                best = Some(found);
+            }
+        }
+        best
+    }
+}
+
+/// A line of sight on its way through a layer.
+struct Place<'a> {
+    tracer: &'a Tracer<'a>,
+    ray: Ray,
+    range: [f64; 2],
+    /// Whether it begins at the plane of the section.
+    is_cut: bool,
+    /// The place of the picture.
+    at: [f64; 2],
+    layer: u16,
+}
+
+impl Place<'_> {
+    fn found(&self, t: f64, normal: Point3, part: u32, color: [f64; 3]) -> Nearest {
+        let point = along(self.ray.o, self.ray.d, t);
+        let depth = self.tracer.sight.depth(point);
+        let normal = if dot(normal, self.ray.d) > 0.0 {
+            normal.map(|v| -v)
+        } else {
+            normal
+        };
+        let seen = Seen {
+            point,
+            depth,
+            normal,
+            layer: self.layer,
+            part,
+            tone: 0,
+            pixel: self.tracer.sight.pixel(depth),
+        };
+        Nearest { t, seen, color }
+    }
+
+    fn lit(&self, color: Color, normal: Point3) -> [f64; 3] {
+        lit(color, normal, self.ray.d, self.tracer.sight)
+    }
+
+    /// A place of a cap: flat, with hatches where they are wanted.
+    fn cap(&self, t: f64, normal: Point3) -> Nearest {
+        let mut color = flat(shade::CAP);
+        let phase = (self.at[0] + self.at[1]).rem_euclid(HATCH);
+        if self.tracer.is_hatched && phase < HATCH_WIDTH {
+            color = color.map(|v| 0.66 * v);
+        }
+        self.found(t, normal, CAP, color)
+    }
+
+    fn on_model(&self, layer: &Layer, scratch: &mut Scratch) -> Option<Nearest> {
+        let Body::Model { model, colors } = &layer.body else {
+            return None;
+        };
+        let met = model.meet(&self.ray, self.range, self.is_cut, scratch)?;
+        let Some(piece) = met.piece else {
+            let normal = match &self.tracer.scene.section {
+                Some(section) if self.is_cut && met.t == self.range[0] => section.normal(),
+                _ => self.ray.d,
+            };
+            return Some(self.cap(met.t, normal));
+        };
+        let normal = model.normal(piece, &self.ray, met.t);
+        let own = colors.as_ref().map(|c| c[piece as usize]);
+        let color = self.lit(own.unwrap_or(shade::MODEL), normal);
+        Some(self.found(met.t, normal, piece, color))
+    }
+
+    fn on_surface(&self, surface: &Surface) -> Option<Nearest> {
+        if self.is_cut
+            && let Some(cut) = surface.cap(&self.ray, self.range[0])
+            && self.range[0] < self.range[1]
+        {
+            let section = self.tracer.scene.section.as_ref()?;
+            let mut cap = self.cap(self.range[0], section.normal());
+            if let (Some(on), Some(cut)) = (cut, surface.cut()) {
+                cap.color = self.wired(cap.color, cut, &on);
+            }
+            return Some(cap);
+        }
+        let section = self.tracer.scene.section.as_ref();
+        let on = surface.meet(&self.ray, self.range, section)?;
+        let color = self.lit(surface.color(&on.meeting), on.normal);
+        let color = self.wired(color, surface, &on);
+        let mut found = self.found(on.t, on.normal, on.part, color);
+        found.seen.tone = surface.tone(&on.meeting);
+        Some(found)
+    }
+
+    /// A colour with the edges of the triangle, which are a pixel wide.
+    fn wired(&self, color: [f64; 3], surface: &Surface, on: &OnSurface) -> [f64; 3] {
+        if !surface.has_edges {
+            return color;
+        }
+        let corners = surface.corners(on.meeting.triangle);
+        let [Some(a), Some(b), Some(c)] = corners.map(|p| self.tracer.sight.project(p)) else {
+            return color;
+        };
+        let area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs();
+        let mut nearest = f64::INFINITY;
+        let mut least = f64::INFINITY;
+        for (share, [p, q]) in on.meeting.shares.iter().zip([[b, c], [c, a], [a, b]]) {
+            let height = area / (q[0] - p[0]).hypot(q[1] - p[1]).max(1e-300);
+            nearest = nearest.min(share * height);
+            least = least.min(height);
+        }
+        let line = (1.0 - nearest).clamp(0.0, 1.0);
+        let size = ((least - SMALL[0]) / (SMALL[1] - SMALL[0])).clamp(0.0, 1.0);
+        color.map(|v| v * (1.0 - WIRE * line * size))
+    }
+}
