@@ -265,3 +265,40 @@ fn what_an_ellipsoid_leaves_of_an_elliptic_cylinder_has_its_volume() {
         "{found} {volume}"
     );
 }
+
+/// Parts that touch along a plane which is nowhere on the surface: their border is no crossing of
+/// the two.
+#[test]
+fn parts_that_touch_have_an_edge_along_what_separates_them() {
+    let f = Folder::new("brep-touching");
+    let turned = "u = 0.8*x[1] + 0.6*x[3]; v = 0.8*x[3] - 0.6*x[1];
+        p[1] = u - 0.3; p[2] = 0.6*x[2] + 0.8*v; p[3] = 0.6*v - 0.8*x[2] + 0.1;";
+    let upright = "p[1] = x[1]; p[2] = x[2]; p[3] = x[3] - 0.3;";
+    let capsule = "((1 - p[1]^2 - p[2]^2) & (2 - p[3]) & (p[3]+2))
+        | (1 - p[1]^2 - p[2]^2 - (p[3]-2)^2) | (1 - p[1]^2 - p[2]^2 - (p[3]+2)^2)";
+    let link = "((1 - p[3]) & (p[3]+1)) & (((3 - p[1]) & (p[1]+3) & (1 - p[2]) & (p[2]+1))
+        | (1 - (p[1]-3)^2 - p[2]^2) | (1 - (p[1]+3)^2 - p[2]^2))";
+    // A ring on half a torus that is stretched along the axis: by Pappus.
+    let foot = "((28.09 - p[1]^2 - p[2]^2)/10 & (p[1]^2 + p[2]^2 - 22.09)/10 & p[3] & (2.7 - p[3]))
+        | (0.09 - (sqrt(p[1]^2 + p[2]^2) - 5)^2 - (p[3]/1.5)^2)";
+    let whole = [
+        4.0 * PI + 4.0 / 3.0 * PI,
+        24.0 + 2.0 * PI,
+        PI * 6.0 * 2.7 + 10.0 * PI * PI * 0.3 * 0.45 / 2.0,
+    ];
+    let cases = [
+        (turned, capsule, whole[0], ["cylinder", "sphere"]),
+        (turned, link, whole[1], ["cylinder", "plane"]),
+        (upright, foot, whole[2], ["cylinder", "revolved"]),
+    ];
+    for (n, (pose, body, volume, expected)) in cases.into_iter().enumerate() {
+        let text = format!("m(x[3], a[1]) {{ array p[3]; {pose} m = {body}; }}\n");
+        let (exit, j) = brep(&f.file(&format!("{n}.hf"), &text), &[]);
+        let found = j["volume"].as_f64().unwrap_or(0.0);
+        assert_eq!(exit, 0, "{n}: {}", j["certificate"]);
+        // Edges where splines meet exact faces are good to 1e-8 of the size.
+        assert!((found / volume - 1.0).abs() < 1e-6, "{n}: {found} {volume}");
+        assert!(expected.iter().all(|k| kinds(&j, k) > 0), "{n}: {j}");
+        assert_eq!(kinds(&j, "spline"), 0, "{n}");
+    }
+}

@@ -18,9 +18,10 @@
 //! F is a frame, `{"origin": [x, y, z], "z": [x, y, z], "x": [x, y, z]}` with directions of length
 //! 1 at right angles. Surfaces are `plane`; `cylinder` and `sphere` with `radius`; `cone` with
 //! `radius` and `half_angle` (radians); `torus` with `major` and `minor`; `ellipsoid` with `half`
-//! (three half axes) and `sphere` (the frame of its longitudes); and `spline`, a graph over the
-//! plane of its frame, with `degree`, `knots` (of x and of y, each as often as it counts) and
-//! `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts and faces are from
+//! (three half axes) and `sphere` (the frame of its longitudes); `revolved`, a B-spline about the z
+//! of its frame, with `degree`, `knots` (each as often as it counts) and `control` (distances from
+//! the axis and heights); and `spline`, a graph over the plane of its frame, with `degree`, `knots`
+//! (of x and of y) and `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts and faces are from
 //! 0. Unknown keys are ignored. `unit` is null where the unit is not known.
 //!
 //! Reading checks all that [`Brep::validate`] does: what is read can be worked on.
@@ -318,18 +319,7 @@ fn surface(keys: &Keys) -> Result<Surface> {
             half: keys.several("half")?,
             sphere: keys.axes("sphere")?,
         }),
-        "revolved" => {
-            let control = keys.list("control")?.iter().map(numbers);
-            let pair = |c: Option<Vec<f64>>| <[f64; 2]>::try_from(c?).ok();
-            let control: Option<Vec<[f64; 2]>> = control.map(pair).collect();
-            Surface::Revolved(Arc::new(Revolved {
-                axes,
-                degree: keys.whole("degree")?,
-                knots: keys.numbers("knots")?,
-                control: control
-                    .ok_or_else(|| keys.wrong("control", "pairs of numbers are expected"))?,
-            }))
-        }
+        "revolved" => revolved(axes, keys)?,
         "spline" => {
             let knots = keys.list("knots")?.iter().map(numbers);
             let knots: Option<Vec<Vec<f64>>> = knots.collect();
@@ -344,6 +334,18 @@ fn surface(keys: &Keys) -> Result<Surface> {
         }
         _ => return Err(keys.wrong("surface", "plane, cylinder, … or spline is expected")),
     })
+}
+
+fn revolved(axes: Axes, keys: &Keys) -> Result<Surface> {
+    let control = keys.list("control")?.iter().map(numbers);
+    let pair = |c: Option<Vec<f64>>| <[f64; 2]>::try_from(c?).ok();
+    let control: Option<Vec<[f64; 2]>> = control.map(pair).collect();
+    Ok(Surface::Revolved(Arc::new(Revolved {
+        axes,
+        degree: keys.whole("degree")?,
+        knots: keys.numbers("knots")?,
+        control: control.ok_or_else(|| keys.wrong("control", "pairs of numbers are expected"))?,
+    })))
 }
 
 fn body(keys: &Keys) -> Result<Body> {

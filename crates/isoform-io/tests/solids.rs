@@ -6,7 +6,7 @@ mod damage;
 
 use damage::{apply, damage};
 use isoform_geom::brep::{
-    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Surface,
+    Axes, BSpline, Body, Brep, Coedge, Curve, Edge, Ellipsoid, Face, Graph, Revolved, Surface,
 };
 use isoform_geom::{Point3, norm, sub};
 use isoform_io::{
@@ -75,6 +75,19 @@ fn surface() -> impl Strategy<Value = Surface> {
         (near_axes(), prop::array::uniform3(0.1..10.0), axes()).prop_map(|(axes, half, d)| {
             Surface::Ellipsoid(Ellipsoid::new(axes, half).facing(d.z))
         }),
+        (
+            near_axes(),
+            prop::array::uniform4((0.1..10.0, -5.0..5.0)),
+            -1.0..1.0
+        )
+            .prop_map(|(axes, control, t): (_, [(f64, f64); 4], f64)| {
+                Surface::Revolved(Arc::new(Revolved {
+                    axes,
+                    degree: 2,
+                    knots: vec![t, t, t, t + 0.5, t + 2.0, t + 2.0, t + 2.0],
+                    control: control.map(|(r, z)| [r, z]).to_vec(),
+                }))
+            }),
         (near_axes(), heights, -1.0..1.0).prop_map(|(axes, heights, t)| {
             let knots = |inner: &[f64]| -> Vec<f64> {
                 let end = |t: f64| std::iter::repeat_n(t, 3);
@@ -201,6 +214,11 @@ proptest! {
                 (Surface::Ellipsoid(x), Surface::Ellipsoid(y)) => {
                     let p = y.point([2.0, 0.3]);
                     prop_assert!(x.distance(p).0.abs() < 1e-12, "{:?} {:?}", x, y);
+                }
+                (Surface::Revolved(x), Surface::Revolved(y)) => {
+                    prop_assert_eq!(&x.knots, &y.knots);
+                    let p = y.point([2.0, y.knots[0] + 0.7]);
+                    prop_assert!(norm(sub(p, x.point([2.0, y.knots[0] + 0.7]))) < 1e-12);
                 }
                 (Surface::Graph(x), Surface::Graph(y)) => {
                     let [[a, _], _] = y.domain();
@@ -334,8 +352,10 @@ fn what_is_no_file_of_solids_is_refused_with_the_reason() {
         "FILE_NAME: written by `Other CAD 7"
     );
     assert!(said(&other).ends_with("`; only STEP files of isoform brep can be read"));
-    let swept = step.replace("SPHERICAL_SURFACE", "SURFACE_OF_REVOLUTION");
-    assert!(said(&swept).ends_with("SURFACE_OF_REVOLUTION: a surface of this kind is not read"));
+    let swept = step.replace("SPHERICAL_SURFACE", "SURFACE_OF_LINEAR_EXTRUSION");
+    assert!(
+        said(&swept).ends_with("SURFACE_OF_LINEAR_EXTRUSION: a surface of this kind is not read")
+    );
     let patches = step.replace("MANIFOLD_SOLID_BREP", "SHELL_BASED_SURFACE_MODEL");
     assert_eq!(
         said(&patches),
