@@ -181,13 +181,13 @@ fn a_rounded_block_is_taken_apart_into_exact_faces() {
 }
 
 #[test]
-fn a_blend_is_a_spline_between_exact_faces() {
+fn a_blend_about_an_axis_is_revolved_between_exact_faces() {
     let f = Folder::new("brep-fillet");
     let model = f.file("fillet.hf", FILLET);
     let (exit, j) = brep(&model, &["-o", &f.path("f.step")]);
     assert_eq!(
-        (exit, kinds(&j, "spline") > 0),
-        (0, true),
+        (exit, kinds(&j, "revolved"), kinds(&j, "spline")),
+        (0, 2, 0),
         "{}",
         j["certificate"]
     );
@@ -208,7 +208,16 @@ fn a_blend_is_a_spline_between_exact_faces() {
     let splines = j["faces"].as_array().expect("faces").iter();
     let off = splines.map(|f| f["max_distance"].as_f64().unwrap_or(1.0));
     assert!(off.fold(0.0, f64::max) <= 4e-6, "a millionth of the size");
-    // A larger tolerance needs fewer control points, and one thread gives the bytes of two.
+}
+
+#[test]
+fn a_larger_tolerance_needs_fewer_control_points() {
+    let f = Folder::new("brep-tolerance");
+    let text = "m(x[3], a[1]) { m = 1 - x[1]^4 - x[2]^4 - 2*x[3]^2; }\n";
+    let model = f.file("pillow.hf", text);
+    let (exit, j) = brep(&model, &["-o", &f.path("f.step")]);
+    assert!(exit == 0 && kinds(&j, "spline") > 0, "{j}");
+    // And one thread gives the bytes of two.
     let more = ["--tol", "1e-4", "-o", &f.path("g.step")];
     assert_eq!(brep(&model, &more).0, 0);
     let size = |name: &str| fs::metadata(f.path(name)).map_or(0, |m| m.len());

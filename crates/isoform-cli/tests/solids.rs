@@ -59,7 +59,7 @@ fn as_step_has_it(brep: &Brep) -> Brep {
     let mut brep = brep.clone();
     let parts = std::mem::take(&mut brep.parts);
     for face in &mut brep.faces {
-        if matches!(face.surface, Surface::Ellipsoid(_) | Surface::Graph(_)) {
+        if matches!(face.surface, Surface::Ellipsoid(_)) || face.surface.is_near_only() {
             face.surface = Surface::Plane(Axes::along([0.0; 3], [0.0, 0.0, 1.0]));
         }
         let name = &parts[face.part as usize];

@@ -37,7 +37,13 @@ const PAGES: [(&str, &[(&str, &str)]); 6] = [
             ("docs/rational.md", "Rational surfaces"),
         ],
     ),
-    ("Looking at it", &[("docs/view.md", "Pages in a browser")]),
+    (
+        "Looking at it",
+        &[
+            ("docs/view.md", "Pages in a browser"),
+            ("docs/render.md", "Pictures"),
+        ],
+    ),
     (
         "How good it is, and why",
         &[
