@@ -15,7 +15,7 @@ use crate::shells::solids;
 use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
 use crate::{BrepError, Control, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
-use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -127,8 +127,7 @@ impl Sheets {
         let mut meet = BTreeSet::new();
         let mut area = vec![0.0; list.len()];
         for (t, &piece) in mesh.sheets.iter().enumerate() {
-            let corners = mesh.triangles[t].map(|v| mesh.points[v as usize]);
-            area[piece as usize] += norm(normal_of(&corners));
+            area[piece as usize] += norm(normal_of(&mesh.corners(t as u32)));
             let others = across[t].iter().map(|s| mesh.sheets[s.0 as usize]);
             meet.extend(others.filter(|o| piece < *o).map(|o| (piece, o)));
         }
@@ -293,8 +292,8 @@ impl Builder<'_> {
                         topology = self.topology();
                     }
                 }
-                Locus::Zero(field) => {
-                    if let Some(surface) = self.revolved(component, field) {
+                locus @ Locus::Zero(field) => {
+                    if let Some(surface) = self.revolved(component, locus) {
                         self.cut_exact(component, first, &surface, &topology)?;
                         self.revolved.insert(component, surface);
                         topology = self.topology();
@@ -320,11 +319,10 @@ impl Builder<'_> {
     }
 
     /// The surface of revolution that a smooth component is, if it is one.
-    fn revolved(&self, component: u32, field: &Arc<dyn Field>) -> Option<Surface> {
+    fn revolved(&self, component: u32, locus: &Locus) -> Option<Surface> {
         let own = self.triangles_of(component);
-        let corners =
-            |t: u32| self.mesh.triangles[t as usize].map(|v| self.mesh.points[v as usize]);
-        let triangles: Vec<[Point3; 3]> = own.into_iter().map(corners).collect();
+        let triangles = own.into_iter().map(|t| self.mesh.corners(t));
+        let triangles: Vec<[Point3; 3]> = triangles.collect();
         let exact = self.sheets.loci.iter().filter_map(Locus::surface);
         let axes = exact.filter_map(|surface| match surface {
             Surface::Cylinder(axes, _) | Surface::Cone(axes, ..) | Surface::Torus(axes, ..) => {
@@ -333,7 +331,7 @@ impl Builder<'_> {
             _ => None,
         });
         let piece = revolution::Piece {
-            field,
+            locus,
             triangles: &triangles,
             axes: &axes.collect::<Vec<_>>(),
             tolerance: NEARER * self.tolerance,

@@ -96,10 +96,7 @@ impl Smooth<'_> {
 
     /// The spline of a piece, if its normals lie within a cone.
     fn graph(&self, mesh: &Labelled, own: &[u32]) -> Option<Graph> {
-        let triangles: Vec<[Point3; 3]> = own
-            .iter()
-            .map(|t| mesh.triangles[*t as usize].map(|v| mesh.points[v as usize]))
-            .collect();
+        let triangles: Vec<[Point3; 3]> = own.iter().map(|t| mesh.corners(*t)).collect();
         let locus = Locus::Zero(self.field.clone());
         let normals: Vec<Point3> = triangles
             .as_flattened()
@@ -199,7 +196,7 @@ impl<'a> Chooser<'a> {
                 }
             }
         }
-        let corners = |t: &u32| mesh.triangles[*t as usize].map(|v| mesh.points[v as usize]);
+        let corners = |t: &u32| mesh.corners(*t);
         let nodes = sides_of(&mesh.triangles, own);
         let size = Aabb::of(nodes.iter().map(|s| &mesh.points[s[0] as usize])).diagonal();
         Self {

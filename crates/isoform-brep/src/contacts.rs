@@ -10,8 +10,8 @@ use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
 use crate::seams::Whole;
-use crate::topology::ends_of;
-use isoform_geom::{Field, Point3, Solid, UnionFind, cross, distance_squared, norm};
+use crate::topology::{ends_of, longest_side};
+use isoform_geom::{Field, Point3, Solid, UnionFind, cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -31,6 +31,12 @@ const RINGS: usize = 2;
 pub(crate) struct Contact {
     pub(crate) labels: [u32; 2],
     pub(crate) limit: Arc<dyn Field>,
+}
+
+/// What separates two labels, and whether the first lies beyond it: where it is negative.
+struct Separating {
+    limit: Arc<dyn Field>,
+    is_first_beyond: bool,
 }
 
 /// What the search needs to know of a solid.
@@ -55,8 +61,9 @@ impl Touching<'_> {
         let mut made = Vec::new();
         for (labels, run) in self.runs(mesh) {
             let band = band(mesh, labels, &run);
-            if let Some(limit) = self.separating(mesh, labels, &run, &band) {
-                self.move_border(mesh, labels, &band, &limit);
+            if let Some(found) = self.separating(mesh, labels, &run, &band) {
+                self.move_border(mesh, labels, &band, &found);
+                let limit = found.limit;
                 made.push(Contact { labels, limit });
             }
         }
@@ -101,30 +108,31 @@ impl Touching<'_> {
         labels: [u32; 2],
         run: &BTreeSet<u32>,
         band: &[u32],
-    ) -> Option<Arc<dyn Field>> {
+    ) -> Option<Separating> {
         let sided = self.sided(mesh, labels, band);
-        let reach = longest(mesh, band);
+        let reach = longest_side(band.iter().map(|t| mesh.corners(*t)));
         let nearest = |limit: &Arc<dyn Field>| {
-            if !separates(limit, &sided, reach) {
-                return None;
-            }
             let locus = Locus::Zero(limit.clone());
+            let is_first_beyond = is_first_beyond(&locus, &sided, reach)?;
             let off = run
                 .iter()
                 .map(|v| locus.distance(mesh.points[*v as usize]).0.abs());
             let off = off.fold(0.0, f64::max);
             let touch = |v: &u32| self.meet_there(labels, &locus, mesh.points[*v as usize]);
-            (off <= reach && run.iter().all(touch)).then_some(off)
+            (off <= reach && run.iter().all(touch)).then_some((off, is_first_beyond))
         };
         let all = self
             .candidates
             .iter()
             .filter_map(|c| Some((nearest(c)?, c)));
-        let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
-        Some(best.1.clone())
+        let ((_, is_first_beyond), limit) = all.min_by(|a, b| a.0.0.total_cmp(&b.0.0))?;
+        Some(Separating {
+            limit: limit.clone(),
+            is_first_beyond,
+        })
     }
 
-    /// The nodes of triangles that clearly belong to one of the labels, and whether it is the first.
+    /// Nodes of triangles that clearly belong to one of the labels, and whether it is the first.
     fn sided(&self, mesh: &Labelled, labels: [u32; 2], band: &[u32]) -> Vec<(Point3, bool)> {
         let nodes: BTreeSet<u32> = corners(mesh, band).collect();
         let points = nodes.into_iter().map(|v| mesh.points[v as usize]);
@@ -148,18 +156,8 @@ impl Touching<'_> {
     }
 
     /// Divides a band of triangles along a limit, and labels them by their side of it.
-    fn move_border(
-        &self,
-        mesh: &mut Labelled,
-        labels: [u32; 2],
-        band: &[u32],
-        limit: &Arc<dyn Field>,
-    ) {
-        let locus = Locus::Zero(limit.clone());
-        let sided = self.sided(mesh, labels, band).into_iter();
-        let off = sided.map(|(p, is_first)| (locus.distance(p).0, is_first));
-        let farthest = off.max_by(|a, b| a.0.abs().total_cmp(&b.0.abs()));
-        let is_first_beyond = farthest.is_some_and(|(off, is_first)| (off > 0.0) == is_first);
+    fn move_border(&self, mesh: &mut Labelled, labels: [u32; 2], band: &[u32], found: &Separating) {
+        let locus = Locus::Zero(found.limit.clone());
         for t in band {
             mesh.charts[*t as usize] = 0;
         }
@@ -173,7 +171,7 @@ impl Touching<'_> {
         let new = imprint(mesh, &cut);
         for t in band.iter().chain(&new).map(|t| *t as usize) {
             let is_beyond = mesh.charts[t] & 1 == 1;
-            let label = labels[usize::from(is_beyond != is_first_beyond)];
+            let label = labels[usize::from(is_beyond != found.is_first_beyond)];
             mesh.sheets[t] = label;
             mesh.parts[t] = self.part_of[label as usize];
             mesh.components[t] = mesh.parts[t];
@@ -234,33 +232,26 @@ fn band(mesh: &Labelled, labels: [u32; 2], nodes: &BTreeSet<u32>) -> Vec<u32> {
     band
 }
 
-/// Whether a limit has one sign where points belong to the first of two labels, and the other where
-/// they do not. Points beside it say nothing: meshes have them on either label.
-fn separates(limit: &Arc<dyn Field>, sided: &[(Point3, bool)], longest: f64) -> bool {
-    let locus = Locus::Zero(limit.clone());
-    // By side of the limit, whether points of the first and of the second label are there.
+/// Whether points of the first of two labels are beyond a limit, if all of them are on one side of
+/// it, and all of the second on the other. Points beside it say nothing: meshes have them on either
+/// label.
+fn is_first_beyond(limit: &Locus, sided: &[(Point3, bool)], longest: f64) -> Option<bool> {
+    // By side of the limit, whether points of the second and of the first label are there.
     let mut there = [[false; 2]; 2];
     for (p, is_first) in sided {
-        let off = locus.distance(*p).0;
+        let off = limit.distance(*p).0;
         if off.abs() > BESIDE * longest {
             there[usize::from(off > 0.0)][usize::from(*is_first)] = true;
         }
     }
-    let [[a, b], [c, d]] = there;
-    a != b && c != d && a != c
+    match there {
+        [[true, false], [false, true]] => Some(true),
+        [[false, true], [true, false]] => Some(false),
+        _ => None,
+    }
 }
 
 /// The corners of triangles, with repetitions.
 fn corners<'a>(mesh: &'a Labelled, of: &'a [u32]) -> impl Iterator<Item = u32> + 'a {
     of.iter().flat_map(|t| mesh.triangles[*t as usize])
-}
-
-/// The length of the longest side of triangles.
-fn longest(mesh: &Labelled, of: &[u32]) -> f64 {
-    let sides = of.iter().flat_map(|t| (0..3).map(move |k| (t, k)));
-    let lengths = sides.map(|(t, k)| {
-        let [p, q] = ends_of(&mesh.triangles[*t as usize], k).map(|v| mesh.points[v as usize]);
-        distance_squared(p, q)
-    });
-    lengths.fold(0.0, f64::max).sqrt()
 }

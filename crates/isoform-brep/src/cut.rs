@@ -50,6 +50,10 @@ pub(crate) struct Labelled {
 }
 
 impl Labelled {
+    /// The corners of a triangle.
+    pub(crate) fn corners(&self, triangle: u32) -> [Point3; 3] {
+        self.triangles[triangle as usize].map(|v| self.points[v as usize])
+    }
     /// The cut between two neighbours of one component, if they lie on different sides of one: the
     /// first at which they differ, since up to there they were one piece.
     pub(crate) fn cut_between(&self, a: u32, b: u32) -> Option<&Locus> {

@@ -1,8 +1,9 @@
 //! Faces laid flat: a plane chart of each kind of surface, without seams or poles within a face.
 //!
 //! Planes and graphs are seen from above, cylinders and cones are unrolled, tori and revolved
-//! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic projection from the far side. Distances
-//! in space are no longer than about those in the chart ([`STEEP`] times on graphs).
+//! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic
+//! projection from the far side. Distances in space are no longer than about those in the chart
+//! ([`STEEP`] times on graphs).
 
 use crate::arcs::Arcs;
 use isoform_geom::Point3;

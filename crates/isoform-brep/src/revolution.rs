@@ -8,8 +8,9 @@
 use crate::curves::{Wanted, spline};
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
+use crate::topology::longest_side;
 use isoform_geom::brep::{Axes, Revolved, Surface};
-use isoform_geom::{Aabb, Field, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, cross, dot, sub};
 use isoform_num::linalg::symmetric_eigen;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -36,8 +37,8 @@ const POLE: f64 = 1.0;
 
 /// A piece of a smooth surface.
 pub(crate) struct Piece<'a> {
-    /// Its function.
-    pub(crate) field: &'a Arc<dyn Field>,
+    /// Where its function vanishes.
+    pub(crate) locus: &'a Locus,
     /// Corners of its triangles.
     pub(crate) triangles: &'a [[Point3; 3]],
     /// Frames about whose z it may be turned; more are found.
@@ -54,13 +55,12 @@ impl Piece<'_> {
         let all = self.triangles.as_flattened();
         let every = all.len().div_ceil(SAMPLES).max(1);
         let nodes: Vec<Point3> = all.iter().step_by(every).copied().collect();
-        let found = self.axis(&nodes);
-        let candidates = self.axes.iter().copied().chain(found);
-        let axes = candidates.into_iter().find(|a| self.is_round(a, &nodes))?;
+        let is_round = |a: &Axes| self.is_round(a, &nodes);
+        let known = self.axes.iter().copied().find(is_round);
+        let axes = known.or_else(|| self.axis(&nodes).filter(is_round))?;
         let made = Surface::Revolved(Arc::new(self.turned(&axes)?));
         // Nodes on a border may not lie on the surface.
-        let locus = Locus::Zero(self.field.clone());
-        let is_near = |p: &Point3| made.distance(meet([&locus], *p)).0.abs() <= self.tolerance;
+        let is_near = |p: &Point3| made.distance(meet([self.locus], *p)).0.abs() <= self.tolerance;
         all.iter().all(is_near).then_some(made)
     }
 
@@ -71,8 +71,7 @@ impl Piece<'_> {
         let (center, scale) = (bounds.center(), bounds.diagonal());
         let mut matrix = [0.0; 36];
         for p in nodes {
-            let g = self.field.jet(*p).g;
-            let n = g.map(|v| v / norm(g));
+            let n = self.locus.distance(*p).1;
             let arm = sub(*p, center).map(|v| v / scale);
             let m = cross(arm, n);
             let row = [m[0], m[1], m[2], n[0], n[1], n[2]];
@@ -95,10 +94,7 @@ impl Piece<'_> {
     /// Whether nodes stay as far from the surface when they are turned about z: those on a border
     /// may not lie on it.
     fn is_round(&self, axes: &Axes, nodes: &[Point3]) -> bool {
-        let off = |p: Point3| {
-            let jet = self.field.jet(p);
-            jet.v / norm(jet.g)
-        };
+        let off = |p: Point3| self.locus.distance(p).0;
         nodes.iter().all(|p| {
             let ([x, y, z], before) = (axes.local(*p), off(*p));
             (1..=TURNS).all(|k| {
@@ -121,13 +117,10 @@ impl Piece<'_> {
         let path = Walk::new(self, axes, &places).path()?;
         let in_space = |q: &[f64; 2]| axes.point([q[0], 0.0, q[1]]);
         let points: Vec<Point3> = path.iter().map(in_space).collect();
-        let surfaces = [
-            Locus::Zero(self.field.clone()),
-            Locus::Exact(Surface::Plane(Axes::along(axes.origin, axes.y()))),
-        ];
+        let half_plane = Locus::Exact(Surface::Plane(Axes::along(axes.origin, axes.y())));
         let last = points.len() - 1;
         let wanted = Wanted {
-            surfaces: [&surfaces[0], &surfaces[1]],
+            surfaces: [self.locus, &half_plane],
             ends: [points[0], points[last]],
             between: &points[1..last],
             size: self.size,
@@ -140,15 +133,6 @@ impl Piece<'_> {
             knots: spline.flat_knots(),
             control: control.map(|[r, _, z]| [r, z]).collect(),
         })
-    }
-
-    /// The longest side of the triangles.
-    fn longest(&self) -> f64 {
-        let sides = self.triangles.iter().flat_map(|[a, b, c]| {
-            let sides = [(a, b), (b, c), (c, a)];
-            sides.map(|(p, q)| norm(sub(*p, *q)))
-        });
-        sides.fold(0.0, f64::max)
     }
 }
 
@@ -190,7 +174,8 @@ impl<'a> Walk<'a> {
         mut tangent: [f64; 2],
         passed: &mut [bool],
     ) -> Option<Vec<[f64; 2]>> {
-        let empty = 1 + (EMPTY * self.piece.longest() / self.step) as usize;
+        let empty =
+            1 + (EMPTY * longest_side(self.piece.triangles.iter().copied()) / self.step) as usize;
         let (mut path, mut last_passed) = (vec![start], 0);
         while path.len() - last_passed <= empty + 1 {
             let from = path[path.len() - 1];
@@ -223,13 +208,15 @@ impl<'a> Walk<'a> {
 
     /// A point of the profile near a place, and its tangent.
     fn onto(&self, near: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
-        let locus = Locus::Zero(self.piece.field.clone());
         let mut q = near;
         for _ in 0..32 {
             if q[0] < POLE * self.step {
                 return None;
             }
-            let (d, n) = locus.distance(self.axes.point([q[0], 0.0, q[1]]));
+            let (d, n) = self
+                .piece
+                .locus
+                .distance(self.axes.point([q[0], 0.0, q[1]]));
             let n = [dot(n, self.axes.x), dot(n, self.axes.z)];
             let length = n[0].hypot(n[1]);
             let way = d / length;

@@ -153,7 +153,7 @@ impl<'a> Seams<'a> {
         }
         let mut made: BTreeMap<usize, (Vec<&SmoothPart>, Vec<u32>)> = BTreeMap::new();
         for t in own(mesh, self.part) {
-            let p = middle(mesh.triangles[t as usize].map(|v| mesh.points[v as usize]));
+            let p = middle(mesh.corners(t));
             let function = self.answers(p).function;
             made.entry(function).or_default().1.push(t);
         }

@@ -41,6 +41,15 @@ pub(crate) fn ends_of(corners: &[u32; 3], k: u8) -> [u32; 2] {
     [corners[k as usize], corners[(k as usize + 1) % 3]]
 }
 
+/// The length of the longest side of triangles.
+pub(crate) fn longest_side(triangles: impl Iterator<Item = [Point3; 3]>) -> f64 {
+    let squares = triangles.flat_map(|[a, b, c]| {
+        let sides = [(a, b), (b, c), (c, a)];
+        sides.map(|(p, q)| distance_squared(p, q))
+    });
+    squares.fold(0.0, f64::max).sqrt()
+}
+
 /// The sides of some triangles.
 pub(crate) fn sides_of(triangles: &[[u32; 3]], own: &[u32]) -> Vec<[u32; 2]> {
     let corners = own.iter().map(|t| &triangles[*t as usize]);

@@ -24,7 +24,12 @@ use std::path::Path;
 pub(crate) struct Reading {
     /// The values of the parameters a of the models, in their order; missing ones are as annotated,
     /// else 0
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
+    #[arg(
+        long,
+        value_name = "NUMBERS",
+        allow_hyphen_values = true,
+        value_parser = eval::parameters
+    )]
     params: Option<Parameters>,
     /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
     /// upper corner, for models without an end

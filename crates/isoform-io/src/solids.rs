@@ -21,8 +21,8 @@
 //! (three half axes) and `sphere` (the frame of its longitudes); `revolved`, a B-spline about the z
 //! of its frame, with `degree`, `knots` (each as often as it counts) and `control` (distances from
 //! the axis and heights); and `spline`, a graph over the plane of its frame, with `degree`, `knots`
-//! (of x and of y) and `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts and faces are from
-//! 0. Unknown keys are ignored. `unit` is null where the unit is not known.
+//! (of x and of y) and `heights`. [`Brep`] says what each means. Numbers of vertices, edges, parts
+//! and faces are from 0. Unknown keys are ignored. `unit` is null where the unit is not known.
 //!
 //! Reading checks all that [`Brep::validate`] does: what is read can be worked on.
 

@@ -397,12 +397,10 @@ fn share_sheets([a, b]: [&[u32]; 2], [c, d]: [&[u32]; 2]) -> bool {
 }
 
 /// ±t, so that it points along `way`.
-/// ±t, so that it points along `way`.
 fn toward(t: Point3, way: Point3) -> Point3 {
     if dot(t, way) < 0.0 { t.map(|v| -v) } else { t }
 }
 
-/// What both lists hold.
 /// What both lists hold.
 fn both(a: &[u32], b: &[u32]) -> Vec<u32> {
     a.iter().copied().filter(|k| b.contains(k)).collect()
