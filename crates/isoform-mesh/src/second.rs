@@ -148,7 +148,7 @@ fn curved_middles(
             let mut on: Vec<u32> = same.iter().map(|s| pieces[s.1 as usize]).collect();
             on.dedup();
             if sharp.binary_search(&e).is_err() {
-                on = vec![smooth_piece(surface, &on, [p, q])];
+                on = smooth_pieces(surface, &on, [p, q]);
             }
             let target = surface
                 .project(&on, middle)
@@ -158,12 +158,21 @@ fn curved_middles(
         .collect()
 }
 
-/// What the middle of an edge lies on that is no edge of the solid: its piece, or across a seam
-/// between parts that touch tangentially, where either may be the surface, the solid itself.
-fn smooth_piece(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> u32 {
+/// What the middle of an edge lies on that is no edge of the solid: its piece; along a seam of two
+/// what crosses there; and beside a seam, where either may be the surface, the solid itself.
+fn smooth_pieces(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> Vec<u32> {
+    let are_on = |on: &[u32]| {
+        let is_on = |p: &Point3| on.iter().all(|&i| surface.distance(i, *p) == 0.0);
+        ends.iter().all(is_on)
+    };
     match *pieces {
-        [piece] if ends.iter().all(|&p| surface.distance(piece, p) == 0.0) => piece,
-        _ => SKIN,
+        [piece] if are_on(&[piece]) => vec![piece],
+        [a, b] if are_on(&[a, b]) => {
+            let seam = surface.seam_of([a, b], midpoint(ends[0], ends[1]));
+            seam.filter(|seam| are_on(seam))
+                .map_or(vec![SKIN], |seam| seam.to_vec())
+        }
+        _ => vec![SKIN],
     }
 }
 

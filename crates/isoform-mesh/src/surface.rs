@@ -6,6 +6,7 @@
 //! along an edge, on three at a corner of the solid.
 
 mod bounds;
+mod contact;
 mod newton;
 mod on;
 

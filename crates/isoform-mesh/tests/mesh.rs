@@ -454,3 +454,72 @@ fn a_mesh_off_the_model_is_brought_onto_it() {
         Err(MeshError::Input { .. } | MeshError::Extent(_))
     ));
 }
+
+/// Two plates with round ends and an elbow, in poses off the lattice: the ends touch the sides
+/// without an angle.
+const TOUCHING: [&str; 3] = [
+    "m(x[3], a[1]) {
+        p = 0.6*x[1] - 0.8*x[2] - 0.3; q = 0.48*x[1] + 0.36*x[2] - 0.8*x[3];
+        r = 0.64*x[1] + 0.48*x[2] + 0.6*x[3] + 0.1;
+        m = (1 - r) & (r + 1) & (((3 - p) & (p + 3) & (1 - q) & (q + 1))
+            | ((1 - (p - 3)^2 - q^2) | (1 - (p + 3)^2 - q^2)));
+    }",
+    "m(x[3], a[1]) {
+        p = 0.6*x[1] - 0.8*x[2]; q = 0.8*x[1] + 0.6*x[2] + 0.05; r = x[3] - 0.123;
+        m = ((1 - p^2 - q^2) & (r + 2) & (2 - r))
+            | ((1 - p^2 - q^2 - (r - 2)^2) | (1 - p^2 - q^2 - (r + 2)^2));
+    }",
+    "m(x[3], a[1]) {
+        p = 0.96*x[1] - 0.28*x[2]; q = 0.28*x[1] + 0.96*x[2]; r = x[3] + 0.04;
+        ring = 0.36 - (sqrt(p^2 + q^2) - 2)^2 - r^2;
+        m = (ring & p & q) | ((0.36 - (p - 2)^2 - r^2) & (0 - q) & (q + 2))
+            | ((0.36 - (q - 2)^2 - r^2) & (0 - p) & (p + 2));
+    }",
+];
+
+/// A node between faces of two parts lies on both, and the middle of an edge between them as well:
+/// that is on the piece of the tree that separates them, since the two alone say it to half the
+/// digits. The volume of the flat tetrahedra is that in closed form but for the
+/// chords, some h²/(4 r²) of it.
+#[test]
+fn parts_that_touch_have_nodes_where_they_do() {
+    use std::f64::consts::PI;
+    let volumes = [
+        2.0 * (6.0 * 2.0 + PI),
+        PI * 4.0 + 4.0 / 3.0 * PI,
+        PI * 0.36 * (PI + 4.0),
+    ];
+    for (text, volume) in TOUCHING.into_iter().zip(volumes) {
+        let solid = solid(text);
+        let options = Options {
+            size: 0.23,
+            order: 2,
+            ..Options::default()
+        };
+        let (meshed, certificate) = meshed(text, &options);
+        let mesh = &meshed.mesh;
+        let mut on: Vec<Vec<u32>> = vec![Vec::new(); mesh.points.len()];
+        for (k, &part) in mesh.triangle_parts.iter().enumerate() {
+            for v in mesh.triangles[k].into_iter().chain(mesh.triangle_mids[k]) {
+                on[v as usize].push(part);
+            }
+        }
+        let names = solid.names();
+        let mut between = 0;
+        for (p, parts) in mesh.points.iter().zip(&on) {
+            between += usize::from(parts.iter().any(|k| *k != parts[0]));
+            for &part in parts {
+                let piece = names.iter().position(|n| *n == mesh.parts[part as usize]);
+                let (v, g) = solid.gradient(piece.expect("a part") as u32, *p);
+                assert!(
+                    v.abs() <= 1e-11 * norm(g),
+                    "{p:?} is {v:e} off {}",
+                    mesh.parts[part as usize]
+                );
+            }
+        }
+        assert!(between > 40, "{between} nodes between parts");
+        let found = certificate.volume.map_or(0.0, |v| v.volume);
+        assert!((found / volume - 1.0).abs() < 4e-2, "{found} and {volume}");
+    }
+}

@@ -216,7 +216,7 @@ impl Cutter<'_> {
         let at = self.complex.point(m);
         let target = self
             .surface
-            .project(on.slice(), at)
+            .project(self.surface.parted(on, at).slice(), at)
             .filter(|q| norm(sub(*q, at)) < reach);
         match target {
             Some(q) if on.len() < 2 || self.worst_if(m, q) > CUT_QUALITY => self.place(m, q, on),
@@ -278,7 +278,9 @@ impl Cutter<'_> {
         let held = self.on[v as usize];
         let on = held.with(piece)?;
         let p = self.complex.point(v);
-        let q = self.surface.project(on.slice(), p)?;
+        let q = self
+            .surface
+            .project(self.surface.parted(on, p).slice(), p)?;
         let zero = self.surface.zero;
         if norm(sub(p, q)) > SLIDE_REACH * self.cell[v as usize]
             || (!held.is_empty() && self.surface.value(q).0.abs() > zero)

@@ -131,9 +131,9 @@ impl Cutter<'_> {
             return None;
         }
         let holds = if on.len() == 2 {
-            self.surface.is_edge([on[0], on[1]], at)
+            self.surface.is_curve([on[0], on[1]], at)
         } else {
-            self.surface.is_corner(on, at)
+            self.surface.is_corner_or_end([on[0], on[1], on[2]], at)
         };
         let on = On::of(on);
         holds.then_some(Candidate {

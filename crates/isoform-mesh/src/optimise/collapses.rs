@@ -62,7 +62,7 @@ impl Optimiser<'_> {
         }
         is_within
             && if on.len() == 2 {
-                a != b && on.contains(a) && on.contains(b)
+                a != b && self.pieces_of_edge([u, w], [a, b]).is_within(&on)
             } else {
                 labels.len() == 1 || a != b
             }
@@ -238,7 +238,7 @@ impl Optimiser<'_> {
             return true;
         }
         if !self.labels[u as usize].is_empty() {
-            self.free(u);
+            self.free(u, true);
         }
         let [share, least] = MICRO_LEAST;
         let least = (share * self.worst(&ring.tets)).min(least);

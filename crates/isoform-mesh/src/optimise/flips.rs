@@ -4,6 +4,7 @@ use super::{FACING, GAIN, Optimiser};
 use crate::complex::{BOUNDARY, OPEN, Ring, STRAY};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::optimise::holds::Hold;
+use crate::surface::On;
 use isoform_check::quality::six_volume;
 use isoform_geom::Point3;
 
@@ -165,10 +166,32 @@ impl Optimiser<'_> {
         worst
     }
 
-    /// The label on both sides of an edge of the surface that may be flipped.
-    pub(super) fn surface_edge(&self, ring: &Ring, [a, b]: [u32; 2]) -> Option<u32> {
-        let [first, last] = self.complex.labels_beside(ring, a, b)?;
-        (first == last && first < STRAY).then_some(first)
+    /// The label of the faces that take the place of those at an edge of the surface, if that may
+    /// be flipped: the one on both sides.
+    pub(super) fn surface_edge(&self, ring: &Ring, ends: [u32; 2]) -> Option<u32> {
+        let labels = self.complex.labels_beside(ring, ends[0], ends[1])?;
+        if labels.iter().any(|&l| l >= STRAY) {
+            return None;
+        }
+        if labels[0] == labels[1] {
+            return Some(labels[0]);
+        }
+        self.beyond_flat(ring, ends, labels)
+    }
+
+    /// The label beyond a face that has all its vertices on one seam, and so nothing of its piece.
+    fn beyond_flat(&self, ring: &Ring, ends: [u32; 2], labels: [u32; 2]) -> Option<u32> {
+        let curve = self.hold[ends[0] as usize];
+        let is_seam = |on: On| on.len() == 2 && !labels.iter().all(|&l| on.contains(l));
+        if self.hold[ends[1] as usize] != curve || !matches!(curve, Hold::On(on) if is_seam(on)) {
+            return None;
+        }
+        let is_flat = ring.ends().map(|end| self.hold[end.1 as usize] == curve);
+        match is_flat {
+            [true, false] => Some(labels[1]),
+            [false, true] => Some(labels[0]),
+            _ => None,
+        }
     }
 
     /// Takes a single tetrahedron with two faces on the same piece off the surface.

@@ -56,22 +56,28 @@ impl Optimiser<'_> {
                     // Not a manifold there: nothing moves.
                     around[v].curves.extend([[NONE; 2]; 3]);
                 } else if let [a, b] = several[..]
-                    && self.is_sharp(ends, [a, b])
+                    && let Some(curve) = self.curve_of(ends, [a, b])
                 {
-                    around[v].curves.push([a, b]);
+                    around[v].curves.push(curve);
                 }
             }
         }
         around
     }
 
-    /// Whether two pieces meet at an angle at an edge.
-    pub(super) fn is_sharp(&self, ends: [u32; 2], pieces: [u32; 2]) -> bool {
+    /// The curve that an edge between faces of two pieces lies on: of both where they meet at an
+    /// angle, else of one and what separates them, if anything does.
+    fn curve_of(&self, ends: [u32; 2], pieces: [u32; 2]) -> Option<[u32; 2]> {
         if pieces.iter().any(|&p| p >= STRAY) {
-            return true;
+            return Some(pieces);
         }
         let [p, q] = ends.map(|v| self.point(v));
-        meet_at_an_angle(self.surface.solid, pieces, midpoint(p, q))
+        let middle = midpoint(p, q);
+        if meet_at_an_angle(self.surface.solid, pieces, middle) {
+            Some(pieces)
+        } else {
+            self.surface.seam_of(pieces, middle)
+        }
     }
 
     /// The pieces that a vertex belongs on.
@@ -131,10 +137,9 @@ impl Optimiser<'_> {
     pub(super) fn pieces_of_edge(&self, ends: [u32; 2], labels: [u32; 2]) -> On {
         if labels[0] == labels[1] {
             On::of(&[self.piece_at(&ends, labels[0])])
-        } else if self.is_sharp(ends, labels) {
-            On::of(&labels)
         } else {
-            On::of(&[SKIN])
+            let curve = self.curve_of(ends, labels);
+            curve.map_or(On::of(&[SKIN]), |pieces| On::of(&pieces))
         }
     }
 }

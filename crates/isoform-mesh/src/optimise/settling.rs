@@ -13,11 +13,19 @@ const ROUNDS: i32 = 6;
 /// Worst measure that a step onto the surface may leave in the first round; half of it in each
 /// round that follows.
 const LEAST: f64 = 0.05;
+/// Share of the worst measure before a slight step that is enough after it as well, however bad it
+/// was: such a step mends nothing and spoils nothing but that the vertex gets onto the surface.
+const KEPT: f64 = 0.9;
+/// Length of a slight step, in sizes.
+const SLIGHT: f64 = 0.01;
 /// Shares of the way to the surface that are tried: the whole of it if possible.
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Vertices off the surface that are tried in every round. Many that do not get fewer are a solid
 /// too fine for the size; a few are worth every round.
 const FEW: usize = 16;
+/// Rounds in which vertices are held on seams between pieces that touch. After them those that do
+/// not get there are held on the solid alone, which is right beside the seam as well.
+const SEAMS: i32 = 3;
 /// Rounds of mending after each round.
 const MENDING: usize = 8;
 
@@ -54,7 +62,8 @@ impl Optimiser<'_> {
                 break;
             }
             fewest = left.len();
-            left.iter().for_each(|&v| self.free(v));
+            let seams_hold = round < SEAMS;
+            left.iter().for_each(|&v| self.free(v, seams_hold));
             self.collapse_micro();
             self.make_room(&left);
             self.mend_all(goal, MENDING);
@@ -92,6 +101,13 @@ impl Optimiser<'_> {
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
         let faces = self.faces_at(&star, v);
+        let least = if norm(sub(p, q)) < SLIGHT * self.size {
+            least
+                .min(KEPT * self.worst_at(v, p, &star, &faces))
+                .max(0.0)
+        } else {
+            least
+        };
         let share = SHARES
             .into_iter()
             .find(|&t| self.worst_at(v, along(p, q, t), &star, &faces) > least);
@@ -108,7 +124,7 @@ impl Optimiser<'_> {
     fn place_of(&self, v: u32) -> Option<Point3> {
         let p = self.point(v);
         self.surface
-            .project(self.holding(v).slice(), p)
+            .project(self.surface.parted(self.holding(v), p).slice(), p)
             .filter(|q| norm(sub(*q, p)) < self.size)
     }
 
@@ -124,10 +140,15 @@ impl Optimiser<'_> {
 
     /// Frees a vertex whose labels have no edge or corner of the solid in common near it, as where
     /// pieces touch tangentially: it is held on the solid alone, and the faces around it are
-    /// labelled anew, as the solid is at their middles.
-    pub(super) fn free(&mut self, v: u32) {
+    /// labelled anew, as the solid is at their middles. Seams between pieces count as edges if they
+    /// are to hold.
+    pub(super) fn free(&mut self, v: u32, seams_hold: bool) {
         let on = self.holding(v);
-        if on.is_empty() || self.place_of(v).is_some_and(|q| self.is_real(on, q)) {
+        if on.is_empty()
+            || self
+                .place_of(v)
+                .is_some_and(|q| self.is_real(on, q, seams_hold))
+        {
             return;
         }
         self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
@@ -150,9 +171,11 @@ impl Optimiser<'_> {
     }
 
     /// Whether pieces meet at a point in an edge or corner of the solid, if there are several.
-    fn is_real(&self, on: On, q: Point3) -> bool {
+    fn is_real(&self, on: On, q: Point3, seams_hold: bool) -> bool {
         match on.slice() {
-            &[a, b] => self.surface.is_edge([a, b], q),
+            &[a, b] => {
+                self.surface.is_edge([a, b], q) || (seams_hold && self.surface.is_seam([a, b], q))
+            }
             [_, _, _] => self.surface.is_corner(on.slice(), q),
             _ => true,
         }

@@ -1,0 +1,181 @@
+//! Where two pieces touch along a third one.
+//!
+//! The side of a box goes over smoothly into a cylinder where the end of the box, which is nowhere
+//! on the surface, crosses both. No two pieces that bound the solid meet at an angle there, so that
+//! neither the surface nor its two pieces say where to go: Newton's method towards a tangential
+//! intersection loses half of the digits. The third piece meets both at an angle: the *seam* is
+//! where it meets one of them, and both bound the solid, one on each side of it.
+
+use super::{On, SKIN, Surface, TANGENT};
+use crate::features::newton::along;
+use crate::points::unit;
+use isoform_geom::{Point3, cross, norm, sub};
+
+/// How far beside a seam the solid is asked which piece bounds it, in cells of the lattice. Less
+/// asks where both are equal to rounding; more asks where other pieces begin.
+const BESIDE: f64 = 0.02;
+/// How far from a point its seam may be, in cells of the lattice: the snaps' reach, and more.
+const REACH: f64 = 1.0;
+/// Sine of the angle above which a piece crosses another one so clearly that a seam is well placed.
+const CLEARLY: f64 = 0.2;
+/// Pieces in which a seam may end at a point, on both sides of which it is looked for: a corner has
+/// one or two, each more doubles the work.
+const ENDS: usize = 3;
+
+impl Surface<'_> {
+    /// The seam near `p` along which two pieces touch: the first of the two, and the piece that
+    /// separates them. None where nothing does. Of separating pieces that coincide the first counts,
+    /// so that a seam has one name.
+    pub(crate) fn seam_of(&self, pair: [u32; 2], p: Point3) -> Option<[u32; 2]> {
+        let reduced = self.lattice.reduced_at(p)?;
+        if pair.contains(&SKIN) || reduced.pieces.len() < 3 {
+            return None;
+        }
+        let kept = pair[0].min(pair[1]);
+        let seam_with = |&by: &u32| {
+            let q = self.project(&[kept, by], p)?;
+            let off = norm(sub(p, q));
+            let is_here = off < REACH * self.lattice.a && self.touch_at(pair, by, q);
+            is_here.then_some((off, by))
+        };
+        let others = reduced.pieces.iter().filter(|i| !pair.contains(i));
+        let nearer = |best: (f64, u32), next: (f64, u32)| {
+            if next.0 < best.0 - self.zero {
+                next
+            } else {
+                best
+            }
+        };
+        let nearest = others.filter_map(seam_with).reduce(nearer)?;
+        Some([kept, nearest.1])
+    }
+
+    /// The pieces to bring a vertex onto: of those given that touch along seams one, and what
+    /// separates them.
+    pub(crate) fn parted(&self, on: On, p: Point3) -> On {
+        let pieces = on.slice();
+        let pairs = (0..pieces.len()).flat_map(|k| (0..k).map(move |j| [pieces[j], pieces[k]]));
+        let seams: Vec<[u32; 2]> = pairs.filter_map(|pair| self.seam_of(pair, p)).collect();
+        let Some(&[kept, _]) = seams.first() else {
+            return on;
+        };
+        let rest = pieces
+            .iter()
+            .filter(|&&i| i != kept && !self.are_parallel([kept, i], p));
+        let by = seams.iter().map(|seam| &seam[1]);
+        let mut parted = vec![kept];
+        parted.extend(rest.chain(by));
+        On::of(&parted)
+    }
+
+    /// Whether two pieces meet at `p` in an edge of the solid, or in a seam.
+    pub(crate) fn is_curve(&self, pair: [u32; 2], p: Point3) -> bool {
+        self.is_edge(pair, p) || self.is_seam(pair, p)
+    }
+
+    /// Whether one of two pieces touches a third one at `p` along the other.
+    pub(crate) fn is_seam(&self, pair: [u32; 2], p: Point3) -> bool {
+        let Some(reduced) = self.lattice.reduced_at(p) else {
+            return false;
+        };
+        let others = reduced.pieces.iter().copied();
+        others
+            .filter(|i| !pair.contains(i) && self.distance(*i, p) == 0.0)
+            .any(|i| pair.iter().any(|&a| self.is_seam_beside([a, i], pair, p)))
+    }
+
+    /// Whether the three pieces meet at `p` in a corner of the solid, or a seam ends there. Two that
+    /// touch along a seam do not say where: the piece that separates them does.
+    pub(crate) fn is_corner_or_end(&self, on: [u32; 3], p: Point3) -> bool {
+        let pairs = [[on[0], on[1]], [on[1], on[2]], [on[2], on[0]]];
+        let are_separated =
+            |&pair: &[u32; 2]| self.are_parallel(pair, p) && self.seam_of(pair, p).is_some();
+        (self.is_corner(&on, p) && !pairs.iter().any(are_separated)) || self.is_seams_end(pairs, p)
+    }
+
+    /// Whether a seam of one of the pairs of three pieces ends at `p`.
+    fn is_seams_end(&self, pairs: [[u32; 2]; 3], p: Point3) -> bool {
+        let step = BESIDE * self.lattice.a;
+        pairs.into_iter().any(|pair| {
+            let n = pair.map(|k| self.gradient(k, p).1);
+            let t = unit(cross(n[0], n[1]));
+            let is_there = |s: f64| {
+                let q = self.project(&pair, along(p, t, s));
+                q.is_some_and(|q| self.value(q).0.abs() <= self.zero && self.is_seam(pair, q))
+            };
+            is_there(step) != is_there(-step)
+        })
+    }
+
+    /// Whether the seam of two pieces that touch at `p` is that of a pair.
+    fn is_seam_beside(&self, touching: [u32; 2], pair: [u32; 2], p: Point3) -> bool {
+        self.are_parallel(touching, p)
+            && self
+                .seam_of(touching, p)
+                .is_some_and(|seam| seam.iter().all(|i| pair.contains(i)))
+    }
+
+    fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
+        let [n, m] = pair.map(|i| unit(self.gradient(i, p).1));
+        norm(cross(n, m)) <= TANGENT
+    }
+
+    /// Whether two pieces touch at `p` where a third one crosses them, and one of them bounds the
+    /// solid on one side of that, the other on the other side.
+    fn touch_at(&self, [a, b]: [u32; 2], by: u32, p: Point3) -> bool {
+        let [n, m, across] = [a, b, by].map(|i| unit(self.gradient(i, p).1));
+        if self.distance(b, p) != 0.0
+            || norm(cross(n, m)) > TANGENT
+            || norm(cross(n, across)) < CLEARLY
+        {
+            return false;
+        }
+        let w = unit(cross(n, cross(n, across)));
+        let step = BESIDE * self.lattice.a;
+        let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| along(p, w, s)));
+        bounds.into_iter().any(|[here, there, without]| {
+            let are_both = [here, there] == [a, b] || [here, there] == [b, a];
+            are_both && without != here
+        })
+    }
+
+    /// The pieces that bound the solid at two places beside `p` on a seam, and at the first if what
+    /// separates the others had the other sign there: once for each way in which the seam may end in
+    /// other pieces at `p`.
+    fn bounding(&self, seam: [u32; 3], p: Point3, places: [Point3; 2]) -> Vec<[u32; 3]> {
+        let Some(reduced) = self.lattice.reduced_at(p) else {
+            return Vec::new();
+        };
+        let reach = norm(sub(places[0], p));
+        // Pieces in which the seam may end: it is looked for on either side of each.
+        let is_close = |i: &u32| {
+            !seam.contains(i)
+                && self.distance(*i, p).abs() < reach
+                && !self.are_parallel([*i, seam[2]], p)
+        };
+        let ends: Vec<u32> = reduced.pieces.iter().copied().filter(is_close).collect();
+        let by = seam[2];
+        let bounding = |signs: u32| {
+            let value = |i: u32, q: Point3| match ends.iter().position(|&e| e == i) {
+                Some(at) if signs >> at & 1 == 1 => -f64::MAX,
+                Some(_) => f64::MAX,
+                None => self.distance(i, q),
+            };
+            let decides = |v: &dyn Fn(u32) -> f64| reduced.tree.value_and_piece(&v).1;
+            let [here, there] = places;
+            let turned = |i| {
+                if i == by {
+                    -value(i, here)
+                } else {
+                    value(i, here)
+                }
+            };
+            [
+                decides(&|i| value(i, here)),
+                decides(&|i| value(i, there)),
+                decides(&turned),
+            ]
+        };
+        (0..1 << ends.len().min(ENDS)).map(bounding).collect()
+    }
+}
