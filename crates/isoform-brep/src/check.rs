@@ -8,6 +8,7 @@ use crate::measure::{Measure, of_face, total};
 use crate::newton::meet;
 use crate::shells::volume;
 use crate::topology::ends_of;
+use crate::whole::Boundary;
 use isoform_geom::brep::{Brep, Ellipsoid, Surface};
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
@@ -100,6 +101,14 @@ pub enum Finding {
         /// How far the next face is.
         by: f64,
     },
+    /// An edge or a vertex is not on the surface of the model, though it is on the pieces that meet
+    /// there: a part that is smaller than the triangles of the mesh cuts it off.
+    OffModel {
+        /// Where.
+        at: Point3,
+        /// How far off.
+        by: f64,
+    },
     /// Something that the mesh leaves open.
     Mesh(String),
 }
@@ -144,6 +153,12 @@ impl fmt::Display for Finding {
             Self::Missed { at, by } => write!(
                 f,
                 "the model has surface at ({}, {}, {}), {by:.2e} away from the faces: a part is \
+                 smaller than the triangles of the mesh; a smaller --size shows it",
+                at[0], at[1], at[2]
+            ),
+            Self::OffModel { at, by } => write!(
+                f,
+                "an edge ends or runs at ({}, {}, {}), {by:.2e} away from the model: a part is \
                  smaller than the triangles of the mesh; a smaller --size shows it",
                 at[0], at[1], at[2]
             ),
@@ -226,7 +241,9 @@ pub fn check(
     made.faces = (0..brep.faces.len()).map(measure).collect();
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
-    examine_witnesses(built, witnesses, [limit, tolerance], &mut made);
+    examine_places(built, solid, tolerance, &mut made);
+    let moved = moved_onto(solid, witnesses, limit);
+    examine_witnesses(built, &moved, [limit, tolerance], &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
         let is_spline = brep.faces[f].surface.is_near_only();
         if by > if is_spline { tolerance } else { limit } {
@@ -461,6 +478,32 @@ fn distance_of_face(built: &Built, solid: &dyn Solid, face: usize) -> f64 {
         worst = worse(worst, value.abs() / norm(g));
     }
     worst
+}
+
+/// Whether edges and vertices are on the surface of the model, not only on the pieces that meet
+/// there.
+fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut Certificate) {
+    let brep = &built.brep;
+    let along = (0..brep.edges.len() as u32).flat_map(|e| {
+        let places = samples(&brep.breaks(e)).into_iter();
+        places.map(move |s| brep.along(e, s).0)
+    });
+    let places = brep.vertices.iter().copied().chain(along);
+    let off = places.map(|p| (p, Boundary(solid).distance(p).0.abs()));
+    let worst = off.max_by(|a, b| a.1.total_cmp(&b.1));
+    if let Some((at, by)) = worst.filter(|w| w.1.is_nan() || w.1 > tolerance) {
+        made.failures.push(Finding::OffModel { at, by });
+    }
+}
+
+/// Witnesses moved onto the surface of the model: a piece goes on where another one bounds it. Those
+/// that do not get there within `limit` are none.
+fn moved_onto(solid: &dyn Solid, witnesses: &[Point3], limit: f64) -> Vec<Point3> {
+    let model = Boundary(solid);
+    let moved = witnesses.iter().map(|p| meet([&model], *p));
+    moved
+        .filter(|p| model.distance(*p).0.abs() <= limit)
+        .collect()
 }
 
 /// Whether points of the model's surface are on faces; the limits are those of exact faces, and of

@@ -9,8 +9,8 @@
 use crate::cut::{Cut, Labelled, crossing, imprint};
 use crate::locus::{Distance, Locus};
 use crate::newton::meet;
-use crate::seams::Whole;
 use crate::topology::{ends_of, longest_side};
+use crate::whole::Whole;
 use isoform_geom::{Field, Point3, Solid, UnionFind, cross, norm};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;

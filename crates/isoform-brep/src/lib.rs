@@ -33,6 +33,7 @@ mod seams;
 mod shells;
 mod surfaces;
 mod topology;
+mod whole;
 
 pub use build::{Built, brep};
 pub use check::{Certificate, Finding, check};

@@ -5,11 +5,12 @@
 //! surface.
 
 use crate::cut::{Cut, Labelled, crossing, imprint};
-use crate::locus::{Distance, Locus, outward};
+use crate::locus::{Distance, Locus};
 use crate::newton::meet;
 use crate::pieces::{Piece, own};
 use crate::topology::ends_of;
-use isoform_geom::{Field, Point3, SmoothPart, Solid, cross, dot, middle, norm, sub};
+use crate::whole::Whole;
+use isoform_geom::{Field, Point3, SmoothPart, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -35,19 +36,6 @@ pub(crate) struct Seams<'a> {
     questions: Vec<Question>,
     /// By branch, the questions and whether each limit is the question itself, or its negative.
     asked: Vec<Vec<(usize, bool)>>,
-}
-
-/// A piece of a solid with all of its functions.
-pub(crate) struct Whole<'a> {
-    pub(crate) solid: &'a dyn Solid,
-    pub(crate) piece: u32,
-}
-
-impl Distance for Whole<'_> {
-    fn distance(&self, p: Point3) -> (f64, Point3) {
-        let (value, gradient) = self.solid.gradient(self.piece, p);
-        outward(value, gradient)
-    }
 }
 
 /// The answers at a node, and the function that follows from them.

@@ -311,3 +311,47 @@ fn parts_that_touch_have_an_edge_along_what_separates_them() {
         assert_eq!(kinds(&j, "spline"), 0, "{n}");
     }
 }
+
+/// A mesh passes by the flat tip of a cone, and by a ball on it: the full cone that it suggests is no
+/// solid of the model. A ball that goes on beyond the end of a bar is no missed surface of it.
+#[test]
+fn tips_of_cones_and_ends_of_bars_are_where_the_model_has_them() {
+    let f = Folder::new("brep-tips");
+    let turned = "t = hfRotate3DX(x, 0.41); t = hfRotate3DY(x, -0.73); t = hfRotate3DZ(x, 1.1);";
+    let cone = |top: &str| {
+        format!(
+            "m(x[3], a[1]) {{ array p[3], q[3]; {turned} p = [0, 0, 20];
+                cone = hfConeZ(x, p, 0.5) & x[3]; {top} }}\n"
+        )
+    };
+    let tips = [
+        "m = cone & (19.98 - x[3]);",
+        "m = cone & (19.99 - x[3]);",
+        "q = [0, 0, 19.955278640450004];
+         m = (cone & (19.964222912360004 - x[3])) | hfSphere(x, q, 0.02);",
+    ];
+    for (n, tip) in tips.into_iter().enumerate() {
+        let (exit, j) = brep(&f.file(&format!("tip{n}.hf"), &cone(tip)), &[]);
+        assert_eq!(exit, 3, "{n}: {}", j["certificate"]);
+    }
+    // A tip that the mesh sees.
+    let (exit, j) = brep(&f.file("cone.hf", &cone("m = cone & (18 - x[3]);")), &[]);
+    assert_eq!(exit, 0, "{}", j["certificate"]);
+    let volume = PI / 3.0 * (100.0 * 20.0 - 2.0);
+    assert!(
+        (j["volume"].as_f64().unwrap_or(0.0) / volume - 1.0).abs() < 1e-9,
+        "{j}"
+    );
+    let bar = format!(
+        "m(x[3], a[1]) {{ array p[3], q[3]; {turned} p = [0, 0, 0]; q = [0, 0, 20];
+            rod = hfCylinderZ(x, p, 5) & x[3] & (20 - x[3]);
+            m = (rod | hfSphere(x, p, 5) | hfSphere(x, q, 5)) & (20 - x[3]); }}\n"
+    );
+    let (exit, j) = brep(&f.file("bar.hf", &bar), &[]);
+    assert_eq!(exit, 0, "{}", j["certificate"]);
+    let volume = PI * 25.0 * 20.0 + PI * 250.0 / 3.0;
+    assert!(
+        (j["volume"].as_f64().unwrap_or(0.0) / volume - 1.0).abs() < 1e-9,
+        "{j}"
+    );
+}

@@ -1,0 +1,34 @@
+//! Distances from a solid and its pieces, as their functions have them.
+
+use crate::locus::{Distance, outward};
+use isoform_geom::{Point3, Solid};
+
+/// A piece of a solid with all of its functions.
+pub(crate) struct Whole<'a> {
+    pub(crate) solid: &'a dyn Solid,
+    pub(crate) piece: u32,
+}
+
+impl Distance for Whole<'_> {
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        let (value, gradient) = self.solid.gradient(self.piece, p);
+        outward(value, gradient)
+    }
+}
+
+/// What bounds a solid: at each point the piece that decides there.
+pub(crate) struct Boundary<'a>(pub(crate) &'a dyn Solid);
+
+impl Distance for Boundary<'_> {
+    /// A piece without a gradient, as a cone has none at its apex, counts as vanishing.
+    fn distance(&self, p: Point3) -> (f64, Point3) {
+        let solid = self.0;
+        let of = |piece| Whole { solid, piece }.distance(p);
+        let inward = |piece| {
+            let off = of(piece).0;
+            if off.is_finite() { -off } else { 0.0 }
+        };
+        let (off, piece) = solid.tree().value_and_piece(&inward);
+        (-off, of(piece).1)
+    }
+}
