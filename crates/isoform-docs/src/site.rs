@@ -42,6 +42,8 @@ const PAGES: [(&str, &[(&str, &str)]); 6] = [
         &[
             ("docs/view.md", "Pages in a browser"),
             ("docs/render.md", "Pictures"),
+            ("docs/gallery.md", "Gallery"),
+            ("docs/figures.md", "Figures of the papers"),
         ],
     ),
     (
