@@ -192,7 +192,7 @@ fn said(path: &Path, layer: &Layer) -> Said {
         file: path.display().to_string(),
         is_itself: !matches!(layer, Layer::Meshed(_)),
         is_proved: match layer {
-            Layer::Meshed(_) => false,
+            Layer::Meshed(_) | Layer::Spline(_) => false,
             Layer::Map(map) => map.surface.is_certified(),
             _ => true,
         },
@@ -246,7 +246,9 @@ fn shown(
     Ok(match layer {
         Layer::Points(cloud) => points(name, &cloud, beside, by),
         Layer::Model(model) => Drawn::model(name, model_of(&model), by, control)?,
-        Layer::Meshed(mesh) => Drawn::meshed_model(name, &mesh, by, args.section.as_ref()),
+        Layer::Meshed(mesh) | Layer::Spline(mesh) => {
+            Drawn::meshed_model(name, &mesh, by, args.section.as_ref())
+        }
         Layer::Mesh(mesh) => Drawn::mesh(name, &mesh, by, args.section.as_ref()),
         Layer::Solid(solid) => Drawn::solid(name, &solid.mesh(), by, args.section.as_ref()),
         Layer::Patches(list) => {
