@@ -158,8 +158,8 @@ fn a_patch_is_seen_on_the_surface_that_it_stands_for() {
     };
     let middle = |patch: Layer| {
         let body = "m = min(min(1 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3]));";
-        let block = model(body, cube(1.0, [0.0; 3]), None);
-        let alone = model(body, cube(1.0, [0.0; 3]), None);
+        let block = model(body, cube(1.1, [0.0; 3]), None);
+        let alone = model(body, cube(1.1, [0.0; 3]), None);
         let camera = looking([0.0, 0.0, 9.0], [0.0; 3], true);
         let of = |layers| {
             let scene = Scene {
