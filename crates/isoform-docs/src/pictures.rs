@@ -121,6 +121,7 @@ mod tests {
             root.join("docs/b.md"),
             "![b](images/b.png) ![c](images/c.png)",
         );
+        write(root.join("docs/c.md"), "It shows none.");
         write(root.join("docs/images/a.png"), "old");
         write(root.join("docs/images/d.png"), "no page shows it");
         let pages = ["README.md", "docs/b.md", "docs/c.md"].map(str::to_owned);
