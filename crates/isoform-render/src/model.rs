@@ -736,7 +736,7 @@ mod tests {
             d: [0.0, 0.0, -1.0],
             from: 0.0,
         };
-        let mut met = |cap| sphere.meet(&ray, [4.5, 9.0], cap, &mut Scratch::default());
+        let met = |cap| sphere.meet(&ray, [4.5, 9.0], cap, &mut Scratch::default());
         let capped = met(Some(true)).expect("a cap");
         assert!(capped.piece.is_none() && capped.t == 4.5, "{capped:?}");
         let open = met(None).expect("the other side");
