@@ -88,6 +88,8 @@ pub(crate) enum Layer {
     /// A model in the place of whose function its mesh is shown.
     Meshed(Mesh),
     Mesh(Mesh),
+    /// The mesh of a function of `implicitize`, which stands for a smooth surface.
+    Spline(Mesh),
     Solid(ExactSolid),
     Patches(Vec<Patch>),
     Map(Box<MapLayer>),
@@ -130,7 +132,7 @@ impl Layer {
         match self {
             Self::Points(_) => "points",
             Self::Model(_) | Self::Meshed(_) => "model",
-            Self::Mesh(_) => "mesh",
+            Self::Mesh(_) | Self::Spline(_) => "mesh",
             Self::Solid(_) => "solid",
             Self::Patches(_) => "patches",
             Self::Map(_) => "map",
@@ -364,7 +366,7 @@ impl File<'_> {
             &self.context.control(),
         );
         let made = made.map_err(|e| no_mesh(&e, self.name, &Settings::default()))?;
-        Ok(Layer::Mesh(made.meshed.mesh))
+        Ok(Layer::Spline(made.meshed.mesh))
     }
 
     /// A rational surface.

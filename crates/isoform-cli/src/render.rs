@@ -50,6 +50,9 @@ pub(crate) struct Args {
     /// The colour behind everything: white, black, grey or #rrggbb
     #[arg(long, value_name = "COLOR", default_value = "white", value_parser = color)]
     background: Color,
+    /// Leave models and meshes open where the section or the box cuts them, without caps
+    #[arg(long, conflicts_with = "hatch")]
+    no_caps: bool,
     /// Hatch caps of sections, as drawings (.svg) always do
     #[arg(long)]
     hatch: bool,
@@ -133,8 +136,10 @@ fn format_of(path: &Path) -> Result<Format, Failure> {
 /// What of a layer goes into the report.
 struct Said {
     file: String,
+    /// Whether the function itself is drawn, or whatever else is in the file; else its mesh is.
+    is_itself: bool,
     /// Whether what is seen is proved to be all there is, up to the smallest features.
-    proved: bool,
+    is_proved: bool,
 }
 
 /// Runs the verb.
@@ -173,9 +178,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         context.warn("nothing is seen from there: the picture is empty");
     }
     output::write_file(&args.output, &bytes)?;
-    let is_proved = said.iter().all(|s| s.proved);
+    let is_itself = said.iter().all(|s| s.is_itself);
     Ok(Outcome {
-        exit: output::exit(is_proved),
+        exit: output::exit(is_itself),
         json: document(args, &scene, &panes, &said, bytes.len()),
         stdout: format!("{}: {} bytes\n", args.output.display(), bytes.len()).into_bytes(),
     })
@@ -185,7 +190,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 fn said(path: &Path, layer: &Layer) -> Said {
     Said {
         file: path.display().to_string(),
-        proved: !matches!(layer, Layer::Meshed(_)),
+        is_itself: !matches!(layer, Layer::Meshed(_)),
+        is_proved: match layer {
+            Layer::Meshed(_) | Layer::Spline(_) => false,
+            Layer::Map(map) => map.surface.is_certified(),
+            _ => true,
+        },
     }
 }
 
@@ -236,7 +246,9 @@ fn shown(
     Ok(match layer {
         Layer::Points(cloud) => points(name, &cloud, beside, by),
         Layer::Model(model) => Drawn::model(name, model_of(&model), by, control)?,
-        Layer::Meshed(mesh) => Drawn::meshed_model(name, &mesh, by, args.section.as_ref()),
+        Layer::Meshed(mesh) | Layer::Spline(mesh) => {
+            Drawn::meshed_model(name, &mesh, by, args.section.as_ref())
+        }
         Layer::Mesh(mesh) => Drawn::mesh(name, &mesh, by, args.section.as_ref()),
         Layer::Solid(solid) => Drawn::solid(name, &solid.mesh(), by, args.section.as_ref()),
         Layer::Patches(list) => {
@@ -340,6 +352,7 @@ fn style(args: &Args) -> Style {
     Style {
         background: args.background,
         lines: !args.no_lines,
+        caps: !args.no_caps,
         hatch: args.hatch,
     }
 }
@@ -423,7 +436,7 @@ fn layer_report(layer: &isoform_render::Layer, said: &Said) -> Value {
         "file": said.file,
         "kind": layer.kind,
         "color_by": layer.color_by.name(),
-        "proved": said.proved,
+        "proved": said.is_proved,
     });
     if layer.is_function() {
         // What is thinner along a line of sight may be missing.

@@ -124,7 +124,7 @@ fn add(page: &mut Page, name: &str, layer: Layer) {
         Layer::Points(cloud) => page.points(name, &ShownPoints::new(&cloud)),
         Layer::Model(model) => page.model(name, model.title.as_deref(), &model.live),
         Layer::Meshed(mesh) => page.meshed_model(name, &mesh),
-        Layer::Mesh(mesh) => page.mesh(name, &mesh),
+        Layer::Mesh(mesh) | Layer::Spline(mesh) => page.mesh(name, &mesh),
         Layer::Solid(solid) => page.solid(name, &solid),
         Layer::Patches(list) => {
             let shown = |p: layers::Patch| ShownPatch {

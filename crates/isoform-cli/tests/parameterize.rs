@@ -331,6 +331,26 @@ fn a_tolerance_below_rounding_is_named() {
 }
 
 #[test]
+fn growth_stops_after_so_many_extrapolations() {
+    let folder = Folder::new("parameterize-growth");
+    let model = folder.file("sphere.json", SPHERE);
+    let grown = |count: &str| {
+        let (code, document) =
+            parameterize(&model, &["--degree", "2,2", "--extrapolations", count]);
+        assert_eq!(code, 0, "{document}");
+        let patch = &document["patches"][0];
+        assert_eq!(patch["extrapolation_steps"].to_string(), count);
+        patch["area"].as_f64().expect("an area")
+    };
+    let [start, third] = ["0", "3"].map(grown);
+    // The start patch has a tenth of the box's edge.
+    assert!(
+        (start / 0.01 - 1.0).abs() < 0.02 && third > 2.0 * start,
+        "{start} {third}"
+    );
+}
+
+#[test]
 fn figures_and_the_other_term() {
     let folder = Folder::new("parameterize-figure");
     let (model, path) = (folder.file("sphere.json", SPHERE), folder.path("steps.svg"));

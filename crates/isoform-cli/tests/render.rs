@@ -165,6 +165,21 @@ fn a_sheet_has_its_views_at_one_scale() {
 }
 
 #[test]
+fn a_map_is_proved_where_its_certificate_holds() {
+    let f = Folder::new("render-proved");
+    // Of the second one the poles are an acnode and a curve: its mesh has points upon each other.
+    let node = r#"{"X": "1", "Y": "s", "Z": "t", "W": "s^2 + t^2 - s^3"}"#;
+    for (name, text, want) in [("sphere.json", SPHERE, true), ("node.json", node, false)] {
+        let (map, out) = (f.file(name, text), f.path("map.png"));
+        let o = isoform(&[
+            "render", &map, "--box", "2", "--size", "40x30", "--json", "-o", &out,
+        ]);
+        assert_eq!(code(&o), 0, "it is drawn all the same: {}", stderr(&o));
+        assert_eq!(document(&o)["layers"][0]["proved"], want, "{name}");
+    }
+}
+
+#[test]
 fn names_are_texts() {
     let f = Folder::new("render-names");
     let evil = f.file("a<script>alert(1)<&\".hf", BALL);

@@ -3,11 +3,17 @@
 //! ```text
 //! isoform-docs build FOLDER     writes the site; what is wrong with links is a failure
 //! isoform-docs run PROGRAM      runs the commands of all pages by this isoform
+//! isoform-docs draw PROGRAM     takes the pictures that they draw into docs/images
 //! ```
+//!
+//! A page shows as `images/NAME` what one of its commands, or of another page's, writes as NAME.
+//! Pictures are committed, though commands draw them: pages are read where no site is built, too,
+//! and one sees in a change what it does to them.
 #![forbid(unsafe_code)]
 
 mod commands;
 mod page;
+mod pictures;
 mod run;
 mod site;
 
@@ -22,7 +28,8 @@ fn main() -> ExitCode {
     let done = match args.as_slice() {
         ["build", folder] => build(&root, Path::new(folder)),
         ["run", program] => run::all(&root, Path::new(program)),
-        _ => Err("usage: isoform-docs build FOLDER | run PROGRAM".into()),
+        ["draw", program] => run::draw(&root, Path::new(program)),
+        _ => Err("usage: isoform-docs build FOLDER | run PROGRAM | draw PROGRAM".into()),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,

@@ -1,9 +1,11 @@
 //! Runs the commands of the pages, each page in a folder of its own.
 //!
 //! tests/doc_commands.txt says what pages take for granted (`before`), and which commands are not
-//! run, each with its reason (`skip`). A line there that fits nothing is a failure.
+//! run (`skip`) and which pictures are not drawn by one (`given`), each with its reason. A line
+//! there that fits nothing is a failure.
 
 use crate::commands::{Act, acts};
+use crate::pictures::Pictures;
 use std::error::Error;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -25,12 +27,22 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// A line of the list.
 #[derive(Debug, PartialEq, Eq)]
 struct Line {
-    is_skip: bool,
+    kind: Kind,
+    /// The page; the picture of those that are given.
     page: String,
     command: String,
 }
 
-/// The lines of the list: `before | PAGE | COMMAND` or `skip | PAGE | COMMAND | REASON`.
+/// What a line of the list says.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Kind {
+    Before,
+    Skip,
+    Given,
+}
+
+/// The lines of the list: `before | PAGE | COMMAND`, `skip | PAGE | COMMAND | REASON` or
+/// `given | PICTURE | REASON`.
 fn read(list: &str) -> Result<Vec<Line>, String> {
     let lines = list
         .lines()
@@ -38,15 +50,16 @@ fn read(list: &str) -> Result<Vec<Line>, String> {
     lines
         .map(|line| {
             let cells: Vec<&str> = line.split(" | ").collect();
-            let (is_skip, page, command) = match cells.as_slice() {
-                ["before", page, command] => (false, page, command),
-                ["skip", page, command, _reason] => (true, page, command),
-                _ => return Err(format!("neither before nor skip with a reason: {line}")),
+            let (kind, page, command) = match cells.as_slice() {
+                ["before", page, command] => (Kind::Before, page, *command),
+                ["skip", page, command, _reason] => (Kind::Skip, page, *command),
+                ["given", picture, _reason] => (Kind::Given, picture, ""),
+                _ => return Err(format!("no kind of line, or without a reason: {line}")),
             };
             Ok(Line {
-                is_skip,
+                kind,
                 page: (*page).to_owned(),
-                command: (*command).to_owned(),
+                command: command.to_owned(),
             })
         })
         .collect()
@@ -58,27 +71,24 @@ fn plain(command: &str) -> String {
     command.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Runs the commands of all pages; whether all end well.
+/// Runs the commands of all pages; whether all end well, and draw the pictures that pages show.
 pub(crate) fn all(root: &Path, program: &Path) -> Result<bool, Box<dyn Error>> {
-    let runner = Runner {
-        root: root.canonicalize()?,
-        program: program.canonicalize()?,
-        scratch: std::env::temp_dir().join(format!("isoform-docs-{}", std::process::id())),
-    };
     let lines = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
-    let mut pages = vec!["README.md".to_owned()];
-    for entry in fs::read_dir(root.join("docs"))? {
-        let name = entry?.file_name().to_string_lossy().into_owned();
-        if name.ends_with(".md") {
-            pages.push(format!("docs/{name}"));
-        }
-    }
-    pages.sort();
+    let runner = Runner::new(root, program)?;
+    let pages = pages(root)?;
     let mut is_good = true;
     let mut seen = Vec::new();
     for page in &pages {
         is_good &= runner.page(page, &lines, &mut seen)?;
     }
+    let given: Vec<&Line> = lines.iter().filter(|l| l.kind == Kind::Given).collect();
+    let names: Vec<&str> = given.iter().map(|l| l.page.as_str()).collect();
+    let pictures = Pictures::read(root, &pages)?;
+    for wrong in pictures.wrong(&names, |page| runner.place(page))? {
+        println!("{wrong}");
+        is_good = false;
+    }
+    seen.extend(given);
     for line in lines.iter().filter(|line| !seen.contains(line)) {
         println!(
             "{}: listed, but no such command: {}",
@@ -90,6 +100,34 @@ pub(crate) fn all(root: &Path, program: &Path) -> Result<bool, Box<dyn Error>> {
     Ok(is_good)
 }
 
+/// Runs the commands of the pages that show pictures, and takes what they draw into docs/images;
+/// whether all end well.
+pub(crate) fn draw(root: &Path, program: &Path) -> Result<bool, Box<dyn Error>> {
+    let lines = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
+    let runner = Runner::new(root, program)?;
+    let pictures = Pictures::read(root, &pages(root)?)?;
+    let mut is_good = true;
+    for page in pictures.pages() {
+        is_good &= runner.page(page, &lines, &mut Vec::new())?;
+    }
+    pictures.take(|page| runner.place(page))?;
+    fs::remove_dir_all(&runner.scratch)?;
+    Ok(is_good)
+}
+
+/// The pages whose commands are run.
+fn pages(root: &Path) -> Result<Vec<String>, std::io::Error> {
+    let mut pages = vec!["README.md".to_owned()];
+    for entry in fs::read_dir(root.join("docs"))? {
+        let name = entry?.file_name().to_string_lossy().into_owned();
+        if name.ends_with(".md") {
+            pages.push(format!("docs/{name}"));
+        }
+    }
+    pages.sort();
+    Ok(pages)
+}
+
 /// What all pages share.
 struct Runner {
     root: PathBuf,
@@ -98,6 +136,19 @@ struct Runner {
 }
 
 impl Runner {
+    fn new(root: &Path, program: &Path) -> Result<Self, std::io::Error> {
+        Ok(Self {
+            root: root.canonicalize()?,
+            program: program.canonicalize()?,
+            scratch: std::env::temp_dir().join(format!("isoform-docs-{}", std::process::id())),
+        })
+    }
+
+    /// The folder in which the commands of a page are run.
+    fn place(&self, page: &str) -> PathBuf {
+        self.scratch.join(page.replace('/', "-"))
+    }
+
     /// Runs the commands of a page; whether all end well.
     fn page<'a>(
         &self,
@@ -109,7 +160,8 @@ impl Runner {
         let folder = self.folder(page)?;
         let start = Instant::now();
         let mut is_good = true;
-        for line in lines.iter().filter(|l| l.page == page && !l.is_skip) {
+        let before = |l: &&Line| l.page == page && l.kind == Kind::Before;
+        for line in lines.iter().filter(before) {
             seen.push(line);
             is_good &= self.run(page, &line.command, None, &folder)?;
         }
@@ -125,7 +177,7 @@ impl Runner {
             };
             let skipped = lines
                 .iter()
-                .find(|l| l.is_skip && l.page == page && l.command == command);
+                .find(|l| l.kind == Kind::Skip && l.page == page && l.command == command);
             count[usize::from(skipped.is_some())] += 1;
             match skipped {
                 Some(line) => seen.push(line),
@@ -142,7 +194,7 @@ impl Runner {
 
     /// An empty folder with the examples of the repository.
     fn folder(&self, page: &str) -> Result<PathBuf, std::io::Error> {
-        let folder = self.scratch.join(page.replace('/', "-"));
+        let folder = self.place(page);
         fs::create_dir_all(&folder)?;
         symlink(self.root.join("examples"), folder.join("examples"))?;
         Ok(folder)
@@ -203,12 +255,11 @@ mod tests {
 
     #[test]
     fn the_list() {
-        let lines = read("# why\n\nbefore | a.md | cp x y\nskip | a.md | isoform z | no z\n");
-        let lines = lines.expect("two lines");
-        assert_eq!(
-            (lines.len(), lines[0].is_skip, lines[1].is_skip),
-            (2, false, true)
-        );
+        let list = "# why\n\nbefore | a.md | cp x y\nskip | a.md | isoform z | no z\n\
+                    given | x.png | by hand\n";
+        let lines = read(list).expect("three lines");
+        let kinds: Vec<Kind> = lines.iter().map(|l| l.kind).collect();
+        assert_eq!(kinds, [Kind::Before, Kind::Skip, Kind::Given]);
         assert!(
             read("skip | a.md | isoform z\n").is_err(),
             "without a reason"

@@ -42,6 +42,8 @@ const PAGES: [(&str, &[(&str, &str)]); 6] = [
         &[
             ("docs/view.md", "Pages in a browser"),
             ("docs/render.md", "Pictures"),
+            ("docs/gallery.md", "Gallery"),
+            ("docs/figures.md", "Figures of the papers"),
         ],
     ),
     (
@@ -247,7 +249,7 @@ fn is_outside(link: &str) -> bool {
 }
 
 /// The file in the repository that a link of a page leads to, and the heading in it.
-fn resolved<'a>(file: &str, link: &'a str) -> (String, Option<&'a str>) {
+pub(crate) fn resolved<'a>(file: &str, link: &'a str) -> (String, Option<&'a str>) {
     let (path, anchor) = match link.split_once('#') {
         Some((path, anchor)) => (path, Some(anchor)),
         None => (link, None),

@@ -5,7 +5,7 @@ use crate::exact::{Exact, Forms};
 use crate::model::Model;
 use crate::section::Section;
 use crate::shade;
-use crate::surface::{Lid, Paint, Surface, cut_of, is_closed, quality};
+use crate::surface::{Lid, Paint, STEEPEST, Surface, cut_of, is_closed, quality};
 use isoform::geom::{Aabb, Mesh, Point3, PointCloud, RationalPatch, Solid, distance_squared};
 use isoform::tess::{Map, Surface as MapSurface};
 use isoform::{Control, Stopped, flat_triangles};
@@ -396,6 +396,7 @@ impl Layer {
         };
         let mut surface = Surface::new(grid.points, grid.triangles, paint);
         surface.ranks = (grid.parts.clone(), APART * surface.bounds().diagonal());
+        surface.lift = lift_of(patches, surface.bounds().diagonal());
         surface.parts = grid.parts;
         let all = patches.iter().map(|p| p.patch.clone()).collect();
         surface.exact = Some((Exact::Patches(all), grid.corners));
@@ -458,6 +459,14 @@ impl Layer {
         }
     }
 
+    /// How far it may be behind another layer along a ray and still be seen.
+    pub(crate) fn most_lift(&self) -> f64 {
+        match &self.body {
+            Body::Surface(surface) => surface.lift / STEEPEST,
+            _ => 0.0,
+        }
+    }
+
     /// Whether a function itself is drawn.
     pub fn is_function(&self) -> bool {
         matches!(self.body, Body::Model { .. })
@@ -477,6 +486,17 @@ impl Layer {
 /// share of their size.
 const LIFT: f64 = 1.5;
 const MOST_LIFT: f64 = 0.05;
+/// Patches are lifted by their largest distance from the surface that they stand for, with something
+/// for that surface's own curvature; by no more than this share of their size, which is also for
+/// patches without a known distance.
+const LIFT_PATCH: f64 = 1.5;
+const MOST_LIFT_PATCH: f64 = 0.01;
+
+/// How far patches are lifted.
+fn lift_of(patches: &[Patch], diagonal: f64) -> f64 {
+    let distances = patches.iter().map(|p| p.distance.unwrap_or(f64::INFINITY));
+    (LIFT_PATCH * distances.fold(0.0, f64::max)).min(MOST_LIFT_PATCH * diagonal)
+}
 
 /// Dashes along the diagonal of a map.
 const DASHES: f64 = 90.0;

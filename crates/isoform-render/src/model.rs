@@ -222,18 +222,18 @@ impl Model {
         if v.is_nan() { -f64::MIN_POSITIVE } else { v }
     }
 
-    /// Where a ray first meets the surface between two distances; `is_cap` says whether it begins
-    /// at a cut, so that what is inside there is a cap.
+    /// Where a ray first meets the surface between two distances; `cap` says whether it begins at a
+    /// cut, so that what is inside there is a cap. Without it nothing is: what is cut is open.
     pub(crate) fn meet(
         &self,
         ray: &Ray,
         [from, to]: [f64; 2],
-        is_cap: bool,
+        cap: Option<bool>,
         scratch: &mut Scratch,
     ) -> Option<Met> {
         let inverse = ray.d.map(inverse);
         let [near, far] = through(&self.bounds, ray.o, inverse);
-        let is_cap = is_cap || (self.is_cut && near > from);
+        let is_cap = cap.is_some_and(|begins| begins || (self.is_cut && near > from));
         let (from, to) = (near.max(from), far.min(to));
         if from >= to {
             return None;
@@ -664,7 +664,8 @@ mod tests {
     fn first(model: &Model, o: Point3, toward: Point3) -> Option<f64> {
         let d = unit(isoform::geom::sub(toward, o));
         let ray = Ray { o, d, from: 0.0 };
-        let met = model.meet(&ray, [0.0, f64::INFINITY], false, &mut Scratch::default());
+        let whole = [0.0, f64::INFINITY];
+        let met = model.meet(&ray, whole, Some(false), &mut Scratch::default());
         met.map(|m| m.t)
     }
 
@@ -735,10 +736,14 @@ mod tests {
             d: [0.0, 0.0, -1.0],
             from: 0.0,
         };
-        let met = sphere.meet(&ray, [4.5, 9.0], true, &mut Scratch::default());
+        let met = |cap| sphere.meet(&ray, [4.5, 9.0], cap, &mut Scratch::default());
+        let capped = met(Some(true)).expect("a cap");
+        assert!(capped.piece.is_none() && capped.t == 4.5, "{capped:?}");
+        let open = met(None).expect("the other side");
+        let want = 5.0 + (1.0_f64 - 0.05).sqrt();
         assert!(
-            met.is_some_and(|m| m.piece.is_none() && m.t == 4.5),
-            "{met:?}"
+            open.piece.is_some() && (open.t - want).abs() < 1e-9,
+            "{open:?}"
         );
     }
 }

@@ -38,7 +38,9 @@ pub struct Style {
     pub background: Color,
     /// Whether edges and outlines are drawn.
     pub lines: bool,
-    /// Whether caps of sections are hatched.
+    /// Whether what a section or a box cuts has caps; else it is open there.
+    pub caps: bool,
+    /// Whether caps are hatched.
     pub hatch: bool,
 }
 
@@ -47,6 +49,7 @@ impl Default for Style {
         Self {
             background: [255; 3],
             lines: true,
+            caps: true,
             hatch: false,
         }
     }
@@ -121,6 +124,7 @@ pub fn render(
         sight: &sight,
         marks: &marks,
         background: style.background,
+        has_caps: style.caps,
         is_hatched: style.hatch,
     };
     let [width, height] = size.map(|v| v as usize);

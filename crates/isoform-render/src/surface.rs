@@ -31,7 +31,7 @@ pub(crate) enum Paint {
 
 /// The sine of the angle at which surfaces that lie on one another are still told from such that do
 /// not: their distance along a ray grows with the inverse.
-const STEEPEST: f64 = 0.1;
+pub(crate) const STEEPEST: f64 = 0.1;
 
 /// Triangles, prepared for rays.
 #[derive(Clone, Debug)]
@@ -48,6 +48,9 @@ pub(crate) struct Surface {
     /// Surfaces that lie on one another: those of higher rank are seen. The rank of each triangle,
     /// and how far from one another such surfaces may be.
     pub(crate) ranks: (Vec<u32>, f64),
+    /// How far behind another layer it may be and still be seen: what stands for that layer's
+    /// surface is not hidden by it.
+    pub(crate) lift: f64,
     /// Whether the edges of triangles are drawn.
     pub(crate) has_edges: bool,
     /// What bounds the solid, where there is one: caps of sections fill it.
@@ -86,6 +89,7 @@ impl Surface {
             exact: None,
             normals: Vec::new(),
             ranks: (Vec::new(), 0.0),
+            lift: 0.0,
             has_edges: false,
             lid: Lid::Open,
             tree,

@@ -149,6 +149,7 @@ impl Sheet<'_> {
             sight: &sight,
             marks: &marks,
             background: self.drawing.style.background,
+            has_caps: self.drawing.style.caps,
             is_hatched: false,
         };
         let net = network(&tracer, pane.size, control)?;

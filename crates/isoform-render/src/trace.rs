@@ -6,7 +6,7 @@ use crate::layer::{Body, Layer, Scene};
 use crate::marks::Marks;
 use crate::model::Scratch;
 use crate::shade::{self, flat, lit};
-use crate::surface::{OnSurface, Surface};
+use crate::surface::{OnSurface, STEEPEST, Surface};
 use isoform::geom::{Point3, dot};
 
 /// Normals that turn by more than this between neighbours show an edge: the cosines of 10° between
@@ -138,14 +138,25 @@ pub(crate) struct Tracer<'a> {
     pub(crate) sight: &'a Sight,
     pub(crate) marks: &'a Marks,
     pub(crate) background: Color,
+    /// Whether there are caps.
+    pub(crate) has_caps: bool,
     pub(crate) is_hatched: bool,
 }
 
 /// The nearest place so far, with its colour in the light.
 struct Nearest {
     t: f64,
+    /// How far something else may be before it and still be hidden by it.
+    lift: f64,
     seen: Seen,
     color: [f64; 3],
+}
+
+impl Nearest {
+    /// What counts when two places are compared.
+    fn order(&self) -> f64 {
+        self.t - self.lift
+    }
 }
 
 impl Tracer<'_> {
@@ -188,11 +199,13 @@ impl Tracer<'_> {
         };
         let mut best: Option<Nearest> = None;
         for (k, layer) in self.scene.layers.iter().enumerate() {
-            let to = best.as_ref().map_or(range[1], |b| b.t);
+            let to = best
+                .as_ref()
+                .map_or(f64::INFINITY, |b| b.order() + layer.most_lift());
             let place = Place {
                 tracer: self,
                 ray,
-                range: [range[0], to],
+                range: [range[0], range[1].min(to)],
                 is_cut,
                 at,
                 layer: k as u16,
@@ -202,7 +215,9 @@ impl Tracer<'_> {
                 Body::Surface(surface) => place.on_surface(surface),
                 Body::Points { .. } => None,
             };
-            if let Some(found) = found.filter(|f| best.as_ref().is_none_or(|b| f.t < b.t)) {
+            if let Some(found) =
+                found.filter(|f| best.as_ref().is_none_or(|b| f.order() < b.order()))
+            {
                 best = Some(found);
             }
         }
@@ -240,7 +255,12 @@ impl Place<'_> {
             tone: 0,
             pixel: self.tracer.sight.pixel(depth),
         };
-        Nearest { t, seen, color }
+        Nearest {
+            t,
+            lift: 0.0,
+            seen,
+            color,
+        }
     }
 
     fn lit(&self, color: Color, normal: Point3) -> [f64; 3] {
@@ -261,7 +281,8 @@ impl Place<'_> {
         let Body::Model { model, colors } = &layer.body else {
             return None;
         };
-        let met = model.meet(&self.ray, self.range, self.is_cut, scratch)?;
+        let cap = self.tracer.has_caps.then_some(self.is_cut);
+        let met = model.meet(&self.ray, self.range, cap, scratch)?;
         let Some(piece) = met.piece else {
             let normal = match &self.tracer.scene.section {
                 Some(section) if self.is_cut && met.t == self.range[0] => section.normal(),
@@ -277,6 +298,7 @@ impl Place<'_> {
 
     fn on_surface(&self, surface: &Surface) -> Option<Nearest> {
         if self.is_cut
+            && self.tracer.has_caps
             && let Some(cut) = surface.cap(&self.ray, self.range[0])
             && self.range[0] < self.range[1]
         {
@@ -292,6 +314,7 @@ impl Place<'_> {
         let color = self.lit(surface.color(&on.meeting), on.normal);
         let color = self.wired(color, surface, &on);
         let mut found = self.found(on.t, on.normal, on.part, color);
+        found.lift = surface.lift / dot(on.normal, self.ray.d).abs().max(STEEPEST);
         found.seen.tone = surface.tone(&on.meeting);
         Some(found)
     }

@@ -1,11 +1,11 @@
 //! Pictures against closed forms: silhouettes, caps, hits, colours and lines.
 
 use isoform::field::hyperfun::{Mode, Model};
-use isoform::geom::{Aabb, Column, Mesh, Point3, PointCloud};
+use isoform::geom::{Aabb, Column, Mesh, Point3, PointCloud, RationalPatch};
 use isoform::{Control, solid_of, solid_of_polynomial};
 use isoform_render::{
-    Camera, ColorBy, Drawing, Layer, Pane, Picture, Scale, Scene, Section, ShownModel, Style, View,
-    draw_svg, render,
+    Camera, ColorBy, Drawing, Layer, Pane, Patch, Picture, Scale, Scene, Section, ShownModel,
+    Style, View, draw_svg, render,
 };
 
 const WHITE: [u8; 3] = [255; 3];
@@ -114,6 +114,66 @@ fn torus(o: Point3, d: Point3) -> Option<Point3> {
         if f(at(m)) >= 0.0 { b = m } else { a = m }
     }
     Some(at(b))
+}
+
+#[test]
+fn without_caps_one_sees_the_inside_of_a_cut_ball() {
+    let ball = model("m = hfSphere(x, c, 1);", cube(1.1, [0.0; 3]), None);
+    let section = Section::new([0.0, 0.0, 1.0], 0.25);
+    let scene = scene(ball, section);
+    let camera = looking([0.0, 0.0, 9.0], [0.0; 3], true);
+    let style = Style {
+        caps: false,
+        ..Style::default()
+    };
+    let picture = render(&scene, &camera, [80, 80], &style, &Control::default()).expect("no end");
+    let capped = plain(&scene, &camera, [80, 80]);
+    assert_eq!(capped.pixel(40, 40), CAP);
+    let open = picture.pixel(40, 40);
+    assert!(
+        open != CAP && open[2] > open[0],
+        "a model is blue: {open:?}"
+    );
+    assert_eq!(picture.pixel(1, 1), WHITE);
+}
+
+#[test]
+fn a_patch_is_seen_on_the_surface_that_it_stands_for() {
+    // A flat patch a little below the upper face of a block, and one farther below.
+    let patch = |z: f64, distance: Option<f64>| {
+        let corner = |x: f64, y: f64| [x, y, z, 1.0];
+        let [a, b, c, d] = [(-0.5, -0.5), (-0.5, 0.5), (0.5, -0.5), (0.5, 0.5)];
+        let control = [a, b, c, d].map(|(x, y)| corner(x, y)).to_vec();
+        let patch = RationalPatch::new((1, 1), control).expect("a patch");
+        let name = "p".to_owned();
+        Layer::patches(
+            "p",
+            &[Patch {
+                patch,
+                name,
+                distance,
+            }],
+            Some(ColorBy::None),
+        )
+    };
+    let middle = |patch: Layer| {
+        let body = "m = min(min(1 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3]));";
+        let block = model(body, cube(1.1, [0.0; 3]), None);
+        let alone = model(body, cube(1.1, [0.0; 3]), None);
+        let camera = looking([0.0, 0.0, 9.0], [0.0; 3], true);
+        let of = |layers| {
+            let scene = Scene {
+                layers,
+                section: None,
+            };
+            plain(&scene, &camera, [40, 40]).pixel(20, 20)
+        };
+        of(vec![block, patch]) != of(vec![alone])
+    };
+    assert!(middle(patch(1.0 - 1e-3, Some(1e-3))), "within its distance");
+    assert!(!middle(patch(1.0 - 2e-3, Some(1e-3))), "beyond it");
+    assert!(middle(patch(1.0 - 1e-3, None)), "of unknown distance");
+    assert!(!middle(patch(0.5, None)), "inside of the block");
 }
 
 #[test]

@@ -91,6 +91,10 @@ pub(crate) struct Args {
     /// What the term L measures
     #[arg(long, value_enum, default_value_t = Inner::Lengths)]
     inner: Inner,
+    /// Stop after so many extrapolations, to see how the patch grows: 0 is the start patch after its
+    /// first Newton steps
+    #[arg(long, value_name = "N", conflicts_with = "cover")]
+    extrapolations: Option<usize>,
     /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=64))]
     nodes: Option<u8>,
@@ -334,7 +338,10 @@ fn options(args: &Args, context: &Context) -> Options {
         lo: [-b; 3],
         hi: [b; 3],
     });
+    let paper = Options::paper(args.degree, region);
+    let most_extrapolations = args.extrapolations.unwrap_or(paper.most_extrapolations);
     Options {
+        most_extrapolations,
         seed_point: args.seed_point,
         seed: context.global.seed,
         method: match args.method {
@@ -349,7 +356,7 @@ fn options(args: &Args, context: &Context) -> Options {
         nodes: args.nodes.map(usize::from),
         tolerance: args.tol,
         exact: args.exact,
-        ..Options::paper(args.degree, region)
+        ..paper
     }
 }
 

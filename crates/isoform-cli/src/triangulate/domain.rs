@@ -211,7 +211,7 @@ fn legend(svg: &mut String, edges: &Edges, has_base_points: bool) {
         entries.push(("<circle class=\"base\" r=\"4.5\"/>", "base point"));
     }
     for (i, (sign, name)) in entries.iter().enumerate() {
-        let (x, y) = (-HALF + 40.0 + 200.0 * i as f64, HALF + 0.4 * LEGEND);
+        let (x, y) = (-HALF + 40.0 + 230.0 * i as f64, HALF + 0.4 * LEGEND);
         let _ = writeln!(
             svg,
             "<g transform=\"translate({x} {y})\">{sign}<text x=\"18\" y=\"5\">{name}</text></g>"

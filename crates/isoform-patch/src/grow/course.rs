@@ -90,7 +90,8 @@ impl Growth<'_> {
     pub(crate) fn grow_to_limit(&mut self) {
         self.descend(self.pace.few_steps);
         let mut course = Course::new();
-        for _ in 0..self.options.most_extrapolations {
+        let most = self.options.most_extrapolations;
+        for count in 0..=most {
             if self.late() {
                 break;
             }
@@ -103,7 +104,9 @@ impl Growth<'_> {
             } else {
                 self.turn_back(load, &mut course)
             };
-            let Some(load) = left else { break };
+            let Some(load) = left.filter(|_| count < most) else {
+                break;
+            };
             if !self.extrapolate(self.next_edges(edges, load, &course)) {
                 break;
             }
