@@ -10,7 +10,9 @@ use crate::cut::Labelled;
 use crate::locus::Locus;
 use crate::seams::Seams;
 use crate::surfaces::{Part, Recognize};
+use crate::topology::{across_sides, components};
 use crate::whole::Whole;
+use isoform_geom::brep::Surface;
 use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -77,6 +79,7 @@ pub fn pieces(
                 part,
                 piece,
                 branches: branches.into_iter().take(1).collect(),
+                is_apart: false,
             });
             continue;
         }
@@ -88,9 +91,14 @@ pub fn pieces(
                 part,
                 piece,
                 branches,
+                is_apart: false,
             });
         }
     }
+    let bounds = mesh.bounds();
+    take_apart(&mut labelled, &mut found, |found, nodes| {
+        found.surface(nodes, "", bounds, solid, recognize).is_ok()
+    })?;
     let contacts = separate(&mut labelled, solid, smooth, &found, mesh.bounds());
     labelled.charts = vec![0; labelled.triangles.len()];
     let mut list = Vec::with_capacity(found.len());
@@ -109,6 +117,36 @@ pub fn pieces(
         list,
         names: mesh.parts.clone(),
     })
+}
+
+/// Makes one piece of each connected component of a piece that is on no one surface, if its function
+/// has no limits: the product of two planes vanishes on both.
+fn take_apart(
+    mesh: &mut Labelled,
+    found: &mut Vec<Found<'_>>,
+    is_known: impl Fn(&Found<'_>, &[Point3]) -> bool,
+) -> Result<(), BrepError> {
+    let across = across_sides(&mesh.triangles)?;
+    let of = &mesh.sheets;
+    let (set_of, count) = components(&across, |a, b| of[a as usize] == of[b as usize]);
+    let mut sets: Vec<Vec<u32>> = vec![Vec::new(); count];
+    for (t, set) in set_of.iter().enumerate() {
+        sets[*set as usize].push(t as u32);
+    }
+    let nodes = found_nodes(mesh, found);
+    for piece in 0..found.len() {
+        let is_own = |set: &&Vec<u32>| mesh.sheets[set[0] as usize] as usize == piece;
+        let own: Vec<&Vec<u32>> = sets.iter().filter(is_own).collect();
+        let is_whole = found[piece].branches.iter().all(|b| b.limits.is_empty());
+        if own.len() > 1 && is_whole && !is_known(&found[piece], &nodes[piece]) {
+            found[piece].is_apart = true;
+            for set in &own[1..] {
+                label(mesh, set, found.len());
+                found.push(found[piece].clone());
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Moves the borders along which pieces touch onto what separates them in the tree.
@@ -140,12 +178,15 @@ fn label(mesh: &mut Labelled, triangles: &[u32], piece: usize) {
 }
 
 /// A piece, before it is known what it lies on.
+#[derive(Clone)]
 struct Found<'a> {
     part: u32,
     /// The piece of the solid.
     piece: u32,
     /// The smooth parts of its function, if there are such.
     branches: Vec<&'a SmoothPart>,
+    /// Whether its function has other pieces, on surfaces of their own.
+    is_apart: bool,
 }
 
 impl Found<'_> {
@@ -153,6 +194,30 @@ impl Found<'_> {
     fn holds(&self, p: Point3) -> bool {
         let all = |b: &&SmoothPart| b.limits.iter().all(|l| l.value(p) >= 0.0);
         self.branches.iter().any(all)
+    }
+
+    /// The exact surface that the piece lies on.
+    fn surface(
+        &self,
+        nodes: &[Point3],
+        name: &str,
+        bounds: Aabb,
+        solid: &dyn Solid,
+        recognize: &Recognize<'_>,
+    ) -> Result<Surface, BrepError> {
+        let function = |p: Point3| match self.branches.first() {
+            Some(smooth) => {
+                let jet = smooth.field.jet(p);
+                (jet.v, jet.g)
+            }
+            None => solid.gradient(self.piece, p),
+        };
+        let of = Part {
+            function: &function,
+            bounds,
+            name,
+        };
+        of.surface(nodes, recognize)
     }
 
     /// The piece with its surface or function.
@@ -165,19 +230,8 @@ impl Found<'_> {
         recognize: &Recognize<'_>,
     ) -> Result<Piece, BrepError> {
         let smooth = self.branches.first();
-        let function = |p: Point3| match smooth {
-            Some(smooth) => {
-                let jet = smooth.field.jet(p);
-                (jet.v, jet.g)
-            }
-            None => solid.gradient(self.piece, p),
-        };
-        let of = Part {
-            function: &function,
-            bounds,
-            name,
-        };
-        let locus = match (of.surface(&nodes, recognize), smooth) {
+        let surface = self.surface(&nodes, name, bounds, solid, recognize);
+        let locus = match (surface, smooth) {
             (Ok(surface), _) => Locus::Exact(surface),
             (Err(error @ BrepError::Spindle { .. }), _) | (Err(error), None) => {
                 return Err(error);
@@ -190,7 +244,7 @@ impl Found<'_> {
             locus,
             nodes,
             limits: limits.collect(),
-            function: smooth.map(|s| s.function),
+            function: smooth.filter(|_| !self.is_apart).map(|s| s.function),
         })
     }
 }

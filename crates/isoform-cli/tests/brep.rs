@@ -355,3 +355,35 @@ fn tips_of_cones_and_ends_of_bars_are_where_the_model_has_them() {
         "{j}"
     );
 }
+
+/// The product of two planes vanishes on both: two faces. A plate with round corners and four holes,
+/// whose thickness is such a product.
+#[test]
+fn a_product_of_planes_is_two_faces() {
+    let f = Folder::new("brep-slab");
+    let corner = |k: usize, x: f64, y: f64| {
+        format!(
+            "q = [{x}, {y}, 0]; k{k} = hfCylinderZ(x, q, 6) & slab; h{k} = hfCylinderZ(x, q, 3);\n"
+        )
+    };
+    let corners: String = [(6.0, 6.0), (54.0, 6.0), (6.0, 34.0), (54.0, 34.0)]
+        .iter()
+        .enumerate()
+        .map(|(k, (x, y))| corner(k, *x, *y))
+        .collect();
+    let text = format!(
+        "m(x[3], a[1]) {{ array p[3], q[3];
+            t = hfRotate3DX(x, 0.41); t = hfRotate3DY(x, -0.73);
+            p = [0, 6, 0]; c = hfBlock(x, p, 60, 28, 5); p = [6, 0, 0]; d = hfBlock(x, p, 48, 40, 5);
+            slab = x[3]*(5 - x[3]); {corners}
+            m = (c | d | k0 | k1 | k2 | k3) \\ (h0 | h1 | h2 | h3); }}\n"
+    );
+    let (exit, j) = brep(&f.file("plate.hf", &text), &[]);
+    assert_eq!(exit, 0, "{}", j["certificate"]);
+    assert_eq!((kinds(&j, "plane"), kinds(&j, "cylinder")), (6, 12), "{j}");
+    // The corners take as much away, 36 (4 − π), as the holes leave of 4 · 36: 60 · 40 − 144.
+    assert!(
+        (j["volume"].as_f64().unwrap_or(0.0) / 11_280.0 - 1.0).abs() < 1e-9,
+        "{j}"
+    );
+}
