@@ -188,10 +188,14 @@ fn no_brep(error: &BrepModelError, name: &str, region: Option<Aabb>) -> Failure 
             BrepError::OffSurface { .. } => none("off-surface")
                 .why("parts thinner than its triangles, or surfaces that touch, confuse a mesh")
                 .hint("a smaller --size"),
-            BrepError::NoCurve { at, .. } => none("tangent").somewhere(*at).why(format!(
-                "surfaces that touch smoothly have no well-defined edge, here at {}",
-                place(*at)
-            )),
+            BrepError::NoCurve { at, .. } => none("tangent")
+                .somewhere(*at)
+                .why(format!(
+                    "at {} they touch smoothly, where an edge is not well-defined, or a step between \
+                     them is smaller than the triangles of the mesh",
+                    place(*at)
+                ))
+                .hint("a smaller --size"),
             BrepError::NoVertex { at } => none("corner")
                 .somewhere(*at)
                 .why(format!("at {}", place(*at)))

@@ -292,7 +292,10 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
             none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
         }
-        MeshError::TooCoarse { size } => none("too-coarse").hint(format!("--size {}", 0.5 * size)),
+        MeshError::TooCoarse { size } => none("too-coarse").hint(format!(
+            "--size {}, or --params: those that are not given are 0",
+            0.5 * size
+        )),
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
         MeshError::Internal { what } => Failure::internal("mesh").why(what),
