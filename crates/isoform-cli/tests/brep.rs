@@ -331,11 +331,11 @@ fn tips_of_cones_and_ends_of_bars_are_where_the_model_has_them() {
          m = (cone & (19.964222912360004 - x[3])) | hfSphere(x, q, 0.02);",
     ];
     for (n, tip) in tips.into_iter().enumerate() {
-        let (exit, j) = brep(&f.file(&format!("tip{n}.hf"), &cone(tip)), &[]);
+        let (exit, j) = brep(&f.file(&format!("tip{n}.hf"), cone(tip)), &[]);
         assert_eq!(exit, 3, "{n}: {}", j["certificate"]);
     }
     // A tip that the mesh sees.
-    let (exit, j) = brep(&f.file("cone.hf", &cone("m = cone & (18 - x[3]);")), &[]);
+    let (exit, j) = brep(&f.file("cone.hf", cone("m = cone & (18 - x[3]);")), &[]);
     assert_eq!(exit, 0, "{}", j["certificate"]);
     let volume = PI / 3.0 * (100.0 * 20.0 - 2.0);
     assert!(
