@@ -146,8 +146,12 @@ function act(viewer: Viewer, panel: Panel, key: string): void {
 }
 
 /** The page's interface: what programs may ask of it. Each verb resolves when its change is
- *  drawn. */
+ *  drawn. The list of layers is there at once when the page is ready. */
 function isoform(ready: Promise<Viewer>): Record<string, unknown> {
+  let viewer: Viewer | undefined;
+  const isReady = ready.then((v) => {
+    viewer = v;
+  });
   const drawn =
     <T>(verb: (v: Viewer) => T) =>
     async (): Promise<T> => {
@@ -172,8 +176,8 @@ function isoform(ready: Promise<Viewer>): Record<string, unknown> {
     return inSpace ? v.pickSpace(...inSpace) : v.mark(null, null);
   };
   return Object.freeze({
-    ready: ready.then(() => undefined),
-    layers: () => asked((v) => v.states()),
+    ready: isReady,
+    layers: () => viewer?.states() ?? asked((v) => v.states()),
     set: (id: string, some: object) => drawn((v) => v.set(id, some))(),
     pick: (x: number, y: number) => asked((v) => pick(v, x, y)),
     marked: () => asked((v) => v.marked),

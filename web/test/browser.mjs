@@ -299,7 +299,7 @@ test("a served page follows its file, and keeps what was chosen", async () => {
       const told = page.getByRole("status").filter({ hasText: "Shown as it was before" });
       await told.waitFor();
       assert.match(await told.innerText(), /ball\.hf:1:35/);
-      assert.equal(await page.evaluate("isoform.layers().then((l) => l.length)"), 1);
+      assert.equal(await page.evaluate("isoform.ready.then(() => isoform.layers().length)"), 1);
       file("ball.hf", dented(0));
       await told.waitFor({ state: "hidden" });
       await page.evaluate("isoform.ready");
@@ -316,6 +316,6 @@ test("a served page says when its server has ended", async () => {
   await page.evaluate("isoform.ready");
   child.kill("SIGINT");
   await page.getByText("has ended").waitFor();
-  assert.equal(await page.evaluate("isoform.layers().then((l) => l[0].count)"), 4);
+  assert.equal(await page.evaluate("isoform.ready.then(() => isoform.layers()[0].count)"), 4);
   await page.close();
 });
