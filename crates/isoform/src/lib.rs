@@ -102,6 +102,7 @@ mod brep_model;
 mod compare;
 mod exact_solid;
 mod facets;
+mod fit_remarks;
 mod fit_scan;
 mod gallery;
 mod held;

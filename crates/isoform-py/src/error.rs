@@ -1,0 +1,166 @@
+//! What the library refuses, as exceptions with a code, a place and a hint.
+//!
+//! Codes are those of the command line. Hints name the arguments of Python.
+
+use isoform::field::SolidError;
+use isoform::field::hyperfun::SyntaxError;
+use isoform::fit::FitError;
+use isoform::io::{At, ReadError, WriteError};
+use isoform::{FitScanError, TemplateError};
+use pyo3::prelude::*;
+use pyo3::sync::PyOnceLock;
+use pyo3::types::PyType;
+use std::fmt::Display;
+
+/// Why there is no result.
+#[derive(Debug)]
+pub(crate) struct Trouble {
+    /// Short and fixed, for programs.
+    code: &'static str,
+    /// What is wrong, with its place.
+    message: String,
+    /// What to try; may be empty.
+    hint: String,
+    /// Line and column in a text, from 1.
+    place: Option<(usize, usize)>,
+}
+
+impl Trouble {
+    pub(crate) fn new(code: &'static str, message: impl Display) -> Self {
+        Self {
+            code,
+            message: message.to_string(),
+            hint: String::new(),
+            place: None,
+        }
+    }
+    /// An argument that cannot be.
+    pub(crate) fn usage(message: impl Display) -> Self {
+        Self::new("usage", message)
+    }
+    /// A fault of ours.
+    pub(crate) fn internal() -> Self {
+        Self::new("internal", "isoform made an error of its own")
+            .hint("please report it, with the call and its input")
+    }
+    /// The work was ended from outside.
+    pub(crate) fn stopped(message: impl Display) -> Self {
+        Self::new("time-limit", message).hint("a larger time_limit")
+    }
+    pub(crate) fn hint(mut self, hint: impl Display) -> Self {
+        self.hint = hint.to_string();
+        self
+    }
+    fn at(mut self, line: usize, column: usize) -> Self {
+        self.place = Some((line, column));
+        self
+    }
+    /// With the name of what it is about before the message.
+    pub(crate) fn of(mut self, name: &str) -> Self {
+        self.message = format!("{name}: {}", self.message);
+        self
+    }
+}
+
+/// The class of exceptions, which lies in the Python half of the package.
+static CLASS: PyOnceLock<Py<PyType>> = PyOnceLock::new();
+
+impl From<Trouble> for PyErr {
+    fn from(trouble: Trouble) -> Self {
+        Python::attach(|py| {
+            let class = match CLASS.import(py, "isoform._errors", "IsoformError") {
+                Ok(class) => class,
+                Err(error) => return error,
+            };
+            let hint = Some(trouble.hint).filter(|hint| !hint.is_empty());
+            let (line, column) = trouble.place.unzip();
+            let arguments = (trouble.message, trouble.code, hint, line, column);
+            match class.call1(arguments) {
+                Ok(raised) => Self::from_value(raised),
+                Err(error) => error,
+            }
+        })
+    }
+}
+
+impl From<&ReadError> for Trouble {
+    fn from(e: &ReadError) -> Self {
+        let trouble = Self::new(e.code(), e).hint(e.hint);
+        match e.place.at {
+            At::Line { line, column } => trouble.at(line as usize, (column as usize).max(1)),
+            _ => trouble,
+        }
+    }
+}
+
+impl From<WriteError> for Trouble {
+    fn from(e: WriteError) -> Self {
+        Self::new(e.code, &e).hint(e.hint)
+    }
+}
+
+impl From<SyntaxError> for Trouble {
+    fn from(e: SyntaxError) -> Self {
+        let trouble = Self::new("syntax", &e).at(e.line, e.column);
+        match e.expected.as_str() {
+            "" => trouble,
+            expected => trouble.hint(format!("{expected} there")),
+        }
+    }
+}
+
+impl From<SolidError> for Trouble {
+    fn from(e: SolidError) -> Self {
+        let inside = "inside is where f >= 0: a sign, or other params";
+        match e {
+            SolidError::NoSurface { inside: true } => Self::new("unbounded", e).hint(inside),
+            SolidError::NoSurface { inside: false } => Self::new("empty", e).hint(inside),
+            SolidError::Dimension { .. } => Self::new("dimension", e),
+            SolidError::Parameters { .. } => Self::usage(e),
+            e => Self::new("model", e),
+        }
+    }
+}
+
+impl From<TemplateError> for Trouble {
+    fn from(e: TemplateError) -> Self {
+        Self::new("template", e)
+    }
+}
+
+impl From<FitScanError> for Trouble {
+    fn from(e: FitScanError) -> Self {
+        match e {
+            FitScanError::NoPoints => Self::new("no-points", e),
+            FitScanError::Template(e) => e.into(),
+            FitScanError::Fixed { .. } => Self::usage(e),
+            FitScanError::Start(_) => Self::usage(format!("start has {e}")),
+            FitScanError::Bounds { .. } => {
+                Self::new("bounds", e).hint("{'radius': (1, 5)}: a name, then both bounds")
+            }
+            FitScanError::Fit(e) => e.into(),
+            e => Self::new("fit", e),
+        }
+    }
+}
+
+impl From<FitError> for Trouble {
+    fn from(e: FitError) -> Self {
+        match e {
+            FitError::Bounds { .. } => {
+                Self::new("bounds", e).hint("bounds=, or min= and max= in the template")
+            }
+            FitError::Tie { .. } => Self::new("tie", e).hint("the tie= annotations of the template"),
+            FitError::NothingFree => Self::usage(e).hint("fewer parameters in fixed="),
+            FitError::NotFinite { .. } | FitError::Length { .. } => Self::usage(e),
+            FitError::TooFewPoints { .. } => {
+                Self::new("few-points", e).hint("more points, or parameters held by fixed=")
+            }
+            FitError::NoFiniteStart { .. } => {
+                Self::new("no-finite-value", e).hint("start= or bounds= in the template's domain")
+            }
+            FitError::Stopped => Self::stopped(e),
+            e => Self::new("fit", e),
+        }
+    }
+}
