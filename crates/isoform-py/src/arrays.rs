@@ -6,7 +6,7 @@
 use crate::error::Trouble;
 use isoform::geom::Point3;
 use numpy::ndarray::ArrayView2;
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{Element, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 
 /// Points out of Python.
@@ -25,10 +25,16 @@ impl<'a> Rows<'a> {
     pub(crate) fn new(array: &'a PointsArg<'_>) -> Result<Self, Trouble> {
         let view = array.as_array();
         if view.ncols() != 3 {
-            let message = format!("points are (n, 3), not ({}, {})", view.nrows(), view.ncols());
+            let message = format!(
+                "points are (n, 3), not ({}, {})",
+                view.nrows(),
+                view.ncols()
+            );
             return Err(Trouble::new("shape", message));
         }
-        let dense = array.as_slice().ok().map(|flat| flat.as_chunks::<3>().0);
+        // `as_slice` takes any order of the axes.
+        let flat = array.as_slice().ok().filter(|_| array.is_c_contiguous());
+        let dense = flat.map(|flat| flat.as_chunks::<3>().0);
         Ok(Self { view, dense })
     }
 

@@ -2,11 +2,18 @@
 //!
 //! Codes are those of the command line. Hints name the arguments of Python.
 
+use isoform::brep::BrepError;
 use isoform::field::SolidError;
 use isoform::field::hyperfun::SyntaxError;
 use isoform::fit::FitError;
 use isoform::io::{At, ReadError, WriteError};
-use isoform::{FitScanError, TemplateError};
+use isoform::mesh::MeshError;
+use isoform::mesh::features::ExtentError;
+use isoform::{
+    BrepModelError, CompareError, FitScanError, ImplicitizeError, MeshModelError,
+    RationalSurfaceError, RecognizeError, TemplateError,
+};
+use isoform::{patch, recognize, spline};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
 use pyo3::types::PyType;
@@ -51,13 +58,9 @@ impl Trouble {
         self.hint = hint.to_string();
         self
     }
-    fn at(mut self, line: usize, column: usize) -> Self {
+    /// At a place of a text, both numbers from 1.
+    pub(crate) fn at(mut self, line: usize, column: usize) -> Self {
         self.place = Some((line, column));
-        self
-    }
-    /// With the name of what it is about before the message.
-    pub(crate) fn of(mut self, name: &str) -> Self {
-        self.message = format!("{name}: {}", self.message);
         self
     }
 }
@@ -150,7 +153,9 @@ impl From<FitError> for Trouble {
             FitError::Bounds { .. } => {
                 Self::new("bounds", e).hint("bounds=, or min= and max= in the template")
             }
-            FitError::Tie { .. } => Self::new("tie", e).hint("the tie= annotations of the template"),
+            FitError::Tie { .. } => {
+                Self::new("tie", e).hint("the tie= annotations of the template")
+            }
             FitError::NothingFree => Self::usage(e).hint("fewer parameters in fixed="),
             FitError::NotFinite { .. } | FitError::Length { .. } => Self::usage(e),
             FitError::TooFewPoints { .. } => {
@@ -161,6 +166,126 @@ impl From<FitError> for Trouble {
             }
             FitError::Stopped => Self::stopped(e),
             e => Self::new("fit", e),
+        }
+    }
+}
+
+impl From<MeshModelError> for Trouble {
+    fn from(e: MeshModelError) -> Self {
+        match e {
+            MeshModelError::Solid(e) => e.into(),
+            MeshModelError::Mesh(e) => e.into(),
+            e => Self::usage(e).hint("box=((-1, -1, -1), (1, 1, 1)) around it"),
+        }
+    }
+}
+
+impl From<MeshError> for Trouble {
+    fn from(e: MeshError) -> Self {
+        match e {
+            MeshError::Extent(ExtentError::Stopped) | MeshError::Stopped => Self::stopped(e),
+            MeshError::NotANumber { .. } | MeshError::Extent(ExtentError::NotANumber { .. }) => {
+                Self::new("not-a-number", e).hint("box= around the part where it is one")
+            }
+            MeshError::Extent(ExtentError::Empty { .. }) => {
+                Self::new("empty", e).hint("inside is where f >= 0: other params, another box")
+            }
+            MeshError::Extent(ExtentError::Unbounded { .. }) => {
+                Self::new("unbounded", e).hint("box=((-1, -1, -1), (1, 1, 1)) to cut it off")
+            }
+            MeshError::Extent(_) => Self::usage(e).hint("a smaller box"),
+            MeshError::Option { .. } => Self::usage(e),
+            MeshError::Memory { .. } => Self::new("memory", e).hint("a larger size or memory"),
+            MeshError::TooCoarse { size } => {
+                Self::new("too-coarse", e).hint(format!("size={}", 0.5 * size))
+            }
+            MeshError::Input { .. } => Self::new("mesh", e),
+            MeshError::Internal { .. } => Self::internal(),
+        }
+    }
+}
+
+impl From<BrepModelError> for Trouble {
+    fn from(e: BrepModelError) -> Self {
+        let BrepModelError::Brep(error) = e else {
+            return match e {
+                BrepModelError::Mesh(e) => e.into(),
+                e => Self::new("brep", e),
+            };
+        };
+        match error {
+            BrepError::Stopped => Self::stopped(error),
+            BrepError::NoSurface { .. } | BrepError::Spindle { .. } => {
+                Self::new("not-exact", error).hint("parameterize(model, cover=True, tol=...)")
+            }
+            BrepError::OffSurface { .. } => Self::new("off-surface", error).hint("a smaller size"),
+            BrepError::NoCurve { .. } => Self::new("tangent", error),
+            BrepError::NoVertex { .. } => Self::new("corner", error).hint("a smaller size"),
+            error => Self::new("not-closed", error).hint("a smaller size"),
+        }
+    }
+}
+
+impl From<patch::Error> for Trouble {
+    fn from(e: patch::Error) -> Self {
+        use patch::Error;
+        match e {
+            Error::Degree(..) => Self::usage(e).hint("degree=(3, 3)"),
+            Error::Option { .. } | Error::Region | Error::Nodes(_) => Self::usage(e),
+            Error::Stopped => Self::stopped("stopped before there was a patch"),
+            Error::NoSurface => Self::new("empty", e).hint("another box, or seed_point"),
+            Error::FarSeed { .. } => Self::new("far-seed", e).hint("another seed_point or seed"),
+            Error::Singular { .. } => Self::new("singular", e).hint("another seed_point"),
+            Error::NotFinite { .. } => Self::new("not-a-number", e).hint("another seed_point"),
+            Error::NoThirdDerivatives => Self::new("derivatives", e).hint("method='gauss-newton'"),
+            Error::Folded { .. } => Self::new("folded", e).hint("another seed_point, or tol"),
+            Error::NoPatch { .. } => Self::new("no-patch", e).hint("another seed_point, or tol"),
+        }
+    }
+}
+
+impl From<RationalSurfaceError> for Trouble {
+    fn from(e: RationalSurfaceError) -> Self {
+        match e {
+            RationalSurfaceError::Patches(e) => Self::new("not_patches", e),
+            RationalSurfaceError::File(e) => Self::new(e.code(), &e).hint(e.hint()),
+            RationalSurfaceError::Map(e) => Self::new(e.code(), &e).hint(e.hint()),
+            e => Self::new("map", e),
+        }
+    }
+}
+
+impl From<CompareError> for Trouble {
+    fn from(e: CompareError) -> Self {
+        match e {
+            CompareError::NoRegion => Self::usage(e).hint("box=((-1, -1, -1), (1, 1, 1))"),
+            CompareError::Empty(_) => Self::new("empty", e).hint("for models, another box"),
+            e => Self::new("compare", e),
+        }
+    }
+}
+
+impl From<ImplicitizeError> for Trouble {
+    fn from(e: ImplicitizeError) -> Self {
+        use spline::Error;
+        match e {
+            ImplicitizeError::NoNormals => Self::new("no-normals", e).hint("normals='estimate'"),
+            ImplicitizeError::Spline(Error::Few { .. } | Error::NotFinite) => {
+                Self::new("points", e)
+            }
+            ImplicitizeError::Spline(Error::Stopped(_)) => Self::stopped(e),
+            e => Self::new("no-surface", e),
+        }
+    }
+}
+
+impl From<RecognizeError> for Trouble {
+    fn from(e: RecognizeError) -> Self {
+        use recognize::Error;
+        match e {
+            RecognizeError::Stage(Error::Line) => Self::new("no-surface", e),
+            RecognizeError::Stage(Error::Stopped(_)) => Self::stopped(e),
+            e => Self::new("points", e),
         }
     }
 }

@@ -7,12 +7,22 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod brep;
+mod compare;
 mod document;
 mod error;
 mod fit;
+mod implicitize;
+mod mesh;
 mod model;
+mod parameterize;
 mod points;
+mod recognize;
+mod region;
 mod run;
+mod shape;
+mod triangulate;
+mod view;
 
 use pyo3::prelude::pymodule;
 
@@ -20,11 +30,27 @@ use pyo3::prelude::pymodule;
 #[pymodule(name = "_isoform")]
 mod native {
     #[pymodule_export]
+    use crate::brep::{Solids, brep};
+    #[pymodule_export]
+    use crate::compare::compare;
+    #[pymodule_export]
     use crate::fit::{Fit, fit};
+    #[pymodule_export]
+    use crate::implicitize::{Fitted, implicitize};
+    #[pymodule_export]
+    use crate::mesh::{MeshData, mesh};
     #[pymodule_export]
     use crate::model::{Program, template};
     #[pymodule_export]
+    use crate::parameterize::{Patches, parameterize};
+    #[pymodule_export]
     use crate::points::{Cloud, read_points};
+    #[pymodule_export]
+    use crate::recognize::{Entities, recognize};
+    #[pymodule_export]
+    use crate::triangulate::{Triangulation, triangulate};
+    #[pymodule_export]
+    use crate::view::page;
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -108,9 +108,7 @@ impl Program {
         let (template, a) = (self.template()?, self.values_of(given)?);
         let gradients = of_points(py, &points, |block: &[Point3], out: &mut [Point3]| {
             let mut values = vec![0.0; block.len()];
-            template
-                .algebraic()
-                .gradients(block, &a, &mut values, out);
+            template.algebraic().gradients(block, &a, &mut values, out);
         })?;
         rows(py, gradients)
     }
@@ -140,7 +138,10 @@ impl Program {
         let parts = of_points(py, &points, |block: &[Point3], out: &mut [u32]| {
             template.parts(block, &a, out);
         })?;
-        Ok((PyArray1::from_vec(py, parts), template.part_names().to_vec()))
+        Ok((
+            PyArray1::from_vec(py, parts),
+            template.part_names().to_vec(),
+        ))
     }
 
     /// Why the function has no value at a point, with line and column; none where it has.
@@ -192,7 +193,7 @@ fn told(info: &ParamInfo) -> Told {
 
 /// What `compute` makes of points, block by block, on all cores where there are many. The points
 /// must be finite.
-fn of_points<T: Clone + Default + Send>(
+pub(crate) fn of_points<T: Clone + Default + Send>(
     py: Python<'_>,
     points: &PointsArg<'_>,
     compute: impl Fn(&[Point3], &mut [T]) + Sync,
@@ -229,9 +230,11 @@ pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
         Some(found) => Ok((found.name, found.program)),
         None => {
             let names: Vec<&str> = isoform::templates().map(|t| t.name).collect();
-            Err(Trouble::new("template", format!("no template is called {name}"))
-                .hint(format!("one of: {}", names.join(", ")))
-                .into())
+            Err(
+                Trouble::new("template", format!("no template is called {name}"))
+                    .hint(format!("one of: {}", names.join(", ")))
+                    .into(),
+            )
         }
     }
 }
