@@ -3,26 +3,63 @@
 Points are arrays (n, 3) of float64 in the unit of their file; other numbers and lists are
 converted. Calls that take time release the lock of the interpreter, stop at Ctrl-C, and give the
 numbers of the program ``isoform`` to the last bit.
+
+>>> import isoform, numpy as np
+>>> ball = isoform.template("sphere")
+>>> mesh = isoform.mesh(ball, size=0.25, surface_only=True, params={"radius": 1})
+>>> result = isoform.fit(mesh.points, ball)
+>>> round(result.values["radius"], 6)
+1.0
+>>> isoform.compare(mesh.points, result.model).first_to_second["max"] < 1e-6
+True
 """
 
 from __future__ import annotations
 
+from . import distributed
+from ._brep import Brep, brep
+from ._compare import Comparison, compare
 from ._errors import IsoformError
 from ._fit import FitResult, fit
+from ._implicitize import Implicit, implicitize
 from ._isoform import __version__
+from ._mesh import Mesh, Triangles, mesh
 from ._model import Model, Parameter, template
+from ._parameterize import Patch, Patches, parameterize
 from ._points import PointCloud, read_points
+from ._recognize import Recognition, recognize
+from ._triangulate import Triangulation, triangulate
+from ._view import View, view
 
 __all__ = [
+    "Brep",
+    "Comparison",
     "FitResult",
+    "Implicit",
     "IsoformError",
+    "Mesh",
     "Model",
     "Parameter",
+    "Patch",
+    "Patches",
     "PointCloud",
+    "Recognition",
+    "Triangles",
+    "Triangulation",
+    "View",
     "__version__",
+    "brep",
+    "compare",
+    "distributed",
     "fit",
+    "implicitize",
+    "mesh",
+    "parameterize",
     "read_points",
+    "recognize",
     "template",
+    "triangulate",
+    "view",
 ]
 
 # They are of this package, wherever they are written.
