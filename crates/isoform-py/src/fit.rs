@@ -27,7 +27,7 @@ const METHODS: [Method; 5] = [
 /// All losses; reports have their names.
 const LOSSES: [Loss; 4] = [Loss::Auto, Loss::Squares, Loss::Cauchy, Loss::Tukey];
 /// All poses with their names.
-const POSES: [(&str, Pose); 5] = [
+pub(crate) const POSES: [(&str, Pose); 5] = [
     ("none", Pose::None),
     ("translate", Pose::Translate),
     ("axis", Pose::Axis),

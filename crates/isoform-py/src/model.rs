@@ -2,6 +2,7 @@
 
 use crate::arrays::{PointsArg, Rows, is_finite, not_finite, rows};
 use crate::error::Trouble;
+use crate::fit::{POSES, named};
 use crate::run;
 use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
@@ -84,7 +85,17 @@ impl Program {
         Ok(self.values_of(given)?)
     }
 
-    /// The values of the function, and how many of them are not a number.
+    /// The names of all parameters that a fit finds, those of the pose included.
+    #[pyo3(signature = (pose=None))]
+    fn fitted_names(&self, pose: Option<&str>) -> PyResult<Vec<String>> {
+        let asked = pose.map(|p| named("pose", p, POSES)).transpose()?;
+        let pose = asked.or(self.model.info().pose).unwrap_or(Pose::None);
+        let template = FrepTemplate::with_pose(&self.model, pose, &[]).map_err(Trouble::from)?;
+        let parameters = template.parameters().iter();
+        Ok(parameters.map(|p| p.name.clone()).collect())
+    }
+
+    /// The values of the function.
     fn values<'py>(
         &self,
         py: Python<'py>,

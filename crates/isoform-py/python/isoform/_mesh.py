@@ -279,8 +279,8 @@ def mesh(
     --------
     >>> import isoform
     >>> ball = isoform.mesh(isoform.template("sphere"), size=0.3, params={"radius": 1})
-    >>> ball.certificate["ok"], abs(ball.certificate["volume"] - 4.19) < 0.1
-    (True, True)
+    >>> ball.certificate["ok"], round(ball.certificate["volume"])
+    (True, 4)
     """
     wanted = {
         "size": size,

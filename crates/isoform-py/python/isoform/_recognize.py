@@ -20,7 +20,7 @@ class Recognition:
     Attributes
     ----------
     entities : list of dict
-        Each with ``kind``, ``parameters``, ``sd``, ``n_points`` and ``rms``.
+        Each with ``type``, ``parameters``, ``sd``, ``n_points`` and ``rms``.
     labels : numpy.ndarray
         (n,) int64: the entity of each point, -1 for none.
     points : numpy.ndarray
@@ -56,7 +56,7 @@ class Recognition:
         return json.loads(self._document)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
-        kinds = [e["kind"] for e in self.entities]
+        kinds = [e["type"] for e in self.entities]
         counts = ", ".join(f"{kinds.count(k)} {k}" for k in dict.fromkeys(kinds))
         return f"<isoform.Recognition: {counts or 'nothing'}>"
 

@@ -7,6 +7,7 @@ come. Ray and Dask are taken where they are asked for, with the connection that 
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import itertools
 import json
@@ -197,13 +198,8 @@ def _local(job: Job, sources: Iterable[str], processes: int | None = None) -> It
     """Rows by processes of this machine, each fed by a thread."""
     count = processes or os.cpu_count() or 1
     waiting: queue.Queue[str | None] = queue.Queue(count * AHEAD)
-    done: queue.Queue[tuple[str, Row] | None] = queue.Queue()
-    feeders = [
-        threading.Thread(target=_feed, args=(job, waiting, done), daemon=True)
-        for _ in range(count)
-    ]
-    for feeder in feeders:
-        feeder.start()
+    done: queue.Queue[tuple[str, Row]] = queue.Queue()
+    feeders = [_Feeder(job, waiting, done) for _ in range(count)]
     left = 0
     try:
         for source in sources:
@@ -215,8 +211,14 @@ def _local(job: Job, sources: Iterable[str], processes: int | None = None) -> It
         for _ in range(left):
             yield _taken(done)
     finally:
-        for _ in feeders:
+        # What nobody has begun is dropped, where an exception ends this.
+        with contextlib.suppress(queue.Empty):
+            while True:
+                waiting.get_nowait()
+        for feeder in feeders:
             waiting.put(None)
+        for feeder in feeders:
+            feeder.end()
 
 
 def _taken(done: queue.Queue[Any]) -> Any:
@@ -228,47 +230,73 @@ def _taken(done: queue.Queue[Any]) -> Any:
             continue
 
 
-def _feed(job: Job, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
-    """Gives sources to a process of its own, and a new process where that dies."""
-    worker = None
-    while (source := waiting.get()) is not None:
-        row = failed(source, "worker: the process died each time")
+class _Feeder:
+    """A thread that gives sources to a process, and a new process where that dies."""
+
+    def __init__(self, job: Job, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
+        self._job = job
+        self._worker: _Worker | None = None
+        self._is_over = False
+        self._thread = threading.Thread(target=self._run, args=(waiting, done), daemon=True)
+        self._thread.start()
+
+    def _run(self, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
+        while (source := waiting.get()) is not None:
+            done.put((source, self._row(source)))
+
+    def _row(self, source: str) -> Row:
         for _ in range(TRIES):
-            try:
-                worker = worker or _Worker(job)
-                row = worker.row(source)
+            if self._is_over:
                 break
+            try:
+                self._worker = self._worker or _Worker()
+                return self._worker.row(self._job, source)
             except (OSError, EOFError, pickle.UnpicklingError):
-                worker = worker and worker.close()
-        done.put((source, row))
-    if worker:
-        worker.close()
+                self._close()
+        return failed(source, "worker: its process died each time")
+
+    def _close(self) -> None:
+        worker, self._worker = self._worker, None
+        if worker:
+            worker.close()
+
+    def end(self) -> None:
+        """Ends the process, whatever it does, and the thread."""
+        self._is_over = True
+        if self._worker:
+            self._worker.kill()
+        self._thread.join()
+        self._close()
 
 
 class _Worker:
     """A process that makes rows."""
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self) -> None:
         command = [sys.executable, "-m", "isoform._worker"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._send(job)
+        self._job: Job | None = None
 
-    def _send(self, what: Any) -> None:
-        assert self._process.stdin is not None
-        pickle.dump(what, self._process.stdin)
-        self._process.stdin.flush()
-
-    def row(self, source: str) -> Row:
+    def row(self, job: Job, source: str) -> Row:
         """The row of a source."""
-        self._send(source)
-        assert self._process.stdout is not None
+        assert self._process.stdin is not None and self._process.stdout is not None
+        if self._job is not job:
+            pickle.dump(job, self._process.stdin)
+            self._job = job
+        pickle.dump(source, self._process.stdin)
+        self._process.stdin.flush()
         row: Row = pickle.load(self._process.stdout)
         return row
+
+    def kill(self) -> None:
+        """Lets the process die; who waits for it hears of that."""
+        self._process.kill()
 
     def close(self) -> None:
         """Ends the process."""
         self._process.kill()
-        self._process.communicate()
+        with contextlib.suppress(OSError):
+            self._process.__exit__(None, None, None)
 
 
 # ---- clusters --------------------------------------------------------------------------------------
