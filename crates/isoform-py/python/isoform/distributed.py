@@ -7,6 +7,7 @@ come. Ray and Dask are taken where they are asked for, with the connection that 
 
 from __future__ import annotations
 
+import collections
 import contextlib
 import hashlib
 import itertools
@@ -329,15 +330,19 @@ def _dask(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
     """Rows by tasks of Dask."""
     cluster = need("distributed")
     client = cluster.get_client()
-    shared = client.scatter(job, broadcast=False)
     room = AHEAD * max(1, sum(client.ncores().values()))
     waiting, names = iter(sources), dict[Any, str]()
-    done = cluster.as_completed()
+    done, lost = cluster.as_completed(), collections.Counter[str]()
+
+    def hand_out(source: str) -> None:
+        # The job goes along: what is scattered dies with the worker that has it.
+        future = client.submit(_row, job, source, pure=False)
+        names[future] = source
+        done.add(future)
+
     while True:
         for source in itertools.islice(waiting, room - len(names)):
-            future = client.submit(_row, shared, source, pure=False)
-            names[future] = source
-            done.add(future)
+            hand_out(source)
         if not names:
             return
         future = next(done)
@@ -345,7 +350,11 @@ def _dask(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
         try:
             yield source, future.result()
         except Exception as e:
-            yield source, failed(source, f"worker: {type(e).__name__}: {e}")
+            lost[source] += 1
+            if future.cancelled() and lost[source] < TRIES:
+                hand_out(source)
+            else:
+                yield source, failed(source, f"worker: {type(e).__name__}: {e}")
 
 
 def _row(job: Job, source: str) -> Row:
