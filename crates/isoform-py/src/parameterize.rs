@@ -101,14 +101,13 @@ impl Patches {
     fn __len__(&self) -> usize {
         self.patches.len()
     }
-    /// The control points of a patch, one row after the other, and its degrees.
-    fn control<'py>(
-        &self,
-        py: Python<'py>,
-        i: usize,
-    ) -> PyResult<(Bound<'py, PyArray2<f64>>, (usize, usize))> {
-        let patch = &self.patch(i)?.grown.patch;
-        Ok((rows(py, patch.control().to_vec())?, patch.degree()))
+    /// The degrees of a patch.
+    fn degree(&self, i: usize) -> PyResult<(usize, usize)> {
+        Ok(self.patch(i)?.grown.patch.degree())
+    }
+    /// The control points of a patch, one row after the other.
+    fn control<'py>(&self, py: Python<'py>, i: usize) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        rows(py, self.patch(i)?.grown.patch.control().to_vec())
     }
     /// The proved bound on the distance of a patch from the surface, none where none is proved.
     fn bound(&self, i: usize) -> PyResult<Option<f64>> {

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 from typing import Any, Union
 
 import numpy as np
@@ -48,15 +49,7 @@ class FitResult:
     def __init__(self, native: _isoform.Fit, name: str) -> None:
         self._native: _isoform.Fit | None = native
         self._document = native.document
-        self._program = native.program()
         self._name = name
-        self.deviation: npt.NDArray[np.float64] = native.deviation()
-        self.outliers: npt.NDArray[np.bool_] = native.outliers()
-        self.points: npt.NDArray[np.float64] = native.points()
-        self._read()
-
-    def _read(self) -> None:
-        """What the document says."""
         document = self.to_dict()
         rows = document["parameters"]
         self.values: dict[str, float] = {p["name"]: p["value"] for p in rows}
@@ -67,6 +60,32 @@ class FitResult:
         self.verdict: str = document["verdict"]
         self.acceptable: bool = document["acceptable"]
         self.reasons: list[str] = document["reasons"]
+
+    @property
+    def _here(self) -> _isoform.Fit:
+        """What the compiled half holds."""
+        assert self._native is not None, "what was sent has been asked before"
+        return self._native
+
+    @cached_property
+    def deviation(self) -> npt.NDArray[np.float64]:
+        """How far each point is from the model, (n,), positive outside."""
+        return self._here.deviation()
+
+    @cached_property
+    def outliers(self) -> npt.NDArray[np.bool_]:
+        """Which points were left out, (n,)."""
+        return self._here.outliers()
+
+    @cached_property
+    def points(self) -> npt.NDArray[np.float64]:
+        """The points that were fitted, (n, 3)."""
+        return self._here.points()
+
+    @cached_property
+    def _program(self) -> str:
+        """The fitted program."""
+        return self._here.program()
 
     @property
     def model(self) -> Model:
@@ -121,8 +140,9 @@ class FitResult:
         return view(self)._repr_html_()
 
     def __getstate__(self) -> dict[str, Any]:
-        # What the compiled half holds stays here; what it said goes along.
-        return {**self.__dict__, "_native": None}
+        # What the compiled half holds stays here; what it tells goes along.
+        told = {k: getattr(self, k) for k in ("deviation", "outliers", "points", "_program")}
+        return {**self.__dict__, **told, "_native": None}
 
     def __repr__(self) -> str:
         values = ", ".join(f"{k} {v:.6g}" for k, v in list(self.values.items())[:6])

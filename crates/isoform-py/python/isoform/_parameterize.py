@@ -35,8 +35,9 @@ class Patch:
     def __init__(self, native: _isoform.Patches, index: int) -> None:
         self._native = native
         self._index = index
-        control, (m, n) = native.control(index)
-        self.control: npt.NDArray[np.float64] = control.reshape(m + 1, n + 1, 4)
+        m, n = native.degree(index)
+        control = native.control(index).reshape(m + 1, n + 1, 4)
+        self.control: npt.NDArray[np.float64] = control
         self.bound: float | None = native.bound(index)
 
     def evaluate(self, u: npt.ArrayLike, v: npt.ArrayLike) -> npt.NDArray[np.float64]:

@@ -126,9 +126,9 @@ def read_points(
 
     Examples
     --------
-    >>> import isoform, os, tempfile
-    >>> path = os.path.join(tempfile.mkdtemp(), "two.xyz")
-    >>> _ = open(path, "w").write("0 0 0\\n1 2 3\\n")
+    >>> import isoform, pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "two.xyz"
+    >>> _ = path.write_text("0 0 0\\n1 2 3\\n")
     >>> isoform.read_points(path).points
     array([[0., 0., 0.],
            [1., 2., 3.]])
