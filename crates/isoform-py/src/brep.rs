@@ -81,24 +81,25 @@ impl Solids {
 #[pyfunction]
 pub(crate) fn brep(
     py: Python<'_>,
-    program: &Program,
+    program: Py<Program>,
     given: Vec<f64>,
     name: String,
     wanted: (Option<f64>, Option<f64>, Option<Corners>),
     asked: Asked<'_>,
 ) -> PyResult<Solids> {
     let (size, tol, corners) = wanted;
-    let values = program.values_of(given)?;
+    let values = program.get().values_of(given)?;
     let mut options = MeshModelOptions {
         size: length("size", size)?,
         ..MeshModelOptions::default()
     };
     options.mesh.region = some_region(corners)?;
     let tolerance = length("tol", tol)?;
-    let model = program.model();
-    let made = run::run(py, &asked, |control| {
-        brep_model(model, &values, &options, tolerance, control)
+    let (theirs, a) = (program.clone_ref(py), values.clone());
+    let made = run::run(py, &asked, move |control| {
+        brep_model(theirs.get().model(), &a, &options, tolerance, control)
     })?;
+    let model = program.get().model();
     let made = made.map_err(Trouble::from)?;
     let stem = Path::new(&name).file_stem().unwrap_or_default();
     let stem = stem.to_string_lossy().into_owned();

@@ -73,18 +73,16 @@ pub(crate) fn compare(
 ) -> PyResult<String> {
     let (corners, samples, tolerance) = wanted;
     let region = some_region(corners)?;
-    let prepared = (shapes.0.prepared()?, shapes.1.prepared()?);
-    let first = shapes.0.side(&prepared.0)?;
-    let second = shapes.1.side(&prepared.1)?;
-    let distances = run::run(py, &asked, |_| {
-        isoform::compare(first, second, region, samples)
+    let compared = run::run(py, &asked, move |_| -> Result<_, Trouble> {
+        let prepared = (shapes.0.prepared()?, shapes.1.prepared()?);
+        let first = shapes.0.side(&prepared.0)?;
+        let second = shapes.1.side(&prepared.1)?;
+        let kinds = [kind(&first), kind(&second)];
+        Ok((kinds, isoform::compare(first, second, region, samples)?))
     })?;
-    let distances = distances.map_err(Trouble::from)?;
-    let side = |file: String, side: &Side<'_>| SideReport {
-        file,
-        kind: kind(side),
-    };
-    let sides = [side(names.0, &first), side(names.1, &second)];
+    let ([first, second], distances) = compared?;
+    let side = |file: String, kind: &'static str| SideReport { file, kind };
+    let sides = [side(names.0, first), side(names.1, second)];
     let report = CompareReport::new(sides, distances, tolerance);
     Ok(document::text(&report))
 }

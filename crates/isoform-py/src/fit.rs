@@ -138,27 +138,31 @@ impl Fit {
 #[pyfunction]
 pub(crate) fn fit(
     py: Python<'_>,
-    cloud: &Cloud,
-    program: &Program,
+    cloud: Py<Cloud>,
+    program: Py<Program>,
     names: (String, String),
     wanted: Wanted,
     asked: Asked<'_>,
 ) -> PyResult<Fit> {
     let options = wanted.options()?;
-    let found = run::run(py, &asked, |control| {
-        fit_scan(&cloud.cloud, program.model(), &options, control)
+    let (seed, method) = (options.fit.seed, options.fit.method);
+    let theirs = cloud.clone_ref(py);
+    let found = run::run(py, &asked, move |control| {
+        let (scan, model) = (&theirs.get().cloud, program.get().model());
+        fit_scan(scan, model, &options, control)
     })?;
     let found = found.map_err(Trouble::from)?;
-    let unit = found.unit(&cloud.report, &names.1);
-    let warnings = found.all_warnings(&cloud.report, &unit);
+    let read = &cloud.get().report;
+    let unit = found.unit(read, &names.1);
+    let warnings = found.all_warnings(read, &unit);
     let about = About {
         verb: "fit",
         scan: &names.0,
-        read: &cloud.report,
+        read,
         template: &names.1,
         unit: &unit,
-        method: options.fit.method,
-        seed: options.fit.seed,
+        method,
+        seed,
         warnings: &warnings,
         seconds: &found.seconds,
     };

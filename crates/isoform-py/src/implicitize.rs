@@ -152,14 +152,14 @@ impl Fitted {
 #[pyfunction]
 pub(crate) fn implicitize(
     py: Python<'_>,
-    cloud: &Cloud,
+    cloud: Py<Cloud>,
     wanted: Wanted,
     asked: Asked<'_>,
 ) -> PyResult<Fitted> {
     let (options, degree) = (wanted.options()?, wanted.polynomial);
-    let scan = &cloud.cloud;
-    let points = scan.points.len();
-    let made = run::run(py, &asked, |control| -> Result<_, ImplicitizeError> {
+    let made = run::run(py, &asked, move |control| -> Result<_, ImplicitizeError> {
+        let scan = &cloud.get().cloud;
+        let points = scan.points.len();
         Ok(match degree {
             None => {
                 let made = implicitize_scan(scan, &options, control)?;

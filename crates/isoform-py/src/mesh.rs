@@ -15,6 +15,7 @@ use isoform::{MeshModelOptions, Unseen, mesh_model, mesh_spline};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Bytes of a GiB.
 const GIB: f64 = (1u64 << 30) as f64;
@@ -162,8 +163,9 @@ pub(crate) fn mesh(
     } else {
         Unseen::Cut
     };
-    let shape = shape.checked()?;
-    let made = run::run(py, &asked, |control| match &shape {
+    let shape = Arc::new(shape.checked()?);
+    let theirs = shape.clone();
+    let made = run::run(py, &asked, move |control| match theirs.as_ref() {
         Shape::Model(program, values) => {
             mesh_model(program.get().model(), values, &options, control)
         }

@@ -40,8 +40,9 @@ impl Program {
     /// Reads a program; of several objects the one of this name.
     #[new]
     #[pyo3(signature = (text, object=None))]
-    fn new(text: &str, object: Option<&str>) -> PyResult<Self> {
-        let model = Model::parse(text, Mode::Default).map_err(Trouble::from)?;
+    fn new(py: Python<'_>, text: &str, object: Option<&str>) -> PyResult<Self> {
+        let parsed = run::shortly(py, || Model::parse(text, Mode::Default))?;
+        let model = parsed.map_err(Trouble::from)?;
         let model = model.object(object).map_err(|e| {
             Trouble::usage(format!("no object is called {}", e.name))
                 .hint(format!("one of: {}", e.objects.join(", ")))
@@ -102,7 +103,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (template, a) = (self.template()?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
         let values = of_points(py, &points, |block: &[Point3], out: &mut [f64]| {
             template.algebraic().values(block, &a, out);
         })?;
@@ -116,7 +117,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (template, a) = (self.template()?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
         let gradients = of_points(py, &points, |block: &[Point3], out: &mut [Point3]| {
             let mut values = vec![0.0; block.len()];
             template.algebraic().gradients(block, &a, &mut values, out);
@@ -131,7 +132,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (template, a) = (self.template()?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
         let values = of_points(py, &points, |block: &[Point3], out: &mut [f64]| {
             template.metric().values(block, &a, out);
         })?;
@@ -145,7 +146,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<(Bound<'py, PyArray1<u32>>, Vec<String>)> {
-        let (template, a) = (self.template()?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
         let parts = of_points(py, &points, |block: &[Point3], out: &mut [u32]| {
             template.parts(block, &a, out);
         })?;
@@ -166,6 +167,14 @@ impl Program {
 impl Program {
     pub(crate) fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The readings, compiled without Python's lock.
+    fn compiled(&self, py: Python<'_>) -> PyResult<&FrepTemplate> {
+        match self.template.get() {
+            Some(template) => Ok(template),
+            None => Ok(run::shortly(py, || self.template())??),
+        }
     }
 
     /// The readings of the program, without a pose.
@@ -224,7 +233,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
         run::shortly(py, || of_block((0, &mut out)))??;
     } else {
         let asked = run::Asked::default();
-        run::run(py, &asked, |control| {
+        run::scoped(py, &asked, |control| {
             out.par_chunks_mut(BLOCK).enumerate().try_for_each(|block| {
                 control.check().map_err(Trouble::stopped)?;
                 of_block(block)

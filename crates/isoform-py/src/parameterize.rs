@@ -214,16 +214,18 @@ pub(crate) fn parameterize(
 ) -> PyResult<Patches> {
     let (options, covering) = (wanted.options()?, wanted.covering()?);
     let surface = surface.surface()?;
-    let found = run::run(py, &asked, |control| -> Result<_, Error> {
-        if wanted.cover {
+    let (asked_for, cover) = (options.clone(), wanted.cover);
+    let found = run::run(py, &asked, move |control| -> Result<_, Error> {
+        if cover {
             let made = cover_surface(&surface, &options, &covering, control)?;
             let (patches, coverage) = Coverage::of(made);
-            return Ok((patches, Some(coverage)));
+            return Ok((surface, patches, Some(coverage)));
         }
         let patch = parameterize_surface(&surface, &options, control)?;
-        Ok((vec![patch], None))
+        Ok((surface, vec![patch], None))
     })?;
-    let (patches, coverage) = found.map_err(Trouble::from)?;
+    let (surface, patches, coverage) = found.map_err(Trouble::from)?;
+    let options = asked_for;
     let findings = patch_findings(&patches, coverage.as_ref(), &options);
     let warnings: Vec<String> = findings.iter().map(ToString::to_string).collect();
     let report = PatchesReport::new(&AboutPatches {

@@ -2,7 +2,7 @@
 
 use crate::arrays::{PointsArg, Rows, rows};
 use crate::error::Trouble;
-use crate::run;
+use crate::run::{self, Asked};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
 use numpy::{PyArray2, PyReadonlyArray2};
@@ -126,8 +126,9 @@ pub(crate) fn read_points(
         mesh: MeshPoints::Vertices,
         ..ReadOptions::default()
     };
-    run::shortly(py, || {
-        let (cloud, report) = read(Source::Path(&path), format, &options)?;
+    let format = format.map(str::to_owned);
+    run::run(py, &Asked::default(), move |_| {
+        let (cloud, report) = read(Source::Path(&path), format.as_deref(), &options)?;
         Ok(Cloud { cloud, report })
     })?
     .map_err(|e: ReadError| Trouble::from(&e).into())

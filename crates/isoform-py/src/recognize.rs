@@ -40,7 +40,7 @@ impl Entities {
     /// A program of the entities, for fits, and what it lacks.
     fn template(&self, py: Python<'_>, title: &str) -> PyResult<(String, Vec<String>)> {
         let asked = Asked::default();
-        let proposal = run::run(py, &asked, |control| self.found.template(title, control))?;
+        let proposal = run::scoped(py, &asked, |control| self.found.template(title, control))?;
         let proposal = proposal.map_err(|e| Trouble::new("no-template", e))?;
         let gaps = proposal.gaps.iter().map(ToString::to_string).collect();
         Ok((proposal.program, gaps))
@@ -51,7 +51,7 @@ impl Entities {
 #[pyfunction]
 pub(crate) fn recognize(
     py: Python<'_>,
-    cloud: &Cloud,
+    cloud: Py<Cloud>,
     tol: Option<f64>,
     min_points: Option<usize>,
     snap: bool,
@@ -62,8 +62,8 @@ pub(crate) fn recognize(
         noise: length("tol", tol)?,
         min_points: min_points.unwrap_or(usual.min_points),
     };
-    let made = run::run(py, &asked, |control| -> Result<_, RecognizeError> {
-        let mut found = recognize_scan(&cloud.cloud, &options, control)?;
+    let made = run::run(py, &asked, move |control| -> Result<_, RecognizeError> {
+        let mut found = recognize_scan(&cloud.get().cloud, &options, control)?;
         let snapped = match snap {
             true => Some(
                 found
@@ -72,6 +72,10 @@ pub(crate) fn recognize(
             ),
             false => None,
         };
+        let found = Recognized {
+            scan: Cow::Owned(found.scan.into_owned()),
+            recognition: found.recognition,
+        };
         Ok((found, snapped))
     })?;
     let (found, snapped) = made.map_err(Trouble::from)?;
@@ -79,9 +83,6 @@ pub(crate) fn recognize(
     report.snap = snapped.as_ref().map(SnapReport::new);
     Ok(Entities {
         document: document::text(&report),
-        found: Recognized {
-            scan: Cow::Owned(found.scan.into_owned()),
-            recognition: found.recognition,
-        },
+        found,
     })
 }

@@ -2,8 +2,9 @@
 //!
 //! The work goes to a pool of threads. The thread that called waits for it, and looks every
 //! [`PAUSE`] whether Python has a signal for it, and what the work says of its progress. A signal,
-//! or an exception out of the callback of progress, sets the flag that cancels the work; the
-//! exception comes out once the work has ended.
+//! or an exception out of the callback of progress, sets the flag that cancels the work. The
+//! exception comes out once the work has ended; work that [`run`] does, which owns what it works
+//! on, is left to itself where it has not ended after [`PATIENCE`].
 //!
 //! A call takes a pool that no other call uses, so that calls of several threads do not wait for
 //! one another. Threads do not survive a fork: pools belong to the process that made them.
@@ -15,11 +16,13 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
-use std::sync::{Mutex, PoisonError};
-use std::time::Duration;
+use std::sync::{Arc, Mutex, PoisonError};
+use std::time::{Duration, Instant};
 
 /// Time between two looks at signals and progress.
 const PAUSE: Duration = Duration::from_millis(40);
+/// How long work may go on after an exception: most of it looks at its flag more often, and ends.
+const PATIENCE: Duration = Duration::from_secs(1);
 /// Bytes of stack of a thread: those of a program's first one. Trees of deeply nested models are
 /// walked by recursion.
 const STACK: usize = 8 << 20;
@@ -51,48 +54,86 @@ impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
     }
 }
 
-/// Does the work as long as nobody stops it; an exception of Python (a signal, or one out of the
-/// callback) comes before what the work gives back.
-pub(crate) fn run<T: Send>(
+/// What the work and the thread that waits for it share.
+#[derive(Default)]
+struct Shared {
+    stop: AtomicBool,
+    news: News,
+    is_heard: bool,
+}
+
+impl Shared {
+    fn new(asked: &Asked<'_>) -> Self {
+        Self {
+            is_heard: asked.progress.is_some(),
+            ..Self::default()
+        }
+    }
+
+    /// Calls the work with a control; a panic in it is caught.
+    fn call<T>(
+        &self,
+        limit: Option<f64>,
+        work: impl FnOnce(&Control<'_>) -> T,
+    ) -> std::thread::Result<T> {
+        let tell = |phase: &str, done: f64| self.news.tell(phase, done);
+        let mut control = Control {
+            cancelled: Some(&self.stop),
+            ..Control::default()
+        };
+        if self.is_heard {
+            control.progress = Some(&tell);
+        }
+        let control = limit.map_or(control, |s| control.for_seconds(s));
+        catch_unwind(AssertUnwindSafe(|| work(&control)))
+    }
+}
+
+/// Does work that owns what it works on, as long as nobody stops it; an exception of Python (a
+/// signal, or one out of the callback) comes before what the work gives back.
+pub(crate) fn run<T: Send + 'static>(
+    py: Python<'_>,
+    asked: &Asked<'_>,
+    work: impl FnOnce(&Control<'_>) -> T + Send + 'static,
+) -> PyResult<T> {
+    let pool = Pool::take(asked.threads)?;
+    let shared = Arc::new(Shared::new(asked));
+    let (done, ended) = mpsc::sync_channel(1);
+    let (theirs, limit, held) = (shared.clone(), asked.time_limit, pool.clone());
+    pool.threads.spawn(move || {
+        let result = theirs.call(limit, work);
+        // Nobody else would know that the pool is free again.
+        held.give_back();
+        // Nobody may wait for it any more.
+        let _ = done.send(result);
+    });
+    let listener = Listener::new(asked, &shared, Some(PATIENCE));
+    py.detach(move || listener.wait(&ended)).answer()
+}
+
+/// The same for work that borrows what it works on, and ends soon once it is cancelled.
+pub(crate) fn scoped<T: Send>(
     py: Python<'_>,
     asked: &Asked<'_>,
     work: impl FnOnce(&Control<'_>) -> T + Send,
 ) -> PyResult<T> {
     let pool = Pool::take(asked.threads)?;
-    let (stop, news) = (AtomicBool::new(false), News::default());
-    let tell = |phase: &str, done: f64| news.tell(phase, done);
-    let mut control = Control {
-        cancelled: Some(&stop),
-        ..Control::default()
-    };
-    let callback = asked.progress.as_ref().map(|p| p.clone().unbind());
-    if callback.is_some() {
-        control.progress = Some(&tell);
-    }
-    let control = asked.time_limit.map_or(control, |s| control.for_seconds(s));
-    let listener = Listener {
-        callback,
-        news: &news,
-        stop: &stop,
-    };
-    let (result, raised) = py.detach(|| {
-        let (done, ended) = mpsc::sync_channel(1);
-        pool.threads().in_place_scope(|scope| {
-            let control = &control;
+    let shared = Shared::new(asked);
+    let (done, ended) = mpsc::sync_channel(1);
+    let listener = Listener::new(asked, &shared, None);
+    let limit = asked.time_limit;
+    let (threads, shared) = (&pool.threads, &shared);
+    let waited = py.detach(move || {
+        threads.in_place_scope(move |scope| {
             scope.spawn(move |_| {
-                let result = catch_unwind(AssertUnwindSafe(|| work(control)));
                 // The one who waits for it is there until it comes.
-                let _ = done.send(result);
+                let _ = done.send(shared.call(limit, work));
             });
             listener.wait(&ended)
         })
     });
     pool.give_back();
-    match (raised, result) {
-        (Some(raised), _) => Err(raised),
-        (None, Some(Ok(result))) => Ok(result),
-        (None, _) => Err(Trouble::internal().into()),
-    }
+    waited.answer()
 }
 
 /// Does work without Python's lock that is over before anybody would stop it.
@@ -121,19 +162,43 @@ impl News {
 /// The thread that waits for the work.
 struct Listener<'a> {
     callback: Option<Py<PyAny>>,
-    news: &'a News,
-    stop: &'a AtomicBool,
+    shared: &'a Shared,
+    patience: Option<Duration>,
 }
 
-/// What work gives back, none where its thread is gone, and the exception that ended it.
-type Waited<T> = (Option<std::thread::Result<T>>, Option<PyErr>);
+/// What came of waiting.
+struct Waited<T> {
+    /// What the work gives back; none where its thread is gone, or it is waited for no more.
+    result: Option<std::thread::Result<T>>,
+    /// The exception that ended it.
+    raised: Option<PyErr>,
+}
 
-impl Listener<'_> {
+impl<T> Waited<T> {
+    fn answer(self) -> PyResult<T> {
+        match (self.raised, self.result) {
+            (Some(raised), _) => Err(raised),
+            (None, Some(Ok(result))) => Ok(result),
+            (None, _) => Err(Trouble::internal().into()),
+        }
+    }
+}
+
+impl<'a> Listener<'a> {
+    fn new(asked: &Asked<'_>, shared: &'a Shared, patience: Option<Duration>) -> Self {
+        let callback = asked.progress.as_ref().map(|p| p.clone().unbind());
+        Self {
+            callback,
+            shared,
+            patience,
+        }
+    }
+
     /// Waits for the work, and listens meanwhile.
     fn wait<T>(&self, ended: &Receiver<std::thread::Result<T>>) -> Waited<T> {
-        let mut raised = None;
+        let (mut raised, mut since) = (None, None);
         loop {
-            let (result, over) = match ended.recv_timeout(PAUSE) {
+            let (result, mut is_over) = match ended.recv_timeout(PAUSE) {
                 Ok(result) => (Some(result), true),
                 Err(RecvTimeoutError::Timeout) => (None, false),
                 Err(RecvTimeoutError::Disconnected) => (None, true),
@@ -142,17 +207,19 @@ impl Listener<'_> {
                 raised = self.listen().err();
             }
             if raised.is_some() {
-                self.stop.store(true, Ordering::Relaxed);
+                self.shared.stop.store(true, Ordering::Relaxed);
+                let waited = since.get_or_insert_with(Instant::now).elapsed();
+                is_over |= self.patience.is_some_and(|patience| waited >= patience);
             }
-            if over {
-                return (result, raised);
+            if is_over {
+                return Waited { result, raised };
             }
         }
     }
 
     /// Passes progress on, and lets Python handle its signals.
     fn listen(&self) -> PyResult<()> {
-        let news = self.news.take();
+        let news = self.shared.news.take();
         Python::attach(|py| {
             for (phase, done) in news {
                 let Some(callback) = &self.callback else {
@@ -160,7 +227,7 @@ impl Listener<'_> {
                 };
                 let answer = callback.call1(py, (phase, done.clamp(0.0, 1.0)))?;
                 if answer.is(pyo3::types::PyBool::new(py, false)) {
-                    self.stop.store(true, Ordering::Relaxed);
+                    self.shared.stop.store(true, Ordering::Relaxed);
                 }
             }
             py.check_signals()
@@ -176,8 +243,7 @@ static IDLE: Mutex<Idle> = Mutex::new(Idle {
 
 struct Idle {
     process: u32,
-    /// With their numbers of threads.
-    pools: Vec<(usize, ThreadPool)>,
+    pools: Vec<Pool>,
 }
 
 impl Idle {
@@ -193,9 +259,10 @@ impl Idle {
 }
 
 /// A pool that one call uses.
+#[derive(Clone)]
 struct Pool {
     size: usize,
-    pool: ThreadPool,
+    threads: Arc<ThreadPool>,
 }
 
 impl Pool {
@@ -206,26 +273,26 @@ impl Pool {
         if size == 0 || size > u16::MAX.into() {
             return Err(Trouble::usage(format!("{size} threads: at least 1 is needed")).into());
         }
-        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
-        idle.forget_others();
-        let place = idle.pools.iter().position(|(n, _)| *n == size);
-        let kept = place.map(|place| idle.pools.swap_remove(place).1);
-        drop(idle);
-        let made = kept.map_or_else(
-            || {
-                ThreadPoolBuilder::new()
-                    .num_threads(size)
-                    .stack_size(STACK)
-                    .build()
-            },
-            Ok,
-        );
-        let pool = made.map_err(|e| Trouble::new("threads", format!("no threads: {e}")))?;
-        Ok(Self { size, pool })
+        match Self::kept(size) {
+            Some(pool) => Ok(pool),
+            None => Ok(Self::new(size)?),
+        }
     }
 
-    fn threads(&self) -> &ThreadPool {
-        &self.pool
+    /// A pool that was kept.
+    fn kept(size: usize) -> Option<Self> {
+        let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
+        idle.forget_others();
+        let place = idle.pools.iter().position(|pool| pool.size == size)?;
+        Some(idle.pools.swap_remove(place))
+    }
+
+    fn new(size: usize) -> Result<Self, Trouble> {
+        let builder = ThreadPoolBuilder::new().num_threads(size).stack_size(STACK);
+        let made = builder.build();
+        let threads = made.map_err(|e| Trouble::new("threads", format!("no threads: {e}")))?;
+        let threads = Arc::new(threads);
+        Ok(Self { size, threads })
     }
 
     /// Keeps the pool for the next call.
@@ -233,7 +300,7 @@ impl Pool {
         let mut idle = IDLE.lock().unwrap_or_else(PoisonError::into_inner);
         idle.forget_others();
         if idle.pools.len() < MOST_IDLE {
-            idle.pools.push((self.size, self.pool));
+            idle.pools.push(self);
         }
     }
 }

@@ -134,7 +134,7 @@ pub(crate) fn triangulate(
     mesh.tolerance = length("tol", wanted.tol)?.unwrap_or(mesh.tolerance);
     mesh.longest = length("longest", wanted.longest)?.unwrap_or(mesh.longest);
     mesh.triangles = wanted.triangles.unwrap_or(mesh.triangles);
-    let drawn = run::run(py, &asked, |control| {
+    let drawn = run::run(py, &asked, move |control| {
         surface.triangulate(options, is_chosen, control)
     })?;
     let drawn = drawn.map_err(|e| match e {

@@ -45,13 +45,13 @@ pub(crate) enum Shown {
 #[pyfunction]
 pub(crate) fn page(
     py: Python<'_>,
-    title: &str,
+    title: String,
     layers: Vec<(String, Shown)>,
     corners: Option<Corners>,
     asked: Asked<'_>,
 ) -> PyResult<String> {
     let region = some_region(corners)?;
-    let html = run::run(py, &asked, |control| {
+    let html = run::run(py, &asked, move |control| {
         let mut page = Page::new(title);
         for (name, shown) in &layers {
             add(&mut page, name, shown, region, control)?;
