@@ -16,7 +16,8 @@ True
 
 from __future__ import annotations
 
-from . import distributed
+from typing import TYPE_CHECKING, Any
+
 from ._brep import Brep, brep
 from ._compare import Comparison, compare
 from ._errors import IsoformError
@@ -30,6 +31,9 @@ from ._points import PointCloud, read_points
 from ._recognize import Recognition, recognize
 from ._triangulate import Triangulation, triangulate
 from ._view import View, view
+
+if TYPE_CHECKING:
+    from . import distributed as distributed
 
 __all__ = [
     "Brep",
@@ -64,6 +68,15 @@ __all__ = [
 
 # They are of this package, wherever they are written.
 for _name in __all__:
-    if callable(globals()[_name]):
+    if callable(globals().get(_name)):
         globals()[_name].__module__ = __name__
 del _name
+
+
+def __getattr__(name: str) -> Any:
+    """Loads what few need when it is asked for."""
+    if name == "distributed":
+        import importlib
+
+        return importlib.import_module("isoform.distributed")
+    raise AttributeError(f"module 'isoform' has no attribute {name!r}")
