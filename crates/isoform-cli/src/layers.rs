@@ -10,7 +10,6 @@ use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
-use isoform::mesh::Options;
 use isoform::tess::{Analysis, Map, Surface};
 use isoform::{
     ExactSolid, LiveModel, MeshModelOptions, PatchesError, RationalSurface, SurfaceBox, Unseen,
@@ -183,18 +182,6 @@ fn is_template(path: &Path) -> bool {
     !path.exists() && isoform::template(&path.to_string_lossy()).is_some()
 }
 
-/// A surface of triangles, in a region where there is one.
-fn surface_options(region: Option<Aabb>) -> MeshModelOptions {
-    MeshModelOptions {
-        mesh: Options {
-            surface_only: true,
-            region,
-            ..Options::default()
-        },
-        ..MeshModelOptions::default()
-    }
-}
-
 impl File<'_> {
     fn read(&self) -> Result<Layer, Failure> {
         let path = self.path;
@@ -284,7 +271,7 @@ impl File<'_> {
                 source: Source::Program(Box::new(model.clone()), values),
             })));
         }
-        let options = surface_options(region);
+        let options = MeshModelOptions::of_surface(region);
         let made = mesh_model(model, &values, &options, &control);
         let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
         self.context
@@ -362,7 +349,7 @@ impl File<'_> {
         let made = mesh_spline(
             &function,
             Unseen::Cut,
-            &surface_options(None),
+            &MeshModelOptions::of_surface(None),
             &self.context.control(),
         );
         let made = made.map_err(|e| no_mesh(&e, self.name, &Settings::default()))?;

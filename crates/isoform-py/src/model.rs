@@ -6,7 +6,7 @@ use crate::fit::{POSES, named};
 use crate::run;
 use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
-use isoform::geom::Point3;
+use isoform::geom::{ParamField, Point3};
 use isoform::{FrepTemplate, parameter_values};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -103,11 +103,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
-        let values = of_points(py, &points, |block: &[Point3], out: &mut [f64]| {
-            template.algebraic().values(block, &a, out);
-        })?;
-        Ok(PyArray1::from_vec(py, values))
+        self.reading(py, &points, given, FrepTemplate::algebraic)
     }
 
     /// The gradients of the function.
@@ -132,11 +128,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
-        let values = of_points(py, &points, |block: &[Point3], out: &mut [f64]| {
-            template.metric().values(block, &a, out);
-        })?;
-        Ok(PyArray1::from_vec(py, values))
+        self.reading(py, &points, given, FrepTemplate::metric)
     }
 
     /// The numbers of the nearest parts, and the names of all.
@@ -167,6 +159,20 @@ impl Program {
 impl Program {
     pub(crate) fn model(&self) -> &Model {
         &self.model
+    }
+
+    /// The values of a reading.
+    fn reading<'py>(
+        &self,
+        py: Python<'py>,
+        points: &PointsArg<'py>,
+        given: Vec<f64>,
+        reading: fn(&FrepTemplate) -> &dyn ParamField,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let field = reading(template);
+        let compute = |block: &[Point3], out: &mut [f64]| field.values(block, &a, out);
+        Ok(PyArray1::from_vec(py, of_points(py, points, compute)?))
     }
 
     /// The readings, compiled without Python's lock.

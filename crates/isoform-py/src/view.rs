@@ -12,7 +12,6 @@ use crate::region::{Corners, some_region};
 use crate::run::{self, Asked};
 use crate::triangulate::Triangulation;
 use isoform::geom::{Aabb, Mesh};
-use isoform::mesh::Options;
 use isoform::{
     Control, ExactSolid, LiveModel, MeshModelError, MeshModelOptions, Unseen, mesh_model,
     mesh_spline,
@@ -80,7 +79,7 @@ fn add(
         Shown::Mesh(mesh) => page.mesh(name, &mesh.get().mesh),
         Shown::Fit(fit) => add_fit(page, name, fit.get()),
         Shown::Fitted(fitted) => {
-            let options = surface_only(region);
+            let options = MeshModelOptions::of_surface(region);
             let made = mesh_spline(fitted.get().function(), Unseen::Cut, &options, control)?;
             page.mesh(name, &made.meshed.mesh);
         }
@@ -143,18 +142,6 @@ fn shown_patches(patches: &Patches) -> Vec<ShownPatch> {
     .collect()
 }
 
-/// A surface of triangles, in a region where there is one.
-fn surface_only(region: Option<Aabb>) -> MeshModelOptions {
-    MeshModelOptions {
-        mesh: Options {
-            surface_only: true,
-            region,
-            ..Options::default()
-        },
-        ..MeshModelOptions::default()
-    }
-}
-
 /// The mesh of a model that a page cannot draw itself.
 fn meshed(
     program: &Program,
@@ -162,6 +149,11 @@ fn meshed(
     region: Option<Aabb>,
     control: &Control<'_>,
 ) -> Result<Mesh, MeshModelError> {
-    let made = mesh_model(program.model(), values, &surface_only(region), control)?;
+    let made = mesh_model(
+        program.model(),
+        values,
+        &MeshModelOptions::of_surface(region),
+        control,
+    )?;
     Ok(made.meshed.mesh)
 }

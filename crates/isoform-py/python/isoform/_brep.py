@@ -8,12 +8,13 @@ from typing import Any
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented, Shown
 from ._model import Model, Values
 from ._points import Path
 from ._region import Box, corners
 
 
-class Brep:
+class Brep(Documented, Shown):
     """Solids of exact faces, with a certificate.
 
     Attributes
@@ -48,15 +49,6 @@ class Brep:
             The older AP214 instead of AP242.
         """
         self._native.save(os.fspath(path), units, ap214)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform brep --json`` prints."""
-        return json.loads(self._document)  # type: ignore[no-any-return]
-
-    def _repr_html_(self) -> str:
-        from ._view import view
-
-        return view(self)._repr_html_()
 
     def __repr__(self) -> str:
         return f"<isoform.Brep: {len(self.faces)} faces, volume {self.volume:.6g}>"

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import os
 from typing import Any, Union
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented
 from ._implicitize import Implicit
 from ._mesh import Triangles
 from ._model import Model, Values
@@ -18,7 +18,7 @@ from ._region import Box, corners
 Shape = Union[Points, Triangles, Model, Implicit, Path]
 
 
-class Comparison:
+class Comparison(Documented):
     """Distances between two shapes, both ways.
 
     Attributes
@@ -36,10 +36,6 @@ class Comparison:
         self.first_to_second: dict[str, Any] = told["first_to_second"]
         self.second_to_first: dict[str, Any] = told["second_to_first"]
         self.within_tolerance: bool = told["within_tolerance"]
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform compare --json`` prints."""
-        return json.loads(self._document)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         there, back = self.first_to_second["max"], self.second_to_first["max"]

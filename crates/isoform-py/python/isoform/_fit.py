@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from functools import cached_property
 from typing import Any, Union
@@ -12,6 +11,7 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented, Shown
 from ._errors import IsoformError
 from ._model import Model
 from ._points import Points, as_cloud
@@ -20,7 +20,7 @@ from ._points import Points, as_cloud
 Bounds = Union[Mapping[str, tuple[float, float]], None]
 
 
-class FitResult:
+class FitResult(Documented, Shown):
     """A template fitted to points.
 
     Attributes
@@ -92,16 +92,6 @@ class FitResult:
         """The template with the values, where the points are."""
         return Model(self._program, name=self._name)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform fit --json`` prints.
-
-        Returns
-        -------
-        dict
-            Of plain types.
-        """
-        return json.loads(self._document)  # type: ignore[no-any-return]
-
     def to_frame(self) -> Any:
         """Give the parameters as a table of pandas.
 
@@ -133,11 +123,6 @@ class FitResult:
         axes.set_ylabel("points")
         axes.set_title(f"{self.verdict}: rms {self.rms:.4g}")
         return figure
-
-    def _repr_html_(self) -> str:
-        from ._view import view
-
-        return view(self)._repr_html_()
 
     def __getstate__(self) -> dict[str, Any]:
         # What the compiled half holds stays here; what it tells goes along.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from typing import Any
 
@@ -11,10 +10,11 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented, Shown
 from ._points import Path, Points, as_cloud, as_points
 
 
-class Implicit:
+class Implicit(Documented, Shown):
     """A function of space that was fitted to points: f = 0 is their surface, f >= 0 inside.
 
     `implicitize` makes it; `mesh`, `parameterize`, `compare` and `view` take it as a model.
@@ -22,6 +22,7 @@ class Implicit:
 
     def __init__(self, native: _isoform.Fitted) -> None:
         self._native = native
+        self._document = native.document
         self.name = "surface"
 
     def __call__(self, points: Points) -> npt.NDArray[np.float64]:
@@ -39,15 +40,6 @@ class Implicit:
     def save(self, path: Path) -> None:
         """Write the function as JSON, which every verb of the program takes as a model."""
         self._native.save(os.fspath(path))
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform implicitize --json`` prints."""
-        return json.loads(self._native.document)  # type: ignore[no-any-return]
-
-    def _repr_html_(self) -> str:
-        from ._view import view
-
-        return view(self)._repr_html_()
 
     def __repr__(self) -> str:
         report = self.to_dict()

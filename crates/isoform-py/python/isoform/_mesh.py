@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import warnings
 from functools import cached_property
@@ -13,6 +12,7 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented, Shown
 from ._implicitize import Implicit
 from ._model import Model, Values
 from ._optional import need
@@ -21,7 +21,7 @@ from ._region import Box, corners
 
 
 
-class Triangles:
+class Triangles(Shown):
     """What has nodes and triangles, and goes to files.
 
     Attributes
@@ -124,11 +124,6 @@ class Triangles:
         parts = self.triangle_parts if len(self.triangle_parts) else np.zeros(len(triangles))
         return [(kind, triangles)], [parts.astype(np.int64)]
 
-    def _repr_html_(self) -> str:
-        from ._view import view
-
-        return view(self)._repr_html_()
-
 
 def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """An array that shows what is saved, and is not to be changed."""
@@ -136,7 +131,7 @@ def _kept(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return array
 
 
-class Mesh(Triangles):
+class Mesh(Triangles, Documented):
     """The mesh of a model: nodes, labelled triangles of its surface, tetrahedra, a certificate.
 
     Attributes
@@ -171,16 +166,6 @@ class Mesh(Triangles):
     def regions(self) -> npt.NDArray[np.uint32]:
         """The region of each tetrahedron, (k,)."""
         return _kept(self._mesh.regions())
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform mesh --json`` prints.
-
-        Returns
-        -------
-        dict
-            Of plain types.
-        """
-        return json.loads(self._document)  # type: ignore[no-any-return]
 
     def to_skfem(self) -> Any:
         """Give the tetrahedra as a mesh of scikit-fem, with its boundaries named.

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented, Shown
 from ._errors import IsoformError
 from ._implicitize import Implicit
 from ._mesh import _shape
@@ -62,11 +63,12 @@ class Patch:
         return f"<isoform.Patch of degree ({m}, {n}), bound {self.bound}>"
 
 
-class Patches(Sequence[Patch]):
+class Patches(Sequence[Patch], Documented, Shown):
     """Rational patches on one surface, as a sequence."""
 
     def __init__(self, native: _isoform.Patches) -> None:
         self._native = native
+        self._document = native.document
         self._list = [Patch(native, i) for i in range(len(native))]
 
     @overload
@@ -95,15 +97,6 @@ class Patches(Sequence[Patch]):
             Triangles come from so many squares along each side of a patch.
         """
         self._native.save(os.fspath(path), units, grid)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform parameterize --json`` prints."""
-        return json.loads(self._native.document)  # type: ignore[no-any-return]
-
-    def _repr_html_(self) -> str:
-        from ._view import view
-
-        return view(self)._repr_html_()
 
     def __repr__(self) -> str:
         return f"<isoform.Patches: {len(self)}>"

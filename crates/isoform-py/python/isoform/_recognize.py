@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any
 
 import numpy as np
@@ -10,11 +9,12 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented
 from ._model import Model
 from ._points import Points, as_cloud
 
 
-class Recognition:
+class Recognition(Documented):
     """What a scan consists of.
 
     Attributes
@@ -50,10 +50,6 @@ class Recognition:
         """
         program, _ = self._native.template(title)
         return Model(program, name="proposal")
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform recognize --json`` prints."""
-        return json.loads(self._document)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         kinds = [e["type"] for e in self.entities]

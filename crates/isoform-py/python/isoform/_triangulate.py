@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from . import _isoform
 from ._call import Progress, asked
+from ._document import Documented
 from ._errors import IsoformError
 from ._mesh import Triangles
 from ._parameterize import read_text
@@ -22,7 +23,7 @@ from ._points import Path
 Exact = Union[int, float, str, Fraction]
 
 
-class Triangulation(Triangles):
+class Triangulation(Triangles, Documented):
     """Triangles of a rational surface, with what is proved of them.
 
     Attributes
@@ -43,10 +44,6 @@ class Triangulation(Triangles):
         self._document, report = native.documents()
         self.parameters: npt.NDArray[np.float64] = native.parameters()
         self.report: dict[str, Any] = json.loads(report)
-
-    def to_dict(self) -> dict[str, Any]:
-        """Give the document that ``isoform triangulate --json`` prints."""
-        return json.loads(self._document)  # type: ignore[no-any-return]
 
     def __repr__(self) -> str:
         return f"<isoform.Triangulation: {len(self.points)} points, {len(self.triangles)} triangles>"
