@@ -2,6 +2,7 @@
 
 import contextlib
 import copy
+import importlib.util
 import io
 import os
 import pickle
@@ -170,21 +171,40 @@ class Work(unittest.TestCase):
         self.assertEqual(len(set(found)), 1)
 
     @unittest.skipIf(os.name == "nt", "signals of Unix")
-    def test_ctrl_c_in_a_cover(self):
-        text = """
-            import isoform
-            gyroid = {"F": "x^4 + y^4 + z^4 - x^2 - y^2 - z^2 + 1/3"}
+    def test_ctrl_c(self):
+        surface = '{"F": "x^4 + y^4 + z^4 - x^2 - y^2 - z^2 + 1/3"}'
+        # The last two do not look at the flag that often.
+        calls = [
+            f"isoform.parameterize({surface}, (3, 3), box=2, tol=1e-9, cover=True)",
+            "isoform.recognize(points)",
+            "isoform.compare(points, isoform.template('testpart'), samples=2_000_000)",
+        ]
+        for call in calls:
+            with self.subTest(call):
+                self.interrupt(call)
+
+    def interrupt(self, call):
+        """Ctrl-C in a call: its exception comes, and the interpreter goes on."""
+        text = f"""
+            import isoform, numpy as np
+            points = np.random.default_rng(1).normal(size=(600_000, 3))
             print("start", flush=True)
-            try: isoform.parameterize(gyroid, (3, 3), box=2, tol=1e-9, cover=True)
-            except KeyboardInterrupt: print("stopped")
+            try: {call}
+            except KeyboardInterrupt: print("stopped", flush=True)
+            print(isoform.template("sphere")(points[:1], [0, 0, 0, 1]).shape)
         """
         command = [sys.executable, "-c", textwrap.dedent(text)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
         process.stdout.readline()
         time.sleep(0.5)
         process.send_signal(signal.SIGINT)
-        out, _ = process.communicate(timeout=20)
-        self.assertEqual(out.strip(), "stopped")
+        sent = time.monotonic()
+        self.assertEqual(process.stdout.readline().strip(), "stopped")
+        # Two seconds, on a machine that does nothing else.
+        self.assertLess(time.monotonic() - sent, 5)
+        self.assertEqual(process.stdout.read().strip(), "(1,)")
+        self.assertEqual(process.wait(timeout=30), 0)
+        process.stdout.close()
 
 
 class Copies(unittest.TestCase):
@@ -207,6 +227,51 @@ class Copies(unittest.TestCase):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             isoform.template("cup")
+
+
+def installed(*names):
+    """Whether all of these packages are there."""
+    return all(importlib.util.find_spec(name) for name in names)
+
+
+class Neighbours(unittest.TestCase):
+    """Packages that results are handed to."""
+
+    def setUp(self):
+        self.ball = isoform.Model(BALL)
+        self.mesh = isoform.mesh(self.ball, size=0.9, order=2, params=VALUES)
+
+    @unittest.skipUnless(installed("meshio"), "meshio is not installed")
+    def test_meshio_has_nodes_in_the_middles(self):
+        import meshio
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "ball.msh"
+            self.mesh.save(path)
+            theirs = meshio.read(path)
+        ours = self.mesh.to_meshio()
+        for kind in ("tetra10", "triangle6"):
+            a, b = theirs.get_cells_type(kind), ours.get_cells_type(kind)
+            self.assertTrue((theirs.points[a] == ours.points[b]).all(), kind)
+
+    @unittest.skipUnless(installed("pyvista"), "pyvista is not installed")
+    def test_pyvista_measures_the_ball(self):
+        grid = isoform.mesh(self.ball, size=0.5, params=VALUES).to_pyvista()
+        self.assertAlmostEqual(grid.volume, 4 / 3 * np.pi * 8, delta=1.5)
+
+    @unittest.skipUnless(installed("skfem"), "scikit-fem is not installed")
+    def test_skfem_has_the_parts(self):
+        boundaries = self.mesh.to_skfem().boundaries
+        self.assertEqual(sum(map(len, boundaries.values())), len(self.mesh.triangles))
+
+    @unittest.skipUnless(installed("pandas"), "pandas is not installed")
+    def test_parameters_as_a_frame(self):
+        frame = isoform.fit(on_ball(), self.ball).to_frame()
+        self.assertEqual(list(frame.index), ["cx", "radius"])
+
+    def test_what_is_missing_is_named(self):
+        with self.assertRaisesRegex(ImportError, "pip install no_such_package"):
+            isoform._optional.need("no_such_package.part")
 
 
 class Shapes(unittest.TestCase):

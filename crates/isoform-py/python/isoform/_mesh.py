@@ -176,8 +176,8 @@ class Mesh(Triangles, Documented):
             Nodes as columns, boundaries by the names of the parts.
         """
         skfem = need("skfem")
-        corners = self.tetrahedra[:, :4].T.astype(np.int64)
-        made = skfem.MeshTet(self.points.T.copy(), corners)
+        corners = np.ascontiguousarray(self.tetrahedra[:, :4].T, np.int64)
+        made = skfem.MeshTet(np.ascontiguousarray(self.points.T), corners)
         facets = {tuple(f): i for i, f in enumerate(np.sort(made.facets, axis=0).T.tolist())}
         faces = [facets[tuple(t)] for t in np.sort(self.triangles[:, :3], axis=1).tolist()]
         numbers = np.array(faces, dtype=np.int64)
