@@ -1,4 +1,4 @@
-//! The compiled half of the Python package: one file for each verb, each a call of the façade crate.
+//! The compiled half of the Python package: one file for each verb, each a call of the façade.
 //!
 //! What Python users see (signatures, pages, results with names) lies in `python/isoform`; here are
 //! arrays in, one call of the library, arrays and the document of `--json` out. [`run`] releases

@@ -42,17 +42,30 @@ pub(crate) struct Wanted {
 }
 
 impl Wanted {
+    /// Bounds of dihedral angles that some mesh may keep: a regular tetrahedron has 70.5 degrees.
+    fn angles(&self) -> Result<Option<[f64; 2]>, Trouble> {
+        match self.angles {
+            Some([min, max]) if !((0.0..=70.0).contains(&min) && (71.0..=180.0).contains(&max)) => {
+                let message = format!("angles are {min} and {max}");
+                Err(Trouble::usage(message).hint("at most 70 and at least 71 degrees"))
+            }
+            angles => Ok(angles),
+        }
+    }
+
     /// As the library takes it.
     pub(crate) fn options(&self) -> Result<MeshModelOptions, Trouble> {
         let usual = Options::default();
         let memory = length("memory", self.memory)?;
         Ok(MeshModelOptions {
             size: length("size", self.size)?,
-            limits: self.angles.map_or(Limits::default(), |[min, max]| Limits {
-                dihedral_min: min,
-                dihedral_max: max,
-                ..Limits::default()
-            }),
+            limits: self
+                .angles()?
+                .map_or(Limits::default(), |[min, max]| Limits {
+                    dihedral_min: min,
+                    dihedral_max: max,
+                    ..Limits::default()
+                }),
             mesh: Options {
                 grade: length("grade", self.grade)?,
                 order: self.order,

@@ -3,7 +3,7 @@
 use crate::arrays::{PointsArg, Rows, is_finite, not_finite, rows};
 use crate::error::Trouble;
 use crate::fit::{POSES, named};
-use crate::run;
+use crate::run::{self, Asked};
 use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
 use isoform::geom::{ParamField, Point3};
@@ -11,17 +11,31 @@ use isoform::{FrepTemplate, parameter_values};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 /// Points that are computed at once: enough to make up for the start of a task, few enough to share
 /// among threads.
 const BLOCK: usize = 2048;
 
-/// A HyperFun program, compiled when it is first evaluated.
+/// A HyperFun program.
 #[pyclass(frozen, module = "isoform._isoform")]
-pub(crate) struct Program {
+pub(crate) struct Program(Arc<Compiled>);
+
+/// A program, compiled when it is first evaluated.
+struct Compiled {
     model: Model,
     template: OnceLock<FrepTemplate>,
+}
+
+impl Compiled {
+    /// The readings of the program, without a pose.
+    fn template(&self) -> Result<&FrepTemplate, Trouble> {
+        if let Some(template) = self.template.get() {
+            return Ok(template);
+        }
+        let made = FrepTemplate::with_pose(&self.model, Pose::None, &[])?;
+        Ok(self.template.get_or_init(|| made))
+    }
 }
 
 /// Name, kind, lower and upper bound, start, unit and description of a parameter.
@@ -47,29 +61,27 @@ impl Program {
             Trouble::usage(format!("no object is called {}", e.name))
                 .hint(format!("one of: {}", e.objects.join(", ")))
         })?;
-        Ok(Self {
-            model,
-            template: OnceLock::new(),
-        })
+        let template = OnceLock::new();
+        Ok(Self(Arc::new(Compiled { model, template })))
     }
 
     /// The name of the object.
     #[getter]
     fn name(&self) -> &str {
-        self.model.name()
+        self.0.model.name()
     }
 
     /// The title and the unit, as annotated.
     #[getter]
     fn about(&self) -> (Option<&str>, Option<&str>) {
-        let info = self.model.info();
+        let info = self.0.model.info();
         (info.title.as_deref(), info.unit.as_deref())
     }
 
     /// What may be wrong with the program, with line and column.
     #[getter]
     fn warnings(&self) -> Vec<(usize, usize, String)> {
-        let warnings = self.model.warnings().iter();
+        let warnings = self.0.model.warnings().iter();
         warnings
             .map(|w| (w.line, w.column, w.message.clone()))
             .collect()
@@ -78,7 +90,7 @@ impl Program {
     /// The parameters.
     #[getter]
     fn parameters(&self) -> Vec<Told> {
-        self.model.params().iter().map(told).collect()
+        self.0.model.params().iter().map(told).collect()
     }
 
     /// The values of all parameters where the first ones are given.
@@ -90,8 +102,8 @@ impl Program {
     #[pyo3(signature = (pose=None))]
     fn fitted_names(&self, pose: Option<&str>) -> PyResult<Vec<String>> {
         let asked = pose.map(|p| named("pose", p, POSES)).transpose()?;
-        let pose = asked.or(self.model.info().pose).unwrap_or(Pose::None);
-        let template = FrepTemplate::with_pose(&self.model, pose, &[]).map_err(Trouble::from)?;
+        let pose = asked.or(self.0.model.info().pose).unwrap_or(Pose::None);
+        let template = FrepTemplate::with_pose(&self.0.model, pose, &[]).map_err(Trouble::from)?;
         let parameters = template.parameters().iter();
         Ok(parameters.map(|p| p.name.clone()).collect())
     }
@@ -151,14 +163,14 @@ impl Program {
     /// Why the function has no value at a point, with line and column; none where it has.
     fn trouble(&self, point: Point3, given: Vec<f64>) -> PyResult<Option<(usize, usize, String)>> {
         let a = self.values_of(given)?;
-        let found = self.model.eval(&point, &a, &[]);
+        let found = self.0.model.eval(&point, &a, &[]);
         Ok(found.err().map(|e| (e.line, e.column, e.message)))
     }
 }
 
 impl Program {
     pub(crate) fn model(&self) -> &Model {
-        &self.model
+        &self.0.model
     }
 
     /// The values of a reading.
@@ -175,31 +187,28 @@ impl Program {
         Ok(PyArray1::from_vec(py, of_points(py, points, compute)?))
     }
 
-    /// The readings, compiled without Python's lock.
+    /// The readings, compiled by a thread that Ctrl-C can leave: large programs take long.
     fn compiled(&self, py: Python<'_>) -> PyResult<&FrepTemplate> {
-        match self.template.get() {
-            Some(template) => Ok(template),
-            None => Ok(run::shortly(py, || self.template())??),
+        if self.0.template.get().is_none() {
+            let theirs = self.0.clone();
+            run::run(py, &Asked::default(), move |_| theirs.template().map(drop))??;
         }
+        Ok(self.0.template()?)
     }
 
     /// The readings of the program, without a pose.
     pub(crate) fn template(&self) -> Result<&FrepTemplate, Trouble> {
-        if let Some(template) = self.template.get() {
-            return Ok(template);
-        }
-        let made = FrepTemplate::with_pose(&self.model, Pose::None, &[])?;
-        Ok(self.template.get_or_init(|| made))
+        self.0.template()
     }
 
     /// The values of all parameters, which must be finite.
     pub(crate) fn values_of(&self, given: Vec<f64>) -> Result<Vec<f64>, Trouble> {
         if let Some(i) = given.iter().position(|v| !v.is_finite()) {
-            let name = self.model.params().get(i).map_or("", |p| p.name.as_str());
+            let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
             let message = format!("parameter {} ({name}) is {}", i + 1, given[i]);
             return Err(Trouble::new("not-finite", message));
         }
-        Ok(parameter_values(&self.model, &given)?)
+        Ok(parameter_values(&self.0.model, &given)?)
     }
 }
 
@@ -238,7 +247,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     if out.len() <= BLOCK {
         run::shortly(py, || of_block((0, &mut out)))??;
     } else {
-        let asked = run::Asked::default();
+        let asked = Asked::default();
         run::scoped(py, &asked, |control| {
             out.par_chunks_mut(BLOCK).enumerate().try_for_each(|block| {
                 control.check().map_err(Trouble::stopped)?;

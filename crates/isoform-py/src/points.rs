@@ -5,7 +5,7 @@ use crate::error::Trouble;
 use crate::run::{self, Asked};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
-use numpy::{PyArray2, PyReadonlyArray2};
+use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -18,16 +18,10 @@ pub(crate) struct Cloud {
 
 #[pymethods]
 impl Cloud {
-    /// Points of an array, all finite; triangles between them may be given.
+    /// Points of an array, all finite.
     #[new]
-    #[pyo3(signature = (points, triangles=None))]
-    fn new(
-        py: Python<'_>,
-        points: PointsArg<'_>,
-        triangles: Option<PyReadonlyArray2<'_, u32>>,
-    ) -> PyResult<Self> {
+    fn new(py: Python<'_>, points: PointsArg<'_>) -> PyResult<Self> {
         let rows = Rows::new(&points)?;
-        let triangles = triangles.map(|t| corners(&t)).unwrap_or_default();
         let points = run::shortly(py, || rows.to_points())??;
         let report = ReadReport {
             format: "array",
@@ -40,13 +34,9 @@ impl Cloud {
             units: None,
             warnings: Vec::new(),
         };
-        // As files are read.
-        let cloud = PointCloud {
-            triangles,
-            ..PointCloud::from_points(points)
-        };
         Ok(Self {
-            cloud: cloud.recentred(),
+            // As files are read.
+            cloud: PointCloud::from_points(points).recentred(),
             report,
         })
     }
@@ -101,14 +91,6 @@ impl Cloud {
     fn __len__(&self) -> usize {
         self.cloud.points.len()
     }
-}
-
-/// The corners of triangles.
-fn corners(triangles: &PyReadonlyArray2<'_, u32>) -> Vec<[u32; 3]> {
-    let rows = triangles.as_array();
-    rows.outer_iter()
-        .map(|t| std::array::from_fn(|k| t[k]))
-        .collect()
 }
 
 /// Reads points, of meshes the vertices.

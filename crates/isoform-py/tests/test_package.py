@@ -24,7 +24,10 @@ from isoform import IsoformError
 
 BALL = """-- @param a[1] cx x
 -- @param a[2] radius length min=0.01
-my_model(x[3], a[2]) { array c[3]; c[1] = a[1]; c[2] = 0; c[3] = 0; my_model = hfSphere(x, c, a[2]); }
+my_model(x[3], a[2]) {
+  array c[3]; c[1] = a[1]; c[2] = 0; c[3] = 0;
+  my_model = hfSphere(x, c, a[2]);
+}
 """
 VALUES = {"cx": 0.5, "radius": 2.0}
 
@@ -89,8 +92,15 @@ class Refused(unittest.TestCase):
         self.refused("bounds", lambda: isoform.fit(points, ball, bounds={"cx": 3}))
         self.refused("usage", lambda: isoform.parameterize(ball, cover=True))
         self.refused("usage", lambda: isoform.triangulate({"X": "s", "Y": "t", "Z": "0", "W": "1"}))
+        self.refused("usage", lambda: isoform.fit(points, ball, seed=-1))
+        self.refused("usage", lambda: isoform.fit(points, ball, threads=10**6))
+        self.refused("usage", lambda: isoform.mesh(ball, angles=(80, 20)))
+        self.refused("usage", lambda: isoform.parameterize(ball, (0, 2)))
+        self.refused("memory", lambda: isoform.mesh(ball, size=1e-5, memory=1e30))
         with self.assertRaises(TypeError):
             isoform.fit(points, ball, progress="loud")
+        with self.assertRaises(TypeError):
+            isoform.fit(points, ball, seed=1.5)
         with self.assertRaises(TypeError):
             isoform.mesh(BALL)
 

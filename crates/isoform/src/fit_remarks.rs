@@ -30,7 +30,8 @@ impl ScanFit {
             && *said != unit.unit
         {
             warnings.push(format!(
-                "the template is written in {said}, the scan in {} ({}); values are in the scan's unit",
+                "the template is written in {said}, the scan in {} ({}); values are in the scan's \
+                 unit",
                 unit.unit, unit.reason
             ));
         }

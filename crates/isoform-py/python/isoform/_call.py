@@ -16,15 +16,26 @@ Progress = Union[Callable[[str, float], Any], bool, None]
 Asked = tuple[Union[int, None], Union[float, None], Union[Callable[[str, float], Any], None]]
 
 
+def whole(name: str, number: Any, least: int = 0) -> int:
+    """A whole number that the compiled half can take."""
+    try:
+        number = operator.index(number)
+    except TypeError:
+        raise TypeError(f"{name}: a whole number is expected, not {number!r}") from None
+    if not least <= number < 1 << 63:
+        raise IsoformError(f"{name} is {number}: at least {least} is expected")
+    return int(number)
+
+
 @contextlib.contextmanager
 def asked(
     threads: int | None, time_limit: float | None, progress: Progress
 ) -> Iterator[Asked]:
     """The arguments as the compiled half takes them; a bar ends with the call."""
     if threads is not None:
-        threads = operator.index(threads)
-        if not 1 <= threads <= 65535:
-            raise IsoformError(f"threads is {threads}: from 1 to 65535 are possible")
+        threads = whole("threads", threads, 1)
+        if threads > 1024:
+            raise IsoformError(f"threads is {threads}: from 1 to 1024 are possible")
     if time_limit is not None:
         time_limit = float(time_limit)
         if math.isnan(time_limit) or time_limit < 0:

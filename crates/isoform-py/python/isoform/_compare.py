@@ -6,7 +6,7 @@ import os
 from typing import Any, Union
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented
 from ._implicitize import Implicit
 from ._mesh import Triangles
@@ -89,7 +89,7 @@ def compare(
     1.0
     """
     (first, name_a), (second, name_b) = _side(a, params), _side(b, params)
-    wanted = (corners(box), samples, tolerance)
+    wanted = (corners(box), whole("samples", samples, 10), tolerance)
     with asked(threads, None, progress) as limits:
         shapes, names = (first, second), (name_a, name_b)
         return Comparison(_isoform.compare(shapes, names, wanted, limits))

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented, Shown
 from ._errors import IsoformError
 from ._model import Model
@@ -216,7 +216,7 @@ def fit(
         "method": method,
         "loss": loss,
         "keep": list(keep),
-        "seed": seed,
+        "seed": whole("seed", seed),
     }
     with asked(threads, time_limit, progress) as limits:
         native = _isoform.fit(cloud, model._native, (name, model.name), wanted, limits)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented, Shown
 from ._points import Path, Points, as_cloud, as_points
 
@@ -96,10 +96,10 @@ def implicitize(
     """
     cloud, _ = as_cloud(points)
     wanted = {
-        "degree": degree,
-        "cells": cells,
+        "degree": whole("degree", degree, 1),
+        "cells": None if cells is None else whole("cells", cells, 1),
         "tol": tol,
-        "polynomial": polynomial,
+        "polynomial": None if polynomial is None else whole("polynomial", polynomial, 1),
         "normals": normals,
         "smoothing": smoothing,
     }

@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented, Shown
+from ._errors import IsoformError
 from ._implicitize import Implicit
 from ._model import Model, Values
 from ._optional import need
@@ -269,17 +270,27 @@ def mesh(
     """
     wanted = {
         "size": size,
-        "order": order,
+        "order": whole("order", order, 1),
         "surface_only": bool(surface_only),
         "region": corners(box),
         "grade": grade,
         "angles": None if angles is None else [float(v) for v in angles],
-        "memory": memory,
+        "memory": _memory(memory),
         "close": close,
     }
     with asked(threads, time_limit, progress) as limits:
         native = _isoform.mesh(_shape(model, params), model.name, wanted, limits)
     return Mesh(native)
+
+
+def _memory(asked: float | None) -> float | None:
+    """GiB that are there: where memory ends, an interpreter ends."""
+    if asked is None or not hasattr(os, "sysconf"):
+        return asked
+    there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / (1 << 30)
+    if asked > there:
+        raise IsoformError(f"memory is {asked} GiB: this machine has {there:.1f}", "memory")
+    return asked
 
 
 def _shape(model: Any, params: Values) -> Any:

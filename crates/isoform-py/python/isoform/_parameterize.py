@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented, Shown
 from ._errors import IsoformError
 from ._implicitize import Implicit
@@ -178,9 +178,7 @@ def parameterize(
     >>> patches[0].control.shape, patches[0].bound <= 1e-3
     ((3, 3, 4), True)
     """
-    m, n = degree
-    if m < 1 or n < 1:
-        raise IsoformError(f"degree {m},{n}: both must be at least 1", "usage", "degree=(3, 3)")
+    m, n = (whole("degree", d, 1) for d in degree)
     surface, name = _surface(model, params)
     wanted = {
         "degree": (m, n),
@@ -188,11 +186,11 @@ def parameterize(
         "tol": tol,
         "cover": cover,
         "exact": exact,
-        "seed": seed,
+        "seed": whole("seed", seed),
         "seed_point": None if seed_point is None else [float(v) for v in seed_point],
         "margin": margin,
         "singular": singular,
-        "most": most,
+        "most": whole("most", most, 1),
         "method": method,
     }
     with asked(threads, time_limit, progress) as limits:

@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
+from ._call import whole
 from ._errors import IsoformError
 
 #: What is taken as points.
@@ -133,5 +134,7 @@ def read_points(
     array([[0., 0., 0.],
            [1., 2., 3.]])
     """
-    native = _isoform.read_points(os.fspath(path), format, max_points, seed)
+    if max_points is not None:
+        max_points = whole("max_points", max_points, 1)
+    native = _isoform.read_points(os.fspath(path), format, max_points, whole("seed", seed))
     return PointCloud(native, os.fspath(path))

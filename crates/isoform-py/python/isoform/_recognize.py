@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented
 from ._model import Model
 from ._points import Points, as_cloud
@@ -97,5 +97,7 @@ def recognize(
         If there are too few points, or they lie on one line.
     """
     cloud, _ = as_cloud(points)
+    if min_points is not None:
+        min_points = whole("min_points", min_points)
     with asked(threads, time_limit, progress) as limits:
         return Recognition(_isoform.recognize(cloud, tol, min_points, bool(snap), limits))

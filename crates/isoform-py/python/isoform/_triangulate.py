@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Progress, asked, whole
 from ._document import Documented
 from ._errors import IsoformError
 from ._mesh import Triangles
@@ -46,7 +46,8 @@ class Triangulation(Triangles, Documented):
         self.report: dict[str, Any] = json.loads(report)
 
     def __repr__(self) -> str:
-        return f"<isoform.Triangulation: {len(self.points)} points, {len(self.triangles)} triangles>"
+        counts = f"{len(self.points)} points, {len(self.triangles)} triangles"
+        return f"<isoform.Triangulation: {counts}>"
 
 
 def triangulate(
@@ -122,7 +123,7 @@ def triangulate(
         "corners": _corners(rectangle, polygon),
         "tol": tol,
         "longest": longest,
-        "triangles": triangles,
+        "triangles": None if triangles is None else whole("triangles", triangles, 1),
         "mode": mode,
         "reduce": reduce,
     }

@@ -300,7 +300,7 @@ class _Worker:
             self._process.__exit__(None, None, None)
 
 
-# ---- clusters --------------------------------------------------------------------------------------
+# ---- clusters ------------------------------------------------------------------------------------
 
 
 def _ray(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
