@@ -214,7 +214,7 @@ pub(crate) fn parameterize(
 ) -> PyResult<Patches> {
     let (options, covering) = (wanted.options()?, wanted.covering()?);
     let surface = surface.surface()?;
-    let (asked_for, cover) = (options.clone(), wanted.cover);
+    let cover = wanted.cover;
     let found = run::run(py, &asked, move |control| -> Result<_, Error> {
         if cover {
             let made = cover_surface(&surface, &options, &covering, control)?;
@@ -225,7 +225,6 @@ pub(crate) fn parameterize(
         Ok((surface, vec![patch], None))
     })?;
     let (surface, patches, coverage) = found.map_err(Trouble::from)?;
-    let options = asked_for;
     let findings = patch_findings(&patches, coverage.as_ref(), &options);
     let warnings: Vec<String> = findings.iter().map(ToString::to_string).collect();
     let report = PatchesReport::new(&AboutPatches {
