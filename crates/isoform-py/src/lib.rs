@@ -1,8 +1,8 @@
 //! The compiled half of the Python package: one file for each verb, each a call of the façade.
 //!
 //! What Python users see (signatures, pages, results with names) lies in `python/isoform`; here are
-//! arrays in, one call of the library, arrays and the document of `--json` out. [`run`] releases
-//! Python's lock meanwhile, listens to Ctrl-C and tells of progress; [`error`] makes exceptions of
+//! arrays in, one call of the library, arrays and the document of `--json` out. `run` releases
+//! Python's lock meanwhile, listens to Ctrl-C and tells of progress; `error` makes exceptions of
 //! what the library refuses.
 #![forbid(unsafe_code)]
 
