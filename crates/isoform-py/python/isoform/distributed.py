@@ -99,26 +99,33 @@ class _Table:
         self._schema = pyarrow.schema({**known, **{n: number for n in names}})
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            files = [file.name for file in os.scandir(folder)]
         except OSError as e:
             raise IsoformError(f"cannot make the folder {folder}: {e}", "not-writable") from None
-
-    def _file(self, source: str) -> FilePath:
-        return self._folder / f"{_digest(source)}-{self._key}.parquet"
+        rows = [name.removesuffix(".parquet") for name in files if name.endswith(".parquet")]
+        # By source: the rows of this job, and those of others.
+        self._there = {r.partition("-")[0] for r in rows if r.endswith(f"-{self._key}")}
+        self._others = collections.defaultdict[str, list[str]](list)
+        for row in rows:
+            if not row.endswith(f"-{self._key}"):
+                self._others[row.partition("-")[0]].append(f"{row}.parquet")
 
     def holds(self, source: str) -> bool:
         """Whether there is a row of the same source, template and options."""
-        return self._file(source).exists()
+        return _digest(source) in self._there
 
     def write(self, row: Row) -> None:
         """Writes a row, in the place of any other of its source."""
-        file = self._file(row["source"])
+        source = _digest(row["source"])
+        file = self._folder / f"{source}-{self._key}.parquet"
         table = self._arrow.Table.from_pylist([row], schema=self._schema)
         temporary = file.with_name(f".{file.name}.{os.getpid()}")
-        self._arrow.parquet.write_table(table, temporary)
+        self._arrow.parquet.write_table(
+            table, temporary, compression="zstd", use_dictionary=False, write_statistics=False
+        )
         os.replace(temporary, file)
-        for other in self._folder.glob(f"{_digest(row['source'])}-*.parquet"):
-            if other != file:
-                other.unlink(missing_ok=True)
+        for other in self._others.pop(source, ()):
+            (self._folder / other).unlink(missing_ok=True)
 
 
 def fit_many(
