@@ -6,7 +6,7 @@ use crate::fit::{POSES, named};
 use crate::run::{self, Asked};
 use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
-use isoform::geom::{ParamField, Point3};
+use isoform::geom::Point3;
 use isoform::{FrepTemplate, parameter_values};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -115,7 +115,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        self.reading(py, &points, given, FrepTemplate::algebraic)
+        self.reading(py, &points, given, false)
     }
 
     /// The gradients of the function.
@@ -140,7 +140,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        self.reading(py, &points, given, FrepTemplate::metric)
+        self.reading(py, &points, given, true)
     }
 
     /// The numbers of the nearest parts, and the names of all.
@@ -173,17 +173,30 @@ impl Program {
         &self.0.model
     }
 
-    /// The values of a reading.
+    /// The values of the function, or its metric reading; NaN where running the program finds no
+    /// value, as for the command line.
     fn reading<'py>(
         &self,
         py: Python<'py>,
         points: &PointsArg<'py>,
         given: Vec<f64>,
-        reading: fn(&FrepTemplate) -> &dyn ParamField,
+        is_metric: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (template, a) = (self.compiled(py)?, self.values_of(given)?);
-        let field = reading(template);
-        let compute = |block: &[Point3], out: &mut [f64]| field.values(block, &a, out);
+        let run = |p: &Point3| self.0.model.eval(p, &a, &[]).map_or(f64::NAN, |e| e.f);
+        let compute = |block: &[Point3], out: &mut [f64]| {
+            template.algebraic().values(block, &a, out);
+            let doubtful = (0..out.len()).filter(|k| !out[*k].is_finite());
+            let decided: Vec<(usize, f64)> = doubtful.map(|k| (k, run(&block[k]))).collect();
+            if is_metric {
+                template.metric().values(block, &a, out);
+            }
+            for (k, value) in decided {
+                if value.is_nan() || !is_metric {
+                    out[k] = value;
+                }
+            }
+        };
         Ok(PyArray1::from_vec(py, of_points(py, points, compute)?))
     }
 

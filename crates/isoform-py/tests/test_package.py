@@ -111,6 +111,11 @@ class Refused(unittest.TestCase):
         self.assertEqual(values[0], 2.0)
         self.assertTrue(np.isnan(values[1]))
         self.assertIn("1 of 2 points", str(caught.warning))
+        # What is infinite is no value, either: the program refuses it.
+        cone = isoform.Model("f(x[3], a[1]) { array c[3]; c = [0, 0, 0]; f = hfConeX(x, c, a[1]); }")
+        for reading in (cone, cone.metric):
+            with self.assertWarns(RuntimeWarning):
+                self.assertTrue(np.isnan(reading([[1.0, 1, 1]])).all())
 
 
 class Arrays(unittest.TestCase):
