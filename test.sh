@@ -142,6 +142,41 @@ pages() {
   fi
 }
 
+# The Python package: a wheel as pip makes it, its tests, and the acceptance script on it. Ray is
+# large, and is tried with --full alone.
+python_package() {
+  local hash packages=(numpy meshio mypy numpydoc psutil pyarrow pyvista trimesh dask distributed)
+  local modules='import numpy, meshio, mypy, numpydoc, psutil, pyarrow, pyvista, trimesh, dask, distributed'
+  if [ "$extent" = whole ]; then
+    packages+=(ray)
+    modules+=', ray'
+  fi
+  hash=$(printf '%s ' "${packages[@]}" | sha256sum | cut -c1-16)
+  local venv=${XDG_CACHE_HOME:-$HOME/.cache}/isoform/venv-python-$hash
+  if ! "$venv/bin/python" -c "$modules" 2>/dev/null; then
+    mkdir -p "$(dirname "$venv")"
+    python3 -m venv "$venv" && "$venv/bin/python" -m pip install --quiet --disable-pip-version-check "${packages[@]}"
+  fi
+  if ! "$venv/bin/python" -c "$modules" 2>/dev/null; then
+    missing "a python environment with ${packages[*]}"
+    return
+  fi
+  wheel() {
+    "$venv/bin/python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$scratch/wheel" . &&
+      "$venv/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$scratch"/wheel/*.whl
+  }
+  check "python: wheel" wheel
+  unit_tests() { "$venv/bin/python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests; }
+  check "python: tests" unit_tests
+  check "python: types" "$venv/bin/python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
+  if [ -d "$checks" ]; then
+    local groups=install,model,points,fit,mesh,tess,patches,more,errors,threads,typing,cost
+    if [ "$extent" = whole ]; then groups+=,fleet,large,blocks; fi
+    script accept_python "Python" --only "$groups"
+  fi
+}
+if command -v python3 >/dev/null && [ -x "$binary" ]; then python_package; fi
+
 if [ ! -d "$checks" ]; then
   say "acceptance"
   missing "$checks, the acceptance checks that live beside this repository,"

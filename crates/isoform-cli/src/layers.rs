@@ -5,16 +5,15 @@ use crate::mesh::Settings;
 use crate::mesh::work::no_mesh;
 use crate::model::Language;
 use crate::output::{self, Context, Failure};
-use crate::triangulate::{self, HalfWidth, Subject};
+use crate::triangulate::{self, HalfWidth};
 use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
-use isoform::mesh::Options;
-use isoform::tess::{Analysis, Map, Surface, TriangulateOptions};
+use isoform::tess::{Analysis, Map, Surface};
 use isoform::{
-    ExactSolid, LiveModel, MeshModelOptions, PatchesError, Unseen, mesh_model, mesh_spline,
-    triangulate_map,
+    ExactSolid, LiveModel, MeshModelOptions, PatchesError, RationalSurface, SurfaceBox, Unseen,
+    mesh_model, mesh_spline,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -185,18 +184,6 @@ fn is_template(path: &Path) -> bool {
     !path.exists() && isoform::template(&path.to_string_lossy()).is_some()
 }
 
-/// A surface of triangles, in a region where there is one.
-fn surface_options(region: Option<Aabb>) -> MeshModelOptions {
-    MeshModelOptions {
-        mesh: Options {
-            surface_only: true,
-            region,
-            ..Options::default()
-        },
-        ..MeshModelOptions::default()
-    }
-}
-
 impl File<'_> {
     fn read(&self) -> Result<Layer, Failure> {
         let path = self.path;
@@ -286,7 +273,7 @@ impl File<'_> {
                 source: Source::Program(Box::new(model.clone()), values),
             })));
         }
-        let options = surface_options(region);
+        let options = MeshModelOptions::of_surface(region);
         let made = mesh_model(model, &values, &options, &control);
         let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
         self.context
@@ -307,10 +294,12 @@ impl File<'_> {
         if let Some(formula) = json.get("F").and_then(Value::as_str) {
             return self.polynomial(formula);
         }
-        let Subject::Map(map) = triangulate::read(self.path, false)? else {
-            return self.patches(&json);
-        };
-        self.map(*map)
+        let surface = triangulate::read(self.path, false)?;
+        if surface.is_map() {
+            self.map(surface)
+        } else {
+            self.patches(&json)
+        }
     }
 
     /// The surface of a polynomial.
@@ -362,7 +351,7 @@ impl File<'_> {
         let made = mesh_spline(
             &function,
             Unseen::Cut,
-            &surface_options(None),
+            &MeshModelOptions::of_surface(None),
             &self.context.control(),
         );
         let made = made.map_err(|e| no_mesh(&e, self.name, &Settings::default()))?;
@@ -370,7 +359,7 @@ impl File<'_> {
     }
 
     /// A rational surface.
-    fn map(&self, map: Map) -> Result<Layer, Failure> {
+    fn map(&self, map: RationalSurface) -> Result<Layer, Failure> {
         let (name, context) = (self.name, self.context);
         let Some(Place::Around(half)) = &self.reading.region else {
             return Err(
@@ -379,25 +368,27 @@ impl File<'_> {
                     .hint("--box B, half the width of a box around the origin"),
             );
         };
-        let mut options = TriangulateOptions::around(half.exact.clone());
-        if let Some(limit) = context.global.time_limit {
-            options.budget.seconds = triangulate::EXACT_SHARE * limit.as_secs_f64();
-        }
-        let made = triangulate_map(&map, &options, &context.control());
-        let (surface, analysis) = made.map_err(|e| match PatchesError::from(e) {
+        let around = SurfaceBox {
+            half_width: half.exact.clone(),
+            size: half.near,
+        };
+        let options = map.options(&around, context.global.time_limit);
+        let made = map.triangulate(options, false, &context.control());
+        let mut made = made.map_err(|e| match e {
             PatchesError::Stopped => triangulate::nothing(name, None, context),
             e => Failure::usage(format!("{}: {e}", self.path.display())),
         })?;
-        if surface.triangles.is_empty() {
-            let nothing = triangulate::nothing(name, Some((&surface, &options)), context);
+        let of_map = made.maps.pop().zip(made.analyses.pop());
+        let (Some((map, analysis)), false) = (of_map, made.surface.triangles.is_empty()) else {
+            let nothing = triangulate::nothing(name, Some((&made.surface, &made.options)), context);
             return Err(nothing);
-        }
-        for finding in &surface.findings {
+        };
+        for finding in &made.surface.findings {
             context.note(format_args!("{name}: {finding}"));
         }
         Ok(Layer::Map(Box::new(MapLayer {
             map,
-            surface,
+            surface: made.surface,
             analysis,
             half_width: half.near,
         })))

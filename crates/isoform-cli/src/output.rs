@@ -11,6 +11,7 @@ use crate::watchdog;
 use clap::ArgAction;
 use isoform::Control;
 use isoform::geom::{Aabb, Point3};
+use isoform::report::Document;
 use serde::Serialize;
 use serde_json::{Value, json};
 use std::fmt::Display;
@@ -444,13 +445,8 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
 
 /// One JSON document: schema and ok before the rest.
 pub(crate) fn document(ok: bool, fields: Value) -> Vec<u8> {
-    let mut all = serde_json::Map::new();
-    all.insert("schema".into(), json!(1));
-    all.insert("ok".into(), json!(ok));
-    if let Value::Object(fields) = fields {
-        all.extend(fields);
-    }
-    let mut bytes = serde_json::to_vec_pretty(&Value::Object(all)).unwrap_or_default();
+    let all = json_of(&Document::new(ok, fields));
+    let mut bytes = serde_json::to_vec_pretty(&all).unwrap_or_default();
     bytes.push(b'\n');
     bytes
 }

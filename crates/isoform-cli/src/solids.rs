@@ -3,11 +3,11 @@
 use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::watchdog::Writing;
 use crate::{interrupt, scan};
-use isoform::brep::{FacetOptions, FacetsError, Finding};
+use isoform::brep::{FacetOptions, FacetsError};
 use isoform::geom::Aabb;
 use isoform::io::{
-    SolidFile, SolidOptions, SolidProperties, StepOptions, is_solid_file, read_solids,
-    read_step_solids, step_solids, write_solids, write_step_solids,
+    SolidFile, SolidOptions, StepOptions, is_solid_file, read_solids, read_step_solids,
+    step_solids, write_solids, write_step_solids,
 };
 use isoform::{ExactSolid, ModelBrep, solid_gap};
 use serde_json::Value;
@@ -88,12 +88,11 @@ pub(crate) fn write(
     said: &Statement,
     model: &str,
 ) -> Result<(Vec<String>, Vec<u8>), Failure> {
-    let is_open = |f: &Finding| matches!(f, Finding::OpenEdges(_));
-    if made.certificate.failures.iter().any(is_open) {
+    if !made.is_closed() {
         let failure = Failure::new(NO_RESULT, "open", format!("{model}: a shell is not closed"));
         return Err(failure.hint("a smaller --size"));
     }
-    let properties = properties(made);
+    let properties = made.properties();
     let options = SolidOptions {
         step: StepOptions {
             units: said.unit.clone(),
@@ -126,17 +125,6 @@ pub(crate) fn write(
         files.push(path.display().to_string());
     }
     Ok((files, stdout))
-}
-
-/// What was measured of solids.
-fn properties(made: &ModelBrep) -> SolidProperties {
-    let total = &made.certificate.total;
-    SolidProperties {
-        volume: total.volume,
-        area: total.area,
-        centroid: made.certificate.centroid(),
-        gap: made.certificate.gap,
-    }
 }
 
 /// What edges of a file may be away from their faces without a warning, in diagonals of the box of

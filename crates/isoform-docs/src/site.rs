@@ -9,7 +9,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// The pages in the order of reading, in groups: the file in the repository, and its name in the
 /// navigation.
-const PAGES: [(&str, &[(&str, &str)]); 6] = [
+const PAGES: [(&str, &[(&str, &str)]); 7] = [
     (
         "Begin",
         &[
@@ -46,6 +46,7 @@ const PAGES: [(&str, &[(&str, &str)]); 6] = [
             ("docs/figures.md", "Figures of the papers"),
         ],
     ),
+    ("As a library", &[("docs/python.md", "The Python package")]),
     (
         "How good it is, and why",
         &[

@@ -2,12 +2,13 @@
 
 use crate::mesh_model::mesh_solid;
 use crate::{MeshModelError, MeshModelOptions, ModelMesh, solid_of};
-use isoform_brep::{BrepError, Built, Certificate, check, pieces};
+use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces};
 use isoform_check::Capped;
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
 use isoform_field::{RunField, parts_up_to};
 use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
+use isoform_io::SolidProperties;
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
@@ -43,6 +44,25 @@ pub struct ModelBrep {
     pub certificate: Certificate,
     /// The mesh that the topology comes from.
     pub mesh: ModelMesh,
+}
+
+impl ModelBrep {
+    /// What files state of the solids.
+    pub fn properties(&self) -> SolidProperties {
+        let total = &self.certificate.total;
+        SolidProperties {
+            volume: total.volume,
+            area: total.area,
+            centroid: self.certificate.centroid(),
+            gap: self.certificate.gap,
+        }
+    }
+
+    /// Whether all shells are closed; no other is written to a file.
+    pub fn is_closed(&self) -> bool {
+        let is_open = |f: &Finding| matches!(f, Finding::OpenEdges(_));
+        !self.certificate.failures.iter().any(is_open)
+    }
 }
 
 /// The boundary representation of a model with the values `a` of its parameters: faces on exact

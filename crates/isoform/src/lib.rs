@@ -102,6 +102,7 @@ mod brep_model;
 mod compare;
 mod exact_solid;
 mod facets;
+mod fit_remarks;
 mod fit_scan;
 mod gallery;
 mod held;
@@ -113,6 +114,7 @@ mod mesh_model;
 mod mesh_spline;
 mod meshing;
 mod patches;
+mod rational_surface;
 mod recognize_scan;
 pub mod report;
 mod spline_distance;
@@ -164,6 +166,9 @@ pub use meshing::{
 };
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,
+};
+pub use rational_surface::{
+    RationalSurface, RationalSurfaceError, TriangulatedSurface, exact_number,
 };
 pub use recognize_scan::{RecognizeError, Recognized, recognize_scan};
 pub use spline_distance::SplineDistance;

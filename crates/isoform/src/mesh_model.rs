@@ -5,7 +5,7 @@ use isoform_check::{Certificate, Limits};
 use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
-use isoform_geom::{Mesh, Solid};
+use isoform_geom::{Aabb, Mesh, Solid};
 use isoform_mesh::{
     MeshError, Meshed, Options, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
@@ -34,6 +34,20 @@ pub struct MeshModelOptions {
     pub limits: Limits,
     /// Everything else. Its `size` is not looked at.
     pub mesh: Options,
+}
+
+impl MeshModelOptions {
+    /// The surface alone, in a region where there is one: what pages and pictures show.
+    pub fn of_surface(region: Option<Aabb>) -> Self {
+        Self {
+            mesh: Options {
+                surface_only: true,
+                region,
+                ..Options::default()
+            },
+            ..Self::default()
+        }
+    }
 }
 
 /// Why a model has no mesh.

@@ -47,6 +47,39 @@ pub use surface::{
 
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
+/// What `--json` prints: a report behind the version of the form, and whether there is a result.
+/// Where a report says itself whether all is well, that takes the place of the latter in an object
+/// of JSON.
+///
+/// ```
+/// use isoform::report::Document;
+/// let report = std::collections::BTreeMap::from([("verb", "fit")]);
+/// let json = serde_json::to_value(Document::new(true, report))?;
+/// assert_eq!(json.to_string(), r#"{"schema":1,"ok":true,"verb":"fit"}"#);
+/// # Ok::<(), serde_json::Error>(())
+/// ```
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Document<T> {
+    /// 1.
+    pub schema: u32,
+    /// Whether there is a result.
+    pub ok: bool,
+    /// What is reported.
+    #[serde(flatten)]
+    pub report: T,
+}
+
+impl<T> Document<T> {
+    /// A document of the form of today.
+    pub fn new(ok: bool, report: T) -> Self {
+        Self {
+            schema: 1,
+            ok,
+            report,
+        }
+    }
+}
+
 /// Seconds by phase, in the order in which the phases ran; an object in JSON.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seconds(pub Vec<(String, f64)>);

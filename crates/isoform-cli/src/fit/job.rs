@@ -6,9 +6,9 @@ use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::progress::Progress;
 use crate::{gallery, interrupt, scan};
 use isoform::field::hyperfun::{Model, Pose};
-use isoform::fit::{Beside, FitError, Loss, Method, Options, Warning};
+use isoform::fit::{Beside, FitError, Loss, Method, Options};
 use isoform::geom::PointCloud;
-use isoform::io::{MeshPoints, ReadReport, UnitGuess, inspect_unit};
+use isoform::io::{MeshPoints, ReadReport, UnitGuess};
 use isoform::{Control, FitOptions, FitScanError, ParameterError, ScanFit, fit_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -123,8 +123,8 @@ pub(crate) fn run_model(
     let found = fit_scan(&scan.cloud, model, &options, &control)
         .map_err(|e| failure(&e, &scan.name, request))?;
     drop(progress);
-    let unit = unit_of_scan(&found, &scan.report, model, request);
-    let warnings = warnings(&found, &scan.report, model, &unit);
+    let unit = unit_of_scan(&found, &scan.report, request);
+    let warnings = found.all_warnings(&scan.report, &unit);
     let mut seconds = vec![("read", scan.seconds)];
     seconds.extend(&found.seconds);
     Ok(Job {
@@ -165,48 +165,14 @@ fn fit_options(request: &Request, context: &Context) -> Result<FitOptions, Failu
 }
 
 /// The unit of the scan: as asked for, else the template's or the file's.
-fn unit_of_scan(found: &ScanFit, read: &ReadReport, model: &Model, request: &Request) -> UnitGuess {
+fn unit_of_scan(found: &ScanFit, read: &ReadReport, request: &Request) -> UnitGuess {
     match &request.units {
         Some(unit) => UnitGuess {
             unit: unit.clone(),
             is_stated: true,
             reason: "the command line says so".to_owned(),
         },
-        None => believed(
-            inspect_unit(&found.cloud, read),
-            model.info().unit.as_deref(),
-            &request.template,
-        ),
-    }
-}
-
-/// All warnings: of reading, of the template, of its unit, of the fit.
-fn warnings(found: &ScanFit, read: &ReadReport, model: &Model, unit: &UnitGuess) -> Vec<String> {
-    let mut warnings = read.warnings.clone();
-    warnings.extend(found.warnings.iter().map(ToString::to_string));
-    if let Some(said) = &model.info().unit
-        && !unit.unit.is_empty()
-        && *said != unit.unit
-    {
-        warnings.push(format!(
-            "the template is written in {said}, the scan in {} ({}); values are in the scan's unit",
-            unit.unit, unit.reason
-        ));
-    }
-    warnings.extend(found.fit.warnings.iter().map(sentence));
-    warnings
-}
-
-/// The template's unit in place of a guess: its bounds and starts are numbers of that unit, and a
-/// scan in another one would not meet them.
-fn believed(seen: UnitGuess, template: Option<&str>, name: &Path) -> UnitGuess {
-    match template {
-        Some(unit) if !seen.is_stated => UnitGuess {
-            unit: unit.to_owned(),
-            is_stated: true,
-            reason: format!("the template {} says so", name.display()),
-        },
-        _ => seen,
+        None => found.unit(read, &request.template.display().to_string()),
     }
 }
 
@@ -264,17 +230,4 @@ fn fit_failure(error: &FitError, scan: &str) -> Failure {
         }
         _ => Failure::new(NO_RESULT, "fit", message),
     }
-}
-
-/// A warning of the fit, with the option that takes points in which were left out.
-fn sentence(warning: &Warning) -> String {
-    let option = match warning {
-        Warning::Beside { why, .. } => match why {
-            Beside::Plane => "--keep-planes",
-            Beside::Apart => "--keep-apart",
-            Beside::Stray => "--no-outlier-filter",
-        },
-        other => return other.to_string(),
-    };
-    format!("{warning}; {option} fits them, too")
 }

@@ -2,24 +2,9 @@
 
 use super::Made;
 use crate::output;
-use isoform::report::{AboutSurface, Sidecar, SurfaceReport, TriangulateReport, WrittenFile};
+use isoform::report::{Sidecar, SurfaceReport, TriangulateReport, WrittenFile};
 use isoform::tess::Surface;
 use serde_json::{Value, json};
-
-/// What the reports of the library are made from.
-fn about(made: &Made) -> AboutSurface<'_> {
-    AboutSurface {
-        file: &made.name,
-        maps: &made.maps,
-        analyses: &made.analyses,
-        patches: made.patches.len(),
-        options: &made.options,
-        is_box_chosen: made.is_chosen,
-        surface: &made.surface,
-        topology: &made.topology,
-        seconds: &made.seconds,
-    }
-}
 
 /// What --json prints: the report, and what was asked for and made.
 pub(super) fn document(made: &Made) -> Value {
@@ -28,13 +13,16 @@ pub(super) fn document(made: &Made) -> Value {
         format: w.format,
         warnings: w.warnings.clone(),
     });
-    output::json_of(&TriangulateReport::new(&about(made), files.collect()))
+    output::json_of(&TriangulateReport::new(
+        &made.drawn.about(&made.name),
+        files.collect(),
+    ))
 }
 
 /// The file of the report.
 pub(super) fn file(made: &Made) -> Vec<u8> {
     let mut json = json!({"schema": 1});
-    let report = SurfaceReport::new(&about(made));
+    let report = SurfaceReport::new(&made.drawn.about(&made.name));
     output::add(&mut json, output::json_of(&report));
     let mut bytes = serde_json::to_vec_pretty(&json).unwrap_or_default();
     bytes.push(b'\n');

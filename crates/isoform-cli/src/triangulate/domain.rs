@@ -42,9 +42,10 @@ fn pair([x, y]: [f64; 2]) -> String {
 /// The triangles in the plane of parameters, with the edges that have one triangle or more than
 /// two, and the real base points.
 pub(super) fn svg(made: &Made) -> String {
-    let triangles = triangles(&made.surface);
-    let edges = edges(&made.surface);
+    let triangles = triangles(&made.drawn.surface);
+    let edges = edges(&made.drawn.surface);
     let base_points: Vec<[f64; 2]> = made
+        .drawn
         .analyses
         .iter()
         .filter_map(|a| a.base_points.as_ref())

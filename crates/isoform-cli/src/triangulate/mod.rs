@@ -12,21 +12,19 @@ use crate::interrupt;
 use crate::mesh::files::{self, Target, Written};
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
-use isoform::algebra::{Poly, RBig};
-use isoform::geom::Mesh;
-use isoform::io::{FilePatch, MapFileError, is_patch_file, read_map, read_patches};
+use isoform::algebra::RBig;
+use isoform::io::MapFileError;
 use isoform::tess::{
-    Analysis, Domain, Finding, Map, MapError, MeshOptions, Mode, Options, Patch, Surface,
-    TriangulateOptions, VARIABLES,
+    Domain, Finding, Map, MapError, MeshOptions, Mode, Surface, TriangulateOptions, VARIABLES,
 };
-use isoform::{Control, PatchesError, SurfaceBox, Topology, topology};
+use isoform::{
+    PatchesError, RationalSurface, RationalSurfaceError, SurfaceBox, TriangulatedSurface,
+    exact_number,
+};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
-/// The share of a time limit that the phases named in [`Budget::seconds`] may take: triangles come
-/// after them, and take less.
-pub(crate) const EXACT_SHARE: f64 = 0.6;
 /// Triangulates a rational parametric surface in a box
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -122,10 +120,7 @@ pub(crate) struct HalfWidth {
 
 /// Reads a rational number exactly as it is written.
 fn rational(text: &str) -> Result<RBig, String> {
-    let exact = Poly::parse(text.trim(), &[])
-        .ok()
-        .and_then(|p| p.as_constant());
-    exact.ok_or_else(|| {
+    exact_number(text).ok_or_else(|| {
         "a decimal number or a fraction is expected, such as 2, 0.1 or 1/3".to_owned()
     })
 }
@@ -173,42 +168,28 @@ fn at_least_one(text: &str) -> Result<usize, String> {
         .ok_or_else(|| "a positive integer is expected".to_owned())
 }
 
-/// A triangulated surface with all that is known of it.
+/// A triangulated surface, and where it went.
 struct Made {
     /// Name of the map's file.
     name: String,
-    /// One, or one for every patch.
-    maps: Vec<Map>,
-    /// What is known of each map.
-    analyses: Vec<Analysis>,
-    /// The names of patches; none for a map.
-    patches: Vec<String>,
+    /// The triangles with all that is known of them.
+    drawn: TriangulatedSurface,
     /// B to the nearest double.
     half_width: f64,
-    /// Whether B was not given, but comes from bounds of the surface.
-    is_chosen: bool,
-    /// What was asked for.
-    options: TriangulateOptions,
-    /// Triangles, with what is claimed of them.
-    surface: Surface,
-    /// Topology of the triangles.
-    topology: Topology,
     written: Vec<Written>,
-    /// Seconds by phase.
-    seconds: Vec<(&'static str, f64)>,
 }
 
 impl Made {
     /// Whether every claim about the surface holds.
     fn is_certified(&self) -> bool {
-        self.surface.is_certified()
+        self.drawn.surface.is_certified()
     }
     /// Warns of the common factor that a map was divided by.
     fn warn_of_factors(&self, context: &Context) {
-        if !self.patches.is_empty() {
+        if !self.drawn.patches.is_empty() {
             return;
         }
-        for factor in self.maps.iter().filter_map(Map::removed) {
+        for factor in self.drawn.maps.iter().filter_map(Map::removed) {
             context.warn(format_args!(
                 "X, Y, Z and W were divided by their common factor {}",
                 factor.display(&VARIABLES)
@@ -218,14 +199,10 @@ impl Made {
     /// Writes the mesh, then the sidecar, the drawing of the parameters and the report; the bytes
     /// of the mesh that is for stdout.
     fn write(&mut self, targets: &[Target], args: &Args) -> Result<Vec<u8>, Failure> {
-        let surface = &self.surface;
-        let mut mesh = Mesh::from_triangles(surface.points.clone(), surface.triangles.clone());
-        mesh.triangle_parts.clone_from(&surface.patches);
-        mesh.parts.clone_from(&self.patches);
-        let (written, stdout) = files::write_mesh_files(&mesh, None, targets)?;
+        let (written, stdout) = files::write_mesh_files(&self.drawn.mesh(), None, targets)?;
         self.written = written;
         if let Some(path) = &args.sidecar {
-            output::write_file(path, &document::sidecar(&self.surface))?;
+            output::write_file(path, &document::sidecar(&self.drawn.surface))?;
         }
         if let Some(path) = &args.domain {
             output::write_file(path, domain::svg(self).as_bytes())?;
@@ -253,9 +230,10 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let clock = Instant::now();
     let file = made.write(&targets, args)?;
     if !targets.is_empty() || beside.iter().any(|path| path.is_some()) {
-        made.seconds.push(("write", clock.elapsed().as_secs_f64()));
+        let took = clock.elapsed().as_secs_f64();
+        made.drawn.seconds.push(("write", took));
     }
-    if made.surface.sheets > 1 {
+    if made.drawn.surface.sheets > 1 {
         context.note("the map is improper: its parameters cover the surface more than once");
     }
 
@@ -283,52 +261,22 @@ fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
     Ok(())
 }
 
-/// What there is to draw.
-pub(crate) enum Subject {
-    Map(Box<Map>),
-    Patches(Vec<Patch>),
-}
-
-impl Subject {
-    /// Whether it is a map, whose parameters are the whole plane.
-    fn is_map(&self) -> bool {
-        matches!(self, Self::Map(_))
-    }
-    /// The names of patches; none for a map.
-    fn patch_names(&self) -> Vec<String> {
-        match self {
-            Self::Map(_) => Vec::new(),
-            Self::Patches(list) => list.iter().map(|p| p.name.clone()).collect(),
-        }
-    }
-}
-
 /// Reads and checks a map, or patches.
-pub(crate) fn read(path: &Path, reduce: bool) -> Result<Subject, Failure> {
+pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure> {
     let text = output::text(output::read_file(path)?);
     let path = if path == Path::new("-") {
         Path::new("stdin")
     } else {
         path
     };
-    if let Some(json) = serde_json::from_str::<Value>(&text)
-        .ok()
-        .filter(is_patch_file)
-    {
-        let patches = read_patches(&json).map_err(|e| {
+    RationalSurface::parse(&text, reduce).map_err(|e| match e {
+        RationalSurfaceError::Patches(e) => {
             refused(path, "not_patches", &e).hint("see Patches in docs/rational.md")
-        })?;
-        return Ok(Subject::Patches(patches.into_iter().map(patch).collect()));
-    }
-    let file = read_map(&text).map_err(|e| unreadable(&e, path, &text))?;
-    Map::new(file.polynomials, Options { reduce })
-        .map(|m| Subject::Map(Box::new(m)))
-        .map_err(|e| invalid(&e, path))
-}
-
-/// A patch of a file as the library takes it, with exact control points.
-fn patch(p: FilePatch) -> Patch {
-    Patch::new(p.name, p.degree, p.control.exact())
+        }
+        RationalSurfaceError::File(e) => unreadable(&e, path, &text),
+        RationalSurfaceError::Map(e) => invalid(&e, path),
+        e => refused(path, "map", &e),
+    })
 }
 
 /// The box about the origin in which a surface is drawn.
@@ -339,7 +287,7 @@ struct InBox {
 }
 
 /// The box as asked for, or around the surface where that is proved to have bounds.
-fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
+fn find_box(args: &Args, subject: &RationalSurface) -> Result<InBox, Failure> {
     if let Some(given) = &args.half_width {
         return Ok(InBox {
             around: SurfaceBox {
@@ -350,15 +298,13 @@ fn find_box(args: &Args, subject: &Subject) -> Result<InBox, Failure> {
         });
     }
     let domain = args.region();
-    let around = match subject {
-        Subject::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
-        Subject::Patches(patches) => SurfaceBox::of_patches(patches),
-    };
-    let Some(around) = around else {
+    let Some(around) = subject.bounds(domain) else {
         let why = match (subject, domain) {
-            (Subject::Map(_), None) => "the parameters are the whole plane",
-            (Subject::Map(_), Some(_)) => "W is not proved to keep its sign over the region",
-            (Subject::Patches(_), _) => "the weights are not proved to keep their sign",
+            (RationalSurface::Map(_), None) => "the parameters are the whole plane",
+            (RationalSurface::Map(_), Some(_)) => {
+                "W is not proved to keep its sign over the region"
+            }
+            (RationalSurface::Patches(_), _) => "the weights are not proved to keep their sign",
         };
         return Err(Failure::usage("--box is needed")
             .why(why.to_owned())
@@ -411,22 +357,8 @@ fn refused(path: &Path, code: &'static str, error: &dyn std::error::Error) -> Fa
     failure
 }
 
-/// The surface, and each map of it with what is known of it.
-fn triangles(
-    subject: Subject,
-    options: &TriangulateOptions,
-    control: &Control<'_>,
-) -> Result<(Surface, Vec<(Map, Analysis)>), PatchesError> {
-    match subject {
-        Subject::Map(map) => isoform::triangulate_map(&map, options, control)
-            .map(|(surface, analysis)| (surface, vec![(*map, analysis)]))
-            .map_err(PatchesError::from),
-        Subject::Patches(list) => isoform::triangulate_patches(&list, options, control),
-    }
-}
-
 /// Triangulates a map or patches, or says why there is no triangle.
-fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failure> {
+fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made, Failure> {
     if !subject.is_map() && args.region().is_some() {
         return Err(
             Failure::usage("patches are drawn over their own parameters")
@@ -434,20 +366,14 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
         );
     }
     let in_box = find_box(args, &subject)?;
-    let is_chosen = in_box.is_chosen;
-    let options = options(
-        args,
-        &in_box.around,
-        subject.is_map(),
-        context.global.time_limit,
-    );
+    let time_limit = context.global.time_limit;
+    let options = options(args, subject.options(&in_box.around, time_limit));
     let name = args.map.display().to_string();
     let control = context.control();
     let progress = Progress::new(context);
-    let patches = subject.patch_names();
-    let (surface, known) = progress
-        .during("triangulation", context.global.time_limit, || {
-            triangles(subject, &options, &control)
+    let drawn = progress
+        .during("triangulation", time_limit, || {
+            subject.triangulate(options, in_box.is_chosen, &control)
         })
         .map_err(|e| match e {
             PatchesError::Map { name: which, error } => {
@@ -457,69 +383,34 @@ fn make(args: &Args, subject: Subject, context: &Context) -> Result<Made, Failur
             PatchesError::Stopped => nothing(&name, None, context),
         })?;
     drop(progress);
-    if surface.triangles.is_empty() {
-        return Err(nothing(&name, Some((&surface, &options)), context));
+    if drawn.surface.triangles.is_empty() {
+        let empty = Some((&drawn.surface, &drawn.options));
+        return Err(nothing(&name, empty, context));
     }
-    let topology = topology(&surface.triangles);
-    let seconds = seconds_by_phase(&known);
-    let (maps, analyses) = known.into_iter().unzip();
-    let half_width = options.half_width.to_f64_fast();
     Ok(Made {
         name,
-        maps,
-        analyses,
-        patches,
-        half_width,
-        is_chosen,
-        options,
-        surface,
-        topology,
+        half_width: drawn.options.half_width.to_f64_fast(),
+        drawn,
         written: Vec::new(),
-        seconds,
     })
 }
 
-/// What is asked for, as the library takes it. Sheets are glued unless asked otherwise; sheets of
-/// patches are not.
-fn options(
-    args: &Args,
-    around: &SurfaceBox,
-    is_map: bool,
-    time_limit: Option<Duration>,
-) -> TriangulateOptions {
-    let of_patches = TriangulateOptions::of_patches(around);
-    let usual = of_patches.mesh;
-    let mut options = TriangulateOptions {
+/// What is asked for, as the library takes it: its own options, and what the command line changes.
+fn options(args: &Args, usual: TriangulateOptions) -> TriangulateOptions {
+    TriangulateOptions {
         domain: args.region().cloned(),
         mode: match args.mode {
             Some(Sheets::Glued) => Mode::Glued,
             Some(Sheets::Normalised) => Mode::Normalised,
-            None if is_map => Mode::Glued,
-            None => of_patches.mode,
+            None => usual.mode,
         },
         mesh: MeshOptions {
-            tolerance: args.tol.unwrap_or(usual.tolerance),
-            longest: args.longest.unwrap_or(usual.longest),
+            tolerance: args.tol.unwrap_or(usual.mesh.tolerance),
+            longest: args.longest.unwrap_or(usual.mesh.longest),
             triangles: args.triangles,
         },
-        ..of_patches
-    };
-    if let Some(limit) = time_limit {
-        options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
+        ..usual
     }
-    options
-}
-
-/// Seconds that each phase took over all maps, in the order in which phases first come.
-fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
-    let mut seconds: Vec<(&'static str, f64)> = Vec::new();
-    for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
-        match seconds.iter_mut().find(|known| known.0 == phase) {
-            Some(known) => known.1 += s,
-            None => seconds.push((phase, s)),
-        }
-    }
-    seconds
 }
 
 /// Why there is no triangle; of a surface and what it was to be, if the analysis came to its end.

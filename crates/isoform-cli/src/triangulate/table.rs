@@ -9,13 +9,13 @@ use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
 pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
-    let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
+    let seconds: f64 = made.drawn.seconds.iter().map(|s| s.1).sum();
     let mut text = line("map", map(made));
-    if let Some(domain) = made.options.domain.as_ref() {
+    if let Some(domain) = made.drawn.options.domain.as_ref() {
         text += &line("region", region(domain));
     }
     text += &line("box", in_box(made));
-    if let ([analysis], []) = (&made.analyses[..], &made.patches[..]) {
+    if let ([analysis], []) = (&made.drawn.analyses[..], &made.drawn.patches[..]) {
         text += &line("base points", base_points(analysis.base_points.as_deref()));
         text += &line("pole", pole(analysis.pole_topology.as_ref()));
         text += &line("double curve", double_curve(made));
@@ -33,7 +33,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
 
 /// The topology of the triangles and their number.
 fn mesh(made: &Made) -> String {
-    let (surface, topology) = (&made.surface, &made.topology);
+    let (surface, topology) = (&made.drawn.surface, &made.drawn.topology);
     let parts = [
         format!("Euler number {}", topology.euler),
         count(topology.components, "component"),
@@ -52,15 +52,15 @@ fn certificate(made: &Made) -> String {
         "not certified:"
     };
     let mut text = line("certificate", verdict.to_owned());
-    for finding in &made.surface.findings {
+    for finding in &made.drawn.surface.findings {
         text += &line("", finding.to_string());
     }
-    text + &line("claims", claims(&made.surface))
+    text + &line("claims", claims(&made.drawn.surface))
 }
 
 /// The degrees of the map, or how many patches there are.
 fn map(made: &Made) -> String {
-    match made.patches.len() {
+    match made.drawn.patches.len() {
         0 => degrees(made),
         n => format!(
             "{}, of degree {} or less",
@@ -79,8 +79,8 @@ fn region(domain: &Domain) -> String {
 
 /// The box, the fineness of the mesh in it, and the mode.
 fn in_box(made: &Made) -> String {
-    let mesh = &made.options.mesh;
-    let chosen = if made.is_chosen {
+    let mesh = &made.drawn.options.mesh;
+    let chosen = if made.drawn.is_box_chosen {
         ", chosen to hold all of it,"
     } else {
         ""
@@ -90,17 +90,17 @@ fn in_box(made: &Made) -> String {
         made.half_width,
         mesh.tolerance,
         mesh.longest,
-        mode_name(made.options.mode)
+        mode_name(made.drawn.options.mode)
     )
 }
 
 /// A line for each curve of parameters that the map contracts to points. The real components of one
 /// curve may be contracted to several conjugate points.
 fn contracted_curves(made: &Made) -> String {
-    if !made.patches.is_empty() {
+    if !made.drawn.patches.is_empty() {
         return String::new();
     }
-    let curves: Vec<_> = made.analyses.iter().flat_map(contracted).collect();
+    let curves: Vec<_> = made.drawn.analyses.iter().flat_map(contracted).collect();
     let curves = curves.chunk_by(|a, b| a.curve == b.curve);
     curves
         .enumerate()
@@ -166,7 +166,8 @@ fn count(n: usize, what: &str) -> String {
 
 /// The largest degree of the maps.
 fn degree(made: &Made) -> usize {
-    made.maps
+    made.drawn
+        .maps
         .iter()
         .map(isoform::tess::Map::degree)
         .max()
@@ -176,14 +177,14 @@ fn degree(made: &Made) -> usize {
 /// The degrees of the map and of the surface that it covers, and how often it does.
 fn degrees(made: &Made) -> String {
     let degree = degree(made);
-    match made.analyses.first().and_then(|a| a.degrees) {
+    match made.drawn.analyses.first().and_then(|a| a.degrees) {
         None => format!("of degree {degree}; how often it covers the surface is unknown"),
         Some(d) if d.map_degree == 1 => format!(
             "of degree {degree}, proper, onto a surface of degree {}",
             d.implicit_degree
         ),
         Some(d) => {
-            let drawn = match made.surface.sheets {
+            let drawn = match made.drawn.surface.sheets {
                 1 => ", of which one is drawn",
                 n if n < d.map_degree => ", of which some are drawn",
                 _ => "",
@@ -251,11 +252,11 @@ fn pole(pole: Option<&CurveTopology>) -> String {
 /// The arcs of the double curve in the box.
 fn double_curve(made: &Made) -> String {
     let (double, solitary) = (
-        made.surface.double_curve.len(),
-        made.surface.solitary_arcs.len(),
+        made.drawn.surface.double_curve.len(),
+        made.drawn.surface.solitary_arcs.len(),
     );
-    let is_glued = made.options.mode == Mode::Glued;
-    if is_glued && !made.surface.is_double_curve_known {
+    let is_glued = made.drawn.options.mode == Mode::Glued;
+    if is_glued && !made.drawn.surface.is_double_curve_known {
         return "not looked for to the end".to_owned();
     }
     match (double, solitary) {

@@ -1,0 +1,82 @@
+"""Isoform carries shapes between point clouds, implicit functions, rational patches and meshes.
+
+Points are arrays (n, 3) of float64 in the unit of their file; other numbers and lists are
+converted. Calls that take time release the lock of the interpreter, stop at Ctrl-C, and give the
+numbers of the program ``isoform`` to the last bit.
+
+>>> import isoform, numpy as np
+>>> ball = isoform.template("sphere")
+>>> mesh = isoform.mesh(ball, size=0.25, surface_only=True, params={"radius": 1})
+>>> result = isoform.fit(mesh.points, ball)
+>>> round(result.values["radius"], 6)
+1.0
+>>> isoform.compare(mesh.points, result.model).first_to_second["max"] < 1e-6
+True
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from ._brep import Brep, brep
+from ._compare import Comparison, compare
+from ._errors import IsoformError
+from ._fit import FitResult, fit
+from ._implicitize import Implicit, implicitize
+from ._isoform import __version__
+from ._mesh import Mesh, Triangles, mesh
+from ._model import Model, Parameter, template
+from ._parameterize import Patch, Patches, parameterize
+from ._points import PointCloud, read_points
+from ._recognize import Recognition, recognize
+from ._triangulate import Triangulation, triangulate
+from ._view import View, view
+
+if TYPE_CHECKING:
+    from . import distributed as distributed
+
+__all__ = [
+    "Brep",
+    "Comparison",
+    "FitResult",
+    "Implicit",
+    "IsoformError",
+    "Mesh",
+    "Model",
+    "Parameter",
+    "Patch",
+    "Patches",
+    "PointCloud",
+    "Recognition",
+    "Triangles",
+    "Triangulation",
+    "View",
+    "__version__",
+    "brep",
+    "compare",
+    "distributed",
+    "fit",
+    "implicitize",
+    "mesh",
+    "parameterize",
+    "read_points",
+    "recognize",
+    "template",
+    "triangulate",
+    "view",
+]
+
+# They are of this package, wherever they are written.
+for _name in __all__:
+    if callable(globals().get(_name)):
+        globals()[_name].__module__ = __name__
+del _name
+
+
+def __getattr__(name: str) -> Any:
+    """Loads what few need when it is asked for."""
+    if name == "distributed":
+        import importlib
+
+        return importlib.import_module("isoform.distributed")
+    raise AttributeError(f"module 'isoform' has no attribute {name!r}")

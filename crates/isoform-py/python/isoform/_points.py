@@ -1,0 +1,140 @@
+"""Clouds of points, out of files and arrays."""
+
+from __future__ import annotations
+
+import os
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _isoform
+from ._call import whole
+from ._errors import IsoformError
+
+#: What is taken as points.
+Points = Union["PointCloud", npt.ArrayLike]
+#: What is taken as a path.
+Path = Union[str, "os.PathLike[str]"]
+
+
+def as_points(points: Any) -> npt.NDArray[np.float64]:
+    """An array (n, 3) of float64, the given one where it is such."""
+    if isinstance(points, PointCloud):
+        return points.points
+    array = np.asarray(points)
+    if array.dtype != np.float64 or not array.dtype.isnative:
+        if array.dtype.kind not in "biuf" and array.size:
+            raise TypeError(f"points: numbers are expected, not {_kind(points, array)}")
+        array = array.astype(np.float64)
+    if array.ndim != 2 or array.shape[1] != 3:
+        raise IsoformError(
+            f"points are (n, 3), not {array.shape}", "shape", "an array of rows x, y, z"
+        )
+    return array
+
+
+def _kind(points: Any, array: npt.NDArray[Any]) -> str:
+    """What was given in the place of points."""
+    return type(points).__name__ if array.ndim == 0 else f"an array of {array.dtype}"
+
+
+class PointCloud:
+    """Points out of a file, with what else it says of them.
+
+    `read_points` makes it. Every function of the package takes it in the place of an array, and
+    `numpy.asarray` gives its points.
+
+    Attributes
+    ----------
+    points : numpy.ndarray
+        The points, (n, 3), float64, in the coordinates and the unit of the file.
+    normals : numpy.ndarray or None
+        Unit normals, (n, 3), float64.
+    colors : numpy.ndarray or None
+        Red, green and blue, (n, 3), uint8.
+    triangles : numpy.ndarray or None
+        Corners of triangles between the points, (m, 3), uint32, where the file is a mesh.
+    columns : dict
+        Further numbers of each point, (n,), by name.
+    unit : str or None
+        The unit of length that the file states: ``"mm"``, ``"m"``, ...
+    format : str
+        The format of the file.
+    warnings : list of str
+        What is odd about the file.
+    """
+
+    def __init__(self, native: _isoform.Cloud, name: str = "") -> None:
+        self._native = native
+        self.name = name
+        self.unit, self.format, self.warnings = native.about
+        self.points: npt.NDArray[np.float64] = native.points()
+        self.normals: npt.NDArray[np.float64] | None = native.normals()
+        self.colors: npt.NDArray[np.uint8] | None = native.colors()
+        self.triangles: npt.NDArray[np.uint32] | None = native.triangles()
+        self.columns: dict[str, npt.NDArray[np.float64]] = {
+            k: np.array(v) for k, v in native.columns()
+        }
+        # Writing into these would change nothing of what is computed with.
+        self.points.setflags(write=False)
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        array = np.asarray(self.points, dtype=dtype)
+        return array.copy() if copy else array
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def __repr__(self) -> str:
+        unit = f" in {self.unit}" if self.unit else ""
+        return f"<isoform.PointCloud {self.name!r}: {len(self)} points{unit}>"
+
+
+def as_cloud(points: Any) -> tuple[_isoform.Cloud, str]:
+    """A cloud of the compiled half, and its name for documents."""
+    if isinstance(points, PointCloud):
+        return points._native, points.name
+    return _isoform.Cloud(as_points(points)), "array"
+
+
+def read_points(
+    path: Path, format: str | None = None, max_points: int | None = None, seed: int = 1
+) -> PointCloud:
+    """Read points from a file; of a mesh the vertices.
+
+    Parameters
+    ----------
+    path : str or os.PathLike
+        PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ or E57.
+    format : str, optional
+        The format, where neither name nor content tell it.
+    max_points : int, optional
+        Take at most that many points, a random sample.
+    seed : int
+        Of the sample.
+
+    Returns
+    -------
+    PointCloud
+        With ``.points``, (n, 3) float64 in the unit of the file, ``.normals``, ``.colors`` and
+        ``.unit``, each None where the file has none.
+
+    Raises
+    ------
+    IsoformError
+        If there is no such file, or it cannot be read; with line and column in texts.
+
+    Examples
+    --------
+    >>> import isoform, pathlib, tempfile
+    >>> path = pathlib.Path(tempfile.mkdtemp()) / "two.xyz"
+    >>> _ = path.write_text("0 0 0\\n1 2 3\\n")
+    >>> isoform.read_points(path).points
+    array([[0., 0., 0.],
+           [1., 2., 3.]])
+    """
+    if max_points is not None:
+        max_points = whole("max_points", max_points, 1)
+    native = _isoform.read_points(os.fspath(path), format, max_points, whole("seed", seed))
+    return PointCloud(native, os.fspath(path))

@@ -1,0 +1,216 @@
+//! `mesh`: labelled surfaces and tetrahedra of a model, with a certificate.
+
+use crate::arrays::rows;
+use crate::document;
+use crate::error::Trouble;
+use crate::region::{Corners, length, some_region};
+use crate::run::{self, Asked};
+use crate::shape::Shape;
+use isoform::check::Limits;
+use isoform::geom::Mesh;
+use isoform::io::{MeshWriteOptions, write_mesh_path};
+use isoform::mesh::Options;
+use isoform::report::{MeshReport, ModelName, Seconds};
+use isoform::{MeshModelOptions, Unseen, mesh_model, mesh_spline};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::Arc;
+
+/// Bytes of a GiB.
+const GIB: f64 = (1u64 << 30) as f64;
+
+/// How a model is meshed, as Python says it.
+#[derive(FromPyObject)]
+pub(crate) struct Wanted {
+    #[pyo3(item)]
+    size: Option<f64>,
+    #[pyo3(item)]
+    order: u32,
+    #[pyo3(item)]
+    surface_only: bool,
+    #[pyo3(item)]
+    region: Option<Corners>,
+    #[pyo3(item)]
+    grade: Option<f64>,
+    #[pyo3(item)]
+    angles: Option<[f64; 2]>,
+    #[pyo3(item)]
+    memory: Option<f64>,
+    #[pyo3(item)]
+    close: bool,
+}
+
+impl Wanted {
+    /// Bounds of dihedral angles that some mesh may keep: a regular tetrahedron has 70.5 degrees.
+    fn angles(&self) -> Result<Option<[f64; 2]>, Trouble> {
+        match self.angles {
+            Some([min, max]) if !((0.0..=70.0).contains(&min) && (71.0..=180.0).contains(&max)) => {
+                let message = format!("angles are {min} and {max}");
+                Err(Trouble::usage(message).hint("at most 70 and at least 71 degrees"))
+            }
+            angles => Ok(angles),
+        }
+    }
+
+    /// As the library takes it.
+    pub(crate) fn options(&self) -> Result<MeshModelOptions, Trouble> {
+        let usual = Options::default();
+        let memory = length("memory", self.memory)?;
+        Ok(MeshModelOptions {
+            size: length("size", self.size)?,
+            limits: self
+                .angles()?
+                .map_or(Limits::default(), |[min, max]| Limits {
+                    dihedral_min: min,
+                    dihedral_max: max,
+                    ..Limits::default()
+                }),
+            mesh: Options {
+                grade: length("grade", self.grade)?,
+                order: self.order,
+                surface_only: self.surface_only,
+                region: some_region(self.region)?,
+                angles: self.angles.unwrap_or(usual.angles),
+                memory: memory.map_or(usual.memory, |gib| (gib * GIB) as u64),
+                ..usual
+            },
+        })
+    }
+}
+
+/// A mesh.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct MeshData {
+    pub(crate) mesh: Mesh,
+    unit: Option<String>,
+    document: String,
+}
+
+impl MeshData {
+    /// A mesh out of a file, or of another verb, with its document.
+    pub(crate) fn new(mesh: Mesh, unit: Option<String>, document: String) -> Self {
+        Self {
+            mesh,
+            unit,
+            document,
+        }
+    }
+}
+
+#[pymethods]
+impl MeshData {
+    /// The document of `mesh --json`, as text.
+    #[getter]
+    fn document(&self) -> &str {
+        &self.document
+    }
+    /// The names of the parts, of the regions and of the feature curves.
+    #[getter]
+    fn names(&self) -> (Vec<String>, Vec<String>, Vec<String>) {
+        let curves = self.mesh.curves.iter().map(|c| c.name.clone());
+        (
+            self.mesh.parts.clone(),
+            self.mesh.regions.clone(),
+            curves.collect(),
+        )
+    }
+    /// The nodes.
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        rows(py, self.mesh.points.clone())
+    }
+    /// The nodes of the triangles: corners, then those in the middles of edges.
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let (corners, mids) = (&self.mesh.triangles, &self.mesh.triangle_mids);
+        if mids.is_empty() {
+            return rows(py, corners.clone());
+        }
+        let both = corners.iter().zip(mids);
+        let whole = |(c, m): (&[u32; 3], &[u32; 3])| [c[0], c[1], c[2], m[0], m[1], m[2]];
+        rows(py, both.map(whole).collect())
+    }
+    /// The nodes of the tetrahedra: corners, then those in the middles of edges.
+    fn tetrahedra<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        let (corners, mids) = (&self.mesh.tets, &self.mesh.tet_mids);
+        if mids.is_empty() {
+            return rows(py, corners.clone());
+        }
+        let whole = |(c, m): (&[u32; 4], &[u32; 6])| {
+            [c[0], c[1], c[2], c[3], m[0], m[1], m[2], m[3], m[4], m[5]]
+        };
+        rows(py, corners.iter().zip(mids).map(whole).collect())
+    }
+    /// The part of each triangle.
+    fn triangle_parts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.mesh.triangle_parts)
+    }
+    /// The region of each tetrahedron.
+    fn regions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.mesh.tet_regions)
+    }
+    /// Writes a file; its ending names the format, unless one is given.
+    fn save(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> PyResult<Vec<String>> {
+        let options = MeshWriteOptions {
+            units: self.unit.clone(),
+            ..MeshWriteOptions::default()
+        };
+        let report = run::shortly(py, || {
+            write_mesh_path(&self.mesh, &path, format, &options).map_err(Trouble::from)
+        })??;
+        Ok(report.warnings)
+    }
+}
+
+/// Meshes a model with the values of its parameters; the name is for the document.
+#[pyfunction]
+pub(crate) fn mesh(
+    py: Python<'_>,
+    shape: Shape,
+    name: String,
+    wanted: Wanted,
+    asked: Asked<'_>,
+) -> PyResult<MeshData> {
+    let options = wanted.options()?;
+    let unseen = if wanted.close {
+        Unseen::Close
+    } else {
+        Unseen::Cut
+    };
+    let shape = Arc::new(shape.checked()?);
+    let theirs = shape.clone();
+    let made = run::run(py, &asked, move |control| match theirs.as_ref() {
+        Shape::Model(program, values) => {
+            mesh_model(program.get().model(), values, &options, control)
+        }
+        Shape::Fitted(fitted) => mesh_spline(fitted.get().function(), unseen, &options, control),
+    })?;
+    let made = made.map_err(Trouble::from)?;
+    let about = shape.about(name);
+    let unit = about.unit.clone();
+    let report = MeshReport::new(&made, about, Vec::new(), Seconds::default());
+    Ok(MeshData {
+        document: document::text(&report),
+        mesh: made.meshed.mesh,
+        unit,
+    })
+}
+
+/// What is meshed, for documents.
+impl Shape {
+    fn about(&self, file: String) -> ModelName {
+        match self {
+            Self::Model(program, values) => ModelName {
+                file,
+                object: program.get().model().name().to_owned(),
+                parameters: values.clone(),
+                unit: program.get().model().info().unit.clone(),
+            },
+            Self::Fitted(_) => ModelName {
+                file,
+                object: "surface".to_owned(),
+                parameters: Vec::new(),
+                unit: None,
+            },
+        }
+    }
+}

@@ -1,0 +1,288 @@
+//! HyperFun programs: their parameters, and their values at points.
+
+use crate::arrays::{PointsArg, Rows, is_finite, not_finite, rows};
+use crate::error::Trouble;
+use crate::fit::{POSES, named};
+use crate::run::{self, Asked};
+use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
+use isoform::fit::Template;
+use isoform::geom::Point3;
+use isoform::{FrepTemplate, parameter_values};
+use numpy::{PyArray1, PyArray2};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use std::sync::{Arc, OnceLock};
+
+/// Points that are computed at once: enough to make up for the start of a task, few enough to share
+/// among threads.
+const BLOCK: usize = 2048;
+
+/// A HyperFun program.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct Program(Arc<Compiled>);
+
+/// A program, compiled when it is first evaluated.
+struct Compiled {
+    model: Model,
+    template: OnceLock<FrepTemplate>,
+}
+
+impl Compiled {
+    /// The readings of the program, without a pose.
+    fn template(&self) -> Result<&FrepTemplate, Trouble> {
+        if let Some(template) = self.template.get() {
+            return Ok(template);
+        }
+        let made = FrepTemplate::with_pose(&self.model, Pose::None, &[])?;
+        Ok(self.template.get_or_init(|| made))
+    }
+}
+
+/// Name, kind, lower and upper bound, start, unit and description of a parameter.
+type Told = (
+    String,
+    String,
+    Option<f64>,
+    Option<f64>,
+    Option<f64>,
+    Option<String>,
+    String,
+);
+
+#[pymethods]
+impl Program {
+    /// Reads a program; of several objects the one of this name.
+    #[new]
+    #[pyo3(signature = (text, object=None))]
+    fn new(py: Python<'_>, text: &str, object: Option<&str>) -> PyResult<Self> {
+        let parsed = run::shortly(py, || Model::parse(text, Mode::Default))?;
+        let model = parsed.map_err(Trouble::from)?;
+        let model = model.object(object).map_err(|e| {
+            Trouble::usage(format!("no object is called {}", e.name))
+                .hint(format!("one of: {}", e.objects.join(", ")))
+        })?;
+        let template = OnceLock::new();
+        Ok(Self(Arc::new(Compiled { model, template })))
+    }
+
+    /// The name of the object.
+    #[getter]
+    fn name(&self) -> &str {
+        self.0.model.name()
+    }
+
+    /// The title and the unit, as annotated.
+    #[getter]
+    fn about(&self) -> (Option<&str>, Option<&str>) {
+        let info = self.0.model.info();
+        (info.title.as_deref(), info.unit.as_deref())
+    }
+
+    /// What may be wrong with the program, with line and column.
+    #[getter]
+    fn warnings(&self) -> Vec<(usize, usize, String)> {
+        let warnings = self.0.model.warnings().iter();
+        warnings
+            .map(|w| (w.line, w.column, w.message.clone()))
+            .collect()
+    }
+
+    /// The parameters.
+    #[getter]
+    fn parameters(&self) -> Vec<Told> {
+        self.0.model.params().iter().map(told).collect()
+    }
+
+    /// The values of all parameters where the first ones are given.
+    fn filled(&self, given: Vec<f64>) -> PyResult<Vec<f64>> {
+        Ok(self.values_of(given)?)
+    }
+
+    /// The names of all parameters that a fit finds, those of the pose included.
+    #[pyo3(signature = (pose=None))]
+    fn fitted_names(&self, pose: Option<&str>) -> PyResult<Vec<String>> {
+        let asked = pose.map(|p| named("pose", p, POSES)).transpose()?;
+        let pose = asked.or(self.0.model.info().pose).unwrap_or(Pose::None);
+        let template = FrepTemplate::with_pose(&self.0.model, pose, &[]).map_err(Trouble::from)?;
+        let parameters = template.parameters().iter();
+        Ok(parameters.map(|p| p.name.clone()).collect())
+    }
+
+    /// The values of the function.
+    fn values<'py>(
+        &self,
+        py: Python<'py>,
+        points: PointsArg<'py>,
+        given: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        self.reading(py, &points, given, false)
+    }
+
+    /// The gradients of the function.
+    fn gradients<'py>(
+        &self,
+        py: Python<'py>,
+        points: PointsArg<'py>,
+        given: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let gradients = of_points(py, &points, |block: &[Point3], out: &mut [Point3]| {
+            let mut values = vec![0.0; block.len()];
+            template.algebraic().gradients(block, &a, &mut values, out);
+        })?;
+        rows(py, gradients)
+    }
+
+    /// The near signed distances from the surface.
+    fn metric<'py>(
+        &self,
+        py: Python<'py>,
+        points: PointsArg<'py>,
+        given: Vec<f64>,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        self.reading(py, &points, given, true)
+    }
+
+    /// The numbers of the nearest parts, and the names of all.
+    fn parts<'py>(
+        &self,
+        py: Python<'py>,
+        points: PointsArg<'py>,
+        given: Vec<f64>,
+    ) -> PyResult<(Bound<'py, PyArray1<u32>>, Vec<String>)> {
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let parts = of_points(py, &points, |block: &[Point3], out: &mut [u32]| {
+            template.parts(block, &a, out);
+        })?;
+        Ok((
+            PyArray1::from_vec(py, parts),
+            template.part_names().to_vec(),
+        ))
+    }
+
+    /// Why the function has no value at a point, with line and column; none where it has.
+    fn trouble(&self, point: Point3, given: Vec<f64>) -> PyResult<Option<(usize, usize, String)>> {
+        let a = self.values_of(given)?;
+        let found = self.0.model.eval(&point, &a, &[]);
+        Ok(found.err().map(|e| (e.line, e.column, e.message)))
+    }
+}
+
+impl Program {
+    pub(crate) fn model(&self) -> &Model {
+        &self.0.model
+    }
+
+    /// The values of the function, or its metric reading; NaN where running the program finds no
+    /// value, as for the command line.
+    fn reading<'py>(
+        &self,
+        py: Python<'py>,
+        points: &PointsArg<'py>,
+        given: Vec<f64>,
+        is_metric: bool,
+    ) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let run = |p: &Point3| self.0.model.eval(p, &a, &[]).map_or(f64::NAN, |e| e.f);
+        let compute = |block: &[Point3], out: &mut [f64]| {
+            template.algebraic().values(block, &a, out);
+            let doubtful = (0..out.len()).filter(|k| !out[*k].is_finite());
+            let decided: Vec<(usize, f64)> = doubtful.map(|k| (k, run(&block[k]))).collect();
+            if is_metric {
+                template.metric().values(block, &a, out);
+            }
+            for (k, value) in decided {
+                if value.is_nan() || !is_metric {
+                    out[k] = value;
+                }
+            }
+        };
+        Ok(PyArray1::from_vec(py, of_points(py, points, compute)?))
+    }
+
+    /// The readings, compiled by a thread that Ctrl-C can leave: large programs take long.
+    fn compiled(&self, py: Python<'_>) -> PyResult<&FrepTemplate> {
+        if self.0.template.get().is_none() {
+            let theirs = self.0.clone();
+            run::run(py, &Asked::default(), move |_| theirs.template().map(drop))??;
+        }
+        Ok(self.0.template()?)
+    }
+
+    /// The readings of the program, without a pose.
+    pub(crate) fn template(&self) -> Result<&FrepTemplate, Trouble> {
+        self.0.template()
+    }
+
+    /// The values of all parameters, which must be finite.
+    pub(crate) fn values_of(&self, given: Vec<f64>) -> Result<Vec<f64>, Trouble> {
+        if let Some(i) = given.iter().position(|v| !v.is_finite()) {
+            let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
+            let message = format!("parameter {} ({name}) is {}", i + 1, given[i]);
+            return Err(Trouble::new("not-finite", message));
+        }
+        Ok(parameter_values(&self.0.model, &given)?)
+    }
+}
+
+/// What is said of a parameter; bounds that are shares of a scan's box are open.
+fn told(info: &ParamInfo) -> Told {
+    let number = |amount: Option<Amount>| amount.and_then(Amount::value);
+    (
+        info.name.clone(),
+        format!("{:?}", info.kind).to_lowercase(),
+        number(info.min),
+        number(info.max),
+        info.typical.or(number(info.start)),
+        info.unit.clone(),
+        info.description.clone(),
+    )
+}
+
+/// What `compute` makes of points, block by block, on all cores where there are many. The points
+/// must be finite.
+pub(crate) fn of_points<T: Clone + Default + Send>(
+    py: Python<'_>,
+    points: &PointsArg<'_>,
+    compute: impl Fn(&[Point3], &mut [T]) + Sync,
+) -> PyResult<Vec<T>> {
+    let rows = Rows::new(points)?;
+    let mut out = vec![T::default(); rows.len()];
+    let of_block = |(i, out): (usize, &mut [T])| {
+        rows.block(i * BLOCK, out.len(), |block| {
+            if let Some(k) = block.iter().position(|p| !is_finite(p)) {
+                return Err(not_finite(i * BLOCK + k));
+            }
+            compute(block, out);
+            Ok(())
+        })
+    };
+    if out.len() <= BLOCK {
+        run::shortly(py, || of_block((0, &mut out)))??;
+    } else {
+        let asked = Asked::default();
+        run::scoped(py, &asked, |control| {
+            out.par_chunks_mut(BLOCK).enumerate().try_for_each(|block| {
+                control.check().map_err(Trouble::stopped)?;
+                of_block(block)
+            })
+        })??;
+    }
+    Ok(out)
+}
+
+/// The program of a built-in template.
+#[pyfunction]
+pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
+    match isoform::template(name) {
+        Some(found) => Ok((found.name, found.program)),
+        None => {
+            let names: Vec<&str> = isoform::templates().map(|t| t.name).collect();
+            Err(
+                Trouble::new("template", format!("no template is called {name}"))
+                    .hint(format!("one of: {}", names.join(", ")))
+                    .into(),
+            )
+        }
+    }
+}

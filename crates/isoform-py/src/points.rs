@@ -1,0 +1,117 @@
+//! Clouds of points, out of files and arrays.
+
+use crate::arrays::{PointsArg, Rows, rows};
+use crate::error::Trouble;
+use crate::run::{self, Asked};
+use isoform::geom::PointCloud;
+use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
+use numpy::PyArray2;
+use pyo3::prelude::*;
+use std::path::PathBuf;
+
+/// Points, and what their reader says.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct Cloud {
+    pub(crate) cloud: PointCloud,
+    pub(crate) report: ReadReport,
+}
+
+#[pymethods]
+impl Cloud {
+    /// Points of an array, all finite.
+    #[new]
+    fn new(py: Python<'_>, points: PointsArg<'_>) -> PyResult<Self> {
+        let rows = Rows::new(&points)?;
+        let points = run::shortly(py, || rows.to_points())??;
+        let report = ReadReport {
+            format: "array",
+            file: String::new(),
+            declared: None,
+            rows: points.len() as u64,
+            dropped_points: 0,
+            dropped_triangles: 0,
+            subsampled: false,
+            units: None,
+            warnings: Vec::new(),
+        };
+        Ok(Self {
+            // As files are read.
+            cloud: PointCloud::from_points(points).recentred(),
+            report,
+        })
+    }
+
+    /// The points, in the coordinates of the file.
+    fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let cloud = &self.cloud;
+        let place = |i| cloud.absolute(i);
+        rows(py, (0..cloud.points.len()).map(place).collect())
+    }
+
+    /// The normals, none where the file has none.
+    fn normals<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<f64>>>> {
+        let normals = &self.cloud.normals;
+        let there = !normals.is_empty();
+        there.then(|| rows(py, normals.clone())).transpose()
+    }
+
+    /// The colours, none where the file has none.
+    fn colors<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<u8>>>> {
+        let colors = &self.cloud.colors;
+        let there = !colors.is_empty();
+        there.then(|| rows(py, colors.clone())).transpose()
+    }
+
+    /// The triangles, none where the file is no mesh.
+    fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray2<u32>>>> {
+        let triangles = &self.cloud.triangles;
+        let there = !triangles.is_empty();
+        there.then(|| rows(py, triangles.clone())).transpose()
+    }
+
+    /// Further columns of the file: names and values.
+    fn columns(&self) -> Vec<(String, Vec<f64>)> {
+        let columns = self.cloud.columns.iter();
+        columns
+            .map(|c| (c.name.clone(), c.values.clone()))
+            .collect()
+    }
+
+    /// The file's unit of length, its format, and what is odd about it.
+    #[getter]
+    fn about(&self) -> (Option<&str>, &str, Vec<String>) {
+        let report = &self.report;
+        (
+            report.units.as_deref(),
+            report.format,
+            report.warnings.clone(),
+        )
+    }
+
+    fn __len__(&self) -> usize {
+        self.cloud.points.len()
+    }
+}
+
+/// Reads points, of meshes the vertices.
+#[pyfunction]
+pub(crate) fn read_points(
+    py: Python<'_>,
+    path: PathBuf,
+    format: Option<&str>,
+    max_points: Option<usize>,
+    seed: u64,
+) -> PyResult<Cloud> {
+    let options = ReadOptions {
+        max_points,
+        seed,
+        mesh: MeshPoints::Vertices,
+        ..ReadOptions::default()
+    };
+    let format = format.map(str::to_owned);
+    run::run(py, &Asked::default(), move |_| {
+        let (cloud, report) = read(Source::Path(&path), format.as_deref(), &options)?;
+        Ok(Cloud { cloud, report })
+    })?
+    .map_err(|e: ReadError| Trouble::from(&e).into())
+}

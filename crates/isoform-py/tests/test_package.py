@@ -1,0 +1,341 @@
+"""Tests of the Python package beside the acceptance script: what it refuses, and how it ends."""
+
+import contextlib
+import copy
+import importlib.util
+import io
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import tempfile
+import textwrap
+import threading
+import time
+import unittest
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+import isoform
+from isoform import IsoformError
+
+BALL = """-- @param a[1] cx x
+-- @param a[2] radius length min=0.01
+my_model(x[3], a[2]) {
+  array c[3]; c[1] = a[1]; c[2] = 0; c[3] = 0;
+  my_model = hfSphere(x, c, a[2]);
+}
+"""
+VALUES = {"cx": 0.5, "radius": 2.0}
+
+
+def on_ball(count=400, seed=1):
+    """Points of the ball with `VALUES`, with some noise."""
+    rng = np.random.default_rng(seed)
+    g = rng.normal(size=(count, 3))
+    return [0.5, 0, 0] + (2 + 1e-3 * rng.normal(size=(count, 1))) * g / np.linalg.norm(
+        g, axis=1, keepdims=True
+    )
+
+
+class Refused(unittest.TestCase):
+    """Exceptions with code, place and hint."""
+
+    def refused(self, code, call):
+        with self.assertRaises(IsoformError) as caught:
+            call()
+        self.assertEqual(caught.exception.code, code)
+        return caught.exception
+
+    def test_place_of_a_fault(self):
+        error = self.refused("syntax", lambda: isoform.Model("f(x[3], a[1])\n{ f = x[1] + ; }"))
+        self.assertEqual((error.line, error.column), (2, 14))
+        self.assertTrue(str(error).startswith("2:14: "))
+
+    def test_fault_of_a_file_names_it(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "bad.hf"
+            path.write_text("f(x[3], a[1]) { f = ; }")
+            error = self.refused("syntax", lambda: isoform.Model.load(path))
+            self.assertIn("bad.hf:1:", str(error))
+
+    def test_errors_travel(self):
+        error = self.refused("template", lambda: isoform.template("teapot"))
+        other = pickle.loads(pickle.dumps(error))
+        self.assertEqual((str(other), other.code, other.hint), (str(error), error.code, error.hint))
+        self.assertIn("cup", other.hint)
+
+    def test_arrays_that_are_no_points(self):
+        ball = isoform.Model(BALL)
+        for points in (np.zeros((4, 2)), np.zeros(3), np.zeros((2, 3, 1)), [], 7.0, [[1, 2]]):
+            self.refused("shape", lambda: ball(points))
+        for points in ("abc", None, [["a", "b", "c"]], np.zeros((2, 3), complex)):
+            with self.assertRaises(TypeError):
+                ball(points)
+        far = np.zeros((5000, 3))
+        far[4321, 2] = np.inf
+        self.assertIn("4321", str(self.refused("not-finite", lambda: ball(far))))
+
+    def test_arguments_out_of_range(self):
+        ball, points = isoform.Model(BALL), on_ball(50)
+        self.refused("usage", lambda: isoform.mesh(ball, size=float("nan")))
+        self.refused("usage", lambda: isoform.mesh(ball, size=0.5, order=3))
+        self.refused("usage", lambda: isoform.mesh(ball, box=((0, 0, 0), (0, 1, 1))))
+        self.refused("usage", lambda: isoform.mesh(ball, box=(1, 2, 3)))
+        self.refused("usage", lambda: isoform.fit(points, ball, threads=0))
+        self.refused("usage", lambda: isoform.fit(points, ball, time_limit=-1.0))
+        self.refused("usage", lambda: isoform.fit(points, ball, method="magic"))
+        self.refused("usage", lambda: isoform.fit(points, ball, start={"cx": 1.0}))
+        self.refused("bounds", lambda: isoform.fit(points, ball, bounds={"cx": 3}))
+        self.refused("usage", lambda: isoform.parameterize(ball, cover=True))
+        self.refused("usage", lambda: isoform.triangulate({"X": "s", "Y": "t", "Z": "0", "W": "1"}))
+        self.refused("usage", lambda: isoform.fit(points, ball, seed=-1))
+        self.refused("usage", lambda: isoform.fit(points, ball, threads=10**6))
+        self.refused("usage", lambda: isoform.mesh(ball, angles=(80, 20)))
+        self.refused("usage", lambda: isoform.parameterize(ball, (0, 2)))
+        self.refused("memory", lambda: isoform.mesh(ball, size=1e-5, memory=1e30))
+        with self.assertRaises(TypeError):
+            isoform.fit(points, ball, progress="loud")
+        with self.assertRaises(TypeError):
+            isoform.fit(points, ball, seed=1.5)
+        with self.assertRaises(TypeError):
+            isoform.mesh(BALL)
+
+    def test_no_value_is_nan_and_said(self):
+        root = isoform.Model("f(x[3], a[1]) { f = sqrt(x[1]); }")
+        with self.assertWarns(RuntimeWarning) as caught:
+            values = root([[4.0, 0, 0], [-1.0, 0, 0]])
+        self.assertEqual(values[0], 2.0)
+        self.assertTrue(np.isnan(values[1]))
+        self.assertIn("1 of 2 points", str(caught.warning))
+        # What is infinite is no value, either: the program refuses it.
+        cone = isoform.Model("f(x[3], a[1]) { array c[3]; c = [0, 0, 0]; f = hfConeX(x, c, a[1]); }")
+        for reading in (cone, cone.metric):
+            with self.assertWarns(RuntimeWarning):
+                self.assertTrue(np.isnan(reading([[1.0, 1, 1]])).all())
+
+
+class Arrays(unittest.TestCase):
+    """Whose memory is whose."""
+
+    def test_many_points_are_as_few(self):
+        ball = isoform.Model(BALL)
+        points = np.random.default_rng(2).normal(size=(10_000, 3))
+        whole = ball(points, VALUES)
+        parts = np.concatenate([ball(points[i : i + 100], VALUES) for i in range(0, 10_000, 100)])
+        self.assertTrue((whole == parts).all())
+        self.assertTrue((ball(points.T.copy().T, VALUES) == whole).all())
+        self.assertTrue((ball(points[::-1], VALUES) == whole[::-1]).all())
+
+    def test_meshes_are_not_written_to(self):
+        mesh = isoform.mesh(isoform.Model(BALL), size=0.8, params=VALUES)
+        for array in (mesh.points, mesh.triangles, mesh.tetrahedra):
+            with self.assertRaises(ValueError):
+                array[0, 0] = 1
+
+    def test_clouds_are_arrays(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "a.xyz"
+            np.savetxt(path, on_ball(20))
+            cloud = isoform.read_points(path)
+        self.assertEqual(np.asarray(cloud).shape, (20, 3))
+        self.assertEqual(isoform.Model(BALL)(cloud, VALUES).shape, (20,))
+        self.assertEqual(len(cloud), 20)
+
+
+class Work(unittest.TestCase):
+    """Threads, progress, cancelling."""
+
+    def test_threads_change_no_bit(self):
+        ball, points = isoform.Model(BALL), on_ball()
+        one, two = (isoform.fit(points, ball, threads=n).to_dict() for n in (1, 2))
+        one.pop("seconds"), two.pop("seconds")
+        self.assertEqual(one, two)
+
+    def test_progress_can_stop(self):
+        def stop(phase, done):
+            return False
+
+        started = time.monotonic()
+        with self.assertRaises(IsoformError) as caught:
+            isoform.mesh(isoform.Model(BALL), size=0.04, params=VALUES, progress=stop)
+        self.assertEqual(caught.exception.code, "time-limit")
+        self.assertLess(time.monotonic() - started, 20)
+
+    def test_time_limit(self):
+        with self.assertRaises(IsoformError) as caught:
+            isoform.mesh(isoform.Model(BALL), size=0.04, params=VALUES, time_limit=0.2)
+        self.assertEqual(caught.exception.code, "time-limit")
+
+    def test_progress_in_words(self):
+        said = io.StringIO()
+        with contextlib.redirect_stderr(said):
+            isoform.fit(on_ball(), isoform.Model(BALL), progress=True)
+        self.assertTrue(said.getvalue())
+
+    def test_calls_of_several_threads(self):
+        ball, points, found = isoform.Model(BALL), on_ball(), []
+        work = lambda: found.append(isoform.fit(points, ball).values["radius"])
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        [t.start() for t in threads]
+        [t.join() for t in threads]
+        self.assertEqual(len(found), 4)
+        self.assertEqual(len(set(found)), 1)
+
+    @unittest.skipIf(os.name == "nt", "signals of Unix")
+    def test_ctrl_c(self):
+        surface = '{"F": "x^4 + y^4 + z^4 - x^2 - y^2 - z^2 + 1/3"}'
+        # The last two do not look at the flag that often.
+        calls = [
+            f"isoform.parameterize({surface}, (3, 3), box=2, tol=1e-9, cover=True)",
+            "isoform.recognize(points)",
+            "isoform.compare(points, isoform.template('testpart'), samples=2_000_000)",
+        ]
+        for call in calls:
+            with self.subTest(call):
+                self.interrupt(call)
+
+    def interrupt(self, call):
+        """Ctrl-C in a call: its exception comes, and the interpreter goes on."""
+        text = f"""
+            import isoform, numpy as np
+            points = np.random.default_rng(1).normal(size=(600_000, 3))
+            print("start", flush=True)
+            try: {call}
+            except KeyboardInterrupt: print("stopped", flush=True)
+            print(isoform.template("sphere")(points[:1], [0, 0, 0, 1]).shape)
+        """
+        command = [sys.executable, "-c", textwrap.dedent(text)]
+        process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+        process.stdout.readline()
+        time.sleep(0.5)
+        process.send_signal(signal.SIGINT)
+        sent = time.monotonic()
+        self.assertEqual(process.stdout.readline().strip(), "stopped")
+        # Two seconds, on a machine that does nothing else.
+        self.assertLess(time.monotonic() - sent, 5)
+        self.assertEqual(process.stdout.read().strip(), "(1,)")
+        self.assertEqual(process.wait(timeout=30), 0)
+        process.stdout.close()
+
+
+class Copies(unittest.TestCase):
+    """What can be copied and sent."""
+
+    def test_models(self):
+        ball, points = isoform.Model(BALL, name="ball"), on_ball(30)
+        for other in (copy.deepcopy(ball), pickle.loads(pickle.dumps(ball))):
+            self.assertTrue((other(points, VALUES) == ball(points, VALUES)).all())
+            self.assertEqual(other.name, "ball")
+
+    def test_fits(self):
+        result = isoform.fit(on_ball(), isoform.Model(BALL))
+        other = pickle.loads(pickle.dumps(result))
+        self.assertEqual(other.values, result.values)
+        self.assertTrue((other.deviation == result.deviation).all())
+        self.assertIn("<iframe", isoform.view(other)._repr_html_())
+
+    def test_warnings_of_programs_are_warnings(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            isoform.template("cup")
+
+
+def installed(*names):
+    """Whether all of these packages are there."""
+    return all(importlib.util.find_spec(name) for name in names)
+
+
+class Neighbours(unittest.TestCase):
+    """Packages that results are handed to."""
+
+    def setUp(self):
+        self.ball = isoform.Model(BALL)
+        self.mesh = isoform.mesh(self.ball, size=0.9, order=2, params=VALUES)
+
+    @unittest.skipUnless(installed("meshio"), "meshio is not installed")
+    def test_meshio_has_nodes_in_the_middles(self):
+        import meshio
+
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "ball.msh"
+            self.mesh.save(path)
+            theirs = meshio.read(path)
+        ours = self.mesh.to_meshio()
+        for kind in ("tetra10", "triangle6"):
+            a, b = theirs.get_cells_type(kind), ours.get_cells_type(kind)
+            self.assertTrue((theirs.points[a] == ours.points[b]).all(), kind)
+
+    @unittest.skipUnless(installed("pyvista"), "pyvista is not installed")
+    def test_pyvista_measures_the_ball(self):
+        grid = isoform.mesh(self.ball, size=0.5, params=VALUES).to_pyvista()
+        self.assertAlmostEqual(grid.volume, 4 / 3 * np.pi * 8, delta=1.5)
+
+    @unittest.skipUnless(installed("skfem"), "scikit-fem is not installed")
+    def test_skfem_has_the_parts(self):
+        boundaries = self.mesh.to_skfem().boundaries
+        self.assertEqual(sum(map(len, boundaries.values())), len(self.mesh.triangles))
+
+    @unittest.skipUnless(installed("pandas"), "pandas is not installed")
+    def test_parameters_as_a_frame(self):
+        frame = isoform.fit(on_ball(), self.ball).to_frame()
+        self.assertEqual(list(frame.index), ["cx", "radius"])
+
+    def test_what_is_missing_is_named(self):
+        with self.assertRaisesRegex(ImportError, "pip install no_such_package"):
+            isoform._optional.need("no_such_package.part")
+
+
+class Shapes(unittest.TestCase):
+    """One way through all verbs."""
+
+    def test_from_points_to_a_solid(self):
+        with tempfile.TemporaryDirectory() as folder:
+            result = isoform.fit(on_ball(), isoform.Model(BALL))
+            self.assertAlmostEqual(result.values["radius"], 2.0, places=3)
+            solid = isoform.brep(result.model)
+            self.assertAlmostEqual(solid.volume, 4 / 3 * np.pi * result.values["radius"] ** 3)
+            solid.save(Path(folder) / "ball.step")
+            mesh = isoform.mesh(result.model, size=0.5)
+            self.assertTrue(mesh.certificate["ok"])
+            self.assertEqual(len(mesh.triangles), len(mesh.triangle_parts))
+            far = isoform.compare(mesh, result.model).first_to_second["max"]
+            self.assertLess(far, 0.05)
+
+    def test_patches_and_maps(self):
+        patches = isoform.parameterize({"F": "x^2 + y^2 + z^2 - 1/4"}, (2, 2), tol=1e-3)
+        point = patches[0].evaluate(0.5, 0.5)
+        self.assertAlmostEqual(float(np.linalg.norm(point)), 0.5, places=3)
+        self.assertEqual(patches[0].evaluate([0, 1], [[0], [1], [1]]).shape, (3, 2, 3))
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "patches.json"
+            patches.save(path)
+            drawn = isoform.triangulate(path)
+        self.assertEqual(drawn.points.shape[1], 3)
+
+    def test_boxes_are_exact(self):
+        plane = {"X": "s", "Y": "t", "Z": "0", "W": "1"}
+        boxes = [isoform.triangulate(plane, box=b).to_dict()["box"] for b in (0.1, "1/10")]
+        self.assertEqual(boxes, ["1/10", "1/10"])
+
+    def test_functions_through_points(self):
+        function = isoform.implicitize(on_ball(1500))
+        with tempfile.TemporaryDirectory() as folder:
+            function.save(Path(folder) / "surface.json")
+        self.assertGreater(function([[0.5, 0, 1.8]])[0], 0)
+        self.assertLess(function([[0.5, 0, 2.2]])[0], 0)
+        self.assertLess(np.abs(function.metric(on_ball(50))).max(), 0.02)
+
+    def test_entities(self):
+        found = isoform.recognize(on_ball(1500))
+        self.assertEqual([e["type"] for e in found.entities], ["sphere"])
+        self.assertEqual(found.labels.shape, (1500,))
+        again = isoform.fit(on_ball(1500), found.template())
+        self.assertTrue(again.acceptable)
+
+
+if __name__ == "__main__":
+    unittest.main()

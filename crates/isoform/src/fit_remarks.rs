@@ -1,0 +1,54 @@
+//! What there is to say of a fitted scan beside its figures: its unit, and warnings.
+
+use crate::ScanFit;
+use isoform_fit::{Beside, Warning};
+use isoform_io::{ReadReport, UnitGuess, inspect_unit};
+
+impl ScanFit {
+    /// The unit of a scan that was read so: what its file states, else the unit in which the
+    /// program of this name is written, else a guess. Bounds and starts of a program are numbers of
+    /// its unit, and a scan in another one would not meet them.
+    pub fn unit(&self, read: &ReadReport, template: &str) -> UnitGuess {
+        let seen = inspect_unit(&self.cloud, read);
+        match &self.template.frep.model().info().unit {
+            Some(unit) if !seen.is_stated => UnitGuess {
+                unit: unit.clone(),
+                is_stated: true,
+                reason: format!("the template {template} says so"),
+            },
+            _ => seen,
+        }
+    }
+
+    /// All warnings: of reading, of the template, of its unit, of the fit. Options are called as on
+    /// the command line.
+    pub fn all_warnings(&self, read: &ReadReport, unit: &UnitGuess) -> Vec<String> {
+        let mut warnings = read.warnings.clone();
+        warnings.extend(self.warnings.iter().map(ToString::to_string));
+        if let Some(said) = &self.template.frep.model().info().unit
+            && !unit.unit.is_empty()
+            && *said != unit.unit
+        {
+            warnings.push(format!(
+                "the template is written in {said}, the scan in {} ({}); values are in the scan's \
+                 unit",
+                unit.unit, unit.reason
+            ));
+        }
+        warnings.extend(self.fit.warnings.iter().map(sentence));
+        warnings
+    }
+}
+
+/// A warning of the fit, with the option that takes points in which were left out.
+fn sentence(warning: &Warning) -> String {
+    let option = match warning {
+        Warning::Beside { why, .. } => match why {
+            Beside::Plane => "--keep-planes",
+            Beside::Apart => "--keep-apart",
+            Beside::Stray => "--no-outlier-filter",
+        },
+        other => return other.to_string(),
+    };
+    format!("{warning}; {option} fits them, too")
+}

@@ -1,0 +1,259 @@
+//! Rational surfaces as they come from files, maps or patches, and their triangles with all that is
+//! known of them.
+
+use crate::report::AboutSurface;
+use crate::{Topology, topology};
+use isoform_algebra::{Poly, QUADRANTS, RBig};
+use isoform_control::Control;
+use isoform_geom::Mesh;
+use isoform_io::{FilePatch, MapFileError, PatchFileError, is_patch_file, read_map, read_patches};
+use isoform_tess::{
+    Analysis, Domain, Map, MapError, Mode, Options, Patch, PatchesError, Surface, SurfaceBox,
+    TriangulateOptions, triangulate, triangulate_patches,
+};
+use serde_json::Value;
+use std::time::Duration;
+
+/// The share of a time limit that exact computations may take: triangles come after them, and take
+/// less.
+const EXACT_SHARE: f64 = 0.6;
+
+/// A rational surface that can be drawn.
+#[derive(Clone, Debug)]
+pub enum RationalSurface {
+    /// Of a map, whose parameters are the whole plane.
+    Map(Box<Map>),
+    /// Of patches, over their own parameters.
+    Patches(Vec<Patch>),
+}
+
+/// Why a text holds no rational surface.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum RationalSurfaceError {
+    /// A file of patches with something wrong in it.
+    #[error(transparent)]
+    Patches(#[from] PatchFileError),
+    /// No file of a map.
+    #[error(transparent)]
+    File(#[from] MapFileError),
+    /// Four polynomials that are no map onto a surface.
+    #[error(transparent)]
+    Map(#[from] MapError),
+}
+
+/// A rational number exactly as it is written, such as 2, 0.1 or 1/3.
+///
+/// ```
+/// let tenth = isoform::exact_number("0.1").map(|x| x.to_string());
+/// assert_eq!(tenth.as_deref(), Some("1/10"));
+/// ```
+pub fn exact_number(text: &str) -> Option<RBig> {
+    Poly::parse(text.trim(), &[]).ok()?.as_constant()
+}
+
+impl RationalSurface {
+    /// Reads JSON: a map with X, Y, Z and W, or patches. A common factor of a map is divided away
+    /// where `reduce` says so.
+    ///
+    /// # Errors
+    /// [`RationalSurfaceError`].
+    pub fn parse(text: &str, reduce: bool) -> Result<Self, RationalSurfaceError> {
+        let json = serde_json::from_str::<Value>(text).ok();
+        if let Some(json) = json.filter(is_patch_file) {
+            let patch = |p: FilePatch| Patch::new(p.name, p.degree, p.control.exact());
+            let patches = read_patches(&json)?.into_iter().map(patch);
+            return Ok(Self::Patches(patches.collect()));
+        }
+        let map = Map::new(read_map(text)?.polynomials, Options { reduce })?;
+        Ok(Self::Map(Box::new(map)))
+    }
+
+    /// Whether it is of a map.
+    pub fn is_map(&self) -> bool {
+        matches!(self, Self::Map(_))
+    }
+
+    /// The box around it over a region of parameters; none where it is not proved to have bounds.
+    pub fn bounds(&self, domain: Option<&Domain>) -> Option<SurfaceBox> {
+        match self {
+            Self::Map(map) => domain.and_then(|d| SurfaceBox::of_map(map, d)),
+            Self::Patches(patches) => SurfaceBox::of_patches(patches),
+        }
+    }
+
+    /// How it is drawn where nothing else is asked for, within a time: sheets of maps are glued,
+    /// those of patches are not.
+    pub fn options(&self, around: &SurfaceBox, limit: Option<Duration>) -> TriangulateOptions {
+        let mut options = TriangulateOptions::of_patches(around);
+        if self.is_map() {
+            options.mode = Mode::Glued;
+        }
+        if let Some(limit) = limit {
+            options.budget.seconds = EXACT_SHARE * limit.as_secs_f64();
+        }
+        options
+    }
+
+    /// Its triangles, with all that is known of them; `is_box_chosen` says that the box of the
+    /// options was not asked for.
+    ///
+    /// # Errors
+    /// [`PatchesError`].
+    pub fn triangulate(
+        self,
+        options: TriangulateOptions,
+        is_box_chosen: bool,
+        control: &Control<'_>,
+    ) -> Result<TriangulatedSurface, PatchesError> {
+        let (surface, known, patches) = match self {
+            Self::Map(map) => {
+                let (surface, analysis) = triangulate(&map, &options, control)?;
+                (surface, vec![(*map, analysis)], Vec::new())
+            }
+            Self::Patches(list) => {
+                let names = list.iter().map(|p| p.name.clone()).collect();
+                let (surface, known) = triangulate_patches(&list, &options, control)?;
+                (surface, known, names)
+            }
+        };
+        let seconds = seconds_by_phase(&known);
+        let (maps, analyses) = known.into_iter().unzip();
+        let topology = topology(&surface.triangles);
+        Ok(TriangulatedSurface {
+            maps,
+            analyses,
+            patches,
+            is_box_chosen,
+            options,
+            surface,
+            topology,
+            seconds,
+        })
+    }
+}
+
+/// Seconds that each phase took over all maps, in the order in which phases first come.
+fn seconds_by_phase(known: &[(Map, Analysis)]) -> Vec<(&'static str, f64)> {
+    let mut seconds: Vec<(&'static str, f64)> = Vec::new();
+    for &(phase, s) in known.iter().flat_map(|k| &k.1.seconds) {
+        match seconds.iter_mut().find(|known| known.0 == phase) {
+            Some(known) => known.1 += s,
+            None => seconds.push((phase, s)),
+        }
+    }
+    seconds
+}
+
+/// A triangulated surface with all that is known of it.
+#[derive(Debug)]
+pub struct TriangulatedSurface {
+    /// One, or one for every patch.
+    pub maps: Vec<Map>,
+    /// What is known of each map.
+    pub analyses: Vec<Analysis>,
+    /// The names of patches; none for a map.
+    pub patches: Vec<String>,
+    /// Whether the box was not given, but comes from bounds of the surface.
+    pub is_box_chosen: bool,
+    /// What was asked for.
+    pub options: TriangulateOptions,
+    /// Triangles, with what is claimed of them.
+    pub surface: Surface,
+    /// Topology of the triangles.
+    pub topology: Topology,
+    /// Seconds by phase.
+    pub seconds: Vec<(&'static str, f64)>,
+}
+
+impl TriangulatedSurface {
+    /// The triangles as a mesh, a part for each patch.
+    pub fn mesh(&self) -> Mesh {
+        let surface = &self.surface;
+        let mut mesh = Mesh::from_triangles(surface.points.clone(), surface.triangles.clone());
+        mesh.triangle_parts.clone_from(&surface.patches);
+        mesh.parts.clone_from(&self.patches);
+        mesh
+    }
+
+    /// What reports are made from; the name is that of the file.
+    pub fn about<'a>(&'a self, file: &'a str) -> AboutSurface<'a> {
+        AboutSurface {
+            file,
+            maps: &self.maps,
+            analyses: &self.analyses,
+            patches: self.patches.len(),
+            options: &self.options,
+            is_box_chosen: self.is_box_chosen,
+            surface: &self.surface,
+            topology: &self.topology,
+            seconds: &self.seconds,
+        }
+    }
+
+    /// The parameters s and t of each vertex, in the first triangle that has it; infinite ones are
+    /// not finite.
+    pub fn parameters(&self) -> Vec<[f64; 2]> {
+        let surface = &self.surface;
+        let mut all = vec![[f64::NAN; 2]; surface.points.len()];
+        let triangles = surface.triangles.iter().zip(&surface.charts);
+        for ((triangle, chart), corners) in triangles.zip(&surface.corners).rev() {
+            for (v, corner) in triangle.iter().zip(corners) {
+                all[*v as usize] = affine(*chart, *corner, surface.frame.as_ref());
+            }
+        }
+        all
+    }
+}
+
+/// s and t of a place in a unit triangle, moved by a frame.
+fn affine(chart: u8, [u, v]: [f64; 2], frame: Option<&[[f64; 3]; 3]>) -> [f64; 2] {
+    let [s, t] = QUADRANTS[usize::from(chart)].map(|sign| sign as f64);
+    let place = [s * u, t * v, 1.0 - u - v];
+    let [s, t, w] = match frame {
+        None => place,
+        Some(rows) => rows.map(|row| (0..3).map(|k| row[k] * place[k]).sum()),
+    };
+    [s / w, t / w]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn parameters_lead_to_the_vertices() {
+        let sphere = r#"{"X": "2*s", "Y": "2*t", "Z": "s^2 + t^2 - 1", "W": "s^2 + t^2 + 1"}"#;
+        let surface = RationalSurface::parse(sphere, false).expect("a map");
+        let around = SurfaceBox {
+            half_width: RBig::from(2),
+            size: 2.0,
+        };
+        let options = surface.options(&around, None);
+        let made = surface.triangulate(options, false, &Control::default());
+        let made = made.expect("triangles");
+        let parameters = made.parameters();
+        let finite = parameters
+            .iter()
+            .filter(|p| p.iter().all(|v| v.is_finite()));
+        assert!(10 * finite.count() > 9 * parameters.len());
+        for ([s, t], p) in parameters.iter().zip(&made.surface.points) {
+            let w = s * s + t * t + 1.0;
+            let at = [2.0 * s / w, 2.0 * t / w, (w - 2.0) / w];
+            let off = (0..3).map(|k| (at[k] - p[k]).abs()).fold(0.0, f64::max);
+            assert!(!w.is_finite() || off < 1e-9, "{s} {t}: {at:?}, not {p:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_no_surface_is_refused() {
+        let refused = |text: &str| RationalSurface::parse(text, false).expect_err("refused");
+        assert!(matches!(refused("{"), RationalSurfaceError::File(_)));
+        assert!(matches!(
+            refused(r#"{"X": "s"}"#),
+            RationalSurfaceError::File(_)
+        ));
+        let flat = r#"{"X": "0", "Y": "0", "Z": "0", "W": "1"}"#;
+        assert!(matches!(refused(flat), RationalSurfaceError::Map(_)));
+    }
+}
