@@ -33,6 +33,9 @@ const AREA: [f64; 2] = [0.15, 1e-4];
 /// How far beside the nodes of a face it may go on, in sizes of the model: chords of its borders
 /// miss it by less.
 const BESIDE: f64 = 0.02;
+/// Witnesses this near to the surface of the model, in sizes of it, are on it: they were brought
+/// there to rounding, and readers take points a hundred times as far apart for one.
+const ON_MODEL: f64 = 1e-9;
 /// Places at which a face is compared with its function, at most.
 const PLACES: usize = 200;
 
@@ -242,7 +245,10 @@ pub fn check(
     made.total = total(&made.faces);
     examine_measures(built, &mut made);
     examine_places(built, solid, tolerance, &mut made);
-    let moved = moved_onto(solid, witnesses, limit);
+    let moved: Vec<Point3> = witnesses
+        .iter()
+        .map(|p| on_model(solid, *p, ON_MODEL * size))
+        .collect();
     examine_witnesses(built, &moved, [limit, tolerance], &mut made);
     for (f, &by) in made.distances.iter().enumerate() {
         let is_spline = brep.faces[f].surface.is_near_only();
@@ -496,14 +502,18 @@ fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut C
     }
 }
 
-/// Witnesses moved onto the surface of the model: a piece goes on where another one bounds it. Those
-/// that do not get there within `limit` are none.
-fn moved_onto(solid: &dyn Solid, witnesses: &[Point3], limit: f64) -> Vec<Point3> {
+/// A witness, or if it is farther than `near` from the surface of the model, the point of that next
+/// to it: a piece goes on where another one bounds it. Where no such point is found the witness
+/// stays: it is not shown to be wrong.
+fn on_model(solid: &dyn Solid, witness: Point3, near: f64) -> Point3 {
     let model = Boundary(solid);
-    let moved = witnesses.iter().map(|p| meet([&model], *p));
-    moved
-        .filter(|p| model.distance(*p).0.abs() <= limit)
-        .collect()
+    let is_on = |p: Point3| model.distance(p).0.abs() <= near;
+    let moved = meet([&model], witness);
+    if !is_on(witness) && is_on(moved) {
+        moved
+    } else {
+        witness
+    }
 }
 
 /// Whether points of the model's surface are on faces; the limits are those of exact faces, and of
