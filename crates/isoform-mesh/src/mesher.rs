@@ -70,16 +70,42 @@ pub fn mesh(
     }
 }
 
-/// Meshes a solid whose extent is known.
+/// Meshes a solid whose extent is known. Where vertices held on seams between pieces that touch keep
+/// others off the surface, as between seams that are less than a size apart, it is meshed once more
+/// without them.
 fn mesh_within(
     solid: &dyn Solid,
     extent: &Extent,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
+    let is_off = |m: &Meshed| m.warnings.iter().any(|w| w.kind == WarningKind::VertexOff);
+    let (meshed, has_seams) = mesh_once(solid, extent, options, true, control)?;
+    if !has_seams || !is_off(&meshed) {
+        return Ok(meshed);
+    }
+    // What is stopped on the way leaves the mesh that there is.
+    match mesh_once(solid, extent, options, false, control) {
+        Ok((without, _)) if !is_off(&without) => Ok(without),
+        _ => Ok(meshed),
+    }
+}
+
+/// Meshes a solid whose extent is known, with vertices held on seams or without; and whether there
+/// are seams.
+fn mesh_once(
+    solid: &dyn Solid,
+    extent: &Extent,
+    options: &Options,
+    seams: bool,
+    control: &Control<'_>,
+) -> Result<(Meshed, bool), MeshError> {
     let region = extent.bounds;
     let lattice = lattice_over(solid, region, options, control)?;
-    let surface = Surface::new(solid, &lattice, region, control);
+    let surface = Surface {
+        seams,
+        ..Surface::new(solid, &lattice, region, control)
+    };
     if let Some(at) = surface.not_a_number() {
         return Err(MeshError::NotANumber { at });
     }
@@ -106,7 +132,7 @@ fn mesh_within(
     control.begin("what the mesh misses")?;
     let missed = missed(solid, &mesh, region, options.size, control);
     warnings.extend(missed.warning());
-    Ok(Meshed {
+    let meshed = Meshed {
         missed,
         mesh,
         region,
@@ -114,7 +140,8 @@ fn mesh_within(
         caps: Vec::new(),
         features,
         warnings,
-    })
+    };
+    Ok((meshed, surface.has_seams.into_inner()))
 }
 
 /// The lattice for the size asked for, if the memory suffices.

@@ -17,6 +17,7 @@ use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use newton::{Bracket, newton};
 pub(crate) use on::On;
 use rayon::prelude::*;
+use std::sync::atomic::AtomicBool;
 
 /// Stands for the solid itself where pieces that touch tangentially make one smooth surface:
 /// whichever of them decides.
@@ -83,6 +84,10 @@ pub(crate) struct Surface<'s> {
     pub(crate) lattice: &'s Lattice,
     /// Below this distance a value is 0: rounding, and pieces that coincide.
     pub(crate) zero: f64,
+    /// Whether pieces that touch are held where a third one separates them.
+    pub(crate) seams: bool,
+    /// Whether there are such places.
+    pub(crate) has_seams: AtomicBool,
     pub(crate) control: &'s Control<'s>,
 }
 
@@ -121,6 +126,8 @@ impl<'s> Surface<'s> {
             solid,
             lattice,
             zero: (ROUNDING * region.diagonal()).max(OF_COORDINATES * far),
+            seams: true,
+            has_seams: AtomicBool::new(false),
             control,
         }
     }

@@ -10,6 +10,7 @@ use super::{On, SKIN, Surface, TANGENT};
 use crate::features::newton::along;
 use crate::points::unit;
 use isoform_geom::{Point3, cross, norm, sub};
+use std::sync::atomic::Ordering;
 
 /// How far beside a seam the solid is asked which piece bounds it, in cells of the lattice. Less
 /// asks where both are equal to rounding; more asks where other pieces begin.
@@ -18,6 +19,10 @@ const BESIDE: f64 = 0.02;
 const REACH: f64 = 1.0;
 /// Sine of the angle above which a piece crosses another one so clearly that a seam is well placed.
 const CLEARLY: f64 = 0.2;
+/// How far beside a seam, in cells, its pieces have to be still together, and how near. Where they
+/// part sooner a radius is smaller than a cell: no triangles would have room between this seam and
+/// the next, so that vertices held on them spoil the mesh.
+const TOGETHER: [f64; 2] = [0.5, 0.15];
 /// Pieces in which a seam may end at a point, on both sides of which it is looked for: a corner has
 /// one or two, each more doubles the work.
 const ENDS: usize = 3;
@@ -28,7 +33,7 @@ impl Surface<'_> {
     /// so that a seam has one name.
     pub(crate) fn seam_of(&self, pair: [u32; 2], p: Point3) -> Option<[u32; 2]> {
         let reduced = self.lattice.reduced_at(p)?;
-        if pair.contains(&SKIN) || reduced.pieces.len() < 3 {
+        if !self.seams || pair.contains(&SKIN) || reduced.pieces.len() < 3 {
             return None;
         }
         let kept = pair[0].min(pair[1]);
@@ -47,6 +52,7 @@ impl Surface<'_> {
             }
         };
         let nearest = others.filter_map(seam_with).reduce(nearer)?;
+        self.has_seams.store(true, Ordering::Relaxed);
         Some([kept, nearest.1])
     }
 
@@ -131,6 +137,14 @@ impl Surface<'_> {
             return false;
         }
         let w = unit(cross(n, cross(n, across)));
+        let cell = self.lattice.a;
+        let parting = |s: f64| {
+            let q = along(p, w, s * TOGETHER[0] * cell);
+            (self.distance(a, q) - self.distance(b, q)).abs()
+        };
+        if parting(1.0).max(parting(-1.0)) > TOGETHER[1] * cell {
+            return false;
+        }
         let step = BESIDE * self.lattice.a;
         let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| along(p, w, s)));
         bounds.into_iter().any(|[here, there, without]| {
