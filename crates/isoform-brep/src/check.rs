@@ -508,12 +508,11 @@ fn examine_places(built: &Built, solid: &dyn Solid, tolerance: f64, made: &mut C
 fn on_model(solid: &dyn Solid, witness: Point3, near: f64) -> Point3 {
     let model = Boundary(solid);
     let is_on = |p: Point3| model.distance(p).0.abs() <= near;
-    let moved = meet([&model], witness);
-    if !is_on(witness) && is_on(moved) {
-        moved
-    } else {
-        witness
+    if is_on(witness) {
+        return witness;
     }
+    let moved = meet([&model], witness);
+    if is_on(moved) { moved } else { witness }
 }
 
 /// Whether points of the model's surface are on faces; the limits are those of exact faces, and of

@@ -87,9 +87,12 @@ pub enum BrepError {
         /// Its name.
         part: String,
     },
-    /// No curve was found between two faces: they touch without an angle, or what lies between them is
-    /// smaller than the triangles of the mesh.
-    #[error("no edge was found between {} and {}, which are nearly parallel there", .parts[0], .parts[1])]
+    /// No curve was found between two faces: they touch without an angle, or what lies between them
+    /// is smaller than the triangles of the mesh.
+    #[error(
+        "no edge was found between {} and {}, which are nearly parallel there",
+        .parts[0], .parts[1]
+    )]
     NoCurve {
         /// The names of the parts; the same one twice at a cut.
         parts: [String; 2],

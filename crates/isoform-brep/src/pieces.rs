@@ -119,8 +119,8 @@ pub fn pieces(
     })
 }
 
-/// Makes one piece of each connected component of a piece that is on no one surface, if its function
-/// has no limits: the product of two planes vanishes on both.
+/// Makes one piece of each connected component of a piece that is on no one surface, if its
+/// function has no limits: the product of two planes vanishes on both.
 fn take_apart(
     mesh: &mut Labelled,
     found: &mut Vec<Found<'_>>,

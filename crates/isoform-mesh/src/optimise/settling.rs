@@ -173,9 +173,8 @@ impl Optimiser<'_> {
     /// Whether pieces meet at a point in an edge or corner of the solid, if there are several.
     fn is_real(&self, on: On, q: Point3, seams_hold: bool) -> bool {
         match on.slice() {
-            &[a, b] => {
-                self.surface.is_edge([a, b], q) || (seams_hold && self.surface.is_seam([a, b], q))
-            }
+            &[a, b] if seams_hold => self.surface.is_curve([a, b], q),
+            &[a, b] => self.surface.is_edge([a, b], q),
             [_, _, _] => self.surface.is_corner(on.slice(), q),
             _ => true,
         }

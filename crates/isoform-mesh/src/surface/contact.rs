@@ -145,7 +145,7 @@ impl Surface<'_> {
         if parting(1.0).max(parting(-1.0)) > TOGETHER[1] * cell {
             return false;
         }
-        let step = BESIDE * self.lattice.a;
+        let step = BESIDE * cell;
         let bounds = self.bounding([a, b, by], p, [step, -step].map(|s| along(p, w, s)));
         bounds.into_iter().any(|[here, there, without]| {
             let are_both = [here, there] == [a, b] || [here, there] == [b, a];
