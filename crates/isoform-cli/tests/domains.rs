@@ -402,7 +402,7 @@ fn example_surfaces() {
         ("roman", 1 + 1 + 6 / 2),
         ("boy", 1 + 1),
     ];
-    for (name, known) in [("sphere", 2), ("torus", 0), ("cyclide", 0)]
+    for (name, known) in [("stereographic-sphere", 2), ("torus", 0), ("cyclide", 0)]
         .into_iter()
         .chain(images)
     {
