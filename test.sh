@@ -145,8 +145,8 @@ pages() {
 # The Python package: a wheel as pip makes it, its tests, and the acceptance script on it. Ray is
 # large, and is tried with --full alone.
 python_package() {
-  local hash packages=(numpy meshio mypy numpydoc psutil pyarrow pyvista trimesh dask distributed)
-  local modules='import numpy, meshio, mypy, numpydoc, psutil, pyarrow, pyvista, trimesh, dask, distributed'
+  local hash packages=(numpy meshio mypy numpydoc psutil pyarrow pyvista trimesh dask distributed nbclient ipykernel matplotlib pandas scikit-fem)
+  local modules='import numpy, meshio, mypy, numpydoc, psutil, pyarrow, pyvista, trimesh, dask, distributed, nbclient, ipykernel, matplotlib, pandas, skfem'
   if [ "$extent" = whole ]; then
     packages+=(ray)
     modules+=', ray'

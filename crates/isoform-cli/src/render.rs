@@ -7,13 +7,12 @@ use crate::layers::{self, Layer, LiveLayer, Reading, Shower, Source};
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use cameras::{Cameras, report};
-use isoform::geom::{Point3, PointCloud, Solid};
+use isoform::geom::{PointCloud, Solid};
 use isoform::{Control, LiveModel, Stopped, solid_of, solid_of_polynomial};
 use isoform_render::{
     Color, ColorBy, Drawing, FINEST, Key, Pane, Patch, Picture, Scene, Section, ShownModel, Style,
     draw_legend, draw_svg, legend_width, render, write_png,
 };
-use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -284,9 +283,6 @@ fn model_of(model: &LiveLayer) -> ShownModel<'_> {
     }
 }
 
-/// Points that are measured together: their distances are computed on all threads.
-const TOGETHER: usize = 4096;
-
 /// Points with their deviations: those of the file, else those from a model beside them. Beside a
 /// model they are coloured by them.
 fn points(
@@ -296,12 +292,7 @@ fn points(
     by: Option<ColorBy>,
 ) -> isoform_render::Layer {
     let has_own = cloud.columns.iter().any(|c| c.name == "deviation");
-    let measured = beside.filter(|_| !has_own).map(|model| -> Vec<f64> {
-        let places: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
-        let chunks = places.par_chunks(TOGETHER);
-        let distances: Vec<Vec<f64>> = chunks.map(|c| model.distances(c)).collect();
-        distances.concat().into_iter().map(|d| -d).collect()
-    });
+    let measured = beside.filter(|_| !has_own).map(|m| m.deviations(cloud));
     let by = by.or_else(|| beside.map(|_| ColorBy::Deviation));
     isoform_render::Layer::points(name, cloud, measured.as_deref(), by)
 }

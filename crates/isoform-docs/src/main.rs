@@ -12,6 +12,7 @@
 #![forbid(unsafe_code)]
 
 mod commands;
+mod notebook;
 mod page;
 mod pictures;
 mod run;

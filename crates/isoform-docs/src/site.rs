@@ -1,5 +1,6 @@
 //! All pages, how they are found from one another, and what is wrong with their links.
 
+use crate::notebook;
 use crate::page::Page;
 use std::collections::{BTreeMap, BTreeSet};
 use std::error::Error;
@@ -9,7 +10,7 @@ use std::path::{Component, Path, PathBuf};
 
 /// The pages in the order of reading, in groups: the file in the repository, and its name in the
 /// navigation.
-const PAGES: [(&str, &[(&str, &str)]); 7] = [
+const PAGES: [(&str, &[(&str, &str)]); 8] = [
     (
         "Begin",
         &[
@@ -48,6 +49,22 @@ const PAGES: [(&str, &[(&str, &str)]); 7] = [
     ),
     ("As a library", &[("docs/python.md", "The Python package")]),
     (
+        "Notebooks",
+        &[
+            (
+                "examples/notebooks/scan_to_stress.ipynb",
+                "From a scan to stress",
+            ),
+            ("examples/notebooks/paper_table.ipynb", "A paper's table"),
+            (
+                "examples/notebooks/rational_surface.ipynb",
+                "A rational surface, whole",
+            ),
+            ("examples/notebooks/patches.ipynb", "Patches with bounds"),
+            ("examples/notebooks/fleet.ipynb", "A fleet of scans"),
+        ],
+    ),
+    (
         "How good it is, and why",
         &[
             ("docs/meshing-speed.md", "Speed of meshing"),
@@ -67,6 +84,9 @@ const PAGES: [(&str, &[(&str, &str)]); 7] = [
     ),
 ];
 
+/// How the names of notebooks end.
+const NOTEBOOK: &str = ".ipynb";
+
 /// The style of all pages.
 const STYLE: &str = include_str!("../assets/site.css");
 
@@ -82,7 +102,11 @@ impl Site {
     pub(crate) fn read(root: &Path) -> Result<Self, Box<dyn Error>> {
         let mut pages = BTreeMap::new();
         for (file, _) in listed() {
-            let text = fs::read_to_string(root.join(file)).map_err(|e| format!("{file}: {e}"))?;
+            let mut text =
+                fs::read_to_string(root.join(file)).map_err(|e| format!("{file}: {e}"))?;
+            if file.ends_with(NOTEBOOK) {
+                text = notebook::markdown(&text).map_err(|e| format!("{file}: {e}"))?;
+            }
             let page = Page::of(&text, |link| address(root, file, link));
             pages.insert(file.to_owned(), page);
         }
@@ -120,13 +144,8 @@ impl Site {
     /// What is wrong: pages that nothing leads to, links that lead nowhere, mute images.
     pub(crate) fn wrong(&self) -> Vec<String> {
         let mut wrong = Vec::new();
-        let docs = fs::read_dir(self.root.join("docs")).into_iter().flatten();
-        let mut files: Vec<String> = docs
-            .flatten()
-            .map(|entry| format!("docs/{}", entry.file_name().to_string_lossy()))
-            .filter(|file| file.ends_with(".md"))
-            .collect();
-        files.sort();
+        let mut files = self.files("docs", ".md");
+        files.extend(self.files("examples/notebooks", NOTEBOOK));
         let unlisted = files.iter().filter(|file| !self.pages.contains_key(*file));
         wrong.extend(unlisted.map(|file| format!("{file}: not in the navigation (site.rs)")));
         for (file, page) in &self.pages {
@@ -142,10 +161,24 @@ impl Site {
         wrong
     }
 
+    /// The files of a folder whose names end so, in the order of their names.
+    fn files(&self, folder: &str, ending: &str) -> Vec<String> {
+        let entries = fs::read_dir(self.root.join(folder)).into_iter().flatten();
+        let mut files: Vec<String> = entries
+            .flatten()
+            .map(|entry| format!("{folder}/{}", entry.file_name().to_string_lossy()))
+            .filter(|file| file.ends_with(ending))
+            .collect();
+        files.sort();
+        files
+    }
+
     /// Why a link leads nowhere; none where it leads somewhere.
     fn why_bad(&self, file: &str, link: &str) -> Option<String> {
         if is_outside(link) {
-            let is_known = link.starts_with("https://") || link.starts_with("http://");
+            let is_known = ["https://", "http://", PICTURE]
+                .iter()
+                .any(|k| link.starts_with(k));
             return (!is_known).then(|| format!("{link}: what kind of address is that?"));
         }
         let (target, anchor) = resolved(file, link);
@@ -238,15 +271,19 @@ fn name(file: &str) -> String {
         "docs/README.md" => "pages.html".to_owned(),
         file => {
             let plain = file.trim_start_matches("docs/").trim_end_matches(".md");
+            let plain = plain.trim_end_matches(NOTEBOOK);
             let plain = plain.trim_end_matches("/README").replace('/', "-");
             plain.to_lowercase() + ".html"
         }
     }
 }
 
+/// How the addresses of pictures begin that are within a page, as those of notebooks are.
+const PICTURE: &str = "data:image/png;base64,";
+
 /// Whether a link leads out of the repository.
 fn is_outside(link: &str) -> bool {
-    link.contains("://") || link.starts_with("mailto:")
+    link.contains("://") || link.starts_with("mailto:") || link.starts_with(PICTURE)
 }
 
 /// The file in the repository that a link of a page leads to, and the heading in it.
@@ -313,6 +350,10 @@ mod tests {
         assert_eq!(name("docs/meshing-speed.md"), "meshing-speed.html");
         assert_eq!(name("examples/scans/README.md"), "examples-scans.html");
         assert_eq!(name("CHANGELOG.md"), "changelog.html");
+        assert_eq!(
+            name("examples/notebooks/fleet.ipynb"),
+            "examples-notebooks-fleet.html"
+        );
         let names: BTreeSet<String> = listed().map(|(file, _)| name(file)).collect();
         assert_eq!(names.len(), listed().count(), "each of its own");
     }

@@ -11,7 +11,7 @@ use isoform::mesh::MeshError;
 use isoform::mesh::features::ExtentError;
 use isoform::{
     BrepModelError, CompareError, FitScanError, ImplicitizeError, MeshModelError,
-    RationalSurfaceError, RecognizeError, TemplateError,
+    RationalSurfaceError, RecognizeError, Stopped, TemplateError,
 };
 use isoform::{patch, recognize, spline};
 use pyo3::prelude::*;
@@ -83,6 +83,12 @@ impl From<Trouble> for PyErr {
                 Err(error) => error,
             }
         })
+    }
+}
+
+impl From<Stopped> for Trouble {
+    fn from(Stopped: Stopped) -> Self {
+        Self::stopped("stopped before there was a result")
     }
 }
 

@@ -19,6 +19,7 @@ mod parameterize;
 mod points;
 mod recognize;
 mod region;
+mod render;
 mod run;
 mod shape;
 mod triangulate;
@@ -47,6 +48,8 @@ mod native {
     use crate::points::{Cloud, read_points};
     #[pymodule_export]
     use crate::recognize::{Entities, recognize};
+    #[pymodule_export]
+    use crate::render::picture;
     #[pymodule_export]
     use crate::triangulate::{Triangulation, triangulate};
     #[pymodule_export]

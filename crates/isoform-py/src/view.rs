@@ -132,7 +132,7 @@ fn add_map(page: &mut Page, name: &str, drawn: &Triangulation) {
     }
 }
 
-fn shown_patches(patches: &Patches) -> Vec<ShownPatch> {
+pub(crate) fn shown_patches(patches: &Patches) -> Vec<ShownPatch> {
     let all = patches.patches.iter().enumerate();
     all.map(|(i, p)| ShownPatch {
         patch: p.grown.patch.clone(),
@@ -143,7 +143,7 @@ fn shown_patches(patches: &Patches) -> Vec<ShownPatch> {
 }
 
 /// The mesh of a model that a page cannot draw itself.
-fn meshed(
+pub(crate) fn meshed(
     program: &Program,
     values: &[f64],
     region: Option<Aabb>,

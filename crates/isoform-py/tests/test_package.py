@@ -41,6 +41,63 @@ def on_ball(count=400, seed=1):
     )
 
 
+class Pictures(unittest.TestCase):
+    """What `render` draws is what the program draws, and what it refuses."""
+
+    def setUp(self):
+        self.ball = isoform.Model(BALL)
+
+    def refused(self, **options):
+        with self.assertRaises(IsoformError) as caught:
+            isoform.render(self.ball, params=VALUES, **options)
+        return f"{caught.exception} {caught.exception.hint}"
+
+    def test_formats(self):
+        picture = isoform.render(self.ball, params=VALUES, size=(64, 48))
+        self.assertEqual(picture.data[:4], b"\x89PNG")
+        self.assertEqual(int.from_bytes(picture.data[16:20], "big"), 64)
+        self.assertIs(picture._repr_png_(), picture.data)
+        drawing = isoform.render(self.ball, params=VALUES, size=(64, 48), svg=True)
+        self.assertIn("<svg", drawing._repr_svg_())
+        with tempfile.TemporaryDirectory() as folder:
+            picture.save(Path(folder) / "a.png")
+            with self.assertRaises(IsoformError):
+                drawing.save(Path(folder) / "b.png")
+            self.assertEqual([p.name for p in Path(folder).iterdir()], ["a.png"])
+
+    def test_every_shape(self):
+        scan = on_ball()
+        result = isoform.fit(scan, self.ball)
+        mesh = isoform.mesh(self.ball, size=0.5, params=VALUES)
+        blank = isoform.render(mesh, size=(40, 30), camera=(50, 0, 0, 60, 0, 0)).data
+        sphere = {"X": "2*s", "Y": "2*t", "Z": "s^2 + t^2 - 1", "W": "s^2 + t^2 + 1"}
+        patches = isoform.parameterize({"F": "x^2 + y^2 + z^2 - 1/5"}, (2, 2), tol=1e-3)
+        shapes = [scan, result, mesh, isoform.triangulate(sphere, box=2), patches]
+        shapes += [isoform.brep(self.ball, params=VALUES), isoform.implicitize(scan)]
+        for shape in shapes:
+            with self.subTest(type(shape)):
+                drawn = isoform.render(shape, size=(40, 30), legend=False).data
+                self.assertNotEqual(drawn, blank)
+
+    def test_deviations_of_points_beside_a_model(self):
+        far = np.array([[3.5, 0, 0], [0.5, 3, 0], [0.5, 0, 3]])
+        plain = isoform.render(far, self.ball, params=VALUES, size=(60, 60), color_by="none")
+        colored = isoform.render(far, self.ball, params=VALUES, size=(60, 60))
+        self.assertNotEqual(plain.data, colored.data)
+
+    def test_refusals(self):
+        self.assertIn("size is", self.refused(size=(0, 10)))
+        self.assertIn("100 million", self.refused(size=(20_000, 20_000)))
+        self.assertIn("view is", self.refused(view="behind"))
+        self.assertIn("color_by is", self.refused(color_by="taste"))
+        self.assertIn("section", self.refused(section=(0, 0, 0, 1)))
+        self.assertIn("leaves nothing", self.refused(section=(1, 0, 0, -99)))
+        self.assertIn("6 numbers", self.refused(camera=(1, 2, 3)))
+        self.assertIn("background", self.refused(background=(0, 0, 300)))
+        self.refused(camera=(1, 1, 1, 1, 1, 1))
+        self.refused(camera=(float("nan"), 1, 1, 1, 1, 1))
+
+
 class Refused(unittest.TestCase):
     """Exceptions with code, place and hint."""
 

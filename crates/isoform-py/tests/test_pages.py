@@ -29,7 +29,7 @@ class Pages(unittest.TestCase):
                 written = {p.name for p in Path(folder).iterdir()}
             finally:
                 os.chdir(before)
-        self.assertLessEqual({"ball.msh", "sphere.step", "page.html"}, written)
+        self.assertLessEqual({"ball.msh", "sphere.step", "page.html", "picture.png"}, written)
 
     def test_examples(self):
         flags = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

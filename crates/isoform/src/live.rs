@@ -7,9 +7,13 @@ use isoform_control::Control;
 use isoform_field::hyperfun::{Amount, Model, ParamInfo, Pose};
 use isoform_field::{Graph, Join, NodeId, Ops, Pieces, Shape, Tape, parameter_values};
 use isoform_fit::{Status, Template};
-use isoform_geom::{Aabb, Point3, Solid};
+use isoform_geom::{Aabb, Point3, PointCloud, Solid};
 use isoform_mesh::MeshError;
 use isoform_mesh::features::{START, extent_within};
+use rayon::prelude::*;
+
+/// Points that one thread measures together: enough that handing them out costs nothing.
+const TOGETHER: usize = 4096;
 
 /// The readings of a model as one tape, with free parameters.
 #[derive(Clone, Debug)]
@@ -167,6 +171,17 @@ impl LiveModel {
             tape.eval_all(&place, &self.values, &mut scratch)[reading]
         };
         points.iter().map(&mut at).collect()
+    }
+
+    /// The deviations of a cloud's points, in its unit: their distances to first order, positive
+    /// outside. They are computed on all threads.
+    pub fn deviations(&self, cloud: &PointCloud) -> Vec<f64> {
+        let places: Vec<Point3> = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
+        let distances: Vec<Vec<f64>> = places
+            .par_chunks(TOGETHER)
+            .map(|chunk| self.distances(chunk))
+            .collect();
+        distances.concat().into_iter().map(|d| -d).collect()
     }
 
     /// The model of a fit, in the place where its points are. None where the program is no

@@ -29,6 +29,7 @@ from ._model import Model, Parameter, template
 from ._parameterize import Patch, Patches, parameterize
 from ._points import PointCloud, read_points
 from ._recognize import Recognition, recognize
+from ._render import Picture, render
 from ._triangulate import Triangulation, triangulate
 from ._view import View, view
 
@@ -46,6 +47,7 @@ __all__ = [
     "Parameter",
     "Patch",
     "Patches",
+    "Picture",
     "PointCloud",
     "Recognition",
     "Triangles",
@@ -61,6 +63,7 @@ __all__ = [
     "parameterize",
     "read_points",
     "recognize",
+    "render",
     "template",
     "triangulate",
     "view",

@@ -1,7 +1,7 @@
 """The compiled half of the package; the other modules say what its parts are for."""
 
 from os import PathLike
-from typing import Any, final
+from typing import Any, TypedDict, final
 
 import numpy as np
 import numpy.typing as npt
@@ -135,3 +135,17 @@ def compare(
     asked: Asked,
 ) -> str: ...
 def page(title: str, layers: list[tuple[str, _Shown]], corners: Corners, asked: Asked) -> str: ...
+
+class Wanted(TypedDict):
+    size: list[int]
+    views: list[str]
+    camera: list[float] | None
+    section: list[float] | None
+    color_by: str | None
+    background: list[int]
+    legend: bool
+    svg: bool
+
+def picture(
+    layers: list[tuple[str, _Shown]], wanted: Wanted, corners: Corners, asked: Asked
+) -> bytes: ...

@@ -1,0 +1,71 @@
+//! Notebooks as pages: their cells as Markdown, with the outputs that they were saved with.
+
+use serde_json::Value;
+
+/// The Markdown of a notebook: its texts, its code, and below it what that printed and drew.
+///
+/// # Errors
+/// If it is no notebook.
+pub(crate) fn markdown(notebook: &str) -> Result<String, String> {
+    let json: Value = serde_json::from_str(notebook).map_err(|e| e.to_string())?;
+    let cells = json["cells"].as_array().ok_or("it has no cells")?;
+    let cells: Vec<String> = cells.iter().map(cell).collect();
+    Ok(cells.join("\n\n"))
+}
+
+/// Text that is saved as one string, or as a list of lines.
+fn text(value: &Value) -> String {
+    match value {
+        Value::String(text) => text.clone(),
+        Value::Array(lines) => lines.iter().filter_map(Value::as_str).collect(),
+        _ => String::new(),
+    }
+}
+
+fn cell(cell: &Value) -> String {
+    let source = text(&cell["source"]);
+    if cell["cell_type"] != "code" {
+        return source;
+    }
+    let mut shown = format!("```python\n{source}\n```");
+    for output in cell["outputs"].as_array().into_iter().flatten() {
+        if let Some(drawn) = picture(output, &text(&cell["metadata"]["alt"])) {
+            shown += &format!("\n\n{drawn}");
+            continue;
+        }
+        let printed = match output["output_type"].as_str() {
+            Some("stream") => text(&output["text"]),
+            _ => text(&output["data"]["text/plain"]),
+        };
+        if !printed.trim().is_empty() {
+            shown += &format!("\n\n```\n{}\n```", printed.trim_end());
+        }
+    }
+    shown
+}
+
+/// A picture with what it shows in words.
+fn picture(output: &Value, alt: &str) -> Option<String> {
+    let data = text(&output["data"]["image/png"]);
+    let data: String = data.split_whitespace().collect();
+    (!data.is_empty()).then(|| format!("![{alt}](data:image/png;base64,{data})"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cells_and_outputs_in_their_order() {
+        let notebook = r##"{"cells": [
+            {"cell_type": "markdown", "metadata": {}, "source": ["# A\n", "text"]},
+            {"cell_type": "code", "metadata": {"alt": "a dot"}, "source": "print(1)", "outputs": [
+                {"output_type": "stream", "name": "stdout", "text": ["1\n"]},
+                {"output_type": "display_data",
+                 "data": {"image/png": "AA\nBB", "text/plain": "<Figure>"}}]}]}"##;
+        let want = "# A\ntext\n\n```python\nprint(1)\n```\n\n```\n1\n```\n\n\
+                    ![a dot](data:image/png;base64,AABB)";
+        assert_eq!(markdown(notebook).as_deref(), Ok(want));
+        assert!(markdown("{}").is_err() && markdown("# A").is_err());
+    }
+}
