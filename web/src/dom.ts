@@ -28,6 +28,15 @@ export function brief(v: number): string {
     Math.abs(v) >= 1e6 || (v !== 0 && Math.abs(v) < 1e-4)
       ? v.toExponential(4)
       : String(Number(v.toPrecision(6)));
-  return text.replace("-", "\u2212");
+  return text.replaceAll("-", "\u2212");
 }
 export const place = (p: ArrayLike<number>): string => Array.from(p).map(brief).join(", ");
+/** A place in a scene of some size: far from the origin as many digits as near it, a hundred
+ *  thousandth of the size. */
+export function placeWithin(p: ArrayLike<number>, size: number): string {
+  const decimals = Math.max(0, Math.ceil(5 - Math.log10(size)));
+  const far = (v: number): boolean => Math.abs(v) > 10 * size && decimals <= 20;
+  const text = (v: number): string =>
+    far(v) ? v.toFixed(decimals).replaceAll("-", "\u2212") : brief(v);
+  return Array.from(p).map(text).join(", ");
+}

@@ -1,7 +1,7 @@
 // The panel: layers, parameters, section, what is picked, the view.
 
 import { css, scaleColor } from "./colors";
-import { brief, foreign, h, place } from "./dom";
+import { brief, foreign, h, place, placeWithin } from "./dom";
 import type { ColorMode, Extra, Layer } from "./layer";
 import { angleAndRadius } from "./measure";
 import { type V3, dot, norm, sub } from "./vector";
@@ -350,7 +350,7 @@ export class Panel {
     const rows: [string, Node | string][] = [];
     if (picked) {
       const layer = this.viewer.layers.find((l) => l.id === picked.layer);
-      rows.push(["Point", place(picked.point)]);
+      rows.push(["Point", placeWithin(picked.point, this.viewer.extent())]);
       if (layer && this.viewer.layers.length > 1) rows.push(["Layer", foreign(layer.name)]);
       if (picked.part) rows.push(["Part", foreign(picked.part)]);
       if (picked.isCap) rows.push(["", "on a cut"]);

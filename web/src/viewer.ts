@@ -364,6 +364,12 @@ export class Viewer {
     this.setParameters({ ...came, ...Object.fromEntries(given) });
   }
 
+  /** The diagonal of what is visible. */
+  extent(): number {
+    const b = this.view.bounds();
+    return b ? norm(sub(b.hi, b.lo)) : 1;
+  }
+
   /** The middle of what is visible, for a section's first place. */
   middle(): V3 {
     const b = this.view.bounds();

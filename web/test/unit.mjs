@@ -17,6 +17,7 @@ const entry = [
   "patches",
   "native",
   "exact",
+  "dom",
 ]
   .map((m) => `export * as ${m} from "./${m}";`)
   .join("\n");
@@ -27,9 +28,10 @@ const bundle = await build({
   format: "esm",
   platform: "node",
 });
-const { tape, interval, solid, bvh, caps, measure, glsl, patches, native, exact } = await import(
-  `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
-);
+const { tape, interval, solid, bvh, caps, measure, glsl, patches, native, exact, dom } =
+  await import(
+    `data:text/javascript;base64,${Buffer.from(bundle.outputFiles[0].text).toString("base64")}`
+  );
 
 /** Numbers between 0 and 1, the same in every run. */
 let seed = 1;
@@ -316,4 +318,11 @@ test("a ray meets the surface of a face near its triangle", () => {
     assert.equal(meet(kind, measures, o, d, want + 0.5), null, `${kind}: too far`);
   }
   assert.equal(meet("sphere", [2], [2.001, 0, -5], [0, 0, 1], 5), null, "it passes by");
+});
+
+test("places far from the origin keep the digits of the scene", () => {
+  const at = [1000001.25, 2e6, -3e6];
+  assert.equal(dom.placeWithin(at, 5), "1000001.25000, 2000000.00000, \u22123000000.00000");
+  assert.equal(dom.placeWithin([0.5, -1, 2e-5], 4), "0.5, \u22121, 2.0000e\u22125");
+  assert.equal(dom.placeWithin([1e300, 0, 0], 1e-300), "1.0000e+300, 0, 0");
 });

@@ -10,10 +10,11 @@ use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
 use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
+use isoform::mesh::MeshError;
 use isoform::tess::{Analysis, Map, Surface};
 use isoform::{
-    ExactSolid, LiveModel, MeshModelOptions, PatchesError, RationalSurface, SurfaceBox, Unseen,
-    mesh_model, mesh_spline,
+    ExactSolid, LiveModel, MeshModelError, MeshModelOptions, PatchesError, RationalSurface,
+    SurfaceBox, Unseen, mesh_model, mesh_spline, solid_of, undefined_at,
 };
 use serde_json::Value;
 use std::path::Path;
@@ -147,6 +148,40 @@ pub(crate) struct Shower {
     pub(crate) why_mesh: &'static str,
 }
 
+/// The column of points that says how far they are from a model.
+const DEVIATION: &str = "deviation";
+/// A column is that of the model beside it where it differs from what is measured by at most this
+/// share of itself, as root mean squares: measured distances are of first order, which costs a few
+/// per cent at most beside edges. A larger share takes the deviations of another model for its own.
+const OWN: f64 = 0.05;
+
+/// Takes the deviations of a file's points away where the first model beside them is not the one
+/// that they were measured from: another one, or with other parameters. Without them points are
+/// measured anew.
+pub(crate) fn drop_foreign_deviations(layers: &mut [Layer]) {
+    let model = layers.iter().find_map(|layer| match layer {
+        Layer::Model(model) => Some(model.live.clone()),
+        _ => None,
+    });
+    let Some(model) = model else { return };
+    for layer in layers {
+        let Layer::Points(cloud) = layer else {
+            continue;
+        };
+        let own = cloud.columns.iter().find(|c| c.name == DEVIATION);
+        let Some(own) = own else { continue };
+        let pairs = own.values.iter().zip(model.deviations(cloud));
+        let (mut squares, mut differences) = (0.0, 0.0);
+        for (own, measured) in pairs.filter(|(a, b)| a.is_finite() && b.is_finite()) {
+            squares += own * own;
+            differences += (own - measured).powi(2);
+        }
+        if differences > OWN * OWN * squares {
+            cloud.columns.retain(|c| c.name != DEVIATION);
+        }
+    }
+}
+
 /// The name of a file without its folder.
 pub(crate) fn base_name(path: &Path) -> String {
     let name = path.file_name().unwrap_or(path.as_os_str());
@@ -276,6 +311,15 @@ impl File<'_> {
         let options = MeshModelOptions::of_surface(region);
         let made = mesh_model(model, &values, &options, &control);
         let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
+        if !made.certificate.is_ok() {
+            // What the mesher made of places without a value is nothing to be shown.
+            let (solid, _) =
+                solid_of(model, &values).map_err(|e| no_mesh(&e.into(), name, &settings))?;
+            if let Some(at) = undefined_at(solid.as_ref(), &Aabb::of(&made.meshed.mesh.points)) {
+                let undefined = MeshModelError::Mesh(MeshError::NotANumber { at });
+                return Err(no_mesh(&undefined, name, &settings));
+            }
+        }
         self.context
             .warn(format_args!("{name}: {}", self.shower.why_mesh));
         Ok(Layer::Meshed(made.meshed.mesh))
@@ -362,11 +406,12 @@ impl File<'_> {
     fn map(&self, map: RationalSurface) -> Result<Layer, Failure> {
         let (name, context) = (self.name, self.context);
         let Some(Place::Around(half)) = &self.reading.region else {
-            return Err(
-                Failure::usage(format!("{}: --box is needed", self.path.display()))
-                    .why("the parameters are the whole plane")
-                    .hint("--box B, half the width of a box around the origin"),
-            );
+            return Err(Failure::usage(format!(
+                "{}: --box with one number is needed",
+                self.path.display()
+            ))
+            .why("the parameters are the whole plane, and maps are cut by a cube about the origin")
+            .hint("--box B, half the width of a box around the origin"));
         };
         let around = SurfaceBox {
             half_width: half.exact.clone(),

@@ -71,7 +71,8 @@ pub(crate) struct Args {
 /// What a picture can show.
 const SHOWER: Shower = Shower {
     can_draw: |_| true,
-    why_mesh: "no intervals are known of this program: its mesh is drawn, and may miss thin parts",
+    why_mesh: "it is run statement by statement, or is no number in parts of the box: its mesh is \
+               drawn, and may miss thin parts",
 };
 
 /// Reads a plane.
@@ -159,6 +160,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for path in &args.file {
         read.push(layers::read(path, &args.reading, &SHOWER, context)?);
     }
+    layers::drop_foreign_deviations(&mut read);
     let said: Vec<Said> = args
         .file
         .iter()

@@ -110,8 +110,11 @@ fn made(args: &Args, context: &Context) -> Result<(Page, Vec<Value>), Failure> {
     let title = args.title.clone().unwrap_or_else(|| names.join(", "));
     let mut page = Page::new(title);
     let mut shown = Vec::new();
-    for (path, name) in args.file.iter().zip(&names) {
-        let layer = layers::read(path, &args.reading, &SHOWER, context)?;
+    let read = args.file.iter();
+    let read = read.map(|path| layers::read(path, &args.reading, &SHOWER, context));
+    let mut read: Vec<Layer> = read.collect::<Result<_, Failure>>()?;
+    layers::drop_foreign_deviations(&mut read);
+    for ((path, name), layer) in args.file.iter().zip(&names).zip(read) {
         shown.push(json!({"file": path.display().to_string(), "kind": layer.kind()}));
         add(&mut page, name, layer);
     }

@@ -287,3 +287,66 @@ fn a_view_of_nothing_is_said() {
     assert_eq!(code(&o), 0, "{}", stderr(&o));
     assert!(stderr(&o).contains("nothing is seen"), "{}", stderr(&o));
 }
+
+/// A function that is no number in parts of the box: what evaluators make of that differs, and no
+/// picture or page shows it as if it were solid.
+#[test]
+fn functions_without_a_value_are_refused_or_meshed() {
+    let f = Folder::new("render-undefined");
+    let dome = "min(sqrt(1 - x[1]^2 - x[2]^2) - x[3], x[3])";
+    for (name, formula) in [
+        ("root", "sqrt(1 - x[1]^2 - x[2]^2 - x[3]^2)"),
+        ("dome", dome),
+    ] {
+        let text = format!("my_model(x[3], a[1]) {{ my_model = {formula}; }}\n");
+        let file = f.file(&format!("{name}.hf"), &text);
+        for (verb, out) in [("render", "x.png"), ("view", "x.html")] {
+            let out = f.path(out);
+            let o = isoform(&[verb, &file, "--box", "2", "-q", "-o", &out]);
+            assert_eq!(code(&o), 4, "{verb} {name}: {}", stderr(&o));
+            assert!(stderr(&o).contains("not a number near"), "{}", stderr(&o));
+        }
+    }
+    let inner = f.file(
+        "inner.hf",
+        &format!("my_model(x[3], a[1]) {{ my_model = {dome}; }}\n"),
+    );
+    let out = f.path("inner.png");
+    let o = isoform(&[
+        "render",
+        &inner,
+        "--box=-0.7,-0.7,-1,0.7,0.7,1.5",
+        "-q",
+        "-o",
+        &out,
+    ]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+}
+
+/// Deviations of a file are those of the model that they were measured from; beside another one, or
+/// the same one with other parameters, points are measured anew.
+#[test]
+fn deviations_of_another_model_are_not_taken() {
+    let f = Folder::new("render-deviations");
+    let ball = f.file("ball.hf", BALL);
+    let axes = [[1.1, 0.0, 0.0], [0.0, 1.05, 0.0], [0.0, 0.0, -0.9]];
+    let rows = axes.map(|[x, y, z]| format!("{x},{y},{z},{}\n", x + y + f64::abs(z) - 1.0));
+    let points = f.file("points.csv", &format!("x,y,z,deviation\n{}", rows.concat()));
+    let rms = |radius: &str| {
+        let out = f.path("x.png");
+        let o = isoform(&[
+            "render", &points, &ball, "--params", radius, "--size", "60x60", "--json", "-o", &out,
+        ]);
+        document(&o)["layers"][0]["scale"]["rms"]
+            .as_f64()
+            .expect("a number")
+    };
+    for radius in [1.0, 1.2] {
+        let squares: f64 = [1.1, 1.05, 0.9]
+            .map(|r: f64| (r - radius).powi(2))
+            .iter()
+            .sum();
+        let want = (squares / 3.0).sqrt();
+        assert!((rms(&radius.to_string()) - want).abs() < 1e-12, "{radius}");
+    }
+}

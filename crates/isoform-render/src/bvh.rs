@@ -43,6 +43,8 @@ pub(crate) struct Meeting {
     pub(crate) triangle: u32,
     /// Shares of the three corners.
     pub(crate) shares: [f64; 3],
+    /// Which side of it the ray comes from.
+    is_left: bool,
 }
 
 /// A ray, sheared so that it is an axis.
@@ -77,8 +79,8 @@ impl Sheared {
         ]
     }
 
-    /// Where the ray meets a triangle.
-    fn meet(&self, corners: [Point3; 3]) -> Option<(f64, [f64; 3])> {
+    /// Where the ray meets a triangle, and from which side.
+    fn meet(&self, corners: [Point3; 3]) -> Option<(f64, [f64; 3], bool)> {
         let [a, b, c] = corners.map(|p| self.corner(p));
         let (u, u_side) = edge(b, c);
         let (v, v_side) = edge(c, a);
@@ -92,7 +94,7 @@ impl Sheared {
         }
         let shares = [u / sum, v / sum, w / sum];
         let t = shares[0] * a[2] + shares[1] * b[2] + shares[2] * c[2];
-        Some((t, shares))
+        Some((t, shares, u_side))
     }
 }
 
@@ -212,7 +214,7 @@ impl Bvh {
             }
             for &triangle in &self.order[node.at as usize..(node.at + node.count) as usize] {
                 let corners = mesh.1[triangle as usize].map(|i| mesh.0[i as usize]);
-                let Some((t, shares)) = sheared.meet(corners) else {
+                let Some((t, shares, is_left)) = sheared.meet(corners) else {
                     continue;
                 };
                 let t = t + shift;
@@ -221,20 +223,23 @@ impl Bvh {
                         t,
                         triangle,
                         shares,
+                        is_left,
                     }));
                 }
             }
         }
     }
 
-    /// How often a ray crosses the triangles beyond a distance.
-    pub(crate) fn crossings(&self, mesh: (&[Point3], &[[u32; 3]]), ray: &Ray, from: f64) -> usize {
-        let mut count = 0;
-        self.visit(mesh, ray, [from, f64::INFINITY], |_| {
-            count += 1;
+    /// How often triangles that close up go around the place of a ray at a distance: how many more
+    /// of those beyond it are crossed from one side than from the other. Bodies that overlap go
+    /// around it twice, and voids take theirs away.
+    pub(crate) fn winding(&self, mesh: (&[Point3], &[[u32; 3]]), ray: &Ray, from: f64) -> i32 {
+        let mut sum = 0;
+        self.visit(mesh, ray, [from, f64::INFINITY], |meeting| {
+            sum += if meeting.is_left { 1 } else { -1 };
             f64::INFINITY
         });
-        count
+        sum
     }
 }
 
@@ -296,11 +301,18 @@ mod tests {
                 d: unit(d),
                 from: 0.0,
             };
-            let count = tree.crossings(mesh, &ray, 0.0);
+            let mut count = 0;
+            tree.visit(mesh, &ray, [0.0, f64::INFINITY], |_| {
+                count += 1;
+                f64::INFINITY
+            });
             assert!(
                 count == 2 || (o[1] == 2.0 && count == 0),
                 "{o:?} {d:?} {count}"
             );
+            assert_eq!(tree.winding(mesh, &ray, 0.0), 0);
+            let inside = Ray { o: [0.5; 3], ..ray };
+            assert_eq!(tree.winding(mesh, &inside, 0.0).abs(), 1);
         }
     }
 

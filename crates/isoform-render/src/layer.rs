@@ -577,7 +577,7 @@ fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
             let cut = cut_of(&mesh.points, &mesh.tets, section, shade::CAP);
             Lid::Cut(Box::new(cut))
         }
-        Some(_) if is_closed(&surface.triangles) => Lid::Own,
+        Some(_) if is_closed(&surface.points, &surface.triangles) => Lid::Own,
         _ => Lid::Open,
     }
 }

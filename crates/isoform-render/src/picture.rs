@@ -136,7 +136,7 @@ pub fn render(
         .into_par_iter()
         .map(|top| {
             control.check()?;
-            let band = Band::new(&tracer, width, [top, (top + rows).min(height)]);
+            let band = Band::new(&tracer, width, [top, (top + rows).min(height)], control)?;
             let colors = band.colors(style);
             let count = done.fetch_add(rows, Ordering::Relaxed) + rows;
             control.report("drawing", (count as f64 / height as f64).min(1.0));
@@ -164,7 +164,12 @@ struct Band {
 }
 
 impl Band {
-    fn new(tracer: &Tracer<'_>, width: usize, [top, bottom]: [usize; 2]) -> Self {
+    fn new(
+        tracer: &Tracer<'_>,
+        width: usize,
+        [top, bottom]: [usize; 2],
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
         let (width, height) = (width + 2 * APRON, bottom - top + 2 * APRON);
         let place = |pixel: usize| {
             let (x, y) = (pixel % width, pixel / width + top);
@@ -173,9 +178,12 @@ impl Band {
         let mut scratch = Scratch::default();
         let mut sample = |[x, y]: [f64; 2]| tracer.sample([x, y], &mut scratch);
         let middle = |[x, y]: [f64; 2]| [x + 0.5, y + 0.5];
-        let coarse: Vec<Sample> = (0..width * height)
-            .map(|k| sample(middle(place(k))))
-            .collect();
+        let mut coarse = Vec::with_capacity(width * height);
+        for row in 0..height {
+            control.check()?;
+            let pixels = row * width..(row + 1) * width;
+            coarse.extend(pixels.map(|k| sample(middle(place(k)))));
+        }
         let mut band = Self {
             width,
             height,
@@ -186,6 +194,9 @@ impl Band {
         band.index = vec![0; width * height];
         let own = |k: usize| (k as f64 + 0.5) / FINE as f64;
         for pixel in 0..width * height {
+            if pixel % width == 0 {
+                control.check()?;
+            }
             if !band.is_mixed(pixel) {
                 continue;
             }
@@ -196,7 +207,7 @@ impl Band {
                     .push(sample([x + own(k % FINE), y + own(k / FINE)]));
             }
         }
-        band
+        Ok(band)
     }
 
     /// Whether a pixel differs from one around it; those at the end of the apron do not count.

@@ -152,6 +152,7 @@ impl Surface {
             t,
             triangle,
             shares,
+            ..
         } = meeting;
         let part = self.part(triangle);
         let flat = |normal| OnSurface {
@@ -245,7 +246,7 @@ impl Surface {
             Lid::Open => None,
             Lid::Own => {
                 let mesh = (self.points.as_slice(), self.triangles.as_slice());
-                (self.tree.crossings(mesh, ray, t) % 2 == 1).then_some(None)
+                (self.tree.winding(mesh, ray, t) != 0).then_some(None)
             }
             Lid::Cut(cut) => cut
                 .meet(ray, [f64::NEG_INFINITY, f64::INFINITY], None)
@@ -280,17 +281,19 @@ impl Surface {
     }
 }
 
-/// Whether triangles close up: each edge has as many of one direction as of the other.
-pub(crate) fn is_closed(triangles: &[[u32; 3]]) -> bool {
+/// Whether triangles close up: each edge has as many of one direction as of the other. Those
+/// without an area bound nothing, and do not count.
+pub(crate) fn is_closed(points: &[Point3], triangles: &[[u32; 3]]) -> bool {
     let mut balance: HashMap<[u32; 2], i32> = HashMap::new();
-    for t in triangles {
+    let has_area = |t: &&[u32; 3]| facet_normal(t.map(|i| points[i as usize])) != [0.0; 3];
+    for t in triangles.iter().filter(has_area) {
         for k in 0..3 {
             let (i, j) = (t[k], t[(k + 1) % 3]);
             let sign = if i < j { 1 } else { -1 };
             *balance.entry([i.min(j), i.max(j)]).or_default() += sign;
         }
     }
-    !triangles.is_empty() && balance.values().all(|sum| *sum == 0)
+    !balance.is_empty() && balance.values().all(|sum| *sum == 0)
 }
 
 /// The polygons in which a section cuts tetrahedra, as triangles.
@@ -353,10 +356,38 @@ mod tests {
     }
 
     #[test]
+    fn what_two_bodies_share_is_inside() {
+        let mut points = Vec::new();
+        let mut triangles = Vec::new();
+        let skin = [[1_u32, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
+        for shift in [0.0, 0.1] {
+            let first = points.len() as u32;
+            let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+            points.extend(corners.map(|p| p.map(|v| v + shift)));
+            triangles.extend(skin.map(|t| t.map(|i| first + i)));
+        }
+        let mut both = Surface::new(points, triangles, Paint::Plain([0; 3]));
+        both.lid = Lid::Own;
+        let is_inside = |at: f64| {
+            let ray = Ray {
+                o: [at; 3],
+                d: [0.0, 0.6, 0.8],
+                from: 0.0,
+            };
+            both.cap(&ray, 0.0).is_some()
+        };
+        // In the first alone, in both, in the second alone, in none.
+        let found = [0.05, 0.2, 0.4, 0.5].map(is_inside);
+        assert_eq!(found, [true, true, true, false]);
+    }
+
+    #[test]
     fn a_tetrahedron_is_closed_and_its_cut_flat() {
         let points = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         let skin = [[1, 2, 3], [0, 3, 2], [0, 1, 3], [0, 2, 1]];
-        assert!(is_closed(&skin) && !is_closed(&skin[1..]));
+        assert!(is_closed(&points, &skin) && !is_closed(&points, &skin[1..]));
+        let with_flat = [&skin[..], &[[0, 0, 1], [2, 2, 2]]].concat();
+        assert!(is_closed(&points, &with_flat) && !is_closed(&points, &[[0, 0, 1]]));
         let section = Section::new([0.0, 0.0, 2.0], 1.0).expect("a plane");
         let cut = cut_of(&points, &[[0, 1, 2, 3]], &section, [0; 3]);
         let area: f64 = (0..cut.triangles.len() as u32)

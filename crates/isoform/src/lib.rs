@@ -155,7 +155,7 @@ pub use isoform_tess as tess;
 pub use isoform_tess::{
     PatchesError, SurfaceBox, TriangulateError, triangulate as triangulate_map, triangulate_patches,
 };
-pub use live::{LiveModel, LiveParameter, Readings, solid_of_polynomial};
+pub use live::{LiveModel, LiveParameter, Readings, solid_of_polynomial, undefined_at};
 pub use mesh_model::{
     MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
 };

@@ -72,7 +72,9 @@ pub struct LiveModel {
 impl LiveModel {
     /// A model with the values `a`; missing ones are those of
     /// [`parameter_values`](crate::parameter_values). With a region, what lies in it. None where
-    /// the program is no expression, and must be run statement by statement.
+    /// the program is no expression, and must be run statement by statement; and where its function
+    /// is no number in some part of the box, as a root of negative numbers is none: what evaluators
+    /// make of that differs.
     ///
     /// ```
     /// use isoform::{Control, LiveModel, template};
@@ -98,6 +100,9 @@ impl LiveModel {
             return Ok(None);
         };
         let bounds = bounds_of(solid.as_ref(), region, control)?;
+        if undefined_at(solid.as_ref(), &bounds).is_some() {
+            return Ok(None);
+        }
         let values = parameter_values(model, a)?;
         let used = used_parameters(&readings.tape);
         let all = model.params().iter().zip(&values);
@@ -292,6 +297,43 @@ fn bounds_of(
     found
         .map(|extent| extent.bounds)
         .map_err(|e| MeshError::Extent(e).into())
+}
+
+/// Samples along each side of a box in which a function is looked at for places without a value.
+/// More find smaller parts without one, and cost their cube.
+const SAMPLES: usize = 24;
+
+/// A place of a box at which a piece of a solid is no number, as a root of negative numbers is none;
+/// `None` where samples meet none.
+///
+/// ```
+/// use isoform::field::hyperfun::{Mode, Model};
+/// use isoform::geom::Aabb;
+/// let half_defined = "my_model(x[3], a[1]) { my_model = sqrt(x[1]) - x[2]; }";
+/// let model = Model::parse(half_defined, Mode::Default)?;
+/// let (solid, _) = isoform::solid_of(&model, &[])?;
+/// let at = isoform::undefined_at(solid.as_ref(), &Aabb { lo: [-1.0; 3], hi: [1.0; 3] });
+/// assert!(at.is_some_and(|p| p[0] < 0.0));
+/// let right = Aabb { lo: [0.0; 3], hi: [1.0; 3] };
+/// assert_eq!(isoform::undefined_at(solid.as_ref(), &right), None);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn undefined_at(solid: &dyn Solid, bounds: &Aabb) -> Option<Point3> {
+    let size = bounds.size();
+    // Off the middles, where formulas of round numbers have their poles.
+    let share = |i: usize| (i as f64 + 0.4142) / SAMPLES as f64;
+    let point = |at: [usize; 3]| -> Point3 {
+        std::array::from_fn(|k| bounds.lo[k] + share(at[k]) * size[k])
+    };
+    let which: Vec<u32> = (0..solid.names().len() as u32).collect();
+    (0..SAMPLES).into_par_iter().find_map_first(|i| {
+        let places = (0..SAMPLES).flat_map(|j| (0..SAMPLES).map(move |k| [i, j, k]));
+        let points: Vec<Point3> = places.map(point).collect();
+        let mut values = vec![0.0; which.len() * points.len()];
+        solid.values(&which, &points, &mut values);
+        let at = values.iter().position(|v| v.is_nan())?;
+        Some(points[at % points.len()])
+    })
 }
 
 /// By parameter, whether a step of the tape, or a result, is one that it decides.

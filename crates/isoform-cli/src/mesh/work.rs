@@ -251,7 +251,7 @@ fn no_extent(error: &ExtentError, name: &str, has_box: bool) -> Failure {
             };
             none("empty")
                 .why(why)
-                .hint("other --params, or isoform eval to see values; inside is where f >= 0")
+                .hint("other --params, --box around where it is, or isoform eval: inside is f >= 0")
         }
         ExtentError::Unbounded { .. } => {
             none("unbounded").hint("--box=-1,-1,-1,1,1,1 to cut it off there")
