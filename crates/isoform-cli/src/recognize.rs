@@ -36,7 +36,8 @@ on one line, 130 after Ctrl-C.")]
 pub(crate) struct Args {
     /// The points: any format that `isoform inspect` reads (- for stdin)
     scan: PathBuf,
-    /// How far points lie from their surface: the standard deviation [default: as the points show]
+    /// How far points lie from their surface: the standard deviation; where it is larger than their
+    /// noise, how far the object's form may be off [default: as the points show]
     #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
     tol: Option<f64>,
     /// The fewest points of an entity
@@ -185,8 +186,9 @@ fn failure(error: RecognizeError, scan: &Path) -> Failure {
 /// The report for people.
 fn text(report: &RecognizeReport, outputs: &[PathBuf]) -> String {
     let mut text = format!(
-        "{} points, noise {}: {} entities, {} points without\n",
+        "{} points, {} {}: {} entities, {} points without\n",
         report.points,
+        if report.form { "form within" } else { "noise" },
         brief(report.noise),
         report.entities.len(),
         report.n_unassigned

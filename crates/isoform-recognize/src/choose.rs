@@ -16,6 +16,10 @@ const AT_LEAST: f64 = 8.0;
 /// Two surfaces whose distance is below this share of the noise (squared here: 0.1²) are one to
 /// any use; without this bound a form error of a scan would count as evidence.
 const MATERIAL: f64 = 0.01;
+/// That share where the user allows more than the noise of the points: what is left over then is
+/// the form of a real object, which one surface of many follows better by some of it. With less,
+/// balls come as tori, with 1 shallow cones as cylinders.
+const MATERIAL_OF_FORM: f64 = 0.25;
 /// A kind with more parameters also wins where it explains this many times as many points: the
 /// simpler one then is a strip of it.
 const WIDER: f64 = 1.6;
@@ -49,6 +53,21 @@ pub(crate) struct Noise {
     pub(crate) deviation: f64,
     /// The deviation may be this many times as large.
     pub(crate) slack: f64,
+    /// Whether it is a tolerance of form, larger than the noise of the points: distances of
+    /// neighbours are alike then, and say nothing against a surface.
+    pub(crate) is_form: bool,
+}
+
+impl Noise {
+    /// Two surfaces are one to any use where Σ r² differs by less than this share of the variance
+    /// for each point.
+    fn material(self) -> f64 {
+        if self.is_form {
+            MATERIAL_OF_FORM
+        } else {
+            MATERIAL
+        }
+    }
 }
 
 /// Noise below this is that of rounding, in diagonals.
@@ -105,14 +124,14 @@ pub(crate) fn is_called_for(
     simple: f64,
     bent: f64,
     parameters: usize,
-    noise: f64,
+    noise: Noise,
 ) -> bool {
     let n = points as f64;
     let free = points.saturating_sub(parameters).max(1) as f64;
-    let variance = (noise * noise).max(bent / free);
+    let variance = noise.deviation.powi(2).max(bent / free);
     let gain = (simple - bent) / variance;
     let asked = more as f64 * (n.ln() + EACH) + AT_LEAST;
-    gain > asked.max(MATERIAL * n)
+    gain > asked.max(noise.material() * n)
 }
 
 /// Sets of free points about a seed that regions grow from.
@@ -212,7 +231,7 @@ fn is_plainly_flat(cloud: &Cloud, region: &Region, noise: Noise) -> bool {
     let points = cloud.at(&region.core);
     let before = squares(surface, &points);
     let after = bent_squares(surface, &points);
-    !is_called_for(1, points.len(), before, after, 6, noise.deviation)
+    !is_called_for(1, points.len(), before, after, 6, noise)
 }
 
 /// The simplest of regions, by rising kind, that no other one beats.
@@ -239,7 +258,7 @@ pub(crate) fn follows(
 ) -> bool {
     let is_one = |points: &[u32]| {
         is_near(cloud, points, surface, noise)
-            && is_independent(correlation(cloud, points, surface))
+            && (noise.is_form || is_independent(correlation(cloud, points, surface)))
     };
     noise.deviation <= FLOOR || is_one(core) || is_one(points)
 }
@@ -268,5 +287,5 @@ fn beats(cloud: &Cloud, bent: &Region, simple: &Region, noise: Noise) -> bool {
     let [p, q] = [simple.surface.kind, surface.kind].map(Kind::parameters);
     let before = squares(&simple.surface, &points);
     bent.core.len() * 10 >= simple.core.len() * 9
-        && is_called_for(q - p, points.len(), before, after, q, noise.deviation)
+        && is_called_for(q - p, points.len(), before, after, q, noise)
 }

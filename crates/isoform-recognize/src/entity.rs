@@ -170,6 +170,10 @@ pub struct Recognition {
     pub symmetries: Vec<Symmetry>,
     /// Entities that are blends of others.
     pub blends: Vec<Blend>,
-    /// The standard deviation of the points along the normal, as they show it.
+    /// The standard deviation of the points along the normal, as they show it; the tolerance where
+    /// [`is_form`](Self::is_form) says so.
     pub noise: f64,
+    /// Whether the form of the object deviates from its entities by more than the noise, and `noise`
+    /// is the tolerance within which they were found.
+    pub is_form: bool,
 }

@@ -1,7 +1,7 @@
 //! Of which kind the surface through given points is.
 
 use crate::chart::{Kind, Surface};
-use crate::choose::{is_called_for, least_points};
+use crate::choose::{Noise, is_called_for, least_points};
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit, fit_weighted};
 use crate::share::Shares;
@@ -11,13 +11,18 @@ use crate::start::starts;
 const SAMPLE: usize = 400;
 
 /// The simplest kind of surface that explains the points as well as any.
-pub(crate) fn best_kind(cloud: &Cloud, shares: &Shares, surface: &Surface, noise: f64) -> Surface {
+pub(crate) fn best_kind(
+    cloud: &Cloud,
+    shares: &Shares,
+    surface: &Surface,
+    noise: Noise,
+) -> Surface {
     let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
     let points = cloud.at(&of);
     let count = weights.iter().sum::<f64>() as usize;
     let mut best: Option<(Surface, f64)> = None;
     for kind in Kind::ALL.iter().copied() {
-        if count < least_points(kind, noise) {
+        if count < least_points(kind, noise.deviation) {
             continue;
         }
         let start = match kind == surface.kind {
@@ -44,7 +49,7 @@ pub(crate) fn zone(
     cloud: &Cloud,
     shares: &Shares,
     sphere: &Surface,
-    noise: f64,
+    noise: Noise,
 ) -> Option<Surface> {
     let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
     let points = cloud.at(&of);

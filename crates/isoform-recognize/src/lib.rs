@@ -9,6 +9,7 @@ mod compare;
 mod entity;
 mod facets;
 mod fit;
+mod form;
 mod grow;
 mod kinds;
 mod local;

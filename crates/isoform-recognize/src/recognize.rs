@@ -6,6 +6,7 @@ use crate::choose::EXACT;
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
+use crate::form::with_form;
 use crate::grow::core;
 use crate::orient::orient;
 use crate::patterns::patterns;
@@ -96,7 +97,10 @@ pub fn recognize(
             .noise
             .map(|n| (n / scaling.unit).max(crate::cloud::FLOOR)),
     };
-    let found = segment(&cloud, limits, control)?;
+    let mut found = segment(&cloud, limits, control)?;
+    if limits.noise.is_none() {
+        found = with_form(&cloud, found, limits, control)?;
+    }
     control.check()?;
     turn_outwards(&mut cloud, &found);
     for k in 0..3 {
@@ -177,6 +181,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         blends: blends(&known, &points, pairs, scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
         noise: found.noise * scaling.unit,
+        is_form: found.is_form,
     }
 }
 

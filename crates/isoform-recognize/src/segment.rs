@@ -25,6 +25,8 @@ const SWEEPS: usize = 8;
 const RELAXATIONS: usize = 10;
 /// Rounds of labels, fits, mergers and new regions.
 const ROUNDS: usize = 3;
+/// What the user allows is a tolerance of form where it is this many times the noise of the points.
+const FORM: f64 = 1.5;
 /// By what factor the noise may be larger than estimated: before any surface is known, and after.
 const FIRST_SLACK: f64 = 1.1;
 const SLACK: f64 = 1.03;
@@ -34,7 +36,7 @@ const HALVING: (usize, usize) = (24, 30);
 /// The least cosine between the axis of a zone and one that others have: 8°.
 const BESIDE: f64 = 0.99;
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
-const EVIDENCE: f64 = 20.0;
+pub(crate) const EVIDENCE: f64 = 20.0;
 /// The median of |x| of a normal deviate.
 const MEDIAN: f64 = 0.6745;
 
@@ -45,6 +47,8 @@ pub(crate) struct Segmentation {
     pub(crate) noise: f64,
     /// The noise before any surface was known.
     first_noise: f64,
+    /// Whether the noise is a tolerance of form.
+    pub(crate) is_form: bool,
 }
 
 /// Limits that the user sets.
@@ -67,12 +71,14 @@ pub(crate) fn segment(
         labels: vec![NONE; cloud.points.len()],
         noise: limits.noise.unwrap_or(cloud.noise),
         first_noise: cloud.noise,
+        is_form: false,
     };
     if cloud.is_volume() {
         return Ok(now);
     }
-    if limits.noise.is_none() {
-        now.noise = lower_noise(cloud, now.noise);
+    match limits.noise {
+        None => now.noise = lower_noise(cloud, now.noise),
+        Some(allowed) => now.is_form = allowed > FORM * lower_noise(cloud, cloud.noise),
     }
     now.first_noise = now.noise;
     for round in 0..ROUNDS {
@@ -162,6 +168,7 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
         let noise = Noise {
             deviation: noise,
             slack: SLACK,
+            is_form: false,
         };
         best_region(cloud, *seed, &Kind::ALL[..3], noise, &|_| true)
             .is_some_and(|r| r.points.len() * HALVING.1 >= cloud.points.len())
@@ -185,6 +192,15 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
 }
 
 impl Segmentation {
+    /// How far points lie from their surface.
+    fn deviation(&self, slack: f64) -> Noise {
+        Noise {
+            deviation: self.noise,
+            slack,
+            is_form: self.is_form,
+        }
+    }
+
     /// Adds planes along the directions of others through points without an entity that lie in many
     /// small pieces, such as the floors of counterbores.
     fn add_scattered_planes(&mut self, cloud: &Cloud, limits: Limits) -> bool {
@@ -225,10 +241,7 @@ impl Segmentation {
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
         let mut is_tried: Vec<bool> = self.labels.iter().map(|l| *l != NONE).collect();
-        let noise = Noise {
-            deviation: self.noise,
-            slack,
-        };
+        let noise = self.deviation(slack);
         for seed in seeds(cloud, self.noise) {
             if is_tried[seed as usize] || self.labels[seed as usize] != NONE {
                 continue;
@@ -261,10 +274,7 @@ impl Segmentation {
 
     /// Removes entities that do not follow their points.
     fn dissolve(&mut self, cloud: &Cloud) -> bool {
-        let noise = Noise {
-            deviation: self.noise,
-            slack: SLACK,
-        };
+        let noise = self.deviation(SLACK);
         let members = self.members();
         let kept: Vec<Option<Surface>> = members
             .par_iter()
@@ -481,7 +491,7 @@ impl Segmentation {
             joint,
             alone,
             q,
-            self.noise,
+            self.deviation(SLACK),
         ))
         .then_some(one)
     }
@@ -534,11 +544,12 @@ impl Segmentation {
 
     /// Gives entities another kind where their points ask for it.
     fn change_kinds(&mut self, cloud: &Cloud) -> bool {
+        let noise = self.deviation(SLACK);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
         let new: Vec<Surface> = shares
             .par_iter()
             .zip(&self.surfaces)
-            .map(|(of, surface)| best_kind(cloud, of, surface, self.noise))
+            .map(|(of, surface)| best_kind(cloud, of, surface, noise))
             .collect();
         let changed = new
             .iter()
@@ -551,13 +562,14 @@ impl Segmentation {
     /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
     /// cones or cylinders that fit as well: chamfers and short bores.
     fn turn_zones(&mut self, cloud: &Cloud) {
+        let noise = self.deviation(SLACK);
         let known = directions(&self.surfaces);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
         for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
             if surface.kind != Kind::Sphere {
                 continue;
             }
-            let other = zone(cloud, of, surface, self.noise);
+            let other = zone(cloud, of, surface, noise);
             let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
             if let Some(other) = other.filter(is_along) {
                 *surface = other;
@@ -568,10 +580,7 @@ impl Segmentation {
     /// Takes entities apart where simpler ones explain their points better.
     fn split(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let members = self.members();
-        let noise = Noise {
-            deviation: self.noise,
-            slack: SLACK,
-        };
+        let noise = self.deviation(SLACK);
         let parts: Vec<Option<Vec<Region>>> = members
             .par_iter()
             .zip(&self.surfaces)

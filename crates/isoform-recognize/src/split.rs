@@ -50,7 +50,7 @@ pub(crate) fn split(
     }
     let explained = (members.len() - left.len()) as f64;
     let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
-    (is_whole && is_better(cloud, members, surface, &mut parts, noise.deviation)).then_some(parts)
+    (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
 }
 
 /// Whether parts explain the points better than one surface; gives each point to the nearest, and
@@ -60,14 +60,14 @@ fn is_better(
     members: &[u32],
     surface: &Surface,
     parts: &mut [Region],
-    noise: f64,
+    noise: Noise,
 ) -> bool {
-    let most = (WITHIN * noise).powi(2);
+    let most = (WITHIN * noise.deviation).powi(2);
     let one: f64 = squares_of(cloud, members, &[*surface], most);
     for _ in 0..SETTLING {
         share_out(cloud, members, parts);
         for part in parts.iter_mut() {
-            if part.points.len() < least_points(Kind::Plane, noise) {
+            if part.points.len() < least_points(Kind::Plane, noise.deviation) {
                 return false;
             }
             let shares: Shares = part.points.iter().map(|i| (*i, 1.0)).collect();

@@ -74,6 +74,7 @@ pub(crate) fn report(
         normals: normals(mesh, claims, inside),
         labels: labels.iter().map(rank).collect(),
         noise: noise * scaling.unit,
+        is_form: false,
     }
 }
 

@@ -14,8 +14,10 @@ pub struct RecognizeReport {
     pub verb: &'static str,
     /// The points looked at.
     pub points: usize,
-    /// The deviation of points along the normal.
+    /// The deviation of points along the normal; the tolerance of form, where `form` says so.
     pub noise: f64,
+    /// Whether the object's form deviates from the surfaces by more than the noise of the points.
+    pub form: bool,
     /// The surfaces, those with most points first.
     pub entities: Vec<EntityReport>,
     /// How they lie to one another.
@@ -323,6 +325,7 @@ impl RecognizeReport {
             verb: "recognize",
             points: found.labels.len(),
             noise: found.noise,
+            form: found.is_form,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             patterns: found.patterns.iter().map(PatternReport::new).collect(),

@@ -1,0 +1,127 @@
+//! Real objects whose form deviates from its surfaces by more than the noise of the points: how much
+//! of that is allowed.
+//!
+//! Within the noise such an object consists of many pieces, bent by a little each, and of points that
+//! nothing follows. Wider tolerances are tried then, and the shortest description is taken: that
+//! of the distances of points from their surfaces, of the surfaces, and of the points without one
+//! (J. Rissanen 1978).
+
+use crate::chart::{Kind, Surface};
+use crate::cloud::Cloud;
+use crate::fit::{covariance, squares};
+use crate::segment::{EVIDENCE, Limits, Segmentation, segment};
+use isoform_control::{Control, Stopped};
+
+/// The share of points that has to be told by entities of known size, else wider tolerances are
+/// tried. Parts made to their drawings have 90 % and more; with less asked for, cans pass whose side
+/// is a dozen tori.
+const TOLD: f64 = 2.0 / 3.0;
+/// The share that planes, spheres, cylinders and cones of known size have to tell within a tolerance
+/// of form. Tori do not count: a few of them follow any smooth body within a hundredth of its size,
+/// an ellipsoid for one.
+const TOLD_BY_FORM: f64 = 0.5;
+/// A size is known where its deviation is below this share of it. Pieces of a flat face that is
+/// bent by a little are parts of large cylinders, known to 3 to 50 %; small fillets are, too, but
+/// have few points.
+const KNOWN: f64 = 0.03;
+/// Doublings of the noise that are tried at most: 2⁵ times the noise of a scanner of today is a
+/// hundredth of the size.
+const DOUBLINGS: i32 = 5;
+/// What a point may cost more where fewer surfaces describe all: surfaces more have to bring the
+/// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
+/// a sum over points takes them for more evidence than they are: without this a ball is five.
+const FEWER: f64 = 0.3;
+
+/// What was found within the noise, or within the tolerance of form that describes the points best.
+pub(crate) fn with_form(
+    cloud: &Cloud,
+    found: Segmentation,
+    limits: Limits,
+    control: &Control<'_>,
+) -> Result<Segmentation, Stopped> {
+    let told = told(cloud, &found);
+    if share(cloud, &told) >= TOLD {
+        return Ok(found);
+    }
+    let noise = found.noise;
+    let mut tried = vec![(length(cloud, &told), found)];
+    // Wide ones first: they take the least time, and where they are good narrow ones need none.
+    for doubling in (1..=DOUBLINGS).rev() {
+        let tolerance = Limits {
+            noise: Some(noise * 2.0_f64.powi(doubling)),
+            ..limits
+        };
+        let next = segment(cloud, tolerance, control)?;
+        let mut told = self::told(cloud, &next);
+        told.retain(|(surface, _)| surface.kind != Kind::Torus);
+        if share(cloud, &told) < TOLD_BY_FORM {
+            continue;
+        }
+        tried.push((length(cloud, &told), next));
+        let best = best(&tried, cloud.points.len());
+        if best > 0 && best + 1 < tried.len() {
+            break;
+        }
+    }
+    let best = best(&tried, cloud.points.len());
+    Ok(tried.swap_remove(best).1)
+}
+
+/// Which of several has the fewest surfaces, of those whose description is nearly the shortest; the
+/// last of several such.
+fn best(tried: &[(f64, Segmentation)], points: usize) -> usize {
+    let shortest = tried.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
+    let most = shortest + FEWER * points as f64;
+    let good = (0..tried.len()).rev().filter(|k| tried[*k].0 <= most);
+    good.min_by_key(|k| tried[*k].1.surfaces.len()).unwrap_or(0)
+}
+
+/// The share of the points that entities have.
+fn share(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
+    let count: usize = told.iter().map(|(_, points)| points.len()).sum();
+    count as f64 / cloud.points.len() as f64
+}
+
+/// The entities whose size is known, with their points.
+fn told(cloud: &Cloud, found: &Segmentation) -> Vec<(Surface, Vec<u32>)> {
+    let members = found.members().into_iter();
+    let each = found.surfaces.iter().copied().zip(members);
+    each.filter(|(surface, points)| is_known(cloud, surface, points))
+        .collect()
+}
+
+/// Whether points tell the size of their surface.
+fn is_known(cloud: &Cloud, surface: &Surface, members: &[u32]) -> bool {
+    // The numbers of the sizes among the minimal parameters, with their values.
+    let sizes: &[(usize, f64)] = match surface.kind {
+        Kind::Plane => return true,
+        Kind::Sphere => &[(3, surface.size)],
+        Kind::Cylinder => &[(4, surface.size)],
+        Kind::Cone => &[(5, surface.other)],
+        Kind::Torus => &[(5, surface.size), (6, surface.other)],
+    };
+    let points = cloud.at(members);
+    let free = points
+        .len()
+        .saturating_sub(surface.kind.parameters())
+        .max(1) as f64;
+    let variance = squares(surface, &points) / free;
+    covariance(surface, &points).is_some_and(|c| {
+        let is_known =
+            |(k, size): &(usize, f64)| (variance * c[*k][*k]).sqrt() <= KNOWN * size.abs();
+        sizes.iter().all(is_known)
+    })
+}
+
+/// The length of a description in natural units, less what all descriptions have in common.
+fn length(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
+    let entity = |(surface, members): &(Surface, Vec<u32>)| {
+        let n = members.len().max(1) as f64;
+        let variance = squares(surface, &cloud.at(members)) / n;
+        // A point without a surface costs the logarithm of the diagonal, which is 1.
+        0.5 * n * variance.max(f64::MIN_POSITIVE).ln()
+            + 0.5 * surface.kind.parameters() as f64 * n.ln()
+            + EVIDENCE
+    };
+    told.iter().map(entity).sum()
+}
