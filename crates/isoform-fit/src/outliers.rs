@@ -23,7 +23,7 @@ const LINE: f64 = 1e-3;
 /// neighbours.
 const EVENNESS: f64 = 1.5;
 /// Most points in the tree: the spacing of larger clouds is that of a sample.
-const MOST: usize = 200_000;
+pub(crate) const MOST: usize = 200_000;
 /// Points whose distances give median and deviation.
 const SAMPLE: usize = 1024;
 /// Points whose neighbours' deviations from planes tell the local noise.

@@ -5,8 +5,10 @@ mod compose;
 mod estimates;
 mod open;
 mod parts;
+mod told;
 
 pub(crate) use self::compose::ByPoint;
+pub(crate) use self::told::{Tally, Told};
 pub use self::open::{Open, Why};
 pub use self::parts::PartStatistics;
 
@@ -127,7 +129,7 @@ pub struct Fit {
     pub reasons: Vec<String>,
     /// Loss that the polish ended with.
     pub loss: Loss,
-    /// Metric residual per point.
+    /// Metric residual per point; of a cloud in chunks, per point of its sample.
     pub residuals: Vec<f64>,
     /// Weight per point in the polish.
     pub weights: Vec<f64>,

@@ -1,5 +1,6 @@
 //! The points of a fit, with what is known of them before any template.
 
+use crate::chunks::Cloud;
 use crate::clutter::Clutter;
 use crate::judge::Warning;
 use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
@@ -32,7 +33,10 @@ const MOST_ASKED: usize = 1 << 18;
 /// # Ok::<(), isoform_fit::FitError>(())
 /// ```
 pub struct Scan<'a> {
+    /// All of them, or the sample of a cloud in chunks, in that cloud's random order.
     points: Cow<'a, [Point3]>,
+    /// The cloud that the points are a sample of.
+    cloud: Option<&'a Cloud<'a>>,
     /// By point as given, its index among the distinct ones; none where all are distinct.
     index: Option<Vec<u32>>,
     /// A seeded random order of the distinct points.
@@ -70,38 +74,84 @@ impl<'a> Scan<'a> {
         let (points, index) = distinct(points);
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
+        let bounds = Aabb::of(&points);
+        let scan = Self::looked_at(points, order, bounds, options);
+        Ok(Self {
+            index,
+            seconds: started.elapsed().as_secs_f64(),
+            ..scan
+        })
+    }
+
+    /// Looks at a cloud in chunks, drawn with the same seed, by its sample.
+    pub fn of_cloud(cloud: &'a Cloud<'a>, options: &Options, control: &Control) -> Self {
+        let started = Instant::now();
+        control.report("outliers", 0.0);
+        let points = Cow::Borrowed(&cloud.sample[..]);
+        let order = (0..points.len() as u32).collect();
+        let scan = Self::looked_at(points, order, cloud.bounds, options);
+        Self {
+            cloud: Some(cloud),
+            seconds: started.elapsed().as_secs_f64(),
+            ..scan
+        }
+    }
+
+    /// Looks at distinct points in a random order, in a box.
+    fn looked_at(
+        points: Cow<'a, [Point3]>,
+        order: Vec<u32>,
+        bounds: Aabb,
+        options: &Options,
+    ) -> Self {
         let near = Neighbourhood::new(&points, &order);
         let wanted = (options.confirm_points / 2).max(options.search_points);
         let (kept, isolated) = kept(&points, &order, &near, wanted, options.filter_outliers);
         let noise = near.local_noise(&points, &order);
-        Ok(Self {
-            data: trusted_box(&points, &kept, isolated, near.spacing),
+        Self {
+            data: trusted_box(bounds, &kept, isolated, near.spacing),
             local_noise: noise.typical,
             least_noise: noise.least,
             points,
-            index,
+            cloud: None,
+            index: None,
             order,
             near,
             kept,
             wanted,
             isolated,
-            seconds: started.elapsed().as_secs_f64(),
-        })
+            seconds: 0.0,
+        }
     }
 
-    /// The distinct points, in the order of their first occurrence.
+    /// The cloud in chunks that the points are a sample of.
+    pub(crate) fn cloud(&self) -> Option<&'a Cloud<'a>> {
+        self.cloud
+    }
+
+    /// Distinct points, whether they are at hand or in chunks.
+    pub(crate) fn count(&self) -> usize {
+        self.cloud.map_or(self.points.len(), Cloud::count)
+    }
+
+    /// The distinct points, in the order of their first occurrence; of a cloud in chunks a sample.
     pub fn points(&self) -> &[Point3] {
         &self.points
     }
 
     /// What lies beside the part, as far as the points themselves tell.
     pub fn clutter(&self) -> Clutter<'_> {
-        let has_strays = self.isolated > MANY_STRAYS && self.points.len() <= MOST_ASKED;
-        Clutter::find(&self.points, &self.order, &self.near, has_strays)
+        let has_strays = self.isolated > MANY_STRAYS && self.count() <= MOST_ASKED;
+        let looked_at = (&self.points[..], &self.order[..]);
+        Clutter::find(looked_at, self.count(), &self.near, has_strays)
     }
 
     /// The report of a fit to the distinct points as one of all points.
     pub(crate) fn expand(&self, mut fit: Fit) -> Fit {
+        if let Some(cloud) = self.cloud {
+            fit.warnings.extend(repeated(cloud.n_points(), cloud.count()));
+            return fit;
+        }
         let Some(index) = &self.index else {
             return fit;
         };
@@ -112,12 +162,15 @@ impl<'a> Scan<'a> {
         fit.n_points = index.len();
         fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
         fit.n_used = fit.n_points - fit.n_outliers;
-        fit.warnings.push(Warning::Repeated {
-            count: index.len() - self.points.len(),
-            points: index.len(),
-        });
+        fit.warnings.extend(repeated(index.len(), self.points.len()));
         fit
     }
+}
+
+/// A warning of points that repeat others, if there are any.
+fn repeated(points: usize, distinct: usize) -> Option<Warning> {
+    let count = points - distinct;
+    (count > 0).then_some(Warning::Repeated { count, points })
 }
 
 /// Makes values of distinct points values of all.
@@ -199,8 +252,8 @@ fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
 }
 
 /// The box of the data: of all points, or of those kept where outliers would stretch it.
-fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
-    let (all, mut some) = (Aabb::of(points), Aabb::of(kept));
+fn trusted_box(all: Aabb, kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
+    let mut some = Aabb::of(kept);
     if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {
         return all;
     }

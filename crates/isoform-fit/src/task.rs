@@ -18,7 +18,7 @@ const EXACT: f64 = 1e-9;
 /// One template and one scan to be brought together.
 pub(crate) struct Task<'a> {
     pub(crate) scan: &'a Scan<'a>,
-    /// The distinct points of the scan.
+    /// The distinct points of the scan; of a cloud in chunks a sample.
     pub(crate) points: &'a [Point3],
     pub(crate) near: &'a Neighbourhood,
     /// A random order of the points.
@@ -124,8 +124,15 @@ impl<'a> Task<'a> {
 
     /// Correlation of the residuals of neighbours, from the first points of an order.
     pub(crate) fn correlation(&self, r: &[f64], order: &[u32]) -> f64 {
-        let none = vec![false; r.len()];
-        deviation::neighbour_correlation(self.points, r, &none, &self.near.tree, order)
+        self.correlation_but(r, &vec![false; r.len()], order)
+    }
+
+    /// The same with some points left out; 0 for none in clouds whose tree is of a sample.
+    pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], order: &[u32]) -> f64 {
+        if self.scan.cloud().is_some() {
+            return 0.0;
+        }
+        deviation::neighbour_correlation(self.points, r, left_out, &self.near.tree, order)
     }
 }
 
