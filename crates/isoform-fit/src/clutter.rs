@@ -263,7 +263,12 @@ mod tests {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         random.shuffle(&mut order);
         let near = Neighbourhood::new(&points, &order);
-        look(&Clutter::find((&points, &order), points.len(), &near, false))
+        look(&Clutter::find(
+            (&points, &order),
+            points.len(),
+            &near,
+            false,
+        ))
     }
 
     #[test]

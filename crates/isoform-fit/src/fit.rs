@@ -46,7 +46,12 @@ pub fn fit(
         let free = free_parameters(template.parameters());
         return Err(FitError::TooFewPoints { found: 0, free });
     }
-    fit_to(&Scan::new(points, options, control)?, template, options, control)
+    fit_to(
+        &Scan::new(points, options, control)?,
+        template,
+        options,
+        control,
+    )
 }
 
 /// Fits a template to a scan that was made ready before. The paper's methods see no more of a cloud

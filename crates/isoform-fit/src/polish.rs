@@ -103,7 +103,12 @@ impl Sums for Here<'_> {
         self.points.len()
     }
     fn squares(&self) -> Box<dyn Objective + '_> {
-        let Self { field, points, mask, space } = *self;
+        let Self {
+            field,
+            points,
+            mask,
+            space,
+        } = *self;
         Box::new(Residuals::new(field, points, mask, space))
     }
     fn reweighted(

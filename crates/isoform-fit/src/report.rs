@@ -8,9 +8,9 @@ mod parts;
 mod told;
 
 pub(crate) use self::compose::ByPoint;
-pub(crate) use self::told::{Tally, Told};
 pub use self::open::{Open, Why};
 pub use self::parts::PartStatistics;
+pub(crate) use self::told::{Tally, Told};
 
 use crate::clock::Seconds;
 use crate::deviation::{DataToModel, ModelToData};

@@ -74,7 +74,7 @@ impl<'a> Scan<'a> {
         let (points, index) = distinct(points);
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
-        let bounds = Aabb::of(&points);
+        let bounds = Aabb::of(points.iter());
         let scan = Self::looked_at(points, order, bounds, options);
         Ok(Self {
             index,
@@ -149,7 +149,8 @@ impl<'a> Scan<'a> {
     /// The report of a fit to the distinct points as one of all points.
     pub(crate) fn expand(&self, mut fit: Fit) -> Fit {
         if let Some(cloud) = self.cloud {
-            fit.warnings.extend(repeated(cloud.n_points(), cloud.count()));
+            fit.warnings
+                .extend(repeated(cloud.n_points(), cloud.count()));
             return fit;
         }
         let Some(index) = &self.index else {
@@ -162,7 +163,8 @@ impl<'a> Scan<'a> {
         fit.n_points = index.len();
         fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
         fit.n_used = fit.n_points - fit.n_outliers;
-        fit.warnings.extend(repeated(index.len(), self.points.len()));
+        fit.warnings
+            .extend(repeated(index.len(), self.points.len()));
         fit
     }
 }

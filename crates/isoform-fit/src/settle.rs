@@ -88,7 +88,7 @@ struct Settled<'a> {
     spread: Spread,
 }
 
-impl Task<'_> {
+impl<'t> Task<'t> {
     /// The distance itself; the metric reading where the template has none.
     pub(crate) fn measure(&self) -> &dyn ParamField {
         match &self.distance {
@@ -199,7 +199,7 @@ impl Task<'_> {
     }
 
     /// Takes all points where they tell more than some, and the bias away.
-    fn finish(&self, mut settled: Settled<'_>, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
+    fn finish(&self, mut settled: Settled<'t>, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
         let most = self.scan.count().min(MOST_FITTED);
         let share = settled.points.count() as f64 / most as f64;
         let is_stopped = self.control.is_stopped();
@@ -216,7 +216,7 @@ impl Task<'_> {
     }
 
     /// Minimises over more points.
-    fn take_more(&self, settled: &mut Settled<'_>, exact: &Polish<'_>, most: usize) {
+    fn take_more(&self, settled: &mut Settled<'t>, exact: &Polish<'_>, most: usize) {
         let Settled { found, state, .. } = settled;
         if let Some(cloud) = self.scan.cloud() {
             let some = |a: &[f64]| self.residuals_of_some(a);

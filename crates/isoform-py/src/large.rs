@@ -48,7 +48,11 @@ impl Chunks {
             messages.push(next);
         }
         let asked: Vec<usize> = (0..self.count).filter(|k| messages[*k].is_some()).collect();
-        let mut answers = self.ask.bind(py).call1((PyList::new(py, messages)?,))?.try_iter()?;
+        let mut answers = self
+            .ask
+            .bind(py)
+            .call1((PyList::new(py, messages)?,))?
+            .try_iter()?;
         for chunk in asked {
             let answer = answers.next().ok_or_else(Trouble::internal)??;
             each(chunk, answer.cast::<PyBytes>()?.as_bytes());

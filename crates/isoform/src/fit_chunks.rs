@@ -113,7 +113,11 @@ fn opened(words: &[u64]) -> Option<(Point3, Vec<f64>, Question)> {
     let (count, rest) = rest.split_first()?;
     let (recipe, rest) = rest.split_at_checked(usize::try_from(*count).ok()?)?;
     let recipe = recipe.iter().map(|v| f64::from_bits(*v)).collect();
-    Some((origin.map(f64::from_bits), recipe, Question::from_words(rest)?))
+    Some((
+        origin.map(f64::from_bits),
+        recipe,
+        Question::from_words(rest)?,
+    ))
 }
 
 fn bytes(words: &[u64]) -> Vec<u8> {
@@ -257,6 +261,7 @@ pub fn fit_chunks(
     seconds.extend(posed.fit.seconds.iter().copied());
     Ok(ScanFit {
         cloud,
+        bounds: located.relative_bounds(),
         template: posed.template,
         fit: posed.fit,
         warnings,

@@ -10,7 +10,7 @@ use isoform_fit::{
     Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning,
     fit_to, search, settle,
 };
-use isoform_geom::{Point3, PointCloud, far_center};
+use isoform_geom::{Aabb, Point3, PointCloud, far_center};
 use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
@@ -161,8 +161,11 @@ impl fmt::Display for FitScanWarning {
 /// A template fitted to a scan.
 #[derive(Debug)]
 pub struct ScanFit {
-    /// The points that were fitted, those added on the faces of a CAD model included.
+    /// The points that were fitted, those added on the faces of a CAD model included; of a cloud in
+    /// chunks, its sample.
     pub cloud: PointCloud,
+    /// The box of all points that were fitted, about the origin of the cloud.
+    pub bounds: Aabb,
     /// The template in the pose in which it fits.
     pub template: HeldTemplate,
     /// Values, deviations and verdict, relative to the origin of the cloud.
@@ -276,6 +279,7 @@ pub fn fit_scan(
     let mut seconds = vec![("template", prepared)];
     seconds.extend(posed.fit.seconds.iter().copied());
     Ok(ScanFit {
+        bounds: cloud.bounds(),
         cloud: cloud.into_owned(),
         template: posed.template,
         fit: posed.fit,

@@ -394,7 +394,9 @@ impl Template for FrepTemplate {
     fn recipe(&self) -> Vec<f64> {
         let pose = POSES.iter().position(|pose| *pose == self.pose);
         let pose = pose.expect("every pose is listed") as f64;
-        std::iter::once(pose).chain(self.base.into_iter().flatten()).collect()
+        std::iter::once(pose)
+            .chain(self.base.into_iter().flatten())
+            .collect()
     }
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
         let mut values = vec![0.0; points.len()];

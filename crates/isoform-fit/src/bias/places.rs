@@ -18,11 +18,7 @@ const MOST_CELLS: f64 = 64.0;
 impl Biased<'_> {
     /// Places of the surface near more than an edge, with the data points that each stands for;
     /// None where the surface is not met.
-    pub(super) fn places(
-        &self,
-        a: &[f64],
-        data: Aabb,
-    ) -> Option<(Vec<Foot>, Vec<f64>)> {
+    pub(super) fn places(&self, a: &[f64], data: Aabb) -> Option<(Vec<Foot>, Vec<f64>)> {
         let wanted = (4 * self.points.count()).clamp(LEAST_PLACES, MOST_PLACES);
         let region = grown(data, MARGIN * self.noise);
         let frame = &self.frame;

@@ -36,12 +36,14 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
             }
         }
         Question::Points(at) => at.iter().for_each(|i| out.point(points[*i as usize])),
-        Question::Moments(center) => {
-            moments(points, *center).map(|v| out.number(v));
-        }
+        Question::Moments(center) => out.each(&moments(points, *center)),
         Question::Extents(base) => out.bounds(points.iter().map(|p| along(base, p)).collect()),
         Question::Within(frame, only) => {
-            let within = chunk.chosen(only).iter().map(|p| frame.within(*p)).collect();
+            let within = chunk
+                .chosen(only)
+                .iter()
+                .map(|p| frame.within(*p))
+                .collect();
             out.bounds(within);
         }
         Question::Cells(grid, only) => out.cells(&grid.counted(&chunk.chosen(only))),
@@ -180,7 +182,11 @@ impl Chunk<'_> {
         let finite = || r.iter().map(|r| r.abs()).filter(|r| r.is_finite());
         let (mut strays, mut others) = (0.0, 0.0);
         for r in r.iter().filter(|r| !r.is_nan()) {
-            let sum = if r.abs() > limit { &mut strays } else { &mut others };
+            let sum = if r.abs() > limit {
+                &mut strays
+            } else {
+                &mut others
+            };
             *sum += r * r;
         }
         out.count(r.len());
@@ -230,17 +236,24 @@ impl Chunk<'_> {
         tally.n_outliers_of_all = outliers_of_all;
         tally.add(&r, &outliers, &parts, telling.size);
         let of_used = r.iter().zip(&outliers).filter(|(_, out)| !**out);
-        let window = of_used.map(|(r, _)| r.abs()).filter(|r| is_in(*r, telling.window));
+        let window = of_used
+            .map(|(r, _)| r.abs())
+            .filter(|r| is_in(*r, telling.window));
         tally.window = window.collect();
         let below = r.iter().zip(&outliers);
-        tally.below = below.filter(|(r, out)| !**out && r.abs() < telling.window.0).count();
+        tally.below = below
+            .filter(|(r, out)| !**out && r.abs() < telling.window.0)
+            .count();
         let far = |r: &f64| r.abs() > telling.far || !r.is_finite();
         let of_far = points.iter().zip(&r).filter(|(_, r)| far(r));
         tally.far = of_far.map(|(p, r)| (*p, *r)).collect();
         let used = points.iter().zip(&outliers).filter(|(_, out)| !**out);
         let used: Vec<Point3> = used.map(|(p, _)| *p).collect();
         let field = self.template.algebraic();
-        let sums = telling.minima.iter().map(|a| sum_of_squares(field, &used, &[], a));
+        let sums = telling
+            .minima
+            .iter()
+            .map(|a| sum_of_squares(field, &used, &[], a));
         tally.algebraic = sums.collect();
         out.tally(&tally);
     }
@@ -253,15 +266,27 @@ fn is_in(v: f64, window: (f64, f64)) -> bool {
 
 impl Writer {
     fn tally(&mut self, tally: &Tally) {
-        let counts = [tally.n, tally.n_outliers, tally.n_outliers_of_all, tally.below];
-        counts.map(|count| self.count(count));
-        [tally.squares, tally.max, tally.squares_of_all].map(|v| self.number(v));
+        let counts = [
+            tally.n,
+            tally.n_outliers,
+            tally.n_outliers_of_all,
+            tally.below,
+        ];
+        counts.into_iter().for_each(|count| self.count(count));
+        self.each(&[tally.squares, tally.max, tally.squares_of_all]);
         self.numbers(&tally.window);
         self.numbers(&tally.algebraic);
         self.count(tally.parts.len());
-        for PartStatistics { count, rms, mean, max, .. } in &tally.parts {
+        for PartStatistics {
+            count,
+            rms,
+            mean,
+            max,
+            ..
+        } in &tally.parts
+        {
             self.count(*count);
-            [*rms, *mean, *max].map(|v| self.number(v));
+            self.each(&[*rms, *mean, *max]);
         }
         self.count(tally.far.len());
         for (p, r) in &tally.far {

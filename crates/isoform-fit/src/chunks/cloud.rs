@@ -123,7 +123,9 @@ impl<'a> Cloud<'a> {
     /// The box of all points along the columns of a rotation.
     pub fn extents(chunks: &dyn Chunks, base: &[Point3; 3]) -> Aabb {
         let mut bounds = Aabb::of(&[]);
-        ask_all(chunks, None, &Question::Extents(*base), |words| add_box(&mut bounds, words));
+        ask_all(chunks, None, &Question::Extents(*base), |words| {
+            add_box(&mut bounds, words)
+        });
         bounds
     }
 
@@ -137,7 +139,11 @@ impl<'a> Cloud<'a> {
             return Err(FitError::Stopped);
         }
         hashes.sort_unstable();
-        let mut repeated: Vec<u64> = hashes.windows(2).filter(|w| w[0] == w[1]).map(|w| w[0]).collect();
+        let mut repeated: Vec<u64> = hashes
+            .windows(2)
+            .filter(|w| w[0] == w[1])
+            .map(|w| w[0])
+            .collect();
         drop(hashes);
         repeated.dedup();
         if repeated.is_empty() {
@@ -207,8 +213,15 @@ impl<'a> Cloud<'a> {
     /// Flags of the distinct points with these numbers, by chunk.
     fn marked(&self, numbers: &[u32]) -> Vec<Bits> {
         let mut wanted = Bits::none(self.count);
-        numbers.iter().for_each(|number| wanted.set(*number as usize));
-        let mut bits: Vec<Bits> = self.chunks.counts().iter().map(|n| Bits::none(*n)).collect();
+        numbers
+            .iter()
+            .for_each(|number| wanted.set(*number as usize));
+        let mut bits: Vec<Bits> = self
+            .chunks
+            .counts()
+            .iter()
+            .map(|n| Bits::none(*n))
+            .collect();
         self.walk(|chunk, place, number| {
             if wanted.is_set(number) {
                 bits[chunk].set(place);
@@ -222,7 +235,10 @@ impl<'a> Cloud<'a> {
         let mut slots: Vec<u32> = (0..numbers.len() as u32).collect();
         slots.sort_unstable_by_key(|slot| numbers[*slot as usize]);
         let mut places: Vec<Vec<u64>> = vec![Vec::new(); self.chunks.counts().len()];
-        let mut next = slots.iter().map(|slot| numbers[*slot as usize] as usize).peekable();
+        let mut next = slots
+            .iter()
+            .map(|slot| numbers[*slot as usize] as usize)
+            .peekable();
         self.walk(|chunk, place, number| {
             while next.next_if_eq(&number).is_some() {
                 places[chunk].push(place as u64);
@@ -288,21 +304,26 @@ impl Cloud<'_> {
         some: &[f64],
     ) -> Sizes {
         let mut sizes = Sizes::default();
-        let median = ranked(some, 0.5, |n| n / 2, |window| {
-            let (mut all, mut found) = (0, Found::default());
-            let mut squares = 0.0;
-            let question = |asked| Question::Sizes(asked, window, f64::INFINITY);
-            self.ask_residuals(template, asked, which, question, |mut words| {
-                all += words.count().unwrap_or(0);
-                found.count += words.count().unwrap_or(0);
-                found.below += words.count().unwrap_or(0);
-                squares += words.number().unwrap_or(0.0);
-                (words.number(), words.number());
-                found.inside.extend(words.numbers().unwrap_or_default());
-            });
-            sizes.rms = (squares / f64::max(all as f64, 1.0)).sqrt();
-            found
-        });
+        let median = ranked(
+            some,
+            0.5,
+            |n| n / 2,
+            |window| {
+                let (mut all, mut found) = (0, Found::default());
+                let mut squares = 0.0;
+                let question = |asked| Question::Sizes(asked, window, f64::INFINITY);
+                self.ask_residuals(template, asked, which, question, |mut words| {
+                    all += words.count().unwrap_or(0);
+                    found.count += words.count().unwrap_or(0);
+                    found.below += words.count().unwrap_or(0);
+                    squares += words.number().unwrap_or(0.0);
+                    (words.number(), words.number());
+                    found.inside.extend(words.numbers().unwrap_or_default());
+                });
+                sizes.rms = (squares / f64::max(all as f64, 1.0)).sqrt();
+                found
+            },
+        );
         sizes.scale = NORMAL * median;
         sizes
     }
@@ -424,7 +445,9 @@ fn ranked(
         if at < found.below {
             window = (0.0, window.0);
         } else if at - found.below < found.inside.len() {
-            let inside = found.inside.select_nth_unstable_by(at - found.below, f64::total_cmp);
+            let inside = found
+                .inside
+                .select_nth_unstable_by(at - found.below, f64::total_cmp);
             return *inside.1;
         } else if window.1 < f64::INFINITY {
             window = (window.1, f64::INFINITY);
@@ -487,7 +510,10 @@ impl Tally {
         self.window.extend(words.numbers().unwrap_or_default());
         let sums = words.numbers().unwrap_or_default();
         self.algebraic.resize(sums.len(), 0.0);
-        self.algebraic.iter_mut().zip(sums).for_each(|(sum, v)| *sum += v);
+        self.algebraic
+            .iter_mut()
+            .zip(sums)
+            .for_each(|(sum, v)| *sum += v);
         words.word();
         for part in &mut self.parts {
             add_part(part, &mut words);

@@ -149,7 +149,7 @@ impl Question {
             Self::Sizes(asked, window, limit) => {
                 out.word(7);
                 out.asked(asked);
-                [window.0, window.1, *limit].map(|v| out.number(v));
+                out.each(&[window.0, window.1, *limit]);
             }
             Self::Sum(asked, by, mask) | Self::Normal(asked, by, mask) => {
                 out.word(if matches!(self, Self::Sum(..)) { 8 } else { 9 });
@@ -206,7 +206,7 @@ impl Writer {
         self.frame(&grid.frame);
         self.point(grid.lo);
         self.number(grid.cell);
-        grid.count.map(|count| self.count(count));
+        grid.count.into_iter().for_each(|count| self.count(count));
     }
     fn asked(&mut self, asked: &Asked) {
         self.word(asked.reading as u64);
@@ -230,7 +230,7 @@ impl Writer {
         self.numbers(&telling.a);
         self.words(&telling.only.0);
         let (lo, hi) = telling.window;
-        [telling.limit, telling.far, telling.size, lo, hi].map(|v| self.number(v));
+        self.each(&[telling.limit, telling.far, telling.size, lo, hi]);
         self.count(telling.minima.len());
         telling.minima.iter().for_each(|a| self.numbers(a));
     }

@@ -27,7 +27,9 @@ impl<'a> ChunkSums<'a> {
 
     fn scale(&self, a: &[f64]) -> f64 {
         let some = (self.some)(a);
-        let sizes = self.cloud.sizes(self.template, (READING, a), Which::Fitted, &some);
+        let sizes = self
+            .cloud
+            .sizes(self.template, (READING, a), Which::Fitted, &some);
         sizes.scale
     }
 
@@ -47,7 +49,9 @@ impl<'a> ChunkSums<'a> {
     fn loss(&self, a: &[f64], scale: f64) -> f64 {
         let mut sum = 0.0;
         let question = |asked, mask| Question::Losses(asked, scale, mask);
-        self.ask(a, question, |mut words| sum += words.number().unwrap_or(f64::NAN));
+        self.ask(a, question, |mut words| {
+            sum += words.number().unwrap_or(f64::NAN)
+        });
         sum
     }
 }

@@ -17,8 +17,12 @@ impl Writer {
     pub(super) fn number(&mut self, number: f64) {
         self.word(number.to_bits());
     }
+    /// Numbers whose number is known.
+    pub(super) fn each(&mut self, numbers: &[f64]) {
+        numbers.iter().for_each(|v| self.number(*v));
+    }
     pub(super) fn point(&mut self, p: Point3) {
-        p.into_iter().for_each(|v| self.number(v));
+        self.each(&p);
     }
     pub(super) fn words(&mut self, words: &[u64]) {
         self.count(words.len());
@@ -26,7 +30,7 @@ impl Writer {
     }
     pub(super) fn numbers(&mut self, numbers: &[f64]) {
         self.count(numbers.len());
-        numbers.iter().for_each(|v| self.number(*v));
+        self.each(numbers);
     }
 }
 

@@ -1,8 +1,8 @@
 //! The default method up to a minimum of the metric residual: search, comparison, polish, and
 //! throws of pieces where the place is not settled.
 
-use crate::clock::Clock;
 use crate::chunks::{Reading, Sizes, Which};
+use crate::clock::Clock;
 use crate::lm;
 use crate::outliers::HAS_OUTLIERS;
 use crate::polish::{Polish, Polished};
@@ -245,8 +245,7 @@ impl Task<'_> {
             }
         };
         // A piece astray leaves a tail, however small its share of the points.
-        scale < self.rounding()
-            || (rms <= TAIL * scale && self.correlation(&r, self.order) < ALIKE)
+        scale < self.rounding() || (rms <= TAIL * scale && self.correlation(&r, self.order) < ALIKE)
     }
 }
 

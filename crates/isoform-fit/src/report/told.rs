@@ -105,8 +105,14 @@ impl Task<'_> {
             rms_of_all: None,
             parts: self.part_sums(points),
             scale,
-            far: all.filter(|(_, r)| is_far(r)).map(|(p, r)| (*p, *r)).collect(),
-            algebraic: minima.iter().map(|a| self.algebraic_sum(outliers, a)).collect(),
+            far: all
+                .filter(|(_, r)| is_far(r))
+                .map(|(p, r)| (*p, *r))
+                .collect(),
+            algebraic: minima
+                .iter()
+                .map(|a| self.algebraic_sum(outliers, a))
+                .collect(),
         }
     }
 
@@ -126,7 +132,11 @@ impl Task<'_> {
             a: a.to_vec(),
             only: Default::default(),
             limit,
-            far: if is_asked { FAR * sizes.scale } else { f64::INFINITY },
+            far: if is_asked {
+                FAR * sizes.scale
+            } else {
+                f64::INFINITY
+            },
             size: self.size(),
             window: (0.0, f64::INFINITY),
             minima,
