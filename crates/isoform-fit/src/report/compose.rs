@@ -50,11 +50,16 @@ impl Task<'_> {
             self.together(&points, &told),
         ];
         let undetermined = self.open(&fitted.knowledge, &a, &fitted.surface, &stats);
+        let with_repeats = told.with_repeats;
         let mut fit = self.unjudged(fitted, points, told, (&a, &clusters));
         fit.part_statistics = stats;
         fit.undetermined = undetermined;
         fit.evidence = evidence;
         self.judge(&mut fit, local.into_iter().flatten());
+        if let Some((points, outliers)) = with_repeats {
+            (fit.n_points, fit.n_outliers) = (points, outliers);
+            fit.n_used = points - outliers;
+        }
         clock.lap("report");
         fit.seconds = clock.seconds.0;
         fit.seconds.insert(0, ("outliers", self.scan.seconds));

@@ -68,6 +68,8 @@ impl Tally {
 pub(crate) struct Told {
     pub(crate) n_points: usize,
     pub(crate) n_outliers: usize,
+    /// Points and outliers, repeated ones included, where these are in chunks.
+    pub(crate) with_repeats: Option<(usize, usize)>,
     pub(crate) data_to_model: DataToModel,
     /// Root of the mean square distance of all; none where every point is at hand.
     pub(crate) rms_of_all: Option<f64>,
@@ -101,6 +103,7 @@ impl Task<'_> {
         Told {
             n_points: self.points.len(),
             n_outliers: outliers.iter().filter(|v| **v).count(),
+            with_repeats: None,
             data_to_model: deviation::data_to_model(residuals, outliers),
             rms_of_all: None,
             parts: self.part_sums(points),
@@ -146,8 +149,9 @@ impl Task<'_> {
         let tally = cloud.told(self.template, &telling, &used);
         let n_used = (tally.n - tally.n_outliers).max(1) as f64;
         Told {
-            n_points: cloud.n_points(),
-            n_outliers: tally.n_outliers_of_all,
+            n_points: tally.n,
+            n_outliers: tally.n_outliers,
+            with_repeats: Some((cloud.n_points(), tally.n_outliers_of_all)),
             data_to_model: DataToModel {
                 rms: (tally.squares / n_used).sqrt(),
                 p95: tally.p95,
