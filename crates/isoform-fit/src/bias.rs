@@ -95,7 +95,7 @@ impl Points<'_> {
     pub(crate) fn count(&self) -> usize {
         match self {
             Self::Here(points) => points.len(),
-            Self::InChunks(cloud) => cloud.n_fitted,
+            Self::InChunks(cloud) => cloud.n_fitted(),
         }
     }
 

@@ -86,9 +86,22 @@ impl Neighbourhood {
         } else {
             order[..MOST].iter().map(|&i| points[i as usize]).collect()
         };
+        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let first: Vec<Point3> = first.collect();
+        Self::of(sample, first)
+    }
+
+    /// Of a sample in a random order.
+    pub(crate) fn of_sample(sample: Vec<Point3>) -> Self {
+        let first = sample[..SAMPLE.min(sample.len())].to_vec();
+        Self::of(sample, first)
+    }
+
+    /// Of the points of the tree, and the first ones in the random order.
+    fn of(sample: Vec<Point3>, first: Vec<Point3>) -> Self {
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
-        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let first = first.into_iter();
         let known: Vec<f64> = first.map(|p| mean_distance(&tree, p, &mut found)).collect();
         let (spacing, threshold) = spacing_and_threshold(&known);
         Self {
@@ -116,6 +129,11 @@ impl Neighbourhood {
             typical,
             least: off.get(off.len() / 10).copied().unwrap_or(0.0),
         }
+    }
+
+    /// The points of the tree, for whoever goes on with them.
+    pub(crate) fn into_sample(self) -> Vec<Point3> {
+        self.sample
     }
 
     /// The points of the tree.

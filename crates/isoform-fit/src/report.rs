@@ -10,7 +10,7 @@ mod told;
 pub(crate) use self::compose::ByPoint;
 pub use self::open::{Open, Why};
 pub use self::parts::PartStatistics;
-pub(crate) use self::told::{Tally, Told};
+pub(crate) use self::told::{SAMPLED, Tally, Told};
 
 use crate::clock::Seconds;
 use crate::deviation::{DataToModel, ModelToData};

@@ -33,8 +33,8 @@ const MOST_ASKED: usize = 1 << 18;
 /// # Ok::<(), isoform_fit::FitError>(())
 /// ```
 pub struct Scan<'a> {
-    /// All of them, or the sample of a cloud in chunks, in that cloud's random order.
-    points: Cow<'a, [Point3]>,
+    /// The distinct points; of a cloud in chunks none, but [`Neighbourhood`] has its sample.
+    distinct: Cow<'a, [Point3]>,
     /// The cloud that the points are a sample of.
     cloud: Option<&'a Cloud<'a>>,
     /// By point as given, its index among the distinct ones; none where all are distinct.
@@ -74,8 +74,9 @@ impl<'a> Scan<'a> {
         let (points, index) = distinct(points);
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
+        let near = Neighbourhood::new(&points, &order);
         let bounds = Aabb::of(points.iter());
-        let scan = Self::looked_at(points, order, bounds, options);
+        let scan = Self::looked_at(points, None, (order, near), bounds, options);
         Ok(Self {
             index,
             seconds: started.elapsed().as_secs_f64(),
@@ -83,37 +84,42 @@ impl<'a> Scan<'a> {
         })
     }
 
-    /// Looks at a cloud in chunks, drawn with the same seed, by its sample.
-    pub fn of_cloud(cloud: &'a Cloud<'a>, options: &Options, control: &Control) -> Self {
+    /// Looks at a cloud in chunks, drawn with the same seed, by its sample, which it takes.
+    pub fn of_cloud(cloud: &'a mut Cloud<'_>, options: &Options, control: &Control) -> Self {
         let started = Instant::now();
         control.report("outliers", 0.0);
-        let points = Cow::Borrowed(&cloud.sample[..]);
-        let order = (0..points.len() as u32).collect();
-        let scan = Self::looked_at(points, order, cloud.bounds, options);
+        let near = Neighbourhood::of_sample(std::mem::take(&mut cloud.sample));
+        let order = (0..near.sampled().len() as u32).collect();
+        let (none, bounds) = (Cow::Borrowed(&[][..]), cloud.bounds);
+        let scan = Self::looked_at(none, Some(cloud), (order, near), bounds, options);
         Self {
-            cloud: Some(cloud),
             seconds: started.elapsed().as_secs_f64(),
             ..scan
         }
     }
 
-    /// Looks at distinct points in a random order, in a box.
+    /// Looks at distinct points, or the sample of a cloud, in a random order and in a box.
     fn looked_at(
-        points: Cow<'a, [Point3]>,
-        order: Vec<u32>,
+        distinct: Cow<'a, [Point3]>,
+        cloud: Option<&'a Cloud<'a>>,
+        (order, near): (Vec<u32>, Neighbourhood),
         bounds: Aabb,
         options: &Options,
     ) -> Self {
-        let near = Neighbourhood::new(&points, &order);
+        let points = if cloud.is_some() {
+            near.sampled()
+        } else {
+            &distinct
+        };
         let wanted = (options.confirm_points / 2).max(options.search_points);
-        let (kept, isolated) = kept(&points, &order, &near, wanted, options.filter_outliers);
-        let noise = near.local_noise(&points, &order);
+        let (kept, isolated) = kept(points, &order, &near, wanted, options.filter_outliers);
+        let noise = near.local_noise(points, &order);
         Self {
             data: trusted_box(bounds, &kept, isolated, near.spacing),
             local_noise: noise.typical,
             least_noise: noise.least,
-            points,
-            cloud: None,
+            distinct,
+            cloud,
             index: None,
             order,
             near,
@@ -124,6 +130,14 @@ impl<'a> Scan<'a> {
         }
     }
 
+    /// The sample of a cloud in chunks, else the distinct points.
+    pub fn into_points(self) -> Vec<Point3> {
+        match self.cloud {
+            Some(_) => self.near.into_sample(),
+            None => self.distinct.into_owned(),
+        }
+    }
+
     /// The cloud in chunks that the points are a sample of.
     pub(crate) fn cloud(&self) -> Option<&'a Cloud<'a>> {
         self.cloud
@@ -131,18 +145,21 @@ impl<'a> Scan<'a> {
 
     /// Distinct points, whether they are at hand or in chunks.
     pub(crate) fn count(&self) -> usize {
-        self.cloud.map_or(self.points.len(), Cloud::count)
+        self.cloud.map_or(self.distinct.len(), Cloud::count)
     }
 
     /// The distinct points, in the order of their first occurrence; of a cloud in chunks a sample.
     pub fn points(&self) -> &[Point3] {
-        &self.points
+        match self.cloud {
+            Some(_) => self.near.sampled(),
+            None => &self.distinct,
+        }
     }
 
     /// What lies beside the part, as far as the points themselves tell.
     pub fn clutter(&self) -> Clutter<'_> {
         let has_strays = self.isolated > MANY_STRAYS && self.count() <= MOST_ASKED;
-        let looked_at = (&self.points[..], &self.order[..]);
+        let looked_at = (self.points(), &self.order[..]);
         Clutter::find(looked_at, self.count(), &self.near, has_strays)
     }
 
@@ -164,7 +181,7 @@ impl<'a> Scan<'a> {
         fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
         fit.n_used = fit.n_points - fit.n_outliers;
         fit.warnings
-            .extend(repeated(index.len(), self.points.len()));
+            .extend(repeated(index.len(), self.distinct.len()));
         fit
     }
 }

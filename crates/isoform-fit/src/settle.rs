@@ -17,6 +17,8 @@ use crate::bias::{Bias, Biased, Points};
 use crate::chunks::{ChunkSums, Mask};
 use crate::clock::Clock;
 use crate::deviation::{self, Surface};
+use crate::evidence::DENSEST;
+use crate::feet::KeptFeet;
 use crate::fit::Found;
 use crate::identify::{At, Knowledge, OpenDirection};
 use crate::objective::values;
@@ -310,9 +312,16 @@ impl<'t> Task<'t> {
         } = settled;
         let untold = self.untold(&found.x, &knowledge, &spread.total);
         knowledge.open.extend(untold);
+        let mut measured = self.measured(self.points, &found.x);
+        if self.scan.cloud().is_some() {
+            // What follows asks chunks, and needs the memory more than these.
+            measured.at.truncate(DENSEST);
+            measured.at.shrink_to_fit();
+            self.distance.iter().for_each(KeptFeet::forget);
+        }
         Fitted {
             noise: state.noise,
-            measured: self.measured(self.points, &found.x),
+            measured,
             surface: state.surface,
             open_parts: state.open_parts,
             knowledge,

@@ -275,13 +275,12 @@ fn fitted(
     task: &Task<'_>,
     template: HeldTemplate,
 ) -> Result<(PointCloud, Posed), FitScanError> {
-    let cloud = Cloud::new(located, located.relative_bounds(), task.inner.seed)?;
-    let scan = Scan::of_cloud(&cloud, &task.inner, task.control);
+    let mut cloud = Cloud::new(located, located.relative_bounds(), task.inner.seed)?;
+    let scan = Scan::of_cloud(&mut cloud, &task.inner, task.control);
     let posed = task.fit_in_pose(&scan, located, template)?;
-    let sample = scan.points().to_vec();
     let sample = PointCloud {
         origin: located.origin,
-        ..PointCloud::from_points(sample)
+        ..PointCloud::from_points(scan.into_points())
     };
     Ok((sample, posed))
 }

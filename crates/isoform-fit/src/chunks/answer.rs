@@ -12,6 +12,9 @@ use crate::template::Template;
 use isoform_geom::{Aabb, ParamField, Point3};
 use std::borrow::Cow;
 
+/// Points whose nearest places are held at once.
+const BLOCK: usize = 1 << 14;
+
 /// The answer of a chunk with these points to a question about a template, as words.
 pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -> Vec<u64> {
     let mut out = Writer::default();
@@ -23,7 +26,7 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
     match question {
         Question::Look => {
             out.count(points.len());
-            out.bounds(points.to_vec());
+            out.bounds(Aabb::of(points));
         }
         Question::Hashes => points.iter().for_each(|p| out.word(hash(p))),
         Question::Alike(hashes) => {
@@ -37,14 +40,10 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
         }
         Question::Points(at) => at.iter().for_each(|i| out.point(points[*i as usize])),
         Question::Moments(center) => out.each(&moments(points, *center)),
-        Question::Extents(base) => out.bounds(points.iter().map(|p| along(base, p)).collect()),
+        Question::Extents(base) => out.bounds(box_of(points.iter().map(|p| along(base, p)))),
         Question::Within(frame, only) => {
-            let within = chunk
-                .chosen(only)
-                .iter()
-                .map(|p| frame.within(*p))
-                .collect();
-            out.bounds(within);
+            let chosen = chunk.chosen(only);
+            out.bounds(box_of(chosen.iter().map(|p| frame.within(*p))));
         }
         Question::Cells(grid, only) => out.cells(&grid.counted(&chunk.chosen(only))),
         Question::Sizes(asked, window, limit) => chunk.sizes(asked, *window, *limit, &mut out),
@@ -99,12 +98,22 @@ pub fn along(base: &[Point3; 3], p: &Point3) -> Point3 {
     std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum())
 }
 
+/// The box of points that are not kept.
+fn box_of(points: impl Iterator<Item = Point3>) -> Aabb {
+    let mut bounds = Aabb::of(&[]);
+    for p in points {
+        for i in 0..3 {
+            bounds.lo[i] = bounds.lo[i].min(p[i]);
+            bounds.hi[i] = bounds.hi[i].max(p[i]);
+        }
+    }
+    bounds
+}
+
 impl Writer {
-    /// The box of some points.
-    fn bounds(&mut self, points: Vec<Point3>) {
-        let Aabb { lo, hi } = Aabb::of(&points);
-        self.point(lo);
-        self.point(hi);
+    fn bounds(&mut self, bounds: Aabb) {
+        self.point(bounds.lo);
+        self.point(bounds.hi);
     }
 
     /// Cells that are not empty, with their counts.
@@ -225,37 +234,49 @@ impl Chunk<'_> {
     }
 
     fn told(&self, telling: &Telling, out: &mut Writer) {
-        let all = self.measured(self.points, &telling.a);
-        let is_outlier = |r: &f64| !r.is_finite() || r.abs() > telling.limit;
-        let outliers_of_all = all.residuals.iter().filter(|r| is_outlier(r)).count();
-        let only = &telling.only;
-        let points = self.chosen(only);
-        let (parts, r) = (only.chosen(all.parts()), only.chosen(all.residuals));
-        let outliers: Vec<bool> = r.iter().map(is_outlier).collect();
         let mut tally = Tally::new(self.template.part_names().len());
-        tally.n_outliers_of_all = outliers_of_all;
-        tally.add(&r, &outliers, &parts, telling.size);
-        let of_used = r.iter().zip(&outliers).filter(|(_, out)| !**out);
-        let window = of_used
-            .map(|(r, _)| r.abs())
-            .filter(|r| is_in(*r, telling.window));
-        tally.window = window.collect();
-        let below = r.iter().zip(&outliers);
-        tally.below = below
-            .filter(|(r, out)| !**out && r.abs() < telling.window.0)
-            .count();
-        let far = |r: &f64| r.abs() > telling.far || !r.is_finite();
-        let of_far = points.iter().zip(&r).filter(|(_, r)| far(r));
-        tally.far = of_far.map(|(p, r)| (*p, *r)).collect();
-        let used = points.iter().zip(&outliers).filter(|(_, out)| !**out);
-        let used: Vec<Point3> = used.map(|(p, _)| *p).collect();
-        let field = self.template.algebraic();
-        let sums = telling
-            .minima
-            .iter()
-            .map(|a| sum_of_squares(field, &used, &[], a));
-        tally.algebraic = sums.collect();
+        tally.algebraic.resize(telling.minima.len(), 0.0);
+        for (block, points) in self.points.chunks(BLOCK).enumerate() {
+            let is_asked = |i: usize| telling.only.is_set(block * BLOCK + i);
+            self.tell(points, &is_asked, telling, &mut tally);
+        }
         out.tally(&tally);
+    }
+
+    /// Adds a block of points to what is told.
+    fn tell(
+        &self,
+        points: &[Point3],
+        is_asked: &dyn Fn(usize) -> bool,
+        telling: &Telling,
+        tally: &mut Tally,
+    ) {
+        let measured = self.measured(points, &telling.a);
+        let is_outlier = |r: f64| !r.is_finite() || r.abs() > telling.limit;
+        let mut used = Vec::with_capacity(points.len());
+        let all = points.iter().zip(&measured.residuals).zip(&measured.pieces);
+        for (i, ((p, r), met)) in all.enumerate() {
+            let is_out = is_outlier(*r);
+            tally.n_outliers_of_all += usize::from(is_out);
+            if !is_asked(i) {
+                continue;
+            }
+            tally.add(*r, is_out, met[0], telling.size);
+            if r.abs() > telling.far || !r.is_finite() {
+                tally.far.push((*p, *r));
+            }
+            if !is_out {
+                used.push(*p);
+                tally.below += usize::from(r.abs() < telling.window.0);
+                tally
+                    .window
+                    .extend(Some(r.abs()).filter(|r| is_in(*r, telling.window)));
+            }
+        }
+        let field = self.template.algebraic();
+        for (sum, a) in tally.algebraic.iter_mut().zip(&telling.minima) {
+            *sum += sum_of_squares(field, &used, &[], a);
+        }
     }
 }
 

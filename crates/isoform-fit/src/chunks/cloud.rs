@@ -8,13 +8,11 @@ use super::words::Reader;
 use crate::bias::{Cells, MOST_FEET};
 use crate::outliers::{MOST, NORMAL};
 use crate::polish::Polish;
-use crate::report::{PartStatistics, Tally};
+use crate::report::{PartStatistics, SAMPLED, Tally};
 use crate::settle::MOST_FITTED;
 use crate::{FitError, Template};
 use isoform_geom::{Aabb, Frame, Point3};
 
-/// Points of the sample that tell where an order statistic of all points lies.
-const TELLING: usize = 20_000;
 /// Deviations of such a statistic by which the window around it is wider than the sample says.
 const WIDE: f64 = 6.0;
 
@@ -29,7 +27,7 @@ pub struct Cloud<'a> {
     pub(crate) sample: Vec<Point3>,
     /// Points that settle the fit, by chunk.
     fitted: Vec<Bits>,
-    pub(crate) n_fitted: usize,
+    n_fitted: usize,
     /// Some of those, as evenly spread in the random order as the bias asks for.
     pub(crate) strided: Vec<Point3>,
 }
@@ -102,6 +100,11 @@ impl<'a> Cloud<'a> {
     /// Distinct points.
     pub(crate) fn count(&self) -> usize {
         self.count
+    }
+
+    /// Points that settle the fit.
+    pub(crate) fn n_fitted(&self) -> usize {
+        self.n_fitted
     }
 
     /// Points, repeated ones included.
@@ -295,7 +298,8 @@ impl Cloud<'_> {
         }
     }
 
-    /// Robust standard deviation of residuals, and their root mean square.
+    /// Robust standard deviation of residuals, and their root mean square. `some` are those of a
+    /// sample.
     pub(crate) fn sizes(
         &self,
         template: &dyn Template,
@@ -309,19 +313,11 @@ impl Cloud<'_> {
             0.5,
             |n| n / 2,
             |window| {
-                let (mut all, mut found) = (0, Found::default());
-                let mut squares = 0.0;
+                let mut told = SizesTold::default();
                 let question = |asked| Question::Sizes(asked, window, f64::INFINITY);
-                self.ask_residuals(template, asked, which, question, |mut words| {
-                    all += words.count().unwrap_or(0);
-                    found.count += words.count().unwrap_or(0);
-                    found.below += words.count().unwrap_or(0);
-                    squares += words.number().unwrap_or(0.0);
-                    (words.number(), words.number());
-                    found.inside.extend(words.numbers().unwrap_or_default());
-                });
-                sizes.rms = (squares / f64::max(all as f64, 1.0)).sqrt();
-                found
+                self.ask_residuals(template, asked, which, question, |words| told.add(words));
+                sizes.rms = (told.squares / f64::max(told.all as f64, 1.0)).sqrt();
+                told.found
             },
         );
         sizes.scale = NORMAL * median;
@@ -335,19 +331,14 @@ impl Cloud<'_> {
         asked: (Reading, &[f64]),
         limit: f64,
     ) -> (f64, f64) {
-        let (mut beyond, mut within) = (0.0, 0.0);
+        let mut told = SizesTold::default();
         // No size is in a window above all of them.
         let none = (f64::INFINITY, f64::INFINITY);
         let question = |asked| Question::Sizes(asked, none, limit);
-        self.ask_residuals(template, asked, Which::Distinct, question, |mut words| {
-            for _ in 0..3 {
-                words.word();
-            }
-            words.number();
-            beyond += words.number().unwrap_or(0.0);
-            within += words.number().unwrap_or(0.0);
+        self.ask_residuals(template, asked, Which::Distinct, question, |words| {
+            told.add(words)
         });
-        (beyond, within)
+        (told.beyond, told.within)
     }
 
     /// The box of the fitted points in a frame.
@@ -427,6 +418,34 @@ struct Found {
     inside: Vec<f64>,
 }
 
+/// What chunks say of sizes of residuals.
+#[derive(Default)]
+struct SizesTold {
+    all: usize,
+    found: Found,
+    /// Sum of the finite squares.
+    squares: f64,
+    /// Sums of squares beyond and within a limit.
+    beyond: f64,
+    within: f64,
+}
+
+impl SizesTold {
+    fn add(&mut self, mut words: Reader<'_>) {
+        let mut next = || words.count().unwrap_or(0);
+        self.all += next();
+        self.found.count += next();
+        self.found.below += next();
+        let mut next = || words.number().unwrap_or(0.0);
+        self.squares += next();
+        self.beyond += next();
+        self.within += next();
+        self.found
+            .inside
+            .extend(words.numbers().unwrap_or_default());
+    }
+}
+
 /// The number of a rank among many, of which the same share is below it as below a place of
 /// `some`: those within a window there are asked for, then all beyond it if they miss it.
 fn ranked(
@@ -461,7 +480,7 @@ fn ranked(
 /// Where the number lies that a share of all are below, as some of them say.
 fn window(some: &[f64], share: f64) -> (f64, f64) {
     let sizes = some.iter().map(|r| r.abs()).filter(|r| r.is_finite());
-    let mut sizes: Vec<f64> = sizes.take(TELLING).collect();
+    let mut sizes: Vec<f64> = sizes.take(SAMPLED).collect();
     sizes.sort_unstable_by(f64::total_cmp);
     let n = sizes.len() as f64;
     let wide = WIDE * (n * share * (1.0 - share)).sqrt() + 2.0;

@@ -58,7 +58,7 @@ impl<'a> ChunkSums<'a> {
 
 impl Sums for ChunkSums<'_> {
     fn count(&self) -> usize {
-        self.cloud.n_fitted
+        self.cloud.n_fitted()
     }
     fn squares(&self) -> Box<dyn Objective + '_> {
         self.objective(None)

@@ -10,6 +10,9 @@ use crate::scan::MANY_STRAYS;
 use crate::task::Task;
 use isoform_geom::Point3;
 
+/// Points of the sample that tell where an order statistic of all points lies.
+pub(crate) const SAMPLED: usize = 20_000;
+
 /// Sums over points of chunks.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Tally {
@@ -45,21 +48,19 @@ impl Tally {
         }
     }
 
-    /// Adds points; `far` is taken for the distance of those that have none.
-    pub(crate) fn add(&mut self, r: &[f64], outliers: &[bool], parts: &[u32], far: f64) {
-        self.n += r.len();
-        for ((r, is_out), part) in r.iter().zip(outliers).zip(parts) {
-            let off = if r.is_finite() { r.abs() } else { far };
-            self.squares_of_all += off * off;
-            if *is_out {
-                self.n_outliers += 1;
-                continue;
-            }
-            self.squares += r * r;
-            self.max = self.max.max(r.abs());
-            if let Some(part) = self.parts.get_mut(*part as usize) {
-                part.add(*r);
-            }
+    /// Adds a point; `far` is taken for its distance where that is no number.
+    pub(crate) fn add(&mut self, r: f64, is_out: bool, part: u32, far: f64) {
+        let off = if r.is_finite() { r } else { far };
+        self.n += 1;
+        self.squares_of_all += off * off;
+        if is_out {
+            self.n_outliers += 1;
+            return;
+        }
+        self.squares += r * r;
+        self.max = self.max.max(r.abs());
+        if let Some(part) = self.parts.get_mut(part as usize) {
+            part.add(r);
         }
     }
 }
@@ -145,7 +146,8 @@ impl Task<'_> {
             minima,
         };
         let used = points.residuals.iter().zip(&points.outliers);
-        let used: Vec<f64> = used.filter(|(_, out)| !**out).map(|(r, _)| *r).collect();
+        let used = used.filter(|(_, out)| !**out).map(|(r, _)| *r);
+        let used: Vec<f64> = used.take(SAMPLED).collect();
         let tally = cloud.told(self.template, &telling, &used);
         let n_used = (tally.n - tally.n_outliers).max(1) as f64;
         Told {
