@@ -70,7 +70,7 @@ fn points(count: u32) -> Vec<Point3> {
     };
     let point = |k: u32| {
         let (noise, u, v) = normal();
-        let stray = if k.is_multiple_of(300) { 0.5 } else { 0.0 };
+        let stray = if k % 300 == 1 { 0.5 } else { 0.0 };
         let (sin, cos) = (TAU * u).sin_cos();
         let r = 2.0 + 0.01 * noise + stray;
         // The lids have a third of the side's area.
