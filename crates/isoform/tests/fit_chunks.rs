@@ -75,10 +75,10 @@ fn points(count: u32) -> Vec<Point3> {
         let r = 2.0 + 0.01 * noise + stray;
         // The lids have a third of the side's area.
         let (r, z) = match k % 4 {
-            0 => (
-                2.0 * v.sqrt(),
-                if k % 8 == 0 { 3.0 } else { -3.0 } + 0.01 * noise,
-            ),
+            0 => {
+                let side = if k.is_multiple_of(8) { 3.0 } else { -3.0 };
+                (2.0 * v.sqrt(), side + 0.01 * noise)
+            }
             _ => (r, 6.0 * v - 3.0),
         };
         [900.0 + r * cos, z, r * sin - 40.0]

@@ -57,15 +57,10 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
 
 /// Number and box of the points of a chunk, out of its answer to [`Question::Look`].
 pub fn looked(words: &[u64]) -> (usize, Aabb) {
-    let mut words = Reader(words);
-    let none = Aabb::of(&[]);
-    let count = words.count().unwrap_or(0);
+    let mut words = Reader::new(words);
+    let count = words.count();
     let (lo, hi) = (words.point(), words.point());
-    let bounds = Aabb {
-        lo: lo.unwrap_or(none.lo),
-        hi: hi.unwrap_or(none.hi),
-    };
-    (count, bounds)
+    (count, Aabb { lo, hi })
 }
 
 /// A hash of a point; both zeros have one.

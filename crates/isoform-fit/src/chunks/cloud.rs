@@ -88,10 +88,7 @@ impl<'a> Cloud<'a> {
             None,
             &mut |chunk| Some(Question::Points(every(chunk))),
             &mut |_, words| {
-                let mut words = Reader(words);
-                while let Some(p) = words.point() {
-                    points.push(p);
-                }
+                points.extend(words.as_chunks().0.iter().map(|p| p.map(f64::from_bits)));
             },
         );
         is_whole.then_some(points)
@@ -117,7 +114,7 @@ impl<'a> Cloud<'a> {
         let mut sums = moments(&[], center);
         let is_whole = ask_all(chunks, None, &Question::Moments(center), |mut words| {
             for sum in &mut sums {
-                *sum += words.number().unwrap_or(f64::NAN);
+                *sum += words.number();
             }
         });
         is_whole.then_some(sums)
@@ -136,7 +133,7 @@ impl<'a> Cloud<'a> {
     fn drop_repeats(&mut self) -> Result<(), FitError> {
         let mut hashes = Vec::with_capacity(self.count);
         let is_whole = ask_all(self.chunks, None, &Question::Hashes, |words| {
-            hashes.extend_from_slice(words.0);
+            hashes.extend_from_slice(words.rest());
         });
         if !is_whole {
             return Err(FitError::Stopped);
@@ -256,10 +253,8 @@ impl<'a> Cloud<'a> {
                 (!places.is_empty()).then_some(Question::Points(places))
             },
             &mut |_, words| {
-                let mut words = Reader(words);
-                while let Some(p) = words.point() {
-                    let slot = slots.next().map_or(0, |slot| slot as usize);
-                    points[slot] = p;
+                for (p, slot) in words.as_chunks().0.iter().zip(&mut slots) {
+                    points[slot as usize] = p.map(f64::from_bits);
                 }
             },
         );
@@ -287,7 +282,7 @@ impl Cloud<'_> {
         self.chunks.ask(
             Some(template),
             &mut |chunk| Some(of_chunk(chunk)),
-            &mut |_, words| each(Reader(words)),
+            &mut |_, words| each(Reader::new(words)),
         )
     }
 
@@ -347,7 +342,7 @@ impl Cloud<'_> {
         self.chunks.ask(
             None,
             &mut |chunk| Some(Question::Within(*frame, self.fitted[chunk].clone())),
-            &mut |_, words| add_box(&mut bounds, Reader(words)),
+            &mut |_, words| add_box(&mut bounds, Reader::new(words)),
         );
         bounds
     }
@@ -360,9 +355,8 @@ impl Cloud<'_> {
             None,
             &mut |chunk| Some(Question::Cells(grid.clone(), self.fitted[chunk].clone())),
             &mut |_, words| {
-                let mut words = Reader(words);
-                while let (Some(cell), Some(count)) = (words.count(), words.number()) {
-                    counts[cell] += count;
+                for [cell, count] in words.as_chunks().0 {
+                    counts[*cell as usize] += f64::from_bits(*count);
                 }
             },
         );
@@ -385,7 +379,7 @@ impl Cloud<'_> {
                         ..telling.clone()
                     }))
                 },
-                &mut |_, words| tally.add_words(Reader(words)),
+                &mut |_, words| tally.add_words(Reader::new(words)),
             );
             Found {
                 count: tally.n - tally.n_outliers,
@@ -432,17 +426,15 @@ struct SizesTold {
 
 impl SizesTold {
     fn add(&mut self, mut words: Reader<'_>) {
-        let mut next = || words.count().unwrap_or(0);
+        let mut next = || words.count();
         self.all += next();
         self.found.count += next();
         self.found.below += next();
-        let mut next = || words.number().unwrap_or(0.0);
+        let mut next = || words.number();
         self.squares += next();
         self.beyond += next();
         self.within += next();
-        self.found
-            .inside
-            .extend(words.numbers().unwrap_or_default());
+        self.found.inside.extend(words.numbers());
     }
 }
 
@@ -500,34 +492,33 @@ fn ask_all(
     chunks.ask(
         template,
         &mut |_| Some(question.clone()),
-        &mut |_, words| each(Reader(words)),
+        &mut |_, words| each(Reader::new(words)),
     )
 }
 
 /// Adds a box to one.
 fn add_box(bounds: &mut Aabb, mut words: Reader<'_>) {
-    if let (Some(lo), Some(hi)) = (words.point(), words.point()) {
-        for i in 0..3 {
-            bounds.lo[i] = bounds.lo[i].min(lo[i]);
-            bounds.hi[i] = bounds.hi[i].max(hi[i]);
-        }
+    let (lo, hi) = (words.point(), words.point());
+    for i in 0..3 {
+        bounds.lo[i] = bounds.lo[i].min(lo[i]);
+        bounds.hi[i] = bounds.hi[i].max(hi[i]);
     }
 }
 
 impl Tally {
     /// Adds what a chunk told.
     fn add_words(&mut self, mut words: Reader<'_>) {
-        let mut next = || words.count().unwrap_or(0);
+        let mut next = || words.count();
         self.n += next();
         self.n_outliers += next();
         self.n_outliers_of_all += next();
         self.below += next();
-        let mut next = || words.number().unwrap_or(0.0);
+        let mut next = || words.number();
         self.squares += next();
         self.max = self.max.max(next());
         self.squares_of_all += next();
-        self.window.extend(words.numbers().unwrap_or_default());
-        let sums = words.numbers().unwrap_or_default();
+        self.window.extend(words.numbers());
+        let sums = words.numbers();
         self.algebraic.resize(sums.len(), 0.0);
         self.algebraic
             .iter_mut()
@@ -538,18 +529,19 @@ impl Tally {
             add_part(part, &mut words);
         }
         words.word();
-        while let (Some(p), Some(r)) = (words.point(), words.number()) {
-            self.far.push((p, r));
+        for [x, y, z, r] in words.rest().as_chunks().0 {
+            let p = [*x, *y, *z].map(f64::from_bits);
+            self.far.push((p, f64::from_bits(*r)));
         }
     }
 }
 
 /// Adds the sums of a part.
 fn add_part(part: &mut PartStatistics, words: &mut Reader<'_>) {
-    part.count += words.count().unwrap_or(0);
-    part.rms += words.number().unwrap_or(0.0);
-    part.mean += words.number().unwrap_or(0.0);
-    part.max = part.max.max(words.number().unwrap_or(0.0));
+    part.count += words.count();
+    part.rms += words.number();
+    part.mean += words.number();
+    part.max = part.max.max(words.number());
 }
 
 #[cfg(test)]

@@ -173,27 +173,28 @@ impl Question {
 
     /// The question of some words; none where these are no question.
     pub fn from_words(words: &[u64]) -> Option<Self> {
-        let mut words = Reader(words);
-        Some(match words.word()? {
+        let mut words = Reader::new(words);
+        let question = match words.word() {
             0 => Self::Hashes,
-            1 => Self::Alike(words.words()?),
-            2 => Self::Points(words.words()?),
-            3 => Self::Moments(words.point()?),
-            4 => Self::Extents([words.point()?, words.point()?, words.point()?]),
-            5 => Self::Within(words.frame()?, Bits(words.words()?)),
-            6 => Self::Cells(words.grid()?, Bits(words.words()?)),
+            1 => Self::Alike(words.words()),
+            2 => Self::Points(words.words()),
+            3 => Self::Moments(words.point()),
+            4 => Self::Extents([words.point(), words.point(), words.point()]),
+            5 => Self::Within(words.frame(), Bits(words.words())),
+            6 => Self::Cells(words.grid(), Bits(words.words())),
             7 => Self::Sizes(
-                words.asked()?,
-                (words.number()?, words.number()?),
-                words.number()?,
+                words.asked(),
+                (words.number(), words.number()),
+                words.number(),
             ),
-            8 => Self::Sum(words.asked()?, words.weighing()?, words.mask()?),
-            9 => Self::Normal(words.asked()?, words.weighing()?, words.mask()?),
-            10 => Self::Losses(words.asked()?, words.number()?, words.mask()?),
-            11 => Self::Told(words.telling()?),
+            8 => Self::Sum(words.asked(), words.weighing(), words.mask()),
+            9 => Self::Normal(words.asked(), words.weighing(), words.mask()),
+            10 => Self::Losses(words.asked(), words.number(), words.mask()),
+            11 => Self::Told(words.telling()),
             12 => Self::Look,
             _ => return None,
-        })
+        };
+        (!words.is_short).then_some(question)
     }
 }
 
@@ -237,55 +238,59 @@ impl Writer {
 }
 
 impl Reader<'_> {
-    fn frame(&mut self) -> Option<Frame> {
-        Some(Frame {
-            rotation: [self.point()?, self.point()?, self.point()?],
-            translation: self.point()?,
-        })
-    }
-    fn grid(&mut self) -> Option<Grid> {
-        Some(Grid {
-            frame: self.frame()?,
-            lo: self.point()?,
-            cell: self.number()?,
-            count: [self.count()?, self.count()?, self.count()?],
-        })
-    }
-    fn asked(&mut self) -> Option<Asked> {
-        Some(Asked {
-            reading: *READINGS.get(self.count()?)?,
-            a: self.numbers()?,
-            only: Bits(self.words()?),
-        })
-    }
-    fn weighing(&mut self) -> Option<Option<Weighing>> {
-        if self.word()? == 0 {
-            return Some(None);
+    fn frame(&mut self) -> Frame {
+        Frame {
+            rotation: [self.point(), self.point(), self.point()],
+            translation: self.point(),
         }
-        Some(Some(Weighing {
-            a: self.numbers()?,
-            loss: *LOSSES.get(self.count()?)?,
-            scale: self.number()?,
-        }))
     }
-    fn mask(&mut self) -> Option<Mask> {
-        let a = self.numbers()?;
-        let open = self.words()?.into_iter().map(|open| open == 1).collect();
-        Some(Mask { a, open })
+    fn grid(&mut self) -> Grid {
+        Grid {
+            frame: self.frame(),
+            lo: self.point(),
+            cell: self.number(),
+            count: [self.count(), self.count(), self.count()],
+        }
     }
-    fn telling(&mut self) -> Option<Telling> {
-        let (a, only) = (self.numbers()?, Bits(self.words()?));
-        let (limit, far, size) = (self.number()?, self.number()?, self.number()?);
-        let window = (self.number()?, self.number()?);
-        let minima = (0..self.count()?).map(|_| self.numbers());
-        Some(Telling {
-            a,
-            only,
-            limit,
-            far,
-            size,
-            window,
-            minima: minima.collect::<Option<_>>()?,
+    fn asked(&mut self) -> Asked {
+        Asked {
+            reading: self.one_of(&READINGS),
+            a: self.numbers(),
+            only: Bits(self.words()),
+        }
+    }
+    fn weighing(&mut self) -> Option<Weighing> {
+        (self.word() == 1).then(|| Weighing {
+            a: self.numbers(),
+            loss: self.one_of(&LOSSES),
+            scale: self.number(),
         })
+    }
+    fn mask(&mut self) -> Mask {
+        Mask {
+            a: self.numbers(),
+            open: self.words().into_iter().map(|open| open == 1).collect(),
+        }
+    }
+    fn telling(&mut self) -> Telling {
+        Telling {
+            a: self.numbers(),
+            only: Bits(self.words()),
+            limit: self.number(),
+            far: self.number(),
+            size: self.number(),
+            window: (self.number(), self.number()),
+            minima: self.lists(),
+        }
+    }
+    fn lists(&mut self) -> Vec<Vec<f64>> {
+        let mut lists = Vec::new();
+        for _ in 0..self.count() {
+            if self.is_short {
+                break;
+            }
+            lists.push(self.numbers());
+        }
+        lists
     }
 }

@@ -49,9 +49,7 @@ impl<'a> ChunkSums<'a> {
     fn loss(&self, a: &[f64], scale: f64) -> f64 {
         let mut sum = 0.0;
         let question = |asked, mask| Question::Losses(asked, scale, mask);
-        self.ask(a, question, |mut words| {
-            sum += words.number().unwrap_or(f64::NAN)
-        });
+        self.ask(a, question, |mut words| sum += words.number());
         sum
     }
 }
@@ -97,7 +95,7 @@ impl Objective for ChunkResiduals<'_> {
         let mut sum = 0.0;
         let question = |asked, mask| Question::Sum(asked, self.by.clone(), mask);
         let is_whole = self.sums.ask(&a, question, |mut words| {
-            sum += words.number().unwrap_or(f64::NAN);
+            sum += words.number();
         });
         if is_whole { sum } else { f64::INFINITY }
     }
@@ -107,9 +105,8 @@ impl Objective for ChunkResiduals<'_> {
         let (mut sum, mut g, mut h) = (0.0, vec![0.0; n], vec![0.0; n * n]);
         let question = |asked, mask| Question::Normal(asked, self.by.clone(), mask);
         let is_whole = self.sums.ask(&a, question, |mut words| {
-            sum += words.number().unwrap_or(f64::NAN);
+            sum += words.number();
             for (sums, more) in [(&mut g, words.numbers()), (&mut h, words.numbers())] {
-                let more = more.unwrap_or_default();
                 sums.iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
             }
         });

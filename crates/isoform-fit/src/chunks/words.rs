@@ -34,32 +34,57 @@ impl Writer {
     }
 }
 
-/// Words that are read from the first on. There is none behind the last.
-pub(super) struct Reader<'a>(pub(super) &'a [u64]);
+/// Words that are read from the first on. Behind the last one there are noughts, and `is_short`.
+pub(super) struct Reader<'a> {
+    words: &'a [u64],
+    pub(super) is_short: bool,
+}
 
-impl Reader<'_> {
-    pub(super) fn word(&mut self) -> Option<u64> {
-        let (first, rest) = self.0.split_first()?;
-        self.0 = rest;
-        Some(*first)
+impl<'a> Reader<'a> {
+    pub(super) fn new(words: &'a [u64]) -> Self {
+        Self {
+            words,
+            is_short: false,
+        }
     }
-    pub(super) fn count(&mut self) -> Option<usize> {
-        usize::try_from(self.word()?).ok()
+    /// What has not been read.
+    pub(super) fn rest(&self) -> &'a [u64] {
+        self.words
     }
-    pub(super) fn number(&mut self) -> Option<f64> {
-        self.word().map(f64::from_bits)
+    pub(super) fn word(&mut self) -> u64 {
+        let Some((first, rest)) = self.words.split_first() else {
+            self.is_short = true;
+            return 0;
+        };
+        self.words = rest;
+        *first
     }
-    pub(super) fn point(&mut self) -> Option<Point3> {
-        Some([self.number()?, self.number()?, self.number()?])
+    pub(super) fn count(&mut self) -> usize {
+        self.word() as usize
     }
-    pub(super) fn words(&mut self) -> Option<Vec<u64>> {
-        let count = self.count()?;
-        let (these, rest) = self.0.split_at_checked(count)?;
-        self.0 = rest;
-        Some(these.to_vec())
+    pub(super) fn number(&mut self) -> f64 {
+        f64::from_bits(self.word())
     }
-    pub(super) fn numbers(&mut self) -> Option<Vec<f64>> {
-        let words = self.words()?.into_iter();
-        Some(words.map(f64::from_bits).collect())
+    pub(super) fn point(&mut self) -> Point3 {
+        std::array::from_fn(|_| self.number())
+    }
+    pub(super) fn words(&mut self) -> Vec<u64> {
+        let count = self.count();
+        let Some((these, rest)) = self.words.split_at_checked(count) else {
+            self.is_short = true;
+            return Vec::new();
+        };
+        self.words = rest;
+        these.to_vec()
+    }
+    pub(super) fn numbers(&mut self) -> Vec<f64> {
+        let words = self.words().into_iter();
+        words.map(f64::from_bits).collect()
+    }
+    /// One of the values that have these places.
+    pub(super) fn one_of<T: Copy>(&mut self, values: &[T]) -> T {
+        let at = self.count();
+        self.is_short |= at >= values.len();
+        values[at.min(values.len() - 1)]
     }
 }

@@ -285,11 +285,11 @@ def fit_large(
     wanted = as_wanted(template, **options)
     listed = _listed(chunks)
     ask = _Questions(have(template, listed), listed)
-    names = (f"{len(listed)} chunks", template.name)
+    told = (f"{len(listed)} chunks", template.name)
     try:
         with asked(threads, time_limit, progress) as limits:
             native = _isoform.fit_large(
-                ask, len(listed), template._native, names, wanted, limits
+                ask, len(listed), template._native, told, wanted, limits
             )
     finally:
         ask.is_over = True
