@@ -122,17 +122,15 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Correlation of the residuals of neighbours, from the first points of an order.
-    pub(crate) fn correlation(&self, r: &[f64], order: &[u32]) -> f64 {
-        self.correlation_but(r, &vec![false; r.len()], order)
+    /// Correlation of the residuals of neighbours, from some of the points.
+    pub(crate) fn correlation(&self, r: &[f64], probes: usize) -> f64 {
+        self.correlation_but(r, &vec![false; r.len()], probes)
     }
 
-    /// The same with some points left out; 0 for none in clouds whose tree is of a sample.
-    pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], order: &[u32]) -> f64 {
-        if self.scan.cloud().is_some() {
-            return 0.0;
-        }
-        deviation::neighbour_correlation(self.points, r, left_out, &self.near.tree, order)
+    /// The same with some points left out.
+    pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], probes: usize) -> f64 {
+        let known = (&self.near.tree, self.order);
+        deviation::neighbour_correlation(self.points, r, left_out, known, probes)
     }
 }
 

@@ -3,6 +3,7 @@
 
 use crate::chunks::{Reading, Sizes, Which};
 use crate::clock::Clock;
+use crate::deviation;
 use crate::lm;
 use crate::outliers::HAS_OUTLIERS;
 use crate::polish::{Polish, Polished};
@@ -183,9 +184,8 @@ impl Task<'_> {
         if scale <= self.rounding() {
             return Loss::Squares;
         }
-        // Whether neighbours are off alike is not asked of so many points.
         let (strays, others) = cloud.split(self.template, asked, STRAY * scale);
-        if strays > RULING * others {
+        if strays > RULING * others || self.is_systematic(&r) {
             Loss::Tukey
         } else {
             Loss::Squares
@@ -208,7 +208,7 @@ impl Task<'_> {
     /// neighbours are off alike. Least squares would spread the misfit over all dimensions; a
     /// robust loss leaves it where it is.
     fn is_systematic(&self, r: &[f64]) -> bool {
-        self.correlation(r, &self.order[..PROBES.min(self.order.len())]) > CORRELATED
+        self.correlation(r, PROBES) > CORRELATED
     }
 
     /// Reweighting takes many rounds: most of them on some of many points. Gives the rounds that
@@ -245,7 +245,8 @@ impl Task<'_> {
             }
         };
         // A piece astray leaves a tail, however small its share of the points.
-        scale < self.rounding() || (rms <= TAIL * scale && self.correlation(&r, self.order) < ALIKE)
+        scale < self.rounding()
+            || (rms <= TAIL * scale && self.correlation(&r, deviation::PROBES) < ALIKE)
     }
 }
 

@@ -3,6 +3,7 @@
 use super::estimates::Intervals;
 use super::{Fit, OtherMinimum, Told};
 use crate::clock::Clock;
+use crate::deviation;
 use crate::evidence::{Clusters, Evidence};
 use crate::fit::Found;
 use crate::judge::Verdict;
@@ -150,7 +151,7 @@ impl Task<'_> {
             neighbour_correlation: self.correlation_but(
                 &points.residuals,
                 &points.outliers,
-                self.order,
+                deviation::PROBES,
             ),
             residuals: points.residuals,
             weights: points.weights,
