@@ -8,7 +8,7 @@ use isoform::{
 use std::f64::consts::TAU;
 
 /// A can without lids, in any pose.
-const CAN: &str = "-- @pose rigid
+const CAN: &str = "-- @pose axis
 -- @param a[1] radius length min=0.1
 -- @param a[2] height length min=0.1
 my_model(x[3], a[2]) {
