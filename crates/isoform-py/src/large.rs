@@ -160,6 +160,8 @@ pub(crate) fn answer<'py>(
     };
     let answer = answer.map_err(|e| match e {
         AnswerError::Template(e) => Trouble::from(e),
+        AnswerError::Changed { .. } => Trouble::new("changed", e)
+            .hint("a chunk is loaded many times, and has to give the same points each time"),
         AnswerError::Message => Trouble::usage(e).hint("one version of isoform everywhere"),
     })?;
     Ok(PyBytes::new(py, &answer))

@@ -80,6 +80,11 @@ class Chunks(unittest.TestCase):
             self.assertTrue(str(raised.exception).startswith(said), raised.exception)
         with self.assertRaises(KeyError):
             fit_large([good, fails], self.ball)
+        sizes = iter(range(100, 200))
+        with self.assertRaises(IsoformError) as raised:
+            fit_large([good, lambda: on_ball(next(sizes))], self.ball)
+        self.assertEqual(raised.exception.code, "changed")
+        self.assertIn("chunk 1: 101 points, where there were 100", str(raised.exception))
         for chunks in ([], [np.empty((0, 3))]):
             with self.assertRaises(IsoformError) as raised:
                 fit_large(chunks, self.ball)

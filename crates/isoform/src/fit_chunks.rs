@@ -48,10 +48,21 @@ pub enum AnswerError {
     /// The message is none of this version.
     #[error("the message is none of this version of Isoform")]
     Message,
+    /// The chunk is not what it was.
+    #[error("{found} points, where there were {expected} before")]
+    Changed {
+        /// Points now.
+        found: usize,
+        /// Points when it was looked at first.
+        expected: u64,
+    },
     /// The program is no template.
     #[error(transparent)]
     Template(#[from] TemplateError),
 }
+
+/// The number of points of a chunk that has not been looked at.
+const UNKNOWN: u64 = u64::MAX;
 
 impl ChunkReader {
     /// For the program of a fit.
@@ -71,7 +82,13 @@ impl ChunkReader {
             .iter()
             .map(|bytes| u64::from_le_bytes(*bytes))
             .collect();
-        let (origin, recipe, question) = opened(&words).ok_or(AnswerError::Message)?;
+        let (expected, words) = words.split_first().ok_or(AnswerError::Message)?;
+        let found = points.len();
+        if ![found as u64, UNKNOWN].contains(expected) {
+            let expected = *expected;
+            return Err(AnswerError::Changed { found, expected });
+        }
+        let (origin, recipe, question) = opened(words).ok_or(AnswerError::Message)?;
         if origin != [0.0; 3] {
             points.iter_mut().for_each(|p| *p = sub(*p, origin));
         }
@@ -98,16 +115,18 @@ impl ChunkReader {
     }
 }
 
-/// The words of a message: what is subtracted from points, a recipe after its length, a question.
-fn message(origin: Point3, recipe: &[f64], question: &Question) -> Vec<u8> {
-    let mut words: Vec<u64> = origin.iter().map(|v| v.to_bits()).collect();
+/// The words of a message: how many points there are, what is subtracted from them, a recipe after
+/// its length, a question.
+fn message(count: u64, origin: Point3, recipe: &[f64], question: &Question) -> Vec<u8> {
+    let mut words = vec![count];
+    words.extend(origin.iter().map(|v| v.to_bits()));
     words.push(recipe.len() as u64);
     words.extend(recipe.iter().map(|v| v.to_bits()));
     words.extend(question.to_words());
     bytes(&words)
 }
 
-/// What [`message`] made words of.
+/// What [`message`] made words of, but for the first.
 fn opened(words: &[u64]) -> Option<(Point3, Vec<f64>, Question)> {
     let (origin, rest) = words.split_first_chunk::<3>()?;
     let (count, rest) = rest.split_first()?;
@@ -145,7 +164,16 @@ impl Chunks for Located<'_> {
         each: &mut dyn FnMut(usize, &[u64]),
     ) -> bool {
         let recipe = template.map_or_else(Vec::new, Template::recipe);
-        let mut sent = |chunk: usize| Some(message(self.origin, &recipe, &question(chunk)?));
+        let mut sent = |chunk: usize| {
+            let question = question(chunk)?;
+            let is_first = question == Question::Look;
+            let count = if is_first {
+                UNKNOWN
+            } else {
+                self.counts[chunk] as u64
+            };
+            Some(message(count, self.origin, &recipe, &question))
+        };
         let is_whole = self.source.ask(&mut sent, &mut |chunk, answer| {
             let words = answer.as_chunks().0.iter();
             let words: Vec<u64> = words.map(|bytes| u64::from_le_bytes(*bytes)).collect();
@@ -231,6 +259,9 @@ pub fn fit_chunks(
         let points = Cloud::gathered(&located).ok_or(FitError::Stopped)?;
         let cloud = PointCloud::from_points(points).recentred();
         return fit_scan(&cloud, model, options, control);
+    }
+    if u32::try_from(count).is_err() {
+        return Err(FitScanError::TooMany { count });
     }
     if options.fit.method != Method::Default {
         return Err(FitScanError::Method);

@@ -105,6 +105,12 @@ pub enum FitScanError {
     /// Start values do not suit the parameters.
     #[error(transparent)]
     Start(ParameterError),
+    /// More points than are numbered.
+    #[error("{count} points are more than the 2^32 that can be told apart")]
+    TooMany {
+        /// Points.
+        count: usize,
+    },
     /// The paper's methods see all points each time, which clouds in chunks are too large for.
     #[error("clouds in chunks are fitted by the default method")]
     Method,
