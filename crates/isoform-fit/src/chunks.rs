@@ -12,9 +12,10 @@
 //!     └── sum in the order of chunks ──┘
 //! ```
 //!
-//! Equal points, also of different chunks, count once; they are told by a hash of 64 bits. Beside
-//! the sample a cloud keeps eight bytes by point while it looks for equal points, four while it
-//! draws the order, and one or two bits where some of the points are left out.
+//! The random order is that of a hash of each point, so that neither the order of points nor how
+//! they are cut into chunks decides who is in the sample. Equal points, also of different chunks,
+//! count once; they have equal hashes, of 64 bits. Beside the sample a cloud keeps twelve bytes by
+//! point until the sample is drawn, then one or two bits where some of the points are left out.
 
 mod answer;
 mod bits;
@@ -23,10 +24,11 @@ mod question;
 mod sums;
 mod words;
 
+pub(crate) use self::answer::hash;
 pub use self::answer::{along, answer, looked, moments};
 pub use self::bits::Bits;
 pub use self::cloud::Cloud;
-pub(crate) use self::cloud::{Sizes, Which};
+pub(crate) use self::cloud::{Sizes, Which, by_hash};
 pub use self::question::{Asked, Grid, Mask, Question, Reading, Telling, Weighing};
 pub(crate) use self::sums::ChunkSums;
 
@@ -286,26 +288,22 @@ mod tests {
     }
 
     #[test]
-    fn sample_and_order_are_those_of_the_whole_and_repeats_count_once() {
+    fn repeats_count_once_and_no_order_decides_who_is_in_the_sample() {
         let (ball, mut all) = (ball(), points(3000));
-        let distinct = all.clone();
         // A copy of some points, in another chunk; both zeros are one.
-        all.extend_from_slice(&distinct[100..200]);
+        let copied = all[100..200].to_vec();
+        all.extend_from_slice(&copied);
         all.extend([[0.0, 1.0, 0.0], [-0.0, 1.0, 0.0]]);
-        let options = crate::Options::default();
-        let control = crate::Control::default();
-        let scan = crate::Scan::new(&all, &options, &control).expect("points");
-        let whole: Vec<Point3> = scan
-            .order
-            .iter()
-            .map(|i| scan.points()[*i as usize])
-            .collect();
-        for cuts in [&[][..], &[150, 2500, 3050]] {
-            let pieces = Pieces::new(&ball, &all, cuts);
-            let cloud = Cloud::new(&pieces, Aabb::of(&all), options.seed).expect("answers");
+        let sample = |points: &[Point3], cuts: &[usize]| {
+            let pieces = Pieces::new(&ball, points, cuts);
+            let cloud = Cloud::new(&pieces, Aabb::of(points), 1).expect("answers");
             assert_eq!((cloud.n_points(), cloud.count()), (3102, 3001));
-            assert_eq!(cloud.sample, whole);
             assert_eq!(cloud.strided.len(), 3001);
-        }
+            cloud.sample
+        };
+        let whole = sample(&all, &[]);
+        assert_eq!(sample(&all, &[150, 2500, 2500, 3050]), whole);
+        all.reverse();
+        assert_eq!(sample(&all, &[1000]), whole);
     }
 }

@@ -1,9 +1,9 @@
 //! The points of a fit, with what is known of them before any template.
 
-use crate::chunks::Cloud;
+use crate::chunks::{Cloud, by_hash, hash};
 use crate::clutter::Clutter;
 use crate::judge::Warning;
-use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
+use crate::outliers::{HAS_OUTLIERS, MOST, MOST_DROPPED, Neighbourhood};
 use crate::report::Fit;
 use crate::{Control, FitError, Options};
 use isoform_geom::{Aabb, Point3};
@@ -72,8 +72,7 @@ impl<'a> Scan<'a> {
         check(points)?;
         control.report("outliers", 0.0);
         let (points, index) = distinct(points);
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
+        let order = random_order(&points, options.seed);
         let near = Neighbourhood::new(&points, &order);
         let bounds = Aabb::of(points.iter());
         let scan = Self::looked_at(points, None, (order, near), bounds, options);
@@ -190,6 +189,18 @@ impl<'a> Scan<'a> {
 fn repeated(points: usize, distinct: usize) -> Option<Warning> {
     let count = points - distinct;
     (count > 0).then_some(Warning::Repeated { count, points })
+}
+
+/// A random order of distinct points. That of many is by a hash of each, so that the sample which
+/// stands for them does not depend on the order in which they come.
+fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
+    if points.len() > MOST {
+        let hashes: Vec<u64> = points.iter().map(|p| hash(p, seed)).collect();
+        return by_hash(&hashes);
+    }
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    fastrand::Rng::with_seed(seed).shuffle(&mut order);
+    order
 }
 
 /// Makes values of distinct points values of all.

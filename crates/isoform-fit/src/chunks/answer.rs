@@ -28,16 +28,7 @@ pub fn answer(question: &Question, points: &[Point3], template: &dyn Template) -
             out.count(points.len());
             out.bounds(Aabb::of(points));
         }
-        Question::Hashes => points.iter().for_each(|p| out.word(hash(p))),
-        Question::Alike(hashes) => {
-            for (p, at) in points.iter().zip(0..) {
-                let hash = hash(p);
-                if hashes.binary_search(&hash).is_ok() {
-                    out.word(at);
-                    out.word(hash);
-                }
-            }
-        }
+        Question::Hashes(seed) => points.iter().for_each(|p| out.word(hash(p, *seed))),
         Question::Points(at) => at.iter().for_each(|i| out.point(points[*i as usize])),
         Question::Moments(center) => out.each(&moments(points, *center)),
         Question::Extents(base) => out.bounds(box_of(points.iter().map(|p| along(base, p)))),
@@ -64,9 +55,9 @@ pub fn looked(words: &[u64]) -> (usize, Aabb) {
 }
 
 /// A hash of a point; both zeros have one.
-pub(super) fn hash(p: &Point3) -> u64 {
+pub(crate) fn hash(p: &Point3, seed: u64) -> u64 {
     // The finalizer of splitmix64 after each coordinate.
-    p.iter().fold(0x9E37_79B9_7F4A_7C15, |hash, v| {
+    p.iter().fold(seed ^ 0x9E37_79B9_7F4A_7C15, |hash, v| {
         let mut z = hash ^ (v + 0.0).to_bits();
         z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
         z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);

@@ -19,11 +19,13 @@ const WIDE: f64 = 6.0;
 /// Points in chunks, made ready to be fitted.
 pub struct Cloud<'a> {
     chunks: &'a dyn Chunks,
+    /// The number of the first point of each chunk.
+    starts: Vec<usize>,
     pub(crate) bounds: Aabb,
     /// The first point of its kind, by chunk.
     distinct: Vec<Bits>,
     count: usize,
-    /// Distinct points in a seeded random order, as many as are kept.
+    /// Distinct points in the order of their hashes, a random one, as many as are kept.
     pub(crate) sample: Vec<Point3>,
     /// Points that settle the fit, by chunk.
     fitted: Vec<Bits>,
@@ -59,9 +61,15 @@ impl<'a> Cloud<'a> {
     /// [`FitError::Stopped`] where a chunk does not answer.
     pub fn new(chunks: &'a dyn Chunks, bounds: Aabb, seed: u64) -> Result<Self, FitError> {
         let counts = chunks.counts();
-        let all = counts.iter().sum();
+        let mut all = 0;
+        let start = |count: &usize| {
+            all += count;
+            all - count
+        };
+        let starts = counts.iter().map(start).collect();
         let mut cloud = Self {
             chunks,
+            starts,
             bounds,
             distinct: vec![Bits::default(); counts.len()],
             count: all,
@@ -70,8 +78,8 @@ impl<'a> Cloud<'a> {
             n_fitted: 0,
             strided: Vec::new(),
         };
-        cloud.drop_repeats()?;
-        cloud.draw(seed)?;
+        let order = cloud.drop_repeats(seed)?;
+        cloud.draw(order)?;
         Ok(cloud)
     }
 
@@ -129,58 +137,38 @@ impl<'a> Cloud<'a> {
         bounds
     }
 
-    /// Leaves out points that are equal to an earlier one: those with equal hashes.
-    fn drop_repeats(&mut self) -> Result<(), FitError> {
+    /// Leaves out points that are equal to an earlier one, those with equal hashes; the numbers of
+    /// the others in the order of their hashes, as [`crate::Scan`] has it.
+    fn drop_repeats(&mut self, seed: u64) -> Result<Vec<u32>, FitError> {
         let mut hashes = Vec::with_capacity(self.count);
-        let is_whole = ask_all(self.chunks, None, &Question::Hashes, |words| {
+        let is_whole = ask_all(self.chunks, None, &Question::Hashes(seed), |words| {
             hashes.extend_from_slice(words.rest());
         });
         if !is_whole {
             return Err(FitError::Stopped);
         }
-        hashes.sort_unstable();
-        let mut repeated: Vec<u64> = hashes
-            .windows(2)
-            .filter(|w| w[0] == w[1])
-            .map(|w| w[0])
-            .collect();
-        drop(hashes);
-        repeated.dedup();
-        if repeated.is_empty() {
-            return Ok(());
+        let mut order = by_hash(&hashes);
+        let mut repeated = Vec::new();
+        let mut last = None;
+        order.retain(|&number| {
+            let hash = Some(hashes[number as usize]);
+            let is_new = last != hash;
+            last = hash;
+            if !is_new {
+                repeated.push(number);
+            }
+            is_new
+        });
+        self.count = order.len();
+        if !repeated.is_empty() {
+            let all = self.chunks.counts().iter().map(|n| Bits::all(*n)).collect();
+            self.distinct = self.with(all, &repeated, Bits::clear);
         }
-        self.drop_hashes(repeated)
+        Ok(order)
     }
 
-    /// Leaves out all points but the first with each of some hashes, which rise.
-    fn drop_hashes(&mut self, hashes: Vec<u64>) -> Result<(), FitError> {
-        let mut is_met = vec![false; hashes.len()];
-        let question = Question::Alike(hashes.clone());
-        let (counts, distinct) = (self.chunks.counts(), &mut self.distinct);
-        let mut count = self.count;
-        let is_whole = self.chunks.ask(
-            None,
-            &mut |_| Some(question.clone()),
-            &mut |chunk, words| {
-                let mut bits = Bits::all(counts[chunk]);
-                for pair in words.chunks_exact(2) {
-                    let at = hashes.binary_search(&pair[1]).unwrap_or(0);
-                    if std::mem::replace(&mut is_met[at], true) {
-                        bits.clear(pair[0] as usize);
-                        count -= 1;
-                    }
-                }
-                distinct[chunk] = bits;
-            },
-        );
-        self.count = count;
-        is_whole.then_some(()).ok_or(FitError::Stopped)
-    }
-
-    /// Draws the random order, as [`crate::Scan`] does, and gathers what is kept of it.
-    fn draw(&mut self, seed: u64) -> Result<(), FitError> {
-        let mut order: Vec<u32> = (0..self.count as u32).collect();
-        fastrand::Rng::with_seed(seed).shuffle(&mut order);
+    /// Gathers what is kept of the order.
+    fn draw(&mut self, mut order: Vec<u32>) -> Result<(), FitError> {
         self.n_fitted = self.count.min(MOST_FITTED);
         let fitted = &order[..self.n_fitted];
         let stride = self.n_fitted.div_ceil(MOST_FEET).max(1);
@@ -188,7 +176,13 @@ impl<'a> Cloud<'a> {
         self.fitted = if self.n_fitted == self.count {
             self.distinct.clone()
         } else {
-            self.marked(fitted)
+            let none = self
+                .chunks
+                .counts()
+                .iter()
+                .map(|n| Bits::none(*n))
+                .collect();
+            self.with(none, fitted, Bits::set)
         };
         order.truncate(MOST);
         order.shrink_to_fit();
@@ -199,51 +193,38 @@ impl<'a> Cloud<'a> {
         Ok(())
     }
 
-    /// Calls `each` with chunk, place in it, and number among the distinct points of all.
-    fn walk(&self, mut each: impl FnMut(usize, usize, usize)) {
-        let mut number = 0;
-        for (chunk, (count, bits)) in self.chunks.counts().iter().zip(&self.distinct).enumerate() {
-            for place in (0..*count).filter(|place| bits.is_set(*place)) {
-                each(chunk, place, number);
-                number += 1;
-            }
+    /// The chunk and the place in it of a point with this number among all.
+    fn place(&self, number: u32) -> (usize, usize) {
+        let chunk = self
+            .starts
+            .partition_point(|start| *start <= number as usize)
+            - 1;
+        (chunk, number as usize - self.starts[chunk])
+    }
+
+    /// Flags that are changed for the points with these numbers.
+    fn with(
+        &self,
+        mut flags: Vec<Bits>,
+        numbers: &[u32],
+        change: impl Fn(&mut Bits, usize),
+    ) -> Vec<Bits> {
+        for number in numbers {
+            let (chunk, place) = self.place(*number);
+            change(&mut flags[chunk], place);
         }
+        flags
     }
 
-    /// Flags of the distinct points with these numbers, by chunk.
-    fn marked(&self, numbers: &[u32]) -> Vec<Bits> {
-        let mut wanted = Bits::none(self.count);
-        numbers
-            .iter()
-            .for_each(|number| wanted.set(*number as usize));
-        let mut bits: Vec<Bits> = self
-            .chunks
-            .counts()
-            .iter()
-            .map(|n| Bits::none(*n))
-            .collect();
-        self.walk(|chunk, place, number| {
-            if wanted.is_set(number) {
-                bits[chunk].set(place);
-            }
-        });
-        bits
-    }
-
-    /// The distinct points with these numbers.
+    /// The points with these numbers.
     fn picked(&self, numbers: &[u32]) -> Result<Vec<Point3>, FitError> {
         let mut slots: Vec<u32> = (0..numbers.len() as u32).collect();
         slots.sort_unstable_by_key(|slot| numbers[*slot as usize]);
         let mut places: Vec<Vec<u64>> = vec![Vec::new(); self.chunks.counts().len()];
-        let mut next = slots
-            .iter()
-            .map(|slot| numbers[*slot as usize] as usize)
-            .peekable();
-        self.walk(|chunk, place, number| {
-            while next.next_if_eq(&number).is_some() {
-                places[chunk].push(place as u64);
-            }
-        });
+        for slot in &slots {
+            let (chunk, place) = self.place(numbers[*slot as usize]);
+            places[chunk].push(place as u64);
+        }
         let mut points = vec![[0.0; 3]; numbers.len()];
         let mut slots = slots.into_iter();
         let is_whole = self.chunks.ask(
@@ -260,6 +241,13 @@ impl<'a> Cloud<'a> {
         );
         is_whole.then_some(points).ok_or(FitError::Stopped)
     }
+}
+
+/// Numbers in the order of their hashes, the first of equal ones first.
+pub(crate) fn by_hash(hashes: &[u64]) -> Vec<u32> {
+    let mut order: Vec<u32> = (0..hashes.len() as u32).collect();
+    order.sort_unstable_by_key(|number| (hashes[*number as usize], *number));
+    order
 }
 
 impl Cloud<'_> {

@@ -87,10 +87,8 @@ pub struct Telling {
 pub enum Question {
     /// Their number and their box, for [`super::looked`].
     Look,
-    /// A hash of each point.
-    Hashes,
-    /// Which points have one of these hashes, which rise: index and hash.
-    Alike(Vec<u64>),
+    /// A hash of each point, with this seed.
+    Hashes(u64),
     /// The points of these indices.
     Points(Vec<u64>),
     /// Second moments about a centre.
@@ -118,11 +116,10 @@ impl Question {
     pub fn to_words(&self) -> Vec<u64> {
         let mut out = Writer::default();
         match self {
-            Self::Look => out.word(12),
-            Self::Hashes => out.word(0),
-            Self::Alike(hashes) => {
-                out.word(1);
-                out.words(hashes);
+            Self::Look => out.word(1),
+            Self::Hashes(seed) => {
+                out.word(0);
+                out.word(*seed);
             }
             Self::Points(at) => {
                 out.word(2);
@@ -175,8 +172,7 @@ impl Question {
     pub fn from_words(words: &[u64]) -> Option<Self> {
         let mut words = Reader::new(words);
         let question = match words.word() {
-            0 => Self::Hashes,
-            1 => Self::Alike(words.words()),
+            0 => Self::Hashes(words.word()),
             2 => Self::Points(words.words()),
             3 => Self::Moments(words.point()),
             4 => Self::Extents([words.point(), words.point(), words.point()]),
@@ -191,7 +187,7 @@ impl Question {
             9 => Self::Normal(words.asked(), words.weighing(), words.mask()),
             10 => Self::Losses(words.asked(), words.number(), words.mask()),
             11 => Self::Told(words.telling()),
-            12 => Self::Look,
+            1 => Self::Look,
             _ => return None,
         };
         (!words.is_short).then_some(question)

@@ -256,7 +256,7 @@ def fit_large(
     gathered, at random: what needs neighbours, and the search, work on them, as they do in
     `isoform.fit`. All else are sums over chunks, added in the order of the chunks, so that the
     answer does not depend on which is ready first. Beside a chunk and the sample the process keeps
-    eight bytes a point at most, a third of the cloud, while it looks for repeated points.
+    twelve bytes a point at most, half of the cloud, while it draws the sample.
 
     Of meshes the vertices are taken. Planes and objects beside the part are told of, but only
     clouds of up to 200,000 points are fitted without them.
