@@ -215,7 +215,7 @@ def fit_large(
     ----------
     chunks : sequence of array_like, path or callable
         Each an array (n, 3), a file of points, or a function without arguments that gives an
-        array; chunks without points are none the worse. Each is asked 15 to 60 times, and loaded
+        array; chunks without points are none the worse. Each is asked 10 to 120 times, and loaded
         as often: a function must give the same points each time. On a cluster, workers must see
         files by the same names.
     template : Model
