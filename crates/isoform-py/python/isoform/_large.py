@@ -45,7 +45,8 @@ def points_of(chunk: Any, number: int) -> npt.NDArray[np.float64]:
 
 def at_chunk(error: IsoformError, number: int) -> IsoformError:
     """The error with its place."""
-    return IsoformError(f"chunk {number}: {error}", error.code, error.hint, error.line, error.column)
+    place = (error.line, error.column)
+    return IsoformError(f"chunk {number}: {error}", error.code, error.hint, *place)
 
 
 def answer(template: Model, chunk: Any, number: int, message: bytes) -> bytes:
@@ -148,7 +149,8 @@ class _Dask:
                     break
                 except Exception as e:
                     if tries >= TRIES:
-                        raise IsoformError(f"chunk {one[0]}: a worker died: {e}", "worker") from None
+                        told = f"chunk {one[0]}: a worker died: {e}"
+                        raise IsoformError(told, "worker") from None
                     tries += 1
                     future, one = hand_out(one)
             yield _checked(outcome)
@@ -304,5 +306,6 @@ def _listed(chunks: Any) -> list[Any]:
         raise TypeError(f"chunks: a sequence of arrays (n, 3) is expected, not {chunks.shape}")
     listed = list(chunks)
     if not listed:
-        raise IsoformError("there is no chunk", "no-points", "a sequence of arrays, paths or functions")
+        hint = "a sequence of arrays, paths or functions"
+        raise IsoformError("there is no chunk", "no-points", hint)
     return listed
