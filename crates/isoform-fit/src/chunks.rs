@@ -2,9 +2,10 @@
 //!
 //! What a fit computes of all its points are sums, boxes, order statistics and, for the search and
 //! everything about neighbours, a sample in a random order. [`Chunks`] are asked for them one
-//! [`Question`] at a time, each chunk answers with [`answer`], wherever it is, and answers are added
-//! in the order of the chunks. The sample, the points that settle the fit and every decision are
-//! those of a fit of the whole; sums differ from that by rounding, and order statistics not at all.
+//! [`Question`] at a time, each chunk answers with [`answer`], wherever it is, and answers are
+//! added in the order of the chunks. The sample, the points that settle the fit and every decision
+//! are those of a fit of the whole; sums differ from that by rounding, and order statistics not at
+//! all.
 //!
 //! ```text
 //!   Cloud ──Question──> Chunks ──> answer(question, points of a chunk, template)

@@ -24,8 +24,8 @@ pub trait ChunkSource: Sync {
         self.len() == 0
     }
     /// Passes a message to each chunk that there is one for, and its answer, which [`ChunkReader`]
-    /// makes, to `each`, in the order of the chunks. False where a chunk has no answer: the fit ends
-    /// soon, with [`FitError::Stopped`], and the source knows why.
+    /// makes, to `each`, in the order of the chunks. False where a chunk has no answer: the fit
+    /// ends soon, with [`FitError::Stopped`], and the source knows why.
     fn ask(
         &self,
         message: &mut dyn FnMut(usize) -> Option<Vec<u8>>,
@@ -231,8 +231,8 @@ impl Outline for Located<'_> {
     }
 }
 
-/// Fits a HyperFun program to a cloud in chunks: what [`fit_scan`] finds of all their points, in the
-/// order of the chunks, to rounding.
+/// Fits a HyperFun program to a cloud in chunks: what [`fit_scan`] finds of all their points, in
+/// the order of the chunks, to rounding.
 ///
 /// A cloud of no more points than the sample that the fit looks for neighbours in (200,000) is
 /// gathered, and fitted to the last bit as if it had come in one. Of larger ones the sample is
