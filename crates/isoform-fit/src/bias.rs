@@ -19,8 +19,11 @@ mod places;
 mod simulation;
 mod wedge;
 
+pub(crate) use self::places::Cells;
+
 use self::wedge::{Wedge, Wedges, density};
 use crate::Loss;
+use crate::chunks::Cloud;
 use crate::identify::product;
 use crate::polish::weight;
 use crate::space::Space;
@@ -28,7 +31,7 @@ use crate::vector::{add, is_finite};
 use isoform_geom::{Aabb, DistanceField, Edge, Foot, Frame, Nearby, Point3, distance_squared};
 
 /// Most feet of data that are asked: then the step's randomness is some hundredths of its size.
-const MOST_FEET: usize = 4000;
+pub(crate) const MOST_FEET: usize = 4000;
 /// Faces within this many deviations of the noise of a place are near it.
 const REACH: f64 = 6.0;
 /// The length of an edge is told from the feet within at most this many deviations of it: the more
@@ -67,7 +70,7 @@ pub(crate) struct Biased<'a> {
     pub(crate) space: &'a Space,
     pub(crate) x: &'a [f64],
     /// The data that were fitted.
-    pub(crate) points: &'a [Point3],
+    pub(crate) points: &'a Points<'a>,
     /// Deviation of the noise that neighbours do not share.
     pub(crate) noise: f64,
     pub(crate) loss: Loss,
@@ -78,6 +81,52 @@ pub(crate) struct Biased<'a> {
     /// Where the model stands: places and noise are made there.
     pub(crate) frame: Frame,
     pub(crate) seed: u64,
+}
+
+/// Points that were fitted.
+pub(crate) enum Points<'a> {
+    /// At hand.
+    Here(Vec<Point3>),
+    /// In chunks.
+    InChunks(&'a Cloud<'a>),
+}
+
+impl Points<'_> {
+    pub(crate) fn count(&self) -> usize {
+        match self {
+            Self::Here(points) => points.len(),
+            Self::InChunks(cloud) => cloud.n_fitted(),
+        }
+    }
+
+    /// Their box in a frame.
+    fn within(&self, frame: &Frame) -> Aabb {
+        match self {
+            Self::Here(points) => Aabb::of(&within(points, frame)),
+            Self::InChunks(cloud) => cloud.within(frame),
+        }
+    }
+
+    /// How many there are in each cell of a frame.
+    fn counted(&self, cells: &Cells, frame: &Frame) -> Vec<f64> {
+        match self {
+            Self::Here(points) => cells.counted(&within(points, frame)),
+            Self::InChunks(cloud) => cloud.counted(cells, frame),
+        }
+    }
+
+    /// Each `stride`-th, at most [`MOST_FEET`].
+    fn strided(&self, stride: usize) -> Vec<Point3> {
+        match self {
+            Self::Here(points) => points.iter().step_by(stride).copied().collect(),
+            Self::InChunks(cloud) => cloud.strided.clone(),
+        }
+    }
+}
+
+/// Points as a frame sees them.
+fn within(points: &[Point3], frame: &Frame) -> Vec<Point3> {
+    points.iter().map(|p| frame.within(*p)).collect()
 }
 
 /// What is known of the noise at a place.
@@ -211,16 +260,15 @@ fn pulls_of(wedge: Wedge, foot: &Foot) -> [f64; 2] {
 impl Biased<'_> {
     /// None where the bias is next to nothing or the surface is not met.
     pub(crate) fn bias(&self) -> Option<Bias> {
-        let within: Vec<Point3> = self.points.iter().map(|p| self.frame.within(*p)).collect();
-        let data = Aabb::of(&within);
+        let data = self.points.within(&self.frame);
         if self.is_negligible(data) {
             return None;
         }
         let a = self.space.parameters(self.x);
         let mut sums = Sums::new(self.space.len());
         let others = self.known(&a, &mut sums);
-        if others.len() as f64 > FEW * MOST_FEET.min(self.points.len()) as f64 {
-            let (places, density) = self.places(&a, data, &within)?;
+        if others.len() as f64 > FEW * MOST_FEET.min(self.points.count()) as f64 {
+            let (places, density) = self.places(&a, data)?;
             self.simulated(&a, &places, &density, &mut sums);
         } else {
             let density = vec![self.share(); others.len()];
@@ -231,7 +279,7 @@ impl Biased<'_> {
 
     /// Whether the largest bias that is possible is small beside the deviations.
     fn is_negligible(&self, data: Aabb) -> bool {
-        let n = self.points.len() as f64;
+        let n = self.points.count() as f64;
         let expected = AT_MOST * n.sqrt() * self.noise / data.diagonal();
         expected.is_nan() || expected < NEGLIGIBLE
     }
@@ -255,18 +303,18 @@ impl Biased<'_> {
 
     /// Steps from one data point that is asked to the next.
     fn stride(&self) -> usize {
-        self.points.len().div_ceil(MOST_FEET)
+        self.points.count().div_ceil(MOST_FEET)
     }
 
     /// How many points one that is asked stands for.
     fn share(&self) -> f64 {
-        let n = self.points.len();
+        let n = self.points.count();
         n as f64 / n.div_ceil(self.stride()) as f64
     }
 
     /// Adds what is known at the feet of the data; the other feet.
     fn known(&self, a: &[f64], sums: &mut Sums) -> Vec<Foot> {
-        let points: Vec<Point3> = self.points.iter().step_by(self.stride()).copied().collect();
+        let points = self.points.strided(self.stride());
         let mut feet = vec![Foot::NONE; points.len()];
         self.distance.feet(&points, a, &mut feet);
         let weight = |r: f64| self.weight(r * self.noise);

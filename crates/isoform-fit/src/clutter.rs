@@ -51,11 +51,11 @@ pub struct Clutter<'a> {
 }
 
 impl<'a> Clutter<'a> {
-    /// Looks at the first points in `order`, a random order of them all. Few points have no clutter
-    /// that could be told.
+    /// Looks at the first of some points in a random order; `count` is the number of all points.
+    /// Few points have no clutter that could be told.
     pub(crate) fn find(
-        points: &[Point3],
-        order: &[u32],
+        (points, order): (&[Point3], &[u32]),
+        count: usize,
         near: &'a Neighbourhood,
         has_strays: bool,
     ) -> Self {
@@ -69,7 +69,7 @@ impl<'a> Clutter<'a> {
         }
         let n_strays = looked_at - rest.len();
         // A sample is sparser than the points.
-        let spacing = near.spacing * (points.len() as f64 / looked_at.max(1) as f64).sqrt();
+        let spacing = near.spacing * (count as f64 / looked_at.max(1) as f64).sqrt();
         let planes = take_planes(&mut rest);
         let tree = KdTree::new(&rest);
         Self {
@@ -263,7 +263,12 @@ mod tests {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         random.shuffle(&mut order);
         let near = Neighbourhood::new(&points, &order);
-        look(&Clutter::find(&points, &order, &near, false))
+        look(&Clutter::find(
+            (&points, &order),
+            points.len(),
+            &near,
+            false,
+        ))
     }
 
     #[test]

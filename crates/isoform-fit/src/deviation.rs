@@ -27,7 +27,7 @@ const NOISES: f64 = 4.0;
 /// Seed of the samples of the surface: any number does.
 const SEED: u64 = 51;
 /// Points whose neighbours tell the correlation of residuals.
-const PROBES: usize = 400;
+pub(crate) const PROBES: usize = 400;
 /// Residuals count no more than this many medians in that correlation.
 const MEDIANS: f64 = 5.0;
 
@@ -234,26 +234,25 @@ fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) ->
     }
 }
 
-/// Correlation of the residuals of sampled points with that of their nearest neighbours: near 0 for
-/// noise, near 1 for a bad model.
+/// Correlation of the residuals of some points, the first ones in a random order, with that of their
+/// nearest neighbours: near 0 for noise, near 1 for a bad model. A tree over a part of the points
+/// holds the first ones in that order.
 pub(crate) fn neighbour_correlation(
     points: &[Point3],
     residuals: &[f64],
     left_out: &[bool],
-    tree: &KdTree,
-    order: &[u32],
+    (tree, order): (&KdTree, &[u32]),
+    probes: usize,
 ) -> f64 {
-    // A tree over a part of the points has other indices.
-    if tree.len() != points.len() {
-        return 0.0;
-    }
-    let most = MEDIANS * median_size(residuals);
+    let is_whole = tree.len() == points.len();
+    let place = |j: u32| (if is_whole { j } else { order[j as usize] }) as usize;
+    let most = MEDIANS * median_size(order[..tree.len()].iter().map(|&i| residuals[i as usize]));
     let cut = |i: usize| residuals[i].clamp(-most, most);
     let mut products = Products::default();
     let mut found = Vec::new();
-    for i in order.iter().take(PROBES).map(|&i| i as usize) {
+    for i in order.iter().take(probes).map(|&i| i as usize) {
         tree.nearest_k(points[i], 2, &mut found);
-        let neighbour = found.iter().map(|f| f.1 as usize).find(|j| *j != i);
+        let neighbour = found.iter().map(|f| place(f.1)).find(|j| *j != i);
         let used = neighbour.filter(|j| !left_out[i] && !left_out[*j]);
         if let Some(j) = used {
             products.add(cut(i), cut(j));
@@ -286,8 +285,8 @@ impl Products {
 }
 
 /// Median of the absolute values of what is finite.
-fn median_size(residuals: &[f64]) -> f64 {
-    let sizes = residuals.iter().map(|r| r.abs());
+fn median_size(residuals: impl Iterator<Item = f64>) -> f64 {
+    let sizes = residuals.map(f64::abs);
     median(&mut sizes.filter(|r| r.is_finite()).collect::<Vec<_>>())
 }
 

@@ -17,7 +17,7 @@ use isoform_geom::{KdTree, Point3, dot};
 /// Points whose neighbours are asked whether they are off alike.
 const PROBES: usize = 3000;
 /// Points among which neighbours are looked for.
-const DENSEST: usize = 20_000;
+pub(crate) const DENSEST: usize = 20_000;
 /// Neighbours of each: few, so that misfit of small extent shows.
 const NEIGHBOURS: usize = 4;
 /// Samples that each bare one is compared with.

@@ -53,6 +53,11 @@ impl<'a> KeptFeet<'a> {
         found
     }
 
+    /// Forgets the feet of the last evaluation.
+    pub(crate) fn forget(&self) {
+        *self.lock() = None;
+    }
+
     fn lock(&self) -> std::sync::MutexGuard<'_, Option<Arc<Feet>>> {
         self.last.lock().unwrap_or_else(PoisonError::into_inner)
     }

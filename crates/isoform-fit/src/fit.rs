@@ -46,8 +46,26 @@ pub fn fit(
         let free = free_parameters(template.parameters());
         return Err(FitError::TooFewPoints { found: 0, free });
     }
-    let scan = Scan::new(points, options, control)?;
-    let task = Task::new(&scan, template, options, control)?;
+    fit_to(
+        &Scan::new(points, options, control)?,
+        template,
+        options,
+        control,
+    )
+}
+
+/// Fits a template to a scan that was made ready before. The paper's methods see no more of a cloud
+/// in chunks than its sample.
+///
+/// # Errors
+/// As [`fit`].
+pub fn fit_to(
+    scan: &Scan<'_>,
+    template: &dyn Template,
+    options: &Options,
+    control: &Control,
+) -> Result<Fit, FitError> {
+    let task = Task::new(scan, template, options, control)?;
     let fit = match options.method {
         Method::Default => {
             let mut clock = Clock::new();

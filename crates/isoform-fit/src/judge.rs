@@ -261,7 +261,7 @@ impl Task<'_> {
     }
 
     fn warnings(&self, fit: &Fit) -> Vec<Warning> {
-        let points = self.points.len();
+        let points = self.scan.count();
         let outside = fit.model_to_data.share_outside;
         let first = [
             (!fit.complete).then_some(Warning::Stopped),

@@ -4,6 +4,7 @@ use crate::space::Space;
 use crate::vector::is_finite;
 use isoform_geom::{NormalEquations, ParamField, Point3, add_normal_equations};
 use rayon::prelude::*;
+use std::borrow::Cow;
 
 /// Points per piece of a parallel sum. The number is fixed, so that sums have equal bits for any
 /// number of threads, and large enough that a piece (some hundred µs) pays for its dispatch.
@@ -64,7 +65,7 @@ impl Place {
 pub struct Residuals<'a> {
     field: &'a dyn ParamField,
     points: &'a [Point3],
-    weights: &'a [f64],
+    weights: Cow<'a, [f64]>,
     space: &'a Space,
     a: Vec<f64>,
     ga: Vec<f64>,
@@ -77,6 +78,25 @@ impl<'a> Residuals<'a> {
         field: &'a dyn ParamField,
         points: &'a [Point3],
         weights: &'a [f64],
+        space: &'a Space,
+    ) -> Self {
+        Self::with(field, points, Cow::Borrowed(weights), space)
+    }
+
+    /// With weights of its own.
+    pub(crate) fn weighted(
+        field: &'a dyn ParamField,
+        points: &'a [Point3],
+        weights: Vec<f64>,
+        space: &'a Space,
+    ) -> Self {
+        Self::with(field, points, Cow::Owned(weights), space)
+    }
+
+    fn with(
+        field: &'a dyn ParamField,
+        points: &'a [Point3],
+        weights: Cow<'a, [f64]>,
         space: &'a Space,
     ) -> Self {
         let n = field.dim();
@@ -98,14 +118,14 @@ impl Objective for Residuals<'_> {
     }
     fn value(&mut self, x: &[f64]) -> f64 {
         self.space.parameters_at(x, &mut self.a);
-        sum_of_squares(self.field, self.points, self.weights, &self.a)
+        sum_of_squares(self.field, self.points, &self.weights, &self.a)
     }
     fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
         self.space.parameters_at(x, &mut self.a);
         let f = normal_equations(
             self.field,
             self.points,
-            self.weights,
+            &self.weights,
             &self.a,
             &mut self.ga,
             &mut self.ha,

@@ -23,7 +23,7 @@ const LINE: f64 = 1e-3;
 /// neighbours.
 const EVENNESS: f64 = 1.5;
 /// Most points in the tree: the spacing of larger clouds is that of a sample.
-const MOST: usize = 200_000;
+pub(crate) const MOST: usize = 200_000;
 /// Points whose distances give median and deviation.
 const SAMPLE: usize = 1024;
 /// Points whose neighbours' deviations from planes tell the local noise.
@@ -86,9 +86,22 @@ impl Neighbourhood {
         } else {
             order[..MOST].iter().map(|&i| points[i as usize]).collect()
         };
+        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let first: Vec<Point3> = first.collect();
+        Self::of(sample, first)
+    }
+
+    /// Of a sample in a random order.
+    pub(crate) fn of_sample(sample: Vec<Point3>) -> Self {
+        let first = sample[..SAMPLE.min(sample.len())].to_vec();
+        Self::of(sample, first)
+    }
+
+    /// Of the points of the tree, and the first ones in the random order.
+    fn of(sample: Vec<Point3>, first: Vec<Point3>) -> Self {
         let tree = KdTree::new(&sample);
         let mut found = Vec::new();
-        let first = order.iter().take(SAMPLE).map(|&i| points[i as usize]);
+        let first = first.into_iter();
         let known: Vec<f64> = first.map(|p| mean_distance(&tree, p, &mut found)).collect();
         let (spacing, threshold) = spacing_and_threshold(&known);
         Self {
@@ -116,6 +129,11 @@ impl Neighbourhood {
             typical,
             least: off.get(off.len() / 10).copied().unwrap_or(0.0),
         }
+    }
+
+    /// The points of the tree, for whoever goes on with them.
+    pub(crate) fn into_sample(self) -> Vec<Point3> {
+        self.sample
     }
 
     /// The points of the tree.

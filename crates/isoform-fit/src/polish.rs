@@ -62,9 +62,78 @@ pub(crate) struct Polish<'a> {
     pub(crate) held: Vec<bool>,
 }
 
+/// Points that a polish sums over: at hand, or in chunks.
+pub(crate) trait Sums {
+    /// How many there are.
+    fn count(&self) -> usize;
+    /// Σ r².
+    fn squares(&self) -> Box<dyn Objective + '_>;
+    /// Σ w r² with the weights of a loss by the residuals at x, and the scale of that loss, which
+    /// `scale` makes of the residuals' robust deviation if that is to be looked at.
+    fn reweighted(
+        &self,
+        x: &[f64],
+        loss: Loss,
+        scale: &dyn Fn(Option<f64>) -> f64,
+        is_free: bool,
+    ) -> (f64, Box<dyn Objective + '_>);
+    /// Σ of Tukey's loss at two places, of one scale: the larger of their robust deviations.
+    fn losses(&self, places: [&[f64]; 2]) -> [f64; 2];
+}
+
+/// Points at hand.
+pub(crate) struct Here<'a> {
+    pub(crate) field: &'a dyn ParamField,
+    pub(crate) space: &'a Space,
+    pub(crate) points: &'a [Point3],
+    /// Empty, or 0 for points that are left out and 1 for others.
+    pub(crate) mask: &'a [f64],
+}
+
+impl Here<'_> {
+    fn residuals(&self, x: &[f64]) -> Vec<f64> {
+        let mut r = vec![0.0; self.points.len()];
+        values(self.field, self.points, &self.space.parameters(x), &mut r);
+        r
+    }
+}
+
+impl Sums for Here<'_> {
+    fn count(&self) -> usize {
+        self.points.len()
+    }
+    fn squares(&self) -> Box<dyn Objective + '_> {
+        let Self {
+            field,
+            points,
+            mask,
+            space,
+        } = *self;
+        Box::new(Residuals::new(field, points, mask, space))
+    }
+    fn reweighted(
+        &self,
+        x: &[f64],
+        loss: Loss,
+        scale: &dyn Fn(Option<f64>) -> f64,
+        is_free: bool,
+    ) -> (f64, Box<dyn Objective + '_>) {
+        let r = self.residuals(x);
+        let scale = scale(is_free.then(|| Polish::scale(&r)));
+        let weights = weights(&r, scale, loss, self.mask);
+        let sum = Residuals::weighted(self.field, self.points, weights, self.space);
+        (scale, Box::new(sum))
+    }
+    fn losses(&self, places: [&[f64]; 2]) -> [f64; 2] {
+        let [before, after] = places.map(|x| self.residuals(x));
+        let scale = Polish::scale(&after).max(Polish::scale(&before));
+        [before, after].map(|r| tukey_sum(&r, self.mask, scale))
+    }
+}
+
 /// An objective some of whose variables stay where they are.
 struct Held<'a> {
-    inner: Residuals<'a>,
+    inner: Box<dyn Objective + 'a>,
     held: &'a [bool],
 }
 
@@ -111,7 +180,8 @@ impl Polish<'_> {
     /// Cauchy's loss from x, the scale falling with the fit: a rough robust fit for few points. The
     /// result says in `loss` what the residuals call for.
     pub(crate) fn rough(&self, points: &[Point3], x: Vec<f64>, has_outliers: bool) -> Polished {
-        let mut p = self.reweighted(points, &[], x, Loss::Cauchy, ROUGH_ROUNDS);
+        let here = self.here(points, &[]);
+        let mut p = self.reweighted(&here, x, Loss::Cauchy, ROUGH_ROUNDS);
         let r = self.residuals(points, &p.x);
         p.scale = Self::scale(&r);
         let beyond = r.iter().filter(|r| r.abs() > TAIL * p.scale).count();
@@ -124,28 +194,43 @@ impl Polish<'_> {
         p
     }
 
-    /// The fit with the given loss, to convergence; `mask` (empty or 0 and 1) leaves points out.
+    /// Points at hand; `mask` (empty or 0 and 1) leaves points out.
+    pub(crate) fn here<'b>(&'b self, points: &'b [Point3], mask: &'b [f64]) -> Here<'b> {
+        Here {
+            field: self.field,
+            space: self.space,
+            points,
+            mask,
+        }
+    }
+
+    /// The fit with the given loss, to convergence.
     pub(crate) fn fine(
         &self,
-        points: &[Point3],
-        mask: &[f64],
+        points: &dyn Sums,
         x: Vec<f64>,
         loss: Loss,
         rounds: usize,
     ) -> Polished {
         if loss.is_robust() {
-            self.reweighted(points, mask, x, loss, rounds)
+            self.reweighted(points, x, loss, rounds)
         } else {
-            self.descend(points, mask, x, MOST_EVALUATIONS)
+            self.descend(points.squares(), points.count(), x, MOST_EVALUATIONS)
         }
     }
 
-    /// At most `most` evaluations with given weights.
-    fn descend(&self, points: &[Point3], weights: &[f64], x: Vec<f64>, most: usize) -> Polished {
+    /// At most `most` evaluations of a sum over `count` points.
+    fn descend(
+        &self,
+        sum: Box<dyn Objective + '_>,
+        count: usize,
+        x: Vec<f64>,
+        most: usize,
+    ) -> Polished {
         let mut history = Vec::new();
-        let count = points.len().max(1) as f64;
+        let count = count.max(1) as f64;
         let mut objective = Held {
-            inner: Residuals::new(self.field, points, weights, self.space),
+            inner: sum,
             held: &self.held,
         };
         let mut monitor = |iteration: usize, _: &[f64], value: f64| {
@@ -170,25 +255,18 @@ impl Polish<'_> {
     }
 
     /// Rounds of least squares, each with weights by the residuals of the one before.
-    fn reweighted(
-        &self,
-        points: &[Point3],
-        mask: &[f64],
-        x: Vec<f64>,
-        loss: Loss,
-        rounds: usize,
-    ) -> Polished {
+    fn reweighted(&self, points: &dyn Sums, x: Vec<f64>, loss: Loss, rounds: usize) -> Polished {
         let mut out = Polished::new(x, loss);
         for round in 0..rounds {
-            let r = self.residuals(points, &out.x);
             // The scale follows the fit at first; it is frozen later, so that the rounds have
             // something to converge to.
-            if round < FREE_ROUNDS {
-                out.scale = Self::scale(&r).max(ROUNDING * self.size);
-            }
-            let weights = weights(&r, out.scale, loss, mask);
-            let moved = out.take(self.descend(points, &weights, out.x.clone(), 2));
-            let small = SETTLED * out.scale / (self.size * (points.len() as f64).sqrt());
+            let frozen = out.scale;
+            let scale = |seen: Option<f64>| seen.map_or(frozen, |s| s.max(ROUNDING * self.size));
+            let is_free = round < FREE_ROUNDS;
+            let (scale, sum) = points.reweighted(&out.x, loss, &scale, is_free);
+            out.scale = scale;
+            let moved = out.take(self.descend(sum, points.count(), out.x.clone(), 2));
+            let small = SETTLED * out.scale / (self.size * (points.count() as f64).sqrt());
             if (round >= FREE_ROUNDS && moved < small) || self.control.is_stopped() {
                 break;
             }
@@ -221,10 +299,22 @@ impl Polished {
 }
 
 /// Weights of residuals in a loss of this scale; 0 where the mask is.
-fn weights(r: &[f64], scale: f64, loss: Loss, mask: &[f64]) -> Vec<f64> {
+pub(crate) fn weights(r: &[f64], scale: f64, loss: Loss, mask: &[f64]) -> Vec<f64> {
     let mut weights: Vec<f64> = r.iter().map(|r| weight(loss, r / scale)).collect();
     weights.iter_mut().zip(mask).for_each(|(w, m)| *w *= m);
     weights
+}
+
+/// Σ ρ(r / s) with the loss of Tukey, whose terms are at most 1.
+pub(crate) fn tukey_sum(r: &[f64], mask: &[f64], scale: f64) -> f64 {
+    r.iter()
+        .enumerate()
+        .map(|(i, r)| {
+            let w = weight(Loss::Tukey, r / scale.max(f64::MIN_POSITIVE));
+            // 1 − (1 − (z/c)²)³ by the weight (1 − (z/c)²)².
+            mask.get(i).copied().unwrap_or(1.0) * (1.0 - w * w.sqrt())
+        })
+        .sum()
 }
 
 /// Weight of a residual of z deviations: ψ(z)/z.

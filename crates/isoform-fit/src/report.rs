@@ -5,10 +5,12 @@ mod compose;
 mod estimates;
 mod open;
 mod parts;
+mod told;
 
 pub(crate) use self::compose::ByPoint;
 pub use self::open::{Open, Why};
 pub use self::parts::PartStatistics;
+pub(crate) use self::told::{SAMPLED, Tally, Told};
 
 use crate::clock::Seconds;
 use crate::deviation::{DataToModel, ModelToData};
@@ -127,7 +129,7 @@ pub struct Fit {
     pub reasons: Vec<String>,
     /// Loss that the polish ended with.
     pub loss: Loss,
-    /// Metric residual per point.
+    /// Metric residual per point; of a cloud in chunks, per point of its sample.
     pub residuals: Vec<f64>,
     /// Weight per point in the polish.
     pub weights: Vec<f64>,

@@ -1,8 +1,9 @@
 //! The points of a fit, with what is known of them before any template.
 
+use crate::chunks::{Cloud, by_hash, hash};
 use crate::clutter::Clutter;
 use crate::judge::Warning;
-use crate::outliers::{HAS_OUTLIERS, MOST_DROPPED, Neighbourhood};
+use crate::outliers::{HAS_OUTLIERS, MOST, MOST_DROPPED, Neighbourhood};
 use crate::report::Fit;
 use crate::{Control, FitError, Options};
 use isoform_geom::{Aabb, Point3};
@@ -32,7 +33,10 @@ const MOST_ASKED: usize = 1 << 18;
 /// # Ok::<(), isoform_fit::FitError>(())
 /// ```
 pub struct Scan<'a> {
-    points: Cow<'a, [Point3]>,
+    /// The distinct points; of a cloud in chunks none, but [`Neighbourhood`] has its sample.
+    distinct: Cow<'a, [Point3]>,
+    /// The cloud that the points are a sample of.
+    cloud: Option<&'a Cloud<'a>>,
     /// By point as given, its index among the distinct ones; none where all are distinct.
     index: Option<Vec<u32>>,
     /// A seeded random order of the distinct points.
@@ -68,40 +72,103 @@ impl<'a> Scan<'a> {
         check(points)?;
         control.report("outliers", 0.0);
         let (points, index) = distinct(points);
-        let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        fastrand::Rng::with_seed(options.seed).shuffle(&mut order);
+        let order = random_order(&points, options.seed);
         let near = Neighbourhood::new(&points, &order);
-        let wanted = (options.confirm_points / 2).max(options.search_points);
-        let (kept, isolated) = kept(&points, &order, &near, wanted, options.filter_outliers);
-        let noise = near.local_noise(&points, &order);
+        let bounds = Aabb::of(points.iter());
+        let scan = Self::looked_at(points, None, (order, near), bounds, options);
         Ok(Self {
-            data: trusted_box(&points, &kept, isolated, near.spacing),
+            index,
+            seconds: started.elapsed().as_secs_f64(),
+            ..scan
+        })
+    }
+
+    /// Looks at a cloud in chunks, drawn with the same seed, by its sample, which it takes.
+    pub fn of_cloud(cloud: &'a mut Cloud<'_>, options: &Options, control: &Control) -> Self {
+        let started = Instant::now();
+        control.report("outliers", 0.0);
+        let near = Neighbourhood::of_sample(std::mem::take(&mut cloud.sample));
+        let order = (0..near.sampled().len() as u32).collect();
+        let (none, bounds) = (Cow::Borrowed(&[][..]), cloud.bounds);
+        let scan = Self::looked_at(none, Some(cloud), (order, near), bounds, options);
+        Self {
+            seconds: started.elapsed().as_secs_f64(),
+            ..scan
+        }
+    }
+
+    /// Looks at distinct points, or the sample of a cloud, in a random order and in a box.
+    fn looked_at(
+        distinct: Cow<'a, [Point3]>,
+        cloud: Option<&'a Cloud<'a>>,
+        (order, near): (Vec<u32>, Neighbourhood),
+        bounds: Aabb,
+        options: &Options,
+    ) -> Self {
+        let points = if cloud.is_some() {
+            near.sampled()
+        } else {
+            &distinct
+        };
+        let wanted = (options.confirm_points / 2).max(options.search_points);
+        let (kept, isolated) = kept(points, &order, &near, wanted, options.filter_outliers);
+        let noise = near.local_noise(points, &order);
+        Self {
+            data: trusted_box(bounds, &kept, isolated, near.spacing),
             local_noise: noise.typical,
             least_noise: noise.least,
-            points,
-            index,
+            distinct,
+            cloud,
+            index: None,
             order,
             near,
             kept,
             wanted,
             isolated,
-            seconds: started.elapsed().as_secs_f64(),
-        })
+            seconds: 0.0,
+        }
     }
 
-    /// The distinct points, in the order of their first occurrence.
+    /// The sample of a cloud in chunks, else the distinct points.
+    pub fn into_points(self) -> Vec<Point3> {
+        match self.cloud {
+            Some(_) => self.near.into_sample(),
+            None => self.distinct.into_owned(),
+        }
+    }
+
+    /// The cloud in chunks that the points are a sample of.
+    pub(crate) fn cloud(&self) -> Option<&'a Cloud<'a>> {
+        self.cloud
+    }
+
+    /// Distinct points, whether they are at hand or in chunks.
+    pub(crate) fn count(&self) -> usize {
+        self.cloud.map_or(self.distinct.len(), Cloud::count)
+    }
+
+    /// The distinct points, in the order of their first occurrence; of a cloud in chunks a sample.
     pub fn points(&self) -> &[Point3] {
-        &self.points
+        match self.cloud {
+            Some(_) => self.near.sampled(),
+            None => &self.distinct,
+        }
     }
 
     /// What lies beside the part, as far as the points themselves tell.
     pub fn clutter(&self) -> Clutter<'_> {
-        let has_strays = self.isolated > MANY_STRAYS && self.points.len() <= MOST_ASKED;
-        Clutter::find(&self.points, &self.order, &self.near, has_strays)
+        let has_strays = self.isolated > MANY_STRAYS && self.count() <= MOST_ASKED;
+        let looked_at = (self.points(), &self.order[..]);
+        Clutter::find(looked_at, self.count(), &self.near, has_strays)
     }
 
     /// The report of a fit to the distinct points as one of all points.
     pub(crate) fn expand(&self, mut fit: Fit) -> Fit {
+        if let Some(cloud) = self.cloud {
+            fit.warnings
+                .extend(repeated(cloud.n_points(), cloud.count()));
+            return fit;
+        }
         let Some(index) = &self.index else {
             return fit;
         };
@@ -112,12 +179,28 @@ impl<'a> Scan<'a> {
         fit.n_points = index.len();
         fit.n_outliers = fit.outliers.iter().filter(|o| **o).count();
         fit.n_used = fit.n_points - fit.n_outliers;
-        fit.warnings.push(Warning::Repeated {
-            count: index.len() - self.points.len(),
-            points: index.len(),
-        });
+        fit.warnings
+            .extend(repeated(index.len(), self.distinct.len()));
         fit
     }
+}
+
+/// A warning of points that repeat others, if there are any.
+fn repeated(points: usize, distinct: usize) -> Option<Warning> {
+    let count = points - distinct;
+    (count > 0).then_some(Warning::Repeated { count, points })
+}
+
+/// A random order of distinct points. That of many is by a hash of each, so that the sample which
+/// stands for them does not depend on the order in which they come.
+fn random_order(points: &[Point3], seed: u64) -> Vec<u32> {
+    if points.len() > MOST {
+        let hashes: Vec<u64> = points.iter().map(|p| hash(p, seed)).collect();
+        return by_hash(&hashes);
+    }
+    let mut order: Vec<u32> = (0..points.len() as u32).collect();
+    fastrand::Rng::with_seed(seed).shuffle(&mut order);
+    order
 }
 
 /// Makes values of distinct points values of all.
@@ -199,8 +282,8 @@ fn first_occurrences(points: &[Point3]) -> Option<Vec<u32>> {
 }
 
 /// The box of the data: of all points, or of those kept where outliers would stretch it.
-fn trusted_box(points: &[Point3], kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
-    let (all, mut some) = (Aabb::of(points), Aabb::of(kept));
+fn trusted_box(all: Aabb, kept: &[Point3], isolated: f64, spacing: f64) -> Aabb {
+    let mut some = Aabb::of(kept);
     if isolated <= HAS_OUTLIERS && all.diagonal() < 1.5 * some.diagonal() {
         return all;
     }

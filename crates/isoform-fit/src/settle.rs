@@ -13,12 +13,16 @@ pub(crate) use self::measured::{Measured, measured};
 
 use self::spread::Spread;
 use crate::Loss;
-use crate::bias::{Bias, Biased};
+use crate::bias::{Bias, Biased, Points};
+use crate::chunks::{ChunkSums, Mask};
 use crate::clock::Clock;
 use crate::deviation::{self, Surface};
+use crate::evidence::DENSEST;
+use crate::feet::KeptFeet;
 use crate::fit::Found;
 use crate::identify::{At, Knowledge, OpenDirection};
-use crate::polish::{Polish, weight};
+use crate::objective::values;
+use crate::polish::{Polish, Sums};
 use crate::rims::rims;
 use crate::task::Task;
 use crate::vector::{add, minus};
@@ -29,7 +33,7 @@ use isoform_geom::{ParamField, Point3};
 const SETTLING: usize = 20_000;
 /// Most points that are ever fitted: beyond, intervals of a few parts in a million are the least
 /// of a scan's errors.
-const MOST_FITTED: usize = 1 << 20;
+pub(crate) const MOST_FITTED: usize = 1 << 20;
 /// Points whose sums tell whether a variable that is moved leaves the data.
 const TESTED: usize = 4096;
 /// Rounds of asking for the bias, at most.
@@ -78,15 +82,15 @@ struct State {
 }
 
 /// A minimum, the points that settle it, and what they say.
-struct Settled {
-    points: Vec<Point3>,
+struct Settled<'a> {
+    points: Points<'a>,
     found: Found,
     state: State,
     knowledge: Knowledge,
     spread: Spread,
 }
 
-impl Task<'_> {
+impl<'t> Task<'t> {
     /// The distance itself; the metric reading where the template has none.
     pub(crate) fn measure(&self) -> &dyn ParamField {
         match &self.distance {
@@ -109,7 +113,7 @@ impl Task<'_> {
     pub(crate) fn settle(&self, mut found: Found, clock: &mut Clock) -> Fitted {
         let points = self.settling();
         let mut exact = self.polish_with(self.measure(), found.outcome.starts + 1);
-        let normal = self.descend(&exact, &points, &[], &mut found);
+        let normal = self.descend(&exact, &exact.here(&points, &[]), &mut found);
         clock.lap("polish");
         self.control.report("report", 0.0);
         let (mut state, normal) = self.masked(&exact, &points, &mut found, normal);
@@ -124,7 +128,7 @@ impl Task<'_> {
         let spread = self.spread(&points, &found, &state, &exact.held, normal);
         clock.lap("spread");
         let settled = Settled {
-            points,
+            points: Points::Here(points),
             found,
             state,
             knowledge,
@@ -141,7 +145,7 @@ impl Task<'_> {
         let held = vec![false; self.space.len()];
         let spread = self.spread(&points, &found, &state, &held, Some(&knowledge.normal));
         let settled = Settled {
-            points,
+            points: Points::Here(points),
             found,
             state,
             knowledge,
@@ -167,7 +171,7 @@ impl Task<'_> {
         if self.control.is_stopped() {
             return (state, None);
         }
-        let normal = self.descend(exact, points, &state.mask, found);
+        let normal = self.descend(exact, &exact.here(points, &state.mask), found);
         let mask = state.mask;
         let state = self.state(points, found);
         let normal = normal.filter(|_| state.mask == mask);
@@ -191,17 +195,17 @@ impl Task<'_> {
             exact.held[open.variable] = true;
         }
         let step = minus(&found.x, &before);
-        self.descend(exact, points, &state.mask, found);
+        self.descend(exact, &exact.here(points, &state.mask), found);
         found.x = minus(&found.x, &step);
         self.space.into_interior(&mut found.x, 1e-12);
     }
 
     /// Takes all points where they tell more than some, and the bias away.
-    fn finish(&self, mut settled: Settled, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
-        let most = self.points.len().min(MOST_FITTED);
-        let share = settled.points.len() as f64 / most as f64;
+    fn finish(&self, mut settled: Settled<'t>, exact: &Polish<'_>, clock: &mut Clock) -> Fitted {
+        let most = self.scan.count().min(MOST_FITTED);
+        let share = settled.points.count() as f64 / most as f64;
         let is_stopped = self.control.is_stopped();
-        if settled.points.len() < most && !is_stopped && settled.spread.gains(share) {
+        if settled.points.count() < most && !is_stopped && settled.spread.gains(share) {
             self.take_more(&mut settled, exact, most);
             settled.spread.scale_independent(share);
         }
@@ -214,16 +218,41 @@ impl Task<'_> {
     }
 
     /// Minimises over more points.
-    fn take_more(&self, settled: &mut Settled, exact: &Polish<'_>, most: usize) {
+    fn take_more(&self, settled: &mut Settled<'t>, exact: &Polish<'_>, most: usize) {
         let Settled { found, state, .. } = settled;
-        settled.points = self.some(most);
-        let measured = self.measured(&settled.points, &found.x);
+        if let Some(cloud) = self.scan.cloud() {
+            let some = |a: &[f64]| self.residuals_of_some(a);
+            let sums = ChunkSums {
+                cloud,
+                template: self.template,
+                space: &self.space,
+                mask: Mask {
+                    a: self.space.parameters(&found.x),
+                    open: state.open_parts.clone(),
+                },
+                some: &some,
+            };
+            self.descend(exact, &sums, found);
+            settled.points = Points::InChunks(cloud);
+            return;
+        }
+        let points = self.some(most);
+        let measured = self.measured(&points, &found.x);
         state.mask = measured.mask(&state.open_parts);
-        self.descend(exact, &settled.points, &state.mask, found);
+        self.descend(exact, &exact.here(&points, &state.mask), found);
+        settled.points = Points::Here(points);
+    }
+
+    /// Distances of some points, as the polish asks for them.
+    fn residuals_of_some(&self, a: &[f64]) -> Vec<f64> {
+        let some = self.some(SETTLING);
+        let mut r = vec![0.0; some.len()];
+        values(self.measure(), &some, a, &mut r);
+        r
     }
 
     /// Takes the bias of noise away; what was added to the variables.
-    fn unbiased(&self, settled: &mut Settled) -> Option<Vec<f64>> {
+    fn unbiased(&self, settled: &mut Settled<'_>) -> Option<Vec<f64>> {
         let minimum = settled.found.x.clone();
         let alike = settled.spread.correlation.clamp(0.0, 1.0);
         let mut noise = settled.state.noise * (1.0 - alike).sqrt();
@@ -256,7 +285,7 @@ impl Task<'_> {
     }
 
     /// The bias of noise where the fit is.
-    fn bias(&self, settled: &Settled, noise: f64) -> Option<Bias> {
+    fn bias(&self, settled: &Settled<'_>, noise: f64) -> Option<Bias> {
         let Settled { found, state, .. } = settled;
         let asked = Biased {
             distance: self.template.distance()?,
@@ -273,7 +302,7 @@ impl Task<'_> {
         asked.bias()
     }
 
-    fn fitted(&self, settled: Settled, correction: Option<Vec<f64>>) -> Fitted {
+    fn fitted(&self, settled: Settled<'_>, correction: Option<Vec<f64>>) -> Fitted {
         let Settled {
             points,
             found,
@@ -283,15 +312,22 @@ impl Task<'_> {
         } = settled;
         let untold = self.untold(&found.x, &knowledge, &spread.total);
         knowledge.open.extend(untold);
+        let mut measured = self.measured(self.points, &found.x);
+        if self.scan.cloud().is_some() {
+            // What follows asks chunks, and needs the memory more than these.
+            measured.at.truncate(DENSEST);
+            measured.at.shrink_to_fit();
+            self.distance.iter().for_each(KeptFeet::forget);
+        }
         Fitted {
             noise: state.noise,
-            measured: self.measured(self.points, &found.x),
+            measured,
             surface: state.surface,
             open_parts: state.open_parts,
             knowledge,
             covariance: spread.total,
             correlation: spread.correlation,
-            fitted: points.len(),
+            fitted: points.count(),
             correction,
             found,
         }
@@ -313,20 +349,22 @@ impl Task<'_> {
     fn descend(
         &self,
         exact: &Polish<'_>,
-        points: &[Point3],
-        mask: &[f64],
+        points: &dyn Sums,
         found: &mut Found,
     ) -> Option<Vec<f64>> {
         let is_robust = found.loss.is_robust();
         let rounds = if is_robust { REWEIGHTED } else { 1 };
         let from = found.x.clone();
-        let mut fine = exact.fine(points, mask, from, found.loss, rounds);
+        let mut fine = exact.fine(points, from, found.loss, rounds);
         found.evaluations += fine.evaluations;
         found.history.append(&mut fine.history);
         // Rounds of reweighting have no sum that falls: places are compared by the loss at one
         // scale.
-        if is_robust && is_worse(exact, points, mask, [&found.x, &fine.x]) {
-            return None;
+        if is_robust {
+            let [before, after] = points.losses([&found.x, &fine.x]);
+            if after > before {
+                return None;
+            }
         }
         found.x = fine.x;
         fine.normal
@@ -420,23 +458,4 @@ impl Task<'_> {
         }
         self.space.into_interior(x, 1e-9);
     }
-}
-
-/// Whether the second of two places has the larger sum of losses, at one scale.
-fn is_worse(exact: &Polish<'_>, points: &[Point3], mask: &[f64], places: [&[f64]; 2]) -> bool {
-    let [before, after] = places.map(|x| exact.residuals(points, x));
-    let scale = Polish::scale(&after).max(Polish::scale(&before));
-    robust_sum(&after, mask, scale) > robust_sum(&before, mask, scale)
-}
-
-/// Σ ρ(r / s) with the loss of Tukey, whose terms are at most 1.
-fn robust_sum(r: &[f64], mask: &[f64], scale: f64) -> f64 {
-    r.iter()
-        .enumerate()
-        .map(|(i, r)| {
-            let w = weight(Loss::Tukey, r / scale.max(f64::MIN_POSITIVE));
-            // 1 − (1 − (z/c)²)³ by the weight (1 − (z/c)²)².
-            mask.get(i).copied().unwrap_or(1.0) * (1.0 - w * w.sqrt())
-        })
-        .sum()
 }

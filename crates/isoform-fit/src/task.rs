@@ -18,7 +18,7 @@ const EXACT: f64 = 1e-9;
 /// One template and one scan to be brought together.
 pub(crate) struct Task<'a> {
     pub(crate) scan: &'a Scan<'a>,
-    /// The distinct points of the scan.
+    /// The distinct points of the scan; of a cloud in chunks a sample.
     pub(crate) points: &'a [Point3],
     pub(crate) near: &'a Neighbourhood,
     /// A random order of the points.
@@ -122,10 +122,15 @@ impl<'a> Task<'a> {
         }
     }
 
-    /// Correlation of the residuals of neighbours, from the first points of an order.
-    pub(crate) fn correlation(&self, r: &[f64], order: &[u32]) -> f64 {
-        let none = vec![false; r.len()];
-        deviation::neighbour_correlation(self.points, r, &none, &self.near.tree, order)
+    /// Correlation of the residuals of neighbours, from some of the points.
+    pub(crate) fn correlation(&self, r: &[f64], probes: usize) -> f64 {
+        self.correlation_but(r, &vec![false; r.len()], probes)
+    }
+
+    /// The same with some points left out.
+    pub(crate) fn correlation_but(&self, r: &[f64], left_out: &[bool], probes: usize) -> f64 {
+        let known = (&self.near.tree, self.order);
+        deviation::neighbour_correlation(self.points, r, left_out, known, probes)
     }
 }
 

@@ -95,4 +95,9 @@ pub trait Template: Send + Sync {
     fn part_names(&self) -> &[String];
     /// The piece (index into [`Template::part_names`]) that decides the function at each point.
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]);
+    /// Numbers from which, and from its program, the template can be made once more elsewhere, with
+    /// equal readings: what answers for chunks of points on another machine needs them.
+    fn recipe(&self) -> Vec<f64> {
+        Vec::new()
+    }
 }

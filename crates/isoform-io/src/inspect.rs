@@ -96,9 +96,10 @@ pub fn inspect(cloud: &PointCloud, report: &ReadReport) -> Inspection {
     }
 }
 
-/// The unit of length alone, which costs next to nothing.
-pub fn inspect_unit(cloud: &PointCloud, report: &ReadReport) -> UnitGuess {
-    guess_unit(cloud, &cloud.bounds(), report)
+/// The unit of length alone, which costs next to nothing; `bounds` is the cloud's box, or that of a
+/// larger one which it is a sample of.
+pub fn inspect_unit(cloud: &PointCloud, bounds: &Aabb, report: &ReadReport) -> UnitGuess {
+    guess_unit(cloud, bounds, report)
 }
 
 /// Points that repeat another one bit by bit (0 and −0 count as equal).
@@ -306,10 +307,13 @@ mod tests {
 
     #[test]
     fn units_by_size_and_by_fractions() {
-        let unit =
-            |cloud: &PointCloud| inspect_unit(cloud, &ReadReport::new("stl", "t.stl".into())).unit;
+        let guess = |cloud: &PointCloud| {
+            let report = ReadReport::new("stl", "t.stl".into());
+            inspect_unit(cloud, &cloud.bounds(), &report)
+        };
+        let unit = |cloud: &PointCloud| guess(cloud).unit;
         let inch = boxes(&[[5.0, 2.4375, 1.375], [0.8125, 0.625, 1.0]]);
-        let said = inspect_unit(&inch, &ReadReport::new("stl", "t.stl".into()));
+        let said = guess(&inch);
         assert!(
             said.unit == "in" && !said.is_stated && said.reason.contains("0.625, 0.8125, 1.375"),
             "{said:?}"

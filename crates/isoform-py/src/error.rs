@@ -147,6 +147,7 @@ impl From<FitScanError> for Trouble {
             FitScanError::Bounds { .. } => {
                 Self::new("bounds", e).hint("{'radius': (1, 5)}: a name, then both bounds")
             }
+            FitScanError::Method => Self::usage(e).hint("method='default'"),
             FitScanError::Fit(e) => e.into(),
             e => Self::new("fit", e),
         }

@@ -64,7 +64,7 @@ pub(crate) struct Wanted {
 
 impl Wanted {
     /// As the library takes it.
-    fn options(self) -> Result<FitOptions, Trouble> {
+    pub(crate) fn options(self) -> Result<FitOptions, Trouble> {
         let poses = POSES.map(|(name, pose)| (name, Some(pose)));
         let keep = self.keep.iter().map(|k| named("keep", k, CLUTTER));
         let keep = keep.collect::<Result<Vec<_>, _>>()?;
@@ -105,6 +105,13 @@ pub(crate) fn named<T, const N: usize>(
 pub(crate) struct Fit {
     pub(crate) found: ScanFit,
     document: String,
+}
+
+impl Fit {
+    /// A fit with its document.
+    pub(crate) fn new(found: ScanFit, document: String) -> Self {
+        Self { found, document }
+    }
 }
 
 #[pymethods]
@@ -167,5 +174,5 @@ pub(crate) fn fit(
         seconds: &found.seconds,
     };
     let document = document::text(&FitReport::new(&found, &about));
-    Ok(Fit { found, document })
+    Ok(Fit::new(found, document))
 }

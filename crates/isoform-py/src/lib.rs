@@ -13,6 +13,7 @@ mod document;
 mod error;
 mod fit;
 mod implicitize;
+mod large;
 mod mesh;
 mod model;
 mod parameterize;
@@ -38,6 +39,8 @@ mod native {
     use crate::fit::{Fit, fit};
     #[pymodule_export]
     use crate::implicitize::{Fitted, implicitize};
+    #[pymodule_export]
+    use crate::large::{answer, fit_large};
     #[pymodule_export]
     use crate::mesh::{MeshData, mesh};
     #[pymodule_export]

@@ -7,7 +7,7 @@ use crate::run::{self, Asked};
 use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
 use isoform::geom::Point3;
-use isoform::{FrepTemplate, parameter_values};
+use isoform::{ChunkReader, FrepTemplate, parameter_values};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use rayon::prelude::*;
@@ -25,6 +25,7 @@ pub(crate) struct Program(Arc<Compiled>);
 struct Compiled {
     model: Model,
     template: OnceLock<FrepTemplate>,
+    reader: OnceLock<ChunkReader>,
 }
 
 impl Compiled {
@@ -61,8 +62,11 @@ impl Program {
             Trouble::usage(format!("no object is called {}", e.name))
                 .hint(format!("one of: {}", e.objects.join(", ")))
         })?;
-        let template = OnceLock::new();
-        Ok(Self(Arc::new(Compiled { model, template })))
+        Ok(Self(Arc::new(Compiled {
+            model,
+            template: OnceLock::new(),
+            reader: OnceLock::new(),
+        })))
     }
 
     /// The name of the object.
@@ -171,6 +175,12 @@ impl Program {
 impl Program {
     pub(crate) fn model(&self) -> &Model {
         &self.0.model
+    }
+
+    /// What answers for chunks of a cloud.
+    pub(crate) fn chunk_reader(&self) -> &ChunkReader {
+        let make = || ChunkReader::new(self.0.model.clone());
+        self.0.reader.get_or_init(make)
     }
 
     /// The values of the function, or its metric reading; NaN where running the program finds no

@@ -9,7 +9,7 @@ impl ScanFit {
     /// program of this name is written, else a guess. Bounds and starts of a program are numbers of
     /// its unit, and a scan in another one would not meet them.
     pub fn unit(&self, read: &ReadReport, template: &str) -> UnitGuess {
-        let seen = inspect_unit(&self.cloud, read);
+        let seen = inspect_unit(&self.cloud, &self.bounds, read);
         match &self.template.frep.model().info().unit {
             Some(unit) if !seen.is_stated => UnitGuess {
                 unit: unit.clone(),

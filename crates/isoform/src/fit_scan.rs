@@ -2,14 +2,15 @@
 //! the scan comes.
 
 use crate::held::{HeldTemplate, ParameterError};
+use crate::template::{Here, Outline};
 use crate::{CornerError, FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
-    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning, fit,
-    search, settle,
+    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning,
+    fit_to, search, settle,
 };
-use isoform_geom::{Point3, PointCloud, far_center};
+use isoform_geom::{Aabb, Point3, PointCloud, far_center};
 use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
@@ -104,6 +105,15 @@ pub enum FitScanError {
     /// Start values do not suit the parameters.
     #[error(transparent)]
     Start(ParameterError),
+    /// More points than are numbered.
+    #[error("{count} points are more than the 2^32 that can be told apart")]
+    TooMany {
+        /// Points.
+        count: usize,
+    },
+    /// The paper's methods see all points each time, which clouds in chunks are too large for.
+    #[error("clouds in chunks are fitted by the default method")]
+    Method,
     /// No fit was found.
     #[error(transparent)]
     Fit(#[from] FitError),
@@ -130,6 +140,8 @@ pub enum FitScanWarning {
     },
     /// The points lie far from the origin, and the template has no pose that could follow.
     FarAndFixed,
+    /// The points came in chunks, and clutter among them was fitted like the rest.
+    ClutterFitted,
 }
 
 impl fmt::Display for FitScanWarning {
@@ -144,6 +156,10 @@ impl fmt::Display for FitScanWarning {
                 "the points lie far from the origin and the template cannot be moved: digits are \
                  lost; try --pose translate",
             ),
+            Self::ClutterFitted => f.write_str(
+                "planes or objects beside the part are not left out of clouds in chunks as large as \
+                 this; a fit of a sample leaves them out",
+            ),
         }
     }
 }
@@ -151,8 +167,11 @@ impl fmt::Display for FitScanWarning {
 /// A template fitted to a scan.
 #[derive(Debug)]
 pub struct ScanFit {
-    /// The points that were fitted, those added on the faces of a CAD model included.
+    /// The points that were fitted, those added on the faces of a CAD model included; of a cloud in
+    /// chunks, its sample.
     pub cloud: PointCloud,
+    /// The box of all points that were fitted, about the origin of the cloud.
+    pub bounds: Aabb,
     /// The template in the pose in which it fits.
     pub template: HeldTemplate,
     /// Values, deviations and verdict, relative to the origin of the cloud.
@@ -243,18 +262,15 @@ pub fn fit_scan(
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
-    let posed = |points: &[Point3]| match options.pose {
-        None => FrepTemplate::new(model, points),
-        Some(pose) => FrepTemplate::with_pose(model, pose, points),
-    };
-    let mut template = HeldTemplate::new(posed(&cloud.points)?, cloud.origin);
+    let posed = posing(model, options);
+    let mut template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
     if cloud.origin != [0.0; 3] && !template.moves() {
         // The template's own coordinates are the file's.
         let absolute = (0..cloud.points.len()).map(|i| cloud.absolute(i)).collect();
         let moved = cloud.to_mut();
         (moved.points, moved.origin) = (absolute, [0.0; 3]);
         warnings.push(FitScanWarning::FarAndFixed);
-        template = HeldTemplate::new(posed(&cloud.points)?, cloud.origin);
+        template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
     }
     hold(&mut template, options)?;
     let task = Task {
@@ -269,12 +285,22 @@ pub fn fit_scan(
     let mut seconds = vec![("template", prepared)];
     seconds.extend(posed.fit.seconds.iter().copied());
     Ok(ScanFit {
+        bounds: cloud.bounds(),
         cloud: cloud.into_owned(),
         template: posed.template,
         fit: posed.fit,
         warnings,
         seconds,
     })
+}
+
+/// Makes templates of a program in the pose that is asked for.
+pub(crate) fn posing<'a>(
+    model: &'a Model,
+    options: &FitOptions,
+) -> impl Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a {
+    let pose = options.pose.or(model.info().pose).unwrap_or(Pose::None);
+    move |points| FrepTemplate::posed(model, pose, points)
 }
 
 /// The scan about the origin that a reader would give it.
@@ -303,7 +329,7 @@ fn with_faces<'a>(
 }
 
 /// Holds the parameters that the caller holds.
-fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScanError> {
+pub(crate) fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScanError> {
     template
         .hold(&options.fixed)
         .map_err(|(place, error)| FitScanError::Fixed {
@@ -313,7 +339,10 @@ fn hold(template: &mut HeldTemplate, options: &FitOptions) -> Result<(), FitScan
 }
 
 /// The options of the stage, in the template's coordinates.
-fn inner_options(template: &HeldTemplate, options: &FitOptions) -> Result<Options, FitScanError> {
+pub(crate) fn inner_options(
+    template: &HeldTemplate,
+    options: &FitOptions,
+) -> Result<Options, FitScanError> {
     let start = match &options.start {
         Some(values) => Some(template.start(values).map_err(FitScanError::Start)?),
         None => None,
@@ -336,6 +365,17 @@ fn inner_options(template: &HeldTemplate, options: &FitOptions) -> Result<Option
     })
 }
 
+/// Whether a fit is in doubt, and planes or other objects beside the part are seen.
+pub(crate) fn has_clutter(fit: &Fit) -> bool {
+    let is_clutter = |f: &Finding| {
+        matches!(
+            f,
+            Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
+        )
+    };
+    fit.findings.iter().any(is_clutter)
+}
+
 /// A warning for each kind of points that were left out.
 fn left_out(beside: &[Option<Beside>]) -> impl Iterator<Item = Warning> {
     let kinds = [Beside::Plane, Beside::Apart, Beside::Stray];
@@ -353,9 +393,9 @@ fn kept_of(points: &[Point3], beside: &[Option<Beside>]) -> Vec<Point3> {
 }
 
 /// A fit and the pose of the template in which it was found.
-struct Posed {
-    template: HeldTemplate,
-    fit: Fit,
+pub(crate) struct Posed {
+    pub(crate) template: HeldTemplate,
+    pub(crate) fit: Fit,
 }
 
 /// The result of a search and the template that it was made with.
@@ -376,17 +416,17 @@ impl Found {
 }
 
 /// Makes a template from a program and the points whose frame it takes.
-type Posing<'a> = dyn Fn(&[Point3]) -> Result<FrepTemplate, TemplateError> + 'a;
+pub(crate) type Posing<'a> = dyn Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a;
 
 /// What all stages of a fit share.
-struct Task<'a> {
-    options: &'a FitOptions,
+pub(crate) struct Task<'a> {
+    pub(crate) options: &'a FitOptions,
     /// Those of the stage.
-    inner: Options,
-    control: &'a Control<'a>,
+    pub(crate) inner: Options,
+    pub(crate) control: &'a Control<'a>,
     /// What is added to the points to get the file's coordinates.
-    origin: Point3,
-    posed: &'a Posing<'a>,
+    pub(crate) origin: Point3,
+    pub(crate) posed: &'a Posing<'a>,
 }
 
 impl Task<'_> {
@@ -397,14 +437,10 @@ impl Task<'_> {
         points: &[Point3],
         template: HeldTemplate,
     ) -> Result<Posed, FitScanError> {
-        let mut whole = self.fit_in_pose(points, template)?;
-        let is_clutter = |f: &Finding| {
-            matches!(
-                f,
-                Finding::Apart { .. } | Finding::Table { .. } | Finding::Stray { .. }
-            )
-        };
-        if !whole.fit.findings.iter().any(is_clutter) {
+        let scan = Scan::new(points, &self.inner, self.control)?;
+        let mut whole = self.fit_in_pose(&scan, &Here(points), template)?;
+        drop(scan);
+        if !has_clutter(&whole.fit) {
             return Ok(whole);
         }
         if self.control.is_stopped() {
@@ -463,16 +499,20 @@ impl Task<'_> {
 
     /// The fit to some of the points; none where they are too few, say.
     fn fit_alone(&self, kept: &[Point3]) -> Result<Option<Posed>, FitScanError> {
-        let template = self.held((self.posed)(kept)?)?;
-        Ok(self.fit_in_pose(kept, template).ok())
+        let template = self.held((self.posed)(&Here(kept))?)?;
+        let Ok(scan) = Scan::new(kept, &self.inner, self.control) else {
+            return Ok(None);
+        };
+        Ok(self.fit_in_pose(&scan, &Here(kept), template).ok())
     }
 
     /// The fit, in whatever pose the scan comes: where the template does not fit as the scan
     /// stands, the other ways are tried; then the box is measured along the template's own axes;
     /// then bounds that presume a whole part give way where the fit ran into them.
-    fn fit_in_pose(
+    pub(crate) fn fit_in_pose(
         &self,
-        points: &[Point3],
+        scan: &Scan<'_>,
+        points: &dyn Outline,
         template: HeldTemplate,
     ) -> Result<Posed, FitScanError> {
         let (inner, control) = (&self.inner, self.control);
@@ -480,22 +520,21 @@ impl Task<'_> {
             && self.options.bounds.is_empty()
             && inner.method == Method::Default;
         if !is_free {
-            let fit = fit(points, &template, inner, control)?;
+            let fit = fit_to(scan, &template, inner, control)?;
             return Ok(Posed { template, fit });
         }
-        let scan = Scan::new(points, inner, control)?;
-        let candidate = search(&scan, &template, inner, control)?;
+        let candidate = search(scan, &template, inner, control)?;
         let mut found = Found {
             template,
             candidate,
         };
         if !found.candidate.is_at_noise() {
-            self.try_turned(&scan, points, &mut found)?;
+            self.try_turned(scan, points, &mut found)?;
         }
-        self.try_aligned(&scan, points, &mut found)?;
-        let fit = settle(&scan, &found.template, inner, control, found.candidate)?;
+        self.try_aligned(scan, points, &mut found)?;
+        let fit = settle(scan, &found.template, inner, control, found.candidate)?;
         self.widened(
-            &scan,
+            scan,
             points,
             Posed {
                 template: found.template,
@@ -508,7 +547,7 @@ impl Task<'_> {
     fn try_turned(
         &self,
         scan: &Scan<'_>,
-        points: &[Point3],
+        points: &dyn Outline,
         best: &mut Found,
     ) -> Result<(), FitScanError> {
         let quick = Options {
@@ -516,7 +555,7 @@ impl Task<'_> {
             refine: false,
             ..self.inner.clone()
         };
-        for frep in best.template.frep.turned(points) {
+        for frep in best.template.frep.turned_in(points) {
             if self.control.is_stopped() {
                 break;
             }
@@ -538,7 +577,7 @@ impl Task<'_> {
     fn try_aligned(
         &self,
         scan: &Scan<'_>,
-        points: &[Point3],
+        points: &dyn Outline,
         best: &mut Found,
     ) -> Result<(), FitScanError> {
         let (frep, values) = (&best.template.frep, best.candidate.values());
@@ -547,7 +586,7 @@ impl Task<'_> {
         if !is_wanted || self.control.is_stopped() {
             return Ok(());
         }
-        let aligned = self.held(frep.aligned(values, points))?;
+        let aligned = self.held(frep.aligned_in(values, points))?;
         let other = Options {
             seed: self.inner.seed ^ OTHER_SEED,
             ..self.inner.clone()
@@ -568,7 +607,7 @@ impl Task<'_> {
     fn widened(
         &self,
         scan: &Scan<'_>,
-        points: &[Point3],
+        points: &dyn Outline,
         mut best: Posed,
     ) -> Result<Posed, FitScanError> {
         for _ in 0..WIDENINGS {
@@ -578,7 +617,7 @@ impl Task<'_> {
                 BESIDE_BOUND
             };
             let values = best.fit.values();
-            let Some(frep) = best.template.frep.widened(&values, points, near) else {
+            let Some(frep) = best.template.frep.widened_in(&values, points, near) else {
                 break;
             };
             if self.control.is_stopped() {

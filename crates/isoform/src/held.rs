@@ -104,6 +104,9 @@ impl Template for HeldTemplate {
     fn part_names(&self) -> &[String] {
         self.frep.part_names()
     }
+    fn recipe(&self) -> Vec<f64> {
+        self.frep.recipe()
+    }
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
         self.frep.parts(points, a, out);
     }

@@ -22,7 +22,38 @@ pub enum TemplateError {
 }
 
 /// A rotation matrix by rows.
-type Rotation = [[f64; 3]; 3];
+pub(crate) type Rotation = [[f64; 3]; 3];
+
+/// All poses; their places tell them apart in recipes.
+const POSES: [Pose; 5] = [
+    Pose::None,
+    Pose::Translate,
+    Pose::Axis,
+    Pose::Rigid,
+    Pose::Similarity,
+];
+
+/// What a template takes its frame and its bounds from: points, at hand or in chunks.
+pub(crate) trait Outline {
+    /// Second moments about the centre of the box, by rows; none for fewer than four points.
+    fn moments(&self) -> Option<[f64; 9]>;
+    /// The box along the columns of a rotation.
+    fn bounds_along(&self, base: &Rotation) -> Aabb;
+}
+
+/// Points at hand.
+pub(crate) struct Here<'a>(pub(crate) &'a [Point3]);
+
+impl Outline for Here<'_> {
+    fn moments(&self) -> Option<[f64; 9]> {
+        let center = Aabb::of(self.0).center();
+        (self.0.len() >= 4).then(|| isoform_fit::chunks::moments(self.0, center))
+    }
+    fn bounds_along(&self, base: &Rotation) -> Aabb {
+        let turned = self.0.iter().map(|p| isoform_fit::chunks::along(base, p));
+        Aabb::of(&turned.collect::<Vec<_>>())
+    }
+}
 
 const IDENTITY: Rotation = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 
@@ -57,6 +88,15 @@ impl FrepTemplate {
 
     /// Compiles the model with another pose than the program's.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
+        Self::posed(model, pose, &Here(points))
+    }
+
+    /// The same for what need not be at hand.
+    pub(crate) fn posed(
+        model: &Model,
+        pose: Pose,
+        points: &dyn Outline,
+    ) -> Result<Self, TemplateError> {
         let base = if matches!(pose, Pose::None | Pose::Translate) {
             IDENTITY
         } else {
@@ -65,12 +105,22 @@ impl FrepTemplate {
         Self::with_base(model, pose, base, points)
     }
 
+    /// The template of a recipe of [`Template::recipe`], with the same readings; its bounds are not
+    /// those. None where the numbers are no recipe.
+    pub(crate) fn of_recipe(model: &Model, recipe: &[f64]) -> Option<Result<Self, TemplateError>> {
+        let (pose, base) = recipe.split_first()?;
+        let pose = *POSES.get(*pose as usize)?;
+        let base: &[f64; 9] = base.try_into().ok()?;
+        let base = std::array::from_fn(|i| std::array::from_fn(|j| base[3 * i + j]));
+        Some(Self::with_base(model, pose, base, &Here(&[])))
+    }
+
     /// Compiles the model with a base rotation.
     fn with_base(
         model: &Model,
         pose: Pose,
         base: Rotation,
-        points: &[Point3],
+        points: &dyn Outline,
     ) -> Result<Self, TemplateError> {
         let slack = vec![(1.0, 1.0); model.n_params()];
         Self::with_base_and_slack(model, pose, base, points, &slack)
@@ -82,7 +132,7 @@ impl FrepTemplate {
         model: &Model,
         pose: Pose,
         base: Rotation,
-        points: &[Point3],
+        points: &dyn Outline,
         slack: &[(f64, f64)],
     ) -> Result<Self, TemplateError> {
         if model.dimension() != 3 {
@@ -146,6 +196,11 @@ impl FrepTemplate {
     /// axis along each principal axis of the points, both ways, and (where the pose turns about it)
     /// four quarters about that. Rotations within 20° of this one's base are left out.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
+        self.turned_in(&Here(points))
+    }
+
+    /// The same for what need not be at hand.
+    pub(crate) fn turned_in(&self, points: &dyn Outline) -> Vec<Self> {
         let spins = match self.pose {
             Pose::None | Pose::Translate => return Vec::new(),
             Pose::Axis => 1,
@@ -184,6 +239,11 @@ impl FrepTemplate {
     /// The template with its fitted pose as the base: the box of the points, whose shares bounds
     /// and starts are, is measured along the template's own axes.
     pub fn aligned(&self, values: &[f64], points: &[Point3]) -> Self {
+        self.aligned_in(values, &Here(points))
+    }
+
+    /// The same for what need not be at hand.
+    pub(crate) fn aligned_in(&self, values: &[f64], points: &dyn Outline) -> Self {
         let base = self.placement(values).map_or(self.base, |p| p.rotation);
         Self::with_base_and_slack(&self.model, self.pose, base, points, &self.slack)
             .expect("the model was compiled before")
@@ -193,6 +253,16 @@ impl FrepTemplate {
     /// those presume that the scan shows the whole part. A value reached a bound if it is within a
     /// share `near` of the range of it. None where no value did.
     pub fn widened(&self, values: &[f64], points: &[Point3], near: f64) -> Option<Self> {
+        self.widened_in(values, &Here(points), near)
+    }
+
+    /// The same for what need not be at hand.
+    pub(crate) fn widened_in(
+        &self,
+        values: &[f64],
+        points: &dyn Outline,
+        near: f64,
+    ) -> Option<Self> {
         let mut slack = self.slack.clone();
         let mut is_wider = false;
         for (i, info) in self.model.params().iter().enumerate() {
@@ -320,6 +390,13 @@ impl Template for FrepTemplate {
     }
     fn part_names(&self) -> &[String] {
         &self.part_names
+    }
+    fn recipe(&self) -> Vec<f64> {
+        let pose = POSES.iter().position(|pose| *pose == self.pose);
+        let pose = pose.expect("every pose is listed") as f64;
+        std::iter::once(pose)
+            .chain(self.base.into_iter().flatten())
+            .collect()
     }
     fn parts(&self, points: &[Point3], a: &[f64], out: &mut [u32]) {
         let mut values = vec![0.0; points.len()];
@@ -473,12 +550,8 @@ fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter
 }
 
 /// Extents of the points along the axes of the base rotation, and the centre of that box in space.
-fn extents_along(base: &Rotation, points: &[Point3]) -> (Point3, Point3) {
-    let turned: Vec<Point3> = points
-        .iter()
-        .map(|p| std::array::from_fn(|j| (0..3).map(|i| base[i][j] * p[i]).sum()))
-        .collect();
-    let bounds = Aabb::of(&turned);
+fn extents_along(base: &Rotation, points: &dyn Outline) -> (Point3, Point3) {
+    let bounds = points.bounds_along(base);
     if bounds.is_empty() {
         return ([0.0; 3], [0.0; 3]);
     }
@@ -602,7 +675,7 @@ fn cayley(r: Point3) -> Rotation {
 /// The principal axes of the points as a rotation, with axes and signs chosen so that it turns as
 /// little as possible: scans mostly stand upright. Axes that the points hardly tell apart (moments
 /// within a tenth) are left where they are.
-fn upright_axes(points: &[Point3]) -> Rotation {
+fn upright_axes(points: &dyn Outline) -> Rotation {
     let Some((values, axes)) = principal_axes(points) else {
         return IDENTITY;
     };
@@ -619,20 +692,8 @@ fn upright_axes(points: &[Point3]) -> Rotation {
 
 /// Moments (rising) and principal axes of the points, a right-handed frame; none for fewer than
 /// four points.
-fn principal_axes(points: &[Point3]) -> Option<([f64; 3], [Point3; 3])> {
-    if points.len() < 4 {
-        return None;
-    }
-    let center = Aabb::of(points).center();
-    let mut moments = [0.0; 9];
-    for p in points {
-        let d = isoform_geom::sub(*p, center);
-        for i in 0..3 {
-            for j in 0..3 {
-                moments[3 * i + j] += d[i] * d[j];
-            }
-        }
-    }
+fn principal_axes(points: &dyn Outline) -> Option<([f64; 3], [Point3; 3])> {
+    let moments = points.moments()?;
     if moments.iter().any(|v| !v.is_finite()) {
         return None;
     }

@@ -1,7 +1,8 @@
 //! Places of the surface that noise is simulated at, with the data that each stands for.
 
 use super::{Around, Biased};
-use isoform_geom::{Aabb, Foot, Point3};
+use crate::chunks::Grid;
+use isoform_geom::{Aabb, Foot, Frame, Point3};
 
 /// Most places that noise is simulated at.
 const MOST_PLACES: usize = 8000;
@@ -17,13 +18,8 @@ const MOST_CELLS: f64 = 64.0;
 impl Biased<'_> {
     /// Places of the surface near more than an edge, with the data points that each stands for;
     /// None where the surface is not met.
-    pub(super) fn places(
-        &self,
-        a: &[f64],
-        data: Aabb,
-        within: &[Point3],
-    ) -> Option<(Vec<Foot>, Vec<f64>)> {
-        let wanted = (4 * self.points.len()).clamp(LEAST_PLACES, MOST_PLACES);
+    pub(super) fn places(&self, a: &[f64], data: Aabb) -> Option<(Vec<Foot>, Vec<f64>)> {
+        let wanted = (4 * self.points.count()).clamp(LEAST_PLACES, MOST_PLACES);
         let region = grown(data, MARGIN * self.noise);
         let frame = &self.frame;
         let places = self
@@ -33,7 +29,9 @@ impl Biased<'_> {
             return None;
         }
         let at: Vec<Point3> = places.iter().map(|f| frame.within(f.at)).collect();
-        let density = densities(&at, within, data);
+        let cells = Cells::new(data, at.len());
+        let met = self.points.counted(&cells, frame);
+        let density = densities(&cells, &at, (&met, self.points.count()));
         let around = self.around(a, &places);
         let all = places.into_iter().zip(density).zip(around);
         let unknown =
@@ -51,7 +49,7 @@ fn grown(mut region: Aabb, by: f64) -> Aabb {
 }
 
 /// Cells of a box with a rim of empty ones, so that every cell has neighbours.
-struct Cells {
+pub(crate) struct Cells {
     lo: Point3,
     cell: f64,
     count: [usize; 3],
@@ -71,6 +69,25 @@ impl Cells {
         }
     }
 
+    /// Those of a grid.
+    pub(crate) fn of(grid: &Grid) -> Self {
+        Self {
+            lo: grid.lo,
+            cell: grid.cell,
+            count: grid.count,
+        }
+    }
+
+    /// As a grid along the axes of a frame.
+    pub(crate) fn grid(&self, frame: Frame) -> Grid {
+        Grid {
+            frame,
+            lo: self.lo,
+            cell: self.cell,
+            count: self.count,
+        }
+    }
+
     /// The number of the cell that a point is in, or of the nearest one.
     fn key(&self, p: Point3) -> usize {
         let along = |i: usize| {
@@ -81,7 +98,7 @@ impl Cells {
     }
 
     /// Points by cell.
-    fn counted(&self, points: &[Point3]) -> Vec<f64> {
+    pub(crate) fn counted(&self, points: &[Point3]) -> Vec<f64> {
         let mut counts = vec![0.0; self.count.iter().product()];
         points.iter().for_each(|p| counts[self.key(*p)] += 1.0);
         counts
@@ -101,13 +118,13 @@ impl Cells {
 
 /// The number of data points per place, near each place. Points and places are counted in the
 /// place's cell of a grid and in the cells next to it.
-fn densities(places: &[Point3], points: &[Point3], data: Aabb) -> Vec<f64> {
-    let cells = Cells::new(data, places.len());
-    let (there, met) = (cells.counted(places), cells.counted(points));
-    let mean = points.len() as f64 / places.len() as f64;
+/// `met` are the points by cell, and how many they are.
+fn densities(cells: &Cells, places: &[Point3], (met, count): (&[f64], usize)) -> Vec<f64> {
+    let there = cells.counted(places);
+    let mean = count as f64 / places.len() as f64;
     let density = |place: &Point3| {
         let at = cells.key(*place);
-        let (there, met) = (cells.around(&there, at), cells.around(&met, at));
+        let (there, met) = (cells.around(&there, at), cells.around(met, at));
         // A few places only are drawn to the mean, unless there are no data.
         if met == 0.0 && there > 3.0 {
             0.0
@@ -134,7 +151,9 @@ mod tests {
             lo: [0.0, 0.0, -0.01],
             hi: [2.0, 2.0, 0.01],
         };
-        let found = densities(&places, &points, data);
+        let cells = Cells::new(data, places.len());
+        let met = cells.counted(&points);
+        let found = densities(&cells, &places, (&met, points.len()));
         for (p, d) in places.iter().zip(found) {
             if p[0] < 0.7 {
                 assert!((d - 10.0).abs() < 1.0, "{p:?} {d}");

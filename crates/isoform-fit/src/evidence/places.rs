@@ -3,8 +3,7 @@
 
 use super::{NEIGHBOURS, but, finite};
 use crate::judge::Finding;
-use crate::polish::Polish;
-use crate::report::{ByPoint, PartStatistics};
+use crate::report::{ByPoint, PartStatistics, Told};
 use crate::scan::MANY_STRAYS;
 use crate::task::Task;
 use isoform_geom::{KdTree, Point3};
@@ -69,46 +68,43 @@ impl Task<'_> {
 
     /// Points far off the model to one side that lie together, where all others show nothing but
     /// noise: a feature that the template lacks, or has where there is none.
-    pub(crate) fn together(&self, points: &ByPoint) -> Option<Finding> {
-        let residuals = &points.residuals;
-        let noise = Polish::scale(residuals);
-        let is_far = |i: &usize| residuals[*i].abs() > FAR * noise || !residuals[*i].is_finite();
-        let far: Vec<usize> = (0..residuals.len()).filter(is_far).collect();
+    pub(crate) fn together(&self, points: &ByPoint, told: &Told) -> Option<Finding> {
+        let (noise, far) = (told.scale, &told.far);
         let is_exact = noise <= self.rounding();
         if is_exact || far.len() < LEAST_TOGETHER || self.scan.isolated > MANY_STRAYS {
             return None;
         }
-        let mut rest = residuals.clone();
-        far.iter().for_each(|i| rest[*i] = 0.0);
-        let (inside, outside) = self.groups_by_side(residuals, &far);
+        let (inside, outside) = self.groups_by_side(far);
         let count = inside + outside;
         // Noise that is larger in places goes to both sides.
         let is_one_sided = inside.abs_diff(outside) as f64 > ONE_SIDED * (count as f64).sqrt();
         let is_found = count >= LEAST_TOGETHER && is_one_sided;
-        let is_noise = || self.shared(&rest, &points.at).z < OFF_SURE;
+        let is_far = |r: &f64| r.abs() > FAR * noise || !r.is_finite();
+        let near = |r: &f64| if is_far(r) { 0.0 } else { *r };
+        let rest = || -> Vec<f64> { points.residuals.iter().map(near).collect() };
+        let is_noise = || self.shared(&rest(), &points.at).z < OFF_SURE;
         (is_found && is_noise()).then_some(Finding::Together { count })
     }
 
     /// How many points that are far off have others that are as far beside them: inside, outside.
-    fn groups_by_side(&self, residuals: &[f64], far: &[usize]) -> (usize, usize) {
-        let places: Vec<Point3> = far.iter().map(|i| self.points[*i]).collect();
+    fn groups_by_side(&self, far: &[(Point3, f64)]) -> (usize, usize) {
+        let places: Vec<Point3> = far.iter().map(|(p, _)| *p).collect();
         let tree = KdTree::new(&places);
         let reach = (DENSE * self.near.spacing).powi(2);
         let mut found = Vec::new();
         let (mut inside, mut outside) = (0_usize, 0_usize);
-        for (place, &i) in places.iter().zip(far) {
+        for (i, (place, r)) in far.iter().enumerate() {
             // Its four nearest neighbours of all points, two of which at least are far.
             let near = &self.near.tree;
             near.nearest_k(*place, NEIGHBOURS + 1, &mut found);
             let most = found.last().map_or(0.0, |f| f.0).min(reach);
             let mut alike = 0;
             tree.near(*place, most, &mut |_, j| {
-                let j = far[j as usize];
-                alike += usize::from(j != i && residuals[i] * residuals[j] > 0.0);
+                let j = j as usize;
+                alike += usize::from(j != i && r * far[j].1 > 0.0);
                 most
             });
-            let is_inside = residuals[i] > 0.0;
-            let side = if is_inside { &mut inside } else { &mut outside };
+            let side = if *r > 0.0 { &mut inside } else { &mut outside };
             *side += usize::from(alike >= ALIKE);
         }
         (inside, outside)

@@ -1,7 +1,9 @@
 //! The default method up to a minimum of the metric residual: search, comparison, polish, and
 //! throws of pieces where the place is not settled.
 
+use crate::chunks::{Reading, Sizes, Which};
 use crate::clock::Clock;
+use crate::deviation;
 use crate::lm;
 use crate::outliers::HAS_OUTLIERS;
 use crate::polish::{Polish, Polished};
@@ -165,11 +167,28 @@ impl Task<'_> {
     /// The loss of the fine polish: the caller's, or what the residuals call for.
     fn loss(&self, polish: &Polish<'_>, rough: &Polished) -> Loss {
         match self.options.loss {
-            Loss::Auto if rough.loss == Loss::Squares => {
-                self.loss_of(&polish.residuals(self.points, &rough.x))
-            }
+            Loss::Auto if rough.loss == Loss::Squares => self.loss_at(polish, &rough.x),
             Loss::Auto => rough.loss,
             said => said,
+        }
+    }
+
+    /// The loss that the residuals of all points call for.
+    fn loss_at(&self, polish: &Polish<'_>, x: &[f64]) -> Loss {
+        let r = polish.residuals(self.points, x);
+        let Some(cloud) = self.scan.cloud() else {
+            return self.loss_of(&r);
+        };
+        let asked = (Reading::Metric, &self.space.parameters(x)[..]);
+        let scale = cloud.sizes(self.template, asked, Which::Distinct, &r).scale;
+        if scale <= self.rounding() {
+            return Loss::Squares;
+        }
+        let (strays, others) = cloud.split(self.template, asked, STRAY * scale);
+        if strays > RULING * others || self.is_systematic(&r) {
+            Loss::Tukey
+        } else {
+            Loss::Squares
         }
     }
 
@@ -189,7 +208,7 @@ impl Task<'_> {
     /// neighbours are off alike. Least squares would spread the misfit over all dimensions; a
     /// robust loss leaves it where it is.
     fn is_systematic(&self, r: &[f64]) -> bool {
-        self.correlation(r, &self.order[..PROBES.min(self.order.len())]) > CORRELATED
+        self.correlation(r, PROBES) > CORRELATED
     }
 
     /// Reweighting takes many rounds: most of them on some of many points. Gives the rounds that
@@ -200,7 +219,8 @@ impl Task<'_> {
             return ROUNDS;
         }
         let x = std::mem::take(&mut found.x);
-        let middle = polish.fine(&self.some(count), &[], x, found.loss, ROUNDS_ON_SOME.0);
+        let some = self.some(count);
+        let middle = polish.fine(&polish.here(&some, &[]), x, found.loss, ROUNDS_ON_SOME.0);
         found.x = middle.x;
         found.evaluations += middle.evaluations;
         ROUNDS_ON_SOME.1
@@ -209,20 +229,24 @@ impl Task<'_> {
     /// The polish on the points that settle the minimum, and whether it ends at the noise.
     fn fine(&self, polish: &Polish<'_>, found: &mut Found, rounds: usize) {
         let x = std::mem::take(&mut found.x);
-        found.take(polish.fine(&self.settling(), &[], x, found.loss, rounds));
-        found.is_at_noise = self.is_noise(&polish.residuals(self.points, &found.x));
+        let settling = self.settling();
+        found.take(polish.fine(&polish.here(&settling, &[]), x, found.loss, rounds));
+        found.is_at_noise = self.is_noise(polish, &found.x);
     }
 
     /// Whether neighbouring points do not share what is left of their distances.
-    fn is_noise(&self, r: &[f64]) -> bool {
-        let scale = Polish::scale(r);
-        if scale < self.rounding() {
-            return true;
-        }
-        let squares = r.iter().filter(|r| r.is_finite()).map(|r| r * r);
-        let rms = (squares.sum::<f64>() / r.len() as f64).sqrt();
+    fn is_noise(&self, polish: &Polish<'_>, x: &[f64]) -> bool {
+        let r = polish.residuals(self.points, x);
+        let Sizes { scale, rms } = match self.scan.cloud() {
+            None => Sizes::of(&r),
+            Some(cloud) => {
+                let asked = (Reading::Metric, &self.space.parameters(x)[..]);
+                cloud.sizes(self.template, asked, Which::Distinct, &r)
+            }
+        };
         // A piece astray leaves a tail, however small its share of the points.
-        rms <= TAIL * scale && self.correlation(r, self.order) < ALIKE
+        scale < self.rounding()
+            || (rms <= TAIL * scale && self.correlation(&r, deviation::PROBES) < ALIKE)
     }
 }
 

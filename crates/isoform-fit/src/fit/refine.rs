@@ -164,14 +164,16 @@ impl<'a> Refinement<'a> {
     fn led_back(&self, throw: Throw) -> End {
         let mut polish = self.task.polish(0);
         polish.held = throw.held;
-        let first = polish.fine(&self.points, &[], throw.from, Loss::Squares, 1);
+        let here = polish.here(&self.points, &[]);
+        let first = polish.fine(&here, throw.from, Loss::Squares, 1);
         polish.held.fill(false);
         let loss = if self.loss.is_robust() {
             Loss::Cauchy
         } else {
             self.loss
         };
-        let then = polish.fine(&self.points, &[], first.x, loss, ROUNDS);
+        let here = polish.here(&self.points, &[]);
+        let then = polish.fine(&here, first.x, loss, ROUNDS);
         End {
             x: then.x,
             evaluations: first.evaluations + then.evaluations,

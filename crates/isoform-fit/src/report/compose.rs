@@ -1,12 +1,12 @@
 //! The report of a fit, put together from what the stages found.
 
 use super::estimates::Intervals;
-use super::{Fit, OtherMinimum};
+use super::{Fit, OtherMinimum, Told};
 use crate::clock::Clock;
 use crate::deviation;
 use crate::evidence::{Clusters, Evidence};
+use crate::fit::Found;
 use crate::judge::Verdict;
-use crate::objective::sum_of_squares;
 use crate::polish::weight;
 use crate::search::{Minimum, Outcome};
 use crate::settle::Fitted;
@@ -34,31 +34,33 @@ pub(crate) struct ByPoint {
     pub(crate) at: Vec<Point3>,
 }
 
-impl ByPoint {
-    fn n_outliers(&self) -> usize {
-        self.outliers.iter().filter(|v| **v).count()
-    }
-}
-
 impl Task<'_> {
     /// The report of a fit, judged.
     pub(crate) fn report(&self, mut fitted: Fitted, mut clock: Clock) -> Fit {
         let a = self.space.parameters(&fitted.found.x);
-        let points = self.by_point(&mut fitted);
+        let limit = self.outlier_limit(fitted.noise, fitted.found.loss);
+        let points = self.by_point(&mut fitted, limit);
+        let mut told = self.told(&a, &points, limit, self.summed_at(&fitted.found, &a));
         let clusters = self.clusters(&points);
         let mut evidence = self.evidence(&a, &points, &fitted.surface, &fitted.open_parts);
         evidence.clustered = clusters.share;
-        let stats = self.part_statistics(&points, &fitted.surface);
+        evidence.rms_of_all = told.rms_of_all.unwrap_or(evidence.rms_of_all);
+        let stats = self.part_statistics(std::mem::take(&mut told.parts), &fitted.surface);
         let local = [
             self.misplaced(&points, &stats, fitted.noise),
-            self.together(&points),
+            self.together(&points, &told),
         ];
         let undetermined = self.open(&fitted.knowledge, &a, &fitted.surface, &stats);
-        let mut fit = self.unjudged(fitted, points, &a, &clusters);
+        let with_repeats = told.with_repeats;
+        let mut fit = self.unjudged(fitted, points, told, (&a, &clusters));
         fit.part_statistics = stats;
         fit.undetermined = undetermined;
         fit.evidence = evidence;
         self.judge(&mut fit, local.into_iter().flatten());
+        if let Some((points, outliers)) = with_repeats {
+            (fit.n_points, fit.n_outliers) = (points, outliers);
+            fit.n_used = points - outliers;
+        }
         clock.lap("report");
         fit.seconds = clock.seconds.0;
         fit.seconds.insert(0, ("outliers", self.scan.seconds));
@@ -67,7 +69,7 @@ impl Task<'_> {
     }
 
     /// Looks at each point; takes the measured distances.
-    fn by_point(&self, fitted: &mut Fitted) -> ByPoint {
+    fn by_point(&self, fitted: &mut Fitted, limit: f64) -> ByPoint {
         let (noise, loss) = (fitted.noise, fitted.found.loss);
         let measured = std::mem::take(&mut fitted.measured);
         let scale = noise.max(f64::MIN_POSITIVE);
@@ -80,17 +82,19 @@ impl Task<'_> {
         ByPoint {
             weights,
             parts: measured.parts(),
-            outliers: self.outliers(&measured.residuals, noise, loss),
+            outliers: outliers(&measured.residuals, limit),
             residuals: measured.residuals,
             at: measured.at,
         }
     }
 
-    /// Which points are outliers: too far off, where the loss allows for any.
-    fn outliers(&self, residuals: &[f64], noise: f64, loss: Loss) -> Vec<bool> {
-        let limit = (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * self.near.spacing);
-        let is_outlier = |r: &f64| !r.is_finite() || (loss.is_robust() && r.abs() > limit);
-        residuals.iter().map(is_outlier).collect()
+    /// Points farther off than this are outliers; infinite where the loss does not allow for any.
+    fn outlier_limit(&self, noise: f64, loss: Loss) -> f64 {
+        if loss.is_robust() {
+            (OUTLIER_DEVIATIONS * noise).max(OUTLIER_SPACINGS * self.near.spacing)
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// Covariance of the parameters, widened by outliers that lie on surfaces of their own.
@@ -103,7 +107,13 @@ impl Task<'_> {
     }
 
     /// The report without statistics of parts, evidence, open groups, verdict and times.
-    fn unjudged(&self, fitted: Fitted, points: ByPoint, a: &[f64], clusters: &Clusters) -> Fit {
+    fn unjudged(
+        &self,
+        fitted: Fitted,
+        points: ByPoint,
+        told: Told,
+        (a, clusters): (&[f64], &Clusters),
+    ) -> Fit {
         let covariance = self.covariance(&fitted, clusters);
         let found = fitted.found;
         let intervals = Intervals {
@@ -112,27 +122,25 @@ impl Task<'_> {
             covariance: &covariance,
             fitted: fitted.fitted,
         };
-        let data_to_model = deviation::data_to_model(&points.residuals, &points.outliers);
-        let n_outliers = points.n_outliers();
         let best = found.outcome.minima.first();
         Fit {
             parameters: self.estimates(&intervals, &fitted.knowledge),
-            sum_f2: self.algebraic_sum(&points.outliers, a),
-            rms: data_to_model.rms,
+            sum_f2: told.algebraic[0],
+            rms: told.data_to_model.rms,
             noise: fitted.noise,
-            n_points: self.points.len(),
-            n_used: self.points.len() - n_outliers,
+            n_points: told.n_points,
+            n_used: told.n_points - told.n_outliers,
             n_fitted: fitted.fitted,
-            n_outliers,
+            n_outliers: told.n_outliers,
             n_left_out: 0,
             isolated: self.scan.isolated,
             spacing: self.near.spacing,
-            data_to_model,
+            data_to_model: told.data_to_model,
             model_to_data: fitted.surface.summary,
             starts: found.outcome.starts,
             hits: best.map_or(0, |m| m.hits),
             evaluations: found.evaluations,
-            other_minima: self.others(&found.outcome, &found.x, &points.outliers),
+            other_minima: self.others(&found, &told.algebraic[1..]),
             undetermined: Vec::new(),
             warnings: Vec::new(),
             verdict: Verdict::Accepted,
@@ -140,7 +148,11 @@ impl Task<'_> {
             acceptable: true,
             reasons: Vec::new(),
             loss: found.loss,
-            neighbour_correlation: self.correlation_but(&points),
+            neighbour_correlation: self.correlation_but(
+                &points.residuals,
+                &points.outliers,
+                deviation::PROBES,
+            ),
             residuals: points.residuals,
             weights: points.weights,
             outliers: points.outliers,
@@ -161,18 +173,6 @@ impl Task<'_> {
         }
     }
 
-    /// Correlation of neighbouring residuals, outliers left out.
-    fn correlation_but(&self, points: &ByPoint) -> f64 {
-        let (residuals, outliers) = (&points.residuals, &points.outliers);
-        deviation::neighbour_correlation(
-            self.points,
-            residuals,
-            outliers,
-            &self.near.tree,
-            self.order,
-        )
-    }
-
     /// A step of the variables in the parameters.
     fn in_parameters(&self, step: &[f64]) -> Vec<f64> {
         let mut by = vec![0.0; self.template.parameters().len()];
@@ -180,31 +180,36 @@ impl Task<'_> {
         by
     }
 
-    /// Σ f² over the points that are no outliers, NaN left out.
-    fn algebraic_sum(&self, outliers: &[bool], a: &[f64]) -> f64 {
-        let field = self.template.algebraic();
-        if !outliers.contains(&true) {
-            return sum_of_squares(field, self.points, &[], a);
-        }
-        let used = self.points.iter().zip(outliers).filter(|(_, o)| !**o);
-        let kept: Vec<Point3> = used.map(|(p, _)| *p).collect();
-        sum_of_squares(field, &kept, &[], a)
+    /// Where the algebraic sum is wanted: at the result, then at other minima.
+    fn summed_at(&self, found: &Found, a: &[f64]) -> Vec<Vec<f64>> {
+        let others = others(&found.outcome, &found.x);
+        let others = others.map(|m| self.space.parameters(&m.x));
+        std::iter::once(a.to_vec()).chain(others).collect()
     }
 
-    /// The minima but for the nearest one to the result.
-    fn others(&self, outcome: &Outcome, x: &[f64], outliers: &[bool]) -> Vec<OtherMinimum> {
-        let off: Vec<f64> = outcome.minima.iter().map(|m| distance(&m.x, x)).collect();
-        let chosen = (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j]));
-        let all = outcome.minima.iter().enumerate();
-        let others = all.filter(|(k, _)| Some(*k) != chosen).take(MOST_MINIMA);
-        let told = |m: &Minimum| {
-            let parameters = self.space.parameters(&m.x);
-            OtherMinimum {
-                sum_f2: self.algebraic_sum(outliers, &parameters),
-                parameters,
-                hits: m.hits,
-            }
+    /// The minima but for the nearest one to the result, with their sums.
+    fn others(&self, found: &Found, sums: &[f64]) -> Vec<OtherMinimum> {
+        let told = |(m, sum): (&Minimum, &f64)| OtherMinimum {
+            sum_f2: *sum,
+            parameters: self.space.parameters(&m.x),
+            hits: m.hits,
         };
-        others.map(|(_, m)| told(m)).collect()
+        let others = others(&found.outcome, &found.x);
+        others.zip(sums).map(told).collect()
     }
+}
+
+/// The first minima but for the nearest one to the result.
+fn others<'a>(outcome: &'a Outcome, x: &[f64]) -> impl Iterator<Item = &'a Minimum> {
+    let off: Vec<f64> = outcome.minima.iter().map(|m| distance(&m.x, x)).collect();
+    let chosen = (0..off.len()).min_by(|i, j| off[*i].total_cmp(&off[*j]));
+    let all = outcome.minima.iter().enumerate();
+    let others = all.filter(move |(k, _)| Some(*k) != chosen);
+    others.map(|(_, m)| m).take(MOST_MINIMA)
+}
+
+/// Which points are outliers: too far off.
+fn outliers(residuals: &[f64], limit: f64) -> Vec<bool> {
+    let is_outlier = |r: &f64| !r.is_finite() || r.abs() > limit;
+    residuals.iter().map(is_outlier).collect()
 }

@@ -22,7 +22,7 @@ pub struct PartStatistics {
 }
 
 impl PartStatistics {
-    fn new(name: &str) -> Self {
+    pub(super) fn new(name: &str) -> Self {
         Self {
             name: name.to_owned(),
             count: 0,
@@ -34,7 +34,7 @@ impl PartStatistics {
     }
 
     /// Adds a residual; `rms` and `mean` are sums until [`PartStatistics::close`].
-    fn add(&mut self, r: f64) {
+    pub(super) fn add(&mut self, r: f64) {
         self.count += 1;
         self.rms += r * r;
         self.mean += r;
@@ -52,26 +52,30 @@ impl PartStatistics {
 }
 
 impl Task<'_> {
+    /// Sums over the points used, by piece.
+    pub(super) fn part_sums(&self, points: &ByPoint) -> Vec<PartStatistics> {
+        let mut sums = vec![PartStatistics::new(""); self.template.part_names().len()];
+        let used = points.residuals.iter().zip(&points.outliers);
+        for ((r, out), part) in used.zip(&points.parts) {
+            if let Some(sums) = sums.get_mut(*part as usize).filter(|_| !out) {
+                sums.add(*r);
+            }
+        }
+        sums
+    }
+
     /// Residuals of the points used, by piece, and what of the pieces has data.
     pub(super) fn part_statistics(
         &self,
-        points: &ByPoint,
+        mut stats: Vec<PartStatistics>,
         surface: &Surface,
     ) -> Vec<PartStatistics> {
-        let names = self.template.part_names().iter();
-        let mut stats: Vec<PartStatistics> = names.map(|name| PartStatistics::new(name)).collect();
-        for ((r, out), part) in points
-            .residuals
-            .iter()
-            .zip(&points.outliers)
-            .zip(&points.parts)
-        {
-            if let Some(s) = stats.get_mut(*part as usize).filter(|_| !out) {
-                s.add(*r);
-            }
-        }
         let cover = surface.cover(stats.len());
-        stats.iter_mut().zip(cover).for_each(|(s, c)| s.close(c));
+        let names = self.template.part_names();
+        for ((stats, name), cover) in stats.iter_mut().zip(names).zip(cover) {
+            stats.name.clone_from(name);
+            stats.close(cover);
+        }
         stats
     }
 }

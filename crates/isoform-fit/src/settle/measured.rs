@@ -34,7 +34,7 @@ impl Measured {
     }
 
     /// 0 for points on open parts, else 1; empty where all are 1.
-    pub(super) fn mask(&self, open: &[bool]) -> Vec<f64> {
+    pub(crate) fn mask(&self, open: &[bool]) -> Vec<f64> {
         if !open.contains(&true) {
             return Vec::new();
         }

@@ -205,10 +205,39 @@ def fit(
     >>> round(result.values["radius"], 6), result.acceptable
     (2.0, True)
     """
+    wanted = as_wanted(
+        model,
+        start=start,
+        bounds=bounds,
+        seed=seed,
+        fixed=fixed,
+        pose=pose,
+        method=method,
+        loss=loss,
+        keep=keep,
+    )
+    cloud, name = as_cloud(points)
+    with asked(threads, time_limit, progress) as limits:
+        native = _isoform.fit(cloud, model._native, (name, model.name), wanted, limits)
+    return FitResult(native, model.name)
+
+
+def as_wanted(
+    model: Model,
+    *,
+    start: Any = None,
+    bounds: Bounds = None,
+    seed: int = 1,
+    fixed: Mapping[str, float] | None = None,
+    pose: str | None = None,
+    method: str = "default",
+    loss: str = "auto",
+    keep: Sequence[str] = (),
+) -> dict[str, Any]:
+    """What a fit of this model is asked for, as the compiled half takes it."""
     if not isinstance(model, Model):
         raise TypeError(f"model: a Model is expected, not {type(model).__name__}")
-    cloud, name = as_cloud(points)
-    wanted = {
+    return {
         "start": _start(start, model),
         "bounds": [(k, _interval(k, v)) for k, v in (bounds or {}).items()],
         "fixed": [(k, float(v)) for k, v in (fixed or {}).items()],
@@ -218,9 +247,6 @@ def fit(
         "keep": list(keep),
         "seed": whole("seed", seed),
     }
-    with asked(threads, time_limit, progress) as limits:
-        native = _isoform.fit(cloud, model._native, (name, model.name), wanted, limits)
-    return FitResult(native, model.name)
 
 
 def _start(start: Any, model: Model) -> list[float] | None:

@@ -1,5 +1,6 @@
 """The compiled half of the package; the other modules say what its parts are for."""
 
+from collections.abc import Callable, Iterator
 from os import PathLike
 from typing import Any, TypedDict, final
 
@@ -112,6 +113,15 @@ def read_points(
 def fit(
     cloud: Cloud, program: Program, names: tuple[str, str], wanted: dict[str, Any], asked: Asked
 ) -> Fit: ...
+def fit_large(
+    ask: Callable[[list[bytes | None]], Iterator[bytes]],
+    count: int,
+    program: Program,
+    names: tuple[str, str],
+    wanted: dict[str, Any],
+    asked: Asked,
+) -> Fit: ...
+def answer(program: Program, points: _Floats, message: bytes) -> bytes: ...
 def mesh(shape: _Shape, name: str, wanted: dict[str, Any], asked: Asked) -> MeshData: ...
 def triangulate(text: str, name: str, wanted: dict[str, Any], asked: Asked) -> Triangulation: ...
 def parameterize(

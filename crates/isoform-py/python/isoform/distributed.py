@@ -1,8 +1,9 @@
-"""Fleets of scans on local processes, Ray or Dask.
+"""Fleets of scans, and clouds too large for one machine, on local processes, Ray or Dask.
 
 Scans are fitted one by one, each by one thread of one process, so that a fleet takes as many of
 them at once as there are cores; the numbers are those of `isoform.fit`. Rows are written as they
-come. Ray and Dask are taken where they are asked for, with the connection that is there.
+come. A cloud in chunks is fitted by sums over them (`fit_large`). Ray and Dask are taken where they
+are asked for, with the connection that is there.
 """
 
 from __future__ import annotations
@@ -25,11 +26,12 @@ from typing import Any, Union
 from . import _isoform
 from ._errors import IsoformError
 from ._fit import fit
+from ._large import fit_large
 from ._model import Model
 from ._optional import need
 from ._points import Path, read_points
 
-__all__ = ["fit_many"]
+__all__ = ["fit_large", "fit_many"]
 
 #: A row of the table.
 Row = dict[str, Any]

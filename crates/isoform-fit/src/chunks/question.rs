@@ -1,0 +1,292 @@
+//! What chunks are asked.
+
+use super::bits::Bits;
+use super::words::{Reader, Writer};
+use crate::Loss;
+use isoform_geom::{Frame, Point3};
+
+/// A reading of the template.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reading {
+    /// Its own function.
+    Algebraic,
+    /// Close to a distance.
+    Metric,
+    /// Its distance, or the metric reading where it has none.
+    Distance,
+}
+
+const READINGS: [Reading; 3] = [Reading::Algebraic, Reading::Metric, Reading::Distance];
+const LOSSES: [Loss; 4] = [Loss::Auto, Loss::Squares, Loss::Cauchy, Loss::Tukey];
+
+/// Residuals that are asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Of this reading.
+    pub reading: Reading,
+    /// At these parameters.
+    pub a: Vec<f64>,
+    /// Of these points.
+    pub only: Bits,
+}
+
+/// A loss with its scale, by residuals at parameters that need not be those that are asked about.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Weighing {
+    /// The parameters.
+    pub a: Vec<f64>,
+    /// The loss.
+    pub loss: Loss,
+    /// Its scale.
+    pub scale: f64,
+}
+
+/// Points that are left out: those whose nearest place is on an open part.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mask {
+    /// The parameters at which nearest places are sought.
+    pub a: Vec<f64>,
+    /// Whether each part is open; empty for no mask.
+    pub open: Vec<bool>,
+}
+
+/// Cells that places are counted in.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Grid {
+    /// The frame whose axes the cells are along.
+    pub frame: Frame,
+    /// The first corner of its box.
+    pub lo: Point3,
+    /// Length of a cell.
+    pub cell: f64,
+    /// Cells along each axis.
+    pub count: [usize; 3],
+}
+
+/// What is to be told of the points in the end.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Telling {
+    /// The parameters found.
+    pub a: Vec<f64>,
+    /// Points that count; the others repeat them.
+    pub only: Bits,
+    /// Points farther off are outliers; infinite for none.
+    pub limit: f64,
+    /// Points farther off are listed; infinite for those without a distance only.
+    pub far: f64,
+    /// What counts as the distance of points without one.
+    pub size: f64,
+    /// Distances of points used in this window are listed.
+    pub window: (f64, f64),
+    /// Parameters at which the algebraic sum is wanted.
+    pub minima: Vec<Vec<f64>>,
+}
+
+/// What a chunk is asked. The answer to each is told with [`super::answer`].
+#[derive(Clone, Debug, PartialEq)]
+pub enum Question {
+    /// Their number and their box, for [`super::looked`].
+    Look,
+    /// A hash of each point, with this seed.
+    Hashes(u64),
+    /// The points of these indices.
+    Points(Vec<u64>),
+    /// Second moments about a centre.
+    Moments(Point3),
+    /// The box along the columns of a rotation.
+    Extents([Point3; 3]),
+    /// The box of some points in a frame.
+    Within(Frame, Bits),
+    /// Some points by cell.
+    Cells(Grid, Bits),
+    /// How sizes of residuals are spread: those in a window, and sums below and above a limit.
+    Sizes(Asked, (f64, f64), f64),
+    /// The sum of squares.
+    Sum(Asked, Option<Weighing>, Mask),
+    /// The normal equations.
+    Normal(Asked, Option<Weighing>, Mask),
+    /// The sum of Tukey's loss at this scale.
+    Losses(Asked, f64, Mask),
+    /// What a report needs.
+    Told(Telling),
+}
+
+impl Question {
+    /// The question in words.
+    pub fn to_words(&self) -> Vec<u64> {
+        let mut out = Writer::default();
+        match self {
+            Self::Look => out.word(1),
+            Self::Hashes(seed) => {
+                out.word(0);
+                out.word(*seed);
+            }
+            Self::Points(at) => {
+                out.word(2);
+                out.words(at);
+            }
+            Self::Moments(center) => {
+                out.word(3);
+                out.point(*center);
+            }
+            Self::Extents(base) => {
+                out.word(4);
+                base.iter().for_each(|row| out.point(*row));
+            }
+            Self::Within(frame, only) => {
+                out.word(5);
+                out.frame(frame);
+                out.words(&only.0);
+            }
+            Self::Cells(grid, only) => {
+                out.word(6);
+                out.grid(grid);
+                out.words(&only.0);
+            }
+            Self::Sizes(asked, window, limit) => {
+                out.word(7);
+                out.asked(asked);
+                out.each(&[window.0, window.1, *limit]);
+            }
+            Self::Sum(asked, by, mask) | Self::Normal(asked, by, mask) => {
+                out.word(if matches!(self, Self::Sum(..)) { 8 } else { 9 });
+                out.asked(asked);
+                out.weighing(by.as_ref());
+                out.mask(mask);
+            }
+            Self::Losses(asked, scale, mask) => {
+                out.word(10);
+                out.asked(asked);
+                out.number(*scale);
+                out.mask(mask);
+            }
+            Self::Told(telling) => {
+                out.word(11);
+                out.telling(telling);
+            }
+        }
+        out.0
+    }
+
+    /// The question of some words; none where these are no question.
+    pub fn from_words(words: &[u64]) -> Option<Self> {
+        let mut words = Reader::new(words);
+        let question = match words.word() {
+            0 => Self::Hashes(words.word()),
+            2 => Self::Points(words.words()),
+            3 => Self::Moments(words.point()),
+            4 => Self::Extents([words.point(), words.point(), words.point()]),
+            5 => Self::Within(words.frame(), Bits(words.words())),
+            6 => Self::Cells(words.grid(), Bits(words.words())),
+            7 => Self::Sizes(
+                words.asked(),
+                (words.number(), words.number()),
+                words.number(),
+            ),
+            8 => Self::Sum(words.asked(), words.weighing(), words.mask()),
+            9 => Self::Normal(words.asked(), words.weighing(), words.mask()),
+            10 => Self::Losses(words.asked(), words.number(), words.mask()),
+            11 => Self::Told(words.telling()),
+            1 => Self::Look,
+            _ => return None,
+        };
+        (!words.is_short).then_some(question)
+    }
+}
+
+impl Writer {
+    fn frame(&mut self, frame: &Frame) {
+        frame.rotation.iter().for_each(|row| self.point(*row));
+        self.point(frame.translation);
+    }
+    fn grid(&mut self, grid: &Grid) {
+        self.frame(&grid.frame);
+        self.point(grid.lo);
+        self.number(grid.cell);
+        grid.count.into_iter().for_each(|count| self.count(count));
+    }
+    fn asked(&mut self, asked: &Asked) {
+        self.word(asked.reading as u64);
+        self.numbers(&asked.a);
+        self.words(&asked.only.0);
+    }
+    fn weighing(&mut self, by: Option<&Weighing>) {
+        self.word(u64::from(by.is_some()));
+        if let Some(by) = by {
+            self.numbers(&by.a);
+            self.word(by.loss as u64);
+            self.number(by.scale);
+        }
+    }
+    fn mask(&mut self, mask: &Mask) {
+        self.numbers(&mask.a);
+        let open: Vec<u64> = mask.open.iter().map(|open| u64::from(*open)).collect();
+        self.words(&open);
+    }
+    fn telling(&mut self, telling: &Telling) {
+        self.numbers(&telling.a);
+        self.words(&telling.only.0);
+        let (lo, hi) = telling.window;
+        self.each(&[telling.limit, telling.far, telling.size, lo, hi]);
+        self.count(telling.minima.len());
+        telling.minima.iter().for_each(|a| self.numbers(a));
+    }
+}
+
+impl Reader<'_> {
+    fn frame(&mut self) -> Frame {
+        Frame {
+            rotation: [self.point(), self.point(), self.point()],
+            translation: self.point(),
+        }
+    }
+    fn grid(&mut self) -> Grid {
+        Grid {
+            frame: self.frame(),
+            lo: self.point(),
+            cell: self.number(),
+            count: [self.count(), self.count(), self.count()],
+        }
+    }
+    fn asked(&mut self) -> Asked {
+        Asked {
+            reading: self.one_of(&READINGS),
+            a: self.numbers(),
+            only: Bits(self.words()),
+        }
+    }
+    fn weighing(&mut self) -> Option<Weighing> {
+        (self.word() == 1).then(|| Weighing {
+            a: self.numbers(),
+            loss: self.one_of(&LOSSES),
+            scale: self.number(),
+        })
+    }
+    fn mask(&mut self) -> Mask {
+        Mask {
+            a: self.numbers(),
+            open: self.words().into_iter().map(|open| open == 1).collect(),
+        }
+    }
+    fn telling(&mut self) -> Telling {
+        Telling {
+            a: self.numbers(),
+            only: Bits(self.words()),
+            limit: self.number(),
+            far: self.number(),
+            size: self.number(),
+            window: (self.number(), self.number()),
+            minima: self.lists(),
+        }
+    }
+    fn lists(&mut self) -> Vec<Vec<f64>> {
+        let mut lists = Vec::new();
+        for _ in 0..self.count() {
+            if self.is_short {
+                break;
+            }
+            lists.push(self.numbers());
+        }
+        lists
+    }
+}

@@ -1,0 +1,119 @@
+//! Sums over points in chunks, for the polish.
+
+use super::cloud::{Cloud, Which};
+use super::question::{Asked, Mask, Question, Reading, Weighing};
+use super::words::Reader;
+use crate::polish::Sums;
+use crate::space::Space;
+use crate::{Loss, Objective, Template};
+
+/// The points that settle a fit, in chunks.
+pub(crate) struct ChunkSums<'a> {
+    pub(crate) cloud: &'a Cloud<'a>,
+    pub(crate) template: &'a dyn Template,
+    pub(crate) space: &'a Space,
+    pub(crate) mask: Mask,
+    /// Residuals of some of the points at parameters: they tell where order statistics lie.
+    pub(crate) some: &'a dyn Fn(&[f64]) -> Vec<f64>,
+}
+
+/// What all sums are of.
+const READING: Reading = Reading::Distance;
+
+impl<'a> ChunkSums<'a> {
+    fn objective(&self, by: Option<Weighing>) -> Box<dyn Objective + '_> {
+        Box::new(ChunkResiduals { sums: self, by })
+    }
+
+    fn scale(&self, a: &[f64]) -> f64 {
+        let some = (self.some)(a);
+        let sizes = self
+            .cloud
+            .sizes(self.template, (READING, a), Which::Fitted, &some);
+        sizes.scale
+    }
+
+    /// Asks the points that are fitted for a sum at some parameters.
+    fn ask(
+        &self,
+        a: &[f64],
+        question: impl Fn(Asked, Mask) -> Question,
+        each: impl FnMut(Reader<'_>),
+    ) -> bool {
+        let masked = |asked| question(asked, self.mask.clone());
+        let cloud: &'a Cloud<'a> = self.cloud;
+        cloud.ask_residuals(self.template, (READING, a), Which::Fitted, masked, each)
+    }
+
+    /// Σ ρ at some parameters.
+    fn loss(&self, a: &[f64], scale: f64) -> f64 {
+        let mut sum = 0.0;
+        let question = |asked, mask| Question::Losses(asked, scale, mask);
+        self.ask(a, question, |mut words| sum += words.number());
+        sum
+    }
+}
+
+impl Sums for ChunkSums<'_> {
+    fn count(&self) -> usize {
+        self.cloud.n_fitted()
+    }
+    fn squares(&self) -> Box<dyn Objective + '_> {
+        self.objective(None)
+    }
+    fn reweighted(
+        &self,
+        x: &[f64],
+        loss: Loss,
+        scale: &dyn Fn(Option<f64>) -> f64,
+        is_free: bool,
+    ) -> (f64, Box<dyn Objective + '_>) {
+        let a = self.space.parameters(x);
+        let scale = scale(is_free.then(|| self.scale(&a)));
+        (scale, self.objective(Some(Weighing { a, loss, scale })))
+    }
+    fn losses(&self, places: [&[f64]; 2]) -> [f64; 2] {
+        let places = places.map(|x| self.space.parameters(x));
+        let [before, after] = [0, 1].map(|k| self.scale(&places[k]));
+        let scale = after.max(before);
+        places.map(|a| self.loss(&a, scale))
+    }
+}
+
+/// Σ w r² over the points that settle a fit.
+struct ChunkResiduals<'a> {
+    sums: &'a ChunkSums<'a>,
+    by: Option<Weighing>,
+}
+
+impl Objective for ChunkResiduals<'_> {
+    fn dim(&self) -> usize {
+        self.sums.space.len()
+    }
+    fn value(&mut self, x: &[f64]) -> f64 {
+        let a = self.sums.space.parameters(x);
+        let mut sum = 0.0;
+        let question = |asked, mask| Question::Sum(asked, self.by.clone(), mask);
+        let is_whole = self.sums.ask(&a, question, |mut words| {
+            sum += words.number();
+        });
+        if is_whole { sum } else { f64::INFINITY }
+    }
+    fn model(&mut self, x: &[f64], gradient: &mut [f64], hessian: &mut [f64]) -> f64 {
+        let a = self.sums.space.parameters(x);
+        let n = a.len();
+        let (mut sum, mut g, mut h) = (0.0, vec![0.0; n], vec![0.0; n * n]);
+        let question = |asked, mask| Question::Normal(asked, self.by.clone(), mask);
+        let is_whole = self.sums.ask(&a, question, |mut words| {
+            sum += words.number();
+            for (sums, more) in [(&mut g, words.numbers()), (&mut h, words.numbers())] {
+                sums.iter_mut().zip(more).for_each(|(sum, v)| *sum += v);
+            }
+        });
+        self.sums.space.pull_back(&g, &h, gradient, hessian);
+        if is_whole { sum } else { f64::INFINITY }
+    }
+    fn step_limit(&self, x: &[f64], p: &[f64]) -> f64 {
+        self.sums.space.step_limit(x, p)
+    }
+}

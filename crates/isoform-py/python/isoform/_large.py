@@ -1,0 +1,311 @@
+"""Fits of clouds in chunks. What is computed of a chunk is computed where the chunk is."""
+
+from __future__ import annotations
+
+import collections
+import os
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _isoform
+from ._call import Progress, asked
+from ._errors import IsoformError
+from ._fit import FitResult, as_wanted
+from ._model import Model
+from ._optional import need
+from ._points import PointCloud, as_points, read_points
+
+#: An array (n, 3), a path, or a function without arguments that gives an array.
+Chunk = Union[npt.ArrayLike, str, "os.PathLike[str]", PointCloud, Callable[[], npt.ArrayLike]]
+#: Chunks with their numbers and what they are asked.
+Asked = Iterator[tuple[int, Any, bytes]]
+
+#: How often a chunk is asked whose worker dies.
+TRIES = 4
+#: Chunks that are asked at once for each core.
+AHEAD = 2
+
+
+def points_of(chunk: Any, number: int) -> npt.NDArray[np.float64]:
+    """The points of a chunk, (n, 3)."""
+    try:
+        if callable(chunk) and not isinstance(chunk, PointCloud):
+            chunk = chunk()
+        if isinstance(chunk, (str, os.PathLike)):
+            return read_points(chunk).points
+        if isinstance(chunk, np.ndarray) and chunk.size == 0:
+            return np.empty((0, 3))
+        return as_points(chunk)
+    except IsoformError as e:
+        raise at_chunk(e, number) from None
+
+
+def at_chunk(error: IsoformError, number: int) -> IsoformError:
+    """The error with its place."""
+    place = (error.line, error.column)
+    return IsoformError(f"chunk {number}: {error}", error.code, error.hint, *place)
+
+
+def answer(template: Model, chunk: Any, number: int, message: bytes) -> bytes:
+    """What a chunk answers to a message of the compiled half."""
+    points = points_of(chunk, number)
+    try:
+        return _isoform.answer(template._native, points, message)
+    except IsoformError as e:
+        raise at_chunk(e, number) from None
+
+
+def _outcome(template: Model, chunk: Any, number: int, message: bytes) -> Any:
+    """What a task of a cluster does: the answer, or the exception in its place."""
+    try:
+        return answer(template, chunk, number, message)
+    except Exception as e:
+        return e
+
+
+def _checked(outcome: Any) -> bytes:
+    """An answer, unless it is an exception."""
+    if isinstance(outcome, BaseException):
+        raise outcome
+    told: bytes = outcome
+    return told
+
+
+# ---- who has the chunks ------------------------------------------------------------------------
+
+
+class _Here:
+    """One chunk after the other in this process, each by all threads of the fit."""
+
+    def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
+        self._template = template
+
+    def answers(self, asked: Asked) -> Iterator[bytes]:
+        """Answers in the order of the chunks."""
+        for number, chunk, message in asked:
+            yield answer(self._template, chunk, number, message)
+
+
+class _Ray:
+    """Tasks of Ray."""
+
+    def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
+        self._ray = ray = need("ray")
+        if not ray.is_initialized():
+            ray.init()
+        self._template = ray.put(template)
+        self._task = ray.remote(num_cpus=1, max_retries=TRIES)(_outcome)
+        self._room = AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
+        # Arrays travel once.
+        self._sent: dict[int, Any] = {}
+
+    def _place(self, number: int, chunk: Any) -> Any:
+        if not isinstance(chunk, (np.ndarray, PointCloud)):
+            return chunk
+        if number not in self._sent:
+            self._sent[number] = self._ray.put(as_points(chunk))
+        return self._sent[number]
+
+    def answers(self, asked: Asked) -> Iterator[bytes]:
+        """Answers in the order of the chunks."""
+
+        def hand_out(one: tuple[int, Any, bytes]) -> Any:
+            number, chunk, message = one
+            return self._task.remote(self._template, self._place(number, chunk), number, message)
+
+        for pending in _window(asked, hand_out, self._room):
+            try:
+                outcome = self._ray.get(pending)
+            except self._ray.exceptions.RayError as e:
+                raise IsoformError(f"a worker died: {e}", "worker") from None
+            yield _checked(outcome)
+
+
+class _Dask:
+    """Tasks of Dask."""
+
+    def __init__(self, template: Model, chunks: Sequence[Any]) -> None:
+        self._client = need("distributed").get_client()
+        self._template = template
+        self._room = AHEAD * max(1, sum(self._client.ncores().values()))
+
+    def answers(self, asked: Asked) -> Iterator[bytes]:
+        """Answers in the order of the chunks."""
+
+        def hand_out(one: tuple[int, Any, bytes]) -> tuple[Any, Any]:
+            # Arrays go along each time: what is scattered dies with the worker that has it.
+            number, chunk, message = one
+            task = (self._template, chunk, number, message)
+            return self._client.submit(_outcome, *task, pure=False, retries=TRIES), one
+
+        for future, one in _window(asked, hand_out, self._room):
+            tries = 1
+            while True:
+                try:
+                    outcome = future.result()
+                    break
+                except Exception as e:
+                    if tries >= TRIES:
+                        told = f"chunk {one[0]}: a worker died: {e}"
+                        raise IsoformError(told, "worker") from None
+                    tries += 1
+                    future, one = hand_out(one)
+            yield _checked(outcome)
+
+
+def _window(asked: Asked, hand_out: Callable[[Any], Any], room: int) -> Iterator[Any]:
+    """What was handed out, in order; at most `room` at a time."""
+    pending: collections.deque[Any] = collections.deque()
+    for one in asked:
+        pending.append(hand_out(one))
+        if len(pending) >= room:
+            yield pending.popleft()
+    yield from pending
+
+
+#: By name, who is asked.
+ENGINES: dict[Union[str, None], Callable[[Model, Sequence[Any]], Any]] = {
+    None: _Here,
+    "ray": _Ray,
+    "dask": _Dask,
+}
+
+
+class _Questions:
+    """What the compiled half asks, passed on until the fit is over."""
+
+    def __init__(self, engine: Any, chunks: Sequence[Any]) -> None:
+        self._engine = engine
+        self._chunks = chunks
+        self.is_over = False
+
+    def __call__(self, messages: list[bytes | None]) -> Iterator[bytes]:
+        answers: Iterator[bytes] = self._engine.answers(self._to_ask(messages))
+        return answers
+
+    def _to_ask(self, messages: list[bytes | None]) -> Asked:
+        for number, message in enumerate(messages):
+            if self.is_over:
+                # After Ctrl-C: nobody waits for the fit any more.
+                raise IsoformError("the fit is over", "stopped")
+            if message is not None:
+                yield number, self._chunks[number], message
+
+
+#: Options of `isoform.fit` that a cloud in chunks may have.
+OPTIONS = frozenset(["start", "bounds", "seed", "fixed", "pose", "method", "loss", "keep"])
+
+
+def fit_large(
+    chunks: Iterable[Chunk],
+    template: Model,
+    engine: str | None = None,
+    *,
+    threads: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress = None,
+    **options: Any,
+) -> FitResult:
+    """Fit a template to a cloud in chunks that no machine holds whole.
+
+    The result is that of `isoform.fit` of all points in the order of the chunks, to rounding.
+
+    Parameters
+    ----------
+    chunks : sequence of array_like, path or callable
+        Each an array (n, 3), a file of points, or a function without arguments that gives an
+        array; chunks without points are none the worse. Each is asked 10 to 120 times, and loaded
+        as often: a function must give the same points each time. On a cluster, workers must see
+        files by the same names.
+    template : Model
+        The template.
+    engine : str, optional
+        ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
+        ``distributed.Client``); by default this process, one chunk after the other, each by all
+        threads.
+    threads : int, optional
+        How many of this process, by default all cores.
+    time_limit : float, optional
+        Seconds after which the best so far is taken; what is then told of all points still takes
+        its time.
+    progress : callable or bool, optional
+        As for `isoform.fit`.
+    **options
+        Those of `isoform.fit`: start, bounds, seed, fixed, pose, loss, keep.
+
+    Returns
+    -------
+    FitResult
+        As `isoform.fit` gives it. Of a cloud of more than 200,000 points ``.points``, (m, 3),
+        ``.deviation`` and ``.outliers``, (m,), are those of a random sample of that many.
+
+    Raises
+    ------
+    IsoformError
+        If there is nothing to fit, an argument does not suit the template, or a chunk cannot be
+        taken: the message begins with its number, from 0.
+    Exception
+        What a function raises that gives a chunk.
+    KeyboardInterrupt
+        After Ctrl-C, within two seconds.
+
+    Notes
+    -----
+    Up to 200,000 points are gathered, and fitted as they are. Of larger clouds that many are
+    gathered, at random: what needs neighbours, and the search, work on them, as they do in
+    `isoform.fit`. All else are sums over chunks, added in the order of the chunks, so that the
+    answer does not depend on which is ready first. Beside a chunk and the sample the process keeps
+    twelve bytes a point at most, half of the cloud, while it draws the sample.
+
+    Of meshes the vertices are taken. Planes and objects beside the part are told of, but only
+    clouds of up to 200,000 points are fitted without them.
+
+    Examples
+    --------
+    >>> import isoform, numpy as np
+    >>> from isoform.distributed import fit_large
+    >>> def on_ball(seed):
+    ...     p = np.random.default_rng(seed).normal(size=(500, 3))
+    ...     return 2 * p / np.linalg.norm(p, axis=1)[:, None]
+    >>> chunks = [lambda k=k: on_ball(k) for k in range(4)]
+    >>> result = fit_large(chunks, isoform.template("sphere"))
+    >>> round(result.values["radius"], 6), result.acceptable
+    (2.0, True)
+    """
+    have = ENGINES.get(engine)
+    if have is None:
+        names = ", ".join(repr(name) for name in ENGINES)
+        raise IsoformError(f"engine is {engine!r}", "usage", f"one of: {names}")
+    unknown = set(options) - OPTIONS
+    if unknown:
+        raise IsoformError(
+            f"fit has no option {', '.join(sorted(unknown))}", "usage", ", ".join(sorted(OPTIONS))
+        )
+    wanted = as_wanted(template, **options)
+    listed = _listed(chunks)
+    ask = _Questions(have(template, listed), listed)
+    told = (f"{len(listed)} chunks", template.name)
+    try:
+        with asked(threads, time_limit, progress) as limits:
+            native = _isoform.fit_large(
+                ask, len(listed), template._native, told, wanted, limits
+            )
+    finally:
+        ask.is_over = True
+    return FitResult(native, template.name)
+
+
+def _listed(chunks: Any) -> list[Any]:
+    """The chunks; one cloud in their place is a slip."""
+    if isinstance(chunks, (str, os.PathLike, PointCloud)) or callable(chunks):
+        raise TypeError(f"chunks: a sequence is expected, not {type(chunks).__name__}")
+    if isinstance(chunks, np.ndarray) and chunks.ndim < 3:
+        raise TypeError(f"chunks: a sequence of arrays (n, 3) is expected, not {chunks.shape}")
+    listed = list(chunks)
+    if not listed:
+        hint = "a sequence of arrays, paths or functions"
+        raise IsoformError("there is no chunk", "no-points", hint)
+    return listed

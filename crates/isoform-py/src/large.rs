@@ -1,0 +1,168 @@
+//! `fit_large`: the parameters of a template from a cloud in chunks.
+//!
+//! Python has the chunks, here or on other machines. It is asked with a list of messages, one for
+//! each chunk or None, and yields the answers in the same order; [`answer`] makes them.
+
+use crate::arrays::{PointsArg, Rows};
+use crate::document;
+use crate::error::Trouble;
+use crate::fit::{Fit, Wanted};
+use crate::model::Program;
+use crate::run::{self, Asked};
+use isoform::io::ReadReport;
+use isoform::report::{About, FitReport};
+use isoform::{AnswerError, ChunkSource, fit_chunks};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyList};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// The chunks that Python has.
+struct Chunks {
+    /// Takes a list of messages, gives an iterator of answers.
+    ask: Py<PyAny>,
+    count: usize,
+    /// The exception that left a chunk without an answer.
+    raised: Mutex<Option<PyErr>>,
+}
+
+impl Chunks {
+    fn raised(&self) -> std::sync::MutexGuard<'_, Option<PyErr>> {
+        self.raised.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    fn pass_on(
+        &self,
+        py: Python<'_>,
+        message: &mut dyn FnMut(usize) -> Option<Vec<u8>>,
+        each: &mut dyn FnMut(usize, &[u8]),
+    ) -> PyResult<()> {
+        let mut messages: Vec<Option<Bound<'_, PyBytes>>> = Vec::with_capacity(self.count);
+        for chunk in 0..self.count {
+            let next = message(chunk);
+            // Most chunks are asked the same: once in memory is enough.
+            let last = messages.iter().rev().flatten().next();
+            let next = next.map(|next| match last {
+                Some(last) if last.as_bytes() == next => last.clone(),
+                _ => PyBytes::new(py, &next),
+            });
+            messages.push(next);
+        }
+        let asked: Vec<usize> = (0..self.count).filter(|k| messages[*k].is_some()).collect();
+        let mut answers = self
+            .ask
+            .bind(py)
+            .call1((PyList::new(py, messages)?,))?
+            .try_iter()?;
+        for chunk in asked {
+            let answer = answers.next().ok_or_else(Trouble::internal)??;
+            each(chunk, answer.cast::<PyBytes>()?.as_bytes());
+        }
+        Ok(())
+    }
+}
+
+impl ChunkSource for Chunks {
+    fn len(&self) -> usize {
+        self.count
+    }
+    fn ask(
+        &self,
+        message: &mut dyn FnMut(usize) -> Option<Vec<u8>>,
+        each: &mut dyn FnMut(usize, &[u8]),
+    ) -> bool {
+        if self.raised().is_some() {
+            return false;
+        }
+        let passed = Python::attach(|py| self.pass_on(py, message, each));
+        let is_whole = passed.is_ok();
+        if let Err(raised) = passed {
+            *self.raised() = Some(raised);
+        }
+        is_whole
+    }
+}
+
+/// Fits a template to chunks; `ask` takes a list of `count` messages and gives an iterator of the
+/// answers to those that are not None.
+#[pyfunction]
+pub(crate) fn fit_large(
+    py: Python<'_>,
+    ask: Py<PyAny>,
+    count: usize,
+    program: Py<Program>,
+    names: (String, String),
+    wanted: Wanted,
+    asked: Asked<'_>,
+) -> PyResult<Fit> {
+    let options = wanted.options()?;
+    let (seed, method) = (options.fit.seed, options.fit.method);
+    let chunks = Arc::new(Chunks {
+        ask,
+        count,
+        raised: Mutex::new(None),
+    });
+    let theirs = chunks.clone();
+    let found = run::run(py, &asked, move |control| {
+        fit_chunks(&*theirs, program.get().model(), &options, control)
+    })?;
+    if let Some(raised) = chunks.raised().take() {
+        return Err(raised);
+    }
+    let found = found.map_err(Trouble::from)?;
+    let read = ReadReport {
+        format: "chunks",
+        file: String::new(),
+        declared: None,
+        rows: found.fit.n_points as u64,
+        dropped_points: 0,
+        dropped_triangles: 0,
+        subsampled: false,
+        units: None,
+        warnings: Vec::new(),
+    };
+    let unit = found.unit(&read, &names.1);
+    let warnings = found.all_warnings(&read, &unit);
+    let about = About {
+        verb: "fit",
+        scan: &names.0,
+        read: &read,
+        template: &names.1,
+        unit: &unit,
+        method,
+        seed,
+        warnings: &warnings,
+        seconds: &found.seconds,
+    };
+    let document = document::text(&FitReport::new(&found, &about));
+    Ok(Fit::new(found, document))
+}
+
+/// The answer of a chunk of these points to a message: on the threads of the fit where it is asked
+/// here, else on one.
+#[pyfunction]
+pub(crate) fn answer<'py>(
+    py: Python<'py>,
+    program: Py<Program>,
+    points: PointsArg<'py>,
+    message: &[u8],
+) -> PyResult<Bound<'py, PyBytes>> {
+    let points = Rows::new(&points)?.to_points()?;
+    let reader = program.get().chunk_reader();
+    let work = || reader.answer(message, points);
+    let answer = if rayon::current_thread_index().is_some() {
+        run::shortly(py, work)?
+    } else {
+        let alone = Asked {
+            threads: Some(1),
+            ..Asked::default()
+        };
+        run::scoped(py, &alone, |_| work())?
+    };
+    let answer = answer.map_err(|e| match e {
+        AnswerError::Template(e) => Trouble::from(e),
+        AnswerError::Changed { .. } => Trouble::new("changed", e)
+            .hint("a chunk is loaded many times, and has to give the same points each time"),
+        AnswerError::Message => Trouble::usage(e).hint("one version of isoform everywhere"),
+    })?;
+    Ok(PyBytes::new(py, &answer))
+}
