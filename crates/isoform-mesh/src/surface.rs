@@ -106,6 +106,13 @@ pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     }
 }
 
+/// The distance below which values in a region are rounding.
+pub(crate) fn zero_in(region: Aabb) -> f64 {
+    let reach = region.lo.into_iter().chain(region.hi);
+    let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
+    (ROUNDING * region.diagonal()).max(OF_COORDINATES * far)
+}
+
 /// The distance of a point to a piece, to first order.
 pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let (g, d) = solid.gradient(piece, p);
@@ -120,12 +127,10 @@ impl<'s> Surface<'s> {
         region: Aabb,
         control: &'s Control<'s>,
     ) -> Self {
-        let reach = region.lo.into_iter().chain(region.hi);
-        let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
         Self {
             solid,
             lattice,
-            zero: (ROUNDING * region.diagonal()).max(OF_COORDINATES * far),
+            zero: zero_in(region),
             seams: true,
             has_seams: AtomicBool::new(false),
             control,
