@@ -90,6 +90,8 @@ pub(crate) struct Lattice {
     first: [usize; 3],
     /// Cells by axis.
     pub(crate) n: [usize; 3],
+    /// Whether the whole goes on before the first cells and behind the last ones, by axis.
+    goes_on: [[bool; 2]; 3],
     /// [`IN`], [`OUT`], or the number of a reduced tree after these, x fastest.
     pub(crate) state: Vec<u32>,
     trees: Vec<Reduced>,
@@ -104,7 +106,7 @@ impl Lattice {
     }
 
     /// Some cells of the lattice over a region, with the points and states that they have in the
-    /// whole, bit for bit. Outside of them nothing is known: what is there counts as outside.
+    /// whole, bit for bit. What is beyond them counts as it does in the nearest of them.
     pub(crate) fn window(
         solid: &dyn Solid,
         grid: Grid,
@@ -117,6 +119,7 @@ impl Lattice {
             a: grid.a,
             first: cells.map(|c| c[0]),
             n,
+            goes_on: std::array::from_fn(|i| [cells[i][0] > 0, cells[i][1] < grid.n[i]]),
             state: vec![OUT; n[0] * n[1] * n[2]],
             trees: Vec::new(),
         };
@@ -232,11 +235,16 @@ impl Lattice {
 
     /// State of a cell; outside the grid there is nothing.
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
-        if (0..3).any(|i| c[i] < 0 || c[i] as usize >= self.n[i]) {
-            OUT
-        } else {
-            self.state[self.at(c.map(|v| v as usize))]
+        let mut near = [0; 3];
+        for i in 0..3 {
+            let last = self.n[i] as isize - 1;
+            let is_out = [c[i] < 0, c[i] > last];
+            if (0..2).any(|end| is_out[end] && !self.goes_on[i][end]) {
+                return OUT;
+            }
+            near[i] = c[i].clamp(0, last) as usize;
         }
+        self.state[self.at(near)]
     }
 
     /// State of the cell that holds a point.
