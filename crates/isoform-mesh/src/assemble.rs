@@ -128,10 +128,7 @@ fn label(
         part_of[piece as usize] = k as u32;
         mesh.parts.push(names[piece as usize].clone());
     }
-    mesh.triangles = faces
-        .iter()
-        .map(|(f, _)| f.map(&node))
-        .collect();
+    mesh.triangles = faces.iter().map(|(f, _)| f.map(&node)).collect();
     mesh.triangle_parts = faces
         .iter()
         .map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0))

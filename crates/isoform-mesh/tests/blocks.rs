@@ -72,7 +72,14 @@ impl<'s> Blocks<'s> {
                 }
                 let (plan, options) = (&self.plan, &self.options);
                 let given = given.tetrahedra();
-                mend(self.solid, plan, options, round, &given, &Control::default())
+                mend(
+                    self.solid,
+                    plan,
+                    options,
+                    round,
+                    &given,
+                    &Control::default(),
+                )
             });
             self.live = rooms.collect::<Result<_, _>>().expect("better blocks");
         }
@@ -146,8 +153,16 @@ fn is_as_good_as_whole(text: &str, counts: [usize; 3], size: f64) {
         &Control::default(),
     );
     let figures = |c: &Certificate| {
-        let (s, t) = (c.surface.as_ref().expect("one"), c.tets.as_ref().expect("some"));
-        (s.volume, s.euler, t.dihedral_min, c.volume.as_ref().map_or(0, |v| v.tets))
+        let (s, t) = (
+            c.surface.as_ref().expect("one"),
+            c.tets.as_ref().expect("some"),
+        );
+        (
+            s.volume,
+            s.euler,
+            t.dihedral_min,
+            c.volume.as_ref().map_or(0, |v| v.tets),
+        )
     };
     let (mine, one) = (figures(&found), figures(&whole));
     println!("{counts:?}: {mine:?}, in one {one:?}");
@@ -157,9 +172,9 @@ fn is_as_good_as_whole(text: &str, counts: [usize; 3], size: f64) {
     let closed = blocks.closed();
     let count: usize = closed.iter().map(|m| m.tets.len()).sum();
     assert_eq!(count, mine.3);
-    let (edges, corners) = closed.iter().fold((0, 0), |n, m| {
-        (n.0 + m.edges.len(), n.1 + m.corners.len())
-    });
+    let (edges, corners) = closed
+        .iter()
+        .fold((0, 0), |n, m| (n.0 + m.edges.len(), n.1 + m.corners.len()));
     println!("{edges} edges, {corners} corners");
 }
 
@@ -207,7 +222,10 @@ fn one_bit_is_seen() {
             let face = faces.first().map(|f: &isoform_mesh::blocks::OpenFace| f.at);
             let at = face.expect("an interface");
             let near = |p: &Point3| isoform_geom::distance_squared(*p, at);
-            let p = all.points.iter_mut().min_by(|p, q| near(p).total_cmp(&near(q)));
+            let p = all
+                .points
+                .iter_mut()
+                .min_by(|p, q| near(p).total_cmp(&near(q)));
             let p = p.expect("nodes");
             p[2] = p[2].next_up();
         }
@@ -236,5 +254,8 @@ fn what_cannot_be_in_blocks() {
         order: 2,
         ..usual.clone()
     };
-    assert!(matches!(plan([1; 3], &second), Err(MeshError::Option { name: "order", .. })));
+    assert!(matches!(
+        plan([1; 3], &second),
+        Err(MeshError::Option { name: "order", .. })
+    ));
 }

@@ -34,7 +34,9 @@ impl BlocksWork {
     fn ask<T>(&self, question: impl FnOnce(&mut BlocksJob) -> T) -> PyResult<T> {
         let mut job = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         let job = job.as_mut();
-        Ok(question(job.ok_or_else(|| Trouble::usage("the job is over"))?))
+        Ok(question(
+            job.ok_or_else(|| Trouble::usage("the job is over"))?,
+        ))
     }
 }
 
@@ -74,8 +76,10 @@ impl BlocksWork {
     }
     /// Takes the reports of all tasks of the step.
     fn advance(&self, py: Python<'_>, reports: Vec<String>) -> PyResult<()> {
-        let reports: Result<Vec<BlockReport>, _> =
-            reports.iter().map(|text| serde_json::from_str(text)).collect();
+        let reports: Result<Vec<BlockReport>, _> = reports
+            .iter()
+            .map(|text| serde_json::from_str(text))
+            .collect();
         let reports = reports.map_err(|e| Trouble::new("task", e))?;
         let done = run::shortly(py, || self.ask(|job| job.advance(reports)))??;
         Ok(done.map_err(Trouble::from)?)

@@ -124,8 +124,8 @@ mod template;
 mod topology;
 
 pub use blocks::{
-    BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, BlocksError, BlocksJob, BlocksReport,
-    WholeReport, mesh_in_blocks, run_block_task,
+    BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, BlocksError, BlocksJob,
+    BlocksReport, WholeReport, mesh_in_blocks, run_block_task,
 };
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use compare::{CompareError, Distances, Side, compare};

@@ -12,11 +12,7 @@ use serde_json::json;
 use std::path::Path;
 
 /// Meshes the model, writes all files, and says what is known of them.
-pub(super) fn run(
-    args: &Args,
-    counts: [usize; 3],
-    context: &Context,
-) -> Result<Outcome, Failure> {
+pub(super) fn run(args: &Args, counts: [usize; 3], context: &Context) -> Result<Outcome, Failure> {
     let [out] = args.output.as_slice() else {
         return Err(Failure::usage("--blocks writes one grid").hint("-o big.pvtu, once"));
     };
@@ -62,13 +58,18 @@ fn failure(error: BlocksError, args: &Args, subject: &Subject) -> Failure {
 
 /// Says all warnings, and what does not hold, on stderr.
 fn say(report: &BlocksReport, context: &Context) {
-    let at = |place: Option<[f64; 3]>| place.map_or(String::new(), |p| format!(" at {}", work::place(p)));
+    let at = |place: Option<[f64; 3]>| {
+        place.map_or(String::new(), |p| format!(" at {}", work::place(p)))
+    };
     for BlockWarning { message, at: place } in &report.warnings {
         context.warn(format!("{message}{}", at(*place)));
     }
     for block in &report.blocks {
         let figures = block.figures.iter();
-        for BlockFailure { message, at: place, .. } in figures.flat_map(|f| &f.failures) {
+        for BlockFailure {
+            message, at: place, ..
+        } in figures.flat_map(|f| &f.failures)
+        {
             context.warn(format!("block {}: {message}{}", block.block, at(*place)));
         }
     }
@@ -91,16 +92,36 @@ fn text(report: &BlocksReport, out: &Path) -> String {
     let [nx, ny, nz] = report.counts;
     let mut lines = vec![
         table::line("size", brief(report.size)),
-        table::line("mesh", format!("{tets} tetrahedra, {triangles} triangles in {nx} x {ny} x {nz} blocks")),
-        table::line("interfaces", format!("{shared_faces} faces, each in two blocks, node for node")),
-        table::line("volume", format!("{}, area {}", brief(*volume), brief(*area))),
+        table::line(
+            "mesh",
+            format!("{tets} tetrahedra, {triangles} triangles in {nx} x {ny} x {nz} blocks"),
+        ),
+        table::line(
+            "interfaces",
+            format!("{shared_faces} faces, each in two blocks, node for node"),
+        ),
+        table::line(
+            "volume",
+            format!("{}, area {}", brief(*volume), brief(*area)),
+        ),
     ];
     if let Some([least, most]) = dihedral_angles {
-        lines.push(table::line("angles", format!("{least:.2} to {most:.2} degrees")));
+        lines.push(table::line(
+            "angles",
+            format!("{least:.2} to {most:.2} degrees"),
+        ));
     }
-    let distances = format!("nodes {}, faces {}", brief(*node_distance), brief(*face_distance));
+    let distances = format!(
+        "nodes {}, faces {}",
+        brief(*node_distance),
+        brief(*face_distance)
+    );
     lines.push(table::line("distance", distances));
-    let verdict = if *ok { "holds in every block" } else { "does not hold" };
+    let verdict = if *ok {
+        "holds in every block"
+    } else {
+        "does not hold"
+    };
     lines.push(table::line("certificate", verdict.to_owned()));
     lines.push(table::line("wrote", format!("{} (pvtu)", out.display())));
     lines.concat()

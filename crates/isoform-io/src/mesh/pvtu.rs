@@ -42,7 +42,10 @@ fn write(out: &mut dyn Write, pieces: &[String]) -> io::Result<()> {
     out.str("</PCellData>\n");
     for piece in pieces {
         let source = escape(&on_one_line(piece));
-        out.str("<Piece Source=\"").str(&source).str("\"/>").line()?;
+        out.str("<Piece Source=\"")
+            .str(&source)
+            .str("\"/>")
+            .line()?;
     }
     out.str("</PUnstructuredGrid>\n</VTKFile>").line()?;
     out.flush()

@@ -1,6 +1,7 @@
 //! Faces between blocks, found again on the other side.
 
 use super::tetrahedra::{INNER, Tetrahedra};
+use crate::points::{centroid, hash_words};
 use isoform_geom::{Point3, TET_FACES};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -52,28 +53,17 @@ impl OpenFace {
         Self {
             key: key(bits.as_flattened()),
             is_turned,
-            at: crate::points::centroid(bits.map(|p| p.map(f64::from_bits))),
+            at: centroid(bits.map(|p| p.map(f64::from_bits))),
         }
     }
 }
 
-/// Two hashes of 64 bits side by side, each of multiplications and shifts (Steele, Lea and Flood,
-/// Fast splittable pseudorandom number generators, 2014): two of a billion different faces have
-/// equal ones with a probability of 10⁻²¹.
+/// Two hashes of 64 bits side by side: two of a billion different faces have equal ones with a
+/// probability of 10⁻²¹.
 fn key(words: &[u64]) -> u128 {
-    let mix = |mut z: u64| {
-        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        z ^ (z >> 31)
-    };
-    let half = |start: u64, step: u64| {
-        words
-            .iter()
-            .fold(start, |h, &w| mix(h.wrapping_add(step) ^ mix(w ^ start)))
-    };
-    let high = half(0x6a09_e667_f3bc_c908, 0x9e37_79b9_7f4a_7c15);
-    let low = half(0xbb67_ae85_84ca_a73b, 0xd1b5_4a32_d192_ed03);
-    u128::from(high) << 64 | u128::from(low)
+    let [high, low] = [0x6a09_e667_f3bc_c908, 0xbb67_ae85_84ca_a73b]
+        .map(|start| u128::from(hash_words(words, start)));
+    high << 64 | low
 }
 
 /// Open faces of blocks that wait for the same face of another block.

@@ -58,7 +58,10 @@ pub fn make(
         control.begin("lattice")?;
         let lattice = Lattice::window(solid, plan.grid(), cells, control);
         control.check()?;
-        let surface = Surface::new(solid, &lattice, plan.region, control);
+        let surface = Surface {
+            by_place: true,
+            ..Surface::new(solid, &lattice, plan.region, control)
+        };
         if let Some(at) = surface.not_a_number() {
             return Err(MeshError::NotANumber { at });
         }

@@ -288,7 +288,13 @@ mod tests {
         let check = |counts| check_counts(counts, plan.region, plan.grid());
         assert_eq!(check([4, 4, 4]), Ok(()));
         for wrong in [[0, 1, 1], [1, 1, 99]] {
-            assert!(matches!(check(wrong), Err(MeshError::Blocks { most: [53, 35, 26], .. })));
+            assert!(matches!(
+                check(wrong),
+                Err(MeshError::Blocks {
+                    most: [53, 35, 26],
+                    ..
+                })
+            ));
         }
     }
 }

@@ -47,7 +47,10 @@ pub(super) fn figures(
     let failures = found.failures();
     let deviation = found.deviation.as_ref();
     BlockFigures {
-        dihedral_angles: found.tets.as_ref().map(|t| [t.dihedral_min, t.dihedral_max]),
+        dihedral_angles: found
+            .tets
+            .as_ref()
+            .map(|t| [t.dihedral_min, t.dihedral_max]),
         node_distance: deviation.map_or(0.0, |d| d.nodes.max),
         face_distance: deviation.map_or(0.0, |d| d.faces.max),
         failures: failures

@@ -137,15 +137,19 @@ impl BlocksJob {
         options: &MeshModelOptions,
         control: &Control<'_>,
     ) -> Result<Self, BlocksError> {
-        if !out.extension().is_some_and(|e| e.eq_ignore_ascii_case("pvtu")) {
+        if !out
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("pvtu"))
+        {
             let name = out.display().to_string();
             return Err(BlocksError::Ending { name });
         }
         let mut options = options.clone();
         options.mesh.size = match options.size {
             Some(size) => size,
-            None => default_size_within(solid, options.mesh.region, control)
-                .map_err(MeshError::from)?,
+            None => {
+                default_size_within(solid, options.mesh.region, control).map_err(MeshError::from)?
+            }
         };
         options.size = Some(options.mesh.size);
         let plan = Plan::new(solid, counts, &options.mesh, control)?;
@@ -188,7 +192,15 @@ impl BlocksJob {
         match &self.phase {
             Phase::Make(blocks) => blocks
                 .iter()
-                .map(|&k| self.task(k, Step::Make { halo: self.halos[k] }, Vec::new()))
+                .map(|&k| {
+                    self.task(
+                        k,
+                        Step::Make {
+                            halo: self.halos[k],
+                        },
+                        Vec::new(),
+                    )
+                })
                 .collect(),
             Phase::Mend => all.map(|k| self.mending(k)).collect(),
             Phase::Close => all.map(|k| self.closing(k)).collect(),

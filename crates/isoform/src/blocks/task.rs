@@ -1,10 +1,8 @@
 //! One task: a step of one block, from files to files.
 
-use super::certificate::figures;
-use super::store::{
-    read_plan, read_tetrahedra, write_faces, write_tetrahedra,
-};
 use super::BlocksError;
+use super::certificate::figures;
+use super::store::{read_plan, read_tetrahedra, write_faces, write_tetrahedra};
 use crate::MeshModelOptions;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
@@ -220,10 +218,22 @@ impl Worker<'_> {
         let given = given.tetrahedra();
         let closed = blocks::close(self.solid, plan, inner, *block, &given, self.control)?;
         write_faces(&faces(folder, *block), &closed.faces)?;
-        let figures = figures(&closed, self.solid, plan, *block, self.options, self.control);
+        let figures = figures(
+            &closed,
+            self.solid,
+            plan,
+            *block,
+            self.options,
+            self.control,
+        );
         self.control.check().map_err(MeshError::from)?;
         let file = &self.task.file;
-        write_mesh_path(&closed.mesh, file, Some("vtu"), &MeshWriteOptions::default())?;
+        write_mesh_path(
+            &closed.mesh,
+            file,
+            Some("vtu"),
+            &MeshWriteOptions::default(),
+        )?;
         let name = file.file_name().unwrap_or_default();
         Ok(BlockReport {
             block: *block,
