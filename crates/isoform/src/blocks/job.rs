@@ -284,7 +284,9 @@ impl BlocksJob {
             let (count, at) = (apart.len(), apart[0]);
             return Err(MeshError::Apart { count, at }.into());
         }
-        again.iter().for_each(|&k| self.halos[k] *= 2);
+        again
+            .iter()
+            .for_each(|&k| self.halos[k] = (2 * self.halos[k]).max(1));
         self.phase = Phase::Make(again);
         Ok(())
     }
@@ -432,5 +434,76 @@ impl Drop for Folder {
     fn drop(&mut self) {
         // What cannot be removed is litter at worst.
         let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{run_block_task, solid_of};
+    use isoform_field::hyperfun::{Mode, Model};
+
+    /// Does the tasks of one step.
+    fn step(job: &mut BlocksJob, solid: &dyn Solid) -> Result<(), BlocksError> {
+        let options = job.options().clone();
+        let tasks = job.tasks();
+        let done = tasks
+            .iter()
+            .map(|t| run_block_task(solid, &options, t, &Control::default()));
+        let reports = done.collect::<Result<Vec<_>, _>>()?;
+        job.advance(reports)
+    }
+
+    /// With too small a halo the blocks at an interface do not meet, and are made again; where no
+    /// larger one is allowed that is an error, and nothing is left behind.
+    #[test]
+    fn blocks_that_do_not_meet_are_made_again() {
+        let program = "m(x[3], a[1]) { m = (4 - x[1]^2) & (1 - x[2]^2) & (1 - x[3]^2) \
+            & (x[1]^2 + x[2]^2 - 0.3); }";
+        let model = Model::parse(program, Mode::Default).expect("a program");
+        let (solid, _) = solid_of(&model, &[0.0]).expect("a solid");
+        let folder = std::env::temp_dir().join(format!("isoform-job-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let options = MeshModelOptions {
+            size: Some(0.12),
+            ..MeshModelOptions::default()
+        };
+        let new = || {
+            let out = folder.join("m.pvtu");
+            let control = Control::default();
+            let mut job =
+                BlocksJob::new(solid.as_ref(), [3, 1, 1], &out, &options, &control).expect("a job");
+            job.halos = vec![1, 0, HALO];
+            job
+        };
+        let mut job = new();
+        step(&mut job, solid.as_ref()).expect("blocks");
+        let Phase::Make(again) = job.phase.clone() else {
+            panic!("the halo was wide enough")
+        };
+        assert!(again.contains(&1));
+        while !job.tasks().is_empty() {
+            step(&mut job, solid.as_ref()).expect("blocks that meet");
+        }
+        let report = job.finish().expect("a mesh");
+        assert!(report.is_as_asked() && report.certificate.shared_faces > 0);
+
+        let mut job = new();
+        let tasks = job.tasks();
+        let made = tasks.iter().map(|t| {
+            let control = Control::default();
+            let report = run_block_task(solid.as_ref(), &options, t, &control).expect("a block");
+            BlockReport {
+                is_whole: true,
+                ..report
+            }
+        });
+        let error = job.advance(made.collect()).expect_err("apart");
+        assert!(error.to_string().contains("have no partner"), "{error}");
+        drop(job);
+        let left = std::fs::read_dir(&folder).expect("the folder").flatten();
+        let hidden = left.filter(|f| f.file_name().to_string_lossy().starts_with('.'));
+        assert_eq!(hidden.count(), 0);
+        std::fs::remove_dir_all(&folder).expect("the folder");
     }
 }

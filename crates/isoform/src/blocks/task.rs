@@ -52,15 +52,22 @@ pub struct BlockReport {
     /// The block, x fastest.
     pub block: usize,
     /// Tetrahedra that are not near sides.
+    #[serde(default, skip_serializing_if = "is_default")]
     pub(super) still: usize,
     /// Tetrahedra near sides, before and after the step.
+    #[serde(default, skip_serializing_if = "is_default")]
     pub(super) live: [usize; 2],
     /// Whether no larger halo is possible.
+    #[serde(default, skip_serializing_if = "is_default")]
     pub(super) is_whole: bool,
     /// Places where the mesh may not be what was asked for.
     pub warnings: Vec<BlockWarning>,
     /// The figures of the block, once it is written.
     pub figures: Option<BlockFigures>,
+}
+
+fn is_default<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// A warning with its place.
