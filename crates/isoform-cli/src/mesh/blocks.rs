@@ -87,6 +87,7 @@ fn text(report: &BlocksReport, out: &Path) -> String {
         dihedral_angles,
         node_distance,
         face_distance,
+        covered,
         ..
     } = &report.certificate;
     let [nx, ny, nz] = report.counts;
@@ -117,6 +118,8 @@ fn text(report: &BlocksReport, out: &Path) -> String {
         brief(*face_distance)
     );
     lines.push(table::line("distance", distances));
+    let features = format!("{:.3} % of the curves covered", 100.0 * covered);
+    lines.push(table::line("features", features));
     let verdict = if *ok {
         "holds in every block"
     } else {

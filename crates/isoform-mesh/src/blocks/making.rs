@@ -18,9 +18,9 @@ use isoform_geom::{Aabb, Point3, Solid};
 
 /// Cells around a block that are cut together with it, as long as its faces meet those of its
 /// neighbours. Snapping and cutting look at neighbours in the order of distances, and what one
-/// decides depends on those before it: of a part, a gyroid and struts two cells were enough for all
-/// faces to meet, with one some did not. A larger halo costs time, its share of the block.
-pub const HALO: usize = 6;
+/// decides depends on those before it: of a part and of gyroids two cells were enough for all faces
+/// to meet, with one some did not. A larger halo costs time, its share of the block.
+pub const HALO: usize = 4;
 /// Bytes of the lattice for each cell: twelve tetrahedra of sixty.
 const BYTES: usize = 720;
 

@@ -6,7 +6,7 @@
 use super::task::{BlockFailure, BlockFigures};
 use crate::MeshModelOptions;
 use isoform_check::quality::six_volume;
-use isoform_check::{self as check, Certificate, Defects, certify};
+use isoform_check::{self as check, Certificate, Defects, Limits, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
 use isoform_mesh::blocks::{Closed, Plan, holds};
@@ -46,6 +46,7 @@ pub(super) fn figures(
     let found = certified(closed, solid, plan, plan.room(0, k), options, control);
     let failures = found.failures();
     let deviation = found.deviation.as_ref();
+    let coverage = found.coverage.as_ref();
     BlockFigures {
         dihedral_angles: found
             .tets
@@ -53,6 +54,7 @@ pub(super) fn figures(
             .map(|t| [t.dihedral_min, t.dihedral_max]),
         node_distance: deviation.map_or(0.0, |d| d.nodes.max),
         face_distance: deviation.map_or(0.0, |d| d.faces.max),
+        curves: coverage.map_or([0.0; 2], |c| [c.length, c.covered * c.length]),
         failures: failures
             .into_iter()
             .map(|f| BlockFailure {
@@ -88,7 +90,11 @@ fn certified(
         region: options.mesh.region,
         curves: &curves,
         corners: &corners,
-        limits: options.limits,
+        // A stretch that the mesh has no edge for is a larger share of a block than of the whole.
+        limits: Limits {
+            covered: 0.0,
+            ..options.limits
+        },
         ..check::Options::default()
     };
     let mut found = certify(&closed.around, Some(solid), &wanted, control);

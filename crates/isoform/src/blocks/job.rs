@@ -13,8 +13,8 @@ use serde::Serialize;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Times that the halo of blocks that do not meet is made twice as large: to some fifty cells.
-const LARGER: u32 = 3;
+/// Times that the halo of blocks that do not meet is made twice as large: to 64 cells.
+const LARGER: u32 = 4;
 /// How far from its room tetrahedra of a round may lie, in sizes: nodes on its sides do not move,
 /// so that only those at the side itself have their centroids beyond.
 const BEYOND: f64 = 3.0;
@@ -95,7 +95,7 @@ pub struct BlocksReport {
 /// The certificate of the whole, put together from those of its blocks.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct WholeReport {
-    /// Whether it holds for every block, and all blocks meet.
+    /// Whether it holds for every block, all blocks meet, and enough of the curves has edges.
     pub ok: bool,
     /// Faces that two blocks have in common: each is in two of them, node for node to the last bit.
     pub shared_faces: usize,
@@ -113,6 +113,8 @@ pub struct WholeReport {
     pub node_distance: f64,
     /// Largest distance of a point of a face to its part.
     pub face_distance: f64,
+    /// The share of the feature curves that has edges; 1 without a curve.
+    pub covered: f64,
     /// Findings that no mesh may have, in all blocks.
     pub failures: usize,
 }
@@ -373,7 +375,7 @@ impl BlocksJob {
             counts: self.plan.counts,
             certificate: WholeReport {
                 shared_faces: self.interfaces,
-                ..WholeReport::of(&self.closed)
+                ..WholeReport::of(&self.closed, self.options.limits.covered)
             },
             blocks: self.closed,
             warnings,
@@ -382,9 +384,10 @@ impl BlocksJob {
 }
 
 impl WholeReport {
-    /// The sums, least and largest figures of all blocks.
-    fn of(blocks: &[BlockReport]) -> Self {
+    /// The sums, least and largest figures of all blocks. So much of the curves must have edges.
+    fn of(blocks: &[BlockReport], least_covered: f64) -> Self {
         let mut whole = Self::default();
+        let mut curves = [0.0; 2];
         for f in blocks.iter().filter_map(|b| b.figures.as_ref()) {
             whole.tets += f.tets;
             whole.triangles += f.triangles;
@@ -392,13 +395,19 @@ impl WholeReport {
             whole.area += f.area;
             whole.node_distance = whole.node_distance.max(f.node_distance);
             whole.face_distance = whole.face_distance.max(f.face_distance);
+            curves = [0, 1].map(|i| curves[i] + f.curves[i]);
             whole.failures += f.failures.iter().map(|f| f.count).sum::<usize>();
             if let Some([lo, hi]) = f.dihedral_angles {
                 let [least, most] = whole.dihedral_angles.unwrap_or([lo, hi]);
                 whole.dihedral_angles = Some([least.min(lo), most.max(hi)]);
             }
         }
-        whole.ok = whole.failures == 0;
+        whole.covered = if curves[0] > 0.0 {
+            curves[1] / curves[0]
+        } else {
+            1.0
+        };
+        whole.ok = whole.failures == 0 && whole.covered >= least_covered;
         whole
     }
 }

@@ -101,6 +101,8 @@ pub struct BlockFigures {
     pub node_distance: f64,
     /// Largest distance of a point of a face to its part.
     pub face_distance: f64,
+    /// Length of the feature curves, and length of the part that has edges.
+    pub curves: [f64; 2],
     /// Faces that it has in common with other blocks.
     pub shared_faces: usize,
     /// What does not hold of its certificate.
