@@ -697,10 +697,7 @@ fn blocks_meet_and_are_certified() {
 
     for (more, word) in [
         (["--blocks", "0,1,1", "-o", &out], "above 0"),
-        (
-            ["--blocks", "1,1,99", "-o", &out],
-            "at this size there is room for",
-        ),
+        (["--blocks", "1,1,99", "-o", &out], "this size has room for"),
         (["--blocks", "2,1,1", "-o", &f.path("m.vtu")], ".pvtu"),
     ] {
         let o = isoform(&[&["mesh", &model, "--size", "0.2"], &more[..]].concat());

@@ -50,7 +50,7 @@ pub enum MeshError {
     },
     /// Blocks that cannot be made.
     #[error(
-        "there cannot be {} x {} x {} blocks: at this size there is room for 1 x 1 x 1 to {} x {} x {}",
+        "there cannot be {} x {} x {} blocks: this size has room for 1 x 1 x 1 to {} x {} x {}",
         .asked[0], .asked[1], .asked[2], .most[0], .most[1], .most[2]
     )]
     Blocks {
@@ -61,7 +61,8 @@ pub enum MeshError {
     },
     /// Blocks that do not meet face to face.
     #[error(
-        "{count} faces between blocks have no partner, one near ({}, {}, {})", .at[0], .at[1], .at[2]
+        "{count} faces between blocks have no partner, one near ({}, {}, {})",
+        .at[0], .at[1], .at[2]
     )]
     Apart {
         /// How many faces.

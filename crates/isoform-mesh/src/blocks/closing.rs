@@ -99,7 +99,7 @@ impl Labelled {
         around.tets = all.tets;
         let pieces: Vec<u32> = (0..names.len() as u32).collect();
         let edges = feature_edges(solid, zero_in(plan.region), &pieces, &around);
-        add_curves(&mut around, plan, edges);
+        add_curves(&mut around, plan, &edges);
         around.corners = corners(&around);
         Self {
             around,
@@ -166,20 +166,21 @@ impl Labelled {
     }
 }
 
-/// Gives a mesh the curves of the plan, one for each pair of pieces, so that they have the same tags
-/// in all blocks; behind them others that it has edges of.
-fn add_curves(mesh: &mut Mesh, plan: &Plan, edges: Vec<FeatureEdge>) {
+/// Gives a mesh the curves of the plan, one for each pair of pieces, so that all blocks have the
+/// same tags; behind them others that it has edges of.
+fn add_curves(mesh: &mut Mesh, plan: &Plan, edges: &[FeatureEdge]) {
     let mut pairs: Vec<[u32; 2]> = plan.curves.iter().map(|c| c.pieces).collect();
     pairs.sort_unstable();
     pairs.dedup();
-    for (pair, ends) in edges {
-        let known = pairs.iter().position(|p| *p == pair);
+    // Sorted by pairs.
+    for same in edges.chunk_by(|a, b| a.0 == b.0) {
+        let known = pairs.iter().position(|p| *p == same[0].0);
         let curve = known.unwrap_or_else(|| {
-            pairs.push(pair);
+            pairs.push(same[0].0);
             pairs.len() - 1
         });
-        mesh.edges.push(ends);
-        mesh.edge_curves.push(curve as u32);
+        mesh.edges.extend(same.iter().map(|(_, ends)| ends));
+        mesh.edge_curves.extend(same.iter().map(|_| curve as u32));
     }
     let named = |parts: [u32; 2]| {
         let [a, b] = parts.map(|k| &mesh.parts[k as usize]);

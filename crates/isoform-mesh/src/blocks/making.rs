@@ -149,7 +149,7 @@ impl Block<'_> {
     }
 }
 
-/// The core of a band whose vertices stand at `band`: those that it shares with the core stay there.
+/// The core of a band whose vertices stand at `band`: those that both share stay there.
 fn core(core: &Core, band: &[Point3]) -> Tetrahedra {
     Tetrahedra {
         points: band.iter().chain(&core.points).copied().collect(),

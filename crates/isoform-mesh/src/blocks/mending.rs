@@ -19,7 +19,7 @@ const BESIDE: usize = 3;
 /// before. `given` are all live ones of the room.
 ///
 /// # Errors
-/// [`MeshError::Stopped`]; [`MeshError::Internal`] if the tetrahedra given are no parts of one mesh.
+/// [`MeshError::Stopped`]; [`MeshError::Internal`] if what is given is not part of one mesh.
 pub fn mend(
     solid: &dyn Solid,
     plan: &Plan,

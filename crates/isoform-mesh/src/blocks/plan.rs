@@ -276,7 +276,8 @@ mod tests {
         let unsettled: Vec<_> = (0..=ROUNDS).map(|r| plan.unsettled(r)).collect();
         let mut most = 0;
         for k in 0..20_000 {
-            let p = [0.371, 0.713, 0.139].map(|s| 60.0 * (s * f64::from(k)).fract());
+            let p = [0.618_033_988_7, 0.754_877_666_2, 0.569_840_291]
+                .map(|s| 60.0 * (s * f64::from(k)).fract());
             most = most.max((0..=ROUNDS).rev().find(|&r| unsettled[r](p)).unwrap_or(0));
         }
         assert_eq!(most, ROUNDS - 1);

@@ -250,8 +250,8 @@ impl BlocksJob {
     /// Takes the reports of all tasks of the step, in whichever order, and goes on to the next one.
     ///
     /// # Errors
-    /// [`MeshError::Apart`] if blocks do not meet with the largest halo tried, [`BlocksError::Read`]
-    /// if files are missing.
+    /// [`MeshError::Apart`] if blocks do not meet with the largest halo tried;
+    /// [`BlocksError::Read`] if files are missing.
     pub fn advance(&mut self, mut reports: Vec<BlockReport>) -> Result<(), BlocksError> {
         reports.sort_by_key(|r| r.block);
         match self.phase {
