@@ -664,3 +664,44 @@ fn surfaces_that_cannot_be_adapted() {
         "{j}"
     );
 }
+
+#[test]
+fn blocks_meet_and_are_certified() {
+    let f = Folder::new("mesh-blocks");
+    let (model, out) = (f.program(HOLED), f.path("m.pvtu"));
+    let (exit, j) = mesh(&model, &["--size", "0.2", "--blocks", "2,1,2", "-o", &out]);
+    let c = &j["certificate"];
+    assert_eq!(
+        (exit, &j["ok"], &c["ok"]),
+        (0, &true.into(), &true.into()),
+        "{j}"
+    );
+    let volume = 8.0 - 0.5 * std::f64::consts::PI;
+    let of_whole = c["volume"].as_f64().expect("a volume");
+    assert!((of_whole / volume - 1.0).abs() < 0.02, "{c}");
+    assert!(c["shared_faces"].as_u64().is_some_and(|n| n > 0));
+    let files: Vec<&str> = j["blocks"]
+        .as_array()
+        .expect("blocks")
+        .iter()
+        .map(|b| b["figures"]["file"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(files, ["m_0.vtu", "m_1.vtu", "m_2.vtu", "m_3.vtu"]);
+    let joined = String::from_utf8(f.bytes("m.pvtu")).expect("a text");
+    assert!(
+        files
+            .iter()
+            .all(|file| joined.contains(&format!("Source=\"{file}\"")))
+    );
+    assert_eq!(fs::read_dir(&f.0).expect("the folder").count(), 6);
+
+    for (more, word) in [
+        (["--blocks", "0,1,1", "-o", &out], "above 0"),
+        (["--blocks", "1,1,99", "-o", &out], "this size has room for"),
+        (["--blocks", "2,1,1", "-o", &f.path("m.vtu")], ".pvtu"),
+    ] {
+        let o = isoform(&[&["mesh", &model, "--size", "0.2"], &more[..]].concat());
+        assert_eq!(code(&o), 1);
+        assert!(stderr(&o).contains(word), "{}", stderr(&o));
+    }
+}

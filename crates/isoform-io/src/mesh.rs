@@ -26,6 +26,7 @@ mod off;
 mod options;
 mod out;
 mod ply;
+mod pvtu;
 mod registry;
 mod stl;
 mod surface;
@@ -36,6 +37,7 @@ mod zip;
 
 pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
+pub use pvtu::write_pvtu;
 pub use registry::{mesh_format_named, mesh_formats};
 
 use crate::format::extension;

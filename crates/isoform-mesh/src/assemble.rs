@@ -6,7 +6,7 @@ use crate::complex::{Complex, Face, NONE, labelled_edges};
 use crate::error::MeshError;
 use crate::points::{midpoint, unique};
 use crate::surface::{Surface, first_order_at, meet_at_an_angle};
-use isoform_geom::{Curve, Mesh, Point3};
+use isoform_geom::{Curve, Mesh, Point3, Solid};
 
 /// A mesh with the pieces of the solid that its parts lie on.
 pub(crate) struct Labelled {
@@ -66,7 +66,7 @@ pub(crate) fn assemble_surface(
         points: std::mem::take(&mut numbering.points),
         ..Mesh::default()
     };
-    label(surface, faces, &numbering, mesh)
+    label(surface, faces, |v| numbering.node(v), mesh)
 }
 
 /// The mesh of tetrahedra of a complex and of a core within it.
@@ -107,11 +107,16 @@ pub(crate) fn assemble_volume(
         regions: vec!["solid".to_owned()],
         ..Mesh::default()
     };
-    Ok(label(surface, &faces, &numbering, mesh))
+    Ok(label(surface, &faces, |v| numbering.node(v), mesh))
 }
 
 /// Gives a mesh its labelled triangles, parts, curves and corners.
-fn label(surface: &Surface<'_>, faces: &[Face], numbering: &Numbering, mut mesh: Mesh) -> Labelled {
+fn label(
+    surface: &Surface<'_>,
+    faces: &[Face],
+    node: impl Fn(u32) -> u32,
+    mut mesh: Mesh,
+) -> Labelled {
     let names = surface.solid.names();
     let mut part_of = vec![NONE; names.len()];
     let used = faces
@@ -123,31 +128,33 @@ fn label(surface: &Surface<'_>, faces: &[Face], numbering: &Numbering, mut mesh:
         part_of[piece as usize] = k as u32;
         mesh.parts.push(names[piece as usize].clone());
     }
-    mesh.triangles = faces
-        .iter()
-        .map(|(f, _)| f.map(|v| numbering.node(v)))
-        .collect();
+    mesh.triangles = faces.iter().map(|(f, _)| f.map(&node)).collect();
     mesh.triangle_parts = faces
         .iter()
         .map(|(_, l)| part_of.get(*l as usize).copied().unwrap_or(0))
         .collect();
-    let found = feature_edges(surface, &pieces, &mesh);
+    let found = feature_edges(surface.solid, surface.zero, &pieces, &mesh);
     add_curves(&mut mesh, &found);
     mesh.corners = corners(&mesh);
     Labelled { mesh, pieces }
 }
 
 /// An edge between two parts: the parts, then its ends.
-type FeatureEdge = ([u32; 2], [u32; 2]);
+pub(crate) type FeatureEdge = ([u32; 2], [u32; 2]);
 
 /// Edges between faces of two parts that meet at an angle, where the ends lie on both: seams of
 /// parts that touch are none. Sorted by parts.
-fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &Mesh) -> Vec<FeatureEdge> {
+pub(crate) fn feature_edges(
+    solid: &dyn Solid,
+    zero: f64,
+    pieces: &[u32],
+    mesh: &Mesh,
+) -> Vec<FeatureEdge> {
     let triangles = mesh.triangles.iter().copied();
     let edges = labelled_edges(triangles.zip(mesh.triangle_parts.iter().copied()));
     let is_on = |v: u32, part: u32| {
         let (piece, p) = (pieces[part as usize], mesh.points[v as usize]);
-        first_order_at(surface.solid, piece, p).abs() <= surface.zero
+        first_order_at(solid, piece, p).abs() <= zero
     };
     let mut found: Vec<FeatureEdge> = Vec::new();
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
@@ -158,7 +165,7 @@ fn feature_edges(surface: &Surface<'_>, pieces: &[u32], mesh: &Mesh) -> Vec<Feat
         }
         let [p, q] = ends.map(|v| mesh.points[v as usize]);
         let pair = parts.map(|k| pieces[k as usize]);
-        if meet_at_an_angle(surface.solid, pair, midpoint(p, q)) {
+        if meet_at_an_angle(solid, pair, midpoint(p, q)) {
             found.push((parts, ends));
         }
     }
@@ -182,7 +189,7 @@ fn add_curves(mesh: &mut Mesh, edges: &[FeatureEdge]) {
 }
 
 /// Nodes where anything but two edges of one curve meet.
-fn corners(mesh: &Mesh) -> Vec<u32> {
+pub(crate) fn corners(mesh: &Mesh) -> Vec<u32> {
     let mut ends: Vec<(u32, u32)> = mesh
         .edges
         .iter()

@@ -145,6 +145,25 @@ impl Crowd {
         }
     }
 
+    /// Of places with the edge length wanted there, where `size` is that elsewhere.
+    pub(crate) fn of_places(places: &[(Point3, f64)], size: f64) -> Self {
+        let wishes = Wishes {
+            places: places.iter().map(|p| p.0).collect(),
+            sizes: places.iter().map(|p| p.1).collect(),
+            size,
+        };
+        Self {
+            tree: KdTree::new(&wishes.places),
+            wishes,
+        }
+    }
+
+    /// The places with the edge length wanted at each.
+    pub(crate) fn places(&self) -> Vec<(Point3, f64)> {
+        let sizes = self.wishes.sizes.iter().copied();
+        self.wishes.places.iter().copied().zip(sizes).collect()
+    }
+
     pub(crate) fn is_empty(&self) -> bool {
         self.wishes.sizes.is_empty()
     }

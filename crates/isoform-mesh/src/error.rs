@@ -48,6 +48,28 @@ pub enum MeshError {
         /// What is wrong with it.
         why: String,
     },
+    /// Blocks that cannot be made.
+    #[error(
+        "there cannot be {} x {} x {} blocks: this size has room for 1 x 1 x 1 to {} x {} x {}",
+        .asked[0], .asked[1], .asked[2], .most[0], .most[1], .most[2]
+    )]
+    Blocks {
+        /// Blocks asked for, by axis.
+        asked: [usize; 3],
+        /// Blocks that are possible, by axis.
+        most: [usize; 3],
+    },
+    /// Blocks that do not meet face to face.
+    #[error(
+        "{count} faces between blocks have no partner, one near ({}, {}, {})",
+        .at[0], .at[1], .at[2]
+    )]
+    Apart {
+        /// How many faces.
+        count: usize,
+        /// Where one of them is.
+        at: Point3,
+    },
     /// A fault of the mesher.
     #[error("the mesher made an error of its own: {what}")]
     Internal {

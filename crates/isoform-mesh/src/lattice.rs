@@ -49,16 +49,49 @@ pub(crate) struct Reduced {
 }
 
 /// A box of cells: by axis the first one and the one behind the last.
-type Cells = [[usize; 2]; 3];
+pub(crate) type Cells = [[usize; 2]; 3];
 
-/// The cells of the lattice over a box.
-#[derive(Debug)]
-pub(crate) struct Lattice {
+/// All cells over a region.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Grid {
     pub(crate) origin: Point3,
-    /// Edge of a cell, the lattice's long edge.
+    /// Edge of a cell.
     pub(crate) a: f64,
     /// Cells by axis.
     pub(crate) n: [usize; 3],
+}
+
+impl Grid {
+    /// The cells of edge `a` over a region.
+    pub(crate) fn over(region: Aabb, a: f64) -> Self {
+        let offset = OFFSET.map(|o| (1.0 + o) * a);
+        let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
+        let n = std::array::from_fn(|i| {
+            ((region.hi[i] + BEHIND * a - origin[i]) / a)
+                .ceil()
+                .max(3.0) as usize
+        });
+        Self { origin, a, n }
+    }
+
+    pub(crate) fn all(&self) -> Cells {
+        self.n.map(|n| [0, n])
+    }
+}
+
+/// The cells of the lattice over a box, or some of them.
+#[derive(Debug)]
+pub(crate) struct Lattice {
+    /// Where the first cell of all begins.
+    pub(crate) origin: Point3,
+    /// Edge of a cell, the lattice's long edge.
+    pub(crate) a: f64,
+    /// The first of these cells, by axis.
+    first: [usize; 3],
+    /// Cells by axis.
+    pub(crate) n: [usize; 3],
+    /// Whether the whole goes on before the first cells and behind the last ones, by axis.
+    goes_on: [[bool; 2]; 3],
     /// [`IN`], [`OUT`], or the number of a reduced tree after these, x fastest.
     pub(crate) state: Vec<u32>,
     trees: Vec<Reduced>,
@@ -68,22 +101,30 @@ impl Lattice {
     /// The lattice with cells of edge `a` over the region, which must hold the solid. On a stop by
     /// `control` cells are left undecided, and the lattice must not be used.
     pub(crate) fn new(solid: &dyn Solid, region: Aabb, a: f64, control: &Control<'_>) -> Self {
-        let offset = OFFSET.map(|o| (1.0 + o) * a);
-        let origin: Point3 = std::array::from_fn(|i| region.lo[i] - offset[i]);
-        let n: [usize; 3] = std::array::from_fn(|i| {
-            ((region.hi[i] + BEHIND * a - origin[i]) / a)
-                .ceil()
-                .max(3.0) as usize
-        });
+        let grid = Grid::over(region, a);
+        Self::window(solid, grid, grid.all(), control)
+    }
+
+    /// Some cells of the lattice over a region, with the points and states that they have in the
+    /// whole, bit for bit. What is beyond them counts as it does in the nearest of them.
+    pub(crate) fn window(
+        solid: &dyn Solid,
+        grid: Grid,
+        cells: Cells,
+        control: &Control<'_>,
+    ) -> Self {
+        let n = cells.map(|c| c[1] - c[0]);
         let mut lattice = Self {
-            origin,
-            a,
+            origin: grid.origin,
+            a: grid.a,
+            first: cells.map(|c| c[0]),
             n,
+            goes_on: std::array::from_fn(|i| [cells[i][0] > 0, cells[i][1] < grid.n[i]]),
             state: vec![OUT; n[0] * n[1] * n[2]],
             trees: Vec::new(),
         };
         let all = solid.tree().pieces();
-        let found: Vec<Vec<(Cells, Sign)>> = blocks(n)
+        let found: Vec<Vec<(Cells, Sign)>> = blocks(grid.n, cells)
             .par_iter()
             .map(|b| {
                 let mut found = Vec::new();
@@ -116,7 +157,12 @@ impl Lattice {
         }
     }
 
+    /// Sets the state of those cells of the whole that are here.
     fn fill(&mut self, cells: Cells, state: u32) {
+        let cells: Cells = std::array::from_fn(|i| {
+            let local = |c: usize| c.saturating_sub(self.first[i]).min(self.n[i]);
+            cells[i].map(local)
+        });
         for k in cells[2][0]..cells[2][1] {
             for j in cells[1][0]..cells[1][1] {
                 let row = self.at([cells[0][0], j, k]);
@@ -134,7 +180,7 @@ impl Lattice {
             .product()
     }
 
-    /// Decides a box of cells by intervals, by halves where the whole is undecided.
+    /// Decides a box of cells of the whole by intervals, by halves where the whole is undecided.
     fn decide(
         &self,
         solid: &dyn Solid,
@@ -158,7 +204,7 @@ impl Lattice {
         }
     }
 
-    /// What intervals tell of the sign in a box of cells and the margin around it.
+    /// What intervals tell of the sign in a box of cells of the whole and the margin around it.
     fn sign(&self, solid: &dyn Solid, cells: Cells, tree: &Csg, pieces: &[u32]) -> Sign {
         let corner = |k: usize, margin: f64| {
             std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a)
@@ -189,17 +235,22 @@ impl Lattice {
 
     /// State of a cell; outside the grid there is nothing.
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
-        if (0..3).any(|i| c[i] < 0 || c[i] as usize >= self.n[i]) {
-            OUT
-        } else {
-            self.state[self.at(c.map(|v| v as usize))]
+        let mut near = [0; 3];
+        for i in 0..3 {
+            let last = self.n[i] as isize - 1;
+            let is_out = [c[i] < 0, c[i] > last];
+            if (0..2).any(|end| is_out[end] && !self.goes_on[i][end]) {
+                return OUT;
+            }
+            near[i] = c[i].clamp(0, last) as usize;
         }
+        self.state[self.at(near)]
     }
 
     /// State of the cell that holds a point.
     pub(crate) fn state_at(&self, p: Point3) -> u32 {
         self.cell(std::array::from_fn(|i| {
-            ((p[i] - self.origin[i]) / self.a).floor() as isize
+            ((p[i] - self.origin[i]) / self.a).floor() as isize - self.first[i] as isize
         }))
     }
 
@@ -216,7 +267,9 @@ impl Lattice {
     /// Position of a lattice point in half cells: even coordinates are corners of cells, odd ones
     /// centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {
-        std::array::from_fn(|i| self.origin[i] + 0.5 * self.a * half[i] as f64)
+        std::array::from_fn(|i| {
+            self.origin[i] + 0.5 * self.a * (half[i] + 2 * self.first[i]) as f64
+        })
     }
 
     /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by
@@ -238,13 +291,13 @@ impl Lattice {
     }
 }
 
-/// The blocks of a grid of cells, x fastest.
-fn blocks(n: [usize; 3]) -> Vec<Cells> {
-    let ranges = n.map(|n| {
-        (0..n)
+/// The blocks of a grid of cells that hold some of those given, x fastest.
+fn blocks(n: [usize; 3], cells: Cells) -> Vec<Cells> {
+    let ranges: [Vec<[usize; 2]>; 3] = std::array::from_fn(|i| {
+        (cells[i][0] / BLOCK * BLOCK..cells[i][1])
             .step_by(BLOCK)
-            .map(|i| [i, (i + BLOCK).min(n)])
-            .collect::<Vec<_>>()
+            .map(|k| [k, (k + BLOCK).min(n[i])])
+            .collect()
     });
     let mut blocks = Vec::new();
     for &z in &ranges[2] {
@@ -290,8 +343,16 @@ mod tests {
     fn blocks_and_halves_hold_every_cell_once() {
         let count = |c: &Cells| c.iter().map(|r| r[1] - r[0]).product::<usize>();
         assert_eq!(
-            blocks([17, 3, 40]).iter().map(count).sum::<usize>(),
+            blocks([17, 3, 40], [[0, 17], [0, 3], [0, 40]])
+                .iter()
+                .map(count)
+                .sum::<usize>(),
             17 * 3 * 40
+        );
+        // Blocks that hold some of the cells are whole.
+        assert_eq!(
+            blocks([40, 3, 3], [[17, 33], [1, 2], [0, 3]]),
+            [[[16, 32], [0, 3], [0, 3]], [[32, 40], [0, 3], [0, 3]]]
         );
         let [a, b] = halves([[0, 5], [2, 4], [0, 5]]).expect("more than one cell");
         assert_eq!((a[0], b[0]), ([0, 2], [2, 5]));

@@ -28,6 +28,7 @@
 mod adapt;
 mod assemble;
 mod band;
+pub mod blocks;
 mod complex;
 mod crowd;
 mod cut;

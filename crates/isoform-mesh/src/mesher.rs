@@ -121,7 +121,8 @@ fn mesh_once(
     };
     control.begin("features")?;
     let features = features_of(solid, region, options, control);
-    let mut warnings = refine(&mut refiner, &surface, &features, options)?;
+    let crowd = Crowd::new(&features, options.size);
+    let mut warnings = refine(&mut refiner, &surface, &crowd, options)?;
     let inside = cut(refiner, &surface, &band.core, options, &mut warnings)?;
     let joined = Joined {
         core: band.core,
@@ -174,15 +175,14 @@ pub(crate) fn features_of(
 }
 
 /// Smaller tetrahedra where features crowd, where sizes are asked for, and where something hides.
-fn refine(
+pub(crate) fn refine(
     refiner: &mut Refiner<'_>,
     surface: &Surface<'_>,
-    features: &Features,
+    crowd: &Crowd,
     options: &Options,
 ) -> Result<Vec<Warning>, MeshError> {
     let control = surface.control;
     let mut warnings = Vec::new();
-    let crowd = Crowd::new(features, options.size);
     if !crowd.is_empty() {
         let mut found = Vec::new();
         refiner.bisect(|complex, t| CELL * crowd.size_at(complex.middle(t), &mut found));
@@ -200,12 +200,29 @@ fn refine(
 
 /// The tetrahedra inside of the solid, with faces along its pieces.
 fn cut(
-    mut refiner: Refiner<'_>,
+    refiner: Refiner<'_>,
     surface: &Surface<'_>,
     core: &Core,
     options: &Options,
     warnings: &mut Vec<Warning>,
 ) -> Result<Inside, MeshError> {
+    let mut cutter = cut_along(refiner, surface, warnings)?;
+    let inside = cutter.inside();
+    let inside = cutter.finish(&inside, &inside);
+    if inside.complex.tets.is_empty() && core.tets.is_empty() {
+        return Err(MeshError::TooCoarse { size: options.size });
+    }
+    let stray = inside.stray.iter().copied();
+    warnings.extend(Warning::each(WarningKind::StrayFace, stray));
+    Ok(inside)
+}
+
+/// The tetrahedra inside and outside of the solid, cut along its pieces.
+pub(crate) fn cut_along<'s>(
+    mut refiner: Refiner<'_>,
+    surface: &'s Surface<'s>,
+    warnings: &mut Vec<Warning>,
+) -> Result<Cutter<'s>, MeshError> {
     let control = surface.control;
     let mut cutter = cutter_of(&refiner, surface);
     if let Some(at) = cutter.not_a_number() {
@@ -224,17 +241,10 @@ fn cut(
     }
     control.check()?;
     warnings.extend(undecided(&cutter.undecided));
-    let inside = cutter.inside();
-    let inside = cutter.finish(&inside);
-    if inside.complex.tets.is_empty() && core.tets.is_empty() {
-        return Err(MeshError::TooCoarse { size: options.size });
-    }
-    let stray = inside.stray.iter().copied();
-    warnings.extend(Warning::each(WarningKind::StrayFace, stray));
-    Ok(inside)
+    Ok(cutter)
 }
 
-fn cutter_of<'s>(refiner: &Refiner<'s>, surface: &'s Surface<'s>) -> Cutter<'s> {
+fn cutter_of<'s>(refiner: &Refiner<'_>, surface: &'s Surface<'s>) -> Cutter<'s> {
     Cutter::new(
         surface,
         refiner.complex.clone(),

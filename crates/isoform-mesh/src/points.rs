@@ -30,6 +30,25 @@ pub(crate) fn unit(v: Point3) -> Point3 {
     v.map(|x| x / n)
 }
 
+/// 64 bits that look random, of a point's coordinates to the last bit.
+pub(crate) fn hash(p: Point3) -> u64 {
+    hash_words(&p.map(f64::to_bits), 0x6a09_e667_f3bc_c908)
+}
+
+/// 64 bits that look random, by multiplications and shifts (Steele, Lea and Flood, Fast splittable
+/// pseudorandom number generators, 2014); `start` tells several such hashes apart.
+pub(crate) fn hash_words(words: &[u64], start: u64) -> u64 {
+    let mix = |mut z: u64| {
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        z ^ (z >> 31)
+    };
+    let step = 0x9e37_79b9_7f4a_7c15u64;
+    words
+        .iter()
+        .fold(start, |h, &w| mix(h.wrapping_add(step) ^ mix(w ^ start)))
+}
+
 /// The list sorted, each number once.
 pub(crate) fn unique(mut v: Vec<u32>) -> Vec<u32> {
     v.sort_unstable();

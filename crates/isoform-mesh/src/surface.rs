@@ -11,7 +11,7 @@ mod newton;
 mod on;
 
 use crate::lattice::{IN, Lattice, OUT};
-use crate::points::along;
+use crate::points::{along, hash};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use newton::{Bracket, newton};
@@ -88,6 +88,10 @@ pub(crate) struct Surface<'s> {
     pub(crate) seams: bool,
     /// Whether there are such places.
     pub(crate) has_seams: AtomicBool,
+    /// Whether equals are put in order by their places, as if at random, and not by their numbers:
+    /// where all vertices along a flat face are equal, an order along the face would let each depend
+    /// on the one before it, from one end to the other.
+    pub(crate) by_place: bool,
     pub(crate) control: &'s Control<'s>,
 }
 
@@ -106,6 +110,13 @@ pub(crate) fn first_order(g: f64, gradient: Point3) -> f64 {
     }
 }
 
+/// The distance below which values in a region are rounding.
+pub(crate) fn zero_in(region: Aabb) -> f64 {
+    let reach = region.lo.into_iter().chain(region.hi);
+    let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
+    (ROUNDING * region.diagonal()).max(OF_COORDINATES * far)
+}
+
 /// The distance of a point to a piece, to first order.
 pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let (g, d) = solid.gradient(piece, p);
@@ -120,20 +131,24 @@ impl<'s> Surface<'s> {
         region: Aabb,
         control: &'s Control<'s>,
     ) -> Self {
-        let reach = region.lo.into_iter().chain(region.hi);
-        let far = reach.fold(0.0, |far: f64, v| far.max(v.abs()));
         Self {
             solid,
             lattice,
-            zero: (ROUNDING * region.diagonal()).max(OF_COORDINATES * far),
+            zero: zero_in(region),
             seams: true,
             has_seams: AtomicBool::new(false),
+            by_place: false,
             control,
         }
     }
 }
 
 impl Surface<'_> {
+    /// Where something stands among its equals: the same for all, unless places decide.
+    pub(crate) fn rank(&self, p: Point3) -> u64 {
+        if self.by_place { hash(p) } else { 0 }
+    }
+
     /// Distance of a point to a piece, to first order; 0 within rounding.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
         if piece == SKIN {

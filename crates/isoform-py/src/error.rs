@@ -206,6 +206,8 @@ impl From<MeshError> for Trouble {
             MeshError::TooCoarse { size } => {
                 Self::new("too-coarse", e).hint(format!("size={}", 0.5 * size))
             }
+            MeshError::Blocks { .. } => Self::usage(e),
+            MeshError::Apart { .. } => Self::new("apart", e).hint("fewer blocks, or another size"),
             MeshError::Input { .. } => Self::new("mesh", e),
             MeshError::Internal { .. } => Self::internal(),
         }

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod arrays;
+mod blocks;
 mod brep;
 mod compare;
 mod document;
@@ -31,6 +32,8 @@ use pyo3::prelude::pymodule;
 /// The compiled half of the package isoform.
 #[pymodule(name = "_isoform")]
 mod native {
+    #[pymodule_export]
+    use crate::blocks::{BlocksWork, block_task};
     #[pymodule_export]
     use crate::brep::{Solids, brep};
     #[pymodule_export]

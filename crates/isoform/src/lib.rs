@@ -7,6 +7,7 @@
 //! | a scan | a smooth function through its points | [`implicitize_scan`], [`mesh_spline`] |
 //! | a scan | the planes, spheres, cylinders, cones and tori that it consists of | [`recognize_scan`] |
 //! | a program | tetrahedra, or the surface, with a certificate | [`mesh_model`], [`adapt_to_model`] |
+//! | a huge program | tetrahedra in blocks, each in its own memory or process | [`mesh_in_blocks`], [`BlocksJob`] |
 //! | a program | a tape with free parameters, for evaluators elsewhere | [`LiveModel`] |
 //! | a program | solids of exact faces for CAD, with a certificate | [`brep_model`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
@@ -98,6 +99,7 @@
 //! docs.
 #![forbid(unsafe_code)]
 
+mod blocks;
 mod brep_model;
 mod compare;
 mod exact_solid;
@@ -122,6 +124,10 @@ mod spline_distance;
 mod template;
 mod topology;
 
+pub use blocks::{
+    BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, BlocksError, BlocksJob,
+    BlocksReport, WholeReport, mesh_in_blocks, run_block_task,
+};
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use compare::{CompareError, Distances, Side, compare};
 pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};

@@ -1,5 +1,6 @@
 //! `isoform mesh`: labelled surfaces and tetrahedra of a model, with a certificate.
 
+mod blocks;
 pub(crate) mod document;
 pub(crate) mod files;
 mod sizes;
@@ -24,6 +25,7 @@ Examples:
   isoform mesh part.hf --sizes sizes.csv --order 2 -o part.inp
   isoform mesh part.hf --adapt old.msh -o better.msh
   isoform mesh part.step -o part.stl
+  isoform mesh lattice.hf --size 0.05 --blocks 4,4,4 -o big.pvtu
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
@@ -48,6 +50,10 @@ pub(crate) struct Args {
     /// they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
+    /// Mesh in so many blocks along x, y and z, one after the other: the memory is that for one of
+    /// them. -o names a .pvtu, beside which each block is a .vtu; they meet node for node
+    #[arg(long, value_name = "NX,NY,NZ", value_parser = counts, conflicts_with_all = ["adapt", "to"])]
+    blocks: Option<Counts>,
     /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]
     close: bool,
@@ -111,8 +117,24 @@ fn angles(text: &str) -> Result<Angles, String> {
     }
 }
 
+/// Numbers of blocks by axis.
+#[derive(Clone, Copy, Debug)]
+struct Counts([usize; 3]);
+
+/// Reads the numbers of --blocks.
+fn counts(text: &str) -> Result<Counts, String> {
+    let numbers: Option<Vec<usize>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some(&[x, y, z]) if x > 0 && y > 0 && z > 0 => Ok(Counts([x, y, z])),
+        _ => Err("three whole numbers above 0 are expected, as 4,4,4".to_owned()),
+    }
+}
+
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    if let Some(counts) = args.blocks {
+        return blocks::run(args, counts.0, context);
+    }
     let targets = files::targets(&args.output, args.to.as_deref(), context)?;
     if let Some(file) = solids::find(&args.model)? {
         return solid::run(args, file, &targets, context);

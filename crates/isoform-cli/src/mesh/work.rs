@@ -127,6 +127,14 @@ impl Phases {
             self.progress.show(phase, i as f64 / PHASES.len() as f64);
         }
     }
+    /// A phase that tells its share: the bar is the phase's own.
+    pub(crate) fn share(&self, phase: &str, done: f64) {
+        let mut started = self.started.lock().unwrap_or_else(PoisonError::into_inner);
+        if started.last().is_none_or(|last| last.0 != phase) {
+            started.push((phase.to_owned(), Instant::now()));
+        }
+        self.progress.show(phase, done);
+    }
     /// Seconds of each; the last one lasts until now.
     pub(crate) fn seconds(self) -> Vec<(String, f64)> {
         let started = self
@@ -196,7 +204,7 @@ pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -
 }
 
 /// What is asked for, as the library takes it.
-fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, Failure> {
+pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshModelOptions, Failure> {
     let usual = Options::default();
     let sizes = settings.sizes.as_deref();
     Ok(MeshModelOptions {
@@ -296,6 +304,11 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             "--size {}, or --params: those that are not given are 0",
             0.5 * size
         )),
+        MeshError::Blocks { .. } => Failure::usage(error.to_string()).hint("--blocks"),
+        MeshError::Apart { at, .. } => none("apart")
+            .somewhere(*at)
+            .why("the mesher decided otherwise on the two sides")
+            .hint("fewer --blocks, or another --size"),
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
         MeshError::Internal { what } => Failure::internal("mesh").why(what),

@@ -20,7 +20,7 @@ use isoform_geom::Mesh;
 use std::io::{self, Write};
 
 /// First words of the lines with names in the comment, and of the arrays with tags.
-const GROUPS: [&str; 3] = ["part", "region", "curve"];
+pub(super) const GROUPS: [&str; 3] = ["part", "region", "curve"];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);

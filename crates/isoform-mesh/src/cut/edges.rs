@@ -59,7 +59,7 @@ impl Longest {
 impl Cutter<'_> {
     /// Cuts until every tetrahedron is decided, or the budget is spent.
     pub(super) fn cut(&mut self) {
-        let mut queue: VecDeque<u32> = self.complex.live().collect();
+        let mut queue: VecDeque<u32> = self.in_order().into();
         let mut budget = queue.len() / BUDGET + LEAST_BUDGET;
         let mut ring = Ring::default();
         let mut looked = 0usize;
@@ -86,6 +86,15 @@ impl Cutter<'_> {
             budget -= 1;
             queue.extend(self.cut_edge(t, crossing, &mut ring));
         }
+    }
+
+    /// All tetrahedra in the order in which they are looked at first.
+    fn in_order(&self) -> Vec<u32> {
+        let mut all: Vec<u32> = self.complex.live().collect();
+        if self.surface.by_place {
+            all.sort_by_cached_key(|&t| self.surface.rank(self.complex.middle(t)));
+        }
+        all
     }
 
     /// Leaves the tetrahedra of the queue undecided that would be cut: of the others, mostly far

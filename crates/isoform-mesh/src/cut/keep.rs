@@ -21,12 +21,20 @@ struct Kept {
 }
 
 impl Cutter<'_> {
-    /// Drops what is outside.
-    pub(crate) fn finish(mut self, inside: &[bool]) -> Inside {
+    /// Whether the corners of each tetrahedron are admitted.
+    pub(crate) fn admitted(&self, admits: impl Fn([Point3; 4]) -> bool) -> Vec<bool> {
+        let all = 0..self.complex.tets.len() as u32;
+        all.map(|t| self.complex.is_there(t) && admits(self.complex.corners(t)))
+            .collect()
+    }
+
+    /// Drops what is outside, and of what is `inside` the tetrahedra that are not `kept`: faces
+    /// towards those are open.
+    pub(crate) fn finish(mut self, inside: &[bool], kept: &[bool]) -> Inside {
         let live: Vec<u32> = self
             .complex
             .live()
-            .filter(|&t| inside[t as usize])
+            .filter(|&t| inside[t as usize] && kept[t as usize])
             .collect();
         let Kept {
             number,

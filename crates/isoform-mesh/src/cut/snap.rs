@@ -82,7 +82,12 @@ impl Cutter<'_> {
         found.sort_by(|a, b| {
             let by_kind = b.on.len().cmp(&a.on.len());
             let by_distance = a.distance.total_cmp(&b.distance);
-            by_kind.then(by_distance).then(a.v.cmp(&b.v))
+            let rank = |c: &Candidate| self.surface.rank(self.complex.point(c.v));
+            let by_rank = || rank(a).cmp(&rank(b));
+            by_kind
+                .then(by_distance)
+                .then_with(by_rank)
+                .then(a.v.cmp(&b.v))
         });
         found
     }
@@ -150,7 +155,11 @@ impl Cutter<'_> {
             .filter(|&v| self.may_snap(v as usize))
             .collect();
         let depth = |v: u32| self.value[v as usize].abs();
-        near.sort_by(|&u, &v| depth(u).total_cmp(&depth(v)).then(u.cmp(&v)));
+        let rank = |v: u32| self.surface.rank(self.complex.point(v));
+        near.sort_by(|&u, &v| {
+            let by_depth = depth(u).total_cmp(&depth(v));
+            by_depth.then_with(|| rank(u).cmp(&rank(v))).then(u.cmp(&v))
+        });
         for (k, v) in near.into_iter().enumerate() {
             if k.is_multiple_of(LOOK) && self.control.is_stopped() {
                 return;

@@ -1,9 +1,13 @@
-"""Fleets of scans, and clouds too large for one machine, on local processes, Ray or Dask.
+"""Fleets of scans, clouds too large for one machine, and meshes in blocks, on local processes, Ray or
+Dask.
 
 Scans are fitted one by one, each by one thread of one process, so that a fleet takes as many of
 them at once as there are cores; the numbers are those of `isoform.fit`. Rows are written as they
 come. A cloud in chunks is fitted by sums over them (`fit_large`). Ray and Dask are taken where they
 are asked for, with the connection that is there.
+
+A huge model is meshed in blocks. The steps of its blocks are tasks as well, which read files of a
+folder beside the output and write others there; they are planned and their reports compared here.
 """
 
 from __future__ import annotations
@@ -21,22 +25,26 @@ import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path as FilePath
-from typing import Any, Union
+from typing import Any, Protocol, Union
 
 from . import _isoform
+from ._call import Asked, Progress, asked, whole
+from ._document import Documented
 from ._errors import IsoformError
 from ._fit import fit
 from ._large import fit_large
-from ._model import Model
+from ._mesh import _memory, _shape
+from ._model import Model, Values
 from ._optional import need
 from ._points import Path, read_points
+from ._region import Box, corners
 
-__all__ = ["fit_large", "fit_many"]
+__all__ = ["BlockedMesh", "fit_large", "fit_many", "mesh_blocks"]
 
 #: A row of the table.
 Row = dict[str, Any]
 #: Sources go in, and come out with their rows in the order in which they are done.
-Engine = Callable[["Job", Iterable[str]], Iterator[tuple[str, Row]]]
+Engine = Callable[["Work", Iterable[str]], Iterator[tuple[str, Row]]]
 
 #: How often a source is tried whose worker dies: the worker may have been killed for another's
 #: sake, but a scan that kills each one must not go on for ever.
@@ -45,8 +53,15 @@ TRIES = 4
 AHEAD = 3
 
 
+class Work(Protocol):
+    """What can be sent to workers."""
+
+    def row(self, source: str) -> Row:
+        """What comes of a source; what is wrong with it is an entry."""
+
+
 class Job:
-    """What is done with each source."""
+    """A fit, as it is done with each source."""
 
     def __init__(self, template: Model, options: dict[str, Any]) -> None:
         self.template = template
@@ -176,10 +191,7 @@ def fit_many(
     -----
     A worker that dies is replaced, and its scan tried again, four times at most.
     """
-    run = ENGINES.get(engine)
-    if run is None:
-        names = ", ".join(repr(name) for name in ENGINES)
-        raise IsoformError(f"engine is {engine!r}", "usage", f"one of: {names}")
+    run = _engine(engine)
     unknown = set(options) - OPTIONS
     if unknown:
         raise IsoformError(
@@ -195,16 +207,209 @@ def fit_many(
     return folder
 
 
+def _engine(name: str | None) -> Engine:
+    """Who does the work."""
+    run = ENGINES.get(name)
+    if run is None:
+        names = ", ".join(repr(name) for name in ENGINES)
+        raise IsoformError(f"engine is {name!r}", "usage", f"one of: {names}")
+    return run
+
+
 #: Options of `fit` that a fleet may have.
 OPTIONS = frozenset(
     ["start", "bounds", "seed", "fixed", "pose", "method", "loss", "keep", "time_limit"]
 )
 
 
+# ---- meshes in blocks ----------------------------------------------------------------------------
+
+
+class BlockedMesh(Documented):
+    """The mesh of a huge model: files, and what is known of them.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        The .pvtu, which names the .vtu of each block.
+    certificate : dict
+        What is proved of the whole: ``ok``, ``tets``, ``volume``, ``shared_faces`` and so on.
+    blocks : list of dict
+        What is known of each block, x fastest: its ``warnings``, and its ``figures`` with
+        ``file``, ``tets``, ``dihedral_angles``, ``failures`` and so on.
+    """
+
+    def __init__(self, path: FilePath, document: str) -> None:
+        self.path = path
+        self._document = document
+        told = self.to_dict()
+        self.certificate: dict[str, Any] = told["certificate"]
+        self.blocks: list[dict[str, Any]] = told["blocks"]
+
+    def __repr__(self) -> str:
+        tets = self.certificate["tets"]
+        return f"<isoform.BlockedMesh: {tets} tetrahedra in {len(self.blocks)} blocks>"
+
+
+class Blocks:
+    """Steps of blocks, done by one thread of a worker."""
+
+    def __init__(self, model: Model, params: Values, wanted: dict[str, Any]) -> None:
+        self.model = model
+        self.params = params
+        self.wanted = wanted
+
+    def row(self, source: str) -> Row:
+        """The report of a task; what is wrong is an entry."""
+        try:
+            return {"ok": True, "report": self.report(source, (1, None, None))}
+        except IsoformError as e:
+            return {"ok": False, "error": str(e), "code": e.code, "hint": e.hint}
+
+    def report(self, task: str, limits: tuple[int | None, float | None, Any]) -> str:
+        """The report of a task."""
+        return _isoform.block_task(_shape(self.model, self.params), self.wanted, task, limits)
+
+
+def mesh_blocks(
+    model: Model,
+    blocks: tuple[int, int, int],
+    out: Path,
+    engine: str | None = None,
+    size: float | None = None,
+    *,
+    params: Values = None,
+    box: Box = None,
+    grade: float | None = None,
+    angles: tuple[float, float] | None = None,
+    memory: float | None = None,
+    processes: int | None = None,
+    threads: int | None = None,
+    progress: Progress = None,
+) -> BlockedMesh:
+    """Mesh a huge model in blocks, which meet node for node.
+
+    Parameters
+    ----------
+    model : Model
+        What to mesh.
+    blocks : tuple of int
+        How many along x, y and z.
+    out : path
+        A .pvtu; each block is a .vtu beside it. Files between the steps lie in a hidden folder
+        there, which workers must see by the same name.
+    engine : str, optional
+        ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
+        ``distributed.Client``); by default blocks are done here, one after the other, in the
+        memory for one of them.
+    size : float, optional
+        Length of edges in the model's unit, the largest one where sizes vary; by default a
+        fortieth of the diagonal.
+    params : dict or sequence of float, optional
+        Values of the model's parameters by name, or in their order.
+    box : float or sequence, optional
+        Mesh what lies in it: half the width of a box around the origin, or its two corners.
+    grade : float, optional
+        Smaller edges where a face would leave the surface by more than this length.
+    angles : tuple of float, optional
+        Bounds of dihedral angles, degrees: worked towards, and required in the certificates.
+    memory : float, optional
+        Refuse blocks that take more than this many GiB each, by estimate; 16 by default.
+    processes : int, optional
+        How many of this machine work on blocks, where there is no engine.
+    threads : int, optional
+        How many to use here, where blocks are done one after the other; by default all cores.
+    progress : callable or bool, optional
+        Called with the name of a step and the share of it that is done. True shows a bar.
+
+    Returns
+    -------
+    BlockedMesh
+        With ``.path`` and ``.certificate``. The files are the same, byte for byte, with every
+        engine.
+
+    Raises
+    ------
+    IsoformError
+        If there is no mesh, there are more blocks than cells, or blocks do not meet.
+    KeyboardInterrupt
+        After Ctrl-C.
+
+    Examples
+    --------
+    >>> import isoform, tempfile
+    >>> from isoform.distributed import mesh_blocks
+    >>> ball = isoform.template("sphere")
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     made = mesh_blocks(ball, (2, 1, 1), folder + "/ball.pvtu", size=0.3,
+    ...                        params={"radius": 1})
+    >>> made.certificate["ok"], round(made.certificate["volume"])
+    (True, 4)
+    """
+    run = _engine(engine)
+    if not isinstance(model, Model):
+        raise TypeError(f"model: a Model is expected, not {type(model).__name__}")
+    counts = [whole("blocks", count, 1) for count in blocks]
+    if len(counts) != 3:
+        raise IsoformError(f"blocks are {len(counts)} numbers: three are expected")
+    wanted = {
+        "size": size,
+        "order": 1,
+        "surface_only": False,
+        "region": corners(box),
+        "grade": grade,
+        "angles": None if angles is None else [float(v) for v in angles],
+        "memory": _memory(memory),
+        "close": False,
+    }
+    path = FilePath(os.fspath(out))
+    with asked(threads, None, progress) as limits:
+        x, y, z = counts
+        job = _isoform.BlocksWork(_shape(model, params), (x, y, z), path, wanted, limits)
+        try:
+            work = Blocks(model, params, {**wanted, "size": job.size})
+            while tasks := job.tasks():
+                if engine is None and processes is None:
+                    reports = _here(work, job.step, tasks, limits)
+                else:
+                    rows = run(work, tasks) if engine else _local(work, tasks, processes)
+                    reports = _reports(rows, job.step, len(tasks), limits[2])
+                job.advance(reports)
+            return BlockedMesh(path, job.finish())
+        finally:
+            job.close()
+
+
+def _here(work: Blocks, step: str, tasks: list[str], limits: Asked) -> list[str]:
+    """The reports of tasks, one after the other in this process."""
+    reports = []
+    for done, task in enumerate(tasks):
+        _tell(limits[2], step, done / len(tasks))
+        reports.append(work.report(task, (limits[0], None, None)))
+    return reports
+
+
+def _reports(rows: Iterator[Any], step: str, count: int, progress: Any) -> list[str]:
+    """The reports of tasks that workers do."""
+    reports: list[str] = []
+    with contextlib.closing(rows) as rows:  # type: ignore[type-var]
+        for _, row in rows:
+            if not row["ok"]:
+                raise IsoformError(row["error"], row.get("code", "worker"), row.get("hint"))
+            reports.append(row["report"])
+            _tell(progress, step, len(reports) / count)
+    return reports
+
+
+def _tell(progress: Any, step: str, done: float) -> None:
+    if progress is not None and progress(step, done) is False:
+        raise IsoformError("stopped", "time-limit")
+
+
 # ---- processes of this machine -------------------------------------------------------------------
 
 
-def _local(job: Job, sources: Iterable[str], processes: int | None = None) -> Iterator[Any]:
+def _local(job: Work, sources: Iterable[str], processes: int | None = None) -> Iterator[Any]:
     """Rows by processes of this machine, each fed by a thread."""
     count = processes or os.cpu_count() or 1
     waiting: queue.Queue[str | None] = queue.Queue(count * AHEAD)
@@ -243,7 +448,7 @@ def _taken(done: queue.Queue[Any]) -> Any:
 class _Feeder:
     """A thread that gives sources to a process, and a new process where that dies."""
 
-    def __init__(self, job: Job, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
+    def __init__(self, job: Work, waiting: queue.Queue[Any], done: queue.Queue[Any]) -> None:
         self._job = job
         self._worker: _Worker | None = None
         self._is_over = False
@@ -285,9 +490,9 @@ class _Worker:
     def __init__(self) -> None:
         command = [sys.executable, "-m", "isoform._worker"]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        self._job: Job | None = None
+        self._job: Work | None = None
 
-    def row(self, job: Job, source: str) -> Row:
+    def row(self, job: Work, source: str) -> Row:
         """The row of a source."""
         assert self._process.stdin is not None and self._process.stdout is not None
         if self._job is not job:
@@ -312,7 +517,7 @@ class _Worker:
 # ---- clusters ------------------------------------------------------------------------------------
 
 
-def _ray(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
+def _ray(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
     """Rows by tasks of Ray."""
     ray = need("ray")
     if not ray.is_initialized():
@@ -335,7 +540,7 @@ def _ray(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
                 yield source, failed(source, f"worker: {str(e).strip().splitlines()[0]}")
 
 
-def _dask(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
+def _dask(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
     """Rows by tasks of Dask."""
     cluster = need("distributed")
     client = cluster.get_client()
@@ -366,7 +571,7 @@ def _dask(job: Job, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
                 yield source, failed(source, f"worker: {type(e).__name__}: {e}")
 
 
-def _row(job: Job, source: str) -> Row:
+def _row(job: Work, source: str) -> Row:
     """What a task of a cluster does."""
     return job.row(source)
 

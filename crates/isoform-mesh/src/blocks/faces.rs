@@ -1,0 +1,159 @@
+//! Faces between blocks, found again on the other side.
+
+use super::tetrahedra::{INNER, Tetrahedra};
+use crate::points::{centroid, hash_words};
+use isoform_geom::{Point3, TET_FACES};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// A face of one tetrahedron of a block that does not lie on the solid's surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OpenFace {
+    /// 128 bits that stand for the coordinates of its three nodes, in whichever order.
+    pub key: u128,
+    /// Its sense: the other one when it is seen from the other side.
+    pub is_turned: bool,
+    /// Its centroid.
+    pub at: Point3,
+}
+
+/// The faces of tetrahedra with no tetrahedron behind, but for those on the solid's surface.
+pub fn open_faces(all: &Tetrahedra) -> Vec<OpenFace> {
+    let mut faces: Vec<([u32; 3], u32)> = (0..all.tets.len() as u32)
+        .into_par_iter()
+        .flat_map_iter(|t| {
+            let inner = (0..4).filter(move |&i| all.labels[t as usize][i] == INNER);
+            inner.map(move |i| {
+                let mut face = TET_FACES[i].map(|k| all.tets[t as usize][k]);
+                face.sort_unstable();
+                (face, 4 * t + i as u32)
+            })
+        })
+        .collect();
+    faces.par_sort_unstable();
+    let alone = faces.chunk_by(|a, b| a.0 == b.0).filter(|f| f.len() == 1);
+    let face = |place: u32| {
+        let tet = all.tets[place as usize / 4];
+        TET_FACES[place as usize % 4].map(|k| all.points[tet[k] as usize])
+    };
+    alone.map(|f| OpenFace::of(face(f[0].1))).collect()
+}
+
+impl OpenFace {
+    /// The face with these corners, outward.
+    fn of(corners: [Point3; 3]) -> Self {
+        let mut bits = corners.map(|p| p.map(f64::to_bits));
+        let mut is_turned = false;
+        for (i, j) in [(0, 1), (1, 2), (0, 1)] {
+            if bits[i] > bits[j] {
+                bits.swap(i, j);
+                is_turned = !is_turned;
+            }
+        }
+        Self {
+            key: key(bits.as_flattened()),
+            is_turned,
+            at: centroid(bits.map(|p| p.map(f64::from_bits))),
+        }
+    }
+}
+
+/// Two hashes of 64 bits side by side: two of a billion different faces have equal ones with a
+/// probability of 10⁻²¹.
+fn key(words: &[u64]) -> u128 {
+    let [high, low] = [0x6a09_e667_f3bc_c908, 0xbb67_ae85_84ca_a73b]
+        .map(|start| u128::from(hash_words(words, start)));
+    high << 64 | low
+}
+
+/// Open faces of blocks that wait for the same face of another block.
+///
+/// ```
+/// use isoform_mesh::blocks::{INNER, Interfaces, Tetrahedra, open_faces};
+///
+/// // Two tetrahedra on both sides of a face; all other faces are the surface.
+/// let face = [[0.0; 3], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+/// let with = |x: f64, tet| Tetrahedra {
+///     points: [&face[..], &[[x, 0.0, 0.0]]].concat(),
+///     tets: vec![tet],
+///     labels: vec![[0, 0, 0, INNER]],
+/// };
+/// let mut between = Interfaces::default();
+/// between.add(&open_faces(&with(1.0, [1, 2, 0, 3])));
+/// assert_eq!(between.apart().len(), 1);
+/// between.add(&open_faces(&with(-1.0, [2, 1, 0, 3])));
+/// assert_eq!((between.apart().len(), between.pairs()), (0, 1));
+/// ```
+#[derive(Clone, Debug, Default)]
+pub struct Interfaces {
+    waiting: HashMap<u128, OpenFace>,
+    /// Faces that have the same one in the same sense.
+    folded: Vec<OpenFace>,
+    pairs: usize,
+}
+
+impl Interfaces {
+    /// Adds the open faces of a block.
+    pub fn add(&mut self, faces: &[OpenFace]) {
+        for &face in faces {
+            match self.waiting.remove(&face.key) {
+                None => {
+                    self.waiting.insert(face.key, face);
+                }
+                Some(other) if other.is_turned == face.is_turned => {
+                    self.folded.extend([other, face]);
+                }
+                Some(_) => self.pairs += 1,
+            }
+        }
+    }
+
+    /// The number of faces that were met twice, once in each sense.
+    pub fn pairs(&self) -> usize {
+        self.pairs
+    }
+
+    /// The centroids of all other faces, in order.
+    pub fn apart(&self) -> Vec<Point3> {
+        let all = self.waiting.values().chain(&self.folded);
+        let mut places: Vec<Point3> = all.map(|f| f.at).collect();
+        places.sort_unstable_by(|p, q| {
+            let axis = |i: usize| p[i].total_cmp(&q[i]);
+            axis(0).then_with(|| axis(1)).then_with(|| axis(2))
+        });
+        places
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const CORNERS: [Point3; 3] = [[0.0, 0.0, 1.0], [0.5, 1.0, 0.0], [1.0, -1.0, 2.0]];
+
+    #[test]
+    fn the_other_side_is_the_other_sense() {
+        let [a, b, c] = CORNERS;
+        let face = OpenFace::of([a, b, c]);
+        for (same, is_turned) in [([b, c, a], false), ([b, a, c], true), ([a, c, b], true)] {
+            let other = OpenFace::of(same);
+            assert_eq!((other.key, other.at), (face.key, face.at));
+            assert_eq!(other.is_turned != face.is_turned, is_turned);
+        }
+    }
+
+    #[test]
+    fn a_bit_is_enough_to_be_apart() {
+        let [a, b, c] = CORNERS;
+        let moved = [a[0], a[1], a[2].next_up()];
+        let mut between = Interfaces::default();
+        between.add(&[OpenFace::of([a, b, c]), OpenFace::of([b, moved, c])]);
+        assert_eq!((between.apart().len(), between.pairs()), (2, 0));
+        // Three times the same face: one is left over.
+        between.add(&[OpenFace::of([b, a, c]), OpenFace::of([a, b, c])]);
+        assert_eq!((between.apart().len(), between.pairs()), (2, 1));
+        // In the same sense twice.
+        between.add(&[OpenFace::of([a, b, c])]);
+        assert_eq!(between.apart().len(), 3);
+    }
+}

@@ -1,0 +1,128 @@
+//! `distributed.mesh_blocks`: the job of a mesh in blocks, and one task of it.
+
+use crate::document;
+use crate::error::Trouble;
+use crate::mesh::Wanted;
+use crate::run::{self, Asked};
+use crate::shape::Shape;
+use isoform::geom::Solid;
+use isoform::{
+    BlockReport, BlockTask, BlocksError, BlocksJob, MeshModelError, run_block_task, solid_of,
+};
+use pyo3::prelude::*;
+use std::path::PathBuf;
+use std::sync::{Mutex, PoisonError};
+
+/// The solid of a program with values.
+fn solid(shape: &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trouble> {
+    let Shape::Model(program, values) = shape else {
+        return Err(Trouble::usage("only programs are meshed in blocks"));
+    };
+    let (solid, is_run) = solid_of(program.get().model(), values)?;
+    if is_run && !has_box {
+        return Err(MeshModelError::NoBox.into());
+    }
+    Ok(solid)
+}
+
+/// A mesh in blocks on its way.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct BlocksWork(Mutex<Option<BlocksJob>>);
+
+impl BlocksWork {
+    /// Asks the job, as long as it is not over.
+    fn ask<T>(&self, question: impl FnOnce(&mut BlocksJob) -> T) -> PyResult<T> {
+        let mut job = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        let job = job.as_mut();
+        Ok(question(
+            job.ok_or_else(|| Trouble::usage("the job is over"))?,
+        ))
+    }
+}
+
+#[pymethods]
+impl BlocksWork {
+    /// Plans the blocks.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        shape: Shape,
+        counts: [usize; 3],
+        out: PathBuf,
+        wanted: Wanted,
+        asked: Asked<'_>,
+    ) -> PyResult<Self> {
+        let options = wanted.options()?;
+        let solid = solid(&shape.checked()?, options.mesh.region.is_some())?;
+        let job = run::run(py, &asked, move |control| {
+            BlocksJob::new(solid.as_ref(), counts, &out, &options, control)
+        })?;
+        Ok(Self(Mutex::new(Some(job.map_err(Trouble::from)?))))
+    }
+    /// What the tasks of the step do.
+    #[getter]
+    fn step(&self) -> PyResult<&'static str> {
+        self.ask(|job| job.step_name())
+    }
+    /// The length of edges.
+    #[getter]
+    fn size(&self) -> PyResult<f64> {
+        self.ask(|job| job.options().mesh.size)
+    }
+    /// The tasks of the step, as texts.
+    fn tasks(&self) -> PyResult<Vec<String>> {
+        let text = |task| serde_json::to_string(&task).expect("tasks are plain");
+        self.ask(|job| job.tasks().into_iter().map(text).collect())
+    }
+    /// Takes the reports of all tasks of the step.
+    fn advance(&self, py: Python<'_>, reports: Vec<String>) -> PyResult<()> {
+        let reports: Result<Vec<BlockReport>, _> = reports
+            .iter()
+            .map(|text| serde_json::from_str(text))
+            .collect();
+        let reports = reports.map_err(|e| Trouble::new("task", e))?;
+        let done = run::shortly(py, || self.ask(|job| job.advance(reports)))??;
+        Ok(done.map_err(Trouble::from)?)
+    }
+    /// Ends the job: the document of `mesh --blocks --json`.
+    fn finish(&self) -> PyResult<String> {
+        let job = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+        let job = job.ok_or_else(|| Trouble::usage("the job is over"))?;
+        Ok(document::text(&job.finish().map_err(Trouble::from)?))
+    }
+    /// Ends the job as it is.
+    fn close(&self) {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
+    }
+}
+
+/// Does one task, and gives its report as text.
+#[pyfunction]
+pub(crate) fn block_task(
+    py: Python<'_>,
+    shape: Shape,
+    wanted: Wanted,
+    task: &str,
+    asked: Asked<'_>,
+) -> PyResult<String> {
+    let options = wanted.options()?;
+    let solid = solid(&shape.checked()?, options.mesh.region.is_some())?;
+    let task: BlockTask = serde_json::from_str(task).map_err(|e| Trouble::new("task", e))?;
+    let report = run::run(py, &asked, move |control| {
+        run_block_task(solid.as_ref(), &options, &task, control)
+    })?;
+    let report = report.map_err(Trouble::from)?;
+    Ok(serde_json::to_string(&report).expect("reports are plain"))
+}
+
+impl From<BlocksError> for Trouble {
+    fn from(e: BlocksError) -> Self {
+        match e {
+            BlocksError::Mesh(e) => e.into(),
+            BlocksError::Write(e) => e.into(),
+            BlocksError::Ending { .. } => Self::usage(e).hint("out='big.pvtu'"),
+            BlocksError::Folder { .. } => Self::new("not-writable", e),
+            e => Self::new("unreadable", e),
+        }
+    }
+}

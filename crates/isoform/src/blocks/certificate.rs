@@ -1,0 +1,212 @@
+//! What is proved of a block.
+//!
+//! A block is looked at together with what is around it, so that everything near its sides is seen
+//! as in the whole mesh; what is found counts where it lies in the block's room.
+
+use super::task::{BlockFailure, BlockFigures};
+use crate::MeshModelOptions;
+use isoform_check::quality::six_volume;
+use isoform_check::{self as check, Certificate, Defects, Limits, certify};
+use isoform_control::Control;
+use isoform_geom::{Aabb, Point3, Solid, cross, norm, sub};
+use isoform_mesh::blocks::{Closed, Plan, holds};
+
+/// Places that are kept of each kind of finding. The block's own elements come first, so that those
+/// around it fill what is left.
+const PLACES: usize = 1000;
+
+/// The figures of a block, but for its file.
+pub(super) fn figures(
+    closed: &Closed,
+    solid: &dyn Solid,
+    plan: &Plan,
+    k: usize,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> BlockFigures {
+    let mesh = &closed.mesh;
+    let corner = |v: u32| mesh.points[v as usize];
+    let six_volumes = mesh.tets.iter().map(|t| six_volume(t.map(corner)));
+    let areas = mesh.triangles.iter().map(|t| {
+        let [a, b, c] = t.map(corner);
+        0.5 * norm(cross(sub(b, a), sub(c, a)))
+    });
+    let figures = BlockFigures {
+        points: mesh.points.len(),
+        triangles: mesh.triangles.len(),
+        tets: mesh.tets.len(),
+        volume: six_volumes.sum::<f64>() / 6.0,
+        area: areas.sum(),
+        shared_faces: closed.faces.len(),
+        ..BlockFigures::default()
+    };
+    if mesh.tets.is_empty() {
+        return figures;
+    }
+    let found = certified(closed, solid, plan, plan.room(0, k), options, control);
+    let failures = found.failures();
+    let deviation = found.deviation.as_ref();
+    let coverage = found.coverage.as_ref();
+    BlockFigures {
+        dihedral_angles: found
+            .tets
+            .as_ref()
+            .map(|t| [t.dihedral_min, t.dihedral_max]),
+        node_distance: deviation.map_or(0.0, |d| d.nodes.max),
+        face_distance: deviation.map_or(0.0, |d| d.faces.max),
+        curves: coverage.map_or([0.0; 2], |c| [c.length, c.covered * c.length]),
+        failures: failures
+            .into_iter()
+            .map(|f| BlockFailure {
+                code: f.code.to_owned(),
+                message: f.message,
+                count: f.count,
+                at: f.place.map(|p| p.at),
+            })
+            .collect(),
+        ..figures
+    }
+}
+
+/// The certificate of a block with what is around it, of which only what lies in its room is kept.
+fn certified(
+    closed: &Closed,
+    solid: &dyn Solid,
+    plan: &Plan,
+    room: Aabb,
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Certificate {
+    let curves: Vec<Vec<Point3>> = plan
+        .curves
+        .iter()
+        .flat_map(|curve| clipped(&curve.points, &room))
+        .collect();
+    let corners = plan.corners.iter().copied();
+    let corners: Vec<Point3> = corners.filter(|p| holds(&room, *p)).collect();
+    let wanted = check::Options {
+        places: PLACES,
+        size: Some(plan.size),
+        region: options.mesh.region,
+        curves: &curves,
+        corners: &corners,
+        // A stretch that the mesh has no edge for is a larger share of a block than of the whole.
+        limits: Limits {
+            covered: 0.0,
+            ..options.limits
+        },
+        ..check::Options::default()
+    };
+    let mut found = certify(&closed.around, Some(solid), &wanted, control);
+    keep_within(&mut found, &room);
+    found
+}
+
+/// The stretches of a polyline in a room.
+fn clipped(points: &[Point3], room: &Aabb) -> Vec<Vec<Point3>> {
+    let mut stretches: Vec<Vec<Point3>> = Vec::new();
+    let mut goes_on = false;
+    for chord in points.windows(2) {
+        let (from, to) = (chord[0], chord[1]);
+        let [first, last] = shares_within(from, to, room);
+        if first < last {
+            let at = |t: f64| std::array::from_fn(|i| from[i] + t * (to[i] - from[i]));
+            match stretches.last_mut().filter(|_| goes_on && first == 0.0) {
+                Some(stretch) => stretch.push(at(last)),
+                None => stretches.push(vec![at(first), at(last)]),
+            }
+        }
+        goes_on = first < last && last == 1.0;
+    }
+    stretches
+}
+
+/// From which to which share of the way between two points it lies in a room; the second is not
+/// larger if it does not.
+fn shares_within(from: Point3, to: Point3, room: &Aabb) -> [f64; 2] {
+    let (mut first, mut last) = (0.0f64, 1.0f64);
+    for i in 0..3 {
+        let way = to[i] - from[i];
+        if way == 0.0 {
+            if !(room.lo[i]..room.hi[i]).contains(&from[i]) {
+                return [1.0, 0.0];
+            }
+            continue;
+        }
+        let shares = [room.lo[i], room.hi[i]].map(|side| (side - from[i]) / way);
+        first = first.max(shares[0].min(shares[1]));
+        last = last.min(shares[0].max(shares[1]));
+    }
+    [first, last]
+}
+
+/// Drops the findings outside of a room, and those of the border of what was looked at.
+fn keep_within(found: &mut Certificate, room: &Aabb) {
+    if let Some(s) = &mut found.surface {
+        // Shells are no longer whole.
+        s.misplaced_shells = Defects::default();
+        for defects in [
+            &mut s.open_edges,
+            &mut s.crowded_edges,
+            &mut s.misoriented_edges,
+            &mut s.pinched_nodes,
+            &mut s.repeated_triangles,
+            &mut s.degenerate_triangles,
+            &mut s.flat_triangles,
+            &mut s.loose_edges,
+        ] {
+            keep(defects, room);
+        }
+    }
+    if let Some(i) = &mut found.intersections {
+        keep(&mut i.pairs, room);
+    }
+    if let Some(v) = &mut found.volume {
+        for defects in [
+            &mut v.inverted,
+            &mut v.flat,
+            &mut v.crowded_faces,
+            &mut v.folded_faces,
+            &mut v.uncovered_faces,
+            &mut v.inward_triangles,
+            &mut v.inner_triangles,
+            &mut v.loose_triangles,
+        ] {
+            keep(defects, room);
+        }
+    }
+    if let Some(d) = &mut found.deviation {
+        keep(&mut d.misclassified, room);
+    }
+}
+
+/// Keeps the findings in a room. Where places were left out and all others are in it, those may be,
+/// too.
+fn keep(defects: &mut Defects, room: &Aabb) {
+    let before = defects.places.len();
+    defects.places.retain(|place| holds(room, place.at));
+    if defects.places.len() < before || defects.count == before {
+        defects.count = defects.places.len();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_are_cut_at_a_room() {
+        let xs = [0.0, 2.5, 9.0, 2.0, 2.5, 2.0];
+        let line = xs.map(|x| [x, 0.0, 0.0]);
+        let room = Aabb {
+            lo: [1.0, -1.0, f64::NEG_INFINITY],
+            hi: [3.0, 1.0, f64::INFINITY],
+        };
+        let found: Vec<Vec<f64>> = clipped(&line, &room)
+            .iter()
+            .map(|s| s.iter().map(|p| p[0]).collect())
+            .collect();
+        assert_eq!(found, [vec![1.0, 2.5, 3.0], vec![3.0, 2.0, 2.5, 2.0]]);
+        assert!(clipped(&line.map(|[x, _, _]| [x, 1.0, 0.0]), &room).is_empty());
+    }
+}

@@ -1,0 +1,518 @@
+//! The steps of a mesh in blocks, and what is known in the end.
+
+use super::BlocksError;
+use super::store::{read_faces, write_plan};
+use super::task::{BlockReport, BlockTask, BlockWarning, Step, faces, live, plan};
+use crate::{MeshModelOptions, default_size_within};
+use isoform_control::Control;
+use isoform_geom::{Aabb, Point3, Solid};
+use isoform_io::write_pvtu;
+use isoform_mesh::MeshError;
+use isoform_mesh::blocks::{AROUND, HALO, Interfaces, Plan, ROUNDS};
+use serde::Serialize;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Times that the halo of blocks that do not meet is made twice as large: to 64 cells.
+const LARGER: u32 = 4;
+/// How far from its room tetrahedra of a round may lie, in sizes: nodes on its sides do not move,
+/// so that only those at the side itself have their centroids beyond.
+const BEYOND: f64 = 3.0;
+
+/// A mesh in blocks on its way: which tasks there are, step by step.
+///
+/// ```no_run
+/// use isoform::{BlocksJob, Control, MeshModelOptions, run_block_task, solid_of, template};
+/// # fn main() -> Result<(), Box<dyn std::error::Error>> {
+/// let model = template("sphere").expect("a template of the gallery").model();
+/// let (solid, _) = solid_of(&model, &[0.0, 0.0, 0.0, 1.0])?;
+/// let (options, control) = (MeshModelOptions::default(), Control::default());
+/// let out = std::path::Path::new("ball.pvtu");
+/// let mut job = BlocksJob::new(solid.as_ref(), [2, 2, 2], out, &options, &control)?;
+/// let options = job.options().clone();
+/// while !job.tasks().is_empty() {
+///     // Anywhere, at the same time, in any order.
+///     let done = job.tasks().into_iter();
+///     let done = done.map(|t| run_block_task(solid.as_ref(), &options, &t, &control));
+///     let reports = done.collect::<Result<Vec<_>, _>>()?;
+///     job.advance(reports)?;
+/// }
+/// let report = job.finish()?;
+/// # Ok(())
+/// # }
+/// ```
+#[derive(Debug)]
+pub struct BlocksJob {
+    plan: Plan,
+    options: MeshModelOptions,
+    out: PathBuf,
+    folder: Folder,
+    phase: Phase,
+    /// Cells of the halo of each block.
+    halos: Vec<usize>,
+    /// The last report of each block from each of its steps.
+    made: Vec<BlockReport>,
+    closed: Vec<BlockReport>,
+    /// The last round whose tetrahedra are there, and how many these are.
+    round: usize,
+    live: usize,
+    interfaces: usize,
+}
+
+/// What is to be done next.
+#[derive(Clone, Debug, PartialEq)]
+enum Phase {
+    /// These blocks are made.
+    Make(Vec<usize>),
+    Mend,
+    Close,
+    Done,
+}
+
+/// What is known of a mesh in blocks.
+#[derive(Clone, Debug, Serialize)]
+pub struct BlocksReport {
+    /// `mesh`.
+    pub verb: &'static str,
+    /// Length of edges asked for.
+    pub size: f64,
+    /// The box in which the solid lies.
+    pub region: [Point3; 2],
+    /// Whether it is proved that nothing of the solid lies outside of it.
+    pub region_certified: bool,
+    /// Whether it is proved that all feature curves were found.
+    pub features_certified: bool,
+    /// Blocks by axis.
+    pub counts: [usize; 3],
+    /// What is proved of the whole.
+    pub certificate: WholeReport,
+    /// What is known of each block, x fastest.
+    pub blocks: Vec<BlockReport>,
+    /// Where the mesh may not be what was asked for.
+    pub warnings: Vec<BlockWarning>,
+}
+
+/// The certificate of the whole, put together from those of its blocks.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct WholeReport {
+    /// Whether it holds for every block, all blocks meet, and enough of the curves has edges.
+    pub ok: bool,
+    /// Faces that two blocks have in common: each is in two of them, node for node to the last bit.
+    pub shared_faces: usize,
+    /// Tetrahedra.
+    pub tets: usize,
+    /// Triangles of the surface.
+    pub triangles: usize,
+    /// Volume.
+    pub volume: f64,
+    /// Area of the surface.
+    pub area: f64,
+    /// Smallest and largest dihedral angle, in degrees.
+    pub dihedral_angles: Option<[f64; 2]>,
+    /// Largest distance of a node of the surface to its part.
+    pub node_distance: f64,
+    /// Largest distance of a point of a face to its part.
+    pub face_distance: f64,
+    /// The share of the feature curves that has edges; 1 without a curve.
+    pub covered: f64,
+    /// Findings that no mesh may have, in all blocks.
+    pub failures: usize,
+}
+
+impl BlocksReport {
+    /// Whether the certificate holds and nothing was left open.
+    pub fn is_as_asked(&self) -> bool {
+        self.certificate.ok && self.warnings.is_empty()
+    }
+}
+
+impl BlocksJob {
+    /// Plans the blocks of a solid. OUT names a .pvtu; files between the steps lie in a hidden
+    /// folder beside it, which goes with the job.
+    ///
+    /// # Errors
+    /// [`BlocksError`], as of [`Plan::new`].
+    pub fn new(
+        solid: &dyn Solid,
+        counts: [usize; 3],
+        out: &Path,
+        options: &MeshModelOptions,
+        control: &Control<'_>,
+    ) -> Result<Self, BlocksError> {
+        if !out
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("pvtu"))
+        {
+            let name = out.display().to_string();
+            return Err(BlocksError::Ending { name });
+        }
+        let mut options = options.clone();
+        options.mesh.size = match options.size {
+            Some(size) => size,
+            None => {
+                default_size_within(solid, options.mesh.region, control).map_err(MeshError::from)?
+            }
+        };
+        options.size = Some(options.mesh.size);
+        let plan = Plan::new(solid, counts, &options.mesh, control)?;
+        let out = std::path::absolute(out).unwrap_or_else(|_| out.to_owned());
+        let folder = Folder::beside(&out)?;
+        write_plan(&self::plan(&folder.0), &plan)?;
+        let n = plan.blocks();
+        Ok(Self {
+            plan,
+            options,
+            out,
+            folder,
+            phase: Phase::Make((0..n).collect()),
+            halos: vec![HALO; n],
+            made: vec![BlockReport::default(); n],
+            closed: Vec::new(),
+            round: 0,
+            live: 0,
+            interfaces: 0,
+        })
+    }
+
+    /// The options with the size that was chosen.
+    pub fn options(&self) -> &MeshModelOptions {
+        &self.options
+    }
+
+    /// What the tasks do, in a word or two.
+    pub fn step_name(&self) -> &'static str {
+        match self.phase {
+            Phase::Make(_) => "blocks",
+            Phase::Mend => "between blocks",
+            Phase::Close | Phase::Done => "certificates",
+        }
+    }
+
+    /// The tasks of this step; none when all is done.
+    pub fn tasks(&self) -> Vec<BlockTask> {
+        let all = 0..self.plan.blocks();
+        match &self.phase {
+            Phase::Make(blocks) => blocks
+                .iter()
+                .map(|&k| {
+                    self.task(
+                        k,
+                        Step::Make {
+                            halo: self.halos[k],
+                        },
+                        Vec::new(),
+                    )
+                })
+                .collect(),
+            Phase::Mend => all.map(|k| self.mending(k)).collect(),
+            Phase::Close => all.map(|k| self.closing(k)).collect(),
+            Phase::Done => Vec::new(),
+        }
+    }
+
+    fn mending(&self, k: usize) -> BlockTask {
+        let round = self.round + 1;
+        let sources = self.near(self.plan.room(round, k));
+        self.task(k, Step::Mend { round }, sources)
+    }
+
+    fn closing(&self, k: usize) -> BlockTask {
+        let room = self.plan.room(0, k).widened(AROUND * self.plan.size);
+        self.task(k, Step::Close { round: self.round }, self.near(room))
+    }
+
+    fn task(&self, block: usize, step: Step, sources: Vec<usize>) -> BlockTask {
+        BlockTask {
+            step,
+            block,
+            sources,
+            folder: self.folder.0.clone(),
+            file: self.out.with_file_name(self.piece(block)),
+        }
+    }
+
+    /// The rooms of the last round with tetrahedra that may lie in a room.
+    fn near(&self, room: Aabb) -> Vec<usize> {
+        let wide = room.widened(BEYOND * self.plan.size);
+        let meets = |k: &usize| {
+            let other = self.plan.room(self.round, *k);
+            (0..3).all(|i| other.lo[i] <= wide.hi[i] && wide.lo[i] <= other.hi[i])
+        };
+        (0..self.plan.blocks()).filter(meets).collect()
+    }
+
+    /// The name of the file of a block.
+    fn piece(&self, block: usize) -> String {
+        let stem = self.out.file_stem().unwrap_or_default().to_string_lossy();
+        format!("{stem}_{block}.vtu")
+    }
+
+    /// Takes the reports of all tasks of the step, in whichever order, and goes on to the next one.
+    ///
+    /// # Errors
+    /// [`MeshError::Apart`] if blocks do not meet with the largest halo tried;
+    /// [`BlocksError::Read`] if files are missing.
+    pub fn advance(&mut self, mut reports: Vec<BlockReport>) -> Result<(), BlocksError> {
+        reports.sort_by_key(|r| r.block);
+        match self.phase {
+            Phase::Make(_) => self.compare(reports),
+            Phase::Mend => self.settle(&reports),
+            Phase::Close => self.conclude(reports),
+            Phase::Done => Ok(()),
+        }
+    }
+
+    /// Compares the faces of blocks that were made. Those that do not meet their neighbours are
+    /// made again.
+    fn compare(&mut self, reports: Vec<BlockReport>) -> Result<(), BlocksError> {
+        for report in reports {
+            let k = report.block;
+            self.made[k] = report;
+        }
+        let apart = self.apart()?;
+        if apart.is_empty() {
+            self.live = self.made.iter().map(|r| r.live[1]).sum();
+            self.phase = if self.live == 0 {
+                Phase::Close
+            } else {
+                Phase::Mend
+            };
+            return Ok(());
+        }
+        let again: Vec<usize> = (0..self.plan.blocks())
+            .filter(|&k| self.may_grow(k) && self.is_at(k, &apart))
+            .collect();
+        if again.is_empty() {
+            let (count, at) = (apart.len(), apart[0]);
+            return Err(MeshError::Apart { count, at }.into());
+        }
+        again
+            .iter()
+            .for_each(|&k| self.halos[k] = (2 * self.halos[k]).max(1));
+        self.phase = Phase::Make(again);
+        Ok(())
+    }
+
+    fn may_grow(&self, k: usize) -> bool {
+        self.halos[k] < HALO << LARGER && !self.made[k].is_whole
+    }
+
+    /// Whether any of the places lies in a block or at its sides.
+    fn is_at(&self, k: usize, places: &[Point3]) -> bool {
+        let room = self.plan.room(0, k).widened(self.plan.size);
+        let is_in = |p: &Point3| (0..3).all(|i| room.lo[i] <= p[i] && p[i] <= room.hi[i]);
+        places.iter().any(is_in)
+    }
+
+    /// Places of faces between blocks that only one of them has.
+    fn apart(&mut self) -> Result<Vec<Point3>, BlocksError> {
+        let mut between = Interfaces::default();
+        for k in 0..self.plan.blocks() {
+            between.add(&read_faces(&faces(&self.folder.0, k))?);
+        }
+        self.interfaces = between.pairs();
+        Ok(between.apart())
+    }
+
+    /// Goes on after a round between blocks: every tetrahedron must have been in one room.
+    fn settle(&mut self, reports: &[BlockReport]) -> Result<(), BlocksError> {
+        let [taken, left] = [0, 1].map(|i| reports.iter().map(|r| r.live[i]).sum::<usize>());
+        if taken != self.live {
+            return Err(lost(self.live, taken));
+        }
+        for k in 0..self.plan.blocks() {
+            // What cannot be removed goes with the folder.
+            let _ = std::fs::remove_file(live(&self.folder.0, self.round, k));
+        }
+        self.live = left;
+        self.round += 1;
+        if self.round + 1 == ROUNDS {
+            self.phase = Phase::Close;
+        }
+        Ok(())
+    }
+
+    /// Compares the faces of what was written, and joins the files.
+    fn conclude(&mut self, reports: Vec<BlockReport>) -> Result<(), BlocksError> {
+        let apart = self.apart()?;
+        if let Some(&at) = apart.first() {
+            let count = apart.len();
+            return Err(MeshError::Apart { count, at }.into());
+        }
+        let there = self.live + self.made.iter().map(|r| r.still).sum::<usize>();
+        let figures = reports.iter().filter_map(|r| r.figures.as_ref());
+        let written = figures.map(|f| f.tets).sum();
+        if there != written {
+            return Err(lost(there, written));
+        }
+        if written == 0 {
+            let size = self.plan.size;
+            return Err(MeshError::TooCoarse { size }.into());
+        }
+        let pieces: Vec<String> = (0..self.plan.blocks()).map(|k| self.piece(k)).collect();
+        write_pvtu(&self.out, &pieces)?;
+        self.closed = reports;
+        self.phase = Phase::Done;
+        Ok(())
+    }
+
+    /// What is known once all steps are done.
+    ///
+    /// # Errors
+    /// [`MeshError::Stopped`] if they are not.
+    pub fn finish(self) -> Result<BlocksReport, BlocksError> {
+        if self.phase != Phase::Done {
+            return Err(MeshError::Stopped.into());
+        }
+        let all = self.made.iter().chain(&self.closed);
+        let warnings: Vec<BlockWarning> = all.flat_map(|r| r.warnings.clone()).collect();
+        Ok(BlocksReport {
+            verb: "mesh",
+            size: self.plan.size,
+            region: [self.plan.region.lo, self.plan.region.hi],
+            region_certified: self.plan.region_certified,
+            features_certified: self.plan.features_certified,
+            counts: self.plan.counts,
+            certificate: WholeReport {
+                shared_faces: self.interfaces,
+                ..WholeReport::of(&self.closed, self.options.limits.covered)
+            },
+            blocks: self.closed,
+            warnings,
+        })
+    }
+}
+
+impl WholeReport {
+    /// The sums, least and largest figures of all blocks. So much of the curves must have edges.
+    fn of(blocks: &[BlockReport], least_covered: f64) -> Self {
+        let mut whole = Self::default();
+        let mut curves = [0.0; 2];
+        for f in blocks.iter().filter_map(|b| b.figures.as_ref()) {
+            whole.tets += f.tets;
+            whole.triangles += f.triangles;
+            whole.volume += f.volume;
+            whole.area += f.area;
+            whole.node_distance = whole.node_distance.max(f.node_distance);
+            whole.face_distance = whole.face_distance.max(f.face_distance);
+            curves = [0, 1].map(|i| curves[i] + f.curves[i]);
+            whole.failures += f.failures.iter().map(|f| f.count).sum::<usize>();
+            if let Some([lo, hi]) = f.dihedral_angles {
+                let [least, most] = whole.dihedral_angles.unwrap_or([lo, hi]);
+                whole.dihedral_angles = Some([least.min(lo), most.max(hi)]);
+            }
+        }
+        whole.covered = if curves[0] > 0.0 {
+            curves[1] / curves[0]
+        } else {
+            1.0
+        };
+        whole.ok = whole.failures == 0 && whole.covered >= least_covered;
+        whole
+    }
+}
+
+/// The error of tetrahedra that are in no room, or in two.
+fn lost(there: usize, found: usize) -> BlocksError {
+    let what = format!("of {there} tetrahedra {found} were found in blocks");
+    MeshError::Internal { what }.into()
+}
+
+/// A folder for files between steps, which is removed in the end.
+#[derive(Debug)]
+struct Folder(PathBuf);
+
+impl Folder {
+    /// A new, hidden one beside a file.
+    fn beside(out: &Path) -> Result<Self, BlocksError> {
+        /// Folders that this process has named so far.
+        static NUMBER: AtomicU64 = AtomicU64::new(0);
+        let name = out.file_name().unwrap_or_default().to_string_lossy();
+        let number = NUMBER.fetch_add(1, Ordering::Relaxed);
+        let name = format!(".{name}.{}-{number}.blocks", std::process::id());
+        let path = out.with_file_name(name);
+        let made = std::fs::create_dir(&path).map(|()| path);
+        made.map(Self).map_err(|e| BlocksError::Folder {
+            name: out.display().to_string(),
+            why: e.to_string(),
+        })
+    }
+}
+
+impl Drop for Folder {
+    fn drop(&mut self) {
+        // What cannot be removed is litter at worst.
+        let _ = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{run_block_task, solid_of};
+    use isoform_field::hyperfun::{Mode, Model};
+
+    /// Does the tasks of one step.
+    fn step(job: &mut BlocksJob, solid: &dyn Solid) -> Result<(), BlocksError> {
+        let options = job.options().clone();
+        let tasks = job.tasks();
+        let done = tasks
+            .iter()
+            .map(|t| run_block_task(solid, &options, t, &Control::default()));
+        let reports = done.collect::<Result<Vec<_>, _>>()?;
+        job.advance(reports)
+    }
+
+    /// With too small a halo the blocks at an interface do not meet, and are made again; where no
+    /// larger one is allowed that is an error, and nothing is left behind.
+    #[test]
+    fn blocks_that_do_not_meet_are_made_again() {
+        let program = "m(x[3], a[1]) { m = (4 - x[1]^2) & (1 - x[2]^2) & (1 - x[3]^2) \
+            & (x[1]^2 + x[2]^2 - 0.3); }";
+        let model = Model::parse(program, Mode::Default).expect("a program");
+        let (solid, _) = solid_of(&model, &[0.0]).expect("a solid");
+        let folder = std::env::temp_dir().join(format!("isoform-job-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).expect("a folder");
+        let options = MeshModelOptions {
+            size: Some(0.12),
+            ..MeshModelOptions::default()
+        };
+        let new = || {
+            let out = folder.join("m.pvtu");
+            let control = Control::default();
+            let mut job =
+                BlocksJob::new(solid.as_ref(), [3, 1, 1], &out, &options, &control).expect("a job");
+            job.halos = vec![1, 0, HALO];
+            job
+        };
+        let mut job = new();
+        step(&mut job, solid.as_ref()).expect("blocks");
+        let Phase::Make(again) = job.phase.clone() else {
+            panic!("the halo was wide enough")
+        };
+        assert!(again.contains(&1));
+        while !job.tasks().is_empty() {
+            step(&mut job, solid.as_ref()).expect("blocks that meet");
+        }
+        let report = job.finish().expect("a mesh");
+        assert!(report.is_as_asked() && report.certificate.shared_faces > 0);
+
+        let mut job = new();
+        let tasks = job.tasks();
+        let made = tasks.iter().map(|t| {
+            let control = Control::default();
+            let report = run_block_task(solid.as_ref(), &options, t, &control).expect("a block");
+            BlockReport {
+                is_whole: true,
+                ..report
+            }
+        });
+        let error = job.advance(made.collect()).expect_err("apart");
+        assert!(error.to_string().contains("have no partner"), "{error}");
+        drop(job);
+        let left = std::fs::read_dir(&folder).expect("the folder").flatten();
+        let hidden = left.filter(|f| f.file_name().to_string_lossy().starts_with('.'));
+        assert_eq!(hidden.count(), 0);
+        std::fs::remove_dir_all(&folder).expect("the folder");
+    }
+}
