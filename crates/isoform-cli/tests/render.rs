@@ -309,7 +309,7 @@ fn functions_without_a_value_are_refused_or_meshed() {
     }
     let inner = f.file(
         "inner.hf",
-        &format!("my_model(x[3], a[1]) {{ my_model = {dome}; }}\n"),
+        format!("my_model(x[3], a[1]) {{ my_model = {dome}; }}\n"),
     );
     let out = f.path("inner.png");
     let o = isoform(&[
@@ -331,7 +331,7 @@ fn deviations_of_another_model_are_not_taken() {
     let ball = f.file("ball.hf", BALL);
     let axes = [[1.1, 0.0, 0.0], [0.0, 1.05, 0.0], [0.0, 0.0, -0.9]];
     let rows = axes.map(|[x, y, z]| format!("{x},{y},{z},{}\n", x + y + f64::abs(z) - 1.0));
-    let points = f.file("points.csv", &format!("x,y,z,deviation\n{}", rows.concat()));
+    let points = f.file("points.csv", format!("x,y,z,deviation\n{}", rows.concat()));
     let rms = |radius: &str| {
         let out = f.path("x.png");
         let o = isoform(&[

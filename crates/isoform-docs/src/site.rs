@@ -47,7 +47,13 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
             ("docs/figures.md", "Figures of the papers"),
         ],
     ),
-    ("As a library", &[("docs/python.md", "The Python package")]),
+    (
+        "As a library",
+        &[
+            ("docs/python.md", "The Python package"),
+            ("docs/clusters.md", "On a cluster"),
+        ],
+    ),
     (
         "Notebooks",
         &[

@@ -88,6 +88,23 @@ class Fleet(unittest.TestCase):
         distributed.fit_many(self.scans[:1], self.ball, out=self.out, processes=1, **options)
         self.assertIn("pose_x", self.rows()["scan0.xyz"])
 
+    def test_the_best_of_several_templates(self):
+        turn, height = np.random.default_rng(3).uniform([0, -3], [2 * np.pi, 3], (2000, 2)).T
+        tube = self.folder / "tube.xyz"
+        np.savetxt(tube, np.c_[2 * np.cos(turn), 2 * np.sin(turn), height])
+        models = [self.ball, isoform.template("cylinder")]
+        models[0].name = "ball"
+        options = {"bounds": {"cx": (-9, 9)}}
+        distributed.fit_many([self.scans[0], tube], models, out=self.out, processes=2, **options)
+        rows = self.rows()
+        self.assertEqual(rows["scan0.xyz"]["template"], "ball")
+        self.assertEqual(rows["tube.xyz"]["template"], "cylinder")
+        self.assertIsNone(rows["scan0.xyz"]["height"])
+        with self.assertRaises(IsoformError):
+            distributed.fit_many([tube], [self.ball, self.ball], out=self.out)
+        with self.assertRaises(TypeError):
+            distributed.fit_many([tube], [], out=self.out)
+
     def test_what_is_refused(self):
         for options in ({"engine": "none"}, {"speed": 3}):
             with self.assertRaises(IsoformError):

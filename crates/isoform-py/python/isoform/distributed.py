@@ -17,21 +17,24 @@ import contextlib
 import hashlib
 import itertools
 import json
+import math
 import os
 import pickle
 import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, Protocol, Union
+
+import numpy as np
 
 from . import _isoform
 from ._call import Asked, Progress, asked, whole
 from ._document import Documented
 from ._errors import IsoformError
-from ._fit import fit
+from ._fit import FitResult, fit
 from ._large import fit_large
 from ._mesh import _memory, _shape
 from ._model import Model, Values
@@ -61,34 +64,73 @@ class Work(Protocol):
 
 
 class Job:
-    """A fit, as it is done with each source."""
+    """Fits, as they are done with each source."""
 
-    def __init__(self, template: Model, options: dict[str, Any]) -> None:
-        self.template = template
+    def __init__(self, templates: Sequence[Model], options: dict[str, Any]) -> None:
+        self.templates = list(templates)
         self.options = options
 
     def key(self) -> str:
         """Tells jobs apart that give other rows."""
         options = json.dumps(self.options, sort_keys=True, default=list)
-        told = [_isoform.__version__, self.template.name, self.template.text, options]
-        return _digest("\0".join(told))
+        texts = [text for t in self.templates for text in (t.name, t.text)]
+        return _digest("\0".join([_isoform.__version__, *texts, options]))
+
+    def names(self) -> list[str]:
+        """The parameters of all templates, each once."""
+        pose = self.options.get("pose")
+        names = [n for t in self.templates for n in t._native.fitted_names(pose)]
+        return list(dict.fromkeys(names))
 
     def row(self, source: str) -> Row:
         """The row of a source; what is wrong with it is an entry."""
         try:
-            result = fit(read_points(source), self.template, threads=1, **self.options)
+            points = read_points(source)
         except Exception as e:
-            code = f"{e.code}: " if isinstance(e, IsoformError) else f"{type(e).__name__}: "
-            return failed(source, code + str(e))
+            return failed(source, _told(e))
+        results, errors = [], []
+        for template in self.templates:
+            try:
+                results.append(fit(points, template, threads=1, **self._options_of(template)))
+            except Exception as e:
+                errors.append(_told(e))
+        if not results:
+            return failed(source, errors[0])
+        best = min(results, key=_rank)
         return {
             "source": source,
             "ok": True,
             "error": None,
-            "rms": result.rms,
-            "acceptable": result.acceptable,
-            "json": json.dumps(result.to_dict()),
-            **result.values,
+            "template": best._name,
+            "rms": best.rms,
+            "acceptable": best.acceptable,
+            "json": json.dumps(best.to_dict()),
+            **best.values,
         }
+
+    def _options_of(self, template: Model) -> dict[str, Any]:
+        """The options of one of several templates: what names a parameter counts where it is."""
+        if len(self.templates) == 1:
+            return self.options
+        names = template._native.fitted_names(self.options.get("pose"))
+        options = dict(self.options)
+        for key in ("start", "bounds", "fixed"):
+            if isinstance(options.get(key), Mapping):
+                options[key] = {k: v for k, v in options[key].items() if k in names} or None
+        return options
+
+
+def _rank(result: FitResult) -> tuple[int, float]:
+    """Orders fits of one scan, the best first: by the verdict, then by Bayes' criterion."""
+    n = int(np.count_nonzero(~result.outliers))
+    told = sum(status == "determined" for status in result.status.values())
+    cost = 2 * n * math.log(max(result.rms, 1e-300)) + told * math.log(max(n, 1))
+    return ["accepted", "doubtful", "refused"].index(result.verdict), cost
+
+
+def _told(error: Exception) -> str:
+    code = error.code if isinstance(error, IsoformError) else type(error).__name__
+    return f"{code}: {error}"
 
 
 def failed(source: str, error: str) -> Row:
@@ -110,10 +152,9 @@ class _Table:
         self._folder = folder
         self._key = job.key()
         text, number, truth = pyarrow.string(), pyarrow.float64(), pyarrow.bool_()
-        known = {"source": text, "ok": truth, "error": text, "rms": number}
+        known = {"source": text, "ok": truth, "error": text, "template": text, "rms": number}
         known |= {"acceptable": truth, "json": text}
-        names = job.template._native.fitted_names(job.options.get("pose"))
-        self._schema = pyarrow.schema({**known, **{n: number for n in names}})
+        self._schema = pyarrow.schema({**known, **{n: number for n in job.names()}})
         try:
             folder.mkdir(parents=True, exist_ok=True)
             files = [file.name for file in os.scandir(folder)]
@@ -147,34 +188,36 @@ class _Table:
 
 def fit_many(
     sources: Iterable[Path],
-    template: Model,
+    template: Model | Sequence[Model],
     engine: str | None = None,
     out: Path = "results.parquet",
     resume: bool = True,
     processes: int | None = None,
     **options: Any,
 ) -> FilePath:
-    """Fit a template to many scans, on this machine or a cluster.
+    """Fit a template, or the best of several, to many scans, on this machine or a cluster.
 
     Parameters
     ----------
     sources : iterable of path
         Files of points (n, 3); workers must see them by the same names.
-    template : Model
-        The template.
+    template : Model or sequence of Model
+        The template; of several the one with the best verdict, then the least value of Bayes'
+        criterion (2 n ln rms + parameters ln n).
     engine : str, optional
         ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
         ``distributed.Client``); by default processes of this machine.
     out : path
         A folder of parquet files, one row for each source, written as they come: ``source``,
-        ``ok``, ``error``, ``rms``, ``acceptable``, ``json`` (the document of the fit as text) and
-        a column for each parameter. ``pandas.read_parquet`` reads it.
+        ``ok``, ``error``, ``template``, ``rms``, ``acceptable``, ``json`` (the document of the fit
+        as text) and a column for each parameter of any template. ``pandas.read_parquet`` reads it.
     resume : bool
         Rows that are there with the same template and options stay; rows of others are made anew.
     processes : int, optional
         How many of this machine, by default one for each core.
     **options
-        Those of `isoform.fit`: start, bounds, seed, fixed, pose, method, loss, keep, time_limit.
+        Those of `isoform.fit`: start, bounds, seed, fixed, pose, method, loss, keep, time_limit. Of
+        several templates, start, bounds and fixed count where a parameter has that name.
 
     Returns
     -------
@@ -197,7 +240,13 @@ def fit_many(
         raise IsoformError(
             f"fit has no option {', '.join(sorted(unknown))}", "usage", ", ".join(sorted(OPTIONS))
         )
-    job, folder = Job(template, options), FilePath(os.fspath(out))
+    templates = [template] if isinstance(template, Model) else list(template)
+    if not templates or not all(isinstance(t, Model) for t in templates):
+        raise TypeError(f"template: a Model, or several, are expected, not {template!r}")
+    names = [t.name for t in templates]
+    if len(set(names)) < len(names):
+        raise IsoformError(f"templates share a name: {', '.join(names)}", "usage")
+    job, folder = Job(templates, options), FilePath(os.fspath(out))
     table = _Table(folder, job)
     every = dict.fromkeys(os.fspath(source) for source in sources)
     wanted = (name for name in every if not (resume and table.holds(name)))
