@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from os import PathLike
-from typing import Any, TypedDict, final
+from typing import Any, final
 
 import numpy as np
 import numpy.typing as npt
@@ -164,16 +164,6 @@ def compare(
 ) -> str: ...
 def page(title: str, layers: list[tuple[str, _Shown]], corners: Corners, asked: Asked) -> str: ...
 
-class Wanted(TypedDict):
-    size: list[int]
-    views: list[str]
-    camera: list[float] | None
-    section: list[float] | None
-    color_by: str | None
-    background: list[int]
-    legend: bool
-    svg: bool
-
 def picture(
-    layers: list[tuple[str, _Shown]], wanted: Wanted, corners: Corners, asked: Asked
+    layers: list[tuple[str, _Shown]], wanted: dict[str, Any], corners: Corners, asked: Asked
 ) -> bytes: ...

@@ -125,7 +125,7 @@ def render(
         if isinstance(shape, FitResult) and shape._native is not None:
             # The points are one layer, the model the next.
             layers.append((shape.model.name, (shape.model._native, [])))
-    wanted: _isoform.Wanted = {
+    wanted: dict[str, Any] = {
         "size": _pixels(size),
         "views": [view] if isinstance(view, str) else list(view),
         "camera": _numbers("camera", camera, 6),
