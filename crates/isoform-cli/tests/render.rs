@@ -202,7 +202,7 @@ fn a_program_without_intervals_is_drawn_by_its_mesh() {
     ]);
     assert_eq!(code(&o), 3, "{}", stderr(&o));
     assert_eq!(document(&o)["layers"][0]["proved"], false);
-    assert!(stderr(&o).contains("no intervals"));
+    assert!(stderr(&o).contains("its mesh is drawn"));
     assert_eq!(size(&fs::read(out).expect("a picture")), [80, 60]);
 }
 
