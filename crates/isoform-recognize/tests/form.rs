@@ -60,7 +60,11 @@ fn wavy_block(height: f64) -> Vec<Point3> {
         let off = height * wave + NOISE * normal(&mut random);
         let mut p = [0.0; 3];
         (p[i], p[j]) = (size[i] * u, size[j] * v);
-        p[k] = if face.is_multiple_of(2) { -off } else { size[k] + off };
+        p[k] = if face.is_multiple_of(2) {
+            -off
+        } else {
+            size[k] + off
+        };
         p
     };
     // By area: faces of 2, 3 and 6.
