@@ -27,6 +27,9 @@ const KNOWN: f64 = 0.03;
 /// Doublings of the noise that are tried at most: 2⁵ times the noise of a scanner of today is a
 /// hundredth of the size.
 const DOUBLINGS: i32 = 5;
+/// The largest tolerance of form, in diagonals. Noise of half a per cent hides small faces, and
+/// twice that takes whole parts for one plane.
+const WIDEST: f64 = 0.0075;
 /// What a point may cost more where fewer surfaces describe all: surfaces more have to bring the
 /// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
@@ -46,9 +49,10 @@ pub(crate) fn with_form(
     let noise = found.noise;
     let mut tried = vec![(length(cloud, &told), found)];
     // Wide ones first: they take the least time, and where they are good narrow ones need none.
-    for doubling in (1..=DOUBLINGS).rev() {
+    let tolerances = (1..=DOUBLINGS).rev().map(|k| noise * 2.0_f64.powi(k));
+    for tolerance in tolerances.filter(|t| *t <= WIDEST) {
         let tolerance = Limits {
-            noise: Some(noise * 2.0_f64.powi(doubling)),
+            noise: Some(tolerance),
             ..limits
         };
         let next = segment(cloud, tolerance, control)?;
