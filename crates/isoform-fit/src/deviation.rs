@@ -234,9 +234,9 @@ fn places(template: &dyn Template, a: &[f64], data: &Data<'_>, wanted: usize) ->
     }
 }
 
-/// Correlation of the residuals of some points, the first ones in a random order, with that of their
-/// nearest neighbours: near 0 for noise, near 1 for a bad model. A tree over a part of the points
-/// holds the first ones in that order.
+/// Correlation of the residuals of some points, the first ones in a random order, with that of
+/// their nearest neighbours: near 0 for noise, near 1 for a bad model. A tree over a part of the
+/// points holds the first ones in that order.
 pub(crate) fn neighbour_correlation(
     points: &[Point3],
     residuals: &[f64],

@@ -89,8 +89,8 @@ pub(crate) struct Surface<'s> {
     /// Whether there are such places.
     pub(crate) has_seams: AtomicBool,
     /// Whether equals are put in order by their places, as if at random, and not by their numbers:
-    /// where all vertices along a flat face are equal, an order along the face would let each depend
-    /// on the one before it, from one end to the other.
+    /// where all vertices along a flat face are equal, an order along the face would let each
+    /// depend on the one before it, from one end to the other.
     pub(crate) by_place: bool,
     pub(crate) control: &'s Control<'s>,
 }

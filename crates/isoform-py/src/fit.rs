@@ -8,6 +8,7 @@ use crate::points::Cloud;
 use crate::run::{self, Asked};
 use isoform::field::hyperfun::Pose;
 use isoform::fit::{Beside, Local, Loss, Method};
+use isoform::io::ReadReport;
 use isoform::report::{About, FitReport, loss_name, method_name};
 use isoform::{FitOptions, ScanFit, fit_scan};
 use numpy::{PyArray1, PyArray2};
@@ -159,7 +160,17 @@ pub(crate) fn fit(
         fit_scan(scan, model, &options, control)
     })?;
     let found = found.map_err(Trouble::from)?;
-    let read = &cloud.get().report;
+    Ok(reported(found, &cloud.get().report, &names, (method, seed)))
+}
+
+/// A fit with its document, as the program writes it, with the names of the points and of the
+/// template.
+pub(crate) fn reported(
+    found: ScanFit,
+    read: &ReadReport,
+    names: &(String, String),
+    (method, seed): (Method, u64),
+) -> Fit {
     let unit = found.unit(read, &names.1);
     let warnings = found.all_warnings(read, &unit);
     let about = About {
@@ -174,5 +185,5 @@ pub(crate) fn fit(
         seconds: &found.seconds,
     };
     let document = document::text(&FitReport::new(&found, &about));
-    Ok(Fit::new(found, document))
+    Fit::new(found, document)
 }

@@ -4,13 +4,11 @@
 //! each chunk or None, and yields the answers in the same order; [`answer`] makes them.
 
 use crate::arrays::{PointsArg, Rows};
-use crate::document;
 use crate::error::Trouble;
-use crate::fit::{Fit, Wanted};
+use crate::fit::{Fit, Wanted, reported};
 use crate::model::Program;
 use crate::run::{self, Asked};
 use isoform::io::ReadReport;
-use isoform::report::{About, FitReport};
 use isoform::{AnswerError, ChunkSource, fit_chunks};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyList};
@@ -120,21 +118,7 @@ pub(crate) fn fit_large(
         units: None,
         warnings: Vec::new(),
     };
-    let unit = found.unit(&read, &names.1);
-    let warnings = found.all_warnings(&read, &unit);
-    let about = About {
-        verb: "fit",
-        scan: &names.0,
-        read: &read,
-        template: &names.1,
-        unit: &unit,
-        method,
-        seed,
-        warnings: &warnings,
-        seconds: &found.seconds,
-    };
-    let document = document::text(&FitReport::new(&found, &about));
-    Ok(Fit::new(found, document))
+    Ok(reported(found, &read, &names, (method, seed)))
 }
 
 /// The answer of a chunk of these points to a message: on the threads of the fit where it is asked

@@ -173,7 +173,7 @@ pub struct Recognition {
     /// The standard deviation of the points along the normal, as they show it; the tolerance where
     /// [`is_form`](Self::is_form) says so.
     pub noise: f64,
-    /// Whether the form of the object deviates from its entities by more than the noise, and `noise`
-    /// is the tolerance within which they were found.
+    /// Whether the form of the object deviates from its entities by more than the noise, and
+    /// `noise` is the tolerance within which they were found.
     pub is_form: bool,
 }

@@ -1,10 +1,10 @@
-//! Real objects whose form deviates from its surfaces by more than the noise of the points: how much
-//! of that is allowed.
+//! Real objects whose form deviates from its surfaces by more than the noise of the points: how
+//! much of that is allowed.
 //!
-//! Within the noise such an object consists of many pieces, bent by a little each, and of points that
-//! nothing follows. Wider tolerances are tried then, and the shortest description is taken: that
-//! of the distances of points from their surfaces, of the surfaces, and of the points without one
-//! (J. Rissanen 1978).
+//! Within the noise such an object consists of many pieces, bent by a little each, and of points
+//! that nothing follows. Wider tolerances are tried then, and the shortest description is taken:
+//! that of the distances of points from their surfaces, of the surfaces, and of the points without
+//! one (J. Rissanen 1978).
 
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
@@ -13,12 +13,12 @@ use crate::segment::{EVIDENCE, Limits, Segmentation, segment};
 use isoform_control::{Control, Stopped};
 
 /// The share of points that has to be told by entities of known size, else wider tolerances are
-/// tried. Parts made to their drawings have 90 % and more; with less asked for, cans pass whose side
-/// is a dozen tori.
+/// tried. Parts made to their drawings have 90 % and more; with less asked for, cans pass whose
+/// side is a dozen tori.
 const TOLD: f64 = 2.0 / 3.0;
-/// The share that planes, spheres, cylinders and cones of known size have to tell within a tolerance
-/// of form. Tori do not count: a few of them follow any smooth body within a hundredth of its size,
-/// an ellipsoid for one.
+/// The share that planes, spheres, cylinders and cones of known size have to tell within a
+/// tolerance of form. Tori do not count: a few of them follow any smooth body within a hundredth of
+/// its size, an ellipsoid for one.
 const TOLD_BY_FORM: f64 = 0.5;
 /// A size is known where its deviation is below this share of it. Pieces of a flat face that is
 /// bent by a little are parts of large cylinders, known to 3 to 50 %; small fillets are, too, but

@@ -303,7 +303,8 @@ fn bounds_of(
 /// More find smaller parts without one, and cost their cube.
 const SAMPLES: usize = 24;
 
-/// A place of a box at which a piece of a solid is no number, as a root of negative numbers is none;
+/// A place of a box at which a piece of a solid is no number, as a root of negative numbers is
+/// none;
 /// `None` where samples meet none.
 ///
 /// ```

@@ -52,7 +52,12 @@ pub(crate) struct Args {
     adapt: Option<PathBuf>,
     /// Mesh in so many blocks along x, y and z, one after the other: the memory is that for one of
     /// them. -o names a .pvtu, beside which each block is a .vtu; they meet node for node
-    #[arg(long, value_name = "NX,NY,NZ", value_parser = counts, conflicts_with_all = ["adapt", "to"])]
+    #[arg(
+        long,
+        value_name = "NX,NY,NZ",
+        value_parser = counts,
+        conflicts_with_all = ["adapt", "to"]
+    )]
     blocks: Option<Counts>,
     /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]

@@ -85,8 +85,8 @@ pub(crate) struct Told {
 }
 
 impl Task<'_> {
-    /// Looks at all points; `points` are those at hand, `limit` is the distance of outliers, and the
-    /// algebraic sum is wanted at `minima`.
+    /// Looks at all points; `points` are those at hand, `limit` is the distance of outliers, and
+    /// the algebraic sum is wanted at `minima`.
     pub(super) fn told(
         &self,
         a: &[f64],

@@ -1,5 +1,4 @@
-"""Fleets of scans, clouds too large for one machine, and meshes in blocks, on local processes, Ray or
-Dask.
+"""Fleets of scans, huge clouds, and meshes in blocks, on local processes, Ray or Dask.
 
 Scans are fitted one by one, each by one thread of one process, so that a fleet takes as many of
 them at once as there are cores; the numbers are those of `isoform.fit`. Rows are written as they
