@@ -75,6 +75,69 @@ struct Around {
     away: Point3,
 }
 
+/// The distances of a surface with their derivatives by the parameters of [`Surface::moved`].
+pub(crate) struct Rows<'a> {
+    surface: &'a Surface,
+    /// The two vectors of [`Surface::frame`].
+    across: [Point3; 2],
+    /// Sine and cosine of a cone's half angle; 0 and 1 of other kinds.
+    sin: f64,
+    cos: f64,
+}
+
+impl Rows<'_> {
+    /// The distance of a point, and its derivatives.
+    pub(crate) fn at(&self, p: Point3) -> (f64, Row) {
+        let [e, f] = &self.across;
+        let surface = self.surface;
+        let d = sub(p, surface.place);
+        let height = dot(d, surface.axis);
+        match surface.kind {
+            Kind::Plane => {
+                let row = [dot(d, *e), dot(d, *f), -1.0, 0.0, 0.0, 0.0, 0.0];
+                return (height, row);
+            }
+            Kind::Sphere => {
+                let length = norm(d).max(f64::MIN_POSITIVE);
+                let n = d.map(|x| x / length);
+                let row = [-n[0], -n[1], -n[2], -1.0, 0.0, 0.0, 0.0];
+                return (length - surface.size, row);
+            }
+            Kind::Cylinder | Kind::Cone | Kind::Torus => {}
+        }
+        let v: Point3 = std::array::from_fn(|k| d[k] - height * surface.axis[k]);
+        let radius = norm(v);
+        let (ue, uf) = match radius > 0.0 {
+            true => (dot(v, *e) / radius, dot(v, *f) / radius),
+            false => (1.0, 0.0),
+        };
+        let r = radius - surface.size;
+        if surface.kind == Kind::Torus {
+            let length = length(r, height).max(f64::MIN_POSITIVE);
+            let tilt = height * surface.size / length;
+            let n: Point3 = std::array::from_fn(|k| {
+                let away = (ue * e[k] + uf * f[k]) * r;
+                (away + height * surface.axis[k]) / length
+            });
+            let row = [tilt * ue, tilt * uf, -n[0], -n[1], -n[2], -r / length, -1.0];
+            return (length - surface.other, row);
+        }
+        let (sin, cos) = (self.sin, self.cos);
+        let tilt = -(height * cos + radius * sin);
+        let turn = match surface.kind {
+            Kind::Cone => -r * sin - height * cos,
+            _ => 0.0,
+        };
+        let row = [tilt * ue, tilt * uf, -ue * cos, -uf * cos, -cos, turn, 0.0];
+        (r * cos - height * sin, row)
+    }
+}
+
+/// √(x² + y²) of lengths in diagonals, far from overflow, for which `hypot` takes four times as long.
+fn length(x: f64, y: f64) -> f64 {
+    (x * x + y * y).sqrt()
+}
+
 impl Surface {
     /// Two unit vectors that make a frame with the axis.
     pub(crate) fn frame(&self) -> [Point3; 2] {
@@ -110,7 +173,7 @@ impl Surface {
             }
             Kind::Torus => {
                 let q = self.around(p);
-                (q.radius - self.size).hypot(q.height) - self.other
+                length(q.radius - self.size, q.height) - self.other
             }
         }
     }
@@ -135,63 +198,24 @@ impl Surface {
             Kind::Torus => {
                 let q = self.around(p);
                 let (r, h) = (q.radius - self.size, q.height);
-                let length = r.hypot(h).max(f64::MIN_POSITIVE);
+                let length = length(r, h).max(f64::MIN_POSITIVE);
                 along(&q, r / length, h / length)
             }
         }
     }
 
-    /// The distance and its derivatives by the parameters of [`Self::moved`], with the two vectors
-    /// of [`Self::frame`].
-    pub(crate) fn distance_row(&self, [e, f]: &[Point3; 2], p: Point3) -> (f64, Row) {
-        if self.kind <= Kind::Sphere {
-            return self.simple_row([e, f], p);
-        }
-        let d = sub(p, self.place);
-        let height = dot(d, self.axis);
-        let v: Point3 = std::array::from_fn(|k| d[k] - height * self.axis[k]);
-        let radius = norm(v);
-        let (ue, uf) = match radius > 0.0 {
-            true => (dot(v, *e) / radius, dot(v, *f) / radius),
-            false => (1.0, 0.0),
-        };
-        let r = radius - self.size;
-        if self.kind == Kind::Torus {
-            let length = r.hypot(height).max(f64::MIN_POSITIVE);
-            let tilt = height * self.size / length;
-            let n: Point3 = std::array::from_fn(|k| {
-                let away = (ue * e[k] + uf * f[k]) * r;
-                (away + height * self.axis[k]) / length
-            });
-            let row = [tilt * ue, tilt * uf, -n[0], -n[1], -n[2], -r / length, -1.0];
-            return (length - self.other, row);
-        }
+    /// What the derivatives of its distances need, for many points.
+    pub(crate) fn rows(&self) -> Rows<'_> {
         let (sin, cos) = match self.kind {
             Kind::Cone => self.other.sin_cos(),
             _ => (0.0, 1.0),
         };
-        let tilt = -(height * cos + radius * sin);
-        let turn = match self.kind {
-            Kind::Cone => -r * sin - height * cos,
-            _ => 0.0,
-        };
-        let row = [tilt * ue, tilt * uf, -ue * cos, -uf * cos, -cos, turn, 0.0];
-        (r * cos - height * sin, row)
-    }
-
-    /// The row of a plane or sphere.
-    fn simple_row(&self, [e, f]: [&Point3; 2], p: Point3) -> (f64, Row) {
-        let d = sub(p, self.place);
-        if self.kind == Kind::Plane {
-            let row = [dot(d, *e), dot(d, *f), -1.0, 0.0, 0.0, 0.0, 0.0];
-            return (dot(d, self.axis), row);
+        Rows {
+            surface: self,
+            across: self.frame(),
+            sin,
+            cos,
         }
-        let length = norm(d).max(f64::MIN_POSITIVE);
-        let n = d.map(|x| x / length);
-        (
-            length - self.size,
-            [-n[0], -n[1], -n[2], -1.0, 0.0, 0.0, 0.0],
-        )
     }
 
     /// The surface with its parameters moved: the axis tilted along the two vectors of the frame,
@@ -375,7 +399,7 @@ mod tests {
     fn derivatives_are_those_of_the_distance() {
         let p = [0.9, 0.5, -0.4];
         for shape in shapes() {
-            let (_, row) = shape.distance_row(&shape.frame(), p);
+            let (_, row) = shape.rows().at(p);
             for k in 0..MOST {
                 let h = 1e-6;
                 let at = |s: f64| {

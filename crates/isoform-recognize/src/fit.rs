@@ -1,6 +1,6 @@
 //! Least squares on orthogonal distances, with the covariance of the parameters.
 
-use crate::chart::{MOST, Row, Surface};
+use crate::chart::{Kind, MOST, Row, Surface};
 use isoform_geom::Point3;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
@@ -36,25 +36,47 @@ struct Normal {
 }
 
 fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
-    let n = surface.kind.parameters();
+    match surface.kind {
+        Kind::Plane => normal_of::<3>(surface, points, weights),
+        Kind::Sphere => normal_of::<4>(surface, points, weights),
+        Kind::Cylinder => normal_of::<5>(surface, points, weights),
+        Kind::Cone => normal_of::<6>(surface, points, weights),
+        Kind::Torus => normal_of::<7>(surface, points, weights),
+    }
+}
+
+/// The equations of a surface with `N` parameters: loops of known length take half the time.
+fn normal_of<const N: usize>(
+    surface: &Surface,
+    points: &[Point3],
+    weights: Option<&[f64]>,
+) -> Normal {
+    let rows = surface.rows();
+    let mut matrix = [[0.0; N]; N];
+    let (mut side, mut reach) = ([0.0; N], [0.0_f64; N]);
+    let mut squares = 0.0;
+    for (k, p) in points.iter().enumerate() {
+        let (r, row) = rows.at(*p);
+        let w = weights.map_or(1.0, |w| w[k]);
+        for i in 0..N {
+            for j in 0..=i {
+                matrix[i][j] += w * row[i] * row[j];
+            }
+            side[i] += w * row[i] * r;
+            reach[i] = reach[i].max(row[i].abs());
+        }
+        squares += w * r * r;
+    }
     let mut sum = Normal {
         matrix: [[0.0; MOST]; MOST],
         side: [0.0; MOST],
-        squares: 0.0,
+        squares,
         reach: [0.0; MOST],
     };
-    let frame = surface.frame();
-    for (k, p) in points.iter().enumerate() {
-        let (r, row) = surface.distance_row(&frame, *p);
-        let w = weights.map_or(1.0, |w| w[k]);
-        for i in 0..n {
-            for j in 0..=i {
-                sum.matrix[i][j] += w * row[i] * row[j];
-            }
-            sum.side[i] += w * row[i] * r;
-            sum.reach[i] = sum.reach[i].max(row[i].abs());
-        }
-        sum.squares += w * r * r;
+    sum.side[..N].copy_from_slice(&side);
+    sum.reach[..N].copy_from_slice(&reach);
+    for (to, from) in sum.matrix.iter_mut().zip(&matrix) {
+        to[..N].copy_from_slice(from);
     }
     sum
 }
@@ -176,7 +198,6 @@ pub(crate) fn covariance(surface: &Surface, points: &[Point3]) -> Option<[Row; M
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::chart::Kind;
 
     /// Points of a fixed sphere of radius 0.5 with errors of this deviation, uniform in ±√3 of it.
     fn sphere(count: usize, deviation: f64, seed: u64) -> Vec<Point3> {

@@ -9,7 +9,7 @@
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
 use crate::fit::{covariance, squares};
-use crate::segment::{EVIDENCE, Limits, Segmentation, segment};
+use crate::segment::{Allowed, EVIDENCE, Limits, Segmentation};
 use isoform_control::{Control, Stopped};
 
 /// The share of points that has to be told by entities of known size, else wider tolerances are
@@ -35,49 +35,104 @@ const WIDEST: f64 = 0.0075;
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
 const FEWER: f64 = 0.3;
 
-/// What was found within the noise, or within the tolerance of form that describes the points best.
-pub(crate) fn with_form(
+/// What is found within the noise that the points show, or within the tolerance of form that
+/// describes them best.
+///
+/// Tolerances of form are tried as soon as the first round within the noise tells little: what else
+/// it finds are more small pieces, and that takes most of the time.
+pub(crate) fn within_noise_or_form(
     cloud: &Cloud,
-    found: Segmentation,
-    limits: Limits,
+    min_points: usize,
     control: &Control<'_>,
 ) -> Result<Segmentation, Stopped> {
+    let limits = Limits {
+        min_points,
+        allowed: Allowed::Shown,
+    };
+    let first = Segmentation::begin(cloud, limits, control)?;
+    let told_first = told(cloud, &first);
+    if share(cloud, &told_first) >= TOLD {
+        return first.finished(cloud, limits, control);
+    }
+    let mut tried = Tried {
+        cloud,
+        all: vec![(length(cloud, &told_first), first)],
+    };
+    tried.try_forms(min_points, control)?;
+    let best = tried.best();
+    let (_, taken) = tried.all.swap_remove(best);
+    if best > 0 {
+        return Ok(taken);
+    }
+    // No form describes the points better so far.
+    let found = taken.finished(cloud, limits, control)?;
     let told = told(cloud, &found);
     if share(cloud, &told) >= TOLD {
         return Ok(found);
     }
-    let noise = found.noise;
-    let mut tried = vec![(length(cloud, &told), found)];
-    // Wide ones first: they take the least time, and where they are good narrow ones need none.
-    let tolerances = (1..=DOUBLINGS).rev().map(|k| noise * 2.0_f64.powi(k));
-    for tolerance in tolerances.filter(|t| *t <= WIDEST) {
-        let tolerance = Limits {
-            noise: Some(tolerance),
-            ..limits
-        };
-        let next = segment(cloud, tolerance, control)?;
-        let mut told = self::told(cloud, &next);
-        told.retain(|(surface, _)| surface.kind != Kind::Torus);
-        if share(cloud, &told) < TOLD_BY_FORM {
-            continue;
-        }
-        tried.push((length(cloud, &told), next));
-        let best = best(&tried, cloud.points.len());
-        if best > 0 && best + 1 < tried.len() {
-            break;
-        }
-    }
-    let best = best(&tried, cloud.points.len());
-    Ok(tried.swap_remove(best).1)
+    tried.all.push((length(cloud, &told), found));
+    let best = tried.best();
+    Ok(tried.all.swap_remove(best).1)
 }
 
-/// Which of several has the fewest surfaces, of those whose description is nearly the shortest; the
-/// last of several such.
-fn best(tried: &[(f64, Segmentation)], points: usize) -> usize {
-    let shortest = tried.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
-    let most = shortest + FEWER * points as f64;
-    let good = (0..tried.len()).rev().filter(|k| tried[*k].0 <= most);
-    good.min_by_key(|k| tried[*k].1.surfaces.len()).unwrap_or(0)
+/// What was found of a cloud, each with the length of its description.
+struct Tried<'a> {
+    cloud: &'a Cloud,
+    all: Vec<(f64, Segmentation)>,
+}
+
+impl Tried<'_> {
+    /// Adds what is found within tolerances of form, until narrower ones describe the points no
+    /// better.
+    fn try_forms(&mut self, min_points: usize, control: &Control<'_>) -> Result<(), Stopped> {
+        let noise = self.all[0].1.noise;
+        // Wide ones first: they take the least time, and where they are good narrow ones need none.
+        let tolerances = (1..=DOUBLINGS).rev().map(|k| noise * 2.0_f64.powi(k));
+        for tolerance in tolerances.filter(|t| *t <= WIDEST) {
+            let limits = Limits {
+                min_points,
+                allowed: Allowed::Form(tolerance),
+            };
+            let first = Segmentation::begin(self.cloud, limits, control)?;
+            // Further rounds shorten a description by some per cent; this one is not worth them.
+            let is_longer = |length: f64| length > self.most();
+            if self.all.len() > 1 && self.describe(&first).is_some_and(is_longer) {
+                break;
+            }
+            let next = first.finished(self.cloud, limits, control)?;
+            let Some(length) = self.describe(&next) else {
+                continue;
+            };
+            self.all.push((length, next));
+            if (1..self.all.len() - 1).contains(&self.best()) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The length of a description within a tolerance of form; `None` if it tells too little.
+    fn describe(&self, found: &Segmentation) -> Option<f64> {
+        let mut told = told(self.cloud, found);
+        told.retain(|(surface, _)| surface.kind != Kind::Torus);
+        let is_told = share(self.cloud, &told) >= TOLD_BY_FORM;
+        is_told.then(|| length(self.cloud, &told))
+    }
+
+    /// How long a description may be that has fewer surfaces than the shortest.
+    fn most(&self) -> f64 {
+        let shortest = self.all.iter().map(|t| t.0).fold(f64::INFINITY, f64::min);
+        shortest + FEWER * self.cloud.points.len() as f64
+    }
+
+    /// Which has the fewest surfaces, of those whose description is nearly the shortest; the last of
+    /// several such.
+    fn best(&self) -> usize {
+        let most = self.most();
+        let good = (0..self.all.len()).rev().filter(|k| self.all[*k].0 <= most);
+        good.min_by_key(|k| self.all[*k].1.surfaces.len())
+            .unwrap_or(0)
+    }
 }
 
 /// The share of the points that entities have.

@@ -6,12 +6,12 @@ use crate::choose::EXACT;
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{covariance, squares};
-use crate::form::with_form;
+use crate::form::within_noise_or_form;
 use crate::grow::core;
 use crate::orient::orient;
 use crate::patterns::patterns;
 use crate::relations::{Known, relations};
-use crate::segment::{Limits, NONE, Segmentation, segment};
+use crate::segment::{Allowed, Limits, NONE, Segmentation, segment};
 use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
@@ -91,16 +91,21 @@ pub fn recognize(
     if is_line(&cloud.points) {
         return Err(Error::Line);
     }
-    let limits = Limits {
-        min_points: options.min_points,
-        noise: options
-            .noise
-            .map(|n| (n / scaling.unit).max(crate::cloud::FLOOR)),
+    let min_points = options.min_points;
+    let found = match options.noise.map(|n| n / scaling.unit) {
+        None => within_noise_or_form(&cloud, min_points, control)?,
+        Some(noise) => {
+            let allowed = Allowed::Given(noise.max(crate::cloud::FLOOR));
+            segment(
+                &cloud,
+                Limits {
+                    min_points,
+                    allowed,
+                },
+                control,
+            )?
+        }
     };
-    let mut found = segment(&cloud, limits, control)?;
-    if limits.noise.is_none() {
-        found = with_form(&cloud, found, limits, control)?;
-    }
     control.check()?;
     turn_outwards(&mut cloud, &found);
     for k in 0..3 {

@@ -49,15 +49,28 @@ pub(crate) struct Segmentation {
     first_noise: f64,
     /// Whether the noise is a tolerance of form.
     pub(crate) is_form: bool,
+    /// Whether there is nothing to be found in further rounds.
+    is_finished: bool,
 }
 
-/// Limits that the user sets.
+/// How far points may lie from their surfaces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Allowed {
+    /// As far as the points themselves show.
+    Shown,
+    /// A length that the user gives: a tolerance of form where the points show less noise.
+    Given(f64),
+    /// A tolerance of form.
+    Form(f64),
+}
+
+/// Limits of a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Limits {
     /// The fewest points of an entity.
     pub(crate) min_points: usize,
-    /// The noise, if it is not to be taken from the points.
-    pub(crate) noise: Option<f64>,
+    /// How far points may lie from their surfaces.
+    pub(crate) allowed: Allowed,
 }
 
 /// Finds the surfaces of a cloud.
@@ -66,36 +79,7 @@ pub(crate) fn segment(
     limits: Limits,
     control: &Control<'_>,
 ) -> Result<Segmentation, Stopped> {
-    let mut now = Segmentation {
-        surfaces: Vec::new(),
-        labels: vec![NONE; cloud.points.len()],
-        noise: limits.noise.unwrap_or(cloud.noise),
-        first_noise: cloud.noise,
-        is_form: false,
-    };
-    if cloud.is_volume() {
-        return Ok(now);
-    }
-    match limits.noise {
-        None => now.noise = lower_noise(cloud, now.noise),
-        Some(allowed) => now.is_form = allowed > FORM * lower_noise(cloud, cloud.noise),
-    }
-    now.first_noise = now.noise;
-    for round in 0..ROUNDS {
-        control.report("recognize", round as f64 / ROUNDS as f64);
-        let slack = if round == 0 { FIRST_SLACK } else { SLACK };
-        now.add_regions(cloud, slack, limits, control)?;
-        now.settle(cloud, limits);
-        if round == 0 && now.add_scattered_planes(cloud, limits) {
-            now.settle(cloud, limits);
-        }
-        if !now.dissolve(cloud) {
-            break;
-        }
-    }
-    now.turn_zones(cloud);
-    now.relax(cloud, limits);
-    Ok(now)
+    Segmentation::begin(cloud, limits, control)?.finished(cloud, limits, control)
 }
 
 /// Directions of planes and axes, each once.
@@ -192,6 +176,73 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
 }
 
 impl Segmentation {
+    /// What the first round finds: most of it where surfaces follow the points.
+    pub(crate) fn begin(
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let is_volume = cloud.is_volume();
+        let (noise, is_form) = match limits.allowed {
+            _ if is_volume => (cloud.noise, false),
+            Allowed::Shown => (lower_noise(cloud, cloud.noise), false),
+            Allowed::Given(noise) => (noise, noise > FORM * lower_noise(cloud, cloud.noise)),
+            Allowed::Form(noise) => (noise, true),
+        };
+        let mut now = Self {
+            surfaces: Vec::new(),
+            labels: vec![NONE; cloud.points.len()],
+            noise,
+            first_noise: noise,
+            is_form,
+            is_finished: is_volume,
+        };
+        if !is_volume {
+            now.advance(cloud, limits, 0, control)?;
+        }
+        Ok(now)
+    }
+
+    /// What further rounds find.
+    pub(crate) fn finished(
+        mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        if cloud.is_volume() {
+            return Ok(self);
+        }
+        for round in 1..ROUNDS {
+            if self.is_finished {
+                break;
+            }
+            self.advance(cloud, limits, round, control)?;
+        }
+        self.turn_zones(cloud);
+        self.relax(cloud, limits);
+        Ok(self)
+    }
+
+    /// A round: new regions, then labels, fits and mergers until they stand still.
+    fn advance(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        round: usize,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        control.report("recognize", round as f64 / ROUNDS as f64);
+        let slack = if round == 0 { FIRST_SLACK } else { SLACK };
+        self.add_regions(cloud, slack, limits, control)?;
+        self.settle(cloud, limits);
+        if round == 0 && self.add_scattered_planes(cloud, limits) {
+            self.settle(cloud, limits);
+        }
+        self.is_finished = !self.dissolve(cloud);
+        Ok(())
+    }
+
     /// How far points lie from their surface.
     fn deviation(&self, slack: f64) -> Noise {
         Noise {
@@ -420,7 +471,7 @@ impl Segmentation {
 
     /// The noise that explained points show: the median of their distances.
     fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
-        if limits.noise.is_some() {
+        if limits.allowed != Allowed::Shown {
             return;
         }
         let explained = (0..cloud.points.len()).filter(|i| self.labels[*i] != NONE);

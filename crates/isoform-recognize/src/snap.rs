@@ -61,10 +61,10 @@ impl Own {
     /// The gradient of half the sum of squares, less that at the start, in variances.
     fn gradient(&self, now: &Surface) -> Row {
         let start = &self.known.surface;
-        let frame = start.frame();
+        let rows = start.rows();
         let mut sum = [0.0; MOST];
         for p in &self.points {
-            let (r, row) = start.distance_row(&frame, *p);
+            let (r, row) = rows.at(*p);
             let change = now.distance(*p) - r;
             sum.iter_mut().zip(row).for_each(|(s, j)| *s += change * j);
         }
