@@ -299,6 +299,21 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// The corrections that lead to the coefficients of a level of another function, in units of the
+    /// spacing; 0 where it has none of its own.
+    pub(crate) fn corrections(&self, other: &Level) -> Vec<f64> {
+        let level = self.level;
+        let correction = |place: Place| {
+            let (own, i) = (level.nodes.find(place)?, other.nodes.find(place)?);
+            let change = other.coefficients[i] - level.coefficients[own];
+            other.is_active[i].then_some(change / level.spacing)
+        };
+        let places = self.active.places();
+        places
+            .map(|place| correction(place).unwrap_or(0.0))
+            .collect()
+    }
+
     /// Holds f in the cells where corrections take away its distance from 0, and says whether there
     /// are such. Two functions of one surface may differ by extra pieces of it;
     /// the one at hand was told by many points where it is inside.

@@ -194,11 +194,11 @@ pub fn implicitize(
     };
     let alone = strays_of(&samples);
     leave_out(&mut samples, &alone);
-    let mut fit = fitted(&samples, alpha, options, control)?;
+    let mut fit = fitted(&samples, alpha, options, None, control)?;
     let mut off = distances_of(&fit.spline, &samples.points);
     let apart = beside(&off, &fit.sorted(&samples), fit.spline.spacing());
     if leave_out(&mut samples, &apart) {
-        fit = fitted(&samples, alpha, options, control)?;
+        fit = fitted(&samples, alpha, options, Some(&fit), control)?;
         off = distances_of(&fit.spline, &samples.points);
     }
     control.begin("checking")?;
@@ -261,14 +261,19 @@ impl Fit {
     }
 }
 
-/// Fits a spline to samples; `alpha` is the weight of their normals.
+/// Fits a spline to samples; `alpha` is the weight of their normals. A fit of nearly all of them
+/// lends its lattice, its depth and its coefficients as a start, where the lattice of the samples
+/// would hardly be another.
 fn fitted(
     samples: &Samples,
     alpha: f64,
     options: &Options,
+    before: Option<&Fit>,
     control: &Control<'_>,
 ) -> Result<Fit, Stopped> {
-    let lattice = Lattice::new(&samples.points, options);
+    let own = Lattice::new(&samples.points, options);
+    let before = before.filter(|fit| fit.lattice.is_nearly(&own));
+    let lattice = before.map_or(own, |fit| fit.lattice);
     let mut fitting = Fitting {
         samples,
         lattice,
@@ -279,6 +284,7 @@ fn fitted(
         },
         levels: Vec::new(),
         data: Vec::new(),
+        before: before.map_or(&[], |fit| fit.spline.levels()),
     };
     fitting.run(options.fineness, control)?;
     let Fitting { levels, data, .. } = fitting;
@@ -368,6 +374,10 @@ const SEEN: [usize; 2] = [50, 2000];
 /// Points that such a lattice is chosen by: twenty in each of its cells.
 const SOME: usize = 40_000;
 
+/// Spacings that differ by less than this share are alike: a fifth of what another depth brings in
+/// cells, and wide enough for boxes that outliers had made a little larger.
+const ALIKE: f64 = 0.05;
+
 /// Cells along the longest edge of such a lattice, at most.
 const FINEST: f64 = 64.0;
 
@@ -406,6 +416,12 @@ impl Lattice {
             }
             finest *= 1.0 + 1.0 / 64.0;
         }
+    }
+
+    /// Whether another lattice has its cells of nearly this size, as many of them.
+    fn is_nearly(&self, other: &Self) -> bool {
+        let ratio = self.spacing / other.spacing;
+        self.count == other.count && self.depth == other.depth && (ratio - 1.0).abs() < ALIKE
     }
 
     /// The lattice about the middle of a box.
@@ -460,6 +476,8 @@ struct Fitting<'a> {
     levels: Vec<Level>,
     /// Cells with data of each level.
     data: Vec<Vec<Place>>,
+    /// The levels of another fit on this lattice; none, if there is no other.
+    before: &'a [Level],
 }
 
 impl<'a> Fitting<'a> {
@@ -471,7 +489,10 @@ impl<'a> Fitting<'a> {
         match fineness {
             Fineness::Cells(_) => self.fit_to_depth(self.lattice.depth as usize, control),
             Fineness::Data => {
-                let depth = self.depth_of_data(None, control)?;
+                let depth = match self.before.len() {
+                    0 => self.depth_of_data(None, control)?,
+                    levels => levels - 1,
+                };
                 self.fit_to_depth(depth, control)
             }
             Fineness::Tolerance(tolerance) => {
@@ -639,7 +660,8 @@ impl<'a> Fitting<'a> {
             ..self.weights
         };
         let mut problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
-        let mut x = solve(&problem, None, RESIDUAL, STEPS, control)?;
+        let start = self.before.get(l).map(|level| problem.corrections(level));
+        let mut x = solve(&problem, start, RESIDUAL, STEPS, control)?;
         // The first level begins with f = 0 and knows of no inside.
         if l > 0 && problem.hold_where_lost(&x) {
             x = solve(&problem, Some(x), RESIDUAL, STEPS, control)?;

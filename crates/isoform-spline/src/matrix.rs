@@ -131,9 +131,9 @@ impl Matrix {
                 for run in &self.runs[i * width..(i + 1) * width] {
                     let (first, length) = (run.first as usize, run.length as usize);
                     let values = &self.values[at..at + length];
-                    for (a, b) in values.iter().zip(&x[first..first + length]) {
-                        sum += a * b;
-                    }
+                    // Runs do not wait for each other's sums.
+                    let products = values.iter().zip(&x[first..first + length]);
+                    sum += products.map(|(a, b)| a * b).sum::<f64>();
                     at += length;
                 }
                 *y = sum;
