@@ -23,6 +23,12 @@ use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
 /// Rounds in which the lattice is halved where it proves too coarse to be cut.
 const FINER: usize = 3;
+/// How often a solid with seams is meshed again, finer where vertices are off the surface: most
+/// rounded boxes whose seams are about a size apart are mended by the first round, some by the
+/// second.
+const FINER_ROUNDS: usize = 2;
+/// What edges become there, as a share of what they were.
+const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
 const BYTES: [f64; 2] = [12.0, 60.0];
 
@@ -71,39 +77,81 @@ pub fn mesh(
 }
 
 /// Meshes a solid whose extent is known. Where vertices held on seams between pieces that touch keep
-/// others off the surface, as between seams that are less than a size apart, it is meshed once more
-/// without them.
+/// others off the surface, as between seams that are about a size apart, it is meshed once more,
+/// finer there; and at last without holding any on seams.
 fn mesh_within(
     solid: &dyn Solid,
     extent: &Extent,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
-    let is_off = |m: &Meshed| m.warnings.iter().any(|w| w.kind == WarningKind::VertexOff);
-    let (meshed, has_seams) = mesh_once(solid, extent, options, true, control)?;
-    if !has_seams || !is_off(&meshed) {
-        return Ok(meshed);
+    let once = |course: &Course| mesh_once(solid, extent, options, course, control);
+    let mut course = Course {
+        seams: true,
+        finer: Vec::new(),
+    };
+    let first = once(&course)?;
+    if first.off.is_empty() || !first.has_seams {
+        return Ok(first.meshed);
     }
+    course.add(&first.off, options.size);
     // What is stopped on the way leaves the mesh that there is.
-    match mesh_once(solid, extent, options, false, control) {
-        Ok((without, _)) if !is_off(&without) => Ok(without),
-        _ => Ok(meshed),
+    for _ in 0..FINER_ROUNDS {
+        match once(&course) {
+            Ok(next) if next.off.is_empty() => return Ok(next.meshed),
+            Ok(next) => course.add(&next.off, options.size),
+            Err(_) => return Ok(first.meshed),
+        }
+    }
+    let without = Course {
+        seams: false,
+        finer: Vec::new(),
+    };
+    match once(&without) {
+        Ok(without) if without.off.is_empty() => Ok(without.meshed),
+        _ => Ok(first.meshed),
     }
 }
 
-/// Meshes a solid whose extent is known, with vertices held on seams or without; and whether there
-/// are seams.
+/// How a solid is meshed.
+struct Course {
+    /// Whether vertices are held on seams between pieces that touch.
+    seams: bool,
+    /// Places where edges shall be shorter, and how long.
+    finer: Vec<(Point3, f64)>,
+}
+
+impl Course {
+    /// Adds places where vertices are off the surface, to be meshed with half the edges they have
+    /// there.
+    fn add(&mut self, off: &[Point3], size: f64) {
+        let before = Crowd::of_places(&self.finer, size);
+        let halved = |at: &Point3| (*at, HALF * before.size_at(*at, &mut Vec::new()).min(size));
+        self.finer.extend(off.iter().map(halved));
+    }
+}
+
+/// What a course leads to.
+struct Outcome {
+    meshed: Meshed,
+    /// Vertices that could not be brought onto the surface.
+    off: Vec<Point3>,
+    /// Whether there are seams between pieces that touch.
+    has_seams: bool,
+}
+
+/// Meshes a solid whose extent is known, in one of the courses.
 fn mesh_once(
     solid: &dyn Solid,
     extent: &Extent,
     options: &Options,
-    seams: bool,
+    course: &Course,
     control: &Control<'_>,
-) -> Result<(Meshed, bool), MeshError> {
+) -> Result<Outcome, MeshError> {
     let region = extent.bounds;
     let lattice = lattice_over(solid, region, options, control)?;
     let surface = Surface {
-        seams,
+        seams: course.seams,
         ..Surface::new(solid, &lattice, region, control)
     };
     if let Some(at) = surface.not_a_number() {
@@ -121,7 +169,9 @@ fn mesh_once(
     };
     control.begin("features")?;
     let features = features_of(solid, region, options, control);
-    let crowd = Crowd::new(&features, options.size);
+    let mut places = Crowd::new(&features, options.size).places();
+    places.extend(&course.finer);
+    let crowd = Crowd::of_places(&places, options.size);
     let mut warnings = refine(&mut refiner, &surface, &crowd, options)?;
     let inside = cut(refiner, &surface, &band.core, options, &mut warnings)?;
     let joined = Joined {
@@ -130,6 +180,12 @@ fn mesh_once(
         number: inside.number.clone(),
     };
     let mesh = improve(inside, &surface, options, joined, &mut warnings)?;
+    let is_off = |w: &&Warning| w.kind == WarningKind::VertexOff;
+    let off = warnings
+        .iter()
+        .filter(is_off)
+        .filter_map(|w| w.at)
+        .collect();
     control.begin("what the mesh misses")?;
     let missed = missed(solid, &mesh, region, options.size, control);
     warnings.extend(missed.warning());
@@ -142,7 +198,11 @@ fn mesh_once(
         features,
         warnings,
     };
-    Ok((meshed, surface.has_seams.into_inner()))
+    Ok(Outcome {
+        meshed,
+        off,
+        has_seams: surface.has_seams.into_inner(),
+    })
 }
 
 /// The lattice for the size asked for, if the memory suffices.
