@@ -46,8 +46,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     settings: Settings,
     /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a
-    /// surface (stl, obj, ply, off, msh), whose triangles are made as long as --size says, or as
-    /// they were
+    /// surface (stl, obj, ply, off, 3mf, msh), whose triangles are made as long as --size says, or
+    /// as they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
     /// Mesh in so many blocks along x, y and z, one after the other: the memory is that for one of
