@@ -100,7 +100,8 @@ pub(crate) struct Settings {
     /// [default: 21,149, not required]
     #[arg(long, value_name = "MIN,MAX", value_parser = angles)]
     pub(crate) angles: Option<Angles>,
-    /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16]
+    /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16, or what
+    /// the machine has]
     #[arg(long, value_name = "GIB", value_parser = output::positive)]
     pub(crate) memory: Option<f64>,
 }
