@@ -37,8 +37,8 @@ pub(crate) fn head(bytes: &[u8]) -> &[u8] {
 }
 
 impl Kind {
-    /// What a file is by its content, or, where that tells nothing, by its name. `head` is its first
-    /// bytes, `text` the whole.
+    /// What a file is by its content, or, where that tells nothing, by its name. `head` is its
+    /// first bytes, `text` the whole.
     pub(crate) fn of(path: &Path, head: &[u8], text: &str) -> Option<Self> {
         if solids::is_step(path) || text.trim_start().starts_with("ISO-10303-21") {
             return Some(Self::Solid);

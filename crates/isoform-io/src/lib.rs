@@ -1,8 +1,8 @@
 //! Points and meshes from files, and back.
 //!
 //! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ and E57, from a path
-//! or from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with a
-//! [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
+//! or from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with
+//! a [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
 //! streamed: a seeded uniform sample of a file that does not fit in memory is one option away
 //! ([`ReadOptions::max_points`]). [`write_path`] gives PLY, XYZ and CSV that read back bit by bit.
 //! [`inspect()`] says what is in a cloud.

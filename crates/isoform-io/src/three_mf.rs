@@ -4,8 +4,8 @@
 //! A package is a ZIP archive whose model is XML. The model has objects, meshes or objects put
 //! together of others, and a list of those to be built, each with an affine map. All of them are
 //! taken, in the order of the list; where the model is divided among several parts of the package
-//! (production extension), those parts are read, too. Where there is one mesh, its base materials are
-//! the parts; where there are several, each is a part, or as many as it has materials. Slices,
+//! (production extension), those parts are read, too. Where there is one mesh, its base materials
+//! are the parts; where there are several, each is a part, or as many as it has materials. Slices,
 //! lattices, colours and textures are passed over.
 //!
 //! What a few bytes could make large is bounded: what the members unpack to (see `unzip`), and how
@@ -48,8 +48,8 @@ const USUAL: &str = "3D/3dmodel.model";
 const RELATIONS: [&str; 2] = ["_rels/.rels", "/2013/01/3dmodel"];
 /// Deepest nesting of objects in objects. More is a circle, or meant to do harm.
 const DEEPEST: u32 = 64;
-/// Most vertices, triangles and objects that copies of objects may come to, in all, if the file does
-/// not hold as many itself: half a gigabyte of them.
+/// Most vertices, triangles and objects that copies of objects may come to, in all, if the file
+/// does not hold as many itself: half a gigabyte of them.
 const MOST_COPIES: u64 = 16_000_000;
 
 /// A ZIP archive; yes, where one of its first members is a model.
@@ -402,8 +402,8 @@ impl<'c> Filler<'c> {
         }
     }
 
-    /// The parts of a mesh by material: of the only one its materials, in the order of their groups,
-    /// and none without materials; of several each by itself.
+    /// The parts of a mesh by material: of the only one its materials, in the order of their
+    /// groups, and none without materials; of several each by itself.
     fn parts(&mut self, placed: &Placed<'_>) -> BTreeMap<Option<MaterialId>, u32> {
         let Placed { model, object, .. } = placed;
         let label = if self.are_many {

@@ -111,7 +111,8 @@ fn maps_are_nested_from_inside_out() {
 fn odd_packages_are_read_with_a_word() {
     // A prefix for everything, single quotes, comments, no relations, and a name of its own.
     let odd = "<?xml version='1.0'?><!-- <model> --><c:model unit='foot' xmlns:c='core' \
-        requiredextensions='s' xmlns:s='http://schemas.microsoft.com/3dmanufacturing/slice/2015/07'>\
+        requiredextensions='s' \
+        xmlns:s='http://schemas.microsoft.com/3dmanufacturing/slice/2015/07'>\
         <c:resources><s:slicestack id='9'><s:vertex x='1' y='2'/></s:slicestack>\
         <c:object id='4' name='a &amp; b'><c:mesh><c:vertices><c:vertex x='1e-1' y=' 2' z='-3'/>\
         </c:vertices></c:mesh></c:object></c:resources><c:build/></c:model>";
@@ -320,8 +321,9 @@ proptest! {
     /// Damage that the checksum does not see, because it was there before.
     #[test]
     fn damaged_models(damages in prop::collection::vec(damage(), 1..4)) {
-        let object = "<object id=\"2\"><components><component objectid=\"1\" transform=\"1 0 0 0 1 0 0 \
-            0 1 1 2 3\"/><component objectid=\"1\"/></components></object>";
+        let object = "<object id=\"2\"><components><component objectid=\"1\" \
+            transform=\"1 0 0 0 1 0 0 0 1 1 2 3\"/><component objectid=\"1\"/></components>\
+            </object>";
         let text = model(
             &(tetrahedron(1) + object),
             "<item objectid=\"2\"/><item objectid=\"1\"/>",

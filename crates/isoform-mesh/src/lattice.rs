@@ -160,8 +160,8 @@ impl Lattice {
         Ok(lattice)
     }
 
-    /// Bytes that a mesh of the surface takes at least: for its own tables of all cells, and for the
-    /// tetrahedra of the undecided ones.
+    /// Bytes that a mesh of the surface takes at least: for its own tables of all cells, and for
+    /// the tetrahedra of the undecided ones.
     fn least_memory(&self) -> u64 {
         let mixed = self.state.par_iter().filter(|s| **s >= MIXED).count();
         LEAST * self.state.len() as u64 + LEAST_MIXED * mixed as u64

@@ -37,9 +37,9 @@ pub struct Options {
     /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
     /// helps any more.
     pub angles: [f64; 2],
-    /// Bytes that the mesher may use at most, by its own estimate. The 16 GiB by default are no more
-    /// than the machine has; what is asked for is tried, and refused where the machine surely has
-    /// not enough.
+    /// Bytes that the mesher may use at most, by its own estimate. The 16 GiB by default are no
+    /// more than the machine has; what is asked for is tried, and refused where the machine surely
+    /// has not enough.
     pub memory: u64,
 }
 

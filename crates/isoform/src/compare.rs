@@ -1,10 +1,10 @@
 //! Two-sided deviation between any two of points, meshes, models and solids of exact faces.
 //!
-//! Points ask for the nearest point; of a mesh the nearest of all triangles; of a model the metric reading, which is the distance to first order;
-//! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
-//! reading and asked how far they went; of a solid the nearest point of its exact faces and edges
-//! (those of the nearest samples are asked). Meshes, models and solids are sampled evenly; samples
-//! of solids lie on their exact faces.
+//! Points ask for the nearest point; of a mesh the nearest of all triangles; of a model the metric
+//! reading, which is the distance to first order; points of meshes, which lie near, are brought to
+//! the model's surface by Newton's method on that reading and asked how far they went; of a solid
+//! the nearest point of its exact faces and edges (those of the nearest samples are asked). Meshes,
+//! models and solids are sampled evenly; samples of solids lie on their exact faces.
 
 mod nearest;
 
@@ -244,8 +244,8 @@ impl Sampled {
         let total: f64 = out.triangles.iter().map(area).sum();
         let mut owed = 0.0;
         for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-            // Every triangle has some, so that none is overlooked, of a solid also where nearest ones
-            // are sought.
+            // Every triangle has some, so that none is overlooked, of a solid also where nearest
+            // ones are sought.
             owed += (area(t) / total * wanted as f64).max(LEAST);
             while owed >= 1.0 {
                 owed -= 1.0;

@@ -140,8 +140,8 @@ impl Parser<'_> {
             }
         }
     }
-    /// The error that something else stands here. Where a comment has swallowed what was meant as an
-    /// operand, that is what is wrong.
+    /// The error that something else stands here. Where a comment has swallowed what was meant as
+    /// an operand, that is what is wrong.
     fn expected<T>(&self, what: &str) -> Parsed<T> {
         if let Some(at) = self.swallowed(self.at) {
             let (line, column) = self.source.position(at);
@@ -158,8 +158,8 @@ impl Parser<'_> {
             what,
         ))
     }
-    /// Where two dashes in front of a token begin a comment that looks like an operand: right behind
-    /// another operand, or with a number.
+    /// Where two dashes in front of a token begin a comment that looks like an operand: right
+    /// behind another operand, or with a number.
     fn swallowed(&self, token: usize) -> Option<u32> {
         let before = self.tokens[token.checked_sub(1)?];
         let ends_operand = matches!(

@@ -284,7 +284,7 @@ impl Object {
             return Ok(());
         };
         let why = format!(
-            "triangle {} (from 1) of object {id} has the corners {:?} (from 0), of {count} vertices",
+            "triangle {} (from 1) of object {id} has corners {:?} (from 0), of {count} vertices",
             i + 1,
             self.triangles[i]
         );

@@ -22,6 +22,11 @@ pub(crate) fn package(model: &str) -> Vec<u8> {
     packed(&members, Packing::default())
 }
 
+/// A package of an object with the number 1, which is built.
+pub(crate) fn built(object: &str) -> Vec<u8> {
+    package(&model(object, "<item objectid=\"1\"/>"))
+}
+
 /// A package of members.
 pub(crate) fn packed(members: &[(&str, &str)], packing: Packing) -> Vec<u8> {
     let (mut bytes, mut directory) = (Vec::new(), Vec::new());

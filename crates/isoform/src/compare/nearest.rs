@@ -18,8 +18,8 @@ const RUN: usize = 512;
 /// Boxes count as nearer by this share than they are, so that rounding hides no triangle: some
 /// hundred times what the square of a distance is off.
 const ROUNDING: f64 = 1e-13;
-/// Boxes that wait to be looked at: one for each level of the tree, halves of 2³² triangles, and one
-/// more.
+/// Boxes that wait to be looked at: one for each level of the tree, halves of 2³² triangles, and
+/// one more.
 const STACK: usize = 34;
 
 /// A box around triangles.
