@@ -252,10 +252,8 @@ impl Package {
                 transform,
             });
         }
-        let inner = object.components.iter();
-        inner
-            .map(|c| self.place(part, c, transform, placed))
-            .collect()
+        let mut inner = object.components.iter();
+        inner.try_for_each(|c| self.place(part, c, transform, placed))
     }
 }
 
