@@ -5,7 +5,7 @@ use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::scan;
 use isoform::io::{
-    MeshPoints, MeshWriteOptions, WriteOptions, mesh_format_named, write, write_mesh,
+    MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_named, write, write_mesh,
     write_mesh_path, write_path,
 };
 use serde_json::{Value, json};
@@ -18,6 +18,7 @@ Examples:
   isoform convert scan.e57 -o scan.ply
   isoform convert part.stl --samples 20000 -o part.xyz
   isoform convert part.msh -o part.inp
+  isoform convert part.3mf -o part.stl
   isoform convert template.hf --params 1,2,0.5 -o part.hf
 
 Points are written as PLY, XYZ and CSV; every number reads back exactly. Meshes (msh, vtu, inp, obj, ...) keep their groups
@@ -80,14 +81,19 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
 }
 
-/// Whether a format of meshes alone is on either side, and one of meshes on the other.
+/// Whether both formats are of meshes, and one of them of nothing else: on the output's side also
+/// one in which points are only read, if no sample of them is asked for.
 fn is_mesh(args: &Args) -> bool {
     let (from, to) = (args.from.as_deref(), args.to.as_deref());
-    let can = |path: &Path, said: Option<&str>| {
+    let name = |path: &Path, said: Option<&str>| {
         let ending = path.extension().unwrap_or_default().to_string_lossy();
-        mesh_format_named(said.unwrap_or(&ending)).is_some()
+        said.map_or_else(|| ending.into_owned(), str::to_owned)
     };
-    (scan::is_mesh(&args.file, from) || scan::is_mesh(&args.output, to))
+    let can = |path: &Path, said| mesh_format_named(&name(path, said)).is_some();
+    let is_only_read = format_named(&name(&args.output, to)).is_some_and(|f| !f.is_writable());
+    let is_sampled = args.samples.is_some() || args.max_points.is_some();
+    let is_surface = is_only_read && !is_sampled;
+    (scan::is_mesh(&args.file, from) || scan::is_mesh(&args.output, to) || is_surface)
         && can(&args.file, from)
         && can(&args.output, to)
 }

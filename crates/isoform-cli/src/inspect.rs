@@ -23,7 +23,7 @@ Gives counts, box, spacing, normals, colours, further columns, the unit (stated 
 everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles. Of a solid of isoform brep (.step,
 .brep.json) faces by kind, and volume, area, centroid and gaps as stated and as measured anew.")]
 pub(crate) struct Args {
-    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
+    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
     /// .brep.json of isoform brep (- for stdin)
     file: PathBuf,
     /// Its format, where neither name nor content tell it

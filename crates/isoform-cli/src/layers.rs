@@ -35,8 +35,8 @@ pub(crate) struct Reading {
     /// upper corner, for models without an end
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
     region: Option<Place>,
-    /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL and OFF
-    /// as meshes]
+    /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL, OFF
+    /// and 3MF as meshes]
     #[arg(long = "as", value_name = "KIND", value_enum)]
     kind: Option<Kind>,
     #[command(flatten)]

@@ -12,6 +12,7 @@ mod implicitize;
 mod inputs;
 mod inspect;
 mod interrupt;
+mod kind;
 mod layers;
 mod mesh;
 mod model;

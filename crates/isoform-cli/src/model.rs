@@ -1,8 +1,12 @@
 //! Reading HyperFun programs.
 
+use crate::kind::{self, Kind};
 use crate::output::{self, Context, Failure};
 use isoform::field::hyperfun::{Mode, Model, Precedence, SyntaxError};
 use std::path::Path;
+
+/// The code of failures of programs that are no HyperFun.
+const SYNTAX: &str = "syntax";
 
 /// How a program is read; the same options for every verb.
 #[derive(clap::Args, Clone, Debug, Default)]
@@ -20,12 +24,16 @@ pub(crate) struct Language {
 
 /// Reads a program, chooses its object and says what is doubtful in it.
 pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
-    parse(
-        path,
-        &output::text(output::read_file(path)?),
-        language,
-        context,
-    )
+    let bytes = output::read_file(path)?;
+    let head = kind::head(&bytes).to_vec();
+    let text = output::text(bytes);
+    parse(path, &text, language, context).map_err(|failure| {
+        let kind = match failure.code {
+            SYNTAX => Kind::of(path, &head, &text),
+            _ => None,
+        };
+        kind.map_or(failure, |kind| kind.instead_of("a HyperFun program", path))
+    })
 }
 
 /// Reads a program from text; the path is for messages.
@@ -63,7 +71,7 @@ fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
         .split('\n')
         .nth(error.line - 1)
         .unwrap_or_default();
-    let failure = Failure::input("syntax", &error.message)
+    let failure = Failure::input(SYNTAX, &error.message)
         .at(path, error.line, error.column)
         .drawn(line);
     if error.expected.is_empty() {

@@ -1,10 +1,11 @@
 //! Reading points and meshes.
 
+use crate::kind::{self, Kind};
 use crate::output::{self, Context, Failure};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
-    At, BAD_MESH, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport, Source,
-    WriteError, format_named, mesh_format_named, read, read_mesh,
+    At, BAD_MESH, FileKind, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport,
+    Source, WriteError, format_named, mesh_format_named, read, read_mesh,
 };
 use std::path::Path;
 
@@ -32,9 +33,42 @@ pub(crate) fn read_points(
             format,
             &options,
         )
-        .map_err(|e| unreadable(path, &e));
+        .map_err(|e| other(path, &bytes, POINTS).unwrap_or_else(|| unreadable(path, &e)));
     }
-    read(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
+    read(Source::Path(path), format, &options).map_err(|e| {
+        let other = other_file(path, format, POINTS);
+        other.unwrap_or_else(|| unreadable(path, &e))
+    })
+}
+
+/// What verbs take that read points, and meshes.
+const POINTS: &str = "points";
+const MESH: &str = "a mesh";
+/// Larger files are not read whole to find out what they are: programs and documents are small.
+const SMALL: u64 = 64 << 20;
+
+/// The failure of a file in whose place points or a mesh are wanted, if it is known to be something
+/// else, and none that a reader of theirs could take.
+fn other(path: &Path, bytes: &[u8], wanted: &'static str) -> Option<Failure> {
+    let head = kind::head(bytes).to_vec();
+    let kind = Kind::of(path, &head, &output::text(bytes.to_vec()))?;
+    let is_wanted = match kind {
+        Kind::File(FileKind::Points(f)) => wanted == POINTS || mesh_format_named(f.name).is_some(),
+        Kind::File(FileKind::Mesh(_)) => wanted == MESH,
+        // Its own reader says more.
+        Kind::File(FileKind::Foreign(_)) => true,
+        _ => false,
+    };
+    (!is_wanted).then(|| kind.instead_of(wanted, path))
+}
+
+/// The same of a file, of which no format was said.
+fn other_file(path: &Path, format: Option<&str>, wanted: &'static str) -> Option<Failure> {
+    let about = std::fs::metadata(path).ok()?;
+    if format.is_some() || !about.is_file() || about.len() > SMALL {
+        return None;
+    }
+    other(path, &std::fs::read(path).ok()?, wanted)
 }
 
 /// Reads all points of a file, of meshes the vertices; what is odd about it is said.
@@ -74,9 +108,12 @@ pub(crate) fn read_mesh_file(
             format,
             &options,
         )
-        .map_err(|e| unreadable(path, &e));
+        .map_err(|e| other(path, &bytes, MESH).unwrap_or_else(|| unreadable(path, &e)));
     }
-    read_mesh(Source::Path(path), format, &options).map_err(|e| unreadable(path, &e))
+    read_mesh(Source::Path(path), format, &options).map_err(|e| {
+        let other = other_file(path, format, MESH);
+        other.unwrap_or_else(|| unreadable(path, &e))
+    })
 }
 
 /// Why a file could not be read, in our four parts.

@@ -1,5 +1,6 @@
 //! Reading implicit splines and polynomials that were fitted to points.
 
+use crate::kind::{self, Kind};
 use crate::output::{self, Failure};
 use isoform::io::{is_polynomial_file, is_spline_file, read_polynomial, read_spline};
 use isoform::spline::ImplicitSpline;
@@ -29,10 +30,13 @@ pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
         )
     })?;
     if !is_fitted(&json) {
-        return Err(
-            Failure::input("spline", format!("{}: no implicit spline", path.display()))
+        return Err(match Kind::of(path, kind::head(text.as_bytes()), &text) {
+            Some(kind) if !matches!(kind, Kind::Json) => {
+                kind.instead_of("a function of isoform implicitize", path)
+            }
+            _ => Failure::input("spline", format!("{}: no implicit spline", path.display()))
                 .hint("isoform implicitize writes one; models are HyperFun programs"),
-        );
+        });
     }
     of_document(path, &json)
 }

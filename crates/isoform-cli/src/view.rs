@@ -30,7 +30,7 @@ Every file is a layer, in their order:
   map      X, Y, Z, W in s and t as JSON; with the plane of parameters beside space (--box is needed)
   patches  of isoform parameterize
   solid    STEP and .brep.json of isoform brep: faces by their names
-  mesh     MSH, VTU, INP, OBJ, STL, OFF; functions of isoform implicitize are meshed
+  mesh     MSH, VTU, INP, OBJ, STL, OFF, 3MF; functions of isoform implicitize are meshed
 
 The page fetches nothing and can be sent. With --serve it is given to browsers of this machine alone, at an address
 that nobody guesses, and loads itself again when a file changes; Ctrl-C ends that. What it shows and how it is moved: docs/view.md.

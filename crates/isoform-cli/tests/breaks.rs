@@ -27,6 +27,24 @@ const TOUCHING: &str = "my_model(x[3], a[1])\n{\n\
 const NO_NUMBER: &str =
     "my_model(x[3], a[1]) { my_model = sqrt(1 - x[1]^2 - x[2]^2) - abs(x[3]); }";
 
+/// Programs that jump, after which the mesher was left with tetrahedra of vertices that were gone,
+/// and with a label of no piece among those that hold a vertex; and the sizes that showed it.
+const JUMPING: [(&str, &str); 2] = [
+    (
+        "0.4",
+        "my_model(x[3], a[1]) { array c[3], p[3]; c = [0,0,0]; p = [0,0,0];\n\
+         f = hfSphere(x, c, 1); p[1] = x[1] - 0.25*floor(x[1]/0.25);\n\
+         f = f & (p[1] - 0.08333333333333333);\n f = f + floor(x[1]/0.25); my_model = f; }",
+    ),
+    (
+        "0.5",
+        "my_model(x[3], a[1]) { array c[3]; c = [0,0,0];\n\
+         f = hfCylinderZ(x, c, 0.7) & (0.8 - abs(x[3]));\n\
+         if x[2] < -0.1 then f = f; else f = 0.25; endif;\n\
+         f = f + 0.25*sign(x[1] - 0.1); f = f * floor(2*x[3]); my_model = f; }",
+    ),
+];
+
 /// Points of a ball about 0.
 fn ball(radius: f64) -> String {
     let point = |i: u32| {
@@ -326,4 +344,49 @@ fn the_fit_stays_where_the_mesh_fails() {
     }
     let radius = j["parameters"][0]["value"].as_f64().expect("a value");
     assert!((radius - 2.0).abs() < 1e-6, "{radius}");
+}
+
+/// There is a mesh that does not hold, or none, and no fault of ours; it can be written.
+#[test]
+fn functions_that_jump_are_meshed_honestly() {
+    let f = Folder::new("breaks-jump");
+    for (size, text) in JUMPING {
+        let o = isoform(&[
+            "mesh",
+            &f.file("jump.hf", text),
+            "--box=-1.5,-1.5,-1.5,1.5,1.5,1.5",
+            "--size",
+            size,
+            "--time-limit=60s",
+            "-o",
+            &f.path("jump.stl"),
+        ]);
+        assert!(
+            [3, 4].contains(&code(&o)),
+            "{size}: {}: {}",
+            code(&o),
+            stderr(&o)
+        );
+    }
+}
+
+/// More memory than there is: an error, and no abort.
+#[test]
+fn memory_that_is_not_there_is_an_error() {
+    let f = Folder::new("breaks-memory");
+    let ball = f.file("ball.hf", BALL);
+    for (memory, size) in [("1e12", "1e-6"), ("1e15", "1e-7")] {
+        let o = isoform(&[
+            "mesh",
+            &ball,
+            "--params=1",
+            "--memory",
+            memory,
+            "--size",
+            size,
+            "--json",
+        ]);
+        assert_eq!(code(&o), 4, "{}", stderr(&o));
+        assert_eq!(document(&o)["error"]["code"], "memory", "{}", stderr(&o));
+    }
 }

@@ -4,7 +4,7 @@
 use crate::format::{Foreign, Format, Sniff, extension};
 use crate::input::{Input, Result, shorten};
 use crate::registry::{foreign, format_named, formats};
-use crate::{At, ErrorKind, ReadError};
+use crate::{At, ErrorKind, ReadError, three_mf};
 
 /// First bytes that are looked at.
 const HEAD: usize = 4096;
@@ -62,22 +62,22 @@ pub(crate) fn choose(
 }
 
 /// The format that claims an ending (in lower case, without its point).
-fn by_ending(ending: &str) -> Option<&'static Format> {
+pub(crate) fn by_ending(ending: &str) -> Option<&'static Format> {
     formats().iter().find(|f| f.extensions.contains(&ending))
 }
 
 /// The first format in the registry whose content test is as sure as this.
-fn by_content(head: &[u8], sure: Sniff) -> Option<&'static Format> {
+pub(crate) fn by_content(head: &[u8], sure: Sniff) -> Option<&'static Format> {
     formats().iter().find(|f| (f.sniff)(head) == sure)
 }
 
 /// The foreign kind that claims an ending.
-fn foreign_by_ending(ending: &str) -> Option<&'static Foreign> {
+pub(crate) fn foreign_by_ending(ending: &str) -> Option<&'static Foreign> {
     foreign().iter().find(|f| f.extensions.contains(&ending))
 }
 
 /// The foreign kind whose first bytes, at least `least` of them, the file begins with.
-fn foreign_by_magic(head: &[u8], least: usize) -> Option<&'static Foreign> {
+pub(crate) fn foreign_by_magic(head: &[u8], least: usize) -> Option<&'static Foreign> {
     foreign()
         .iter()
         .find(|f| f.magic.len() >= least && head.starts_with(f.magic))
@@ -90,8 +90,12 @@ fn unless_foreign(
     format: &'static Format,
     head: &[u8],
 ) -> Result<&'static Format> {
+    // A 3MF package is an archive; its reader says what is missing in one that is none.
+    let is_package = format.name == three_mf::NAME;
     match foreign_by_magic(head, SURE_MAGIC) {
-        Some(foreign) if (format.sniff)(head) != Sniff::Yes => Err(unsupported(input, foreign)),
+        Some(foreign) if !is_package && (format.sniff)(head) != Sniff::Yes => {
+            Err(unsupported(input, foreign))
+        }
         _ => Ok(format),
     }
 }
@@ -161,10 +165,8 @@ mod tests {
         );
         assert_eq!(chosen("a.CSV", b"x,y,z\n1,2,3\n"), (Ok("csv"), 0));
         assert_eq!(chosen("scan", b"LASF"), (Ok("las"), 0));
-        assert_eq!(
-            chosen("part.3mf", b"PK\x03\x04"),
-            (Err(ErrorKind::UnsupportedFormat), 0)
-        );
+        assert_eq!(chosen("part.3mf", b"PK\x03\x04"), (Ok("3mf"), 0));
+        assert_eq!(chosen("-", b"PK\x03\x04 3D/3dmodel.model"), (Ok("3mf"), 0));
         assert_eq!(
             chosen("part.xyz", b"PK\x03\x04"),
             (Err(ErrorKind::UnsupportedFormat), 0)

@@ -190,7 +190,6 @@ impl<'a> Input<'a> {
         self.size.saturating_sub(self.offset)
     }
     /// The stream itself, for readers that do their own seeking.
-    #[cfg(any(feature = "laz", feature = "e57"))]
     pub(crate) fn stream(&mut self) -> &mut (dyn Stream + 'a) {
         &mut *self.stream
     }

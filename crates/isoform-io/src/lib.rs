@@ -1,8 +1,8 @@
 //! Points and meshes from files, and back.
 //!
-//! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, PCD, LAS, LAZ and E57, from a path or
-//! from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with a
-//! [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
+//! [`read()`] takes PLY, XYZ and CSV text, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ and E57, from a path
+//! or from bytes, by name or by content, and gives a [`PointCloud`](isoform_geom::PointCloud) with
+//! a [`ReadReport`]; or a [`ReadError`] that says what, where, why and what to try. Files are
 //! streamed: a seeded uniform sample of a file that does not fit in memory is one option away
 //! ([`ReadOptions::max_points`]). [`write_path`] gives PLY, XYZ and CSV that read back bit by bit.
 //! [`inspect()`] says what is in a cloud.
@@ -52,6 +52,7 @@ mod error;
 mod format;
 mod input;
 mod inspect;
+mod kind;
 mod las;
 mod maps;
 mod mesh;
@@ -70,6 +71,8 @@ mod splines;
 mod step;
 mod stl;
 mod text;
+mod three_mf;
+mod unzip;
 mod write;
 
 pub use atomic::write_atomic;
@@ -78,6 +81,7 @@ pub use error::{At, BAD_MESH, ErrorKind, Place, ReadError, WriteError};
 pub use format::Format;
 pub use input::Source;
 pub use inspect::{ColumnRange, Inspection, UnitGuess, inspect, inspect_unit};
+pub use kind::{FileKind, file_kind};
 pub use maps::{MAP_KEYS, MAP_VARIABLES, MapFile, MapFileError, read_map, write_map};
 pub use mesh::{
     MeshFormat, MeshReadOptions, MeshWriteOptions, mesh_format_named, mesh_formats, read_mesh,

@@ -35,10 +35,12 @@ mod vtu;
 mod xml;
 mod zip;
 
+pub(crate) use choose::by_content as mesh_by_content;
 pub use format::MeshFormat;
 pub use options::{MeshReadOptions, MeshWriteOptions};
 pub use pvtu::write_pvtu;
 pub use registry::{mesh_format_named, mesh_formats};
+pub(crate) use xml::{attribute, unescape};
 
 use crate::format::extension;
 use crate::input::Input;

@@ -1,12 +1,12 @@
 //! The list of formats: one line each; and the kinds of files that are only known by name.
 
 use crate::format::{Foreign, Format, Sniff};
-use crate::{e57, las, obj, off, pcd, ply, stl, text};
+use crate::{e57, las, obj, off, pcd, ply, stl, text, three_mf};
 
-/// All formats of points, in the order in which content is tested: the surest first, plain text
-/// last.
+/// All formats of points, in the order in which content is tested: of those that it may be, plain
+/// text last.
 #[rustfmt::skip]
-static FORMATS: [Format; 9] = [
+static FORMATS: [Format; 10] = [
     Format { name: "ply", extensions: &["ply"], title: "PLY", sniff: ply::sniff, read: ply::read, write: Some(ply::write), keeps_triangles: true },
     Format { name: "e57", extensions: &["e57"], title: "E57", sniff: e57::sniff, read: e57::read, write: None, keeps_triangles: false },
     Format { name: "las", extensions: &["las", "laz"], title: "LAS/LAZ", sniff: las::sniff, read: las::read, write: None, keeps_triangles: false },
@@ -16,12 +16,12 @@ static FORMATS: [Format; 9] = [
     Format { name: "obj", extensions: &["obj"], title: "OBJ", sniff: obj::sniff, read: obj::read, write: None, keeps_triangles: false },
     Format { name: "xyz", extensions: &["xyz", "txt", "asc", "pts", "xyzn", "xyzrgb", "dat"], title: "XYZ text", sniff: text::sniff, read: text::read, write: Some(text::write_xyz), keeps_triangles: false },
     Format { name: "csv", extensions: &["csv", "tsv"], title: "CSV", sniff: |_| Sniff::No, read: text::read, write: Some(text::write_csv), keeps_triangles: false },
+    Format { name: three_mf::NAME, extensions: &["3mf"], title: "3MF", sniff: three_mf::sniff, read: three_mf::read, write: None, keeps_triangles: false },
 ];
 
 /// Kinds of files that are known by ending or first bytes and not read here.
 #[rustfmt::skip]
-static FOREIGN: [Foreign; 22] = [
-    Foreign { extensions: &["3mf"], magic: b"", what: "a 3MF package; export it as STL or PLY" },
+static FOREIGN: [Foreign; 21] = [
     Foreign { extensions: &["zip", "npz", "kmz", "usdz"], magic: b"PK\x03\x04", what: "a ZIP archive; unpack it first" },
     Foreign { extensions: &["gz", "tgz"], magic: b"\x1f\x8b", what: "compressed with gzip; unpack it first" },
     Foreign { extensions: &["zst"], magic: b"\x28\xb5\x2f\xfd", what: "compressed with zstd; unpack it first" },

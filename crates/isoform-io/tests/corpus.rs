@@ -44,6 +44,29 @@ fn write_mesh_seeds() {
     }
 }
 
+/// Models of 3MF packages, which the target packs.
+#[test]
+#[ignore = "writes into fuzz/corpus"]
+fn write_3mf_seeds() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/read_3mf");
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let assembly = "<basematerials id=\"9\"><base name=\"steel\"/></basematerials><object \
+        id=\"2\" pid=\"9\" pindex=\"0\"><components><component objectid=\"1\" \
+        transform=\"-1 0 0 0 1 0 0 0 1 1 2 3\"/><component objectid=\"1\"/></components>\
+        </object>";
+    let resources = common::package::tetrahedron(1) + assembly;
+    for (name, build) in [
+        (
+            "seed-assembly",
+            "<item objectid=\"2\"/><item objectid=\"1\"/>",
+        ),
+        ("seed-nothing", ""),
+    ] {
+        let text = common::package::model(&resources, build);
+        std::fs::write(folder.join(name), text).expect("written");
+    }
+}
+
 /// Calls with the first byte and the rest of every file that fuzzing has kept; the repository holds
 /// some.
 fn for_corpus(target: &str, visit: impl Fn(u8, &[u8])) {
@@ -73,6 +96,15 @@ fn the_corpus_survives() {
             bytes: rest,
         };
         let _ = isoform_io::read(source, format, &isoform_io::ReadOptions::default());
+    });
+    for_corpus("read_3mf", |first, rest| {
+        let text = [&[first], rest].concat();
+        let bytes = common::package::package(&String::from_utf8_lossy(&text));
+        let source = isoform_io::Source::Bytes {
+            name: "seed",
+            bytes: &bytes,
+        };
+        let _ = isoform_io::read_mesh(source, Some("3mf"), &Default::default());
     });
     for_corpus("read_meshes", |first, rest| {
         let format = isoform_io::mesh_formats()

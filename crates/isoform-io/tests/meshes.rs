@@ -17,7 +17,7 @@ use std::time::{Duration, Instant};
 /// Formats that keep everything but the names of parts of curves.
 const EXACT: [&str; 5] = ["msh", "msh-binary", "msh2", "vtu", "vtu-ascii"];
 /// Those that keep triangles and parts.
-const SURFACES: [&str; 3] = ["obj", "ply", "ply-ascii"];
+const SURFACES: [&str; 4] = ["obj", "ply", "ply-ascii", "3mf"];
 
 fn written(mesh: &Mesh, format: &str) -> Vec<u8> {
     let mut bytes = Vec::new();
@@ -75,7 +75,7 @@ fn soup(mesh: &Mesh) -> Vec<(u32, [[u64; 3]; 3])> {
 fn surfaces_come_back() {
     let mut mesh = block(2, 1);
     mesh.parts = vec!["top".into(), "rest".into()];
-    for format in ["obj", "ply", "ply-ascii", "stl-ascii"] {
+    for format in ["obj", "ply", "ply-ascii", "stl-ascii", "3mf"] {
         let again = through(&mesh, format);
         assert_eq!(
             (soup(&again).len(), again.points.len(), &again.parts),
@@ -649,7 +649,7 @@ fn every_prefix_of_every_file() {
 fn every_byte_of_binary_files() {
     for (name, format, bytes) in mesh_fixtures()
         .into_iter()
-        .filter(|f| ["msh-binary-1", "vtu-1", "meshio-zlib.vtu"].contains(&f.0.as_str()))
+        .filter(|f| ["msh-binary-1", "vtu-1", "meshio-zlib.vtu", "3mf-1"].contains(&f.0.as_str()))
     {
         for at in 0..bytes.len() {
             for value in [0, 1, 0x7f, 0xff] {

@@ -118,7 +118,7 @@ fn lattice_around(
     let off = distance(mesh, solid, region.diagonal())?;
     let cell = (CELL * options.size).max(OFF_CELLS * off);
     options.check_memory((Lattice::cells(region, cell) * BYTES) as u64)?;
-    Ok(Lattice::new(solid, region, cell, control))
+    Lattice::new(solid, region, cell, control)
 }
 
 /// A bare surface.

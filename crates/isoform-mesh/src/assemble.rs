@@ -77,19 +77,24 @@ pub(crate) fn assemble_volume(
 ) -> Result<Labelled, MeshError> {
     let faces = complex.faces();
     let mut numbering = Numbering::new(complex.points.len());
+    // Not those of which a tetrahedron is known: where bodies touch in a point alone, as those of
+    // functions that jump do, the one that is known may be gone and others be left.
+    let mut is_used = vec![false; complex.points.len()];
+    for t in complex.live() {
+        for v in complex.tets[t as usize] {
+            is_used[v as usize] = true;
+        }
+    }
     for (v, &p) in complex.points.iter().enumerate() {
-        if complex.tet_of[v] != NONE {
+        if is_used[v] {
             numbering.add(v as u32, p);
         }
     }
-    let mut vertices = faces.iter().flat_map(|(f, _)| f);
-    if let Some(&v) = vertices.find(|&&v| numbering.node(v) == NONE) {
-        let [x, y, z] = complex.point(v);
-        let what = format!("a vertex of the surface at ({x}, {y}, {z}) lost its tetrahedra");
-        return Err(MeshError::Internal { what });
-    }
     let mut points = std::mem::take(&mut numbering.points);
     let offset = points.len() as u32;
+    check_core(&joined, |v| {
+        is_used.get(v as usize).is_some_and(|used| *used)
+    })?;
     points.extend(joined.core.points);
     let of_core = |v: u32| match (v as usize) < joined.band_points {
         true => numbering.node(joined.number[v as usize]),
@@ -108,6 +113,19 @@ pub(crate) fn assemble_volume(
         ..Mesh::default()
     };
     Ok(label(surface, &faces, |v| numbering.node(v), mesh))
+}
+
+/// Whether the vertices that the core shares with the band around it are there.
+fn check_core(joined: &Joined, is_there: impl Fn(u32) -> bool) -> Result<(), MeshError> {
+    let shared = joined.core.tets.iter().flatten();
+    let mut shared = shared.filter(|&&v| (v as usize) < joined.band_points);
+    match shared.find(|&&v| !is_there(joined.number[v as usize])) {
+        Some(v) => {
+            let what = format!("vertex {v} of the lattice's core lost the tetrahedra around it");
+            Err(MeshError::Internal { what })
+        }
+        None => Ok(()),
+    }
 }
 
 /// Gives a mesh its labelled triangles, parts, curves and corners.

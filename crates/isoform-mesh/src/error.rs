@@ -30,6 +30,12 @@ pub enum MeshError {
         /// MiB allowed.
         allowed: u64,
     },
+    /// The machine has less memory than the mesh takes, whatever is allowed.
+    #[error("there is not enough memory: {needed} MiB more are needed")]
+    NoMemory {
+        /// MiB that are needed at once.
+        needed: u64,
+    },
     /// The function is not a number at a place where the mesh needs it.
     #[error("the function is not a number near ({}, {}, {})", .at[0], .at[1], .at[2])]
     NotANumber {

@@ -10,6 +10,8 @@
 //! four tetrahedra share the edge between the two centres; each has one edge of the face besides.
 
 use crate::decide::{Sign, reduced};
+use crate::error::MeshError;
+use crate::memory;
 use crate::points::unique;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
@@ -39,6 +41,12 @@ const OFFSET: [f64; 3] = [0.618, 0.414, 0.732];
 const BEHIND: f64 = 1.6;
 /// Cells that the lattice has beyond the region in each direction, at most.
 const BEYOND: f64 = 4.0;
+
+/// Bytes that a cell takes at least: its state, and the numbers of its corner and of its centre.
+const LEAST: u64 = 12;
+/// Bytes that the tetrahedra of an undecided cell take at least: a dozen of them, each with four
+/// corners, four neighbours and a mark.
+const LEAST_MIXED: u64 = 12 * 36;
 
 /// The part of a solid's tree that can decide the sign in a cell.
 #[derive(Debug)]
@@ -100,27 +108,40 @@ pub(crate) struct Lattice {
 impl Lattice {
     /// The lattice with cells of edge `a` over the region, which must hold the solid. On a stop by
     /// `control` cells are left undecided, and the lattice must not be used.
-    pub(crate) fn new(solid: &dyn Solid, region: Aabb, a: f64, control: &Control<'_>) -> Self {
+    ///
+    /// # Errors
+    /// [`MeshError::NoMemory`].
+    pub(crate) fn new(
+        solid: &dyn Solid,
+        region: Aabb,
+        a: f64,
+        control: &Control<'_>,
+    ) -> Result<Self, MeshError> {
         let grid = Grid::over(region, a);
         Self::window(solid, grid, grid.all(), control)
     }
 
     /// Some cells of the lattice over a region, with the points and states that they have in the
     /// whole, bit for bit. What is beyond them counts as it does in the nearest of them.
+    ///
+    /// # Errors
+    /// [`MeshError::NoMemory`].
     pub(crate) fn window(
         solid: &dyn Solid,
         grid: Grid,
         cells: Cells,
         control: &Control<'_>,
-    ) -> Self {
+    ) -> Result<Self, MeshError> {
         let n = cells.map(|c| c[1] - c[0]);
+        let count = n.iter().fold(1, |count: usize, n| count.saturating_mul(*n));
+        memory::check((count as u64).saturating_mul(LEAST))?;
         let mut lattice = Self {
             origin: grid.origin,
             a: grid.a,
             first: cells.map(|c| c[0]),
             n,
             goes_on: std::array::from_fn(|i| [cells[i][0] > 0, cells[i][1] < grid.n[i]]),
-            state: vec![OUT; n[0] * n[1] * n[2]],
+            state: memory::table(OUT, count)?,
             trees: Vec::new(),
         };
         let all = solid.tree().pieces();
@@ -135,7 +156,15 @@ impl Lattice {
             })
             .collect();
         lattice.set(found.into_iter().flatten());
-        lattice
+        memory::check(lattice.least_memory())?;
+        Ok(lattice)
+    }
+
+    /// Bytes that a mesh of the surface takes at least: for its own tables of all cells, and for
+    /// the tetrahedra of the undecided ones.
+    fn least_memory(&self) -> u64 {
+        let mixed = self.state.par_iter().filter(|s| **s >= MIXED).count();
+        LEAST * self.state.len() as u64 + LEAST_MIXED * mixed as u64
     }
 
     /// Writes down what was found for boxes of cells; equal trees are kept once.

@@ -38,6 +38,7 @@ pub mod features;
 mod inside;
 mod lattice;
 mod measure;
+mod memory;
 mod mesher;
 mod missed;
 mod optimise;

@@ -215,7 +215,7 @@ fn lattice_over(
     let cell = CELL * options.size;
     options.check_memory((Lattice::cells(region, cell) * BYTES[0] * BYTES[1]) as u64)?;
     control.begin("lattice")?;
-    let lattice = Lattice::new(solid, region, cell, control);
+    let lattice = Lattice::new(solid, region, cell, control)?;
     control.check()?;
     Ok(lattice)
 }

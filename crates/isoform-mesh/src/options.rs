@@ -2,11 +2,14 @@
 
 use crate::error::MeshError;
 use crate::features::START;
+use crate::memory;
 use isoform_geom::{Aabb, KdTree, Point3};
 use std::sync::Arc;
 
 /// Bytes that a tetrahedron near the surface takes by estimate, with all that is known of it.
 const BYTES: u64 = 400;
+/// Bytes that the mesher may use unless told otherwise, if the machine has as many.
+const MEMORY: u64 = 16 << 30;
 /// Weight of a sine of an obtuse angle in the measure that is optimised, see
 /// [`OBTUSE_WEIGHT`](isoform_check::quality::OBTUSE_WEIGHT).
 const OBTUSE: f64 = isoform_check::quality::OBTUSE_WEIGHT;
@@ -34,7 +37,9 @@ pub struct Options {
     /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
     /// helps any more.
     pub angles: [f64; 2],
-    /// Bytes that the mesher may use at most, by its own estimate.
+    /// Bytes that the mesher may use at most, by its own estimate. The 16 GiB by default are no
+    /// more than the machine has; what is asked for is tried, and refused where the machine surely
+    /// has not enough.
     pub memory: u64,
 }
 
@@ -49,7 +54,7 @@ impl Default for Options {
             region: None,
             start: START,
             angles: [21.0, 149.0],
-            memory: 16 << 30,
+            memory: MEMORY,
         }
     }
 }
@@ -73,11 +78,15 @@ impl Options {
 
     /// Whether `needed` bytes are allowed.
     pub(crate) fn check_memory(&self, needed: u64) -> Result<(), MeshError> {
-        if needed > self.memory {
+        let allowed = match self.memory {
+            MEMORY => MEMORY.min(memory::of_machine()),
+            asked => asked,
+        };
+        if needed > allowed {
             return Err(MeshError::Memory {
                 size: self.size,
                 needed: needed >> 20,
-                allowed: self.memory >> 20,
+                allowed: allowed >> 20,
             });
         }
         Ok(())

@@ -339,6 +339,18 @@ fn bad_input_is_an_error() {
         ),
         Err(MeshError::Memory { .. })
     ));
+    // Whatever is allowed: no machine has 100,000 TB.
+    for (size, memory) in [(1e-5, u64::MAX), (1e-9, u64::MAX)] {
+        let allowed = Options {
+            size,
+            memory,
+            ..Options::default()
+        };
+        assert!(matches!(
+            run(SPHERE, allowed),
+            Err(MeshError::NoMemory { needed }) if needed > 1 << 30
+        ));
+    }
     let stopped = std::sync::atomic::AtomicBool::new(true);
     let control = Control {
         cancelled: Some(&stopped),

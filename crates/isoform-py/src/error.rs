@@ -203,6 +203,7 @@ impl From<MeshError> for Trouble {
             MeshError::Extent(_) => Self::usage(e).hint("a smaller box"),
             MeshError::Option { .. } => Self::usage(e),
             MeshError::Memory { .. } => Self::new("memory", e).hint("a larger size or memory"),
+            MeshError::NoMemory { .. } => Self::new("memory", e).hint("a larger size"),
             MeshError::TooCoarse { size } => {
                 Self::new("too-coarse", e).hint(format!("size={}", 0.5 * size))
             }

@@ -1,21 +1,25 @@
 //! Two-sided deviation between any two of points, meshes, models and solids of exact faces.
 //!
-//! Points ask for the nearest point; of a mesh the nearest triangle (those of the nearest samples
-//! are measured exactly); of a model the metric reading, which is the distance to first order;
-//! points of meshes, which lie near, are brought to the model's surface by Newton's method on that
-//! reading and asked how far they went; of a solid the nearest point of its exact faces and edges
-//! (those of the nearest samples are asked). Meshes, models and solids are sampled evenly; samples
-//! of solids lie on their exact faces.
+//! Points ask for the nearest point; of a mesh the nearest of all triangles; of a model the metric
+//! reading, which is the distance to first order; points of meshes, which lie near, are brought to
+//! the model's surface by Newton's method on that reading and asked how far they went; of a solid
+//! the nearest point of its exact faces and edges (those of the nearest samples are asked). Meshes,
+//! models and solids are sampled evenly; samples of solids lie on their exact faces.
+
+mod nearest;
 
 use crate::facets::{CornerError, check_corners, on_triangle};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
 use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
+use nearest::Nearest;
+use rayon::prelude::*;
 use serde::Serialize;
 
-/// Samples of a mesh whose triangles are measured: the nearest triangle is nearly always among
-/// them.
+/// Samples of a solid whose faces are measured: the nearest face is nearly always among them.
 const NEAREST: usize = 32;
+/// Points that a thread takes at once, at least.
+const RUN: usize = 512;
 
 /// Fewest samples of a triangle.
 const LEAST: f64 = 4.0;
@@ -240,7 +244,8 @@ impl Sampled {
         let total: f64 = out.triangles.iter().map(area).sum();
         let mut owed = 0.0;
         for (i, t) in out.triangles.iter().enumerate().filter(|_| total > 0.0) {
-            // Every triangle has some, so that none is overlooked where nearest ones are sought.
+            // Every triangle has some, so that none is overlooked, of a solid also where nearest
+            // ones are sought.
             owed += (area(t) / total * wanted as f64).max(LEAST);
             while owed >= 1.0 {
                 owed -= 1.0;
@@ -265,12 +270,11 @@ impl Sampled {
 /// Distance by point from a solid: the nearest points of the faces that the nearest samples lie on.
 fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64> {
     let (tree, skin) = (KdTree::new(&sampled.points), solid.skin());
-    let (mut found, mut faces) = (Vec::new(), Vec::new());
-    let mut distance = |p: &Point3| {
-        tree.nearest_k(*p, NEAREST, &mut found);
+    let distance = |(found, faces): &mut (Vec<_>, Vec<u32>), p: &Point3| {
+        tree.nearest_k(*p, NEAREST, found);
         faces.clear();
         let mut least = f64::INFINITY;
-        for (_, i) in &found {
+        for (_, i) in found {
             let i = *i as usize;
             // A point too far away for the square of its distance has no neighbours.
             let Some(owner) = sampled.owner.get(i) else {
@@ -285,7 +289,10 @@ fn to_solid(points: &[Point3], solid: &ExactSolid, sampled: &Sampled) -> Vec<f64
         }
         least
     };
-    points.iter().map(&mut distance).collect()
+    let points = points.par_iter().with_min_len(RUN);
+    points
+        .map_init(|| (Vec::new(), Vec::new()), distance)
+        .collect()
 }
 
 /// Distance by point; not finite where there is none.
@@ -301,22 +308,12 @@ fn distances(points: &[Point3], to: &Shape, sampled: &Sampled, exactly: bool) ->
     if let Shape::Solid(solid) = to {
         return to_solid(points, solid, sampled);
     }
+    if !sampled.owner.is_empty() {
+        return Nearest::new(&sampled.triangles).distances(points);
+    }
     let tree = KdTree::new(&sampled.points);
-    let mut found = Vec::new();
-    points
-        .iter()
-        .map(|p| {
-            if sampled.owner.is_empty() {
-                return tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
-            }
-            tree.nearest_k(*p, NEAREST, &mut found);
-            let triangle = |i: usize| &sampled.triangles[sampled.owner[i] as usize];
-            found
-                .iter()
-                .map(|f| to_triangle(*p, triangle(f.1 as usize)))
-                .fold(f64::INFINITY, f64::min)
-        })
-        .collect()
+    let nearest = |p: &Point3| tree.nearest(*p).map_or(f64::INFINITY, |(_, d)| d.sqrt());
+    points.par_iter().with_min_len(RUN).map(nearest).collect()
 }
 
 /// Steps of Newton's method: each doubles the digits, and the first ones begin at a mesh.
@@ -366,27 +363,6 @@ fn newton(points: &[Point3], field: &dyn ParamField, a: &[f64]) -> (Vec<Point3>,
         }
     }
     (at, first)
-}
-
-/// Distance of a point from a triangle: to the plane where the foot lies inside, else to the
-/// nearest edge.
-fn to_triangle(p: Point3, t: &[Point3; 3]) -> f64 {
-    let n = cross(sub(t[1], t[0]), sub(t[2], t[0]));
-    let is_inside = (0..3).all(|k| dot(cross(sub(t[(k + 1) % 3], t[k]), sub(p, t[k])), n) >= 0.0);
-    if is_inside && norm(n) > 0.0 {
-        return (dot(sub(p, t[0]), n) / norm(n)).abs();
-    }
-    let to_edge = |k: usize| {
-        let (e, v) = (sub(t[(k + 1) % 3], t[k]), sub(p, t[k]));
-        let ee = dot(e, e);
-        let s = if ee > 0.0 {
-            (dot(v, e) / ee).clamp(0.0, 1.0)
-        } else {
-            0.0
-        };
-        norm(sub(v, e.map(|c| s * c)))
-    };
-    (0..3).map(to_edge).fold(f64::INFINITY, f64::min)
 }
 
 fn summary(distances: &[f64]) -> Distances {
@@ -497,14 +473,6 @@ mod tests {
             there.max <= farthest + 1e-12 && there.max > 0.99 * farthest,
             "{there:?}"
         );
-    }
-
-    #[test]
-    fn distance_of_a_triangle() {
-        let t = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
-        assert_eq!(to_triangle([0.2, 0.2, -3.0], &t), 3.0);
-        assert_eq!(to_triangle([-3.0, -4.0, 0.0], &t), 5.0);
-        assert_eq!(to_triangle([0.5, -2.0, 0.0], &t), 2.0);
     }
 
     fn half() -> FrepTemplate {

@@ -40,7 +40,7 @@ Exit code: 0, or 3 if the template does not fit, the search was cut short or the
 (files are written all the same), 4 without a result or without the solid that was asked for, 2 for unreadable input,
 130 after Ctrl-C (the best so far is written).")]
 pub(crate) struct Args {
-    /// The points: PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ, E57 (- for stdin)
+    /// The points: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57 (- for stdin)
     #[arg(required_unless_present = "list")]
     scan: Option<PathBuf>,
     /// The template: a HyperFun file or a name out of --list

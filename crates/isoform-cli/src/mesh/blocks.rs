@@ -120,10 +120,10 @@ fn text(report: &BlocksReport, out: &Path) -> String {
     lines.push(table::line("distance", distances));
     let features = format!("{:.3} % of the curves covered", 100.0 * covered);
     lines.push(table::line("features", features));
-    let verdict = if *ok {
-        "holds in every block"
-    } else {
-        "does not hold"
+    let verdict = match (*ok, report.warnings.is_empty()) {
+        (false, _) => "does not hold",
+        (true, true) => "holds in every block",
+        (true, false) => "holds in every block, but something is left open (see the warnings)",
     };
     lines.push(table::line("certificate", verdict.to_owned()));
     lines.push(table::line("wrote", format!("{} (pvtu)", out.display())));

@@ -46,8 +46,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     settings: Settings,
     /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a
-    /// surface (stl, obj, ply, off, msh), whose triangles are made as long as --size says, or as
-    /// they were
+    /// surface (stl, obj, ply, off, 3mf, msh), whose triangles are made as long as --size says, or
+    /// as they were
     #[arg(long, value_name = "FILE", conflicts_with = "region")]
     adapt: Option<PathBuf>,
     /// Mesh in so many blocks along x, y and z, one after the other: the memory is that for one of
@@ -100,7 +100,8 @@ pub(crate) struct Settings {
     /// [default: 21,149, not required]
     #[arg(long, value_name = "MIN,MAX", value_parser = angles)]
     pub(crate) angles: Option<Angles>,
-    /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16]
+    /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16, or what
+    /// the machine has]
     #[arg(long, value_name = "GIB", value_parser = output::positive)]
     pub(crate) memory: Option<f64>,
 }

@@ -4,6 +4,7 @@ use super::files::Written;
 use super::work::{Made, place};
 use isoform::check::Certificate;
 use isoform::geom::Mesh;
+use isoform::mesh::Warning;
 use isoform::report::brief;
 
 /// What was made, whether it holds, and where it went.
@@ -11,14 +12,47 @@ pub(crate) fn text(made: &Made) -> String {
     let mut text = line("size", size(made))
         + &line("region", region(made))
         + &of_mesh(&made.mesh.meshed.mesh, &made.mesh.certificate);
-    let verdict = if made.mesh.certificate.is_ok() {
-        "holds"
-    } else {
-        "does not hold"
-    };
+    let open = left_open(&made.mesh.meshed.warnings);
+    text.extend(open.iter().map(|what| line("LEFT OPEN", what.clone())));
+    let verdict = verdict(made.mesh.certificate.is_ok(), !open.is_empty());
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     text += &line("certificate", format!("{verdict}; {} s", brief(seconds)));
     text + &wrote(&made.written)
+}
+
+/// Whether the certificate holds, and whether that is all: where something is left open, the exit
+/// code is 3 though every figure is as it should be.
+fn verdict(holds: bool, is_open: bool) -> &'static str {
+    match (holds, is_open) {
+        (false, _) => "does not hold",
+        (true, true) => "holds of the mesh itself, but something is left open",
+        (true, false) => "holds",
+    }
+}
+
+/// What the mesher left open: each kind of warning once, with its places.
+fn left_open(warnings: &[Warning]) -> Vec<String> {
+    let mut kinds: Vec<(&Warning, usize)> = Vec::new();
+    for warning in warnings {
+        match kinds
+            .iter_mut()
+            .find(|(first, _)| first.kind == warning.kind)
+        {
+            Some((_, count)) => *count += 1,
+            None => kinds.push((warning, 1)),
+        }
+    }
+    let told = |(first, count): (&Warning, usize)| {
+        let kind = first.kind;
+        match first.at {
+            Some(at) if count > 1 => {
+                format!("{kind}: {count} places, the first at {}", place(at))
+            }
+            Some(at) => format!("{kind}, at {}", place(at)),
+            None => kind.to_string(),
+        }
+    };
+    kinds.into_iter().map(told).collect()
 }
 
 /// Where it went.

@@ -12,6 +12,7 @@ use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, Point3};
 use isoform::mesh::features::ExtentError;
 use isoform::mesh::{MeshError, Options, Warning};
+use isoform::report::brief;
 use isoform::{
     Control, Implicit, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model,
     mesh_model, mesh_spline,
@@ -298,8 +299,10 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             allowed,
         } => {
             let fits = size * (*needed as f64 / (*allowed).max(1) as f64).cbrt();
-            none("memory").hint(format!("--size {fits:.2}, or --memory with more GiB"))
+            let fits = brief(fits);
+            none("memory").hint(format!("--size {fits}, or --memory with more GiB"))
         }
+        MeshError::NoMemory { .. } => none("memory").hint("a larger --size, or --blocks"),
         MeshError::TooCoarse { size } => none("too-coarse").hint(format!(
             "--size {}, or --params: those that are not given are 0",
             0.5 * size

@@ -1,5 +1,6 @@
 //! The surface to parameterize: a HyperFun program or a polynomial.
 
+use crate::kind::{self, Kind};
 use crate::model::{self, Language};
 use crate::output::{self, Context, Failure};
 use crate::{eval, gallery, spline};
@@ -96,8 +97,15 @@ fn polynomial(path: &Path, text: &str) -> Result<ImplicitSurface, Failure> {
     };
     let json: Value = serde_json::from_str(text).map_err(|e| not_json(shown, text, &e))?;
     let Some(formula) = json.get("F").and_then(Value::as_str) else {
-        let message = "there is no text under the key F".to_owned();
-        return Err(wrong(shown, "key", message).hint(EXAMPLE));
+        return Err(match Kind::of(path, kind::head(text.as_bytes()), text) {
+            Some(kind) if !matches!(kind, Kind::Json | Kind::Polynomial) => {
+                kind.instead_of("a polynomial, a program or a fitted function", shown)
+            }
+            _ => {
+                let message = "there is no text under the key F".to_owned();
+                wrong(shown, "key", message).hint(EXAMPLE)
+            }
+        });
     };
     let parsed = ImplicitSurface::of_polynomial(formula).map_err(|e| not_parsed(shown, &e))?;
     parsed.ok_or_else(|| {

@@ -9,6 +9,7 @@ mod domain;
 mod table;
 
 use crate::interrupt;
+use crate::kind::{self, Kind};
 use crate::mesh::files::{self, Target, Written};
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
@@ -263,13 +264,23 @@ fn check_beside(files: [&Option<PathBuf>; 3]) -> Result<(), Failure> {
 
 /// Reads and checks a map, or patches.
 pub(crate) fn read(path: &Path, reduce: bool) -> Result<RationalSurface, Failure> {
-    let text = output::text(output::read_file(path)?);
+    let bytes = output::read_file(path)?;
+    let head = kind::head(&bytes).to_vec();
+    let text = output::text(bytes);
     let path = if path == Path::new("-") {
         Path::new("stdin")
     } else {
         path
     };
-    RationalSurface::parse(&text, reduce).map_err(|e| match e {
+    let other = |_: &_| match Kind::of(path, &head, &text)? {
+        Kind::Map | Kind::Patches | Kind::Json => None,
+        other => Some(other.instead_of("a map or a file of patches", path)),
+    };
+    let made = RationalSurface::parse(&text, reduce);
+    if let Some(failure) = made.as_ref().err().and_then(other) {
+        return Err(failure);
+    }
+    made.map_err(|e| match e {
         RationalSurfaceError::Patches(e) => {
             refused(path, "not_patches", &e).hint("see Patches in docs/rational.md")
         }

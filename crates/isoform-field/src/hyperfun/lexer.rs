@@ -23,6 +23,18 @@ pub(crate) enum Word {
     Xor,
 }
 
+impl Word {
+    /// What the word stands for, so that nothing else can have its name.
+    pub(crate) fn meaning(self) -> &'static str {
+        match self {
+            Self::X => "the array of coordinates",
+            Self::A => "the array of parameters",
+            Self::S => "the array of attributes",
+            _ => "a word of the language",
+        }
+    }
+}
+
 /// The reserved words as they are written, in any case.
 const WORDS: [(&str, Word); 15] = [
     ("x", Word::X),

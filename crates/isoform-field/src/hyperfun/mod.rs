@@ -203,7 +203,8 @@ impl Model {
         }
         let source = Source::new(text);
         let (tokens, comments) = lexer::tokens(&source);
-        let (objects, mut warnings) = parser::parse(&source, &tokens, mode, precedence)?;
+        let (objects, mut warnings) =
+            parser::parse(&source, (&tokens, &comments), mode, precedence)?;
         let annotations = annotations::read(&source, &objects, &comments, &mut warnings)?;
         let object = objects
             .iter()

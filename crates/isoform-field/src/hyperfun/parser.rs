@@ -26,13 +26,14 @@ enum Name {
 /// All objects of a program, and the warnings.
 pub(crate) fn parse(
     source: &Source,
-    tokens: &[Token],
+    (tokens, comments): (&[Token], &[(u32, u32)]),
     mode: Mode,
     precedence: Precedence,
 ) -> Parsed<(Vec<Object>, Vec<Warning>)> {
     let mut parser = Parser {
         source,
         tokens,
+        comments,
         at: 0,
         mode,
         precedence,
@@ -55,6 +56,7 @@ pub(crate) fn parse(
             .insert(object.name.clone(), parser.objects.len() as u32);
         parser.objects.push(object);
     }
+    parser.warn_of_comments();
     Ok((parser.objects, parser.warnings))
 }
 
@@ -62,6 +64,8 @@ pub(crate) fn parse(
 struct Parser<'s> {
     source: &'s Source,
     tokens: &'s [Token],
+    /// The byte ranges of the comments, without the two dashes.
+    comments: &'s [(u32, u32)],
     /// Number of the present token.
     at: usize,
     mode: Mode,
@@ -136,13 +140,81 @@ impl Parser<'_> {
             }
         }
     }
-    /// The error that something else stands here.
+    /// The error that something else stands here. Where a comment has swallowed what was meant as
+    /// an operand, that is what is wrong.
     fn expected<T>(&self, what: &str) -> Parsed<T> {
+        if let Some(at) = self.swallowed(self.at) {
+            let (line, column) = self.source.position(at);
+            let message = format!(
+                "{what} expected, found {}: the `--` in line {line}, column {column} begins a \
+                 comment; to subtract what has a sign, write `- -` or parentheses",
+                self.found()
+            );
+            return Err(self.source.error(self.start(), message, ""));
+        }
         Err(self.source.error(
             self.start(),
             format!("{what} expected, found {}", self.found()),
             what,
         ))
+    }
+    /// Where two dashes in front of a token begin a comment that looks like an operand: right
+    /// behind another operand, or with a number.
+    fn swallowed(&self, token: usize) -> Option<u32> {
+        let before = self.tokens[token.checked_sub(1)?];
+        let ends_operand = matches!(
+            before.kind,
+            Kind::Number(_) | Kind::Name | Kind::Symbol("]" | ")")
+        );
+        let next = self.comments.partition_point(|c| c.0 < before.end);
+        let &(start, end) = self.comments.get(next).filter(|_| ends_operand)?;
+        let first = self.source.text().as_bytes()[start as usize..end as usize].first()?;
+        let is_number = first.is_ascii_digit() || *first == b'.';
+        let is_close = start == before.end + 2;
+        let is_operand = is_number || is_close && (first.is_ascii_alphabetic() || *first == b'(');
+        is_operand.then_some(start - 2)
+    }
+    /// Warns of comments that look like operands in programs that are legal with them:
+    /// `x[1]--0.03`, and the rest of the sum in the next line.
+    fn warn_of_comments(&mut self) {
+        let is_close = |(token, at): (usize, u32)| {
+            (self.tokens[token - 1].end == at).then(|| self.source.position(at))
+        };
+        let swallowed = |token| Some((token, self.swallowed(token)?));
+        let places = (1..self.tokens.len()).filter_map(swallowed);
+        let places: Vec<(usize, usize)> = places.filter_map(is_close).collect();
+        let message = "`--` begins a comment, though it looks like a difference; to subtract what \
+                       has a sign, write `- -` or parentheses";
+        self.warnings
+            .extend(places.into_iter().map(|(line, column)| Warning {
+                line,
+                column,
+                message: message.to_owned(),
+            }));
+    }
+    /// The present token, if it is a name that the language keeps for itself, with what it stands
+    /// for.
+    fn reserved(&self) -> Option<&'static str> {
+        match self.kind() {
+            Kind::Word(word) => Some(word.meaning()),
+            Kind::Name if functions::find(&self.text()).is_some() => {
+                Some("a function of the library")
+            }
+            _ => None,
+        }
+    }
+    /// The error that a name is expected, which says of a reserved one that it is.
+    fn expected_name<T>(&self, what: &str) -> Parsed<T> {
+        match self.reserved() {
+            Some(meaning) => self.fail(
+                self.start(),
+                format!(
+                    "{what} expected, found {}: this name is reserved, {meaning}",
+                    self.found()
+                ),
+            ),
+            None => self.expected(what),
+        }
     }
     /// An error at a byte offset.
     fn fail<T>(&self, at: u32, message: impl Into<String>) -> Parsed<T> {
@@ -189,7 +261,7 @@ impl Parser<'_> {
     fn object(&mut self) -> Parsed<Object> {
         let start = self.start();
         if self.kind() != Kind::Name {
-            return self.expected("the name of an object");
+            return self.expected_name("the name of an object");
         }
         let name = self.text();
         if functions::find(&name).is_some() {
@@ -316,7 +388,7 @@ impl Parser<'_> {
         loop {
             let at = self.start();
             if self.kind() != Kind::Name {
-                return self.expected("the name of an array");
+                return self.expected_name("the name of an array");
             }
             let name = self.text();
             if functions::find(&name).is_some()
@@ -357,13 +429,35 @@ impl Parser<'_> {
                 Kind::Name => {
                     let name = self.text();
                     if name == self.own_name || functions::find(&name).is_some() {
+                        self.check_assigned()?;
                         return Ok(statements);
                     }
                     self.assignment()?
                 }
-                _ => return Ok(statements),
+                _ => {
+                    self.check_assigned()?;
+                    return Ok(statements);
+                }
             };
             statements.push(statement);
+        }
+    }
+    /// Fails where something is assigned to a reserved name, which begins no statement.
+    fn check_assigned(&self) -> Parsed<()> {
+        let next = self.tokens.get(self.at + 1).map(|t| t.kind);
+        let is_item = matches!(self.kind(), Kind::Word(Word::X | Word::A));
+        let is_assigned = matches!(next, Some(Kind::Symbol("=")))
+            || (is_item && matches!(next, Some(Kind::Symbol("["))));
+        match self.reserved().filter(|_| is_assigned) {
+            Some(meaning) => self.fail(
+                self.start(),
+                format!(
+                    "nothing can be assigned to {}: this name is reserved, {meaning}; a variable \
+                     needs another",
+                    self.found()
+                ),
+            ),
+            None => Ok(()),
         }
     }
 
@@ -414,6 +508,7 @@ impl Parser<'_> {
     /// name = expression; or array\[index\] = expression; or array = \[numbers\];
     fn assignment(&mut self) -> Parsed<Statement> {
         let name = self.text();
+        let is_attributes = self.is_word(Word::S);
         self.advance();
         let statement = match self.names.get(&name).copied() {
             Some(Name::Array(array)) if self.is_symbol("[") => {
@@ -429,6 +524,15 @@ impl Parser<'_> {
             }
             Some(Name::Array(array)) => {
                 self.symbol("=", "`[` or `=`")?;
+                if is_attributes && !self.is_symbol("[") {
+                    let found = self.found();
+                    let message = format!(
+                        "left bracket `[` expected, found {found}: the name `s` is reserved, {}; \
+                         a variable needs another",
+                        Word::S.meaning()
+                    );
+                    return self.fail(self.start(), message);
+                }
                 Statement::AssignArray {
                     array,
                     values: self.literal(array.len)?,

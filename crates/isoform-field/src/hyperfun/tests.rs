@@ -596,3 +596,102 @@ fn a_strange_size_of_point_is_refused_or_the_sentinel() {
         -1111111111111.0
     );
 }
+
+/// `--` begins a comment: where that leaves no program, the error says so; where it leaves one, a
+/// warning does.
+#[test]
+fn a_comment_that_looks_like_a_difference_is_said() {
+    for (text, place) in [
+        ("my_model = x[1]--0.03;", (1, 16)),
+        ("my_model = x[1]--x[2];", (1, 16)),
+        ("my_model = (x[1])--(3);", (1, 18)),
+        ("my_model = 2 --.5;", (1, 14)),
+        ("r = x[1]--0.03;\nmy_model = r;", (1, 9)),
+    ] {
+        let e = refused(&format!(
+            "m(x[3], a[1]) {{\n{}}}",
+            text.replace("my_model", "m")
+        ));
+        let (line, column) = (
+            place.0 + 1,
+            place.1 - if text.starts_with('m') { 7 } else { 0 },
+        );
+        let said = format!("the `--` in line {line}, column {column} begins a comment");
+        assert!(e.message.contains(&said), "{text}: {e}");
+        assert_eq!(e.expected, "");
+    }
+    // Comments that look like comments are none of it.
+    for text in [
+        "m = x[1] -- minus\n}",
+        "m = x[1] --minus\n}",
+        "m = 1; --0.03\n{",
+    ] {
+        let e = refused(&format!("m(x[3], a[1]) {{ {text}"));
+        assert!(!e.message.contains("comment"), "{text}: {e}");
+    }
+    let split = model("m(x[3], a[1]) {\nm = x[1]--0.03\n + 1; --2\n}");
+    let warnings = split.warnings();
+    assert_eq!(warnings.len(), 1, "{warnings:?}");
+    assert_eq!((warnings[0].line, warnings[0].column), (2, 9));
+    assert!(warnings[0].message.contains("comment"));
+}
+
+#[test]
+fn reserved_names_are_said_to_be() {
+    for (text, column, words) in [
+        (
+            "m(x[3], a[1]) { s = a[1]; m = 1; }",
+            21,
+            "`s` is reserved, the array of attributes",
+        ),
+        (
+            "m(x[3], a[1]) { a = 2; m = 1; }",
+            17,
+            "reserved, the array of parameters",
+        ),
+        (
+            "m(x[3], a[1]) { x[1] = 2; m = 1; }",
+            17,
+            "reserved, the array of coordinates",
+        ),
+        (
+            "m(x[3], a[1]) { loop = 2; m = 1; }",
+            17,
+            "reserved, a word of the language",
+        ),
+        (
+            "m(x[3], a[1]) { hfSphere = 2; m = 1; }",
+            17,
+            "reserved, a function of the library",
+        ),
+        (
+            "m(x[3], a[1]) { if x[1] > 0 then a = 2; endif; m = 1; }",
+            34,
+            "reserved",
+        ),
+        (
+            "m(x[3], a[1]) { array s[3]; m = 1; }",
+            23,
+            "reserved, the array of attributes",
+        ),
+        (
+            "s(x[3], a[1]) { s = 1; }",
+            1,
+            "reserved, the array of attributes",
+        ),
+    ] {
+        let e = refused(text);
+        assert_eq!((e.line, e.column), (1, column), "{text}: {e}");
+        assert!(e.message.contains(words), "{text}: {e}");
+    }
+    assert!(
+        !refused("m(x[3], a[1]) { s = [; m = 1; }")
+            .message
+            .contains("reserved")
+    );
+    assert!(
+        !refused("m(x[3], a[1]) { s[1] = 2 m = 1; }")
+            .message
+            .contains("reserved")
+    );
+}

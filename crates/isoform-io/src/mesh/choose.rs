@@ -63,7 +63,7 @@ fn guess(input: &mut Input<'_>, warnings: &mut Vec<String>) -> Result<&'static M
 }
 
 /// The first format in the registry whose content test is as sure as this.
-fn by_content(head: &[u8], sure: Sniff) -> Option<&'static MeshFormat> {
+pub(crate) fn by_content(head: &[u8], sure: Sniff) -> Option<&'static MeshFormat> {
     mesh_formats().iter().find(|f| (f.sniff)(head) == sure)
 }
 

@@ -19,7 +19,7 @@ static FORMATS: [MeshFormat; 11] = [
     MeshFormat { name: "obj", extensions: &["obj"], title: "OBJ", volume: false, second_order: false, single: false, columns: Columns::Texture, about: "triangles in a group per part; parameters as texture coordinates", sniff: crate::obj::sniff, read: Some(surface::read_obj), write: obj::write },
     MeshFormat { name: "ply", extensions: &["ply"], title: "PLY", volume: false, second_order: false, single: false, columns: Columns::All, about: "triangles with the tag of their part; all numbers per node", sniff: crate::ply::sniff, read: Some(surface::read_ply), write: ply::write },
     MeshFormat { name: "off", extensions: &["off"], title: "OFF", volume: false, second_order: false, single: false, columns: Columns::None, about: "triangles without groups", sniff: crate::off::sniff, read: Some(surface::read_off), write: off::write },
-    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, columns: Columns::None, about: "for printing; a material per part, with the unit", sniff: NO, read: None, write: three_mf::write },
+    MeshFormat { name: "3mf", extensions: &["3mf"], title: "3MF", volume: false, second_order: false, single: false, columns: Columns::None, about: "for printing; a material per part, with the unit", sniff: crate::three_mf::sniff, read: Some(surface::read_3mf), write: three_mf::write },
     MeshFormat { name: "glb", extensions: &["glb"], title: "glTF", volume: false, second_order: false, single: true, columns: Columns::All, about: "for viewers; a coloured material per part, in 32 bits about the centre; a chequered texture along parameters, other numbers as attributes", sniff: NO, read: None, write: glb::write },
 ];
 

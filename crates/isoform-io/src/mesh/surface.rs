@@ -2,7 +2,7 @@
 
 use crate::collect::Parts;
 use crate::input::{Input, Result};
-use crate::{ReadOptions, ReadReport, obj, off, ply, stl};
+use crate::{ReadOptions, ReadReport, obj, off, ply, stl, three_mf};
 use isoform_geom::{Mesh, Point3, PointCloud};
 
 /// Coordinates as they are in the file.
@@ -56,6 +56,11 @@ pub(super) fn read_stl(input: &mut Input<'_>, report: &mut ReadReport) -> Result
             Parts::default()
         },
     )))
+}
+
+/// Reads 3MF; its parts are the base materials of its only mesh, or its meshes.
+pub(super) fn read_3mf(input: &mut Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
+    three_mf::read_parts(input, &AS_THEY_ARE, report).map(mesh)
 }
 
 /// The nodes that a surface format writes, and their new numbers.

@@ -10,6 +10,7 @@ use super::out::{Out, on_one_line};
 use super::surface::SurfaceNodes;
 use super::xml::escape;
 use super::zip::Zip;
+use crate::three_mf::UNITS;
 use isoform_geom::Mesh;
 use std::io::{self, Write};
 
@@ -26,14 +27,8 @@ const RELATIONS: &str = "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
 
 /// The unit in 3MF's words; millimetre, its default, if it is not known.
 fn unit(unit: Option<&str>) -> &'static str {
-    match unit {
-        Some("um") => "micron",
-        Some("cm") => "centimeter",
-        Some("m") => "meter",
-        Some("in") => "inch",
-        Some("ft") => "foot",
-        _ => "millimeter",
-    }
+    let known = UNITS.iter().find(|(ours, _)| Some(*ours) == unit);
+    known.map_or("millimeter", |(_, theirs)| theirs)
 }
 
 /// Writes the package.

@@ -13,7 +13,7 @@ pub(super) fn escape(text: &str) -> String {
 }
 
 /// The text again; what is no known entity stays.
-pub(super) fn unescape(text: &str) -> String {
+pub(crate) fn unescape(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
     while let Some(at) = rest.find('&') {
@@ -151,7 +151,7 @@ impl<'b> Items<'b> {
 }
 
 /// The value of an attribute, as it stands in the file.
-pub(super) fn attribute<'b>(attributes: &'b str, name: &str) -> Option<&'b str> {
+pub(crate) fn attribute<'b>(attributes: &'b str, name: &str) -> Option<&'b str> {
     let mut rest = attributes;
     loop {
         let (key, behind) = rest.split_once('=')?;

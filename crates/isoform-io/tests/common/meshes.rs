@@ -112,6 +112,7 @@ pub(crate) fn mesh_fixtures() -> Vec<MeshFixture> {
             "ply",
             "ply-ascii",
             "off",
+            "3mf",
         ] {
             let mut bytes = Vec::new();
             write_mesh(&mesh, &mut bytes, format, &MeshWriteOptions::default())

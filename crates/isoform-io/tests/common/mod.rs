@@ -5,6 +5,7 @@
 pub(crate) mod cube;
 pub(crate) mod damage;
 pub(crate) mod meshes;
+pub(crate) mod package;
 
 use isoform_geom::{Column, PointCloud};
 use std::io::Cursor;
@@ -62,6 +63,7 @@ pub(crate) fn fixtures() -> Vec<Fixture> {
         ("mesh.off", b"COFF # c\n4 2 0\n0 0 0 255 0 0 1\n1 0 0 0 9 0 1\n0 1 0 0 0 0 1\n1 1 1 0 0 0 1\n4 0 1 2 3 1 0 0\n3 0 1 3\n".to_vec()),
         ("text.stl", b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\nendsolid a\nsolid\nendsolid\n".to_vec()),
         ("binary.stl", binary_stl()),
+        ("stored.3mf", package::built(&package::tetrahedron(1))),
     ];
     all.extend(pcd());
     for format in [0, 3] {

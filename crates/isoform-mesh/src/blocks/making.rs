@@ -53,11 +53,11 @@ pub fn make(
 ) -> Result<Made, MeshError> {
     let room = plan.room(0, k);
     let cells = plan.cells(room, halo);
-    let count: usize = cells.iter().map(|c| c[1] - c[0]).product();
-    options.check_memory((count * BYTES) as u64)?;
+    let count: f64 = cells.iter().map(|c| (c[1] - c[0]) as f64).product();
+    options.check_memory((count * BYTES as f64) as u64)?;
     within(solid, options, |solid| {
         control.begin("lattice")?;
-        let lattice = Lattice::window(solid, plan.grid(), cells, control);
+        let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
         control.check()?;
         let surface = Surface {
             by_place: true,

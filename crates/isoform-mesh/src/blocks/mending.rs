@@ -49,7 +49,7 @@ fn optimised(
 ) -> Result<Tetrahedra, MeshError> {
     control.begin("lattice")?;
     let cells = plan.cells(Aabb::of(&given.points), BESIDE);
-    let lattice = Lattice::window(solid, plan.grid(), cells, control);
+    let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
     control.check()?;
     let surface = Surface::new(solid, &lattice, plan.region, control);
     let Some(mut complex) = given.complex(control) else {

@@ -2,7 +2,7 @@
 
 use super::holds::Hold;
 use super::{LOOK, Optimiser};
-use crate::complex::{BOUNDARY, NONE};
+use crate::complex::{BOUNDARY, NONE, STRAY};
 use crate::points::{along, centroid};
 use crate::surface::{On, SKIN};
 use isoform_geom::{Point3, norm, sub};
@@ -163,7 +163,10 @@ impl Optimiser<'_> {
                 {
                     let label = self.label_anew(v, self.complex.face(t, i), old);
                     self.complex.adjacent[t as usize][i] = BOUNDARY | label;
-                    labels = labels.with(label).unwrap_or(labels);
+                    // A face on no piece, as where a function jumps, holds its vertices nowhere.
+                    if label < STRAY {
+                        labels = labels.with(label).unwrap_or(labels);
+                    }
                 }
             }
         }

@@ -241,7 +241,8 @@ def mesh(
     angles : tuple of float, optional
         Bounds of dihedral angles, degrees: worked towards, and required in the certificate.
     memory : float, optional
-        Refuse a mesh that takes more than this many GiB, by estimate; 16 by default.
+        Refuse a mesh that takes more than this many GiB, by estimate; by default 16, or what the
+        machine has.
     close : bool
         Of a function fitted to points, keep the surface where there are no points.
     time_limit : float, optional

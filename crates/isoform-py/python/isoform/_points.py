@@ -106,7 +106,7 @@ def read_points(
     Parameters
     ----------
     path : str or os.PathLike
-        PLY, XYZ, CSV, OBJ, OFF, STL, PCD, LAS, LAZ or E57.
+        PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ or E57.
     format : str, optional
         The format, where neither name nor content tell it.
     max_points : int, optional

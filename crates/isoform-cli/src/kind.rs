@@ -1,0 +1,134 @@
+//! What a file is, and which verbs take it: for the failures of verbs that take something else.
+
+use crate::model::{self, Language};
+use crate::output::Failure;
+use crate::{solids, spline};
+use isoform::io::{FileKind, MAP_KEYS, file_kind, is_patch_file, is_solid_file, mesh_format_named};
+use serde_json::Value;
+use std::path::Path;
+
+/// First bytes that tell the format of a file.
+const HEAD: usize = 4096;
+
+/// What a file is.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Kind {
+    /// A HyperFun program.
+    Program,
+    /// Points or a mesh, in this format.
+    File(FileKind),
+    /// A solid of exact faces: STEP, or our own form.
+    Solid,
+    /// A function of `isoform implicitize`.
+    Fitted,
+    /// A polynomial in x, y and z.
+    Polynomial,
+    /// Rational patches.
+    Patches,
+    /// A rational map.
+    Map,
+    /// JSON of another kind.
+    Json,
+}
+
+/// The first bytes of a file, as far as they tell its format.
+pub(crate) fn head(bytes: &[u8]) -> &[u8] {
+    &bytes[..bytes.len().min(HEAD)]
+}
+
+impl Kind {
+    /// What a file is by its content, or, where that tells nothing, by its name. `head` is its
+    /// first bytes, `text` the whole.
+    pub(crate) fn of(path: &Path, head: &[u8], text: &str) -> Option<Self> {
+        if solids::is_step(path) || text.trim_start().starts_with("ISO-10303-21") {
+            return Some(Self::Solid);
+        }
+        if text.trim_start().starts_with('{')
+            && let Ok(json) = serde_json::from_str(text)
+        {
+            return Some(Self::of_json(&json));
+        }
+        if model::silently(text, &Language::default()).is_ok() {
+            return Some(Self::Program);
+        }
+        file_kind(&path.to_string_lossy(), head).map(Self::File)
+    }
+
+    /// What a document is.
+    fn of_json(json: &Value) -> Self {
+        if is_solid_file(json) {
+            Self::Solid
+        } else if spline::is_fitted(json) {
+            Self::Fitted
+        } else if is_patch_file(json) {
+            Self::Patches
+        } else if MAP_KEYS.iter().all(|key| json.get(*key).is_some()) {
+            Self::Map
+        } else if json.get("F").is_some() {
+            Self::Polynomial
+        } else {
+            Self::Json
+        }
+    }
+
+    /// The failure of a verb that takes `wanted`, and was given this.
+    pub(crate) fn instead_of(self, wanted: &str, path: &Path) -> Failure {
+        let what = self.what();
+        let message = format!("{}: {what}, not {wanted}", path.display());
+        let mut failure = Failure::input("other-kind", message);
+        failure.place.file = Some(path.to_owned());
+        failure.hint(self.takers())
+    }
+
+    /// What it is, in a few words.
+    fn what(self) -> String {
+        match self {
+            Self::Program => "a HyperFun program".to_owned(),
+            Self::File(FileKind::Points(f)) if mesh_format_named(f.name).is_some() => {
+                format!("a file of points or of a mesh ({})", f.title)
+            }
+            Self::File(FileKind::Points(f)) => format!("a file of points ({})", f.title),
+            Self::File(FileKind::Mesh(f)) => format!("a mesh ({})", f.title),
+            Self::File(FileKind::Foreign(what)) => {
+                what.split(';').next().unwrap_or_default().to_owned()
+            }
+            Self::Solid => "a solid of exact faces".to_owned(),
+            Self::Fitted => "a function of isoform implicitize".to_owned(),
+            Self::Polynomial => "a polynomial in x, y and z".to_owned(),
+            Self::Patches => "a file of rational patches".to_owned(),
+            Self::Map => "a rational map of two parameters".to_owned(),
+            Self::Json => "a JSON file".to_owned(),
+        }
+    }
+
+    /// The verbs that take it.
+    fn takers(self) -> &'static str {
+        match self {
+            Self::Program => {
+                "isoform mesh, brep, parameterize, eval, compare, view or render; isoform fit SCAN \
+                 --template with it"
+            }
+            Self::File(FileKind::Points(f)) if mesh_format_named(f.name).is_some() => {
+                "isoform fit, recover, recognize, implicitize, inspect, compare, convert, view or \
+                 render; isoform mesh MODEL --adapt with it"
+            }
+            Self::File(FileKind::Points(_)) => {
+                "isoform fit, recover, recognize, implicitize, inspect, compare, convert, view or \
+                 render"
+            }
+            Self::File(FileKind::Mesh(_)) => {
+                "isoform inspect, compare, convert, view or render; isoform mesh MODEL --adapt \
+                 with it; isoform convert makes an .stl of its surface, which all take that take \
+                 points"
+            }
+            Self::File(FileKind::Foreign(what)) => {
+                what.split_once(';').map_or("", |(_, hint)| hint.trim())
+            }
+            Self::Solid => "isoform mesh, inspect, compare, view or render",
+            Self::Fitted => "isoform mesh, eval, parameterize, compare, view or render",
+            Self::Polynomial => "isoform parameterize, view or render",
+            Self::Patches | Self::Map => "isoform triangulate, view or render",
+            Self::Json => "",
+        }
+    }
+}

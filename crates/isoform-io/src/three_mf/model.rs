@@ -1,0 +1,321 @@
+//! A model part of a 3MF package: its objects, materials, and what is to be built ("3D
+//! Manufacturing Format core specification" 1.3, chapters 3 to 5).
+
+use super::tags::{Tag, Tags};
+use super::transform::Transform;
+use crate::ErrorKind;
+use crate::input::{parse_number, shorten};
+use crate::mesh::{attribute, unescape};
+use crate::unzip::Problem;
+use isoform_geom::Point3;
+use std::collections::BTreeMap;
+
+/// The end of the namespace of the extension that divides a model among several parts of the
+/// package ("3MF production extension" 1.1).
+const PRODUCTION: &str = "/production/2015/06";
+/// Extensions that change nothing of what is read here: materials, and the one above.
+const HARMLESS: [&str; 2] = ["/material/2015/02", PRODUCTION];
+
+/// A material, as the number of its group and its place there.
+pub(super) type MaterialId = (u32, u32);
+
+/// A model part.
+#[derive(Debug, Default)]
+pub(super) struct Model {
+    /// Unit of length in our words.
+    pub(super) unit: &'static str,
+    pub(super) objects: BTreeMap<u32, Object>,
+    /// Names of base materials by group.
+    pub(super) materials: BTreeMap<u32, Vec<String>>,
+    /// What is to be built.
+    pub(super) items: Vec<Component>,
+    /// Extensions that the model needs and that are not read here.
+    pub(super) unknown: Vec<String>,
+}
+
+/// An object: a mesh, or other objects put together.
+#[derive(Debug, Default)]
+pub(super) struct Object {
+    pub(super) name: String,
+    pub(super) vertices: Vec<Point3>,
+    pub(super) triangles: Vec<[u32; 3]>,
+    /// The material of each triangle, or nothing where none has one.
+    pub(super) materials: Vec<Option<MaterialId>>,
+    pub(super) components: Vec<Component>,
+    /// The material of triangles without one of their own.
+    default: Option<MaterialId>,
+}
+
+/// An object in its place.
+#[derive(Debug)]
+pub(super) struct Component {
+    /// Name of the part of the package where the object is; none for this part.
+    pub(super) path: Option<Box<str>>,
+    pub(super) object: u32,
+    /// Where it is put; none for where it is.
+    pub(super) transform: Option<Box<Transform>>,
+}
+
+/// The unit of length in our words; millimetres where none is stated.
+fn unit(attributes: &str) -> &'static str {
+    let stated = attribute(attributes, "unit").unwrap_or("millimeter");
+    let known = super::UNITS.iter().find(|(_, theirs)| *theirs == stated);
+    known.map_or("mm", |(ours, _)| ours)
+}
+
+/// Reads a model part.
+pub(super) fn read(tags: &mut Tags<'_>) -> Result<Model, Problem> {
+    let mut reader = Reader::default();
+    while let Some(tag) = tags.next()? {
+        let taken = match tag {
+            Tag::Close(name) => reader.close(name),
+            Tag::Open {
+                name,
+                attributes,
+                is_closed,
+            } => reader.open(name, attributes).and_then(|()| {
+                if is_closed {
+                    reader.close(name)
+                } else {
+                    Ok(())
+                }
+            }),
+        };
+        taken.map_err(|(kind, why)| Problem::new(kind, format!("line {}: {why}", tags.line)))?;
+    }
+    match reader.is_model && reader.is_over {
+        true => Ok(reader.model),
+        false if reader.is_model => Err(Problem::new(
+            ErrorKind::Truncated,
+            "the text ends before the model does",
+        )),
+        false => Err(Problem::new(ErrorKind::Header, "there is no model in it")),
+    }
+}
+
+/// What is wrong with a tag.
+type Wrong = (ErrorKind, String);
+
+/// How far a model has come.
+#[derive(Default)]
+struct Reader {
+    model: Model,
+    /// Whether the root was there, and whether it has ended.
+    is_model: bool,
+    is_over: bool,
+    /// What stands before the names of the core's elements, with its colon.
+    prefix: String,
+    /// The attribute of the production extension that says where an object is, with its prefix.
+    path: String,
+    /// The object at hand with its number.
+    object: Option<(u32, Object)>,
+    /// The group of base materials at hand.
+    group: Option<u32>,
+}
+
+impl Reader {
+    /// Takes the beginning of an element.
+    fn open(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
+        if !self.is_model {
+            return self.root(name, attributes);
+        }
+        let Some(name) = name.strip_prefix(self.prefix.as_str()) else {
+            return Ok(());
+        };
+        match name {
+            "vertex" => self.vertex(attributes),
+            "triangle" => self.triangle(attributes),
+            "object" => self.begin_object(attributes),
+            "component" => {
+                let component = self.component(attributes)?;
+                if let Some((_, object)) = &mut self.object {
+                    object.components.push(component);
+                }
+                Ok(())
+            }
+            "item" => {
+                let item = self.component(attributes)?;
+                self.model.items.push(item);
+                Ok(())
+            }
+            "basematerials" => {
+                let id = whole(attributes, "id")?;
+                self.model.materials.insert(id, Vec::new());
+                self.group = Some(id);
+                Ok(())
+            }
+            "base" => {
+                self.base(attributes);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Takes the end of an element.
+    fn close(&mut self, name: &str) -> Result<(), Wrong> {
+        match name.strip_prefix(self.prefix.as_str()) {
+            Some("object") => {
+                if let Some((id, object)) = self.object.take() {
+                    object.check(id)?;
+                    self.model.objects.insert(id, object);
+                }
+            }
+            Some("basematerials") => self.group = None,
+            Some("model") => {
+                if let Some((id, _)) = &self.object {
+                    return Err((ErrorKind::Corrupt, format!("object {id} does not end")));
+                }
+                self.is_over = true;
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+
+    /// Takes the root, which states the unit and the extensions.
+    fn root(&mut self, name: &str, attributes: &str) -> Result<(), Wrong> {
+        let Some(prefix) = name.strip_suffix("model") else {
+            let why = format!("the first element is \"{}\", not a model", shorten(name));
+            return Err((ErrorKind::Header, why));
+        };
+        self.is_model = true;
+        self.prefix = prefix.to_owned();
+        self.model.unit = unit(attributes);
+        let space = |prefix: &str| attribute(attributes, &format!("xmlns:{prefix}"));
+        let needed = attribute(attributes, "requiredextensions").unwrap_or("");
+        for prefix in needed.split_ascii_whitespace() {
+            let name = space(prefix).unwrap_or(prefix);
+            if !HARMLESS.iter().any(|known| name.ends_with(known)) {
+                let short = name.rsplit("3dmanufacturing/").next().unwrap_or(name);
+                self.model.unknown.push(shorten(short));
+            }
+        }
+        let spaces = attributes.split_ascii_whitespace();
+        let mut prefixes = spaces.filter_map(|a| a.strip_prefix("xmlns:")?.split('=').next());
+        let production = prefixes.find(|p| space(p).is_some_and(|s| s.ends_with(PRODUCTION)));
+        self.path = format!("{}:path", production.unwrap_or("p"));
+        Ok(())
+    }
+
+    /// Begins an object.
+    fn begin_object(&mut self, attributes: &str) -> Result<(), Wrong> {
+        let id = whole(attributes, "id")?;
+        if self.model.objects.contains_key(&id) {
+            return Err((ErrorKind::Corrupt, format!("object {id} is there twice")));
+        }
+        let name = unescape(attribute(attributes, "name").unwrap_or(""));
+        let object = Object {
+            name,
+            default: material(attributes, "pindex", None)?,
+            ..Object::default()
+        };
+        self.object = Some((id, object));
+        Ok(())
+    }
+
+    /// Takes a vertex of the object at hand.
+    fn vertex(&mut self, attributes: &str) -> Result<(), Wrong> {
+        let Some((_, object)) = &mut self.object else {
+            return Ok(());
+        };
+        let mut p = [0.0; 3];
+        for (v, key) in p.iter_mut().zip(["x", "y", "z"]) {
+            let text = attribute(attributes, key).unwrap_or("");
+            *v = parse_number(text.trim()).ok_or_else(|| not_a_number(key, text))?;
+        }
+        object.vertices.push(p);
+        Ok(())
+    }
+
+    /// Takes a triangle of the object at hand.
+    fn triangle(&mut self, attributes: &str) -> Result<(), Wrong> {
+        let Some((_, object)) = &mut self.object else {
+            return Ok(());
+        };
+        let mut corners = [0; 3];
+        for (corner, key) in corners.iter_mut().zip(["v1", "v2", "v3"]) {
+            *corner = whole(attributes, key)?;
+        }
+        let material = material(attributes, "p1", object.default)?;
+        if material.is_some() || !object.materials.is_empty() {
+            // Those before it have none.
+            object.materials.resize(object.triangles.len(), None);
+            object.materials.push(material);
+        }
+        object.triangles.push(corners);
+        Ok(())
+    }
+
+    /// An object in its place, of a component or of an item to be built.
+    fn component(&self, attributes: &str) -> Result<Component, Wrong> {
+        let path = attribute(attributes, &self.path);
+        let transform = attribute(attributes, "transform");
+        let transform = transform.map(|text| {
+            let found = Transform::parse(text);
+            found.ok_or_else(|| {
+                let why = format!("\"{}\" is no transform of 12 numbers", shorten(text));
+                (ErrorKind::Number, why)
+            })
+        });
+        Ok(Component {
+            path: path.map(|p| unescape(p).trim_start_matches('/').into()),
+            object: whole(attributes, "objectid")?,
+            transform: transform.transpose()?.map(Box::new),
+        })
+    }
+
+    /// Takes a base material of the group at hand.
+    fn base(&mut self, attributes: &str) {
+        let group = self.group.and_then(|id| self.model.materials.get_mut(&id));
+        if let Some(group) = group {
+            let name = unescape(attribute(attributes, "name").unwrap_or(""));
+            group.push(name);
+        }
+    }
+}
+
+impl Object {
+    /// Whether its triangles name vertices that there are.
+    fn check(&self, id: u32) -> Result<(), Wrong> {
+        let count = self.vertices.len();
+        let is_wrong = |t: &[u32; 3]| t.iter().any(|&v| v as usize >= count);
+        let Some(i) = self.triangles.iter().position(is_wrong) else {
+            return Ok(());
+        };
+        let why = format!(
+            "triangle {} (from 1) of object {id} has corners {:?} (from 0), of {count} vertices",
+            i + 1,
+            self.triangles[i]
+        );
+        Err((ErrorKind::Index, why))
+    }
+}
+
+fn not_a_number(key: &str, text: &str) -> Wrong {
+    let why = format!("{key}=\"{}\" is not a number", shorten(text));
+    (ErrorKind::Number, why)
+}
+
+/// A whole number of 32 bits.
+fn whole(attributes: &str, key: &str) -> Result<u32, Wrong> {
+    let text = attribute(attributes, key).unwrap_or("");
+    text.trim().parse().map_err(|_| not_a_number(key, text))
+}
+
+/// The material that an element names by its group and, under `key`, its place there.
+fn material(
+    attributes: &str,
+    key: &str,
+    usual: Option<MaterialId>,
+) -> Result<Option<MaterialId>, Wrong> {
+    if attribute(attributes, key).is_none() {
+        return Ok(usual);
+    }
+    let group = match attribute(attributes, "pid") {
+        Some(_) => Some(whole(attributes, "pid")?),
+        None => usual.map(|(group, _)| group),
+    };
+    let place = whole(attributes, key)?;
+    Ok(group.map(|group| (group, place)))
+}
