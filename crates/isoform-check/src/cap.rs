@@ -125,6 +125,16 @@ impl Solid for Capped<'_> {
             }
         }
     }
+    fn value_bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        // A difference of finite numbers is a number, and that of the ends' holds those between.
+        self.bounds(which, region, out);
+        for (&piece, out) in which.iter().zip(out) {
+            if self.side(piece).is_none() {
+                let out = std::slice::from_mut(out);
+                self.solid.value_bounds(&[piece], region, out);
+            }
+        }
+    }
     fn slopes(&self, piece: u32, region: Aabb) -> Option<[Interval; 3]> {
         match self.side(piece) {
             Some(_) => Some(self.gradient(piece, region.lo).1.map(Interval::constant)),

@@ -8,11 +8,13 @@
 //! error of the iteration (relatively of the order of the angle that a face subtends to the power
 //! of four).
 
+use super::deciding::deciding_pieces;
 use super::stars::blocks;
 use super::{Defects, Options, Place};
 use isoform_control::Control;
 use isoform_geom::{Mesh, Point3, Solid, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Number of nodes or triangles in a task.
 const TASK: usize = 256;
@@ -242,13 +244,9 @@ impl<'c> Labels<'c> {
 
     /// The labels of the mesh, found among the solid's pieces by name.
     fn by_name(mesh: &Mesh, solid: &dyn Solid, control: &'c Control<'c>) -> Self {
-        let piece = |name: &String| {
-            solid
-                .names()
-                .iter()
-                .position(|n| n == name)
-                .map_or(UNKNOWN, |i| i as u32)
-        };
+        let names = solid.names().iter().zip(0..);
+        let known: HashMap<&str, u32> = names.map(|(n, piece)| (n.as_str(), piece)).collect();
+        let piece = |name: &String| known.get(name.as_str()).copied().unwrap_or(UNKNOWN);
         let pieces: Vec<u32> = mesh.parts.iter().map(piece).collect();
         let mut used = vec![false; pieces.len()];
         let on_curves = mesh.curves.iter().flat_map(|c| c.parts);
@@ -267,14 +265,6 @@ impl<'c> Labels<'c> {
             control,
         }
     }
-}
-
-/// All pieces of the solid at some points: piece k at point i is number k · points + i.
-fn all_values(solid: &dyn Solid, points: &[Point3]) -> Vec<f64> {
-    let which: Vec<u32> = (0..solid.names().len() as u32).collect();
-    let mut out = vec![0.0; which.len() * points.len()];
-    solid.values(&which, points, &mut out);
-    out
 }
 
 /// The piece that decides, by distances, at the centre of each triangle.
@@ -527,11 +517,14 @@ impl Compared<'_> {
         let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
         nodes.par_sort_unstable();
         nodes.dedup();
+        let place = |i: &u32| self.mesh.points[*i as usize];
+        let points: Vec<Point3> = nodes.iter().map(place).collect();
+        let deciding = deciding_pieces(self.solid, &points, self.labels.control);
         let parts: Vec<Defects> = blocks(nodes.len(), TASK)
             .into_par_iter()
             .map(|range| match self.labels.control.is_stopped() {
                 true => Defects::default(),
-                false => self.misclassified_among(&nodes[range], room),
+                false => self.misclassified_among(&nodes[range.clone()], &deciding[range], room),
             })
             .collect();
         let mut all = Defects::default();
@@ -539,25 +532,21 @@ impl Compared<'_> {
         all
     }
 
-    /// The misclassified nodes among some, in their order.
-    fn misclassified_among(&self, nodes: &[u32], room: usize) -> Defects {
-        let (solid, tree) = (self.solid, self.solid.tree());
-        let points: Vec<Point3> = nodes
-            .iter()
-            .map(|&i| self.mesh.points[i as usize])
-            .collect();
-        let (values, n) = (all_values(solid, &points), points.len());
+    /// The misclassified nodes among some, in their order, each with the piece that decides by
+    /// values.
+    fn misclassified_among(&self, nodes: &[u32], deciding: &[u32], room: usize) -> Defects {
+        let solid = self.solid;
         let mut defects = Defects::default();
-        for (i, &p) in points.iter().enumerate() {
-            let (_, piece) = tree.value_and_piece(&|k| values[k as usize * n + i]);
+        for (&node, &piece) in nodes.iter().zip(deciding) {
+            let p = self.mesh.points[node as usize];
             if signed_distance(solid, piece, p).abs() <= self.enough {
                 continue;
             }
-            let value = tree.value(&|k| signed_distance(solid, k, p));
+            let value = solid.tree().value(&|k| signed_distance(solid, k, p));
             if value.is_nan() || value.abs() > self.enough {
                 defects.add(room, || Place {
                     at: p,
-                    nodes: vec![nodes[i]],
+                    nodes: vec![node],
                     elements: Vec::new(),
                     value,
                 });

@@ -29,6 +29,7 @@
 mod boxes;
 mod cap;
 mod coverage;
+mod deciding;
 mod defects;
 mod deviation;
 mod elements;

@@ -464,6 +464,17 @@ impl Solid for Pieces {
             }
         });
     }
+    fn value_bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        if region.is_empty() {
+            return out[..which.len()].fill(Interval::ALL);
+        }
+        let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
+        with(&RANGES, |scratch| {
+            for (&piece, out) in which.iter().zip(out) {
+                *out = self.each[piece as usize].value_range(&x, &[], scratch);
+            }
+        });
+    }
     fn slopes(&self, piece: u32, region: Aabb) -> Option<[Interval; 3]> {
         let tape = &self.each[piece as usize];
         if region.is_empty() || tape.has_natives() {

@@ -56,7 +56,7 @@ use std::rc::Rc;
 const MOST_PRODUCTS: usize = 4096;
 /// Largest number of pieces of a solid, each counted wherever it stands in the tree. Solids with more
 /// are refused.
-const MOST_PIECES: usize = 1 << 16;
+const MOST_PIECES: usize = 1 << 20;
 /// Deepest nesting of minima in maxima in minima. The readings recurse once per level, and 2 MiB of
 /// stack must suffice; deeper expressions are refused.
 const DEEPEST: usize = 400;

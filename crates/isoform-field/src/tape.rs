@@ -266,6 +266,64 @@ impl Tape {
         scratch[self.roots[0] as usize]
     }
 
+    /// A range of what the evaluators compute of the first result at any point of a box, rounding
+    /// included; everything where that may be no number (NaN).
+    pub(crate) fn value_range(
+        &self,
+        x: &[Interval],
+        a: &[Interval],
+        scratch: &mut Vec<Interval>,
+    ) -> Interval {
+        let range = self.range(x, a, scratch);
+        if self.numbers(scratch)[self.roots[0] as usize] {
+            range
+        } else {
+            Interval::ALL
+        }
+    }
+
+    /// By slot, whether evaluators surely compute a number there, where the slots have the ranges
+    /// `s` ([`Tape::range`]).
+    ///
+    /// Ranges are hulls of what is defined: √u over \[−1, 1\] has the range \[0, 1\], and is no
+    /// number at −1. Where arguments are numbers and the range is finite, a sum or product is one.
+    fn numbers(&self, s: &[Interval]) -> Vec<bool> {
+        let first = self.first_code();
+        let is_finite = |r: &Interval| r.lo().is_finite() && r.hi().is_finite();
+        let mut known: Vec<Sure> = s[..first]
+            .iter()
+            .map(|r| Sure {
+                number: is_finite(r),
+                positive: is_finite(r) && r.lo() >= 0.0,
+            })
+            .collect();
+        for (k, i) in self.code.iter().enumerate() {
+            let all = self.arguments(i).all(|a| known[a as usize].number);
+            let number = all && is_finite(&s[first + k]) && self.is_defined(i, s, &known);
+            let positive = number && (s[first + k].lo() >= 0.0 || is_positive(i, &known));
+            known.push(Sure { number, positive });
+        }
+        known.into_iter().map(|sure| sure.number).collect()
+    }
+
+    /// Whether an operation has a value for all arguments in their ranges.
+    fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[Sure]) -> bool {
+        let within = |a: u32, lo: f64, hi: f64| {
+            let r = &s[a as usize];
+            lo <= r.lo() && r.hi() <= hi
+        };
+        match i.op {
+            Op::Native => false,
+            Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
+            Op::Unary(Unary::Ln) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
+            Op::Unary(Unary::Asin | Unary::Acos) => within(i.a, -1.0, 1.0),
+            Op::Binary(Binary::Pow) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
+            Op::Binary(Binary::Div) => !s[i.b as usize].contains(0.0),
+            Op::PowI => i.c as i32 >= 0 || !s[i.a as usize].contains(0.0),
+            _ => true,
+        }
+    }
+
     /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is
     /// longer.
     #[inline]
@@ -485,6 +543,27 @@ impl Tape {
             natives,
             ..self.clone()
         }
+    }
+}
+
+/// What is sure of the value in a slot.
+#[derive(Clone, Copy, Debug)]
+struct Sure {
+    /// It is a number.
+    number: bool,
+    /// It is a number and not below 0.
+    positive: bool,
+}
+
+/// Whether an operation on numbers gives none below 0, whatever the rounding: sums of squares have
+/// ranges that begin just below 0.
+fn is_positive(i: &Instruction, known: &[Sure]) -> bool {
+    let both = || known[i.a as usize].positive && known[i.b as usize].positive;
+    match i.op {
+        Op::Unary(Unary::Abs | Unary::Square | Unary::Sqrt | Unary::Exp | Unary::Cosh) => true,
+        Op::PowI => (i.c as i32) % 2 == 0,
+        Op::Binary(Binary::Add | Binary::Mul) => both(),
+        _ => false,
     }
 }
 

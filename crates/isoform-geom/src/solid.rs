@@ -75,6 +75,67 @@ impl Csg {
         }
     }
 
+    /// The tree without what cannot be its value where the values of the pieces lie in `ranges`: it
+    /// has the same value there, bit for bit, and the same piece decides it. Ranges without any end
+    /// are of values that may be no numbers (NaN), which do not compare.
+    ///
+    /// ```
+    /// use isoform_geom::Csg;
+    /// use isoform_num::Interval;
+    ///
+    /// let union = Csg::Max((0..3).map(Csg::Piece).collect());
+    /// let ranges = [Interval::new(0.0, 1.0), Interval::new(-3.0, -1.0), Interval::new(-1.0, 0.0)];
+    /// assert_eq!(union.deciding(&|i| ranges[i as usize]).pieces(), [0, 2]);
+    /// ```
+    #[must_use]
+    pub fn deciding(&self, ranges: &impl Fn(u32) -> Interval) -> Self {
+        self.deciding_with_range(ranges).0
+    }
+
+    /// The tree without what cannot be its value, and a range of the value.
+    fn deciding_with_range(&self, ranges: &impl Fn(u32) -> Interval) -> (Self, Interval) {
+        let (children, is_min) = match self {
+            Self::Piece(i) => return (self.clone(), ranges(*i)),
+            Self::Min(children) => (children, true),
+            Self::Max(children) => (children, false),
+        };
+        let parts = children
+            .iter()
+            .map(|child| child.deciding_with_range(ranges));
+        let parts: Vec<(Self, Interval)> = parts.collect();
+        // What is no number is skipped if it comes later, and stays if it comes first: then all
+        // must be there.
+        if parts.iter().any(|(_, range)| *range == Interval::ALL) {
+            let all = parts.into_iter().map(|part| part.0).collect();
+            return (Self::join(is_min, all), Interval::ALL);
+        }
+        // A maximum lies between the largest of the lower ends and the largest of the upper ones.
+        let join = if is_min { f64::min } else { f64::max };
+        let ends = parts.iter().map(|(_, range)| [range.lo(), range.hi()]);
+        let [lo, hi] = ends
+            .reduce(|a, b| [join(a[0], b[0]), join(a[1], b[1])])
+            .unwrap_or([f64::NEG_INFINITY, f64::INFINITY]);
+        let may_decide = |range: &Interval| {
+            if is_min {
+                range.lo() <= hi
+            } else {
+                range.hi() >= lo
+            }
+        };
+        let kept = parts.into_iter().filter(|(_, range)| may_decide(range));
+        let kept = kept.map(|part| part.0).collect();
+        (Self::join(is_min, kept), Interval::new(lo, hi))
+    }
+
+    /// A minimum or maximum; of one child that is the child.
+    fn join(is_min: bool, mut children: Vec<Self>) -> Self {
+        match (children.len(), is_min) {
+            (1, _) => children.swap_remove(0),
+            (_, true) => Self::Min(children),
+            (_, false) => Self::Max(children),
+        }
+    }
+
     /// The pieces of the tree, in its order.
     pub fn pieces(&self) -> Vec<u32> {
         match self {
@@ -105,6 +166,14 @@ pub trait Solid: Send + Sync {
     fn jet(&self, piece: u32, p: Point3) -> Jet2;
     /// Intervals that hold the pieces `which` over the whole region.
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
+    /// Intervals that hold what [`Solid::values`] computes of the pieces `which` at any point of the
+    /// region, rounding included; all numbers where it may be none (NaN). Nothing is known by default.
+    ///
+    /// [`Solid::bounds`] holds the exact values, and only those where the piece is defined: by these
+    /// here a piece may be left out of a minimum or maximum without a change of a single bit.
+    fn value_bounds(&self, which: &[u32], _region: Aabb, out: &mut [Interval]) {
+        out[..which.len()].fill(Interval::ALL);
+    }
     /// Intervals that hold a piece's gradient over the whole region; nothing by default.
     fn slopes(&self, _piece: u32, _region: Aabb) -> Option<[Interval; 3]> {
         None

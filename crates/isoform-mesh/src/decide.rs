@@ -9,6 +9,7 @@
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 /// A range of the tree's value where the pieces have the ranges `ranges`; the pieces that can
@@ -30,22 +31,41 @@ use std::sync::Arc;
 /// assert_eq!((range, pieces), (Interval::new(-1.0, 2.0), vec![1]));
 /// ```
 pub fn decisive(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> Interval {
-    let (lo, hi) = collect(tree, ranges, out, 0);
+    let first = out.len();
+    let (lo, hi) = collect(tree, ranges, out);
+    keep_first(out, first);
     Interval::new(lo, hi)
 }
 
-/// As [`decisive`]; entries of `out` before `first` are not this tree's.
-fn collect(
-    tree: &Csg,
-    ranges: &impl Fn(u32) -> Interval,
-    out: &mut Vec<u32>,
-    first: usize,
-) -> (f64, f64) {
+/// Pieces up to which each is compared with all before it.
+const FEW: usize = 16;
+
+/// Of equal entries from `first` on keeps the first one, in time that grows with their number and
+/// not with its square.
+fn keep_first(out: &mut Vec<u32>, first: usize) {
+    let mut kept = first;
+    let mut seen = (out.len() - first > FEW).then(HashSet::new);
+    for at in first..out.len() {
+        let piece = out[at];
+        let is_new = match &mut seen {
+            Some(seen) => seen.insert(piece),
+            None => !out[first..kept].contains(&piece),
+        };
+        if is_new {
+            out[kept] = piece;
+            kept += 1;
+        }
+    }
+    out.truncate(kept);
+}
+
+/// As [`decisive`], each piece as often as it occurs.
+fn collect(tree: &Csg, ranges: &impl Fn(u32) -> Interval, out: &mut Vec<u32>) -> (f64, f64) {
     let start = out.len();
     let (lo, hi) = match tree {
         Csg::Piece(i) => {
             let r = ranges(*i);
-            if r.lo() < 0.0 && r.hi() >= 0.0 && !out[first..].contains(i) {
+            if r.lo() < 0.0 && r.hi() >= 0.0 {
                 out.push(*i);
             }
             return (r.lo(), r.hi());
@@ -54,7 +74,7 @@ fn collect(
             children
                 .iter()
                 .fold((f64::INFINITY, f64::INFINITY), |(lo, hi), child| {
-                    let r = collect(child, ranges, out, first);
+                    let r = collect(child, ranges, out);
                     (lo.min(r.0), hi.min(r.1))
                 })
         }
@@ -62,7 +82,7 @@ fn collect(
             children
                 .iter()
                 .fold((f64::NEG_INFINITY, f64::NEG_INFINITY), |(lo, hi), child| {
-                    let r = collect(child, ranges, out, first);
+                    let r = collect(child, ranges, out);
                     (lo.max(r.0), hi.max(r.1))
                 })
         }

@@ -47,6 +47,8 @@ const REACH: f64 = 1.5;
 const OFF: f64 = 1e-10;
 /// Points on both sides of a witness have different signs at this part of the cell's size from it.
 const BESIDE: f64 = 1e-3;
+/// Points that are asked for their signs at once.
+const TASK: usize = 256;
 /// Witnesses that are kept: a solid is compared with each, in milliseconds.
 const MOST: usize = 20_000;
 
@@ -80,23 +82,31 @@ impl Missed {
     }
 }
 
-/// A cell, what matters in it, and the triangles in it or near.
+/// A cell, what matters in it and the room about it, and the triangles in it or near.
 struct Cell {
     cell: Aabb,
-    local: Local,
+    around: Local,
     triangles: Vec<u32>,
+}
+
+/// A witness by the tree, with points on both sides of its surface.
+#[derive(Clone, Copy)]
+struct Found {
+    witness: Witness,
+    /// The first is inside.
+    beside: [Point3; 2],
 }
 
 /// What became of a cell.
 #[derive(Default)]
 struct Fate {
     parts: Vec<Cell>,
-    witnesses: Vec<Witness>,
+    witnesses: Vec<Found>,
     open: usize,
 }
 
 impl Fate {
-    fn found(witnesses: Vec<Witness>) -> Self {
+    fn found(witnesses: Vec<Found>) -> Self {
         Self {
             witnesses,
             ..Self::default()
@@ -109,12 +119,12 @@ enum Known {
     /// The mesh has its only sheet.
     ByMesh,
     /// It has a sheet that the mesh has not by this name, with a point of the surface.
-    By(Witness),
+    By(Found),
     No,
 }
 
 impl Known {
-    fn witness(self) -> Option<Witness> {
+    fn witness(self) -> Option<Found> {
         match self {
             Self::By(witness) => Some(witness),
             Self::ByMesh | Self::No => None,
@@ -151,10 +161,10 @@ pub(crate) fn missed(
         };
     }
     let budget = BUDGET[0] + BUDGET[1] * mesh.triangles.len();
-    let mut out = Missed::default();
+    let (mut out, mut found) = (Missed::default(), Vec::new());
     let mut level = vec![Cell {
         cell: region,
-        local: Local::everywhere(solid),
+        around: Local::everywhere(solid),
         triangles: (0..mesh.triangles.len() as u32).collect(),
     }];
     while !level.is_empty() && !control.is_stopped() {
@@ -170,14 +180,31 @@ pub(crate) fn missed(
         level.clear();
         for fate in fates {
             level.extend(fate.parts);
-            out.witnesses.extend(fate.witnesses);
+            found.extend(fate.witnesses);
             out.open += fate.open;
         }
     }
     // Those far from the mesh first: they are missing whatever the mesh stands for.
-    out.witnesses.sort_by_key(|w| w.near);
-    out.witnesses.truncate(MOST);
+    found.sort_by_key(|w| w.witness.near);
+    found.truncate(MOST);
+    let kept = confirmed(solid, &found);
+    out.open += found.len() - kept.len();
+    out.witnesses = kept;
     out
+}
+
+/// The witnesses on both sides of which the solid's own function has different signs, too.
+///
+/// The own function of a model of many thousand bodies takes milliseconds: it is asked once, for
+/// all points.
+fn confirmed(solid: &dyn Solid, found: &[Found]) -> Vec<Witness> {
+    let beside: Vec<Point3> = found.iter().flat_map(|f| f.beside).collect();
+    let mut signs = vec![0.0; beside.len()];
+    let tasks = beside.par_chunks(TASK).zip(signs.par_chunks_mut(TASK));
+    tasks.for_each(|(points, out)| solid.sign_values(points, out));
+    let pairs = found.iter().zip(signs.chunks(2));
+    let sound = pairs.filter(|(_, s)| s[0] >= 0.0 && s[1] < 0.0);
+    sound.map(|(f, _)| f.witness).collect()
 }
 
 impl<'a> Search<'a> {
@@ -225,8 +252,10 @@ impl<'a> Search<'a> {
     /// What becomes of a cell; if it is one of the last, it is not halved.
     fn fate(&self, from: &Cell, is_last: bool, scratch: &mut Scratch) -> Fate {
         let cell = from.cell;
-        let Narrowed::Mixed(local) = from.local.narrow(self.solid, octree::slack(cell), scratch)
-        else {
+        let Narrowed::Mixed(around) = from.around.narrow(self.solid, room(&cell), scratch) else {
+            return Fate::default();
+        };
+        let Narrowed::Mixed(local) = around.narrow(self.solid, octree::slack(cell), scratch) else {
             return Fate::default();
         };
         let side = octree::longest(&cell);
@@ -235,7 +264,9 @@ impl<'a> Search<'a> {
         if is_small && near.is_empty() {
             // No need to look closer: the mesh has nothing here.
             let mut pieces = local.pieces.iter();
-            if let Some(witness) = pieces.find_map(|k| self.witness(*k, &cell, &near)) {
+            if let Some(witness) =
+                pieces.find_map(|k| self.witness(*k, &cell, &around, &near, scratch))
+            {
                 return Fate::found(vec![witness]);
             }
         }
@@ -243,7 +274,9 @@ impl<'a> Search<'a> {
         // Of a large cell with several pieces, what is known counts only if it is not halved.
         let known: Vec<Known> = if is_small || !is_halved {
             let pieces = local.pieces.iter();
-            pieces.map(|k| self.known(*k, &cell, &near)).collect()
+            pieces
+                .map(|k| self.known(*k, &cell, &around, &near, scratch))
+                .collect()
         } else {
             Vec::new()
         };
@@ -253,7 +286,7 @@ impl<'a> Search<'a> {
         if is_halved {
             let parts = octree::split(cell).map(|cell| Cell {
                 cell,
-                local: local.clone(),
+                around: around.clone(),
                 triangles: near.clone(),
             });
             return Fate {
@@ -266,8 +299,8 @@ impl<'a> Search<'a> {
             .iter()
             .zip(&known)
             .filter(|(_, k)| matches!(k, Known::No));
-        let found: Vec<Witness> = unknown
-            .filter_map(|(k, _)| self.witness(*k, &cell, &near))
+        let found: Vec<Found> = unknown
+            .filter_map(|(k, _)| self.witness(*k, &cell, &around, &near, scratch))
             .collect();
         Fate {
             open: usize::from(found.is_empty()),
@@ -286,7 +319,14 @@ impl<'a> Search<'a> {
 
     /// Whether a piece is one sheet in a cell, and the mesh has triangles of it there; or else has
     /// a point of the solid's surface there, which may lie on a face of another name.
-    fn known(&self, piece: u32, cell: &Aabb, near: &[u32]) -> Known {
+    fn known(
+        &self,
+        piece: u32,
+        cell: &Aabb,
+        around: &Local,
+        near: &[u32],
+        scratch: &mut Scratch,
+    ) -> Known {
         let own = near.iter().filter(|t| self.piece_of(**t) == Some(piece));
         let normals: Vec<Point3> = own.map(|t| self.normals[*t as usize]).collect();
         if let Some((axis, spread)) = cone(&normals) {
@@ -296,8 +336,8 @@ impl<'a> Search<'a> {
         if near.is_empty() {
             return Known::No;
         }
-        let witness = self.witness(piece, cell, near);
-        let axis = witness.and_then(|w| normalised(self.solid, piece, w.at));
+        let witness = self.witness(piece, cell, around, near, scratch);
+        let axis = witness.and_then(|w| normalised(self.solid, piece, w.witness.at));
         match (witness, axis) {
             (Some(witness), Some(axis)) if self.is_one_sheet(piece, cell, axis.n, ALONE) => {
                 Known::By(witness)
@@ -328,7 +368,14 @@ impl<'a> Search<'a> {
     }
 
     /// A point near a cell at which a piece bounds the solid.
-    fn witness(&self, piece: u32, cell: &Aabb, near: &[u32]) -> Option<Witness> {
+    fn witness(
+        &self,
+        piece: u32,
+        cell: &Aabb,
+        around: &Local,
+        near: &[u32],
+        scratch: &mut Scratch,
+    ) -> Option<Found> {
         let side = octree::longest(cell);
         let reach = REACH * cell.diagonal();
         let at = onto_one_within(self.solid, piece, cell.center(), reach, OFF * self.size)?;
@@ -337,13 +384,15 @@ impl<'a> Search<'a> {
         }
         let n = normalised(self.solid, piece, at)?.n;
         let beside = [BESIDE, -BESIDE].map(|by| along(at, n, by * side));
-        let mut signs = [0.0; 2];
-        self.solid.sign_values(&beside, &mut signs);
-        let beside = Aabb { lo: at, hi: at };
-        (signs[0] >= 0.0 && signs[1] < 0.0).then(|| Witness {
-            at,
-            piece,
-            near: !self.near(&beside, near, NEAR * self.size).is_empty(),
+        let [inside, outside] = beside.map(|p| around.value(self.solid, p, scratch));
+        let place = Aabb { lo: at, hi: at };
+        (inside >= 0.0 && outside < 0.0).then(|| Found {
+            witness: Witness {
+                at,
+                piece,
+                near: !self.near(&place, near, NEAR * self.size).is_empty(),
+            },
+            beside,
         })
     }
 }
@@ -351,6 +400,11 @@ impl<'a> Search<'a> {
 /// A cell with some room around it.
 fn wider(cell: &Aabb) -> Aabb {
     cell.widened(WIDER * octree::longest(cell))
+}
+
+/// What witnesses of a cell and the points beside them lie in; holds the rooms of its parts.
+fn room(cell: &Aabb) -> Aabb {
+    cell.widened((WIDER + 2.0 * BESIDE) * octree::longest(cell))
 }
 
 /// The unit normal of a triangle into the solid.

@@ -6,6 +6,7 @@ use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
 use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent_within};
 use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
+use std::collections::HashSet;
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
 const ELEMENTS: f64 = 40.0;
@@ -201,11 +202,11 @@ fn nodes_at(mesh: &Mesh, corners: &[Point3]) -> Vec<u32> {
             .collect::<Vec<_>>(),
     );
     let limit = (AT_CORNER * mesh.bounds().diagonal()).powi(2);
-    let mut found: Vec<u32> = Vec::with_capacity(corners.len());
+    let (mut found, mut known) = (Vec::with_capacity(corners.len()), HashSet::new());
     for corner in corners {
         if let Some((i, squared)) = tree.nearest(*corner)
             && squared <= limit
-            && !found.contains(&nodes[i])
+            && known.insert(nodes[i])
         {
             found.push(nodes[i]);
         }

@@ -3,7 +3,7 @@
 use super::ast::{Argument, ArrayRef, Expr, Link, Object, Operator, Statement};
 use super::functions::{Arguments, Call, Formula, Function, Run, Sentinel, Shape};
 use super::machine::{EPS, Machine};
-use super::{Mode, Program};
+use super::{MOST_NODES, Mode, Program};
 use crate::library::Library;
 use crate::ops::{Binary, SetOp, Unary};
 use std::cell::RefCell;
@@ -123,6 +123,12 @@ impl<'p, M: Machine> Executor<'p, M> {
     /// Counts `cost` steps; an end beyond the limit.
     fn step(&mut self, at: u32, cost: usize) -> Outcome<()> {
         self.steps += cost as u64;
+        if self.m().is_too_large() {
+            return unknown(
+                at,
+                format!("the expression has more than {MOST_NODES} nodes"),
+            );
+        }
         if self.steps <= self.limit {
             return Ok(());
         }

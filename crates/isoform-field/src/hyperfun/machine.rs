@@ -1,6 +1,7 @@
 //! What runs a program: numbers at once ([`Direct`]), or the construction of its expression
 //! ([`Symbolic`]).
 
+use super::MOST_NODES;
 use crate::graph::{Graph, Node, NodeId};
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
@@ -27,6 +28,10 @@ pub(crate) trait Machine: Ops + 'static {
     fn assigned(&mut self, _v: &Self::V, _name: &str) {}
     /// `v` may be called so if nothing better comes with the assignment that it is part of.
     fn suggest(&mut self, _v: &Self::V, _name: impl FnOnce() -> String) {}
+    /// Whether what was built so far is larger than it may be (nothing is when computing at once).
+    fn is_too_large(&self) -> bool {
+        false
+    }
     /// Whether both are one and the same value (never claimed when computing at once).
     fn same(&self, _a: &Self::V, _b: &Self::V) -> bool {
         false
@@ -94,6 +99,9 @@ impl Machine for Symbolic {
         if matches!(self.graph.node(*v), Node::Library(..)) && self.graph.name(*v).is_none() {
             self.suggested.push((*v, name()));
         }
+    }
+    fn is_too_large(&self) -> bool {
+        self.graph.len() > MOST_NODES
     }
     fn same(&self, a: &NodeId, b: &NodeId) -> bool {
         a == b

@@ -52,12 +52,14 @@ pub(crate) const MAX_ITEMS: u64 = 1_000_000;
 /// The largest program.
 const MAX_SOURCE: usize = 1 << 26;
 
-/// Steps (operations and statements) after which an evaluation is stopped, unless
-/// [`Model::set_step_limit`] says otherwise: less than a second.
+/// Steps (operations and statements) after which an evaluation, or the construction of an
+/// expression, is stopped, unless [`Model::set_step_limit`] says otherwise: less than a second, or
+/// a few. A primitive takes one to five hundred.
 pub const STEP_LIMIT: u64 = 50_000_000;
 
-/// Steps after which compiling is given up: larger expressions are slower than the interpreter.
-const COMPILE_LIMIT: u64 = 2_000_000;
+/// Nodes of an expression beyond which compiling is given up, some 2 GB of memory: a primitive has
+/// some ten, a loop that does not end makes them as fast as the memory takes them.
+pub(crate) const MOST_NODES: usize = 12_000_000;
 
 /// The object that is evaluated when no other is named.
 pub const DEFAULT_OBJECT: &str = "my_model";
@@ -345,8 +347,7 @@ impl Model {
         let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
         let mut s = vec![crate::ops::Ops::constant(graph, 0.0); ns];
         let machine = Symbolic::new(std::mem::take(graph));
-        let mut executor =
-            Executor::new(&self.program, machine, COMPILE_LIMIT.min(self.step_limit));
+        let mut executor = Executor::new(&self.program, machine, self.step_limit);
         let result = executor.run(self.object, &x, &a, &mut s);
         *graph = executor.into_machine().graph;
         result.map_err(|stop| {

@@ -109,7 +109,9 @@ fn argument_name(graph: &Graph, mut id: NodeId) -> Option<&str> {
 pub(super) struct Numbering<'a> {
     pub(super) graph: &'a Graph,
     pub(super) names: Vec<String>,
-    pub(super) taken: HashSet<String>,
+    taken: HashSet<String>,
+    /// By base of names, the first count that was not tried yet.
+    tried: HashMap<String, usize>,
     pub(super) pieces: Vec<NodeId>,
     pub(super) known: HashMap<NodeId, u32>,
 }
@@ -120,6 +122,7 @@ impl<'a> Numbering<'a> {
             graph,
             names: Vec::new(),
             taken: HashSet::new(),
+            tried: HashMap::new(),
             pieces: Vec::new(),
             known: HashMap::new(),
         }
@@ -155,16 +158,27 @@ impl<'a> Numbering<'a> {
         if base.is_empty() {
             base = format!("piece{}", number + 1);
         }
-        let mut name = base.clone();
-        for count in 2.. {
-            if self.taken.insert(name.clone()) {
-                break;
-            }
-            name = format!("{base}#{count}");
-        }
+        let name = self.free_name(base);
         self.known.insert(leaf.value, number);
         self.pieces.push(leaf.value);
         self.names.push(name);
         number
+    }
+
+    /// The base, or the first of base#2, base#3, … that is not taken yet; it is taken then.
+    fn free_name(&mut self, base: String) -> String {
+        // What was taken once stays taken: the search goes on where it last ended. From 2 on each
+        // time, a hundred thousand pieces of one name would take minutes.
+        let count = self.tried.entry(base.clone()).or_insert(1);
+        let mut name = base.clone();
+        loop {
+            if *count > 1 {
+                name = format!("{base}#{count}");
+            }
+            *count += 1;
+            if self.taken.insert(name.clone()) {
+                return name;
+            }
+        }
     }
 }
