@@ -3,7 +3,7 @@
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
 use crate::spline;
-use isoform::field::hyperfun::{Model, Pose};
+use isoform::field::hyperfun::{BlockEvaluator, Model, Pose};
 use isoform::fit::Template;
 use isoform::geom::{Field, ParamField};
 use isoform::{FrepTemplate, Implicit, SplineDistance, parameter_values};
@@ -301,17 +301,26 @@ pub(crate) fn values(model: &Model, given: &[f64]) -> Result<Vec<f64>, Failure> 
 
 /// The model's own values at some rows; rows that the time limit does not let through are errors.
 fn evaluate(model: &Model, rows: &[Row<'_>], a: &[f64], context: &Context) -> Vec<Cell> {
-    let mut evaluator = model.evaluator::<f64>();
-    let cell = |row: &Row<'_>| {
+    let mut evaluator = model.block_evaluator();
+    let mut cells = Vec::with_capacity(rows.len());
+    for block in rows.chunks(BlockEvaluator::POINTS) {
         if context.is_late() {
-            return Cell::Error("error:1:1:not reached within the time limit".to_owned());
+            let late = || Cell::Error("error:1:1:not reached within the time limit".to_owned());
+            cells.extend(block.iter().map(|_| late()));
+            continue;
         }
-        match evaluator.eval(&row.x, a, &[]) {
-            Ok(f) => Cell::Value(f, evaluator.attributes().to_vec()),
-            Err(e) => Cell::Error(format!("error:{}:{}:{}", e.line, e.column, e.message)),
-        }
-    };
-    rows.iter().map(cell).collect()
+        let points: Vec<&[f64]> = block.iter().map(|row| row.x.as_slice()).collect();
+        cells.extend(
+            evaluator
+                .eval(&points, a)
+                .into_iter()
+                .map(|found| match found {
+                    Ok(e) => Cell::Value(e.f, e.s),
+                    Err(e) => Cell::Error(format!("error:{}:{}:{}", e.line, e.column, e.message)),
+                }),
+        );
+    }
+    cells
 }
 
 /// The model compiled for its metric and parts readings.

@@ -15,6 +15,7 @@ use isoform_num::{Interval, IntervalJet, Jet1, Jet2, Real};
 use std::cell::Cell;
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::rc::Rc;
+use std::sync::Arc;
 
 /// Why a model is no solid of pieces.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -75,7 +76,7 @@ impl From<SplitError> for SolidError {
 pub struct Pieces {
     names: Vec<String>,
     tree: Csg,
-    each: Vec<Tape>,
+    each: Vec<Arc<Tape>>,
     all: Tape,
     own: Tape,
     ranges: Ranges,
@@ -109,8 +110,8 @@ impl Pieces {
             monotone,
         } = split(&mut bound, root)?;
         let all = Tape::new(&bound, &pieces, 3, 0);
-        let each = (0..pieces.len()).map(|k| all.result(k)).collect();
-        let ranges = Ranges::new(&bound, &pieces, &monotone);
+        let each: Vec<Arc<Tape>> = (0..pieces.len()).map(|k| all.result(k).into()).collect();
+        let ranges = Ranges::new(&bound, &pieces, &each, &monotone);
         Ok(Self {
             names,
             tree,
@@ -161,7 +162,7 @@ struct Ranges {
 
 #[derive(Clone, Debug)]
 enum RangeOf {
-    Tape(Tape),
+    Tape(Arc<Tape>),
     Negative(usize),
     /// A function of steps, and whether it rises in each.
     Monotone(usize, Vec<(usize, bool)>),
@@ -179,17 +180,21 @@ impl RangeOf {
 }
 
 impl Ranges {
-    fn new(graph: &Graph, pieces: &[NodeId], monotone: &HashMap<NodeId, Monotone>) -> Self {
+    /// The steps for pieces of which the tapes are there.
+    fn new(
+        graph: &Graph,
+        pieces: &[NodeId],
+        each: &[Arc<Tape>],
+        monotone: &HashMap<NodeId, Monotone>,
+    ) -> Self {
         let need = needed(graph, pieces, monotone);
         let step: HashMap<NodeId, usize> =
             need.keys().enumerate().map(|(k, &id)| (id, k)).collect();
-        let roots: Vec<NodeId> = need.keys().copied().collect();
-        let together = Tape::new(graph, &roots, 3, 0);
+        let tapes = tapes_of(graph, &need, pieces, each);
         let (mut functions, mut compiled) = (Vec::new(), HashMap::new());
         let steps: Vec<RangeOf> = need
             .iter()
-            .enumerate()
-            .map(|(k, (id, known))| match (known, graph.node(*id)) {
+            .map(|(id, known)| match (known, graph.node(*id)) {
                 (Some(Monotone { function, inputs }), _) => {
                     let at = *compiled.entry(Rc::as_ptr(function)).or_insert_with(|| {
                         functions.push(Tape::new(
@@ -210,7 +215,7 @@ impl Ranges {
                     )
                 }
                 (None, Node::Unary(Unary::Neg, u)) => RangeOf::Negative(step[u]),
-                _ => RangeOf::Tape(together.result(k)),
+                _ => RangeOf::Tape(tapes[id].clone()),
             })
             .collect();
         let pieces = pieces.iter().map(|id| order(&steps, step[id])).collect();
@@ -299,6 +304,31 @@ fn needed(
         need.insert(id, known);
     }
     need
+}
+
+/// The tapes of what is computed as it is: those of pieces are there, others are compiled.
+fn tapes_of(
+    graph: &Graph,
+    need: &BTreeMap<NodeId, Option<Monotone>>,
+    pieces: &[NodeId],
+    each: &[Arc<Tape>],
+) -> HashMap<NodeId, Arc<Tape>> {
+    let mut tapes: HashMap<NodeId, Arc<Tape>> =
+        pieces.iter().copied().zip(each.iter().cloned()).collect();
+    let is_tape = |id: &NodeId, known: &Option<Monotone>| {
+        known.is_none() && !matches!(graph.node(*id), Node::Unary(Unary::Neg, _))
+    };
+    let of_tapes = need.iter().filter(|(id, known)| is_tape(id, known));
+    let others: Vec<NodeId> = of_tapes
+        .map(|(id, _)| *id)
+        .filter(|id| !tapes.contains_key(id))
+        .collect();
+    if !others.is_empty() {
+        let together = Tape::new(graph, &others, 3, 0);
+        let compiled = (0..others.len()).map(|k| together.result(k).into());
+        tapes.extend(others.iter().copied().zip(compiled));
+    }
+    tapes
 }
 
 /// A step and those that it uses, all the way down, in the order of computation.

@@ -463,3 +463,69 @@ fn large_and_deep_models_end() {
     let wide = "my_model(x[3], a[1]) { f = abs(x[1]); i = 0; while i < 30 loop i = i + 1; f = max(min(f, x[2] + i), 1 - f*i); endloop; my_model = f; }";
     assert!(solid(wide).is_ok() || solid(wide).err() == Some(SolidError::TooLarge));
 }
+
+fn solid_of(text: &str) -> Pieces {
+    let model = Model::parse(text, Mode::Default).expect("a program");
+    Pieces::of_model(&model, &[0.0]).expect("a solid")
+}
+
+/// A program that a generator wrote: of 20,000 balls of one name each is a piece with a name of its
+/// own, and a ball costs the same as among few.
+#[test]
+fn twenty_thousand_balls() {
+    let mut text = String::from("balls(x[3], a[1]) { array c[3]; c = [0, 0, 0];");
+    text += "t = hfSphere(x, c, 0.4);";
+    for k in 1..20_000 {
+        text += &format!("c = [{k}, 0, 0]; t = t | hfSphere(x, c, 0.4);");
+    }
+    text += "balls = t; }";
+    let solid = solid_of(&text);
+    assert_eq!(solid.names().len(), 20_000);
+    assert_eq!(solid.names()[1], "c");
+    assert_eq!(solid.names()[19_999], "c#19999");
+    assert_eq!(solid.cost(19_999), solid.cost(2));
+}
+
+/// What is computed lies within the bounds of values, rounding included; where it is no number the
+/// bounds say so, although exact values have a range there.
+#[test]
+fn bounds_of_values_hold_what_is_computed() {
+    let text = "m(x[3], a[1]) {
+      d = sqrt(x[1]^2 + x[2]^2) - 0.3;
+      r = sqrt(x[1] + 1) - 1;
+      m = min(d, min(r, 0.1*x[3]/(2 + x[1]^3)));
+    }";
+    let solid = solid_of(text);
+    let n = solid.names().len() as u32;
+    let which: Vec<u32> = (0..n).collect();
+    let boxed = |lo: f64, hi: f64| Aabb {
+        lo: [lo; 3],
+        hi: [hi; 3],
+    };
+    let mut out = vec![Interval::ALL; n as usize];
+    let mut known = 0;
+    for (lo, hi) in [
+        (-0.7, 0.4),
+        (0.1, 0.1),
+        (-0.9, 2.0),
+        (-2.0, 2.0),
+        (-0.1, 0.1),
+    ] {
+        solid.value_bounds(&which, boxed(lo, hi), &mut out);
+        let steps = 5;
+        let at = |k: usize| lo + (hi - lo) * k as f64 / (steps - 1) as f64;
+        let points: Vec<[f64; 3]> = (0..steps * steps * steps)
+            .map(|k| [at(k % steps), at(k / steps % steps), at(k / steps / steps)])
+            .collect();
+        let mut values = vec![0.0; which.len() * points.len()];
+        solid.values(&which, &points, &mut values);
+        for (range, values) in out.iter().zip(values.chunks(points.len())) {
+            known += usize::from(*range != Interval::ALL);
+            let holds = |v: &f64| *range == Interval::ALL || range.contains(*v);
+            assert!(values.iter().all(holds), "{range:?} in [{lo}, {hi}]");
+        }
+    }
+    // All three pieces in four of the boxes; in the large one the root has no value at −2, and the
+    // quotient's divisor a zero.
+    assert_eq!(known, 13);
+}

@@ -396,9 +396,75 @@ fn halves(cells: Cells) -> Option<[Cells; 2]> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isoform_field::Pieces;
+    use isoform_field::hyperfun::{Mode, Model};
     use isoform_geom::{Field, OnePiece};
     use isoform_num::Jet2;
+    use std::fmt::Write;
     use std::sync::atomic::{AtomicUsize, Ordering};
+
+    /// A solid that counts how many pieces are bounded.
+    struct Counted {
+        solid: Pieces,
+        bounded: AtomicUsize,
+    }
+
+    impl Solid for Counted {
+        fn names(&self) -> &[String] {
+            self.solid.names()
+        }
+        fn tree(&self) -> &Csg {
+            self.solid.tree()
+        }
+        fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+            self.solid.values(which, points, out);
+        }
+        fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+            self.solid.gradient(piece, p)
+        }
+        fn jet(&self, piece: u32, p: Point3) -> Jet2 {
+            self.solid.jet(piece, p)
+        }
+        fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+            self.bounded.fetch_add(which.len(), Ordering::Relaxed);
+            self.solid.bounds(which, region, out);
+        }
+        fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+            self.solid.sign_values(points, out);
+        }
+    }
+
+    /// Balls of radius 0.4, one a unit along x.
+    fn balls(n: usize) -> Counted {
+        let mut text = String::from("balls(x[3], a[1]) { array c[3]; c = [0, 0, 0];");
+        text += "t = hfSphere(x, c, 0.4);";
+        for k in 1..n {
+            write!(text, "c = [{k}, 0, 0]; t = t | hfSphere(x, c, 0.4);").expect("a string");
+        }
+        text += "balls = t; }";
+        let model = Model::parse(&text, Mode::Default).expect("a program");
+        Counted {
+            solid: Pieces::of_model(&model, &[]).expect("a solid"),
+            bounded: AtomicUsize::new(0),
+        }
+    }
+
+    /// Ten times the balls in ten times the cells bound some ten times as many pieces: a block does
+    /// not begin with all of them.
+    #[test]
+    fn pieces_are_bounded_where_they_are() {
+        let cost = |n: usize| {
+            let solid = balls(n);
+            let region = Aabb {
+                lo: [-0.5; 3],
+                hi: [n as f64 - 0.5, 0.5, 0.5],
+            };
+            Lattice::new(&solid, region, 0.1, &Control::default());
+            solid.bounded.into_inner() as f64 / n as f64
+        };
+        let [few, many] = [40, 400].map(cost);
+        assert!(many < 1.1 * few, "{few} and {many} bounds for each ball");
+    }
 
     struct Nothing;
 

@@ -86,8 +86,16 @@ impl<'p, M: Machine> Executor<'p, M> {
         a: &[M::V],
         s: &mut [M::V],
     ) -> Outcome<M::V> {
-        let program = self.program;
-        let object = &program.objects[object];
+        self.begin(object, x, a, s);
+        for statement in 0..self.program.objects[object].body.len() {
+            self.advance(object, statement)?;
+        }
+        self.end(object, s)
+    }
+
+    /// Makes the frame of an object ready, see [`Executor::run`].
+    pub(crate) fn begin(&mut self, object: usize, x: &[M::V], a: &[M::V], s: &[M::V]) {
+        let object = &self.program.objects[object];
         debug_assert_eq!(
             (x.len(), a.len(), s.len()),
             (object.dimension(), object.n_params(), object.n_s())
@@ -99,8 +107,19 @@ impl<'p, M: Machine> Executor<'p, M> {
         self.memory
             .extend(x.iter().chain(a).chain(s.iter()).cloned().map(Some));
         self.memory.resize(object.memory(), None);
-        let f = self.object(object)?;
-        let from = x.len() + a.len();
+    }
+
+    /// Runs one statement of the object that was begun.
+    pub(crate) fn advance(&mut self, object: usize, statement: usize) -> Outcome<()> {
+        let object = &self.program.objects[object];
+        self.statement(object, &object.body[statement])
+    }
+
+    /// f of the object that was begun and whose statements have been run; its attributes come out.
+    pub(crate) fn end(&mut self, object: usize, s: &mut [M::V]) -> Outcome<M::V> {
+        let object = &self.program.objects[object];
+        let f = self.result(object)?;
+        let from = object.dimension() + object.n_params();
         for (out, item) in s.iter_mut().zip(&self.memory[from..]) {
             if let Some(item) = item {
                 *out = item.clone();
@@ -115,6 +134,11 @@ impl<'p, M: Machine> Executor<'p, M> {
     /// The object whose frame is ready.
     fn object(&mut self, object: &'p Object) -> Outcome<M::V> {
         self.block(object, &object.body)?;
+        self.result(object)
+    }
+
+    /// The value of an object whose statements have been run.
+    fn result(&mut self, object: &'p Object) -> Outcome<M::V> {
         let f = self.eval(object, &object.result)?;
         self.m().assigned(&f, &object.name);
         Ok(f)

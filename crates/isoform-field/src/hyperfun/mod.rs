@@ -317,6 +317,26 @@ impl Model {
         }
     }
 
+    /// An evaluator of blocks of points, with its own memory.
+    pub fn block_evaluator(&self) -> BlockEvaluator<'_> {
+        let evaluator = |_| self.evaluator();
+        BlockEvaluator {
+            model: self,
+            each: (0..BlockEvaluator::POINTS).map(evaluator).collect(),
+        }
+    }
+
+    /// Why a run ended, with its place in the program.
+    fn run_error(&self, stop: Stop) -> RunError {
+        let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = stop;
+        let (line, column) = self.program.source.position(at);
+        RunError {
+            line,
+            column,
+            message,
+        }
+    }
+
     /// f and the attributes at `x`. Attributes start as `s`, missing ones as 0.
     ///
     /// # Panics
@@ -400,19 +420,91 @@ impl<R: Real + 'static> Evaluator<'_, R> {
         }
         self.executor
             .run(self.model.object, x, a, &mut self.s)
-            .map_err(|stop| {
-                let (Stop::Error { at, message } | Stop::Unknown { at, why: message }) = *stop;
-                let (line, column) = self.model.program.source.position(at);
-                RunError {
-                    line,
-                    column,
-                    message,
-                }
-            })
+            .map_err(|stop| self.model.run_error(*stop))
     }
     /// The attributes after the last evaluation; empty where the object declares none.
     pub fn attributes(&self) -> &[R] {
         &self.s[..self.model.n_attributes()]
+    }
+}
+
+/// Evaluates a model at many points, statement by statement for a block of points at a time.
+///
+/// A program of thousands of statements does not fit into a processor's caches. Run from begin to
+/// end for one point after the other it would be read from memory for each.
+///
+/// ```
+/// use isoform_field::hyperfun::{Mode, Model};
+///
+/// let text = "my_model(x[3], a[1]) { q = 1/x[1]; my_model = a[1] - q; }";
+/// let model = Model::parse(text, Mode::Default)?;
+/// let mut block = model.block_evaluator();
+/// let found = block.eval(&[[1.0, 0.0, 0.0], [0.0; 3], [2.0, 0.0, 0.0]], &[3.0]);
+/// let values: Vec<Option<f64>> = found.iter().map(|e| e.as_ref().ok().map(|e| e.f)).collect();
+/// assert_eq!(values, [Some(2.0), None, Some(2.5)]);
+/// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
+/// ```
+pub struct BlockEvaluator<'m> {
+    model: &'m Model,
+    /// One evaluator for each point of a block.
+    each: Vec<Evaluator<'m, f64>>,
+}
+
+impl BlockEvaluator<'_> {
+    /// Number of points for which a statement is run before the next one: their frames fit into a
+    /// cache beside the statement.
+    pub const POINTS: usize = 32;
+
+    /// f and the attributes at each of up to [`BlockEvaluator::POINTS`] points, as
+    /// [`Evaluator::eval`] gives them; attributes start as 0.
+    ///
+    /// # Panics
+    /// If there are more points, or a point or `a` has not the size of the object's head.
+    pub fn eval<X: AsRef<[f64]>>(
+        &mut self,
+        points: &[X],
+        a: &[f64],
+    ) -> Vec<Result<Evaluation, RunError>> {
+        let (model, object) = (self.model, self.model.object);
+        let each = &mut self.each[..points.len()];
+        for (evaluator, x) in each.iter_mut().zip(points) {
+            let sizes = (x.as_ref().len(), a.len());
+            assert_eq!(
+                sizes,
+                (model.dimension(), model.n_params()),
+                "sizes of x and a"
+            );
+            evaluator.s.fill(0.0);
+            evaluator
+                .executor
+                .begin(object, x.as_ref(), a, &evaluator.s);
+        }
+        let mut stopped: Vec<Option<Box<Stop>>> = points.iter().map(|_| None).collect();
+        for statement in 0..model.chosen().body.len() {
+            for (evaluator, stopped) in each.iter_mut().zip(&mut stopped) {
+                if stopped.is_none() {
+                    *stopped = evaluator.executor.advance(object, statement).err();
+                }
+            }
+        }
+        let ends = each.iter_mut().zip(stopped);
+        ends.map(|(evaluator, stopped)| match stopped {
+            Some(stop) => Err(model.run_error(*stop)),
+            None => evaluator.ended(),
+        })
+        .collect()
+    }
+}
+
+impl Evaluator<'_, f64> {
+    /// What a run whose statements are done comes to.
+    fn ended(&mut self) -> Result<Evaluation, RunError> {
+        let f = self.executor.end(self.model.object, &mut self.s);
+        f.map_err(|stop| self.model.run_error(*stop))
+            .map(|f| Evaluation {
+                f,
+                s: self.attributes().to_vec(),
+            })
     }
 }
 

@@ -695,3 +695,39 @@ fn reserved_names_are_said_to_be() {
             .contains("reserved")
     );
 }
+
+/// Statement by statement for many points at once, and point by point: the same numbers, bit for
+/// bit, the same attributes and the same errors.
+#[test]
+fn blocks_of_points_are_evaluated_like_points() {
+    let text = "my_model(x[3], a[2], s[2]) {
+      array c[3];
+      c = [0.25, 0, 0];
+      s[1] = x[1];
+      if (x[2] > 0) then q = 1/x[1]; s[2] = 3; else q = sqrt(x[3]); endif;
+      i = 0;
+      while_loop (i < 3) loop i = i + 1; q = q*a[1] + i; endloop;
+      my_model = hfSphere(x, c, a[2]) | q;
+    }"
+    .replace("while_loop", "while");
+    let m = model(&text);
+    let values = [-1.0, -0.3, 0.0, 0.7];
+    let points: Vec<[f64; 3]> = (0..BlockEvaluator::POINTS)
+        .map(|k| [values[k % 4], values[k / 4 % 4], values[k / 16]])
+        .collect();
+    let a = [0.9, 1.5];
+    let mut block = m.block_evaluator();
+    // Twice: what the first run leaves does not count.
+    for points in [&points[..], &points[7..20]] {
+        let found = block.eval(points, &a);
+        assert!(found.iter().any(Result::is_ok) && found.iter().any(Result::is_err));
+        for (p, found) in points.iter().zip(found) {
+            let one = m.eval(p, &a, &[]);
+            let bits = |e: Evaluation| {
+                let s: Vec<u64> = e.s.iter().map(|v| v.to_bits()).collect();
+                (e.f.to_bits(), s)
+            };
+            assert_eq!(found.map(bits), one.map(bits), "{p:?}");
+        }
+    }
+}
