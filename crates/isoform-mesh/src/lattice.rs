@@ -399,7 +399,7 @@ mod tests {
     use isoform_field::Pieces;
     use isoform_field::hyperfun::{Mode, Model};
     use isoform_geom::{Field, OnePiece};
-    use isoform_num::Jet2;
+    use isoform_num::{Jet2, Real};
     use std::fmt::Write;
     use std::sync::atomic::{AtomicUsize, Ordering};
 
