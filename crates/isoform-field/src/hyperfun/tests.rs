@@ -703,7 +703,7 @@ fn blocks_of_points_are_evaluated_like_points() {
     let text = "my_model(x[3], a[2], s[2]) {
       array c[3];
       c = [0.25, 0, 0];
-      s[1] = x[1];
+      s[1] = s[1] + x[1];
       if (x[2] > 0) then q = 1/x[1]; s[2] = 3; else q = sqrt(x[3]); endif;
       i = 0;
       while_loop (i < 3) loop i = i + 1; q = q*a[1] + i; endloop;
