@@ -713,7 +713,7 @@ fn blocks_of_points_are_evaluated_like_points() {
     let m = model(&text);
     let values = [-1.0, -0.3, 0.0, 0.7];
     let points: Vec<[f64; 3]> = (0..BlockEvaluator::POINTS)
-        .map(|k| [values[k % 4], values[k / 4 % 4], values[k / 16]])
+        .map(|k| [values[k % 4], values[k / 4 % 4], values[2 + k / 16]])
         .collect();
     let a = [0.9, 1.5];
     let mut block = m.block_evaluator();
