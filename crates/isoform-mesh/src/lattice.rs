@@ -459,7 +459,7 @@ mod tests {
                 lo: [-0.5; 3],
                 hi: [n as f64 - 0.5, 0.5, 0.5],
             };
-            Lattice::new(&solid, region, 0.1, &Control::default());
+            Lattice::new(&solid, region, 0.1, &Control::default()).expect("enough memory");
             solid.bounded.into_inner() as f64 / n as f64
         };
         let [few, many] = [40, 400].map(cost);
