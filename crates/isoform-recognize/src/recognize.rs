@@ -190,11 +190,20 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
     }
 }
 
+/// How many of the distances of points a fitted surface leaves free; at least one.
+fn free(surface: &Surface, points: usize) -> f64 {
+    points.saturating_sub(surface.kind.parameters()).max(1) as f64
+}
+
 /// A surface about the middle of its points, with its covariance: infinite where it is open.
 fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(crate::fit::mean(&points));
-    let variance = found.noise * found.noise;
+    let variance = match found.is_form {
+        // Some objects of a scan follow their surfaces to the noise, whatever others ask for.
+        true => squares(&surface, &points) / free(&surface, points.len()),
+        false => found.noise * found.noise,
+    };
     let open = [[f64::INFINITY; MOST]; MOST];
     let covariance = covariance(&surface, &points);
     Known {
@@ -227,11 +236,7 @@ fn entity(
         surface.other = -surface.other;
     }
     let rms = (squares(&surface, &points) / points.len() as f64).sqrt();
-    let free = points
-        .len()
-        .saturating_sub(surface.kind.parameters())
-        .max(1);
-    let sigma = rms * (points.len() as f64 / free as f64).sqrt();
+    let sigma = rms * (points.len() as f64 / free(&surface, points.len())).sqrt();
     let side: f64 = members
         .iter()
         .map(|i| {

@@ -117,9 +117,16 @@ fn own(found: &Recognition, i: usize, points: Vec<Point3>, scaling: &Scaling) ->
     let surface = surface.scaled(1.0 / scaling.unit).about(mean(&points));
     let n = surface.kind.parameters();
     let free = points.len().saturating_sub(n).max(1) as f64;
-    // Few points may meet by chance more exactly than they were rounded.
-    let least = (found.noise / scaling.unit / 3.0_f64.sqrt()).max(f64::EPSILON);
-    let sigma = (squares(&surface, &points) / free).sqrt().max(least);
+    let least = match found.is_form {
+        // A tolerance of form is not the noise of those objects that follow their surfaces.
+        true => 0.0,
+        // Few points may meet by chance more exactly than they were rounded.
+        false => found.noise / scaling.unit / 3.0_f64.sqrt(),
+    };
+    let sigma = (squares(&surface, &points) / free)
+        .sqrt()
+        .max(least)
+        .max(f64::EPSILON);
     let open = [[f64::INFINITY; MOST]; MOST];
     let variance = |c: [Row; MOST]| c.map(|row| row.map(|x| x * sigma * sigma));
     let covariance = covariance(&surface, &points).map_or(open, variance);
