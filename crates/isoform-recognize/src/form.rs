@@ -7,10 +7,12 @@
 //! one (J. Rissanen 1978).
 
 use crate::chart::{Kind, Surface};
+use crate::choose::least_points;
 use crate::cloud::Cloud;
 use crate::fit::{covariance, squares};
-use crate::segment::{Allowed, EVIDENCE, Limits, Segmentation};
+use crate::segment::{Allowed, EVIDENCE, Limits, NONE, Segmentation};
 use isoform_control::{Control, Stopped};
+use std::collections::BTreeMap;
 
 /// The share of points that has to be told by entities of known size, else wider tolerances are
 /// tried. Parts made to their drawings have 90 % and more; with less asked for, cans pass whose
@@ -34,6 +36,9 @@ const WIDEST: f64 = 0.0075;
 /// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
 const FEWER: f64 = 0.3;
+/// How many entities within the noise may take the place of one within a tolerance of form, and the
+/// share of its points that they tell at least. Bent faces fall into more, which leave more out.
+const EXACT_PIECES: (usize, f64) = (3, 0.9);
 
 /// What is found within the noise that the points show, or within the tolerance of form that
 /// describes them best.
@@ -60,8 +65,9 @@ pub(crate) fn within_noise_or_form(
     };
     tried.try_forms(min_points, control)?;
     let best = tried.best();
-    let (_, taken) = tried.all.swap_remove(best);
+    let (_, mut taken) = tried.all.swap_remove(best);
     if best > 0 {
+        restore(cloud, &mut taken, &tried.all[0].1);
         return Ok(taken);
     }
     // No form describes the points better so far.
@@ -73,6 +79,51 @@ pub(crate) fn within_noise_or_form(
     tried.all.push((length(cloud, &told), found));
     let best = tried.best();
     Ok(tried.all.swap_remove(best).1)
+}
+
+/// Gives the points of an entity back to those that follow them within the noise, where few of
+/// these tell nearly all of them. One tolerance serves a whole scan, and another object in it may
+/// have asked for that.
+fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) {
+    let members = exact.members();
+    let is_told: Vec<bool> = (exact.surfaces.iter().zip(&members))
+        .map(|(surface, of)| surface.kind != Kind::Torus && is_known(cloud, surface, of))
+        .collect();
+    for (label, of) in taken.members().into_iter().enumerate() {
+        let mut pieces: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+        for i in &of {
+            let own = exact.labels[*i as usize];
+            if own != NONE && is_told[own as usize] {
+                pieces.entry(own).or_default().push(*i);
+            }
+        }
+        let surface = |own: &u32| exact.surfaces[*own as usize];
+        let least = |own: &u32| least_points(surface(own).kind, exact.noise);
+        pieces.retain(|own, points| points.len() >= least(own));
+        let told: usize = pieces.values().map(Vec::len).sum();
+        let size = of.len() as f64;
+        if !(1..=EXACT_PIECES.0).contains(&pieces.len()) || (told as f64) < EXACT_PIECES.1 * size {
+            continue;
+        }
+        let one = length_of(cloud, &taken.surfaces[label], &of);
+        let pieces = || pieces.iter().map(|(own, points)| (surface(own), points));
+        let many: f64 = pieces()
+            .map(|(s, points)| length_of(cloud, &s, points))
+            .sum();
+        if many + FEWER * size < one {
+            of.iter().for_each(|i| taken.labels[*i as usize] = NONE);
+            for (k, (surface, points)) in pieces().enumerate() {
+                let new = if k == 0 { label } else { taken.surfaces.len() };
+                match taken.surfaces.get_mut(new) {
+                    Some(old) => *old = surface,
+                    None => taken.surfaces.push(surface),
+                }
+                points
+                    .iter()
+                    .for_each(|i| taken.labels[*i as usize] = new as u32);
+            }
+        }
+    }
 }
 
 /// What was found of a cloud, each with the length of its description.
@@ -174,13 +225,18 @@ fn is_known(cloud: &Cloud, surface: &Surface, members: &[u32]) -> bool {
 
 /// The length of a description in natural units, less what all descriptions have in common.
 fn length(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
-    let entity = |(surface, members): &(Surface, Vec<u32>)| {
-        let n = members.len().max(1) as f64;
-        let variance = squares(surface, &cloud.at(members)) / n;
-        // A point without a surface costs the logarithm of the diagonal, which is 1.
-        0.5 * n * variance.max(f64::MIN_POSITIVE).ln()
-            + 0.5 * surface.kind.parameters() as f64 * n.ln()
-            + EVIDENCE
-    };
-    told.iter().map(entity).sum()
+    let entities = told.iter();
+    entities
+        .map(|(s, members)| length_of(cloud, s, members))
+        .sum()
+}
+
+/// What an entity adds to it.
+fn length_of(cloud: &Cloud, surface: &Surface, members: &[u32]) -> f64 {
+    let n = members.len().max(1) as f64;
+    let variance = squares(surface, &cloud.at(members)) / n;
+    // A point without a surface costs the logarithm of the diagonal, which is 1.
+    0.5 * n * variance.max(f64::MIN_POSITIVE).ln()
+        + 0.5 * surface.kind.parameters() as f64 * n.ln()
+        + EVIDENCE
 }

@@ -140,3 +140,23 @@ fn a_tolerance_of_form_makes_no_relations_of_those_that_follow_their_surfaces() 
     };
     assert_eq!(found.relations.iter().find(equal), None);
 }
+
+/// A step of 40 deviations in an exact face stays two planes, whatever a block beside it asks for.
+#[test]
+fn a_step_beside_a_bent_block_is_two_planes() {
+    let mut points = wavy_block(0.02);
+    let mut random = Random::new(8);
+    for (x, z) in [(4.0, 0.0), (5.0, 40.0 * NOISE)] {
+        for _ in 0..900 {
+            let (u, v) = (random.unit(), random.unit());
+            points.push([x + u, 2.0 * v, z + NOISE * normal(&mut random)]);
+        }
+    }
+    let found = recognised(points, None);
+    assert!(found.is_form, "{:?}", kinds(&found));
+    let is_exact = |e: &&Entity| {
+        matches!(e.surface, Quadric::Plane { .. }) && e.points > 850 && e.rms < 1.1 * NOISE
+    };
+    let exact = found.entities.iter().filter(is_exact).count();
+    assert_eq!(exact, 2, "{:?}", found.entities);
+}
