@@ -166,11 +166,12 @@ pub trait Solid: Send + Sync {
     fn jet(&self, piece: u32, p: Point3) -> Jet2;
     /// Intervals that hold the pieces `which` over the whole region.
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]);
-    /// Intervals that hold what [`Solid::values`] computes of the pieces `which` at any point of the
-    /// region, rounding included; all numbers where it may be none (NaN). Nothing is known by default.
+    /// Intervals that hold what [`Solid::values`] computes of the pieces `which` at any point of
+    /// the region, rounding included; all numbers where it may be none (NaN). Nothing is known by
+    /// default.
     ///
-    /// [`Solid::bounds`] holds the exact values, and only those where the piece is defined: by these
-    /// here a piece may be left out of a minimum or maximum without a change of a single bit.
+    /// [`Solid::bounds`] holds the exact values, and only those where the piece is defined: by
+    /// these here a piece may be left out of a minimum or maximum without a change of a single bit.
     fn value_bounds(&self, which: &[u32], _region: Aabb, out: &mut [Interval]) {
         out[..which.len()].fill(Interval::ALL);
     }

@@ -85,21 +85,35 @@ fn mesh_within(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
-    let once = |course: &Course| mesh_once(solid, extent, options, course, control);
+    let lattice = lattice_over(solid, extent.bounds, options, control)?;
+    if let Some(at) = Surface::new(solid, &lattice, extent.bounds, control).not_a_number() {
+        return Err(MeshError::NotANumber { at });
+    }
+    control.check()?;
+    control.begin("features")?;
+    let features = features_of(solid, extent.bounds, options, control);
+    let ground = Ground {
+        solid,
+        extent,
+        lattice: &lattice,
+        features: &features,
+        options,
+        control,
+    };
     let mut course = Course {
         seams: true,
         finer: Vec::new(),
     };
-    let first = once(&course)?;
-    if first.off.is_empty() || !first.has_seams {
+    let first = ground.meshed(&course)?;
+    if first.off().is_empty() || !first.has_seams {
         return Ok(first.meshed);
     }
-    course.add(&first.off, options.size);
+    course.add(&first.off(), options.size);
     // What is stopped on the way leaves the mesh that there is.
     for _ in 0..FINER_ROUNDS {
-        match once(&course) {
-            Ok(next) if next.off.is_empty() => return Ok(next.meshed),
-            Ok(next) => course.add(&next.off, options.size),
+        match ground.meshed(&course) {
+            Ok(next) if next.off().is_empty() => return Ok(next.meshed),
+            Ok(next) => course.add(&next.off(), options.size),
             Err(_) => return Ok(first.meshed),
         }
     }
@@ -107,8 +121,8 @@ fn mesh_within(
         seams: false,
         finer: Vec::new(),
     };
-    match once(&without) {
-        Ok(without) if without.off.is_empty() => Ok(without.meshed),
+    match ground.meshed(&without) {
+        Ok(without) if without.off().is_empty() => Ok(without.meshed),
         _ => Ok(first.meshed),
     }
 }
@@ -134,75 +148,79 @@ impl Course {
 /// What a course leads to.
 struct Outcome {
     meshed: Meshed,
-    /// Vertices that could not be brought onto the surface.
-    off: Vec<Point3>,
     /// Whether there are seams between pieces that touch.
     has_seams: bool,
 }
 
-/// Meshes a solid whose extent is known, in one of the courses.
-fn mesh_once(
-    solid: &dyn Solid,
-    extent: &Extent,
-    options: &Options,
-    course: &Course,
-    control: &Control<'_>,
-) -> Result<Outcome, MeshError> {
-    let region = extent.bounds;
-    let lattice = lattice_over(solid, region, options, control)?;
-    let surface = Surface {
-        seams: course.seams,
-        ..Surface::new(solid, &lattice, region, control)
-    };
-    if let Some(at) = surface.not_a_number() {
-        return Err(MeshError::NotANumber { at });
+impl Outcome {
+    /// Vertices that could not be brought onto the surface.
+    fn off(&self) -> Vec<Point3> {
+        let warnings = self.meshed.warnings.iter();
+        let off = warnings.filter(|w| w.kind == WarningKind::VertexOff);
+        off.filter_map(|w| w.at).collect()
     }
-    control.check()?;
-    let graded = options.grade.is_some() || options.sizes.is_some();
-    let band = Band::new(&lattice, !options.surface_only, graded, control);
-    let band_points = band.complex.points.len();
-    let mut refiner = Refiner {
-        complex: band.complex,
-        frozen: band.frozen,
-        limit: options.most_tetrahedra(),
-        control,
-    };
-    control.begin("features")?;
-    let features = features_of(solid, region, options, control);
-    let mut places = Crowd::new(&features, options.size).places();
-    places.extend(&course.finer);
-    let crowd = Crowd::of_places(&places, options.size);
-    let mut warnings = refine(&mut refiner, &surface, &crowd, options)?;
-    let inside = cut(refiner, &surface, &band.core, options, &mut warnings)?;
-    let joined = Joined {
-        core: band.core,
-        band_points,
-        number: inside.number.clone(),
-    };
-    let mesh = improve(inside, &surface, options, joined, &mut warnings)?;
-    let is_off = |w: &&Warning| w.kind == WarningKind::VertexOff;
-    let off = warnings
-        .iter()
-        .filter(is_off)
-        .filter_map(|w| w.at)
-        .collect();
-    control.begin("what the mesh misses")?;
-    let missed = missed(solid, &mesh, region, options.size, control);
-    warnings.extend(missed.warning());
-    let meshed = Meshed {
-        missed,
-        mesh,
-        region,
-        region_certified: extent.certified,
-        caps: Vec::new(),
-        features,
-        warnings,
-    };
-    Ok(Outcome {
-        meshed,
-        off,
-        has_seams: surface.has_seams.into_inner(),
-    })
+}
+
+/// What all courses of a solid have in common.
+struct Ground<'a> {
+    solid: &'a dyn Solid,
+    extent: &'a Extent,
+    lattice: &'a Lattice,
+    features: &'a Features,
+    options: &'a Options,
+    control: &'a Control<'a>,
+}
+
+impl Ground<'_> {
+    /// Meshes the solid in one of the courses.
+    fn meshed(&self, course: &Course) -> Result<Outcome, MeshError> {
+        let Self {
+            solid,
+            lattice,
+            options,
+            control,
+            ..
+        } = *self;
+        let region = self.extent.bounds;
+        let surface = Surface {
+            seams: course.seams,
+            ..Surface::new(solid, lattice, region, control)
+        };
+        let graded = options.grade.is_some() || options.sizes.is_some();
+        let band = Band::new(lattice, !options.surface_only, graded, control);
+        let band_points = band.complex.points.len();
+        let mut refiner = Refiner {
+            complex: band.complex,
+            frozen: band.frozen,
+            limit: options.most_tetrahedra(),
+            control,
+        };
+        let crowd = Crowd::new(self.features, &course.finer, options.size);
+        let mut warnings = refine(&mut refiner, &surface, &crowd, options)?;
+        let inside = cut(refiner, &surface, &band.core, options, &mut warnings)?;
+        let joined = Joined {
+            core: band.core,
+            band_points,
+            number: inside.number.clone(),
+        };
+        let mesh = improve(inside, &surface, options, joined, &mut warnings)?;
+        control.begin("what the mesh misses")?;
+        let missed = missed(solid, &mesh, region, options.size, control);
+        warnings.extend(missed.warning());
+        let meshed = Meshed {
+            missed,
+            mesh,
+            region,
+            region_certified: self.extent.certified,
+            caps: Vec::new(),
+            features: self.features.clone(),
+            warnings,
+        };
+        Ok(Outcome {
+            meshed,
+            has_seams: surface.has_seams.into_inner(),
+        })
+    }
 }
 
 /// The lattice for the size asked for, if the memory suffices.
