@@ -57,6 +57,10 @@ pub(crate) struct Args {
     output: Vec<PathBuf>,
 }
 
+/// The share of points on surfaces without edges between them from which a form is said to be free:
+/// half; parts with a taper or two have less.
+const FREE: f64 = 0.5;
+
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     for path in &args.output {
         output::check_folder(path)?;
@@ -74,6 +78,14 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     };
     let mut report = RecognizeReport::new(&found.recognition, started.elapsed().as_secs_f64());
     report.snap = snap;
+    if report.free >= FREE {
+        context.warn(format_args!(
+            "{}: {:.0} % of the points lie on surfaces that meet without an edge: a free form, of \
+             which these tell no sizes; `isoform implicitize` follows it",
+            args.scan.display(),
+            100.0 * report.free
+        ));
+    }
     let json = output::json_of(&report);
     for path in &args.output {
         let bytes = match path.extension().and_then(|e| e.to_str()) {

@@ -4,6 +4,7 @@
 use crate::chart::Kind;
 use crate::fit::{Precision, fit};
 use crate::local::{Local, local};
+use crate::pose::Pose;
 use crate::start::starts;
 use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
 use rayon::prelude::*;
@@ -160,6 +161,13 @@ impl Cloud {
         ];
         let mean = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
         small > THICK * mean && large > VOLUME.1 * small
+    }
+
+    /// Turns all of it into the frame that a pose was taken from.
+    pub(crate) fn turn_back(&mut self, pose: &Pose) {
+        for v in self.points.iter_mut().chain(&mut self.normals) {
+            *v = pose.back(*v);
+        }
     }
 
     /// The nearest neighbours of a point.

@@ -176,4 +176,7 @@ pub struct Recognition {
     /// Whether the form of the object deviates from its entities by more than the noise, and
     /// `noise` is the tolerance within which they were found.
     pub is_form: bool,
+    /// The share of the points that lie on entities which meet others without an edge and round
+    /// none: where it is large, these approximate a free form, and their sizes are those of no part.
+    pub free: f64,
 }

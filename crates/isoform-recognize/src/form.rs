@@ -9,8 +9,11 @@
 use crate::chart::{Kind, Surface};
 use crate::choose::least_points;
 use crate::cloud::Cloud;
-use crate::fit::{covariance, squares};
+use crate::fit::{Precision, covariance, fit, squares};
+use crate::grow::correlation;
+use crate::patchwork::{is_simple, patches};
 use crate::segment::{Allowed, EVIDENCE, Limits, NONE, Segmentation};
+use crate::start::plane;
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
@@ -26,9 +29,10 @@ const TOLD_BY_FORM: f64 = 0.5;
 /// bent by a little are parts of large cylinders, known to 3 to 50 %; small fillets are, too, but
 /// have few points.
 const KNOWN: f64 = 0.03;
-/// Doublings of the noise that are tried at most: 2⁵ times the noise of a scanner of today is a
-/// hundredth of the size.
-const DOUBLINGS: i32 = 5;
+/// Tolerances of form that are tried at most, each half of the one before.
+const HALVINGS: i32 = 6;
+/// The least tolerance of form, in deviations of the noise.
+const NARROWEST: f64 = 2.0;
 /// The largest tolerance of form, in diagonals. Noise of half a per cent hides small faces, and
 /// twice that takes whole parts for one plane.
 const WIDEST: f64 = 0.0075;
@@ -36,6 +40,9 @@ const WIDEST: f64 = 0.0075;
 /// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
 const FEWER: f64 = 0.3;
+/// The least correlation of the distances of neighbours whose mean square is beyond the noise: it is
+/// 0 where a wide tolerance takes both faces of a plate for one, and above 0.7 on bent faces.
+const ONE_SHEET: f64 = 0.35;
 /// How many entities within the noise may take the place of one within a tolerance of form, and the
 /// share of its points that they tell at least. Bent faces fall into more, which leave more out.
 const EXACT_PIECES: (usize, f64) = (3, 0.9);
@@ -67,8 +74,11 @@ pub(crate) fn within_noise_or_form(
     let best = tried.best();
     let (_, mut taken) = tried.all.swap_remove(best);
     if best > 0 {
-        restore(cloud, &mut taken, &tried.all[0].1);
-        return Ok(taken);
+        let (_, first) = tried.all.swap_remove(0);
+        return match restore(cloud, &mut taken, &first) {
+            true => Ok(taken),
+            false => first.finished(cloud, limits, control),
+        };
     }
     // No form describes the points better so far.
     let found = taken.finished(cloud, limits, control)?;
@@ -78,52 +88,114 @@ pub(crate) fn within_noise_or_form(
     }
     tried.all.push((length(cloud, &told), found));
     let best = tried.best();
-    Ok(tried.all.swap_remove(best).1)
+    let (_, mut taken) = tried.all.swap_remove(best);
+    // The last went where the best was, if that is not the best itself.
+    let exact = tried.all.into_iter().nth(best).filter(|_| taken.is_form);
+    Ok(match exact {
+        Some((_, exact)) if !restore(cloud, &mut taken, &exact) => exact,
+        _ => taken,
+    })
 }
 
-/// Gives the points of an entity back to those that follow them within the noise, where few of
-/// these tell nearly all of them. One tolerance serves a whole scan, and another object in it may
-/// have asked for that.
-fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) {
+/// Gives points of an entity back to surfaces that they follow within the noise, where few of these
+/// tell nearly all of a connected part of it. One tolerance serves a whole scan, and another object
+/// in it may have asked for that. Whether anything of form is left.
+fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> bool {
     let members = exact.members();
     let is_told: Vec<bool> = (exact.surfaces.iter().zip(&members))
         .map(|(surface, of)| surface.kind != Kind::Torus && is_known(cloud, surface, of))
         .collect();
-    for (label, of) in taken.members().into_iter().enumerate() {
-        let mut pieces: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
-        for i in &of {
-            let own = exact.labels[*i as usize];
-            if own != NONE && is_told[own as usize] {
-                pieces.entry(own).or_default().push(*i);
-            }
-        }
-        let surface = |own: &u32| exact.surfaces[*own as usize];
-        let least = |own: &u32| least_points(surface(own).kind, exact.noise);
-        pieces.retain(|own, points| points.len() >= least(own));
-        let told: usize = pieces.values().map(Vec::len).sum();
-        let size = of.len() as f64;
-        if !(1..=EXACT_PIECES.0).contains(&pieces.len()) || (told as f64) < EXACT_PIECES.1 * size {
-            continue;
-        }
-        let one = length_of(cloud, &taken.surfaces[label], &of);
-        let pieces = || pieces.iter().map(|(own, points)| (surface(own), points));
-        let many: f64 = pieces()
-            .map(|(s, points)| length_of(cloud, &s, points))
-            .sum();
-        if many + FEWER * size < one {
-            of.iter().for_each(|i| taken.labels[*i as usize] = NONE);
-            for (k, (surface, points)) in pieces().enumerate() {
-                let new = if k == 0 { label } else { taken.surfaces.len() };
-                match taken.surfaces.get_mut(new) {
-                    Some(old) => *old = surface,
-                    None => taken.surfaces.push(surface),
-                }
-                points
+    let of_form = taken.surfaces.len() as u32;
+    for label in 0..of_form {
+        let mut is_changed = false;
+        for part in parts(cloud, &taken.labels, label) {
+            let Some(pieces) = exact_pieces(exact, &is_told, &part) else {
+                continue;
+            };
+            let one = length_of(cloud, &taken.surfaces[label as usize], &part);
+            let pieces = || {
+                pieces
                     .iter()
-                    .for_each(|i| taken.labels[*i as usize] = new as u32);
+                    .map(|(s, points)| (&exact.surfaces[*s as usize], points))
+            };
+            let many: f64 = pieces()
+                .map(|(s, points)| length_of(cloud, s, points))
+                .sum();
+            if many + FEWER * part.len() as f64 >= one {
+                continue;
             }
+            is_changed = true;
+            part.iter().for_each(|i| taken.labels[*i as usize] = NONE);
+            for (surface, points) in pieces() {
+                let new = taken.surfaces.len() as u32;
+                taken.surfaces.push(*surface);
+                points.iter().for_each(|i| taken.labels[*i as usize] = new);
+            }
+        }
+        if is_changed {
+            fit_again(cloud, taken, label);
         }
     }
+    let is_form = taken.labels.iter().any(|label| *label < of_form);
+    let counts = taken.members();
+    let kept: Vec<Option<Surface>> = (taken.surfaces.iter().zip(counts))
+        .map(|(s, of)| (!of.is_empty()).then_some(*s))
+        .collect();
+    taken.keep(&kept);
+    is_form
+}
+
+/// Fits a surface to the points that are left to it; without enough of them it has none.
+fn fit_again(cloud: &Cloud, taken: &mut Segmentation, label: u32) {
+    let left: Vec<u32> = (0..taken.labels.len() as u32)
+        .filter(|i| taken.labels[*i as usize] == label)
+        .collect();
+    let surface = &mut taken.surfaces[label as usize];
+    let is_enough = left.len() >= least_points(surface.kind, taken.noise);
+    match fit(surface, &cloud.at(&left), Precision::Full).filter(|_| is_enough) {
+        Some((fitted, _)) => *surface = fitted,
+        None => left.iter().for_each(|i| taken.labels[*i as usize] = NONE),
+    }
+}
+
+/// The points of a label, by parts that are connected along neighbours.
+fn parts(cloud: &Cloud, labels: &[u32], label: u32) -> Vec<Vec<u32>> {
+    let mut is_open: Vec<bool> = labels.iter().map(|l| *l == label).collect();
+    let mut parts = Vec::new();
+    for seed in 0..labels.len() as u32 {
+        if !std::mem::take(&mut is_open[seed as usize]) {
+            continue;
+        }
+        let (mut part, mut at) = (vec![seed], 0);
+        while let Some(i) = part.get(at).copied() {
+            at += 1;
+            let near = cloud.near(i).iter().copied();
+            part.extend(near.filter(|j| std::mem::take(&mut is_open[*j as usize])));
+        }
+        parts.push(part);
+    }
+    parts
+}
+
+/// The surfaces within the noise that tell nearly all of some points, with theirs of these; `None`
+/// where it takes many.
+fn exact_pieces(
+    exact: &Segmentation,
+    is_told: &[bool],
+    part: &[u32],
+) -> Option<BTreeMap<u32, Vec<u32>>> {
+    let mut pieces: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
+    for i in part {
+        let own = exact.labels[*i as usize];
+        if own != NONE && is_told[own as usize] {
+            pieces.entry(own).or_default().push(*i);
+        }
+    }
+    let least = |own: &u32| least_points(exact.surfaces[*own as usize].kind, exact.noise);
+    pieces.retain(|own, points| points.len() >= least(own));
+    let told: usize = pieces.values().map(Vec::len).sum();
+    let is_most = told as f64 >= EXACT_PIECES.1 * part.len() as f64;
+    ((1..=EXACT_PIECES.0).contains(&pieces.len()) && is_most).then_some(pieces)
 }
 
 /// What was found of a cloud, each with the length of its description.
@@ -138,8 +210,8 @@ impl Tried<'_> {
     fn try_forms(&mut self, min_points: usize, control: &Control<'_>) -> Result<(), Stopped> {
         let noise = self.all[0].1.noise;
         // Wide ones first: they take the least time, and where they are good narrow ones need none.
-        let tolerances = (1..=DOUBLINGS).rev().map(|k| noise * 2.0_f64.powi(k));
-        for tolerance in tolerances.filter(|t| *t <= WIDEST) {
+        let tolerances = (0..HALVINGS).map(|k| WIDEST / 2.0_f64.powi(k));
+        for tolerance in tolerances.filter(|t| *t >= NARROWEST * noise) {
             let limits = Limits {
                 min_points,
                 allowed: Allowed::Form(tolerance),
@@ -165,7 +237,15 @@ impl Tried<'_> {
     /// The length of a description within a tolerance of form; `None` if it tells too little.
     fn describe(&self, found: &Segmentation) -> Option<f64> {
         let mut told = told(self.cloud, found);
-        told.retain(|(surface, _)| surface.kind != Kind::Torus);
+        let noise = self.all[0].1.noise;
+        told.retain(|(surface, points)| {
+            is_one_sheet(self.cloud, surface, points, noise)
+                && match surface.kind {
+                    Kind::Plane => true,
+                    Kind::Torus => false,
+                    _ => !is_flat(self.cloud, points),
+                }
+        });
         let is_told = share(self.cloud, &told) >= TOLD_BY_FORM;
         is_told.then(|| length(self.cloud, &told))
     }
@@ -186,18 +266,36 @@ impl Tried<'_> {
     }
 }
 
+/// Whether points lie within a tolerance of form of a plane: what bends them is form, too.
+fn is_flat(cloud: &Cloud, points: &[u32]) -> bool {
+    let at = cloud.at(points);
+    squares(&plane(&at), &at) <= WIDEST * WIDEST * points.len() as f64
+}
+
+/// Whether points lie on one sheet: distances of a form are alike for neighbours, on both faces of
+/// a plate they are not.
+fn is_one_sheet(cloud: &Cloud, surface: &Surface, points: &[u32], noise: f64) -> bool {
+    let variance = squares(surface, &cloud.at(points)) / points.len().max(1) as f64;
+    variance <= (NARROWEST * noise).powi(2) || correlation(cloud, points, surface).0 >= ONE_SHEET
+}
+
 /// The share of the points that entities have.
 fn share(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
     let count: usize = told.iter().map(|(_, points)| points.len()).sum();
     count as f64 / cloud.points.len() as f64
 }
 
-/// The entities whose size is known, with their points.
+/// The entities that are no patches and whose size is known, with their points.
 fn told(cloud: &Cloud, found: &Segmentation) -> Vec<(Surface, Vec<u32>)> {
-    let members = found.members().into_iter();
+    let patches = patches(cloud, found, WIDEST);
+    let members = found.members().into_iter().zip(patches);
     let each = found.surfaces.iter().copied().zip(members);
-    each.filter(|(surface, points)| is_known(cloud, surface, points))
-        .collect()
+    each.filter(|(surface, (points, is_patch))| {
+        let is_bent = || surface.kind == Kind::Torus && is_simple(cloud, points, WIDEST);
+        !is_patch && is_known(cloud, surface, points) && !is_bent()
+    })
+    .map(|(surface, (points, _))| (surface, points))
+    .collect()
 }
 
 /// Whether points tell the size of their surface.

@@ -64,9 +64,14 @@ pub(crate) fn zone(
     Some(simple.unwrap_or(cone).0)
 }
 
-/// A surface of a kind through a sample of the points.
+/// A surface of a kind through a sample of the points that mostly belong to it.
 fn first_guess(cloud: &Cloud, shares: &Shares, kind: Kind) -> Option<Surface> {
     let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
+    guess(cloud, &own, kind)
+}
+
+/// A surface of a kind through a sample of points.
+pub(crate) fn guess(cloud: &Cloud, own: &[u32], kind: Kind) -> Option<Surface> {
     let some: Vec<u32> = thinned(own.len(), SAMPLE).map(|k| own[k]).collect();
     let (points, normals) = (cloud.at(&some), cloud.normals_at(&some));
     starts(kind, &points, &normals)

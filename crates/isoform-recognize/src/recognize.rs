@@ -9,7 +9,9 @@ use crate::fit::{covariance, squares};
 use crate::form::within_noise_or_form;
 use crate::grow::core;
 use crate::orient::orient;
+use crate::patchwork::free_share;
 use crate::patterns::patterns;
+use crate::pose::Pose;
 use crate::relations::{Known, relations};
 use crate::segment::{Allowed, Limits, NONE, Segmentation, segment};
 use crate::symmetry::{Set, symmetries};
@@ -72,27 +74,25 @@ pub fn recognize(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Recognition, Error> {
-    let points = &scan.points;
-    if !points.iter().flatten().all(|x| x.is_finite()) {
+    if !scan.points.iter().flatten().all(|x| x.is_finite()) {
         return Err(Error::NotFinite);
     }
     if let Some(noise) = options.noise.filter(|n| !(n.is_finite() && *n >= 0.0)) {
         return Err(Error::Noise(noise));
     }
     control.begin("neighbours")?;
-    let (places, index) = sorted(points);
-    if places.len() < FEWEST {
-        return Err(Error::Few {
-            points: places.len(),
-        });
-    }
-    let mut scaling = Scaling::of(&places).ok_or(Error::Line)?;
-    let mut cloud = Cloud::new(places.iter().map(|p| scaling.apply(*p)).collect());
+    let Placed {
+        places,
+        index,
+        pose,
+        scaling,
+    } = Placed::of(scan)?;
+    let mut cloud = Cloud::new(places);
     if is_line(&cloud.points) {
         return Err(Error::Line);
     }
     let min_points = options.min_points;
-    let found = match options.noise.map(|n| n / scaling.unit) {
+    let mut found = match options.noise.map(|n| n / scaling.unit) {
         None => within_noise_or_form(&cloud, min_points, control)?,
         Some(noise) => {
             let allowed = Allowed::Given(noise.max(crate::cloud::FLOOR));
@@ -108,10 +108,55 @@ pub fn recognize(
     };
     control.check()?;
     turn_outwards(&mut cloud, &found);
-    for k in 0..3 {
-        scaling.origin[k] += scan.origin[k];
-    }
+    cloud.turn_back(&pose);
+    let back = |s: &mut Surface| *s = pose.surface_back(s);
+    found.surfaces.iter_mut().for_each(back);
     Ok(report(&cloud, &found, &index, &scaling))
+}
+
+/// A scan in a place, a position, a unit and an order of its own.
+struct Placed {
+    /// Each place once, in order.
+    places: Vec<Point3>,
+    /// For each point of the scan its number among these.
+    index: Vec<u32>,
+    pose: Pose,
+    /// How places that are turned back become points of the scan.
+    scaling: Scaling,
+}
+
+impl Placed {
+    fn of(scan: &PointCloud) -> Result<Self, Error> {
+        let upright = Scaling::of(&scan.points);
+        let few = |points| Err(Error::Few { points });
+        let Some(upright) = upright else {
+            let (places, _) = sorted(&scan.points);
+            return match places.len() < FEWEST {
+                true => few(places.len()),
+                false => Err(Error::Line),
+            };
+        };
+        let points: Vec<Point3> = scan.points.iter().map(|p| upright.apply(*p)).collect();
+        // Sums over the points have rounding of their own in each order.
+        let pose = Pose::of(&sorted(&points).0);
+        let turned: Vec<Point3> = points.iter().map(|p| pose.turn(*p)).collect();
+        let scaling = Scaling::of(&turned).ok_or(Error::Line)?;
+        let (places, index) = sorted(&turned);
+        if places.len() < FEWEST {
+            return few(places.len());
+        }
+        let origin = pose.back(scaling.origin);
+        let at = |k: usize| upright.unit * origin[k] + upright.origin[k] + scan.origin[k];
+        Ok(Self {
+            places: places.iter().map(|p| scaling.apply(*p)).collect(),
+            index,
+            pose,
+            scaling: Scaling {
+                origin: std::array::from_fn(at),
+                unit: upright.unit * scaling.unit,
+            },
+        })
+    }
 }
 
 /// Turns the normals outwards, by what rays meet of the surfaces found.
@@ -169,6 +214,9 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         label => Some(rank[label as usize]),
     };
     let entities: Vec<Entity> = order.iter().map(entity).collect();
+    // Entities that were fitted once more at the end may lie beyond the tolerance.
+    let rms = entities.iter().map(|e| e.rms).filter(|_| found.is_form);
+    let noise = rms.fold(found.noise * scaling.unit, f64::max);
     let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
     let set = Set {
         known: &known,
@@ -185,8 +233,9 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
         blends: blends(&known, &points, pairs, scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
-        noise: found.noise * scaling.unit,
+        noise,
         is_form: found.is_form,
+        free: free_share(cloud, found),
     }
 }
 

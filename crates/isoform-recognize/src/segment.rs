@@ -7,6 +7,7 @@ use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::{best_kind, zone};
 use crate::share::shares;
+use crate::simplify::simpler;
 use crate::split::split;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
@@ -30,6 +31,10 @@ const FORM: f64 = 1.5;
 /// By what factor the noise may be larger than estimated: before any surface is known, and after.
 const FIRST_SLACK: f64 = 1.1;
 const SLACK: f64 = 1.03;
+/// The noise may rise to this many times what it was taken for at most; and half the noise was too
+/// little where it rises by this.
+const MOST_NOISE: f64 = 1.5;
+const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
 const HALVING: (usize, usize) = (24, 30);
@@ -41,6 +46,7 @@ pub(crate) const EVIDENCE: f64 = 20.0;
 const MEDIAN: f64 = 0.6745;
 
 /// Entities so far, and for each point that of its label.
+#[derive(Clone)]
 pub(crate) struct Segmentation {
     pub(crate) surfaces: Vec<Surface>,
     pub(crate) labels: Vec<u32>,
@@ -182,13 +188,28 @@ impl Segmentation {
         limits: Limits,
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let is_volume = cloud.is_volume();
         let (noise, is_form) = match limits.allowed {
-            _ if is_volume => (cloud.noise, false),
+            _ if cloud.is_volume() => (cloud.noise, false),
             Allowed::Shown => (lower_noise(cloud, cloud.noise), false),
             Allowed::Given(noise) => (noise, noise > FORM * lower_noise(cloud, cloud.noise)),
             Allowed::Form(noise) => (noise, true),
         };
+        let now = Self::first_round(cloud, limits, (noise, is_form), control)?;
+        // Surfaces that were found with less noise show that there is more.
+        let is_more = limits.allowed == Allowed::Shown && now.noise > CREPT * noise;
+        if is_more && noise < cloud.noise {
+            return Self::first_round(cloud, limits, (cloud.noise, false), control);
+        }
+        Ok(now)
+    }
+
+    fn first_round(
+        cloud: &Cloud,
+        limits: Limits,
+        (noise, is_form): (f64, bool),
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let is_volume = cloud.is_volume();
         let mut now = Self {
             surfaces: Vec::new(),
             labels: vec![NONE; cloud.points.len()],
@@ -219,9 +240,61 @@ impl Segmentation {
             }
             self.advance(cloud, limits, round, control)?;
         }
+        self.simplify(cloud, limits, control)?;
         self.turn_zones(cloud);
         self.relax(cloud, limits);
         Ok(self)
+    }
+
+    /// Gives bent surfaces up for simpler ones and what is found beside these, where that describes
+    /// the points in less.
+    fn simplify(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let noise = self.deviation(SLACK);
+        for _ in 0..ROUNDS {
+            let members = self.members();
+            let simpler: Vec<Option<(Surface, Vec<u32>)>> = (members.par_iter())
+                .zip(&self.surfaces)
+                .map(|(of, surface)| simpler(cloud, of, surface, noise))
+                .collect();
+            if simpler.iter().all(Option::is_none) {
+                break;
+            }
+            let mut other = self.clone();
+            for (label, found) in simpler.into_iter().enumerate() {
+                let Some((surface, kept)) = found else {
+                    continue;
+                };
+                other.surfaces[label] = surface;
+                let members = members[label].iter();
+                members.for_each(|i| other.labels[*i as usize] = NONE);
+                kept.iter()
+                    .for_each(|i| other.labels[*i as usize] = label as u32);
+            }
+            other.add_regions(cloud, SLACK, limits, control)?;
+            other.settle(cloud, limits);
+            if other.length(cloud, self.noise) >= self.length(cloud, self.noise) {
+                break;
+            }
+            *self = other;
+        }
+        Ok(())
+    }
+
+    /// The length of the description of the points: their distances, the parameters, and that there
+    /// are entities.
+    fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
+        let scale = 1.0 / (2.0 * noise * noise);
+        let points = (0..cloud.points.len()).map(|i| self.cost(cloud, i, self.labels[i], scale));
+        let entities = self.surfaces.iter().zip(self.members()).map(|(s, of)| {
+            let count = of.len().max(1) as f64;
+            s.kind.parameters() as f64 * count.ln() / 2.0 + EVIDENCE
+        });
+        points.map(|c| c.min(UNEXPLAINED)).sum::<f64>() + entities.sum::<f64>()
     }
 
     /// A round: new regions, then labels, fits and mergers until they stand still.
@@ -455,7 +528,7 @@ impl Segmentation {
     }
 
     /// Takes these surfaces; labels of those that are `None` are cleared.
-    fn keep(&mut self, surfaces: &[Option<Surface>]) {
+    pub(crate) fn keep(&mut self, surfaces: &[Option<Surface>]) {
         let mut new = vec![NONE; surfaces.len()];
         self.surfaces.clear();
         for (old, surface) in surfaces.iter().enumerate() {
@@ -485,7 +558,9 @@ impl Segmentation {
         }
         let half = distances.len() / 2;
         let median = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
-        self.noise = (median / MEDIAN).min(1.5 * self.first_noise).max(FLOOR);
+        self.noise = (median / MEDIAN)
+            .min(MOST_NOISE * self.first_noise)
+            .max(FLOOR);
     }
 
     /// Joins entities of one kind that one surface explains.

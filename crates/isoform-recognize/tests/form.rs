@@ -160,3 +160,170 @@ fn a_step_beside_a_bent_block_is_two_planes() {
     let exact = found.entities.iter().filter(is_exact).count();
     assert_eq!(exact, 2, "{:?}", found.entities);
 }
+
+/// A rotation by `angle` about x, then about z, and a unit.
+fn placed(points: &[Point3], angle: f64, unit: f64) -> Vec<Point3> {
+    let (sin, cos) = angle.sin_cos();
+    let turn = |[x, y, z]: Point3| {
+        let (y, z) = (cos * y - sin * z, sin * y + cos * z);
+        [cos * x - sin * y, sin * x + cos * y, z].map(|v| v * unit)
+    };
+    points.iter().map(|p| turn(*p)).collect()
+}
+
+/// Points strewn on a body of revolution about z whose profile of (z, r) is a polyline, moved by
+/// `off` of the segment, the height and the angle along the normal.
+fn turned(
+    profile: &[[f64; 2]],
+    count: usize,
+    noise: f64,
+    off: impl Fn(usize, f64, f64) -> f64,
+) -> Vec<Point3> {
+    let mut random = Random::new(9);
+    let length = |s: &[[f64; 2]]| (s[1][0] - s[0][0]).hypot(s[1][1] - s[0][1]);
+    let areas: Vec<f64> = (profile.windows(2))
+        .map(|s| length(s) * (s[0][1] + s[1][1]))
+        .collect();
+    let all: f64 = areas.iter().sum();
+    let mut points = Vec::new();
+    for (k, s) in profile.windows(2).enumerate() {
+        let [[z0, r0], [z1, r1]] = [s[0], s[1]];
+        for _ in 0..(count as f64 * areas[k] / all) as usize {
+            // Evenly by area: the square of the radius is even along a cone.
+            let u = random.unit();
+            let r = (r0 * r0 + u * (r1 * r1 - r0 * r0)).sqrt();
+            let t = if (r1 - r0).abs() < 1e-9 {
+                u
+            } else {
+                (r - r0) / (r1 - r0)
+            };
+            let (z, turn) = (z0 + t * (z1 - z0), TAU * random.unit());
+            let d = off(k, z, turn) + noise * normal(&mut random);
+            let (nz, nr) = ((r0 - r1) / length(s), (z1 - z0) / length(s));
+            let r = r + d * nr;
+            points.push([r * turn.cos(), r * turn.sin(), z + d * nz]);
+        }
+    }
+    points
+}
+
+const CAN: [[f64; 2]; 4] = [[0.0, 0.0], [0.0, 1.0], [3.0, 1.0], [3.0, 0.0]];
+
+#[test]
+fn what_is_found_depends_neither_on_the_position_nor_on_the_unit() {
+    let block = wavy_block(0.012);
+    let counts =
+        |found: &Recognition| -> Vec<usize> { found.entities.iter().map(|e| e.points).collect() };
+    let upright = recognised(block.clone(), None);
+    assert_eq!(kinds(&upright), ["plane"; 6]);
+    for (angle, unit) in [(0.3, 1.0), (1.1, 25.4), (2.5, 1e-3)] {
+        let found = recognised(placed(&block, angle, unit), None);
+        assert_eq!(kinds(&found), kinds(&upright));
+        assert_eq!(counts(&found), counts(&upright));
+        assert!((found.noise / unit - upright.noise).abs() < 1e-6 * upright.noise);
+    }
+}
+
+/// Within the noise the side is four cylinders or more, side by side.
+#[test]
+fn an_oval_can_is_a_can() {
+    let off = |k: usize, _: f64, turn: f64| {
+        if k == 1 {
+            0.015 * (2.0 * turn).cos()
+        } else {
+            0.0
+        }
+    };
+    let found = recognised(turned(&CAN, 5000, 5e-4, off), None);
+    assert!(found.is_form, "{:?}", kinds(&found));
+    assert_eq!(kinds(&found), ["cylinder", "plane", "plane"]);
+}
+
+/// Within the noise the side is a dozen cones, one above the other.
+#[test]
+fn a_barrel_is_a_can() {
+    let off = |k: usize, z: f64, _: f64| {
+        if k == 1 {
+            0.02 * (1.0 - (z / 1.5 - 1.0).powi(2))
+        } else {
+            0.0
+        }
+    };
+    let found = recognised(turned(&CAN, 5000, 3e-4, off), None);
+    assert!(found.is_form, "{:?}", kinds(&found));
+    assert_eq!(kinds(&found), ["cylinder", "plane", "plane"]);
+}
+
+/// A taper of 3° beside a cylinder is smooth, and exact.
+#[test]
+fn a_taper_of_an_exact_part_stays() {
+    let profile = [[0.0, 0.0], [0.0, 1.0], [1.5, 1.0], [3.0, 0.92], [3.0, 0.0]];
+    let found = recognised(turned(&profile, 6000, 3e-4, |_, _, _| 0.0), None);
+    assert!(!found.is_form, "form within {}", found.noise);
+    let mut kinds = kinds(&found);
+    kinds.sort_unstable();
+    assert_eq!(kinds, ["cone", "cylinder", "plane", "plane"]);
+}
+
+/// Spheres, cones and tori follow an ellipsoid; that their sizes mean nothing is said.
+#[test]
+fn a_free_form_is_said_to_be_free() {
+    let mut random = Random::new(10);
+    let mut point = || -> Point3 {
+        let (z, turn) = (random.symmetric(), TAU * random.unit());
+        let r = (1.0 - z * z).sqrt();
+        let off = 1.0 + 1.5e-3 * normal(&mut random);
+        [
+            0.5 * off * r * turn.cos(),
+            0.35 * off * r * turn.sin(),
+            0.27 * off * z,
+        ]
+    };
+    let found = recognised((0..5000).map(|_| point()).collect(), None);
+    assert!(found.is_form || found.free > 0.5, "{:?}", kinds(&found));
+    let can = recognised(turned(&CAN, 5000, 5e-4, |_, _, _| 0.0), None);
+    assert!(can.free < 0.01, "{}", can.free);
+}
+
+/// A tolerance as wide as a bent plate is thick does not make one plane of its two faces.
+#[test]
+fn the_faces_of_a_bent_plate_stay_apart() {
+    let mut random = Random::new(11);
+    let mut point = |k: usize| -> Point3 {
+        let (x, y) = (100.0 * random.unit(), 80.0 * random.unit());
+        let side = if k.is_multiple_of(2) { 1.0 } else { -1.0 };
+        [
+            x,
+            y,
+            side + 0.8 * (x / 20.0).sin() + 0.04 * normal(&mut random),
+        ]
+    };
+    let found = recognised((0..6000).map(&mut point).collect(), None);
+    let most = found.entities.iter().map(|e| e.rms).fold(0.0, f64::max);
+    assert!(most < 0.1, "{:?}", found.entities);
+}
+
+/// At 0.5 % of noise a plane with half a fillet is a sphere, and a cylinder with the other half a
+/// torus, until both are given up for what is simpler.
+#[test]
+fn a_fillet_in_noise_is_found_between_its_faces() {
+    let fillet = 4.0;
+    let arc = (0..=16).map(|k| {
+        let (sin, cos) = (TAU / 4.0 * f64::from(k) / 16.0).sin_cos();
+        [6.0 + fillet * (1.0 - cos), 9.0 + fillet * (1.0 - sin)]
+    });
+    let mut profile = vec![[0.0, 5.0], [0.0, 22.0], [6.0, 22.0]];
+    profile.extend(arc);
+    profile.extend([[28.0, 9.0], [28.0, 5.0], [0.0, 5.0]]);
+    let found = recognised(turned(&profile, 10_000, 0.33, |_, _, _| 0.0), None);
+    let torus = found.entities.iter().find_map(|e| match e.surface {
+        Quadric::Torus { major, minor, .. } => Some([major, minor]),
+        _ => None,
+    });
+    let [major, minor] = torus.unwrap_or_default();
+    assert!(
+        (major - 13.0).abs() < 0.5 && (minor - fillet).abs() < 0.5,
+        "{:?}",
+        found.entities
+    );
+}

@@ -75,6 +75,7 @@ pub(crate) fn report(
         labels: labels.iter().map(rank).collect(),
         noise: noise * scaling.unit,
         is_form: false,
+        free: 0.0,
     }
 }
 

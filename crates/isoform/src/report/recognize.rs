@@ -18,6 +18,8 @@ pub struct RecognizeReport {
     pub noise: f64,
     /// Whether the object's form deviates from the surfaces by more than the noise of the points.
     pub form: bool,
+    /// The share of the points on entities that meet others without an edge and round none.
+    pub free: f64,
     /// The surfaces, those with most points first.
     pub entities: Vec<EntityReport>,
     /// How they lie to one another.
@@ -326,6 +328,7 @@ impl RecognizeReport {
             points: found.labels.len(),
             noise: found.noise,
             form: found.is_form,
+            free: found.free,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             patterns: found.patterns.iter().map(PatternReport::new).collect(),

@@ -1,0 +1,121 @@
+//! Surfaces that lie beside others without an edge: patches of a form that is neither.
+
+use crate::chart::{Kind, Surface};
+use crate::cloud::Cloud;
+use crate::fit::squares;
+use crate::kinds::guess;
+use crate::segment::Segmentation;
+use isoform_geom::dot;
+use std::collections::BTreeMap;
+
+/// The cosine of the angle below which two surfaces meet without an edge: 15°. Patches that follow
+/// a bent form within a tolerance meet at 10° at most.
+const SMOOTH: f64 = 0.966;
+/// That cosine where a free form is told of: 8°, since tapers of parts meet cylinders at 10 to 15°.
+const FREE: f64 = 0.99;
+/// Pairs of neighbours across a border for it to count, in square roots of the points of the
+/// smaller entity: a border all round it has about 16.
+const BORDER: f64 = 2.0;
+/// A round of an edge has at most this share of the points of the face beside it.
+const ROUND: f64 = 0.5;
+
+/// Which entities are patches: they meet another one smoothly that no designer would have put
+/// there, since a plane, sphere, cylinder or cone follows both within this tolerance.
+pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Vec<bool> {
+    let members = found.members();
+    let mut is_patch = vec![false; members.len()];
+    for ((a, b), border) in borders(cloud, found) {
+        let pair = [a as usize, b as usize];
+        let is_new = pair.iter().any(|k| !is_patch[*k]);
+        if is_new && meet_smoothly(found, &members, pair, border, SMOOTH) {
+            let both = [&members[pair[0]][..], &members[pair[1]]].concat();
+            if is_simple(cloud, &both, tolerance) {
+                pair.iter().for_each(|k| is_patch[*k] = true);
+            }
+        }
+    }
+    is_patch
+}
+
+/// The share of the points that lie on surfaces which meet others smoothly that no part has beside
+/// them, such as a sphere beside a sphere: of a free form these are most.
+pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
+    let members = found.members();
+    let mut is_free = vec![false; members.len()];
+    for ((a, b), border) in borders(cloud, found) {
+        let pair = [a as usize, b as usize];
+        let [one, two] = pair.map(|k| found.surfaces[k].kind);
+        let is_usual = are_rounded(one, two) || [one, two].contains(&Kind::Cone) && one != two;
+        if !is_usual && meet_smoothly(found, &members, pair, border, FREE) {
+            pair.iter().for_each(|k| is_free[*k] = true);
+        }
+    }
+    let free = is_free
+        .iter()
+        .zip(&members)
+        .filter(|(is_free, _)| **is_free);
+    free.map(|(_, of)| of.len() as f64).sum::<f64>() / cloud.points.len().max(1) as f64
+}
+
+/// Whether two entities meet along a border at an angle of at most this cosine, and neither is a round beside the
+/// other.
+fn meet_smoothly(
+    found: &Segmentation,
+    members: &[Vec<u32>],
+    pair: [usize; 2],
+    (pairs, cosines): (f64, f64),
+    smooth: f64,
+) -> bool {
+    let [one, two] = pair.map(|k| found.surfaces[k].kind);
+    let counts = pair.map(|k| members[k].len() as f64);
+    let (large, small) = (counts[0].max(counts[1]), counts[0].min(counts[1]));
+    let is_round = small <= ROUND * large && are_rounded(one, two);
+    cosines >= smooth * pairs && pairs >= BORDER * small.sqrt() && !is_round
+}
+
+/// Whether a plane, sphere, cylinder or cone follows points within a tolerance.
+pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
+    let at = cloud.at(points);
+    let most = tolerance * tolerance * points.len() as f64;
+    let follows = |s: Surface| squares(&s, &at) <= most;
+    let simple = Kind::Torus.simpler().iter();
+    simple
+        .filter_map(|kind| guess(cloud, points, *kind))
+        .any(follows)
+}
+
+/// For each two entities side by side, the pairs of neighbours across their border, and the sum of
+/// the cosines between their normals there.
+fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), (f64, f64)> {
+    let mut borders: BTreeMap<(u32, u32), (f64, f64)> = BTreeMap::new();
+    let surface = |label: u32| found.surfaces.get(label as usize);
+    for (i, own) in found.labels.iter().enumerate() {
+        for j in cloud.near(i as u32) {
+            let other = found.labels[*j as usize];
+            let (Some(one), Some(two)) = (surface(*own), surface(other)) else {
+                continue;
+            };
+            if *own == other {
+                continue;
+            }
+            let (p, q) = (cloud.points[i], cloud.points[*j as usize]);
+            let middle = std::array::from_fn(|k| (p[k] + q[k]) / 2.0);
+            let cosine = dot(one.normal(middle), two.normal(middle)).abs();
+            let border = borders.entry((*own.min(&other), *own.max(&other)));
+            let (pairs, cosines) = border.or_default();
+            *pairs += 1.0;
+            *cosines += cosine;
+        }
+    }
+    borders
+}
+
+/// Whether surfaces of these kinds meet smoothly on parts: one rounds an edge of the other or ends
+/// it, such as the torus at the foot of a cylinder.
+fn are_rounded(one: Kind, two: Kind) -> bool {
+    use Kind::{Cone, Cylinder, Plane, Sphere, Torus};
+    matches!(
+        (one.min(two), one.max(two)),
+        (Plane, Cylinder | Torus) | (Sphere, Cylinder | Cone | Torus) | (Cylinder | Cone, Torus)
+    )
+}
