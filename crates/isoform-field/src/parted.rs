@@ -14,24 +14,28 @@ use isoform_num::Interval;
 /// Operations of a function from which on it is parted. Below, to sort the points costs as much as
 /// is saved; far above, functions of middling size stay slow.
 const LONG: usize = 1000;
+/// Points from which on they are parted. Of ten thousand each part has so few that to look through
+/// its function costs what it saves.
+const CROWD: usize = 1 << 15;
 /// Operations that are not looked through any more.
 const SHORT: usize = 64;
 /// Least points in a part for which a function is looked through that did become shorter before.
 /// That costs as much as some four blocks of its values.
-const FEW: usize = 128;
+const FEW: usize = 160;
 /// The same where it did not, but may do in smaller boxes. Fewer cost more where it never does: a
-/// twentieth at this number.
+/// tenth at this number.
 const MANY: usize = 1024;
-/// Share of the operations to which a function must shrink to be worth parts of [`FEW`] points: in
-/// an eighth of the box much less is left where parts of the model lie side by side.
-const SHRUNK: f64 = 0.75;
+/// Share of the operations to which a function must shrink to be worth parts of [`FEW`] points. Of
+/// balls side by side, whose functions are distances, the first eighth of the box leaves four in
+/// five, the next one in five; of what never shrinks all are left.
+const SHRUNK: f64 = 0.9;
 /// Halvings after which the function is looked through: one along each axis of a cube.
 const HALVINGS: usize = 3;
 
 /// Whether to part the points may save more than it costs.
 pub(crate) fn pays(tape: &Tape, points: &[Point3]) -> bool {
     let decides = |op: &Op| matches!(op, Op::Select | Op::Set(SetOp::Max | SetOp::Min));
-    points.len() >= MANY << HALVINGS
+    points.len() >= CROWD
         && tape.len() >= LONG
         && tape.code.iter().any(|i| decides(&i.op))
         && points.as_flattened().iter().all(|v| v.is_finite())

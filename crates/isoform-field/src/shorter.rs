@@ -66,14 +66,14 @@ impl Matter {
     /// What decides a maximum of two numbers, and what of their values matters.
     fn of_maximum(self, [a, b]: [Interval; 2]) -> (Choice, Self) {
         let floor = self.floor.max(a.lo()).max(b.lo());
-        // What is left alone may not rely on the least value of what is left out.
-        if b.hi() < floor {
-            (Choice::First, self)
+        let choice = if b.hi() < floor {
+            Choice::First
         } else if a.hi() < floor {
-            (Choice::Second, self)
+            Choice::Second
         } else {
-            (Choice::Both, Self { floor, ..self })
-        }
+            Choice::Both
+        };
+        (choice, Self { floor, ..self })
     }
 
     /// The same of a minimum.

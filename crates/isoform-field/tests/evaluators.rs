@@ -284,7 +284,10 @@ fn values_at_many_points_are_those_at_each() {
     let mut text = "my_model(x[3], a[2]) { t = 0 - 9;\n".to_owned();
     for k in 0..216 {
         let [x, y, z] = [k % 6, k / 6 % 6, k / 36];
-        let away = format!("(x[1] - {x})^2 + (x[2] - {y})^2 + (x[3] - {z} + a[2])^2");
+        // No two alike, which would share operations.
+        let by = 1e-4 * f64::from(k);
+        let away = format!("(x[1] - {x} - {by})^2 + (x[2] - {y} - {by})^2");
+        let away = format!("{away} + (x[3] - {z} - {by} + a[2])^2");
         // Some of the last are no number beyond a distance of 1.2, every fifth has another formula.
         text += &match k {
             k if k > 170 && k % 7 == 3 => format!("t = max(sqrt(1.44 - {away}) - 1, t);\n"),
@@ -298,8 +301,12 @@ fn values_at_many_points_are_those_at_each() {
     let mut graph = Graph::new();
     let root = model.compile(&mut graph).expect("an expression");
     let residual = Residual::new(Tape::new(&graph, &[root], 3, 2));
+    assert!(
+        residual.tape().len() > 2000,
+        "too short for points to be parted"
+    );
     let mut random = isoform_num::Random::new(7);
-    let mut points: Vec<Point3> = (0..20_000)
+    let mut points: Vec<Point3> = (0..40_000)
         .map(|_| std::array::from_fn(|_| 6.0 * random.unit() - 0.5))
         .collect();
     points.extend([points[17]; 1500]);
