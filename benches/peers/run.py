@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
-"""isoform mesh beside CGAL's Mesh_3 and fidget: the tables of docs/meshing-speed.md.
+"""isoform mesh beside CGAL's Mesh_3 and fidget, and values of functions beside fidget: the tables of docs/meshing-speed.md.
 
-    benches/peers/run.py [tets] [surface] [growth] [--repeat N] [--to SIZE]
+    benches/peers/run.py [tets] [surface] [growth] [values] [--repeat N] [--to SIZE]
 
 needs cargo, g++ and CGAL's headers (Debian: libcgal-dev libmpfr-dev), Linux, and an idle machine. Everything is built, then every tool is
 run after the other. Times are those of the whole process without writing a file (user + system, the best of N), memory is the most that
-was resident; one more run, not timed, writes the mesh, and target/release/measure measures all of them alike.
+was resident; one more run, not timed, writes the mesh, and target/release/measure measures all of them alike. Only the parts of `values`
+are timed within the process, by src/bin/values.rs; it needs no CGAL.
 """
 import argparse
 import json
@@ -23,6 +24,13 @@ TETS = {"part": (0.25, 0.1975), "sphere": (0.08, 0.064), "blend": (0.14, 0.1127)
 SURFACE = {"part": (6, 0.263), "sphere": (6, 0.0316), "blend": (6, 0.1397), "gyroid": (5, 0.0443)}
 # The part with about 1e5, 3e5, 1e6, 3e6, 1e7 tetrahedra.
 GROWTH = [0.245, 0.1685, 0.1125, 0.0778, 0.052]
+# Primitives of a union, and random points at which it is computed: fewer where each takes long.
+VALUES = {20: 100_000, 200: 100_000, 2_000: 100_000, 100_000: 2_000}
+EVALUATORS = ["fidget-jit", "fidget-vm", "isoform-tape", "isoform-pieces", "isoform-eval"]
+# isoform-eval runs programs statement by statement: beyond so many primitives it takes minutes, and grows as before.
+EVAL_MOST = 2_000
+# Single precision differs from double by less than this: distances near primitives are below 1.
+SINGLE = 2e-6
 
 
 def folder(where):
@@ -34,10 +42,12 @@ ISOFORM, PEERS = folder(ROOT) / "isoform", folder(HERE)
 OUT = PEERS / "peers-out"
 
 
-def build():
+def build(with_meshers):
     OUT.mkdir(parents=True, exist_ok=True)
-    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "isoform-cli"], cwd=ROOT, check=True)
     subprocess.run(["cargo", "build", "--release", "--quiet"], cwd=HERE, check=True)
+    if not with_meshers:
+        return
+    subprocess.run(["cargo", "build", "--release", "--quiet", "-p", "isoform-cli"], cwd=ROOT, check=True)
     source, program = HERE / "cgal_mesher.cpp", OUT / "cgal_mesher"
     if not program.exists() or program.stat().st_mtime < source.stat().st_mtime:
         subprocess.run(["g++", "-std=c++17", "-O3", "-DNDEBUG", source, "-o", program, "-lmpfr", "-lgmp"], check=True)
@@ -146,14 +156,53 @@ def growth(repeat, to):
         row(f"{size}", f"{n:,}", angles(mesh["dihedral"]), *cells)
 
 
+def told(kind, n, evaluator, points):
+    """(what the evaluator says of itself, or why it says nothing; MiB)"""
+    with subprocess.Popen([PEERS / "values", kind, str(n), evaluator, str(points)], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
+        # Neither is longer than a pipe holds.
+        out, why = child.stdout.read(), child.stderr.read().decode().strip()
+        _, status, used = os.wait4(child.pid, 0)
+        child.returncode = os.waitstatus_to_exitcode(status)
+    failure = None if child.returncode == 0 else f"exit {child.returncode}: {why.splitlines()[-1] if why else ''}"
+    return failure or json.loads(out), used.ru_maxrss / 1024
+
+
+def digits(value):
+    """three of them"""
+    return f"{float(f'{value:.3g}'):,.10g}"
+
+
+def values():
+    for kind in ("balls", "blocks"):
+        for n, points in VALUES.items():
+            table(f"{n:,} {kind}", "ready: CPU ms", f"{points:,} points: CPU ms", "ns per point", "ratio", "a cube: CPU ms", "ns per point", "ratio", "peak MiB")
+            first = None
+            for evaluator in EVALUATORS if n <= EVAL_MOST else EVALUATORS[:-1]:
+                found, memory = told(kind, n, evaluator, points)
+                if isinstance(found, str):
+                    row(evaluator, found, *["–"] * 6, f"{memory:.0f}")
+                    continue
+                first = first or found
+                # isoform-eval computes no cubes, which would take too long.
+                if any(abs(a - b) > SINGLE for a, b in zip(found["values"], first["values"])):
+                    raise SystemExit(f"{evaluator} differs: {found['values']}, {first['values']}")
+                cells = [digits(1e3 * found["ready"])]
+                for what, count in (("random", points), ("cube", found["cube_points"])):
+                    seconds = found[what]
+                    shown = [digits(1e3 * seconds), digits(1e9 * seconds / count), f"{seconds / first[what]:.2f}"] if seconds else ["–"] * 3
+                    cells += shown
+                row(evaluator, *cells, f"{memory:.0f}")
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("what", nargs="*", help="tets, surface, growth; all of them if none is named")
+    parser.add_argument("what", nargs="*", help="tets, surface, growth, values; all of them if none is named")
     parser.add_argument("--repeat", type=int, default=3, help="runs of which the best counts (growth: one beyond 2 million)")
     parser.add_argument("--to", type=float, default=0.0, help="growth: no edge length below this one")
     args = parser.parse_args()
-    build()
-    for name, work in (("tets", tets), ("surface", surface), ("growth", lambda repeat: growth(repeat, args.to))):
+    build(with_meshers=args.what != ["values"])
+    works = {"tets": tets, "surface": surface, "growth": lambda repeat: growth(repeat, args.to), "values": lambda _: values()}
+    for name, work in works.items():
         if not args.what or name in args.what:
             print(f"\nload {os.getloadavg()[0]:.1f} on {len(os.sched_getaffinity(0))} cores before `{name}`", flush=True)
             work(args.repeat)

@@ -1,8 +1,11 @@
-//! The plain file in which every mesher hands over its mesh, so that one and the same code measures
-//! them all.
+//! What the referees and isoform's programs share: the plain file in which every mesher hands over
+//! its mesh, so that one and the same code measures them all, and the primitives whose values are
+//! asked.
 //!
-//! Little endian: the numbers of points, triangles and tetrahedra (u64); points (3 f64), triangles
-//! (3 u32), tetrahedra (4 u32).
+//! The file is little endian: the numbers of points, triangles and tetrahedra (u64); points
+//! (3 f64), triangles (3 u32), tetrahedra (4 u32).
+
+pub mod primitives;
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Read, Write};

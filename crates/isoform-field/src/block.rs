@@ -13,6 +13,7 @@ use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Op, Tape};
 use isoform_geom::Point3;
 use isoform_num::{Jet1, Real};
+use std::cell::Cell;
 
 /// Number of points in a block. 32 lanes keep values and adjoints of some sixty slots in the
 /// first-level cache; 64 were slower by 40 %.
@@ -104,6 +105,11 @@ impl Plan {
     }
 }
 
+thread_local! {
+    /// Rows of blocks that are done.
+    static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
+}
+
 /// Scratch space of the block evaluators for one tape and one thread.
 #[derive(Clone, Debug)]
 pub(crate) struct Block<'t> {
@@ -127,23 +133,24 @@ impl<'t> Block<'t> {
         .with_constants()
     }
 
-    /// A block in rows that were used before; [`Block::into_rows`] gives them back.
-    pub(crate) fn values_in(tape: &'t Tape, mut rows: Vec<Row>) -> Self {
-        if rows.len() < tape.slots() {
-            rows.resize(tape.slots(), ZERO);
+    /// Runs with a block for values only in rows that this thread keeps. New ones would have to be
+    /// fetched into the caches each time, which costs more than some blocks of a short tape. They
+    /// are taken out meanwhile: another use on the same thread would start without any.
+    pub(crate) fn with_kept_rows<R>(tape: &'t Tape, run: impl FnOnce(&mut Self) -> R) -> R {
+        let mut slots = ROWS.take();
+        if slots.len() < tape.slots() {
+            slots.resize(tape.slots(), ZERO);
         }
-        Self {
+        let mut block = Self {
             tape,
-            slots: rows,
+            slots,
             adjoints: Vec::new(),
             plan: None,
         }
-        .with_constants()
-    }
-
-    /// The rows of the slots, to be used again.
-    pub(crate) fn into_rows(self) -> Vec<Row> {
-        self.slots
+        .with_constants();
+        let result = run(&mut block);
+        ROWS.set(block.slots);
+        result
     }
 
     /// Scratch for values and the derivatives of the first result that the plan is for.

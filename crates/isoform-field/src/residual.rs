@@ -6,6 +6,7 @@
 
 use crate::block::{Block, LANES, Lane, Plan, Wanted, dispatch};
 use crate::jets::{self, JetBlock};
+use crate::parted;
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
 use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real};
@@ -253,6 +254,9 @@ impl ParamField for Residual {
     }
 
     fn values(&self, points: &[Point3], a: &[f64], out: &mut [f64]) {
+        if parted::pays(&self.tape, points) {
+            return parted::values(&self.tape, points, a, out);
+        }
         for_pieces(points.len(), out, &mut [], 0, |range, out, _| {
             let mut block = Block::values(&self.tape);
             block.bind(a);
@@ -409,11 +413,16 @@ impl Bound {
         }
     }
 
+    /// A box and the parameters as intervals.
+    fn intervals(&self, region: Aabb) -> ([Interval; 3], Vec<Interval>) {
+        let x = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
+        (x, self.a.iter().map(|&v| Interval::new(v, v)).collect())
+    }
+
     /// Bounds of f over a box, and f with a shorter tape for the box if some of its branches are
     /// decided there.
     pub fn bounds_and_rest(&self, region: Aabb) -> (Interval, Option<Self>) {
-        let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(region.lo[i], region.hi[i]));
-        let a: Vec<Interval> = self.a.iter().map(|&v| Interval::new(v, v)).collect();
+        let (x, a) = self.intervals(region);
         let (range, rest) = self.residual.tape.bounds(&x, &a);
         (
             range,
@@ -435,7 +444,8 @@ impl Field for Bound {
         self.residual.tape.eval(&x, &a, &mut Vec::new())
     }
     fn bounds(&self, region: Aabb) -> Interval {
-        self.bounds_and_rest(region).0
+        let (x, a) = self.intervals(region);
+        self.residual.tape.range(&x, &a, &mut Vec::new())
     }
     fn values(&self, points: &[Point3], out: &mut [f64]) {
         ParamField::values(&self.residual, points, &self.a, out);

@@ -4,7 +4,7 @@
 //! what does not depend on space is computed once. Each piece has a tape of its own; where many
 //! pieces are wanted at once a common tape shares what they share.
 
-use crate::block::{Block, LANES, Row};
+use crate::block::{Block, LANES};
 use crate::graph::{Graph, Node, NodeId};
 use crate::hyperfun::{Amount, Model, NotCompilable, ParamInfo};
 use crate::ops::{Ops, Unary};
@@ -382,7 +382,6 @@ thread_local! {
     static SLOPES: Cell<Vec<Jet1<3>>> = const { Cell::new(Vec::new()) };
     static JETS: Cell<Vec<Jet2>> = const { Cell::new(Vec::new()) };
     static RANGES: Cell<Vec<Interval>> = const { Cell::new(Vec::new()) };
-    static ROWS: Cell<Vec<Row>> = const { Cell::new(Vec::new()) };
     static EXPANSIONS: Cell<Vec<IntervalJet<1>>> = const { Cell::new(Vec::new()) };
 }
 
@@ -420,8 +419,7 @@ fn values(
             }
         });
     }
-    with(&ROWS, |space| {
-        let mut block = Block::values_in(tape, std::mem::take(space));
+    Block::with_kept_rows(tape, |block| {
         block.bind(&[]);
         for (c, chunk) in points.chunks(LANES).enumerate() {
             block.load(chunk);
@@ -431,7 +429,6 @@ fn values(
                     .copy_from_slice(&block.result(result(row))[..chunk.len()]);
             }
         }
-        *space = block.into_rows();
     });
 }
 

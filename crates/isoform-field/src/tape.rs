@@ -71,17 +71,6 @@ pub struct Tape {
     pub(crate) roots: Vec<u32>,
 }
 
-/// The branch of a minimum, maximum or selection that can be active over a region.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Choice {
-    /// Not decided.
-    Both,
-    /// The first alone.
-    First,
-    /// The second alone.
-    Second,
-}
-
 /// The nodes of an expression as a tape has them, each kind in the order of creation.
 struct Order {
     /// Constants, coordinates and parameters.
@@ -225,14 +214,28 @@ impl Tape {
 
     /// All slots of an operation's arguments.
     pub(crate) fn arguments(&self, i: &Instruction) -> impl Iterator<Item = u32> + '_ {
-        let (fixed, list): (&[u32], &[u32]) = match i.op {
-            Op::Unary(_) | Op::PowI => (&[i.a], &[]),
-            Op::Binary(_) | Op::Set(_) => (&[i.a, i.b], &[]),
-            Op::Select => (&[i.a, i.b, i.c], &[]),
-            Op::Native => (&[], &self.natives[i.a as usize].1),
+        let (fixed, list): (usize, &[u32]) = match i.op {
+            Op::Unary(_) | Op::PowI => (1, &[]),
+            Op::Binary(_) | Op::Set(_) => (2, &[]),
+            Op::Select => (3, &[]),
+            Op::Native => (0, &self.natives[i.a as usize].1),
         };
-        let fixed: Vec<u32> = fixed.to_vec();
-        fixed.into_iter().chain(list.iter().copied())
+        let fixed = [i.a, i.b, i.c].into_iter().take(fixed);
+        fixed.chain(list.iter().copied())
+    }
+
+    /// Does something with each of them; no iterator is as fast where tapes are long.
+    #[inline(always)]
+    pub(crate) fn for_arguments(&self, i: &Instruction, mut each: impl FnMut(u32)) {
+        match i.op {
+            Op::Unary(_) | Op::PowI => each(i.a),
+            Op::Binary(_) | Op::Set(_) => {
+                each(i.a);
+                each(i.b);
+            }
+            Op::Select => [i.a, i.b, i.c].into_iter().for_each(each),
+            Op::Native => self.natives[i.a as usize].1.iter().copied().for_each(each),
+        }
     }
 
     /// The first result at a point, in any number type. `scratch` may be reused between calls.
@@ -282,48 +285,6 @@ impl Tape {
         }
     }
 
-    /// By slot, whether evaluators surely compute a number there, where the slots have the ranges
-    /// `s` ([`Tape::range`]).
-    ///
-    /// Ranges are hulls of what is defined: √u over \[−1, 1\] has the range \[0, 1\], and is no
-    /// number at −1. Where arguments are numbers and the range is finite, a sum or product is one.
-    fn numbers(&self, s: &[Interval]) -> Vec<bool> {
-        let first = self.first_code();
-        let is_finite = |r: &Interval| r.lo().is_finite() && r.hi().is_finite();
-        let mut known: Vec<Sure> = s[..first]
-            .iter()
-            .map(|r| Sure {
-                number: is_finite(r),
-                positive: is_finite(r) && r.lo() >= 0.0,
-            })
-            .collect();
-        for (k, i) in self.code.iter().enumerate() {
-            let all = self.arguments(i).all(|a| known[a as usize].number);
-            let number = all && is_finite(&s[first + k]) && self.is_defined(i, s, &known);
-            let positive = number && (s[first + k].lo() >= 0.0 || is_positive(i, &known));
-            known.push(Sure { number, positive });
-        }
-        known.into_iter().map(|sure| sure.number).collect()
-    }
-
-    /// Whether an operation has a value for all arguments in their ranges.
-    fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[Sure]) -> bool {
-        let within = |a: u32, lo: f64, hi: f64| {
-            let r = &s[a as usize];
-            lo <= r.lo() && r.hi() <= hi
-        };
-        match i.op {
-            Op::Native => false,
-            Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
-            Op::Unary(Unary::Ln) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
-            Op::Unary(Unary::Asin | Unary::Acos) => within(i.a, -1.0, 1.0),
-            Op::Binary(Binary::Pow) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
-            Op::Binary(Binary::Div) => !s[i.b as usize].contains(0.0),
-            Op::PowI => i.c as i32 >= 0 || !s[i.a as usize].contains(0.0),
-            _ => true,
-        }
-    }
-
     /// Fills the slots, the first ones of `s`. What `s` held before does not matter, nor that it is
     /// longer.
     #[inline]
@@ -363,40 +324,6 @@ impl Tape {
         }
     }
 
-    /// Bounds of the first result over a box of inputs, and a shorter tape with equal values in the
-    /// box: where the bounds decide which side of a min or max is active, or which branch of a
-    /// selection, the other one is dropped. R-functions depend on both arguments everywhere and are
-    /// kept.
-    pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
-        let mut s = Vec::new();
-        let range = self.range(x, a, &mut s);
-        let mut decided = false;
-        let choices: Vec<Choice> = self
-            .code
-            .iter()
-            .map(|i| {
-                let choice = match i.op {
-                    Op::Set(SetOp::Max) => decide(&s[i.b as usize], &s[i.a as usize]),
-                    Op::Set(SetOp::Min) => decide(&s[i.a as usize], &s[i.b as usize]),
-                    Op::Select => {
-                        let c = &s[i.a as usize];
-                        if !c.contains(0.0) {
-                            Choice::First
-                        } else if c.lo() == 0.0 && c.hi() == 0.0 {
-                            Choice::Second
-                        } else {
-                            Choice::Both
-                        }
-                    }
-                    _ => Choice::Both,
-                };
-                decided |= choice != Choice::Both;
-                choice
-            })
-            .collect();
-        (range, decided.then(|| self.simplified(&choices)))
-    }
-
     /// The slots that a slot depends on, itself included.
     fn slots_below(&self, slot: u32) -> BTreeSet<u32> {
         let mut need: BTreeSet<u32> = [slot].into();
@@ -410,7 +337,7 @@ impl Tape {
     }
 
     /// A tape with these inputs and constants, still without operations.
-    fn with_inputs(n_x: usize, n_params: usize, constants: Vec<f64>) -> Self {
+    pub(crate) fn with_inputs(n_x: usize, n_params: usize, constants: Vec<f64>) -> Self {
         Self {
             n_x,
             n_params,
@@ -446,7 +373,7 @@ impl Tape {
     }
 
     /// An operation of another tape with its arguments found by `at`.
-    fn moved(
+    pub(crate) fn moved(
         &self,
         i: &Instruction,
         at: impl Fn(u32) -> u32,
@@ -474,107 +401,5 @@ impl Tape {
                 }
             }
         }
-    }
-
-    /// By slot, the slot that has its value once decided operations are skipped.
-    fn decided(&self, choices: &[Choice]) -> Vec<u32> {
-        let first = self.first_code();
-        let mut same: Vec<u32> = (0..self.slots() as u32).collect();
-        for (k, (i, choice)) in self.code.iter().zip(choices).enumerate() {
-            let (one, two) = if i.op == Op::Select {
-                (i.b, i.c)
-            } else {
-                (i.a, i.b)
-            };
-            match choice {
-                Choice::Both => {}
-                Choice::First => same[first + k] = same[one as usize],
-                Choice::Second => same[first + k] = same[two as usize],
-            }
-        }
-        same
-    }
-
-    /// Which slots the results need, where slot s is found at `same[s]`.
-    fn needed(&self, same: &[u32]) -> Vec<bool> {
-        let first = self.first_code();
-        let mut need = vec![false; self.slots()];
-        for r in &self.roots {
-            need[same[*r as usize] as usize] = true;
-        }
-        for (k, i) in self.code.iter().enumerate().rev() {
-            if need[first + k] {
-                for a in self.arguments(i) {
-                    need[same[a as usize] as usize] = true;
-                }
-            }
-        }
-        need
-    }
-
-    /// The tape without the operations that the choices decide, and without what only the branches
-    /// that were not chosen need.
-    fn simplified(&self, choices: &[Choice]) -> Self {
-        let first = self.first_code();
-        let same = self.decided(choices);
-        let need = self.needed(&same);
-        let mut place: Vec<u32> = (0..self.slots() as u32).collect();
-        let (mut code, mut natives) = (Vec::new(), Vec::new());
-        let mut uniform = 0;
-        for (k, i) in self.code.iter().enumerate() {
-            if !need[first + k] {
-                continue;
-            }
-            let at = |s: u32| place[same[s as usize] as usize];
-            let moved = self.moved(i, at, &mut natives);
-            place[first + k] = (first + code.len()) as u32;
-            code.push(moved);
-            uniform += usize::from(k < self.uniform);
-        }
-        let roots = self
-            .roots
-            .iter()
-            .map(|&r| place[same[r as usize] as usize])
-            .collect();
-        Self {
-            code,
-            uniform,
-            roots,
-            natives,
-            ..self.clone()
-        }
-    }
-}
-
-/// What is sure of the value in a slot.
-#[derive(Clone, Copy, Debug)]
-struct Sure {
-    /// It is a number.
-    number: bool,
-    /// It is a number and not below 0.
-    positive: bool,
-}
-
-/// Whether an operation on numbers gives none below 0, whatever the rounding: sums of squares have
-/// ranges that begin just below 0.
-fn is_positive(i: &Instruction, known: &[Sure]) -> bool {
-    let both = || known[i.a as usize].positive && known[i.b as usize].positive;
-    match i.op {
-        Op::Unary(Unary::Abs | Unary::Square | Unary::Sqrt | Unary::Exp | Unary::Cosh) => true,
-        Op::PowI => (i.c as i32) % 2 == 0,
-        Op::Binary(Binary::Add | Binary::Mul) => both(),
-        _ => false,
-    }
-}
-
-/// The argument of min(first, second) that is surely below the other one. The maximum asks with the
-/// arguments swapped: there the one surely above is the first.
-fn decide(first: &Interval, second: &Interval) -> Choice {
-    if first.hi() < second.lo() {
-        Choice::First
-    } else if second.hi() < first.lo() {
-        Choice::Second
-    } else {
-        Choice::Both
     }
 }

@@ -276,3 +276,57 @@ fn native_functions_claim_nothing() {
         Interval::ALL.hi()
     );
 }
+
+/// Many disjoint balls, and what may be no number or is told apart by a selection: all values at
+/// many points are those of the whole function at each, bit for bit, on any number of threads.
+#[test]
+fn values_at_many_points_are_those_at_each() {
+    let mut text = "my_model(x[3], a[2]) { t = 0 - 9;\n".to_owned();
+    for k in 0..216 {
+        let [x, y, z] = [k % 6, k / 6 % 6, k / 36];
+        // No two alike, which would share operations.
+        let by = 1e-4 * f64::from(k);
+        let away = format!("(x[1] - {x} - {by})^2 + (x[2] - {y} - {by})^2");
+        let away = format!("{away} + (x[3] - {z} - {by} + a[2])^2");
+        // Some of the last are no number beyond a distance of 1.2, every fifth has another formula.
+        text += &match k {
+            k if k > 170 && k % 7 == 3 => format!("t = max(sqrt(1.44 - {away}) - 1, t);\n"),
+            k if k % 5 == 2 => {
+                format!("if x[1] > {x} then t = max(t, a[1]^2 - ({away})); endif;\n")
+            }
+            _ => format!("t = max(t, a[1] - sqrt({away}));\n"),
+        };
+    }
+    let model = Model::parse(&(text + "my_model = t; }"), Mode::Default).expect("balls");
+    let mut graph = Graph::new();
+    let root = model.compile(&mut graph).expect("an expression");
+    let residual = Residual::new(Tape::new(&graph, &[root], 3, 2));
+    assert!(
+        residual.tape().len() > 2000,
+        "too short for points to be parted"
+    );
+    let mut random = isoform_num::Random::new(7);
+    let mut points: Vec<Point3> = (0..40_000)
+        .map(|_| std::array::from_fn(|_| 6.0 * random.unit() - 0.5))
+        .collect();
+    points.extend([points[17]; 1500]);
+    let a = [0.4, 0.03];
+    let bits = |threads: usize| -> Vec<u64> {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let mut out = vec![0.0; points.len()];
+        let pool = pool.build().expect("a pool");
+        pool.install(|| residual.values(&points, &a, &mut out));
+        out.into_iter().map(f64::to_bits).collect()
+    };
+    let found = bits(1);
+    assert_eq!(found, bits(3));
+    let mut scratch = Vec::new();
+    for (p, found) in points.iter().zip(found) {
+        let value = residual.tape().eval(p, &a, &mut scratch);
+        assert!(
+            value.to_bits() == found || value.is_nan() && f64::from_bits(found).is_nan(),
+            "{} against {value} at {p:?}",
+            f64::from_bits(found)
+        );
+    }
+}

@@ -42,6 +42,7 @@ impl Interval {
     ///
     /// # Panics
     /// If lo > hi.
+    #[inline]
     pub fn new(lo: f64, hi: f64) -> Self {
         if lo.is_nan() || hi.is_nan() {
             return Self::ALL;
@@ -51,10 +52,12 @@ impl Interval {
     }
 
     /// Lower bound.
+    #[inline]
     pub fn lo(&self) -> f64 {
         self.lo
     }
     /// Upper bound.
+    #[inline]
     pub fn hi(&self) -> f64 {
         self.hi
     }
@@ -76,6 +79,7 @@ impl Interval {
         self.lo.abs().max(self.hi.abs())
     }
     /// Whether `v` lies in the interval.
+    #[inline]
     pub fn contains(&self, v: f64) -> bool {
         self.lo <= v && v <= self.hi
     }
@@ -88,6 +92,7 @@ impl Interval {
     }
 
     /// \[lo, hi\] moved outwards by `ulps` on both sides; NaN on a side becomes infinite.
+    #[inline]
     fn out(lo: f64, hi: f64, ulps: u32) -> Self {
         let (mut l, mut h) = (lo, hi);
         if l.is_nan() {
@@ -146,6 +151,7 @@ impl Interval {
 
 impl Add for Interval {
     type Output = Self;
+    #[inline]
     fn add(self, o: Self) -> Self {
         Self::out(self.lo + o.lo, self.hi + o.hi, 1)
     }
@@ -153,6 +159,7 @@ impl Add for Interval {
 
 impl Sub for Interval {
     type Output = Self;
+    #[inline]
     fn sub(self, o: Self) -> Self {
         Self::out(self.lo - o.hi, self.hi - o.lo, 1)
     }
@@ -160,6 +167,7 @@ impl Sub for Interval {
 
 impl Neg for Interval {
     type Output = Self;
+    #[inline]
     fn neg(self) -> Self {
         Self {
             lo: -self.hi,
@@ -176,6 +184,7 @@ fn times(a: f64, b: f64) -> f64 {
 
 impl Mul for Interval {
     type Output = Self;
+    #[inline]
     fn mul(self, o: Self) -> Self {
         let mut p = [
             self.lo * o.lo,
@@ -245,6 +254,7 @@ impl Div for Interval {
 }
 
 impl Real for Interval {
+    #[inline]
     fn constant(c: f64) -> Self {
         if c.is_nan() {
             Self::ALL
@@ -259,6 +269,7 @@ impl Real for Interval {
             f64::NAN
         }
     }
+    #[inline]
     fn sqrt(&self) -> Self {
         if self.hi < 0.0 {
             return Self::ALL;
@@ -331,6 +342,7 @@ impl Real for Interval {
     fn tanh(&self) -> Self {
         self.increasing(f64::tanh)
     }
+    #[inline]
     fn abs(&self) -> Self {
         if self.lo >= 0.0 {
             *self
@@ -343,6 +355,7 @@ impl Real for Interval {
             }
         }
     }
+    #[inline]
     fn square(&self) -> Self {
         let a = self.abs();
         let r = Self::out(a.lo * a.lo, a.hi * a.hi, 1);
@@ -438,12 +451,14 @@ impl Real for Interval {
             hi: Real::sign(&self.hi),
         }
     }
+    #[inline]
     fn min(&self, o: &Self) -> Self {
         Self {
             lo: self.lo.min(o.lo),
             hi: self.hi.min(o.hi),
         }
     }
+    #[inline]
     fn max(&self, o: &Self) -> Self {
         Self {
             lo: self.lo.max(o.lo),

@@ -1,0 +1,380 @@
+//! A shorter tape for a box of inputs, without what does not decide there.
+//!
+//! Intervals tell which arguments of a minimum, maximum or selection cannot be its value (Duff,
+//! Interval arithmetic and recursive subdivision, SIGGRAPH 1992). From the results downwards each
+//! operation tells its arguments which of their values matter: of max(max(a, b), c) those below
+//! the least value of c are as good as any other there. So a chain is as good as one maximum of
+//! all, and it does not matter in which order a program names its parts.
+
+use crate::ops::{Binary, SetOp, Unary};
+use crate::tape::{Instruction, Op, Tape};
+use isoform_num::Interval;
+
+/// What of an operation is left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Choice {
+    /// Nothing, since nothing uses it.
+    Neither,
+    /// Its first branch alone.
+    First,
+    /// Its second branch alone.
+    Second,
+    /// The operation.
+    Both,
+}
+
+/// Which values of a slot matter: those below the floor are as good as each other, and so are those
+/// above the ceiling.
+#[derive(Clone, Copy)]
+struct Matter {
+    floor: f64,
+    ceiling: f64,
+}
+
+impl Matter {
+    /// No value, where nothing uses the slot.
+    const NONE: Self = Self {
+        floor: f64::INFINITY,
+        ceiling: f64::NEG_INFINITY,
+    };
+    /// Every value.
+    const ALL: Self = Self {
+        floor: f64::NEG_INFINITY,
+        ceiling: f64::INFINITY,
+    };
+
+    /// Whether something uses the slot. Where the floor is above the ceiling no value is better
+    /// than another, but there must be one.
+    fn is_any(self) -> bool {
+        self.floor < f64::INFINITY || self.ceiling > f64::NEG_INFINITY
+    }
+
+    /// A further use of the slot.
+    fn add(&mut self, other: Self) {
+        self.floor = self.floor.min(other.floor);
+        self.ceiling = self.ceiling.max(other.ceiling);
+    }
+
+    /// What matters of u where this matters of −u.
+    fn mirrored(self) -> Self {
+        Self {
+            floor: -self.ceiling,
+            ceiling: -self.floor,
+        }
+    }
+
+    /// What decides a maximum of two numbers, and what of their values matters.
+    fn of_maximum(self, [a, b]: [Interval; 2]) -> (Choice, Self) {
+        let floor = self.floor.max(a.lo()).max(b.lo());
+        let choice = if b.hi() < floor {
+            Choice::First
+        } else if a.hi() < floor {
+            Choice::Second
+        } else {
+            Choice::Both
+        };
+        (choice, Self { floor, ..self })
+    }
+
+    /// The same of a minimum.
+    fn of_minimum(self, both: [Interval; 2]) -> (Choice, Self) {
+        let (choice, matter) = self.mirrored().of_maximum(both.map(|range| -range));
+        (choice, matter.mirrored())
+    }
+}
+
+/// What decides a selection by a number.
+fn of_selection(condition: Interval) -> Choice {
+    if !condition.contains(0.0) {
+        Choice::First
+    } else if condition.lo() == 0.0 && condition.hi() == 0.0 {
+        Choice::Second
+    } else {
+        Choice::Both
+    }
+}
+
+impl Tape {
+    /// Bounds of the first result over a box of inputs, and a shorter tape that computes the same
+    /// bits of all results in the box. R-functions depend on both arguments everywhere and are
+    /// kept.
+    pub fn bounds(&self, x: &[Interval], a: &[Interval]) -> (Interval, Option<Self>) {
+        let mut s = Vec::new();
+        let range = self.range(x, a, &mut s);
+        let numbers = self.numbers(&s);
+        let (choices, matter) = self.choices(&s, &numbers);
+        let is_shorter = choices.iter().any(|choice| *choice != Choice::Both);
+        (
+            range,
+            is_shorter.then(|| self.simplified(&choices, &matter)),
+        )
+    }
+
+    /// What is left of each operation, and what matters of each slot, where the slots have the
+    /// ranges `s` and surely are numbers where `numbers` says so. Ranges hold nothing else:
+    /// max(3, u) is 3 where u is none.
+    fn choices(&self, s: &[Interval], numbers: &[bool]) -> (Vec<Choice>, Vec<Matter>) {
+        let first = self.first_code();
+        let mut matter = vec![Matter::NONE; self.slots()];
+        for &root in &self.roots {
+            matter[root as usize] = Matter::ALL;
+        }
+        let mut choices = vec![Choice::Neither; self.code.len()];
+        for (k, i) in self.code.iter().enumerate().rev() {
+            let of = matter[first + k];
+            if of.is_any() {
+                choices[k] = self.choice(i, of, (s, numbers), &mut matter);
+            }
+        }
+        (choices, matter)
+    }
+
+    /// What decides an operation of which `of` matters; its arguments are told what of them does.
+    fn choice(
+        &self,
+        i: &Instruction,
+        of: Matter,
+        (s, numbers): (&[Interval], &[bool]),
+        matter: &mut [Matter],
+    ) -> Choice {
+        let [a, b, c] = [i.a, i.b, i.c].map(|slot| slot as usize);
+        let ((choice, passed), [one, two]) = match i.op {
+            Op::Set(SetOp::Max) if numbers[a] && numbers[b] => {
+                (of.of_maximum([s[a], s[b]]), [a, b])
+            }
+            Op::Set(SetOp::Min) if numbers[a] && numbers[b] => {
+                (of.of_minimum([s[a], s[b]]), [a, b])
+            }
+            Op::Select if numbers[a] => ((of_selection(s[a]), of), [b, c]),
+            Op::Unary(Unary::Neg) => {
+                matter[a].add(of.mirrored());
+                return Choice::Both;
+            }
+            _ => {
+                self.for_arguments(i, |slot| matter[slot as usize] = Matter::ALL);
+                return Choice::Both;
+            }
+        };
+        if i.op == Op::Select && choice == Choice::Both {
+            matter[a] = Matter::ALL;
+        }
+        if choice != Choice::Second {
+            matter[one].add(passed);
+        }
+        if choice != Choice::First {
+            matter[two].add(passed);
+        }
+        choice
+    }
+
+    /// By slot, whether evaluators surely compute a number there, where the slots have the ranges
+    /// `s` ([`Tape::range`]).
+    ///
+    /// Ranges are hulls of what is defined: √u over \[−1, 1\] has the range \[0, 1\], and is no
+    /// number at −1. Where arguments are numbers and the range is finite, a sum or product is one.
+    pub(crate) fn numbers(&self, s: &[Interval]) -> Vec<bool> {
+        let first = self.first_code();
+        let is_finite = |r: &Interval| r.lo().is_finite() && r.hi().is_finite();
+        let mut known: Vec<Sure> = s[..first]
+            .iter()
+            .map(|r| Sure {
+                number: is_finite(r),
+                positive: is_finite(r) && r.lo() >= 0.0,
+            })
+            .collect();
+        for (k, i) in self.code.iter().enumerate() {
+            let mut all = true;
+            self.for_arguments(i, |a| all &= known[a as usize].number);
+            let number = all && is_finite(&s[first + k]) && self.is_defined(i, s, &known);
+            let positive = number && (s[first + k].lo() >= 0.0 || is_positive(i, &known));
+            known.push(Sure { number, positive });
+        }
+        known.into_iter().map(|sure| sure.number).collect()
+    }
+
+    /// Whether an operation has a value for all arguments in their ranges.
+    fn is_defined(&self, i: &Instruction, s: &[Interval], known: &[Sure]) -> bool {
+        let within = |a: u32, lo: f64, hi: f64| {
+            let r = &s[a as usize];
+            lo <= r.lo() && r.hi() <= hi
+        };
+        match i.op {
+            Op::Native => false,
+            Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
+            Op::Unary(Unary::Ln) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
+            Op::Unary(Unary::Asin | Unary::Acos) => within(i.a, -1.0, 1.0),
+            Op::Binary(Binary::Pow) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
+            Op::Binary(Binary::Div) => !s[i.b as usize].contains(0.0),
+            Op::PowI => i.c as i32 >= 0 || !s[i.a as usize].contains(0.0),
+            _ => true,
+        }
+    }
+
+    /// The tape of what is left.
+    fn simplified(&self, choices: &[Choice], matter: &[Matter]) -> Self {
+        let (first, inputs) = (self.first_code(), self.first_x());
+        let constants: Vec<usize> = (0..inputs).filter(|&s| matter[s].is_any()).collect();
+        let values = constants.iter().map(|&s| self.constants[s]);
+        let mut tape = Self::with_inputs(self.n_x, self.n_params, values.collect());
+        let mut place = vec![u32::MAX; self.slots()];
+        for (to, from) in constants.into_iter().chain(inputs..first).enumerate() {
+            place[from] = to as u32;
+        }
+        for (k, (i, choice)) in self.code.iter().zip(choices).enumerate() {
+            let branches = match i.op {
+                Op::Select => [i.b, i.c],
+                _ => [i.a, i.b],
+            };
+            place[first + k] = match choice {
+                Choice::Neither => continue,
+                Choice::First => place[branches[0] as usize],
+                Choice::Second => place[branches[1] as usize],
+                Choice::Both => {
+                    let moved = self.moved(i, |s| place[s as usize], &mut tape.natives);
+                    tape.code.push(moved);
+                    tape.uniform += usize::from(k < self.uniform);
+                    (tape.slots() - 1) as u32
+                }
+            };
+        }
+        tape.roots = self.roots.iter().map(|&r| place[r as usize]).collect();
+        tape
+    }
+}
+
+/// What is sure of the value in a slot.
+#[derive(Clone, Copy, Debug)]
+struct Sure {
+    /// It is a number.
+    number: bool,
+    /// It is a number and not below 0.
+    positive: bool,
+}
+
+/// Whether an operation on numbers gives none below 0, whatever the rounding: sums of squares have
+/// ranges that begin just below 0.
+fn is_positive(i: &Instruction, known: &[Sure]) -> bool {
+    let both = || known[i.a as usize].positive && known[i.b as usize].positive;
+    match i.op {
+        Op::Unary(Unary::Abs | Unary::Square | Unary::Sqrt | Unary::Exp | Unary::Cosh) => true,
+        Op::PowI => (i.c as i32) % 2 == 0,
+        Op::Binary(Binary::Add | Binary::Mul) => both(),
+        _ => false,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Graph, NodeId, Ops};
+    use isoform_num::Random;
+
+    /// The tape for a box, and the whole one where nothing is left out.
+    fn rest(tape: &Tape, [lo, hi]: [[f64; 3]; 2]) -> Tape {
+        let x: [Interval; 3] = std::array::from_fn(|i| Interval::new(lo[i], hi[i]));
+        tape.bounds(&x, &[]).1.unwrap_or_else(|| tape.clone())
+    }
+
+    /// A ball's function about (k, 0, 0).
+    fn ball(graph: &mut Graph, k: usize) -> NodeId {
+        let [x, y, z] = [0, 1, 2].map(|i| graph.x(i));
+        let x = graph.offset(&x, -(k as f64));
+        let [x, y, z] = [x, y, z].map(|x| graph.square(&x));
+        let sum = graph.add(&x, &y);
+        let sum = graph.add(&sum, &z);
+        let away = graph.sqrt(&sum);
+        let radius = graph.constant(0.3);
+        graph.sub(&radius, &away)
+    }
+
+    /// Of a row of balls only those near a box are left, wherever they stand in the chain; also
+    /// where the union is taken away from something, or written as the complement of an
+    /// intersection.
+    #[test]
+    fn the_order_of_a_chain_does_not_matter() {
+        for order in [1, 37, 99] {
+            for form in 0..3 {
+                let mut graph = Graph::new();
+                let mut all = ball(&mut graph, 0);
+                for k in 1..100 {
+                    let one = ball(&mut graph, k * order % 100);
+                    all = match form {
+                        0 => graph.max(&all, &one),
+                        _ => {
+                            let both = [&all, &one].map(|u| graph.neg(u));
+                            let neither = graph.min(&both[0], &both[1]);
+                            graph.neg(&neither)
+                        }
+                    };
+                }
+                if form == 2 {
+                    let outside = graph.neg(&all);
+                    let x = graph.x(1);
+                    all = graph.min(&outside, &x);
+                }
+                let tape = Tape::new(&graph, &[all], 3, 0);
+                let short = rest(&tape, [[40.0, 0.0, 0.0], [41.0, 0.5, 0.5]]);
+                assert!(
+                    short.len() < tape.len() / 15,
+                    "{} of {} operations, order {order}, form {form}",
+                    short.len(),
+                    tape.len()
+                );
+            }
+        }
+    }
+
+    /// A random expression whose parts are used again and again; some are no number somewhere.
+    fn expression(random: &mut Random, graph: &mut Graph) -> NodeId {
+        let mut nodes: Vec<NodeId> = (0..3).map(|i| graph.x(i)).collect();
+        for _ in 0..60 {
+            let mut any = || nodes[(random.unit() * nodes.len() as f64) as usize];
+            let (a, b, c) = (any(), any(), any());
+            let by = random.symmetric();
+            let node = match (random.unit() * 24.0) as usize {
+                0..8 => graph.max(&a, &b),
+                8..16 => graph.min(&a, &b),
+                16..18 => graph.neg(&a),
+                18..20 => graph.offset(&a, by),
+                20 => graph.select(&a, &b, &c),
+                21 => {
+                    let less = graph.less(&a, &b);
+                    graph.select(&less, &b, &c)
+                }
+                22 => graph.add(&a, &b),
+                _ if by < 0.0 => graph.sqrt(&a),
+                _ => graph.square(&a),
+            };
+            nodes.push(node);
+        }
+        nodes[nodes.len() - 1]
+    }
+
+    /// Whatever is left out, values stay the same bits, NaN and zeros of either sign included.
+    #[test]
+    fn what_is_left_computes_the_same_bits() {
+        let mut random = Random::new(11);
+        let (mut left_out, mut all) = (0, 0);
+        for _ in 0..3000 {
+            let mut graph = Graph::new();
+            let root = expression(&mut random, &mut graph);
+            let tape = Tape::new(&graph, &[root], 3, 0);
+            let lo = [(); 3].map(|()| random.symmetric());
+            let size = 2.0 * random.unit().powi(2);
+            let short = rest(&tape, [lo, lo.map(|v| v + size)]);
+            (left_out, all) = (left_out + tape.len() - short.len(), all + tape.len());
+            for _ in 0..20 {
+                let p = lo.map(|v| v + size * random.unit());
+                let [whole, part] = [&tape, &short].map(|t| t.eval(&p, &[], &mut Vec::new()));
+                assert!(
+                    whole.to_bits() == part.to_bits() || whole.is_nan() && part.is_nan(),
+                    "{part} for {whole} at {p:?}"
+                );
+            }
+        }
+        assert!(
+            4 * left_out > all,
+            "{left_out} of {all} operations left out"
+        );
+    }
+}
