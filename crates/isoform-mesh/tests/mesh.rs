@@ -197,6 +197,21 @@ fn sizes_follow_the_chordal_error() {
     );
 }
 
+/// Curvature asks for edges of 0.8 radii at most, which are some 60 triangles around a ball, and
+/// bisection gives twice as many at the worst: whatever the size, above that of the ball.
+#[test]
+fn a_ball_has_the_triangles_that_its_curvature_asks_for() {
+    for size in [0.5, 0.9, 1.4, 2.0] {
+        let options = Options {
+            size,
+            ..Options::default()
+        };
+        let (meshed, _) = meshed(SPHERE, &options);
+        let triangles = meshed.mesh.triangles.len();
+        assert!((60..200).contains(&triangles), "{triangles} at {size}");
+    }
+}
+
 #[test]
 fn a_box_cuts_the_solid_off() {
     let region = Aabb {
