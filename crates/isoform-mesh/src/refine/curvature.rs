@@ -67,6 +67,12 @@ fn radius(solid: &dyn Solid, piece: u32, p: Point3, (v, gradient): (f64, Point3)
     k.min(l)
 }
 
+/// Edge length at which a surface with this radius of curvature does not turn too far at once, where
+/// `size` is asked for.
+pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
+    (RADIUS * radius).max(BEND_LEAST * size)
+}
+
 /// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
 /// and without turning too far at once (down to a share of `size`). Infinite away from the surface.
 fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
@@ -93,8 +99,7 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
         // A chord of length s leaves a circle of radius r by s²/(8 r), an equilateral triangle a
         // sphere by s²/(6 r).
         let by_error = (6.0 * error * radius).sqrt();
-        let by_turn = (RADIUS * radius).max(BEND_LEAST * size);
-        wanted = wanted.min(by_error).min(by_turn);
+        wanted = wanted.min(by_error).min(turn_size(radius, size));
     }
     wanted
 }
