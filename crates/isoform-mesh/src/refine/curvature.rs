@@ -67,8 +67,8 @@ fn radius(solid: &dyn Solid, piece: u32, p: Point3, (v, gradient): (f64, Point3)
     k.min(l)
 }
 
-/// Edge length at which a surface with this radius of curvature does not turn too far at once, where
-/// `size` is asked for.
+/// Edge length at which a surface with this radius of curvature does not turn too far at once,
+/// where `size` is asked for.
 pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
     (RADIUS * radius).max(BEND_LEAST * size)
 }

@@ -22,9 +22,9 @@ const REACH: f64 = 1.0;
 /// Sine of the angle above which a piece crosses another one so clearly that a seam is well placed.
 const CLEARLY: f64 = 0.2;
 /// How far beside a seam, in such cells, its pieces have to be still together, and how near. Where
-/// they part sooner a radius is smaller than a cell, for cells become no smaller than a share of the
-/// size: no triangles would have room between this seam and the next, so that vertices held on them
-/// spoil the mesh.
+/// they part sooner a radius is smaller than a cell, for cells become no smaller than a share of
+/// the size: no triangles would have room between this seam and the next, so that vertices held on
+/// them spoil the mesh.
 const TOGETHER: [f64; 2] = [0.5, 0.15];
 /// Pieces in which a seam may end at a point, on both sides of which it is looked for: a corner has
 /// one or two, each more doubles the work.
@@ -126,8 +126,8 @@ impl Surface<'_> {
                 .is_some_and(|seam| seam.iter().all(|i| pair.contains(i)))
     }
 
-    /// Edge of the cells at a point of two pieces; how these bend is not the only reason for smaller
-    /// ones.
+    /// Edge of the cells at a point of two pieces; how these bend is not the only reason for
+    /// smaller ones.
     fn cell_at(&self, pieces: [u32; 2], p: Point3) -> f64 {
         if !self.bends {
             return self.lattice.a;
