@@ -1,4 +1,4 @@
-//! Surfaces that lie beside others without an edge: patches of a form that is neither.
+//! Surfaces that meet others without an edge where none was designed: patches of a bent form.
 
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
@@ -57,8 +57,8 @@ pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     free.map(|(_, of)| of.len() as f64).sum::<f64>() / cloud.points.len().max(1) as f64
 }
 
-/// Whether two entities meet along a border at an angle of at most this cosine, and neither is a round beside the
-/// other.
+/// Whether two entities meet along a border at an angle whose cosine is this at least, and neither
+/// is a round beside the other.
 fn meet_smoothly(
     found: &Segmentation,
     members: &[Vec<u32>],
