@@ -43,8 +43,9 @@ const FEWER: f64 = 0.3;
 /// The least correlation of the distances of neighbours whose mean square is beyond the noise: it is
 /// 0 where a wide tolerance takes both faces of a plate for one, and above 0.7 on bent faces.
 const ONE_SHEET: f64 = 0.35;
-/// How many entities within the noise may take the place of one within a tolerance of form, and the
-/// share of its points that they tell at least. Bent faces fall into more, which leave more out.
+/// How many patches within the noise may take the place of an entity within a tolerance of form, and
+/// the share of its points that they and others tell at least. Bent faces fall into more patches,
+/// which leave more out.
 const EXACT_PIECES: (usize, f64) = (3, 0.9);
 
 /// What is found within the noise that the points show, or within the tolerance of form that
@@ -105,11 +106,12 @@ fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> boo
     let is_told: Vec<bool> = (exact.surfaces.iter().zip(&members))
         .map(|(surface, of)| surface.kind != Kind::Torus && is_known(cloud, surface, of))
         .collect();
+    let is_patch = patches(cloud, exact, WIDEST);
     let of_form = taken.surfaces.len() as u32;
     for label in 0..of_form {
         let mut is_changed = false;
         for part in parts(cloud, &taken.labels, label) {
-            let Some(pieces) = exact_pieces(exact, &is_told, &part) else {
+            let Some(pieces) = exact_pieces(exact, [&is_told, &is_patch], &part) else {
                 continue;
             };
             let one = length_of(cloud, &taken.surfaces[label as usize], &part);
@@ -178,10 +180,10 @@ fn parts(cloud: &Cloud, labels: &[u32], label: u32) -> Vec<Vec<u32>> {
 }
 
 /// The surfaces within the noise that tell nearly all of some points, with theirs of these; `None`
-/// where it takes many.
+/// where it takes many patches.
 fn exact_pieces(
     exact: &Segmentation,
-    is_told: &[bool],
+    [is_told, is_patch]: [&[bool]; 2],
     part: &[u32],
 ) -> Option<BTreeMap<u32, Vec<u32>>> {
     let mut pieces: BTreeMap<u32, Vec<u32>> = BTreeMap::new();
@@ -195,7 +197,8 @@ fn exact_pieces(
     pieces.retain(|own, points| points.len() >= least(own));
     let told: usize = pieces.values().map(Vec::len).sum();
     let is_most = told as f64 >= EXACT_PIECES.1 * part.len() as f64;
-    ((1..=EXACT_PIECES.0).contains(&pieces.len()) && is_most).then_some(pieces)
+    let few = pieces.keys().filter(|own| is_patch[**own as usize]).count() <= EXACT_PIECES.0;
+    (is_most && few).then_some(pieces)
 }
 
 /// What was found of a cloud, each with the length of its description.

@@ -1,11 +1,14 @@
 //! Surfaces that meet others without an edge where none was designed: patches of a bent form.
 
+use crate::blends::blends;
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
 use crate::fit::squares;
 use crate::kinds::guess;
-use crate::segment::Segmentation;
-use isoform_geom::dot;
+use crate::recognize::known;
+use crate::relations::Known;
+use crate::segment::{NONE, Segmentation};
+use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
 
 /// The cosine of the angle below which two surfaces meet without an edge: 15°. Patches that follow
@@ -16,6 +19,9 @@ const FREE: f64 = 0.99;
 /// Pairs of neighbours across a border for it to count, in square roots of the points of the
 /// smaller entity: a border all round it has about 16.
 const BORDER: f64 = 2.0;
+/// The largest mean distance between two surfaces at their border, in deviations of the noise:
+/// patches meet within 3, with more there is a step.
+const STEP: f64 = 5.0;
 /// A round of an edge has at most this share of the points of the face beside it.
 const ROUND: f64 = 0.5;
 
@@ -24,10 +30,11 @@ const ROUND: f64 = 0.5;
 pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Vec<bool> {
     let members = found.members();
     let mut is_patch = vec![false; members.len()];
+    let blends = blends_of(cloud, found, &members);
     for ((a, b), border) in borders(cloud, found) {
         let pair = [a as usize, b as usize];
         let is_new = pair.iter().any(|k| !is_patch[*k]);
-        if is_new && meet_smoothly(found, &members, pair, border, SMOOTH) {
+        if is_new && meet_smoothly(found, &members, &blends, pair, &border, SMOOTH) {
             let both = [&members[pair[0]][..], &members[pair[1]]].concat();
             if is_simple(cloud, &both, tolerance) {
                 pair.iter().for_each(|k| is_patch[*k] = true);
@@ -42,11 +49,12 @@ pub(crate) fn patches(cloud: &Cloud, found: &Segmentation, tolerance: f64) -> Ve
 pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     let members = found.members();
     let mut is_free = vec![false; members.len()];
+    let blends = blends_of(cloud, found, &members);
     for ((a, b), border) in borders(cloud, found) {
         let pair = [a as usize, b as usize];
         let [one, two] = pair.map(|k| found.surfaces[k].kind);
-        let is_usual = are_rounded(one, two) || [one, two].contains(&Kind::Cone) && one != two;
-        if !is_usual && meet_smoothly(found, &members, pair, border, FREE) {
+        let is_usual = are_rounded(one, two) || [one, two].contains(&Kind::Cone);
+        if !is_usual && meet_smoothly(found, &members, &blends, pair, &border, FREE) {
             pair.iter().for_each(|k| is_free[*k] = true);
         }
     }
@@ -57,20 +65,54 @@ pub(crate) fn free_share(cloud: &Cloud, found: &Segmentation) -> f64 {
     free.map(|(_, of)| of.len() as f64).sum::<f64>() / cloud.points.len().max(1) as f64
 }
 
-/// Whether two entities meet along a border at an angle whose cosine is this at least, and neither
-/// is a round beside the other.
+/// Whether two entities meet along a border at an angle whose cosine is this at least, without a
+/// step, and neither is a round beside the other. Planes meet at folds, however flat these are.
 fn meet_smoothly(
     found: &Segmentation,
     members: &[Vec<u32>],
+    is_blend: &[bool],
     pair: [usize; 2],
-    (pairs, cosines): (f64, f64),
+    border: &Border,
     smooth: f64,
 ) -> bool {
     let [one, two] = pair.map(|k| found.surfaces[k].kind);
     let counts = pair.map(|k| members[k].len() as f64);
     let (large, small) = (counts[0].max(counts[1]), counts[0].min(counts[1]));
-    let is_round = small <= ROUND * large && are_rounded(one, two);
-    cosines >= smooth * pairs && pairs >= BORDER * small.sqrt() && !is_round
+    let is_small = small <= ROUND * large || pair.iter().any(|k| is_blend[*k]);
+    let is_round = is_small && are_rounded(one, two);
+    border.cosines >= smooth * border.pairs
+        && border.gaps <= STEP * found.noise * border.pairs
+        && border.pairs >= BORDER * small.sqrt()
+        && !is_round
+        && (one, two) != (Kind::Plane, Kind::Plane)
+}
+
+/// Which entities are blends: surfaces that touch two others exactly are designed.
+fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<bool> {
+    let known: Vec<Known> = (members.iter().enumerate())
+        .map(|(label, of)| known(cloud, found, of, label))
+        .collect();
+    let points: Vec<Vec<Point3>> = members.iter().map(|of| cloud.at(of)).collect();
+    let mut is_blend = vec![false; members.len()];
+    for blend in blends(&known, &points, neighbours(cloud, &found.labels), 1.0) {
+        is_blend[blend.entity] = true;
+    }
+    is_blend
+}
+
+/// The entities of neighbours that have different ones.
+fn neighbours<'a>(
+    cloud: &'a Cloud,
+    labels: &'a [u32],
+) -> impl Iterator<Item = (usize, usize)> + 'a {
+    let of = |i: u32| labels[i as usize];
+    let pairs = (0..labels.len() as u32).flat_map(move |i| {
+        let near = cloud.near(i).iter();
+        near.map(move |j| (of(i), of(*j)))
+    });
+    pairs
+        .filter(|(a, b)| a != b && *a != NONE && *b != NONE)
+        .map(|(a, b)| (a as usize, b as usize))
 }
 
 /// Whether a plane, sphere, cylinder or cone follows points within a tolerance.
@@ -84,10 +126,20 @@ pub(crate) fn is_simple(cloud: &Cloud, points: &[u32], tolerance: f64) -> bool {
         .any(follows)
 }
 
-/// For each two entities side by side, the pairs of neighbours across their border, and the sum of
-/// the cosines between their normals there.
-fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), (f64, f64)> {
-    let mut borders: BTreeMap<(u32, u32), (f64, f64)> = BTreeMap::new();
+/// Where two entities lie side by side.
+#[derive(Default)]
+struct Border {
+    /// The pairs of neighbours across it.
+    pairs: f64,
+    /// The sum of the cosines between the normals there.
+    cosines: f64,
+    /// The sum of the distances between the surfaces.
+    gaps: f64,
+}
+
+/// The borders of entities, by their numbers.
+fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), Border> {
+    let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
     let surface = |label: u32| found.surfaces.get(label as usize);
     for (i, own) in found.labels.iter().enumerate() {
         for j in cloud.near(i as u32) {
@@ -102,12 +154,19 @@ fn borders(cloud: &Cloud, found: &Segmentation) -> BTreeMap<(u32, u32), (f64, f6
             let middle = std::array::from_fn(|k| (p[k] + q[k]) / 2.0);
             let cosine = dot(one.normal(middle), two.normal(middle)).abs();
             let border = borders.entry((*own.min(&other), *own.max(&other)));
-            let (pairs, cosines) = border.or_default();
-            *pairs += 1.0;
-            *cosines += cosine;
+            let border = border.or_default();
+            border.pairs += 1.0;
+            border.cosines += cosine;
+            border.gaps += gap(one, two, middle);
         }
     }
     borders
+}
+
+/// The distance between two surfaces that face alike at a point.
+fn gap(one: &Surface, two: &Surface, p: Point3) -> f64 {
+    let side = dot(one.normal(p), two.normal(p)).signum();
+    (one.distance(p) - side * two.distance(p)).abs()
 }
 
 /// Whether surfaces of these kinds meet smoothly on parts: one rounds an edge of the other or ends

@@ -245,7 +245,7 @@ fn free(surface: &Surface, points: usize) -> f64 {
 }
 
 /// A surface about the middle of its points, with its covariance: infinite where it is open.
-fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
+pub(crate) fn known(cloud: &Cloud, found: &Segmentation, members: &[u32], label: usize) -> Known {
     let points = cloud.at(members);
     let surface = found.surfaces[label].about(crate::fit::mean(&points));
     let variance = match found.is_form {

@@ -265,6 +265,38 @@ fn a_taper_of_an_exact_part_stays() {
     assert_eq!(kinds, ["cone", "cylinder", "plane", "plane"]);
 }
 
+/// Steps of 30 deviations in a shaft and folds of 6° in a sheet are smaller than tolerances of form,
+/// and exact.
+#[test]
+fn steps_and_folds_of_exact_parts_stay() {
+    let noise = 2e-3;
+    let step = 30.0 * noise;
+    let band = [[3.0, 1.0], [3.0, 1.0 + step], [6.0, 1.0 + step], [6.0, 1.0]];
+    let mut profile = vec![[0.0, 0.0], [0.0, 1.0]];
+    profile.extend(band);
+    profile.extend([[9.0, 1.0], [9.0, 0.0]]);
+    let found = recognised(turned(&profile, 8000, noise, |_, _, _| 0.0), None);
+    assert!(!found.is_form, "form within {}", found.noise);
+    let radii = found.entities.iter().filter_map(|e| match e.surface {
+        Quadric::Cylinder { radius, .. } => Some(radius),
+        _ => None,
+    });
+    let mut radii: Vec<f64> = radii.collect();
+    radii.sort_unstable_by(f64::total_cmp);
+    assert_eq!(radii.len(), 2, "{:?}", found.entities);
+    assert!((radii[1] - radii[0] - step).abs() < 0.1 * step, "{radii:?}");
+
+    let mut random = Random::new(12);
+    let mut point = || -> Point3 {
+        let (x, y) = (12.0 * random.unit(), 8.0 * random.unit());
+        let fold = ((x / 2.0).rem_euclid(2.0) - 1.0).abs();
+        [x, y, 0.1 * fold + 3.0 * noise * normal(&mut random)]
+    };
+    let found = recognised((0..8000).map(|_| point()).collect(), None);
+    assert_eq!(kinds(&found), ["plane"; 6]);
+    assert!(!found.is_form && found.free == 0.0);
+}
+
 /// Spheres, cones and tori follow an ellipsoid; that their sizes mean nothing is said.
 #[test]
 fn a_free_form_is_said_to_be_free() {
@@ -299,8 +331,9 @@ fn the_faces_of_a_bent_plate_stay_apart() {
         ]
     };
     let found = recognised((0..6000).map(&mut point).collect(), None);
+    // One surface of both lies 1 off each.
     let most = found.entities.iter().map(|e| e.rms).fold(0.0, f64::max);
-    assert!(most < 0.1, "{:?}", found.entities);
+    assert!(most < 0.3, "{:?}", found.entities);
 }
 
 /// At 0.5 % of noise a plane with half a fillet is a sphere, and a cylinder with the other half a
