@@ -7,8 +7,6 @@
 mod curvature;
 mod hidden;
 
-pub(crate) use curvature::{curvature, turn_size};
-
 use crate::complex::{Complex, Ring};
 use crate::points::midpoint;
 use isoform_control::Control;
