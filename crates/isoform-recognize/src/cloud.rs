@@ -55,6 +55,8 @@ pub(crate) struct Cloud {
     pub(crate) roughness: Vec<f64>,
     /// The noise that the smoothest places show.
     pub(crate) noise: f64,
+    /// Whether the points fill a volume.
+    pub(crate) is_volume: bool,
 }
 
 /// How the scan's points became those of a [`Cloud`].
@@ -131,6 +133,7 @@ impl Cloud {
         }
         orient_normals(&points, &mut normals, &tree);
         Self {
+            is_volume: fill_a_volume(&points, &roughness, &tree),
             neighbours,
             first,
             noise,
@@ -138,29 +141,6 @@ impl Cloud {
             points,
             normals,
         }
-    }
-
-    /// Whether the points fill a volume: a deviation that grows with the neighbourhood is no noise.
-    pub(crate) fn is_volume(&self) -> bool {
-        let tree = KdTree::new(&self.points);
-        let step = self.points.len().div_ceil(TRIALS.0).max(1);
-        let tried = (0..self.points.len()).into_par_iter().step_by(step);
-        // The radius about each, and the deviations in the small and in the large neighbourhood.
-        let of = |found: &mut Vec<(f64, u32)>, i: usize| {
-            tree.nearest_k(self.points[i], VOLUME.0.min(self.points.len()), found);
-            let at = found.get(AROUND.min(found.len()).saturating_sub(1));
-            let d = at.map_or([0.0; 3], |f| sub(self.points[f.1 as usize], self.points[i]));
-            let wide = local(&self.points, i, found).roughness;
-            (dot(d, d).sqrt(), self.roughness[i], wide)
-        };
-        let found: Vec<(f64, f64, f64)> = tried.map_init(Vec::new, of).collect();
-        let radii: Vec<f64> = found.iter().map(|f| f.0).collect();
-        let [small, large] = [
-            smooth_noise(&found.iter().map(|f| f.1).collect::<Vec<_>>()),
-            smooth_noise(&found.iter().map(|f| f.2).collect::<Vec<_>>()),
-        ];
-        let mean = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
-        small > THICK * mean && large > VOLUME.1 * small
     }
 
     /// Turns all of it into the frame that a pose was taken from.
@@ -210,6 +190,28 @@ impl Cloud {
     pub(crate) fn normals_at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.normals[*i as usize]).collect()
     }
+}
+
+/// Whether the points fill a volume: a deviation that grows with the neighbourhood is no noise.
+fn fill_a_volume(points: &[Point3], roughness: &[f64], tree: &KdTree) -> bool {
+    let step = points.len().div_ceil(TRIALS.0).max(1);
+    let tried = (0..points.len()).into_par_iter().step_by(step);
+    // The radius about each, and the deviations in the small and in the large neighbourhood.
+    let of = |found: &mut Vec<(f64, u32)>, i: usize| {
+        tree.nearest_k(points[i], VOLUME.0.min(points.len()), found);
+        let at = found.get(AROUND.min(found.len()).saturating_sub(1));
+        let d = at.map_or([0.0; 3], |f| sub(points[f.1 as usize], points[i]));
+        let wide = local(points, i, found).roughness;
+        (dot(d, d).sqrt(), roughness[i], wide)
+    };
+    let found: Vec<(f64, f64, f64)> = tried.map_init(Vec::new, of).collect();
+    let radii: Vec<f64> = found.iter().map(|f| f.0).collect();
+    let [small, large] = [
+        smooth_noise(&found.iter().map(|f| f.1).collect::<Vec<_>>()),
+        smooth_noise(&found.iter().map(|f| f.2).collect::<Vec<_>>()),
+    ];
+    let mean = radii.iter().sum::<f64>() / radii.len().max(1) as f64;
+    small > THICK * mean && large > VOLUME.1 * small
 }
 
 /// Every so many-th number below `n`, so that at most `most` remain.

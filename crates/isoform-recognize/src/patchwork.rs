@@ -7,7 +7,7 @@ use crate::fit::squares;
 use crate::kinds::guess;
 use crate::recognize::known;
 use crate::relations::Known;
-use crate::segment::{NONE, Segmentation};
+use crate::segment::Segmentation;
 use isoform_geom::{Point3, dot};
 use std::collections::BTreeMap;
 
@@ -94,25 +94,10 @@ fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<b
         .collect();
     let points: Vec<Vec<Point3>> = members.iter().map(|of| cloud.at(of)).collect();
     let mut is_blend = vec![false; members.len()];
-    for blend in blends(&known, &points, neighbours(cloud, &found.labels), 1.0) {
+    for blend in blends(&known, &points, found.neighbours(cloud), 1.0) {
         is_blend[blend.entity] = true;
     }
     is_blend
-}
-
-/// The entities of neighbours that have different ones.
-fn neighbours<'a>(
-    cloud: &'a Cloud,
-    labels: &'a [u32],
-) -> impl Iterator<Item = (usize, usize)> + 'a {
-    let of = |i: u32| labels[i as usize];
-    let pairs = (0..labels.len() as u32).flat_map(move |i| {
-        let near = cloud.near(i).iter();
-        near.map(move |j| (of(i), of(*j)))
-    });
-    pairs
-        .filter(|(a, b)| a != b && *a != NONE && *b != NONE)
-        .map(|(a, b)| (a as usize, b as usize))
 }
 
 /// Whether a plane, sphere, cylinder or cone follows points within a tolerance.

@@ -199,16 +199,8 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         .map(|i| known(cloud, found, &members[*i], *i))
         .collect();
     let points: Vec<Vec<Point3>> = order.iter().map(|i| cloud.at(&members[*i])).collect();
-    let of = |i: usize| rank.get(found.labels[i] as usize).map(|l| *l as usize);
-    let pairs = (0..cloud.points.len()).flat_map(|i| {
-        let beside = cloud
-            .near(i as u32)
-            .iter()
-            .filter_map(move |j| of(*j as usize));
-        let own = of(i).into_iter();
-        own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
-            .filter(|p| p.0 != p.1)
-    });
+    let ranked = |(a, b): (usize, usize)| (rank[a] as usize, rank[b] as usize);
+    let pairs = found.neighbours(cloud).map(ranked);
     let label = |place: &u32| match found.labels[*place as usize] {
         NONE => None,
         label => Some(rank[label as usize]),

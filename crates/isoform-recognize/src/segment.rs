@@ -189,7 +189,7 @@ impl Segmentation {
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
         let (noise, is_form) = match limits.allowed {
-            _ if cloud.is_volume() => (cloud.noise, false),
+            _ if cloud.is_volume => (cloud.noise, false),
             Allowed::Shown => (lower_noise(cloud, cloud.noise), false),
             Allowed::Given(noise) => (noise, noise > FORM * lower_noise(cloud, cloud.noise)),
             Allowed::Form(noise) => (noise, true),
@@ -209,16 +209,15 @@ impl Segmentation {
         (noise, is_form): (f64, bool),
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let is_volume = cloud.is_volume();
         let mut now = Self {
             surfaces: Vec::new(),
             labels: vec![NONE; cloud.points.len()],
             noise,
             first_noise: noise,
             is_form,
-            is_finished: is_volume,
+            is_finished: cloud.is_volume,
         };
-        if !is_volume {
+        if !cloud.is_volume {
             now.advance(cloud, limits, 0, control)?;
         }
         Ok(now)
@@ -231,7 +230,7 @@ impl Segmentation {
         limits: Limits,
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        if cloud.is_volume() {
+        if cloud.is_volume {
             return Ok(self);
         }
         for round in 1..ROUNDS {
@@ -428,6 +427,21 @@ impl Segmentation {
             }
         }
         members
+    }
+
+    /// The entities of neighbours that have different ones, once for each such pair of points.
+    pub(crate) fn neighbours<'a>(
+        &'a self,
+        cloud: &'a Cloud,
+    ) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let of = |i: u32| self.labels[i as usize];
+        let pairs = (0..self.labels.len() as u32).flat_map(move |i| {
+            let near = cloud.near(i).iter();
+            near.map(move |j| (of(i), of(*j)))
+        });
+        pairs
+            .filter(|(a, b)| a != b && *a != NONE && *b != NONE)
+            .map(|(a, b)| (a as usize, b as usize))
     }
 
     /// Labels, surfaces, noise, mergers and removals in turn.
