@@ -177,6 +177,7 @@ pub struct Recognition {
     /// `noise` is the tolerance within which they were found.
     pub is_form: bool,
     /// The share of the points that lie on entities which meet others without an edge and round
-    /// none: where it is large, these approximate a free form, and their sizes are those of no part.
+    /// none: where it is large, these approximate a free form, and their sizes are those of no
+    /// part.
     pub free: f64,
 }

@@ -40,12 +40,12 @@ const WIDEST: f64 = 0.0075;
 /// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
 const FEWER: f64 = 0.3;
-/// The least correlation of the distances of neighbours whose mean square is beyond the noise: it is
-/// 0 where a wide tolerance takes both faces of a plate for one, and above 0.7 on bent faces.
+/// The least correlation of the distances of neighbours whose mean square is beyond the noise: it
+/// is 0 where a wide tolerance takes both faces of a plate for one, and above 0.7 on bent faces.
 const ONE_SHEET: f64 = 0.35;
-/// How many patches within the noise may take the place of an entity within a tolerance of form, and
-/// the share of its points that they and others tell at least. Bent faces fall into more patches,
-/// which leave more out.
+/// How many patches within the noise may take the place of an entity within a tolerance of form,
+/// and the share of its points that they and others tell at least. Bent faces fall into more
+/// patches, which leave more out.
 const EXACT_PIECES: (usize, f64) = (3, 0.9);
 
 /// What is found within the noise that the points show, or within the tolerance of form that
@@ -259,8 +259,8 @@ impl Tried<'_> {
         shortest + FEWER * self.cloud.points.len() as f64
     }
 
-    /// Which has the fewest surfaces, of those whose description is nearly the shortest; the last of
-    /// several such.
+    /// Which has the fewest surfaces, of those whose description is nearly the shortest; the last
+    /// of several such.
     fn best(&self) -> usize {
         let most = self.most();
         let good = (0..self.all.len()).rev().filter(|k| self.all[*k].0 <= most);

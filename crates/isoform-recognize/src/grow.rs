@@ -127,8 +127,8 @@ fn spread(
 }
 
 /// The points of a region whose distances are as small in the mean of their surroundings as chance
-/// allows. Single points within the tolerance say nothing against a surface that leaves them slowly,
-/// at a fillet or an edge, and many of them bend it until it follows.
+/// allows. Single points within the tolerance say nothing against a surface that leaves them
+/// slowly, at a fillet or an edge, and many of them bend it until it follows.
 pub(crate) fn trimmed(
     cloud: &Cloud,
     points: &[u32],

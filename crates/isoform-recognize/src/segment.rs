@@ -260,7 +260,8 @@ impl Segmentation {
                 .zip(&self.surfaces)
                 .map(|(of, surface)| simpler(cloud, of, surface, noise))
                 .collect();
-            // Where most could be simpler they are patches of a free form, of which there is no end.
+            // Where most could be simpler they are patches of a free form, of which there is no
+            // end.
             let count = simpler.iter().flatten().count();
             if count == 0 || 2 * count > simpler.len() {
                 break;
