@@ -1,6 +1,6 @@
 //! HyperFun programs: their parameters, and their values at points.
 
-use crate::arrays::{PointsArg, Rows, is_finite, not_finite, rows};
+use crate::arrays::{PointsArg, Rows, are_finite, not_finite, not_finite_at, rows};
 use crate::error::Trouble;
 use crate::fit::{POSES, named};
 use crate::run::{self, Asked};
@@ -196,7 +196,8 @@ impl Program {
         let run = |p: &Point3| self.0.model.eval(p, &a, &[]).map_or(f64::NAN, |e| e.f);
         let compute = |block: &[Point3], out: &mut [f64]| {
             template.algebraic().values(block, &a, out);
-            let doubtful = (0..out.len()).filter(|k| !out[*k].is_finite());
+            let count = if are_finite(out) { 0 } else { out.len() };
+            let doubtful = (0..count).filter(|k| !out[*k].is_finite());
             let decided: Vec<(usize, f64)> = doubtful.map(|k| (k, run(&block[k]))).collect();
             if is_metric {
                 template.metric().values(block, &a, out);
@@ -260,7 +261,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     let mut out = vec![T::default(); rows.len()];
     let of_block = |(i, out): (usize, &mut [T])| {
         rows.block(i * BLOCK, out.len(), |block| {
-            if let Some(k) = block.iter().position(|p| !is_finite(p)) {
+            if let Some(k) = not_finite_at(block) {
                 return Err(not_finite(i * BLOCK + k));
             }
             compute(block, out);
