@@ -4,7 +4,7 @@ use crate::arrays::{PointsArg, Rows, are_finite, not_finite, not_finite_at, rows
 use crate::error::Trouble;
 use crate::fit::{POSES, named};
 use crate::run::{self, Asked};
-use isoform::field::hyperfun::{Amount, Mode, Model, ParamInfo, Pose};
+use isoform::field::hyperfun::{Amount, BlockEvaluator, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
 use isoform::geom::Point3;
 use isoform::{ChunkReader, FrepTemplate, parameter_values};
@@ -16,6 +16,9 @@ use std::sync::{Arc, OnceLock};
 /// Points that are computed at once: enough to make up for the start of a task, few enough to share
 /// among threads.
 const BLOCK: usize = 2048;
+/// Points that are computed at once by what shares them among threads itself, and evaluates large
+/// models part by part of the points' box: fewer make fewer parts, more let Ctrl-C wait longer.
+const LARGE: usize = 1 << 17;
 
 /// A HyperFun program.
 #[pyclass(frozen, module = "isoform._isoform")]
@@ -155,7 +158,7 @@ impl Program {
         given: Vec<f64>,
     ) -> PyResult<(Bound<'py, PyArray1<u32>>, Vec<String>)> {
         let (template, a) = (self.compiled(py)?, self.values_of(given)?);
-        let parts = of_points(py, &points, |block: &[Point3], out: &mut [u32]| {
+        let parts = in_blocks(py, &points, LARGE, |block: &[Point3], out: &mut [u32]| {
             template.parts(block, &a, out);
         })?;
         Ok((
@@ -193,12 +196,18 @@ impl Program {
         is_metric: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let (template, a) = (self.compiled(py)?, self.values_of(given)?);
-        let run = |p: &Point3| self.0.model.eval(p, &a, &[]).map_or(f64::NAN, |e| e.f);
         let compute = |block: &[Point3], out: &mut [f64]| {
             template.algebraic().values(block, &a, out);
             let count = if are_finite(out) { 0 } else { out.len() };
-            let doubtful = (0..count).filter(|k| !out[*k].is_finite());
-            let decided: Vec<(usize, f64)> = doubtful.map(|k| (k, run(&block[k]))).collect();
+            let doubtful: Vec<usize> = (0..count).filter(|k| !out[*k].is_finite()).collect();
+            let decided = doubtful.par_chunks(BlockEvaluator::POINTS);
+            let decided = decided.flat_map_iter(|those| {
+                let points: Vec<Point3> = those.iter().map(|&k| block[k]).collect();
+                let found = self.0.model.block_evaluator().eval(&points, &a);
+                let values = found.into_iter().map(|e| e.map_or(f64::NAN, |e| e.f));
+                those.iter().copied().zip(values)
+            });
+            let decided: Vec<(usize, f64)> = decided.collect();
             if is_metric {
                 template.metric().values(block, &a, out);
             }
@@ -208,7 +217,10 @@ impl Program {
                 }
             }
         };
-        Ok(PyArray1::from_vec(py, of_points(py, points, compute)?))
+        Ok(PyArray1::from_vec(
+            py,
+            in_blocks(py, points, LARGE, compute)?,
+        ))
     }
 
     /// The readings, compiled by a thread that Ctrl-C can leave: large programs take long.
@@ -257,12 +269,22 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     points: &PointsArg<'_>,
     compute: impl Fn(&[Point3], &mut [T]) + Sync,
 ) -> PyResult<Vec<T>> {
+    in_blocks(py, points, BLOCK, compute)
+}
+
+/// What `compute` makes of points, `size` of them at a time, as [`of_points`] does.
+fn in_blocks<T: Clone + Default + Send>(
+    py: Python<'_>,
+    points: &PointsArg<'_>,
+    size: usize,
+    compute: impl Fn(&[Point3], &mut [T]) + Sync,
+) -> PyResult<Vec<T>> {
     let rows = Rows::new(points)?;
     let mut out = vec![T::default(); rows.len()];
     let of_block = |(i, out): (usize, &mut [T])| {
-        rows.block(i * BLOCK, out.len(), |block| {
+        rows.block(i * size, out.len(), |block| {
             if let Some(k) = not_finite_at(block) {
-                return Err(not_finite(i * BLOCK + k));
+                return Err(not_finite(i * size + k));
             }
             compute(block, out);
             Ok(())
@@ -273,7 +295,7 @@ pub(crate) fn of_points<T: Clone + Default + Send>(
     } else {
         let asked = Asked::default();
         run::scoped(py, &asked, |control| {
-            out.par_chunks_mut(BLOCK).enumerate().try_for_each(|block| {
+            out.par_chunks_mut(size).enumerate().try_for_each(|block| {
                 control.check().map_err(Trouble::stopped)?;
                 of_block(block)
             })
