@@ -7,12 +7,13 @@ use crate::cut::{Cut, Labelled, crossing, cuts_of, imprint, outlines};
 use crate::fit::normal_of;
 use crate::locus::Locus;
 use crate::measure::of_loops;
-use crate::newton::{gap, meet};
+use crate::newton::gap;
 use crate::pieces::{Piece, Pieces};
 use crate::place::place;
 use crate::seams::{largest_angle, seam};
 use crate::shells::solids;
 use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
+use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
@@ -402,23 +403,28 @@ impl Builder<'_> {
 
     fn build(&self, control: &Control<'_>) -> Result<Built, BrepError> {
         let topology = self.topology();
-        let meeting: Vec<[Locus; 2]> = topology
+        let mut meeting: Vec<[Locus; 2]> = topology
             .chains
             .iter()
             .map(|chain| self.meeting(chain))
             .collect::<Result<_, _>>()?;
-        let (number, vertices) = self.place_vertices(&topology, &meeting)?;
+        let placed = self.place_vertices(&topology, &meeting)?;
         let mut brep = Brep {
-            vertices,
+            vertices: placed.vertices,
             parts: self.sheets.names.clone(),
             ..Brep::default()
         };
         for (chain, surfaces) in topology.chains.iter().zip(&meeting) {
             control.check()?;
-            let edge = self.edge(chain, surfaces, &number, &brep.vertices)?;
+            let edge = self.edge(chain, surfaces, &placed.number, &brep.vertices)?;
             brep.edges.push(edge);
         }
         self.add_faces(&topology, &mut brep);
+        let mut beside: Vec<[Locus; 2]> = topology.chains.iter().map(|c| self.loci(c)).collect();
+        for parted in open_contacts(&placed.contacts, &mut brep, &meeting, self.size) {
+            meeting.push(meeting[parted].clone());
+            beside.push(beside[parted].clone());
+        }
         let mesh = &self.mesh;
         brep.solids = solids(
             &mesh.points,
@@ -432,7 +438,7 @@ impl Builder<'_> {
             triangles: mesh.triangles.clone(),
             face_of: topology.face_of,
             meeting,
-            beside: topology.chains.iter().map(|c| self.loci(c)).collect(),
+            beside,
             part_of: mesh.parts.clone(),
             part_names: self.part_names.to_vec(),
             size: self.size,
@@ -495,12 +501,12 @@ impl Builder<'_> {
         }
     }
 
-    /// Vertices on all surfaces that meet there; and their numbers by node.
+    /// Vertices on all surfaces that meet there.
     fn place_vertices(
         &self,
         topology: &Topology,
         meeting: &[[Locus; 2]],
-    ) -> Result<(BTreeMap<u32, u32>, Vec<Point3>), BrepError> {
+    ) -> Result<Vertices, BrepError> {
         let mut around: BTreeMap<u32, Vec<Locus>> = BTreeMap::new();
         for (chain, surfaces) in topology.chains.iter().zip(meeting) {
             for v in [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]] {
@@ -512,22 +518,24 @@ impl Builder<'_> {
                 }
             }
         }
-        let (mut number, mut vertices) = (BTreeMap::new(), Vec::new());
+        let mut placed = Vertices::default();
         for (v, surfaces) in around {
             let at = self.mesh.points[v as usize];
-            let p = if self.apexes.contains(&v) {
-                at
+            let (p, is_contact) = if self.apexes.contains(&v) {
+                (at, false)
             } else {
-                meet(&surfaces, at)
+                vertex(&surfaces, at, self.size)
             };
             let reach = 0.05 * self.size;
             if gap(&surfaces, p) > ON * self.size || norm(sub(p, at)) > reach {
                 return Err(BrepError::NoVertex { at });
             }
-            number.insert(v, vertices.len() as u32);
-            vertices.push(p);
+            let number = placed.vertices.len() as u32;
+            placed.number.insert(v, number);
+            placed.vertices.push(p);
+            placed.contacts.extend(is_contact.then_some(number));
         }
-        Ok((number, vertices))
+        Ok(placed)
     }
 
     fn edge(
@@ -610,6 +618,16 @@ impl Builder<'_> {
         let agrees = dot(placed.distance(middle).1, outward) > 0.0;
         (placed, agrees)
     }
+}
+
+/// The vertices.
+#[derive(Default)]
+struct Vertices {
+    vertices: Vec<Point3>,
+    /// Their numbers by node of the mesh.
+    number: BTreeMap<u32, u32>,
+    /// The numbers of those where a surface touches the curve of two others.
+    contacts: BTreeSet<u32>,
 }
 
 /// The loop with the largest area is the outer one.

@@ -237,14 +237,14 @@ fn of_cone(cone: &Surface, half_angle: f64, p: Point3, n: Point3) -> Option<Sect
 
 /// A point of a curve with its tangent and its curvature vector.
 #[derive(Clone, Copy)]
-struct Jet {
-    p: Point3,
-    t: Point3,
-    k: Point3,
+pub(crate) struct Jet {
+    pub(crate) p: Point3,
+    pub(crate) t: Point3,
+    pub(crate) k: Point3,
 }
 
 /// The tangent and curvature of the curve of two surfaces, its tangent along `direction`.
-fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option<Jet> {
+pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option<Jet> {
     let [a, b] = surfaces.map(|s| s.distance(p).1);
     let c = cross(a, b);
     let sin = norm(c);

@@ -33,6 +33,7 @@ mod seams;
 mod shells;
 mod surfaces;
 mod topology;
+mod vertices;
 mod whole;
 
 pub use build::{Built, brep};

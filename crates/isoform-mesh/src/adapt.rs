@@ -80,7 +80,11 @@ pub fn adapt(
         })?;
     let region = found.bounds;
     let lattice = lattice_around(&bare, solid, region, options, control)?;
-    let surface = Surface::new(solid, &lattice, region, control);
+    // The mesh has the edges that it has.
+    let surface = Surface {
+        bends: false,
+        ..Surface::new(solid, &lattice, region, control)
+    };
     control.begin("features")?;
     let features = features_of(solid, region, options, control);
     let mut warnings = Vec::new();

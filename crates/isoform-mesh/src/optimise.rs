@@ -31,6 +31,7 @@ use crate::options::Options;
 use crate::points::centroid;
 use crate::surface::{On, Surface};
 use holds::Hold;
+use insertions::TURN;
 use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, cross, dot, norm, sub};
 use moves::Move;
@@ -58,6 +59,8 @@ pub(crate) struct Optimiser<'s> {
     size: f64,
     /// Chordal error wanted.
     error: f64,
+    /// Largest sagitta of an edge of the surface, as a share of its length.
+    turn: f64,
     /// When each vertex was last moved or given other tetrahedra, by the `clock`.
     touched: Vec<u32>,
     /// When each tetrahedron was last tried in vain: where no vertex was touched since it need not
@@ -102,6 +105,7 @@ impl<'s> Optimiser<'s> {
             labels: vec![On::default(); n],
             size,
             error: f64::INFINITY,
+            turn: TURN[0],
             touched: vec![0; n],
             tried: Vec::new(),
             clock: 0,
@@ -120,6 +124,7 @@ impl Optimiser<'_> {
     /// a warning for each vertex that is still off the surface.
     pub(crate) fn improve(&mut self, options: &Options) -> Vec<Warning> {
         let goal = options.goal();
+        self.turn = TURN[usize::from(options.order > 1)];
         self.run(goal);
         let off = self.settle(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);

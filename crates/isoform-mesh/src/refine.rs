@@ -7,6 +7,8 @@
 mod curvature;
 mod hidden;
 
+pub(crate) use curvature::{curvature, turn_size};
+
 use crate::complex::{Complex, Ring};
 use crate::points::midpoint;
 use isoform_control::Control;

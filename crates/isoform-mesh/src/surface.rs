@@ -84,6 +84,8 @@ pub(crate) struct Surface<'s> {
     pub(crate) lattice: &'s Lattice,
     /// Below this distance a value is 0: rounding, and pieces that coincide.
     pub(crate) zero: f64,
+    /// Whether cells are smaller where the surface bends.
+    pub(crate) bends: bool,
     /// Whether pieces that touch are held where a third one separates them.
     pub(crate) seams: bool,
     /// Whether there are such places.
@@ -135,6 +137,7 @@ impl<'s> Surface<'s> {
             solid,
             lattice,
             zero: zero_in(region),
+            bends: true,
             seams: true,
             has_seams: AtomicBool::new(false),
             by_place: false,

@@ -14,9 +14,10 @@ const WORTH: f64 = 0.01;
 /// Farthest that a new vertex goes from the middle of its edge onto the surface, in lengths of the
 /// edge. What is farther away is another sheet.
 const REACH: f64 = 0.3;
-/// Largest sagitta of an edge of the surface, as a share of its length: an arc of 37 degrees.
-/// Coarser ones make poor curved elements.
-const TURN: f64 = 0.08;
+/// Largest sagitta of an edge of the surface, as a share of its length, for elements of order 1 and
+/// of order 2. An arc of 53 degrees is what sizes by curvature ask for (less doubles the triangles
+/// of each small ball, for optimising to place); one of 37 is the most for good curved elements.
+pub(super) const TURN: [f64; 2] = [0.12, 0.08];
 /// Largest sagitta of an edge on a feature curve, as a share of the size asked for.
 const CURVE: f64 = 0.08;
 /// If one step of Newton's method gives less than this share of the largest sagitta allowed, the
@@ -216,7 +217,7 @@ impl Optimiser<'_> {
         let middle = self.middle_of(ends);
         let on = self.pieces_of_edge(ends, labels);
         let length = self.complex.edge_length(ends[0], ends[1]);
-        let most = (TURN * length).min(error).min(if on.len() == 2 {
+        let most = (self.turn * length).min(error).min(if on.len() == 2 {
             CURVE * self.size
         } else {
             f64::INFINITY

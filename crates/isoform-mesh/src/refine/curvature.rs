@@ -4,8 +4,9 @@ use super::{CHUNK, Refiner, SAME, longest};
 use crate::complex::Complex;
 use crate::lattice::{CELL, Reduced};
 use crate::options::Options;
-use crate::surface::Surface;
-use isoform_geom::{Point3, across, dot, norm, sub};
+use crate::points::unit;
+use crate::surface::{Surface, first_order};
+use isoform_geom::{Point3, Solid, across, dot, norm, sub};
 use isoform_num::Jet2;
 use rayon::prelude::*;
 
@@ -15,6 +16,9 @@ const RADIUS: f64 = 0.8;
 /// Smallest share of the size asked for that curvature alone may lead to; sharper bends are left to
 /// the chordal error, if one is asked for.
 const BEND_LEAST: f64 = 0.25;
+/// Radii are at least this share of that of the level set nearby: the distance that is left between
+/// the two is to first order only, and must not cancel all of it.
+const FOCAL: f64 = 0.5;
 /// Distance of a piece, in radii of a tetrahedron, beyond which it does not pass through that.
 const REACH: f64 = 1.1;
 /// The chordal error is measured on the mesh afterwards and what exceeds it split: here it may be
@@ -22,13 +26,20 @@ const REACH: f64 = 1.1;
 const EXCEEDED: f64 = 1.3;
 
 /// Largest principal curvature, by magnitude, of the level set through a point.
+pub(crate) fn curvature(j: &Jet2) -> f64 {
+    let [k, l] = bends(j);
+    k.abs().max(l.abs())
+}
+
+/// The principal curvatures of the level set through a point, positive where it bends towards the
+/// inside; 0 without a gradient.
 ///
 /// With the unit normal n and directions u, v across it these are the eigenvalues of the Hessian
-/// restricted to u and v, over |∇g|.
-pub(crate) fn curvature(j: &Jet2) -> f64 {
+/// restricted to u and v, over −|∇g|.
+fn bends(j: &Jet2) -> [f64; 2] {
     let l = norm(j.g);
     if !(l > 0.0 && l.is_finite()) {
-        return 0.0;
+        return [0.0; 2];
     }
     let [u, v] = across(j.g.map(|v| v / l));
     let times = |w: Point3| -> Point3 {
@@ -37,7 +48,29 @@ pub(crate) fn curvature(j: &Jet2) -> f64 {
     let (hu, hv) = (times(u), times(v));
     let (a, b, c) = (dot(u, hu) / l, dot(u, hv) / l, dot(v, hv) / l);
     let (mean, off) = (0.5 * (a + c), (0.25 * (a - c) * (a - c) + b * b).sqrt());
-    (mean + off).abs().max((mean - off).abs())
+    [-mean - off, off - mean]
+}
+
+/// The smallest radius of curvature of the surface next to a point at the distance `v` to first
+/// order: that of the level set one step of Newton's method from there, but for the distance that
+/// is left. Measured at the point itself it would vanish in the middle of a ball.
+fn radius(solid: &dyn Solid, piece: u32, p: Point3, (v, gradient): (f64, Point3)) -> f64 {
+    let n = unit(gradient);
+    let j = solid.jet(piece, std::array::from_fn(|i| p[i] - v * n[i]));
+    let left = first_order(j.v, j.g);
+    let of = |bend: f64| {
+        // Level sets of a distance are parallel: their radii grow by the way outwards.
+        let radius = 1.0 / bend.abs();
+        (radius + left * bend.signum()).max(FOCAL * radius)
+    };
+    let [k, l] = bends(&j).map(of);
+    k.min(l)
+}
+
+/// Edge length at which a surface with this radius of curvature does not turn too far at once,
+/// where `size` is asked for.
+pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
+    (RADIUS * radius).max(BEND_LEAST * size)
 }
 
 /// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
@@ -48,25 +81,25 @@ fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, siz
         return f64::INFINITY;
     };
     let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
-    let values: Vec<f64> = reduced
+    let gradients: Vec<(f64, Point3)> = reduced
         .pieces
         .iter()
-        .map(|&i| surface.distance(i, middle))
+        .map(|&i| {
+            let (g, d) = surface.solid.gradient(i, middle);
+            (first_order(g, d), d)
+        })
         .collect();
+    let values: Vec<f64> = gradients.iter().map(|g| g.0).collect();
     let mut wanted = f64::INFINITY;
-    for (&piece, &v) in reduced.pieces.iter().zip(&values) {
-        if v.abs() > REACH * reach || value_without(reduced, &values, piece).abs() > reach {
+    for (&piece, &near) in reduced.pieces.iter().zip(&gradients) {
+        if near.0.abs() > REACH * reach || value_without(reduced, &values, piece).abs() > reach {
             continue;
         }
-        let bend = curvature(&surface.solid.jet(piece, middle));
-        if bend > 0.0 {
-            // Level sets at a distance v have other radii: 1/κ changes by v. A chord of length s
-            // leaves a circle of curvature κ by κ s²/8, an equilateral triangle a sphere by κ s²/6.
-            let radius = (1.0 / bend - v.abs()).max(0.5 / bend);
-            let by_error = (6.0 * error * radius).sqrt();
-            let by_turn = (RADIUS * radius).max(BEND_LEAST * size);
-            wanted = wanted.min(by_error).min(by_turn);
-        }
+        let radius = radius(surface.solid, piece, middle, near);
+        // A chord of length s leaves a circle of radius r by s²/(8 r), an equilateral triangle a
+        // sphere by s²/(6 r).
+        let by_error = (6.0 * error * radius).sqrt();
+        wanted = wanted.min(by_error).min(turn_size(radius, size));
     }
     wanted
 }
@@ -128,6 +161,8 @@ impl Refiner<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use isoform_field::Pieces;
+    use isoform_field::hyperfun::{Mode, Model};
 
     /// x² + y² has level sets of curvature 1/r across the axis and 0 along it.
     #[test]
@@ -151,6 +186,22 @@ mod tests {
                 j.h[k] = 2.0;
             }
             assert!((curvature(&j) - 1.0 / r).abs() < 1e-12, "radius {r}");
+        }
+    }
+
+    /// Of a ball and of what is around it, asked inside and outside, near and far.
+    #[test]
+    fn radius_of_a_ball_from_anywhere() {
+        for sign in ["1 -", "0 - 1 +"] {
+            let text = format!("m(x[3], a[1]) {{ m = {sign} sqrt(x[1]^2 + x[2]^2 + x[3]^2); }}");
+            let model = Model::parse(&text, Mode::Default).expect("a program");
+            let solid = Pieces::of_model(&model, &[0.0]).expect("a solid");
+            for way in [0.05, 0.3, 0.9, 1.1, 1.7] {
+                let p = [0.48 * way, -0.6 * way, 0.64 * way];
+                let (g, d) = solid.gradient(0, p);
+                let radius = radius(&solid, 0, p, (first_order(g, d), d));
+                assert!((radius - 1.0).abs() < 1e-9, "{radius} at {way}, {sign}");
+            }
         }
     }
 }

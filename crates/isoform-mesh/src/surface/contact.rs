@@ -8,20 +8,23 @@
 
 use super::{On, SKIN, Surface, TANGENT};
 use crate::features::newton::along;
+use crate::lattice::CELL;
 use crate::points::unit;
+use crate::refine::{curvature, turn_size};
 use isoform_geom::{Point3, cross, norm, sub};
 use std::sync::atomic::Ordering;
 
-/// How far beside a seam the solid is asked which piece bounds it, in cells of the lattice. Less
-/// asks where both are equal to rounding; more asks where other pieces begin.
+/// How far beside a seam the solid is asked which piece bounds it, in cells as small as the surface
+/// bends there. Less asks where both are equal to rounding; more asks where other pieces begin.
 const BESIDE: f64 = 0.02;
-/// How far from a point its seam may be, in cells of the lattice: the snaps' reach, and more.
+/// How far from a point its seam may be, in such cells: the snaps' reach, and more.
 const REACH: f64 = 1.0;
 /// Sine of the angle above which a piece crosses another one so clearly that a seam is well placed.
 const CLEARLY: f64 = 0.2;
-/// How far beside a seam, in cells, its pieces have to be still together, and how near. Where they
-/// part sooner a radius is smaller than a cell: no triangles would have room between this seam and
-/// the next, so that vertices held on them spoil the mesh.
+/// How far beside a seam, in such cells, its pieces have to be still together, and how near. Where
+/// they part sooner a radius is smaller than a cell, for cells become no smaller than a share of
+/// the size: no triangles would have room between this seam and the next, so that vertices held on
+/// them spoil the mesh.
 const TOGETHER: [f64; 2] = [0.5, 0.15];
 /// Pieces in which a seam may end at a point, on both sides of which it is looked for: a corner has
 /// one or two, each more doubles the work.
@@ -40,7 +43,9 @@ impl Surface<'_> {
         let seam_with = |&by: &u32| {
             let q = self.project(&[kept, by], p)?;
             let off = norm(sub(p, q));
-            let is_here = off < REACH * self.lattice.a && self.touch_at(pair, by, q);
+            let is_here = off < REACH * self.lattice.a
+                && self.touch_at(pair, by, q)
+                && off < REACH * self.cell_at(pair, q);
             is_here.then_some((off, by))
         };
         let others = reduced.pieces.iter().filter(|i| !pair.contains(i));
@@ -121,6 +126,18 @@ impl Surface<'_> {
                 .is_some_and(|seam| seam.iter().all(|i| pair.contains(i)))
     }
 
+    /// Edge of the cells at a point of two pieces; how these bend is not the only reason for
+    /// smaller ones.
+    fn cell_at(&self, pieces: [u32; 2], p: Point3) -> f64 {
+        if !self.bends {
+            return self.lattice.a;
+        }
+        let bends = pieces.map(|i| curvature(&self.solid.jet(i, p)));
+        let radius = 1.0 / bends[0].max(bends[1]);
+        let size = self.lattice.a / CELL;
+        CELL * turn_size(radius, size).min(size)
+    }
+
     fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
         let [n, m] = pair.map(|i| unit(self.gradient(i, p).1));
         norm(cross(n, m)) <= TANGENT
@@ -137,7 +154,7 @@ impl Surface<'_> {
             return false;
         }
         let w = unit(cross(n, cross(n, across)));
-        let cell = self.lattice.a;
+        let cell = self.cell_at([a, b], p);
         let parting = |s: f64| {
             let q = along(p, w, s * TOGETHER[0] * cell);
             (self.distance(a, q) - self.distance(b, q)).abs()
