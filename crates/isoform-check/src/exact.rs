@@ -64,8 +64,11 @@ pub(super) fn is_flat(t: [Point3; 3]) -> bool {
 /// nodes with different indices: those are contact here. (libigl's `detect_only` misses folds,
 /// pairs with a common edge in one plane, where the plane is not along the axes; rational
 /// arithmetic confirms the folds found here.) Two triangles with one set of corners are another
-/// defect and give `false`. Triangles without area (see [`is_flat`]) must not be asked about.
-pub(super) fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
+/// defect and give `false`. Triangles without area must not be asked about.
+///
+/// # Panics
+/// If a triangle has an index beyond the points.
+pub fn triangles_meet(points: &[Point3], a: [u32; 3], b: [u32; 3]) -> bool {
     let turned = |t: [u32; 3], k: usize| [t[k], t[(k + 1) % 3], t[(k + 2) % 3]];
     let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
     let shared = |i: &u32| b.contains(i);

@@ -47,6 +47,7 @@ pub use coverage::Coverage;
 pub use defects::{Defects, Place};
 pub use deviation::{Deviation, Distances, PartDeviation};
 pub use elements::{CurvedQuality, Lengths, TetQuality, TriangleQuality};
+pub use exact::triangles_meet;
 pub use failure::Failure;
 pub use format::Malformed;
 pub use intersections::Intersections;

@@ -4,9 +4,11 @@
 use crate::band::Core;
 use crate::complex::{Complex, Face, NONE, labelled_edges};
 use crate::error::MeshError;
+use crate::features::Corner;
 use crate::points::{midpoint, unique};
 use crate::surface::{Surface, first_order_at, meet_at_an_angle};
 use isoform_geom::{Curve, Mesh, Point3, Solid};
+use std::collections::HashSet;
 
 /// A mesh with the pieces of the solid that its parts lie on.
 pub(crate) struct Labelled {
@@ -153,7 +155,7 @@ fn label(
         .collect();
     let found = feature_edges(surface.solid, surface.zero, &pieces, &mesh);
     add_curves(&mut mesh, &found);
-    mesh.corners = corners(&mesh);
+    mesh.corners = corners(&mesh, &surface.apexes);
     Labelled { mesh, pieces }
 }
 
@@ -206,8 +208,8 @@ fn add_curves(mesh: &mut Mesh, edges: &[FeatureEdge]) {
     }
 }
 
-/// Nodes where anything but two edges of one curve meet.
-pub(crate) fn corners(mesh: &Mesh) -> Vec<u32> {
+/// Nodes where anything but two edges of one curve meet, and those at tips of cones.
+pub(crate) fn corners(mesh: &Mesh, apexes: &[Corner]) -> Vec<u32> {
     let mut ends: Vec<(u32, u32)> = mesh
         .edges
         .iter()
@@ -215,8 +217,13 @@ pub(crate) fn corners(mesh: &Mesh) -> Vec<u32> {
         .flat_map(|(e, &c)| e.map(|v| (v, c)))
         .collect();
     ends.sort_unstable();
-    ends.chunk_by(|a, b| a.0 == b.0)
+    let met = ends
+        .chunk_by(|a, b| a.0 == b.0)
         .filter(|at| at.len() != 2 || at[0].1 != at[1].1)
-        .map(|at| at[0].0)
-        .collect()
+        .map(|at| at[0].0);
+    let bits = |p: Point3| p.map(f64::to_bits);
+    let tips: HashSet<[u64; 3]> = apexes.iter().map(|a| bits(a.point)).collect();
+    let nodes = mesh.triangles.as_flattened().iter().copied();
+    let at_tips = nodes.filter(|&v| tips.contains(&bits(mesh.points[v as usize])));
+    unique(met.chain(at_tips).collect())
 }

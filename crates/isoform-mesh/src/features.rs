@@ -121,6 +121,14 @@ pub struct Features {
     pub cells: usize,
 }
 
+impl Features {
+    /// Corners that are tips of cones.
+    pub(crate) fn apexes(&self) -> Vec<Corner> {
+        let is_apex = |c: &&Corner| c.kind == CornerKind::Apex;
+        self.corners.iter().filter(is_apex).cloned().collect()
+    }
+}
+
 /// All feature curves and corners of a solid in a region.
 ///
 /// Features much smaller than size/32 can be missed within a cell that intervals do not decide; see

@@ -184,6 +184,7 @@ impl Ground<'_> {
         let region = self.extent.bounds;
         let surface = Surface {
             seams: course.seams,
+            apexes: self.features.apexes(),
             ..Surface::new(solid, lattice, region, control)
         };
         let graded = options.grade.is_some() || options.sizes.is_some();

@@ -12,8 +12,10 @@
 //! - `collapses`: a vertex is pulled onto its neighbour (`link` says where that is allowed);
 //! - `insertions`: edges are split, because tetrahedra are bad or because they leave the surface;
 //! - `mending`: all of these on the worst tetrahedra, in rounds;
-//! - `settling`: vertices that are off the surface are brought onto it.
+//! - `settling`: vertices that are off the surface are brought onto it;
+//! - `apexes`: the tips of cones get vertices.
 
+mod apexes;
 mod collapses;
 mod flips;
 mod holds;
@@ -115,6 +117,7 @@ impl<'s> Optimiser<'s> {
             scratch: Scratch::default(),
         };
         this.hold_vertices(&frozen);
+        this.hold_apexes();
         this
     }
 }
@@ -127,6 +130,7 @@ impl Optimiser<'_> {
         self.turn = TURN[usize::from(options.order > 1)];
         self.run(goal);
         let off = self.settle(goal);
+        self.take_apexes(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
         self.split_ears(EARS * goal);
         Warning::each(WarningKind::VertexOff, off)

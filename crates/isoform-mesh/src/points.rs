@@ -50,7 +50,7 @@ pub(crate) fn hash_words(words: &[u64], start: u64) -> u64 {
 }
 
 /// The list sorted, each number once.
-pub(crate) fn unique(mut v: Vec<u32>) -> Vec<u32> {
+pub(crate) fn unique<T: Ord>(mut v: Vec<T>) -> Vec<T> {
     v.sort_unstable();
     v.dedup();
     v

@@ -10,6 +10,7 @@ mod contact;
 mod newton;
 mod on;
 
+use crate::features::Corner;
 use crate::lattice::{IN, Lattice, OUT};
 use crate::points::{along, hash};
 use isoform_control::Control;
@@ -88,6 +89,8 @@ pub(crate) struct Surface<'s> {
     pub(crate) bends: bool,
     /// Whether pieces that touch are held where a third one separates them.
     pub(crate) seams: bool,
+    /// Tips of cones, where there is to be a vertex.
+    pub(crate) apexes: Vec<Corner>,
     /// Whether there are such places.
     pub(crate) has_seams: AtomicBool,
     /// Whether equals are put in order by their places, as if at random, and not by their numbers:
@@ -139,6 +142,7 @@ impl<'s> Surface<'s> {
             zero: zero_in(region),
             bends: true,
             seams: true,
+            apexes: Vec::new(),
             has_seams: AtomicBool::new(false),
             by_place: false,
             control,

@@ -239,6 +239,31 @@ fn cone_has_a_tip() {
         piece(plane([0.0, 0.0, 1.0], -0.3)),
     ]));
     assert!(features(&solid, 1.5, 0.2).corners.is_empty());
+    // A plane through the tip parts the cone from its other half, and has either sign there.
+    for z in [0.0, 1e-16, -1e-16] {
+        let solid = made(Node::Min(vec![
+            piece(Cone { k: 0.7 }),
+            piece(plane([0.0, 0.0, -1.0], 1.1)),
+            piece(plane([0.0, 0.0, 1.0], z)),
+        ]));
+        assert_corners(&features(&solid, 1.5, 0.2), &[[0.0; 3]]);
+    }
+}
+
+#[test]
+fn the_middle_of_a_small_ball_is_no_tip() {
+    let far = [3.1, 2.2, 1.3];
+    let ball = |center, r| {
+        piece(Sphere {
+            center,
+            r,
+            side: 1.0,
+        })
+    };
+    for radius in [0.3, 0.05, 0.002] {
+        let solid = made(Node::Max(vec![ball([0.0; 3], 1.0), ball(far, radius)]));
+        assert_corners(&features(&solid, 4.0, 0.5), &[]);
+    }
 }
 
 #[test]

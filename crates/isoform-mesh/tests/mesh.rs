@@ -613,3 +613,32 @@ fn parts_that_touch_have_nodes_where_they_do() {
         assert!((found / volume - 1.0).abs() < 4e-2, "{found} and {volume}");
     }
 }
+
+/// Tips of cones and of drilled holes have a node, whose distance to the tip is rounding.
+#[test]
+fn tips_of_cones_have_a_node() {
+    let tip = [0.013, -0.021, 0.037];
+    // Half of the angle of a cone: a drill's, and narrower ones.
+    for (degrees, size) in [(59.0f64, 0.07), (45.0, 0.11), (30.0, 0.09)] {
+        let slope = degrees.to_radians().tan();
+        let [x, y, z] = tip;
+        let below = format!(
+            "m(x[3], a[1]) {{ array d[3], v[3]; d = [{x}, {y}, {z}]; v = [-1, -1, -0.5];
+                cone = min(hfConeZ(x, d, {slope}), {z} - x[3]);"
+        );
+        let cone = format!("{below} m = min(cone, x[3] + 0.7); }}");
+        // From below into a block: the tip of the hole points up.
+        let hole = format!("{below} m = hfBlock(x, v, 2, 2, 1.1) \\ cone; }}");
+        for text in [cone, hole] {
+            let options = Options {
+                size,
+                ..Options::default()
+            };
+            let (meshed, _) = meshed(&text, &options);
+            let mesh = &meshed.mesh;
+            let is_tip = |v: &&u32| norm(sub(mesh.points[**v as usize], tip)) < 1e-9;
+            let found = mesh.corners.iter().filter(is_tip).count();
+            assert_eq!(found, 1, "{degrees} degrees: {text}");
+        }
+    }
+}

@@ -100,7 +100,7 @@ impl Labelled {
         let pieces: Vec<u32> = (0..names.len() as u32).collect();
         let edges = feature_edges(solid, zero_in(plan.region), &pieces, &around);
         add_curves(&mut around, plan, &edges);
-        around.corners = corners(&around);
+        around.corners = corners(&around, &plan.apexes);
         Self {
             around,
             tet_of,

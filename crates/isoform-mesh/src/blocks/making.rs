@@ -61,6 +61,7 @@ pub fn make(
         control.check()?;
         let surface = Surface {
             by_place: true,
+            apexes: plan.apexes.clone(),
             ..Surface::new(solid, &lattice, plan.region, control)
         };
         if let Some(at) = surface.not_a_number() {

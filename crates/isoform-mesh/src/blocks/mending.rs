@@ -51,7 +51,10 @@ fn optimised(
     let cells = plan.cells(Aabb::of(&given.points), BESIDE);
     let lattice = Lattice::window(solid, plan.grid(), cells, control)?;
     control.check()?;
-    let surface = Surface::new(solid, &lattice, plan.region, control);
+    let surface = Surface {
+        apexes: plan.apexes.clone(),
+        ..Surface::new(solid, &lattice, plan.region, control)
+    };
     let Some(mut complex) = given.complex(control) else {
         let what = "blocks overlap: a face of the surface has tetrahedra on both sides".to_owned();
         return Err(MeshError::Internal { what });

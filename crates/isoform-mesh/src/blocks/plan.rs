@@ -3,7 +3,7 @@
 use super::{holds, within};
 use crate::crowd::Crowd;
 use crate::error::MeshError;
-use crate::features::{CornerKind, Features, extent_within};
+use crate::features::{Corner, CornerKind, Features, extent_within};
 use crate::lattice::{CELL, Cells, Grid};
 use crate::mesher::features_of;
 use crate::options::Options;
@@ -48,6 +48,8 @@ pub struct Plan {
     pub curves: Vec<PlannedCurve>,
     /// Corners that the mesh must have nodes at.
     pub corners: Vec<Point3>,
+    /// Those of them that are tips of cones, on no curve.
+    pub apexes: Vec<Corner>,
     /// Whether all features were found, proved by intervals.
     pub features_certified: bool,
     /// Places where features crowd, with the edge length wanted there.
@@ -85,6 +87,7 @@ impl Plan {
                 crowded: Crowd::new(&found, &[], options.size).places(),
                 features_certified: found.certified,
                 corners: corners(&found),
+                apexes: found.apexes(),
                 curves: curves(found),
             })
         })

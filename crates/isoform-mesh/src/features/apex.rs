@@ -5,7 +5,7 @@
 //! linear in (a, m). Where the surface is smooth the normals about the solution agree; about a tip
 //! they differ as much at a small distance as at a large one.
 
-use super::newton::{along, normalised};
+use super::newton::{Distance, along, normalised};
 use super::search::Search;
 use crate::decide::{Local, decisive};
 use isoform_geom::{Aabb, Point3, dot, norm, sub};
@@ -15,8 +15,9 @@ use isoform_num::Interval;
 const SPREAD: f64 = 0.9;
 /// Each look at a tip is from this part of the distance of the one before.
 const NEARER: f64 = 0.125;
-/// Looks at a tip.
-const LOOKS: usize = 4;
+/// Distance, in sizes, of the last look at a tip: from farther away a ball as small as this looks
+/// like one from outside; from much nearer rounding decides.
+const NEAREST: f64 = 1e-4;
 /// A smooth surface looks flatter from nearer: its normals differ by a quarter of the angle or
 /// less. Below this part it is no tip.
 const FLATTER: f64 = 0.6;
@@ -24,6 +25,13 @@ const FLATTER: f64 = 0.6;
 const ASTRAY: f64 = 1.2;
 /// Distance from a cell, in model units, within which a tip is in it.
 const BESIDE: f64 = 1e-9;
+/// Distances to a piece at places around its tip, in those of the places from it: at most 1 divided
+/// by the degree of the function, and this for the fourth root of a cone. The middle of a ball, about
+/// which normals point in all directions, too, is much farther from the surface.
+const HEIGHT: f64 = 4.0;
+/// Distance of a piece from a tip, in sizes, within which it passes through it: tips are found to
+/// some 1e-9.
+const THROUGH: f64 = 1e-6;
 /// Pivot below which the normals do not determine a tip.
 const SINGULAR: f64 = 1e-10;
 /// Directions from a cell's centre in which its normals are compared, the corners of a cube turned
@@ -45,7 +53,7 @@ impl Search<'_> {
         let (center, mut reach) = (cell.center(), 0.5 * cell.diagonal());
         let mut tip = center;
         let mut last = None;
-        for _ in 0..LOOKS {
+        while reach > NEAREST * self.options.size {
             let (spread, next) = self.look(piece, tip, reach)?;
             if spread > SPREAD
                 || last.is_some_and(|l: f64| spread.acos() < FLATTER * l.acos())
@@ -71,6 +79,9 @@ impl Search<'_> {
             let Some(g) = normalised(self.solid, piece, q) else {
                 continue;
             };
+            if g.d.abs() > HEIGHT * reach {
+                return None;
+            }
             let row = [g.n[0], g.n[1], g.n[2], g.d / reach];
             let right = dot(g.n, u);
             for i in 0..4 {
@@ -97,6 +108,12 @@ impl Search<'_> {
             }
             let at = pieces.iter().position(|q| *q == k);
             let v = at.map_or(0.0, |at| values[at]);
+            // What passes through the tip, as the plane that parts a cone from its other half, has
+            // either sign there.
+            let passes = |g: Distance| g.d.abs() <= THROUGH * self.options.size;
+            if normalised(self.solid, k, p).is_none_or(passes) {
+                return Interval::new(-1.0, 1.0);
+            }
             Interval::new(v, v)
         };
         let mut which = Vec::new();

@@ -90,7 +90,7 @@ impl Optimiser<'_> {
     }
 
     /// Moves a vertex towards the pieces that hold it. Returns whether it is on them.
-    fn bring(&mut self, v: u32, least: f64) -> bool {
+    pub(super) fn bring(&mut self, v: u32, least: f64) -> bool {
         if self.is_hidden(v) {
             self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
         }

@@ -4,6 +4,7 @@ use super::BlocksError;
 use isoform_geom::{Aabb, Point3};
 use isoform_io::write_atomic;
 use isoform_mesh::blocks::{OpenFace, Plan, PlannedCurve, Tetrahedra};
+use isoform_mesh::features::{Corner, CornerKind};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -154,6 +155,12 @@ pub(super) fn write_plan(path: &Path, plan: &Plan) -> Result<(), BlocksError> {
         out.indices(&plan.counts.map(|n| n as u32))?;
         out.indices(&[plan.region_certified, plan.features_certified].map(u32::from))?;
         out.points(&plan.corners)?;
+        out.count(plan.apexes.len())?;
+        for apex in &plan.apexes {
+            out.floats(&apex.point)?;
+            out.count(apex.pieces.len())?;
+            out.indices(&apex.pieces)?;
+        }
         out.count(plan.crowded.len())?;
         for &(p, size) in &plan.crowded {
             out.floats(&[p[0], p[1], p[2], size])?;
@@ -177,6 +184,8 @@ pub(super) fn read_plan(path: &Path) -> Result<Plan, BlocksError> {
         let (region_certified, features_certified) = (bytes.index()? == 1, bytes.index()? == 1);
         let corners = bytes.points()?;
         let n = bytes.count(32)?;
+        let apexes = (0..n).map(|_| apex(bytes)).collect::<Option<Vec<_>>>()?;
+        let n = bytes.count(32)?;
         let crowded = (0..n).map(|_| Some((bytes.point()?, bytes.float()?)));
         let crowded = crowded.collect::<Option<Vec<_>>>()?;
         let n = bytes.count(16)?;
@@ -193,9 +202,20 @@ pub(super) fn read_plan(path: &Path) -> Result<Plan, BlocksError> {
             size,
             curves: curves.collect::<Option<Vec<_>>>()?,
             corners,
+            apexes,
             features_certified,
             crowded,
         })
+    })
+}
+
+fn apex(bytes: &mut Bytes<'_>) -> Option<Corner> {
+    let point = bytes.point()?;
+    let n = bytes.count(4)?;
+    Some(Corner {
+        point,
+        pieces: (0..n).map(|_| bytes.index()).collect::<Option<_>>()?,
+        kind: CornerKind::Apex,
     })
 }
 
@@ -236,6 +256,11 @@ mod tests {
                 points: vec![[0.1; 3], [0.2; 3]],
             }],
             corners: vec![[0.3; 3]],
+            apexes: vec![Corner {
+                point: [0.3; 3],
+                pieces: vec![2, 5],
+                kind: CornerKind::Apex,
+            }],
             features_certified: false,
             crowded: vec![([0.4; 3], 0.05)],
         };
