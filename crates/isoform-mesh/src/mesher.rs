@@ -17,7 +17,7 @@ use crate::options::Options;
 use crate::refine::Refiner;
 use crate::second::raise_order;
 use crate::surface::Surface;
-use isoform_check::Capped;
+use isoform_check::{Capped, self_intersections};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
@@ -26,7 +26,11 @@ const FINER: usize = 3;
 /// How often a solid with seams is meshed again, finer where vertices are off the surface: most
 /// rounded boxes whose seams are about a size apart are mended by the first round, some by the
 /// second.
-const FINER_ROUNDS: usize = 2;
+const FINER_ROUNDS: usize = 4;
+/// Rounds, one behind the other, that leave no fewer such places, after which no other is tried.
+const IN_VAIN: usize = 2;
+/// Triangles per pair of them that meet, from which on the surface meets itself all over.
+const MEETING: usize = 8;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -76,9 +80,10 @@ pub fn mesh(
     }
 }
 
-/// Meshes a solid whose extent is known. Where vertices held on seams between pieces that touch keep
-/// others off the surface, as between seams that are about a size apart, it is meshed once more,
-/// finer there; and at last without holding any on seams.
+/// Meshes a solid whose extent is known. Where the surface meets itself, and where vertices held on
+/// seams between pieces that touch keep others off the surface, as between seams that are about a
+/// size apart, it is meshed once more, finer there; and at last without holding any on seams. The
+/// mesh with the fewest such places counts.
 fn mesh_within(
     solid: &dyn Solid,
     extent: &Extent,
@@ -104,26 +109,41 @@ fn mesh_within(
         seams: true,
         finer: Vec::new(),
     };
-    let first = ground.meshed(&course)?;
-    if first.off().is_empty() || !first.has_seams {
-        return Ok(first.meshed);
+    let mut best = ground.meshed(&course)?;
+    let mut wrong = best.wrong(control);
+    if wrong.is_empty() {
+        return Ok(best.meshed);
     }
-    course.add(&first.off(), options.size);
     // What is stopped on the way leaves the mesh that there is.
+    let mut fewest = wrong.len();
+    let mut in_vain = 0;
     for _ in 0..FINER_ROUNDS {
-        match ground.meshed(&course) {
-            Ok(next) if next.off().is_empty() => return Ok(next.meshed),
-            Ok(next) => course.add(&next.off(), options.size),
-            Err(_) => return Ok(first.meshed),
+        course.add(&wrong, options.size);
+        let Ok(next) = ground.meshed(&course) else {
+            return Ok(best.meshed);
+        };
+        wrong = next.wrong(control);
+        in_vain += 1;
+        if wrong.len() < fewest {
+            (best, fewest, in_vain) = (next, wrong.len(), 0);
         }
+        if wrong.is_empty() {
+            return Ok(best.meshed);
+        }
+        if in_vain >= IN_VAIN {
+            break;
+        }
+    }
+    if !best.has_seams || best.off().is_empty() {
+        return Ok(best.meshed);
     }
     let without = Course {
         seams: false,
         finer: Vec::new(),
     };
     match ground.meshed(&without) {
-        Ok(without) if without.off().is_empty() => Ok(without.meshed),
-        _ => Ok(first.meshed),
+        Ok(without) if without.wrong(control).len() < fewest => Ok(without.meshed),
+        _ => Ok(best.meshed),
     }
 }
 
@@ -136,12 +156,11 @@ struct Course {
 }
 
 impl Course {
-    /// Adds places where vertices are off the surface, to be meshed with half the edges they have
-    /// there.
-    fn add(&mut self, off: &[Point3], size: f64) {
+    /// Adds places where the mesh is wrong, to be meshed with half the edges they have there.
+    fn add(&mut self, wrong: &[Point3], size: f64) {
         let before = Crowd::of_places(&self.finer, size);
         let halved = |at: &Point3| (*at, HALF * before.size_at(*at, &mut Vec::new()).min(size));
-        self.finer.extend(off.iter().map(halved));
+        self.finer.extend(wrong.iter().map(halved));
     }
 }
 
@@ -153,6 +172,33 @@ struct Outcome {
 }
 
 impl Outcome {
+    /// Places to be meshed finer: where the surface meets itself, or is not what it should be, and
+    /// where the mesh misses a part of the solid. Where it is wrong all over, as that of bodies that
+    /// touch or of functions that jump, no size helps, and there are none, but for vertices off the
+    /// surface if there are seams.
+    fn wrong(&self, control: &Control<'_>) -> Vec<Point3> {
+        let Meshed {
+            mesh,
+            missed,
+            warnings,
+            ..
+        } = &self.meshed;
+        let most = mesh.triangles.len().div_ceil(MEETING);
+        let mut wrong = self_intersections(&mesh.points, &mesh.triangles, most, control);
+        let here = |w: &&Warning| {
+            use WarningKind::{NotCut, StrayFace, VertexOff};
+            matches!(w.kind, NotCut(_) | StrayFace | VertexOff)
+        };
+        wrong.extend(warnings.iter().filter(here).filter_map(|w| w.at));
+        wrong.extend(missed.places());
+        if wrong.len() >= most {
+            wrong.clear();
+            if self.has_seams {
+                wrong.extend(self.off());
+            }
+        }
+        wrong
+    }
     /// Vertices that could not be brought onto the surface.
     fn off(&self) -> Vec<Point3> {
         let warnings = self.meshed.warnings.iter();

@@ -77,8 +77,14 @@ pub struct Missed {
 impl Missed {
     /// A warning if the mesh has nothing where the solid has surface.
     pub(crate) fn warning(&self) -> Option<Warning> {
-        let mut far = self.witnesses.iter().filter(|w| !w.near);
-        far.next().map(|w| Warning::at(WarningKind::Missed, w.at))
+        let first = self.places().next();
+        first.map(|at| Warning::at(WarningKind::Missed, at))
+    }
+
+    /// Places where the mesh has nothing though the solid has surface.
+    pub(crate) fn places(&self) -> impl Iterator<Item = Point3> {
+        let far = self.witnesses.iter().filter(|w| !w.near);
+        far.map(|w| w.at)
     }
 }
 

@@ -642,3 +642,21 @@ fn tips_of_cones_have_a_node() {
         }
     }
 }
+
+/// A mesh that meets itself, where blended edges are much sharper than the size, is made once more,
+/// finer there.
+#[test]
+fn what_meets_itself_is_meshed_finer_there() {
+    let text = "m(x[3], a[1]) {
+        array o[3], q[3];
+        o = [-3, -2, 0];
+        body = hfBlendUni(hfBlock(x, o, 6, 4, 0.8), hfBlock(x, o, 0.8, 4, 4), 0.4, 0.6, 0.6);
+        o = [1.5, 1, 0]; q = [1.5, -1, 0];
+        m = (body \\ hfCylinderZ(x, o, 0.4)) \\ hfCylinderZ(x, q, 0.4);
+    }";
+    let options = Options {
+        size: 0.21,
+        ..Options::default()
+    };
+    meshed(text, &options);
+}

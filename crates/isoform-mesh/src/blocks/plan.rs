@@ -251,6 +251,7 @@ mod tests {
             size: 1.0,
             curves: Vec::new(),
             corners: Vec::new(),
+            apexes: Vec::new(),
             features_certified: true,
             crowded: Vec::new(),
         }
