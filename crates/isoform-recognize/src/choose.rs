@@ -134,6 +134,11 @@ pub(crate) fn is_called_for(
     gain > asked.max(noise.material() * n)
 }
 
+/// Whether any surface with more parameters might be called for: one that leaves nothing of Σ r².
+pub(crate) fn may_be_called_for(more: usize, points: usize, simple: f64, noise: Noise) -> bool {
+    is_called_for(more, points, simple, 0.0, 0, noise)
+}
+
 /// Sets of free points about a seed that regions grow from.
 struct Sets {
     near: Vec<u32>,
@@ -280,12 +285,17 @@ fn beats(cloud: &Cloud, bent: &Region, simple: &Region, noise: Noise) -> bool {
     if bent.core.len() as f64 >= WIDER * simple.core.len() as f64 {
         return true;
     }
+    if bent.core.len() * 10 < simple.core.len() * 9 {
+        return false;
+    }
     let points = cloud.at(&simple.core);
-    let Some((surface, after)) = fit(&bent.surface, &points, Precision::Rough) else {
+    let before = squares(&simple.surface, &points);
+    let [p, q] = [simple, bent].map(|r| r.surface.kind.parameters());
+    if !may_be_called_for(q - p, points.len(), before, noise) {
+        return false;
+    }
+    let Some((_, after)) = fit(&bent.surface, &points, Precision::Rough) else {
         return false;
     };
-    let [p, q] = [simple.surface.kind, surface.kind].map(Kind::parameters);
-    let before = squares(&simple.surface, &points);
-    bent.core.len() * 10 >= simple.core.len() * 9
-        && is_called_for(q - p, points.len(), before, after, q, noise)
+    is_called_for(q - p, points.len(), before, after, q, noise)
 }

@@ -8,7 +8,6 @@ use crate::pose::Pose;
 use crate::start::starts;
 use isoform_geom::{Aabb, KdTree, Point3, dot, orient_normals, sub};
 use rayon::prelude::*;
-use std::collections::BTreeSet;
 
 /// Neighbours along which regions grow and labels compete. Fewer tear regions apart where points
 /// lie unevenly; more carry labels over narrow gaps.
@@ -51,6 +50,8 @@ pub(crate) struct Cloud {
     neighbours: Vec<u32>,
     /// Where those of each point begin.
     first: Vec<u32>,
+    /// The points that have each among their neighbours, and where those of each begin.
+    beside: (Vec<u32>, Vec<u32>),
     /// The deviation of the neighbours of each point from a quadratic height.
     pub(crate) roughness: Vec<f64>,
     /// The noise that the smoothest places show.
@@ -134,6 +135,7 @@ impl Cloud {
         orient_normals(&points, &mut normals, &tree);
         Self {
             is_volume: fill_a_volume(&points, &roughness, &tree),
+            beside: reversed(&neighbours, &first),
             neighbours,
             first,
             noise,
@@ -156,15 +158,22 @@ impl Cloud {
         &self.neighbours[from..to]
     }
 
+    /// The points that have this one among their neighbours.
+    pub(crate) fn beside(&self, i: u32) -> &[u32] {
+        let [from, to] = [i as usize, i as usize + 1].map(|k| self.beside.1[k] as usize);
+        &self.beside.0[from..to]
+    }
+
     /// The points about one that are reached along neighbours, nearest first; twice as many as
     /// asked for are looked at, so that rings are taken nearly by distance.
     pub(crate) fn around(&self, seed: u32, count: usize) -> Vec<u32> {
-        let mut seen = BTreeSet::from([seed]);
+        let mut is_seen = vec![false; self.points.len()];
+        is_seen[seed as usize] = true;
         let (mut ring, mut all) = (vec![seed], vec![seed]);
         while !ring.is_empty() && all.len() < 2 * count {
             let mut next = Vec::new();
             for j in ring.iter().flat_map(|i| self.near(*i)) {
-                if seen.insert(*j) {
+                if !std::mem::replace(&mut is_seen[*j as usize], true) {
                     next.push(*j);
                 }
             }
@@ -190,6 +199,24 @@ impl Cloud {
     pub(crate) fn normals_at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.normals[*i as usize]).collect()
     }
+}
+
+/// For each point those that list it, and where these begin, of lists one after another and where
+/// each of them begins.
+fn reversed(lists: &[u32], first: &[u32]) -> (Vec<u32>, Vec<u32>) {
+    let mut begin = vec![0; first.len()];
+    lists.iter().for_each(|j| begin[*j as usize + 1] += 1);
+    for k in 1..begin.len() {
+        begin[k] += begin[k - 1];
+    }
+    let (mut all, mut at) = (vec![0; lists.len()], begin.clone());
+    for (i, ends) in first.windows(2).enumerate() {
+        for j in &lists[ends[0] as usize..ends[1] as usize] {
+            all[at[*j as usize] as usize] = i as u32;
+            at[*j as usize] += 1;
+        }
+    }
+    (all, begin)
 }
 
 /// Whether the points fill a volume: a deviation that grows with the neighbourhood is no noise.

@@ -31,6 +31,9 @@ const TOLD_BY_FORM: f64 = 0.5;
 const KNOWN: f64 = 0.03;
 /// Tolerances of form that are tried at most, each half of the one before.
 const HALVINGS: i32 = 6;
+/// Tolerances one after another in which pieces of an object that a wider one describes tell too
+/// little, until none narrower is tried.
+const IN_VAIN: usize = 2;
 /// The least tolerance of form, in deviations of the noise.
 const NARROWEST: f64 = 2.0;
 /// The largest tolerance of form, in diagonals. Noise of half a per cent hides small faces, and
@@ -214,16 +217,27 @@ impl Tried<'_> {
         let noise = self.all[0].1.noise;
         // Wide ones first: they take the least time, and where they are good narrow ones need none.
         let tolerances = (0..HALVINGS).map(|k| WIDEST / 2.0_f64.powi(k));
+        let mut in_vain = 0;
         for tolerance in tolerances.filter(|t| *t >= NARROWEST * noise) {
             let limits = Limits {
                 min_points,
                 allowed: Allowed::Form(tolerance),
             };
             let first = Segmentation::begin(self.cloud, limits, control)?;
-            // Further rounds shorten a description by some per cent; this one is not worth them.
-            let is_longer = |length: f64| length > self.most();
-            if self.all.len() > 1 && self.describe(&first).is_some_and(is_longer) {
-                break;
+            if self.all.len() > 1 {
+                match self.describe(&first) {
+                    // Further rounds shorten it by some per cent; this one is not worth them.
+                    Some(length) if length > self.most() => break,
+                    // More surfaces that tell too little are pieces. Further rounds find more such.
+                    None if first.surfaces.len() > self.all[self.best()].1.surfaces.len() => {
+                        in_vain += 1;
+                        if in_vain == IN_VAIN {
+                            break;
+                        }
+                        continue;
+                    }
+                    _ => in_vain = 0,
+                }
             }
             let next = first.finished(self.cloud, limits, control)?;
             let Some(length) = self.describe(&next) else {

@@ -1,7 +1,7 @@
 //! Of which kind the surface through given points is.
 
 use crate::chart::{Kind, Surface};
-use crate::choose::{Noise, is_called_for, least_points};
+use crate::choose::{Noise, is_called_for, least_points, may_be_called_for};
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit, fit_weighted};
 use crate::share::Shares;
@@ -25,6 +25,10 @@ pub(crate) fn best_kind(
         if count < least_points(kind, noise.deviation) {
             continue;
         }
+        let asked = |simple: Surface| kind.parameters() - simple.kind.parameters();
+        if best.is_some_and(|(s, more)| !may_be_called_for(asked(s), count, more, noise)) {
+            continue;
+        }
         let start = match kind == surface.kind {
             true => Some(*surface),
             false => first_guess(cloud, shares, kind),
@@ -34,8 +38,14 @@ pub(crate) fn best_kind(
             continue;
         };
         let is_better = best.is_none_or(|(simple, more): (Surface, f64)| {
-            let [p, q] = [simple.kind, kind].map(Kind::parameters);
-            is_called_for(q - p, count, more, squares, q, noise)
+            is_called_for(
+                asked(simple),
+                count,
+                more,
+                squares,
+                kind.parameters(),
+                noise,
+            )
         });
         if is_better {
             best = Some((fitted, squares));

@@ -45,11 +45,11 @@ pub(crate) fn shares(
         if *own == NONE {
             continue;
         }
-        let around = around(cloud, labels, i);
-        if around.len() == 1 {
+        if is_inside(cloud, labels, i) {
             shares[*own as usize].push((i as u32, 1.0));
             continue;
         }
+        let around = around(cloud, labels, i);
         let likely: Vec<f64> = around
             .iter()
             .map(|label| faces.likelihood(&around, *label, i))
@@ -62,6 +62,12 @@ pub(crate) fn shares(
         }
     }
     shares
+}
+
+/// Whether none of the neighbours of a point belongs to another face.
+fn is_inside(cloud: &Cloud, labels: &[u32], i: usize) -> bool {
+    let is_own = |j: &u32| [labels[i], NONE].contains(&labels[*j as usize]);
+    cloud.near(i as u32).iter().all(is_own)
 }
 
 /// The labels of a point and its neighbours.
@@ -138,7 +144,7 @@ fn before_contact(
 fn sides(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Sides {
     let mut counts: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
     for (i, own) in labels.iter().enumerate() {
-        if *own == NONE {
+        if *own == NONE || is_inside(cloud, labels, i) {
             continue;
         }
         for other in around(cloud, labels, i) {

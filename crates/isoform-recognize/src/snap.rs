@@ -64,7 +64,7 @@ impl Own {
         let rows = start.rows();
         let mut sum = [0.0; MOST];
         for p in &self.points {
-            let (r, row) = rows.at(*p);
+            let (r, row) = rows.at(start.kind, *p);
             let change = now.distance(*p) - r;
             sum.iter_mut().zip(row).for_each(|(s, j)| *s += change * j);
         }
