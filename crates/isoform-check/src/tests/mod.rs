@@ -574,7 +574,7 @@ fn intersections_of_a_crumpled_torus() {
     let n = mesh.triangles.len();
     let pairs: Vec<[u32; 2]> = (0..n)
         .flat_map(|a| (a + 1..n).map(move |b| (a, b)))
-        .filter(|&(a, b)| exact::triangles_meet(&mesh.points, mesh.triangles[a], mesh.triangles[b]))
+        .filter(|&(a, b)| triangles_meet(&mesh.points, mesh.triangles[a], mesh.triangles[b]))
         .map(|(a, b)| [a as u32, b as u32])
         .collect();
     let all = Options {
