@@ -4,7 +4,7 @@
 use super::Refiner;
 use super::curvature::curvature;
 use crate::complex::{Complex, Ring};
-use crate::points::along;
+use crate::points::{along, unit};
 use crate::surface::Surface;
 use isoform_geom::{Point3, dot, norm, sub};
 use rayon::prelude::*;
@@ -15,6 +15,11 @@ const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
 /// The surface counts if it reaches across an edge by this share of the edge's length; less is the
 /// sagitta of a curved surface.
 const DEPTH: f64 = 0.08;
+/// Depth, in lengths of the edge, that a ridge has one length behind the edge that cuts it off: one
+/// of 40 degrees has this, a wall as thin as is looked for has none.
+const DEEPER: f64 = 0.3;
+/// Steps in which that length is gone, along the normals of the way.
+const WAY: usize = 4;
 /// Times that edges are halved in search of what hides between lattice points.
 const ROUNDS: usize = 4;
 
@@ -155,6 +160,28 @@ impl Search<'_> {
         })
     }
 
+    /// Whether an edge that is crossed twice cuts off no more than a ridge, or a groove: from there
+    /// on the body, or the gap, gets as deep as a sharp edge would. What is lost is the chamfer.
+    fn is_ridge(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
+        let [p, q] = [a, b].map(|v| complex.point(v));
+        let length = norm(sub(p, q));
+        let side = -self.values[a as usize].signum();
+        let places = LOOKS.map(|t| along(p, q, t));
+        let depth = |p: Point3| side * self.surface.value(p).0;
+        let deepest = places
+            .into_iter()
+            .max_by(|x, y| depth(*x).total_cmp(&depth(*y)));
+        deepest.is_some_and(|mut at| {
+            for _ in 0..WAY {
+                let piece = self.surface.value(at).1;
+                let inwards = unit(self.surface.gradient(piece, at).1);
+                let step = side * length / WAY as f64;
+                at = std::array::from_fn(|i| at[i] + step * inwards[i]);
+            }
+            depth(at) > DEEPER * length
+        })
+    }
+
     /// Whether a tetrahedron is to be halved.
     fn is_wanted(&self, complex: &Complex, t: u32) -> bool {
         let found = (t, complex.tets[t as usize]);
@@ -169,7 +196,8 @@ impl Search<'_> {
 impl Refiner<'_> {
     /// Halves edges that a piece of the surface crosses twice (both ends inside, or both outside,
     /// and a place between that is not), so that thin walls, gaps and narrow links are met by the
-    /// lattice. Returns places where the last round still found such an edge.
+    /// lattice. Returns places where the last round still found such an edge, but for those that cut
+    /// off a ridge.
     pub(crate) fn resolve(&mut self, surface: &Surface<'_>) -> Vec<Point3> {
         let mut search = Search {
             surface,
@@ -194,6 +222,7 @@ impl Refiner<'_> {
             });
         }
         let left = search.twice.iter();
+        let left = left.filter(|ends| !search.is_ridge(&self.complex, **ends));
         left.map(|&[a, _]| self.complex.point(a)).collect()
     }
 }
