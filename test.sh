@@ -119,9 +119,17 @@ acceptance() {
   script accept_brep "solids for CAD"
   pages
   accept "meshes in solvers" accept_mesh part "$venv/bin/python" "$checks/accept_mesh.py" --solve --isoform "$binary"
-  run_example() { PATH=$(dirname "$binary"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/stress.png"; }
-  check "example: scan to stress with scikit-fem" run_example scikit_fem
-  if command -v ccx >/dev/null; then check "example: scan to stress with CalculiX" run_example calculix; else missing ccx; fi
+  run_example() { PATH=$(dirname "$binary"):$PATH "$venv/bin/python" -B "examples/fe/$1.py" "$scratch/$1" && ls -l "$scratch/$1/$2.png"; }
+  # The powers of the number of elements that theory has: -2/9 for equal ones, -1/3 for adapted ones.
+  adaptive() { run_example adaptive convergence | tee "$scratch/rates" && awk '/error as/ { rate[$1] = $7 } END { exit !(rate["equal:"] > -0.27 && rate["adapted:"] < -0.3) }' "$scratch/rates"; }
+  check "example: scan to stress with scikit-fem" run_example scikit_fem stress
+  check "example: meshes that follow an error estimate" adaptive
+  if command -v ccx >/dev/null; then
+    check "example: scan to stress with CalculiX" run_example calculix stress
+    check "example: a notch, with CalculiX" run_example notch convergence
+  else
+    missing ccx
+  fi
 }
 
 # Pages in a real browser and pictures without one, with python packages of their own.
