@@ -140,7 +140,7 @@ def main(folder):
     plt.xlabel("tetrahedra")
     plt.ylabel("error of the gradient")
     plt.legend()
-    plt.savefig(folder / "convergence.png", dpi=120)
+    plt.savefig(folder / "convergence.png", dpi=120, bbox_inches="tight")
 
 
 if __name__ == "__main__":

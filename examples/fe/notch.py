@@ -129,7 +129,7 @@ def main(folder):
     plt.xlabel("tetrahedra of ten nodes")
     plt.ylabel("error in the energy norm, as a share")
     plt.legend()
-    plt.savefig(folder / "convergence.png", dpi=120)
+    plt.savefig(folder / "convergence.png", dpi=120, bbox_inches="tight")
 
 
 if __name__ == "__main__":
