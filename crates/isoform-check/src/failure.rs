@@ -14,6 +14,8 @@ pub struct Failure {
     pub count: usize,
     /// Where the first or worst is, if it has a place.
     pub place: Option<Place>,
+    /// Where others are, as many as were kept.
+    pub others: Vec<Place>,
 }
 
 /// Collects failures.
@@ -34,6 +36,7 @@ impl List {
                 message,
                 count: defects.count,
                 place: defects.places.first().cloned(),
+                others: defects.places.iter().skip(1).cloned().collect(),
             });
         }
     }
@@ -44,6 +47,7 @@ impl List {
             message,
             count: 1,
             place,
+            others: Vec::new(),
         });
     }
     /// A measure that must be at least `limit`; NaN is a failure.

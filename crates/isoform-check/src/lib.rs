@@ -289,28 +289,6 @@ fn examine_surface(
     Some(())
 }
 
-/// Places where a surface of triangles meets itself, elsewhere than in the nodes and edges that
-/// triangles share: as of [`certify`], but that the search ends after some `most` pairs.
-///
-/// # Panics
-/// If a triangle has an index beyond the points.
-pub fn self_intersections(
-    points: &[Point3],
-    triangles: &[[u32; 3]],
-    most: usize,
-    control: &Control<'_>,
-) -> Vec<Point3> {
-    let of = surface::Triangles { points, triangles };
-    let options = Options {
-        places: most,
-        pairs: most,
-        ..Options::default()
-    };
-    let flat = surface::without_area(of);
-    let found = intersections::find(of, &flat, &intersections::tree(of), &options, control);
-    found.pairs.places.into_iter().map(|p| p.at).collect()
-}
-
 /// How many nodes are in no element, as corners or mid nodes.
 fn unused_nodes(mesh: &Mesh) -> usize {
     let mut used = vec![false; mesh.points.len()];

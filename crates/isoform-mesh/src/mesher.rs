@@ -8,7 +8,7 @@ use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
+use crate::features::{CornerKind, Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::missed::{Missed, missed};
@@ -17,7 +17,7 @@ use crate::options::Options;
 use crate::refine::Refiner;
 use crate::second::raise_order;
 use crate::surface::Surface;
-use isoform_check::{Capped, self_intersections};
+use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
@@ -31,6 +31,8 @@ const FINER_ROUNDS: usize = 4;
 const IN_VAIN: usize = 2;
 /// Triangles per pair of them that meet, from which on the surface meets itself all over.
 const MEETING: usize = 8;
+/// Places of each kind of failure that are meshed finer at once.
+const PLACES: usize = 1000;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -110,27 +112,27 @@ fn mesh_within(
         finer: Vec::new(),
     };
     let mut best = ground.meshed(&course)?;
-    let mut wrong = best.wrong(control);
-    if wrong.is_empty() {
+    let mut wrong = ground.wrong(&best);
+    if wrong.places.is_empty() {
         return Ok(best.meshed);
     }
     // What is stopped on the way leaves the mesh that there is.
-    let mut fewest = wrong.len();
+    let mut fewest = wrong.count;
     let mut in_vain = 0;
     for _ in 0..FINER_ROUNDS {
-        course.add(&wrong, options.size);
+        course.add(&wrong.places, options.size);
         let Ok(next) = ground.meshed(&course) else {
             return Ok(best.meshed);
         };
-        wrong = next.wrong(control);
+        wrong = ground.wrong(&next);
         in_vain += 1;
-        if wrong.len() < fewest {
-            (best, fewest, in_vain) = (next, wrong.len(), 0);
+        if wrong.count < fewest {
+            (best, fewest, in_vain) = (next, wrong.count, 0);
         }
-        if wrong.is_empty() {
+        if wrong.count == 0 {
             return Ok(best.meshed);
         }
-        if in_vain >= IN_VAIN {
+        if wrong.places.is_empty() || in_vain >= IN_VAIN {
             break;
         }
     }
@@ -142,7 +144,7 @@ fn mesh_within(
         finer: Vec::new(),
     };
     match ground.meshed(&without) {
-        Ok(without) if without.wrong(control).len() < fewest => Ok(without.meshed),
+        Ok(without) if ground.wrong(&without).count < fewest => Ok(without.meshed),
         _ => Ok(best.meshed),
     }
 }
@@ -172,39 +174,20 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// Places to be meshed finer: where the surface meets itself, or is not what it should be, and
-    /// where the mesh misses a part of the solid. Where it is wrong all over, as that of bodies that
-    /// touch or of functions that jump, no size helps, and there are none, but for vertices off the
-    /// surface if there are seams.
-    fn wrong(&self, control: &Control<'_>) -> Vec<Point3> {
-        let Meshed {
-            mesh,
-            missed,
-            warnings,
-            ..
-        } = &self.meshed;
-        let most = mesh.triangles.len().div_ceil(MEETING);
-        let mut wrong = self_intersections(&mesh.points, &mesh.triangles, most, control);
-        let here = |w: &&Warning| {
-            use WarningKind::{NotCut, StrayFace, VertexOff};
-            matches!(w.kind, NotCut(_) | StrayFace | VertexOff)
-        };
-        wrong.extend(warnings.iter().filter(here).filter_map(|w| w.at));
-        wrong.extend(missed.places());
-        if wrong.len() >= most {
-            wrong.clear();
-            if self.has_seams {
-                wrong.extend(self.off());
-            }
-        }
-        wrong
-    }
     /// Vertices that could not be brought onto the surface.
     fn off(&self) -> Vec<Point3> {
         let warnings = self.meshed.warnings.iter();
         let off = warnings.filter(|w| w.kind == WarningKind::VertexOff);
         off.filter_map(|w| w.at).collect()
     }
+}
+
+/// What is wrong with a mesh.
+struct Wrong {
+    /// How much: findings of the certificate, and warnings.
+    count: usize,
+    /// Places to be meshed finer: none where the mesh is wrong all over.
+    places: Vec<Point3>,
 }
 
 /// What all courses of a solid have in common.
@@ -218,6 +201,67 @@ struct Ground<'a> {
 }
 
 impl Ground<'_> {
+    /// What is wrong with the surface, and where the mesh misses a part of the solid. Where it is
+    /// wrong all over, as that of bodies that touch or of functions that jump, no size helps, but
+    /// may help vertices off the surface if there are seams.
+    fn wrong(&self, of: &Outcome) -> Wrong {
+        let Meshed {
+            mesh,
+            missed,
+            warnings,
+            ..
+        } = &of.meshed;
+        let failures = self.surface_failures(mesh);
+        let here = |w: &&Warning| {
+            use WarningKind::{NotCut, StrayFace, VertexOff};
+            matches!(w.kind, NotCut(_) | StrayFace | VertexOff)
+        };
+        let told = warnings.iter().filter(here).filter_map(|w| w.at);
+        let mut places: Vec<Point3> = told.chain(missed.places()).collect();
+        let count = places.len() + failures.iter().map(|f| f.count).sum::<usize>();
+        if count >= mesh.triangles.len().div_ceil(MEETING) {
+            let places = if of.has_seams { of.off() } else { Vec::new() };
+            return Wrong { count, places };
+        }
+        let found = failures
+            .iter()
+            .flat_map(|f| f.place.iter().chain(&f.others));
+        places.extend(found.map(|p| p.at));
+        Wrong { count, places }
+    }
+
+    /// What the certificate of the surface alone would hold against it.
+    fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
+        let surface = Mesh {
+            points: mesh.points.clone(),
+            triangles: mesh.triangles.clone(),
+            triangle_parts: mesh.triangle_parts.clone(),
+            parts: mesh.parts.clone(),
+            edges: mesh.edges.clone(),
+            edge_curves: mesh.edge_curves.clone(),
+            curves: mesh.curves.clone(),
+            corners: mesh.corners.clone(),
+            ..Mesh::default()
+        };
+        let curves = self.features.curves.iter().map(|c| c.points.clone());
+        let corners = self.features.corners.iter();
+        let corners = corners.filter(|c| !matches!(c.kind, CornerKind::Fading | CornerKind::Seam));
+        let options = check::Options {
+            places: PLACES,
+            size: Some(self.options.size),
+            region: self.options.region,
+            curves: &curves.collect::<Vec<_>>(),
+            corners: &corners.map(|c| c.point).collect::<Vec<_>>(),
+            ..check::Options::default()
+        };
+        // The mesh is certified once more at last, with progress.
+        let control = Control {
+            progress: None,
+            ..*self.control
+        };
+        certify(&surface, Some(self.solid), &options, &control).failures()
+    }
+
     /// Meshes the solid in one of the courses.
     fn meshed(&self, course: &Course) -> Result<Outcome, MeshError> {
         let Self {
