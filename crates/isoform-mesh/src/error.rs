@@ -136,6 +136,8 @@ pub enum WarningKind {
     NotProved,
     /// The solid has surface where the mesh has none: features too small for it.
     Missed,
+    /// The mesh is in pieces where the solid hangs together, or closes what is open.
+    Torn,
 }
 
 impl std::fmt::Display for WarningKind {
@@ -161,6 +163,10 @@ impl std::fmt::Display for WarningKind {
             Self::Missed => {
                 "the mesh misses a part of the solid that is smaller than its triangles; a smaller \
                  --size shows it"
+            }
+            Self::Torn => {
+                "the mesh is in pieces where the solid hangs together, or closes a narrow hole; a \
+                 smaller --size shows it"
             }
             Self::NotProved => {
                 "the program is no expression: it was meshed as one smooth part, its edges are \

@@ -47,6 +47,7 @@ mod points;
 mod refine;
 mod second;
 mod surface;
+mod torn;
 
 pub use adapt::{adapt, check_nodes, mean_edge, own_sizes};
 pub use error::{MeshError, Warning, WarningKind};

@@ -17,6 +17,7 @@ use crate::options::Options;
 use crate::refine::Refiner;
 use crate::second::raise_order;
 use crate::surface::Surface;
+use crate::torn::torn;
 use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
@@ -213,8 +214,8 @@ impl Ground<'_> {
         } = &of.meshed;
         let failures = self.surface_failures(mesh);
         let here = |w: &&Warning| {
-            use WarningKind::{NotCut, StrayFace, VertexOff};
-            matches!(w.kind, NotCut(_) | StrayFace | VertexOff)
+            use WarningKind::{NotCut, StrayFace, Torn, VertexOff};
+            matches!(w.kind, NotCut(_) | StrayFace | Torn | VertexOff)
         };
         let told = warnings.iter().filter(here).filter_map(|w| w.at);
         let mut places: Vec<Point3> = told.chain(missed.places()).collect();
@@ -298,6 +299,8 @@ impl Ground<'_> {
         control.begin("what the mesh misses")?;
         let missed = missed(solid, &mesh, region, options.size, control);
         warnings.extend(missed.warning());
+        let torn = torn(&surface, &mesh, options.size);
+        warnings.extend(Warning::each(WarningKind::Torn, torn));
         let meshed = Meshed {
             missed,
             mesh,

@@ -5,7 +5,9 @@ use isoform_check::{self as check, Certificate, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
-use isoform_mesh::{Control, MeshError, Meshed, Options, Sizes, adapt, mean_edge, mesh};
+use isoform_mesh::{
+    Control, MeshError, Meshed, Options, Sizes, WarningKind, adapt, mean_edge, mesh,
+};
 
 const SPHERE: &str = "m(x[3], a[1]) { m = 1 - sqrt(x[1]^2 + x[2]^2 + x[3]^2); }";
 const PART: &str = "m(x[3], a[1]) {
@@ -661,4 +663,35 @@ fn what_meets_itself_is_meshed_finer_there() {
         };
         meshed(text, &options);
     }
+}
+
+/// The end of a narrow cone that the lattice loses in between is a valid body of its own: that the
+/// cone is in two pieces is told, or mended. Two balls with a narrow gap are two.
+#[test]
+fn what_hangs_together_is_not_in_pieces_without_a_word() {
+    let cone = "m(x[3], a[1]) { array p[3], d[3]; p[1] = x[1]; p[2] = x[2]; p[3] = x[3];
+        t = hfShift3D(p, 0.245342, -0.189202, -0.0258854); t = hfRotate3DX(p, 1.45813);
+        t = hfRotate3DY(p, 0.83664); t = hfRotate3DZ(p, 4.35485); d = [0, 0, 0];
+        m = min(min(hfConeZ(p, d, 0.16925), 0 - p[3]), p[3] + 1); }";
+    for size in [0.04, 0.06, 0.08, 0.1, 0.11532431] {
+        let options = Options {
+            size,
+            ..Options::default()
+        };
+        let solid = solid(cone);
+        let meshed = mesh(&solid, &options, &Control::default()).expect("a mesh");
+        let checks = check::Options::default();
+        let certificate = certify(&meshed.mesh, Some(&solid), &checks, &Control::default());
+        let surface = certificate.surface.expect("a surface");
+        let is_told = meshed.warnings.iter().any(|w| w.kind == WarningKind::Torn);
+        assert_eq!(is_told, surface.components > 1, "size {size}");
+    }
+    let balls = "m(x[3], a[1]) { array p[3], q[3]; p = [0, 0, 0]; q = [2.02, 0.1, 0.2];
+        m = hfSphere(x, p, 1) | hfSphere(x, q, 1); }";
+    let options = Options {
+        size: 0.12,
+        ..Options::default()
+    };
+    let (_, certificate) = meshed(balls, &options);
+    assert_eq!(certificate.surface.expect("a surface").components, 2);
 }

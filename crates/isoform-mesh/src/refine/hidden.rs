@@ -15,11 +15,13 @@ const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
 /// The surface counts if it reaches across an edge by this share of the edge's length; less is the
 /// sagitta of a curved surface.
 const DEPTH: f64 = 0.08;
-/// Depth, in lengths of the edge, that a ridge has one length behind the edge that cuts it off: one
-/// of 40 degrees has this, a wall as thin as is looked for has none.
-const DEEPER: f64 = 0.3;
-/// Steps in which that length is gone, along the normals of the way.
-const WAY: usize = 4;
+/// How far behind an edge that cuts off a ridge the body is looked at, and how deep it is there, in
+/// lengths of the edge: a ridge of 40 degrees is 1.4 deep. What is less deep anywhere, as a needle or
+/// a wall, is less than two edges thick, which the lattice need not follow.
+const BEHIND: f64 = 4.0;
+const DEEPER: f64 = 1.1;
+/// Steps in which that way is gone, along the normals.
+const WAY: usize = 16;
 /// Times that edges are halved in search of what hides between lattice points.
 const ROUNDS: usize = 4;
 
@@ -175,7 +177,7 @@ impl Search<'_> {
             for _ in 0..WAY {
                 let piece = self.surface.value(at).1;
                 let inwards = unit(self.surface.gradient(piece, at).1);
-                let step = side * length / WAY as f64;
+                let step = side * BEHIND * length / WAY as f64;
                 at = std::array::from_fn(|i| at[i] + step * inwards[i]);
             }
             depth(at) > DEEPER * length
