@@ -175,7 +175,11 @@ impl Search<'_> {
             .max_by(|x, y| depth(*x).total_cmp(&depth(*y)));
         deepest.is_some_and(|mut at| {
             for _ in 0..WAY {
-                let piece = self.surface.value(at).1;
+                let (value, piece) = self.surface.value(at);
+                // A cell that is decided is as deep as can be.
+                if value.is_infinite() {
+                    break;
+                }
                 let inwards = unit(self.surface.gradient(piece, at).1);
                 let step = side * BEHIND * length / WAY as f64;
                 at = std::array::from_fn(|i| at[i] + step * inwards[i]);
