@@ -98,7 +98,8 @@ def estimate(volumes, tets, at_nodes, inside):
     d = inside - means
     normal, shear = d[:, :, :3], d[:, :, 3:]
     trace = normal.sum(axis=2)
-    density = ((1 + POISSON) * (np.sum(normal**2, axis=2) + 2 * np.sum(shear**2, axis=2)) - POISSON * trace**2) / YOUNG
+    squares = np.sum(normal**2, axis=2) + 2 * np.sum(shear**2, axis=2)
+    density = ((1 + POISSON) * squares - POISSON * trace**2) / YOUNG
     return np.sqrt(volumes * density.mean(axis=1))
 
 
@@ -116,7 +117,8 @@ def main(folder):
             # Less energy than the exact solution has is the square of the error.
             error, guess = np.sqrt(1 - energy / EXACT), np.sqrt(np.sum(errors**2) / (2 * energy))
             found.append((len(tets), error))
-            print(f"{name:8s} {len(tets):6d} tetrahedra, error {error:.4f}, estimated {guess:.4f}", flush=True)
+            said = f"{len(tets):6d} tetrahedra, error {error:.4f}, estimated {guess:.4f}"
+            print(f"{name:8s} {said}", flush=True)
             size /= GROWTH ** (1 / 3)
             arguments = ["--size", size]
             if name == "adapted":

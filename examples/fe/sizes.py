@@ -6,8 +6,8 @@ import numpy as np
 # Elements become no more than this many times smaller or larger from one mesh to the next: an error
 # estimate of a coarse mesh knows little of a much finer one.
 SMALLER, LARGER = 4.0, 1.5
-# Size asked for in lengths of the edge of a regular tetrahedron with the mean volume that comes of it.
-# Smaller ones win around a place, so that with less there are more elements than wanted.
+# Size asked for, in edges of a regular tetrahedron with the mean volume that comes of it. Smaller ones
+# win around a place, so that with less there are more elements than wanted.
 ASKED = 1.5
 
 

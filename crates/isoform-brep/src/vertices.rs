@@ -14,9 +14,9 @@ const TOUCHES: f64 = 1e-12;
 /// Sines below this between a curve and a surface make it worth a look whether they touch: meeting
 /// loses as many digits there as it has.
 const FLAT: f64 = 1e-3;
-/// Angle (radians) by which edges that would have one tangent leave a contact: twice what kept
-/// readers from seeing crossings in all of twelve solids; with a tenth they saw some in half of
-/// them, with a hundred times more edges leave their surfaces by a reader's tolerance.
+/// Angle (radians) by which edges that would have one tangent leave a contact. It kept readers from
+/// seeing crossings in all solids tried; with a tenth they saw some in most of them, with a hundred
+/// times more edges leave their surfaces by a reader's tolerance.
 const OPEN: f64 = 1e-6;
 /// Share of a spline between a contact and the vertex where it is parted.
 const SHARE: f64 = 1.0 / 32.0;
@@ -26,8 +26,8 @@ const PIECES: u32 = 32;
 const STEPS: usize = 20;
 
 /// The point near `start` that lies on all surfaces, and whether one of them touches the curve of
-/// two others there. Then it is the point of contact, and all edges that end in it have one tangent:
-/// as a common zero it is double, and would be good to half the digits only.
+/// two others there. Then it is the point of contact, and all edges that end in it have one
+/// tangent: as a common zero it is double, and would be good to half the digits only.
 pub(crate) fn vertex(surfaces: &[Locus], start: Point3, size: f64) -> (Point3, bool) {
     let p = meet(surfaces, start);
     match contact(surfaces, p, size) {
@@ -84,8 +84,8 @@ fn stationary(pair: [&Locus; 2], third: &Locus, start: Point3, size: f64) -> Opt
 ///
 /// Readers compute curves in the parameters of the faces by interpolation between some twenty
 /// points of an edge, whose tangents are off by 1e-6 then; of edges with one tangent they see
-/// crossings beside the vertex, and cut the face in two there. Of short parts they know the tangents
-/// to 1e-8, and do not see them cross if they leave the vertex [`OPEN`] apart.
+/// crossings beside the vertex, and cut the face in two there. Of short parts they know the
+/// tangents to 1e-8, and do not see them cross if they leave the vertex [`OPEN`] apart.
 pub(crate) fn open_contacts(
     contacts: &BTreeSet<u32>,
     brep: &mut Brep,

@@ -80,6 +80,14 @@ pub struct Corner {
     pub kind: CornerKind,
 }
 
+impl Corner {
+    /// Whether a mesh must have a node there: not where a curve fades out, or goes on with another
+    /// piece in the same direction.
+    pub fn needs_node(&self) -> bool {
+        !matches!(self.kind, CornerKind::Fading | CornerKind::Seam)
+    }
+}
+
 /// A curve where two pieces meet at an angle.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FeatureCurve {

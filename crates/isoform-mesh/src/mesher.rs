@@ -8,7 +8,7 @@ use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{CornerKind, Extent, FeatureOptions, Features, extent_within, find};
+use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::missed::{Missed, missed};
@@ -24,14 +24,14 @@ use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
 /// Rounds in which the lattice is halved where it proves too coarse to be cut.
 const FINER: usize = 3;
-/// How often a solid with seams is meshed again, finer where vertices are off the surface: most
-/// rounded boxes whose seams are about a size apart are mended by the first round, some by the
-/// second.
+/// How often a solid is meshed again, finer where the mesh is wrong: most rounded boxes whose seams
+/// are about a size apart are mended by the first round, 30 blended balls by the third or fourth.
 const FINER_ROUNDS: usize = 4;
-/// Rounds, one behind the other, that leave no fewer such places, after which no other is tried.
+/// Rounds, one behind the other, that leave no fewer findings, after which no other is tried.
 const IN_VAIN: usize = 2;
-/// Triangles per pair of them that meet, from which on the surface meets itself all over.
-const MEETING: usize = 8;
+/// Triangles per finding, from which on the mesh is wrong all over: bodies that touch have more
+/// findings, a needle that is to be mended some one in ten.
+const ALL_OVER: usize = 8;
 /// Places of each kind of failure that are meshed finer at once.
 const PLACES: usize = 1000;
 /// What edges become there, as a share of what they were.
@@ -83,10 +83,10 @@ pub fn mesh(
     }
 }
 
-/// Meshes a solid whose extent is known. Where the surface meets itself, and where vertices held on
-/// seams between pieces that touch keep others off the surface, as between seams that are about a
-/// size apart, it is meshed once more, finer there; and at last without holding any on seams. The
-/// mesh with the fewest such places counts.
+/// Meshes a solid whose extent is known. Where the certificate would hold something against the
+/// surface, and where vertices held on seams between pieces that touch keep others off it, it is
+/// meshed once more, finer there; and at last without holding any on seams. The mesh with the fewest
+/// findings counts.
 fn mesh_within(
     solid: &dyn Solid,
     extent: &Extent,
@@ -220,7 +220,7 @@ impl Ground<'_> {
         let told = warnings.iter().filter(here).filter_map(|w| w.at);
         let mut places: Vec<Point3> = told.chain(missed.places()).collect();
         let count = places.len() + failures.iter().map(|f| f.count).sum::<usize>();
-        if count >= mesh.triangles.len().div_ceil(MEETING) {
+        if count >= mesh.triangles.len().div_ceil(ALL_OVER) {
             let places = if of.has_seams { of.off() } else { Vec::new() };
             return Wrong { count, places };
         }
@@ -246,7 +246,7 @@ impl Ground<'_> {
         };
         let curves = self.features.curves.iter().map(|c| c.points.clone());
         let corners = self.features.corners.iter();
-        let corners = corners.filter(|c| !matches!(c.kind, CornerKind::Fading | CornerKind::Seam));
+        let corners = corners.filter(|c| c.needs_node());
         let options = check::Options {
             places: PLACES,
             size: Some(self.options.size),

@@ -89,10 +89,10 @@ pub(crate) struct Surface<'s> {
     pub(crate) bends: bool,
     /// Whether pieces that touch are held where a third one separates them.
     pub(crate) seams: bool,
-    /// Tips of cones, where there is to be a vertex.
-    pub(crate) apexes: Vec<Corner>,
     /// Whether there are such places.
     pub(crate) has_seams: AtomicBool,
+    /// Tips of cones, where there is to be a vertex.
+    pub(crate) apexes: Vec<Corner>,
     /// Whether equals are put in order by their places, as if at random, and not by their numbers:
     /// where all vertices along a flat face are equal, an order along the face would let each
     /// depend on the one before it, from one end to the other.
@@ -142,8 +142,8 @@ impl<'s> Surface<'s> {
             zero: zero_in(region),
             bends: true,
             seams: true,
-            apexes: Vec::new(),
             has_seams: AtomicBool::new(false),
+            apexes: Vec::new(),
             by_place: false,
             control,
         }

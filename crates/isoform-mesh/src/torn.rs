@@ -1,10 +1,10 @@
 //! Where a mesh is in pieces though the solid hangs together.
 //!
 //! Of a needle or the end of a narrow cone the lattice may follow parts and miss what is between
-//! them. All of these are near some surface of the mesh, so that nothing seems missed, and each piece
-//! is a valid mesh. So shells that come near each other are looked at: where a way through the solid
-//! is found from one to the other, the mesh is torn; and between outsides where one leads outside,
-//! as through a narrow hole.
+//! them. All of these are near some surface of the mesh, so that nothing seems missed, and each
+//! piece is a valid mesh. So shells that come near each other are looked at: where a way through the
+//! solid is found from one to the other, the mesh is torn; and between outsides where one leads
+//! outside, as through a narrow hole.
 
 use crate::points::unique;
 use crate::surface::Surface;
@@ -21,8 +21,8 @@ const STEPS: f64 = 8.0;
 const AROUND: f64 = 0.75;
 /// A way begins and ends no farther from the shells than this, in steps.
 const BESIDE: f64 = 2.5;
-/// Places at which each step is looked at: a gap has to be wider than a 32nd of the distance between
-/// the nodes on its sides to part two bodies.
+/// Places at which each step is looked at: a gap has to be wider than a 32nd of the distance
+/// between the nodes on its sides to part two bodies.
 const LOOKS: usize = 4;
 
 /// The nearest nodes of two shells.

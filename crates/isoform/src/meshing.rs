@@ -4,7 +4,7 @@ use isoform_check::{self as check, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
-use isoform_mesh::features::{Corner, CornerKind, ExtentError, START, extent_within};
+use isoform_mesh::features::{ExtentError, START, extent_within};
 use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
 use std::collections::HashSet;
 
@@ -166,7 +166,7 @@ fn certified(
         .features
         .corners
         .iter()
-        .filter(|c| is_corner(c))
+        .filter(|c| c.needs_node())
         .map(|c| c.point)
         .collect();
     if meshed.mesh.corners.is_empty() {
@@ -182,12 +182,6 @@ fn certified(
     };
     let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
     (meshed, certificate)
-}
-
-/// Whether a mesh must have a node there: not where a curve fades out, or goes on with another
-/// piece in the same direction.
-fn is_corner(corner: &Corner) -> bool {
-    !matches!(corner.kind, CornerKind::Fading | CornerKind::Seam)
 }
 
 /// The nodes of feature edges at the given points, in their order.

@@ -12,7 +12,7 @@ mod placing;
 mod splitting;
 
 use crate::complex::{Face, edge};
-use crate::features::{CornerKind, Features};
+use crate::features::Features;
 use crate::points::along;
 use crate::surface::{SKIN, Surface};
 use isoform_geom::{Point3, TRIANGLE_EDGES};
@@ -143,12 +143,11 @@ pub(super) fn align<M: Cuttable>(
     }
 }
 
-/// The corners that a mesh must have; where a curve only fades out or goes over into another piece
-/// no vertex is needed.
+/// The corners that a mesh must have.
 fn corners_of(features: &Features) -> Vec<Corner> {
     let corners = features.corners.iter();
     corners
-        .filter(|c| !matches!(c.kind, CornerKind::Fading | CornerKind::Seam))
+        .filter(|c| c.needs_node())
         .map(|c| Corner {
             at: c.point,
             pieces: c.pieces.clone(),

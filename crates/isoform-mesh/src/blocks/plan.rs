@@ -3,7 +3,7 @@
 use super::{holds, within};
 use crate::crowd::Crowd;
 use crate::error::MeshError;
-use crate::features::{Corner, CornerKind, Features, extent_within};
+use crate::features::{Corner, Features, extent_within};
 use crate::lattice::{CELL, Cells, Grid};
 use crate::mesher::features_of;
 use crate::options::Options;
@@ -220,11 +220,9 @@ fn check_counts(asked: [usize; 3], region: Aabb, grid: Grid) -> Result<(), MeshE
     }
 }
 
-/// Corners that the mesh must have nodes at: not where a curve fades out, or goes on with another
-/// piece in the same direction.
+/// Corners that the mesh must have nodes at.
 fn corners(found: &Features) -> Vec<Point3> {
-    let is_corner = |kind| !matches!(kind, CornerKind::Fading | CornerKind::Seam);
-    let corners = found.corners.iter().filter(|c| is_corner(c.kind));
+    let corners = found.corners.iter().filter(|c| c.needs_node());
     corners.map(|c| c.point).collect()
 }
 

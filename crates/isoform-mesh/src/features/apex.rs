@@ -26,8 +26,8 @@ const ASTRAY: f64 = 1.2;
 /// Distance from a cell, in model units, within which a tip is in it.
 const BESIDE: f64 = 1e-9;
 /// Distances to a piece at places around its tip, in those of the places from it: at most 1 divided
-/// by the degree of the function, and this for the fourth root of a cone. The middle of a ball, about
-/// which normals point in all directions, too, is much farther from the surface.
+/// by the degree of the function, and this for the fourth root of a cone. The middle of a ball,
+/// about which normals point in all directions, too, is much farther from the surface.
 const HEIGHT: f64 = 4.0;
 /// Distance of a piece from a tip, in sizes, within which it passes through it: tips are found to
 /// some 1e-9.

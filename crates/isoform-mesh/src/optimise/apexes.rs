@@ -40,8 +40,8 @@ impl Optimiser<'_> {
         }
     }
 
-    /// Moves vertices onto the tips of cones, and mends what is around them; step by step where what
-    /// is around them does not allow the whole way yet.
+    /// Moves vertices onto the tips of cones, and mends what is around them; step by step where
+    /// that does not allow the whole way yet.
     pub(super) fn take_apexes(&mut self, goal: f64) {
         let apexes = &self.surface.apexes;
         let mut on_the_way: Vec<Option<u32>> = vec![None; apexes.len()];
@@ -139,7 +139,7 @@ impl Optimiser<'_> {
     }
 
     /// Of some vertices the one that leaves the best tetrahedra, and a surface that does not meet
-    /// itself, if it moves a share of the way to a tip; with its place there, and what is around it.
+    /// itself, if it moves a share of the way to a tip; with its place there, and its star.
     fn best_move(
         &mut self,
         apex: &Corner,

@@ -16,8 +16,8 @@ const LOOKS: [f64; 3] = [0.25, 0.5, 0.75];
 /// sagitta of a curved surface.
 const DEPTH: f64 = 0.08;
 /// How far behind an edge that cuts off a ridge the body is looked at, and how deep it is there, in
-/// lengths of the edge: a ridge of 40 degrees is 1.4 deep. What is less deep anywhere, as a needle or
-/// a wall, is less than two edges thick, which the lattice need not follow.
+/// lengths of the edge: a ridge of 40 degrees is 1.4 deep. What is less deep anywhere, as a needle
+/// or a wall, is less than two edges thick, which the lattice need not follow.
 const BEHIND: f64 = 4.0;
 const DEEPER: f64 = 1.1;
 /// Steps in which that way is gone, along the normals.
