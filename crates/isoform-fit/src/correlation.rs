@@ -9,7 +9,7 @@
 use crate::objective::jacobian;
 use crate::space::Space;
 use crate::vector::scale;
-use isoform_geom::{KdTree, ParamField, Point3};
+use isoform_geom::{ParamField, Point3, near_pairs};
 
 /// Bins of distance.
 const BINS: usize = 16;
@@ -18,15 +18,15 @@ const BINS: usize = 16;
 const STEP: f64 = 0.012;
 /// Bins that tell whether there is any correlation.
 const NEAREST: usize = 3;
-/// The correlation must exceed this many deviations of what independent residuals show.
-const SURE: f64 = 3.0;
+/// The correlation must exceed this many deviations of what independent residuals show: chance
+/// widens the intervals of one fit in sixty, by little.
+const SURE: f64 = 2.12;
 /// Points whose pairs are looked at. The sums over pairs grow with the square.
 const SAMPLE: usize = 3000;
 
 /// The covariance of residuals at a distance.
 pub(crate) struct Correlation {
     points: Vec<Point3>,
-    tree: KdTree,
     step: f64,
     /// By bin, in squared units of the residuals.
     covariance: [f64; BINS],
@@ -36,7 +36,7 @@ pub(crate) struct Correlation {
     pub(crate) nearest: f64,
 }
 
-/// Sums over pairs of points by the bin of their distance, each pair twice.
+/// Sums over pairs of points by the bin of their distance, each pair once.
 struct Products {
     sums: [f64; BINS],
     counts: [f64; BINS],
@@ -62,7 +62,6 @@ impl Correlation {
         let r: Vec<f64> = chosen.iter().map(|&i| residuals[i]).collect();
         let n = (r.len() as f64).max(1.0);
         let mut this = Self {
-            tree: KdTree::new(&some),
             points: some,
             step: STEP * size,
             covariance: [0.0; BINS],
@@ -101,24 +100,20 @@ impl Correlation {
             sums: [0.0; BINS],
             counts: [0.0; BINS],
         };
-        for i in 0..r.len() {
-            self.pairs(i, bins, |j, b| {
-                out.sums[b] += r[i] * r[j];
-                out.counts[b] += 1.0;
-            });
-        }
+        self.pairs(bins, |i, j, b| {
+            out.sums[b] += r[i] * r[j];
+            out.counts[b] += 1.0;
+        });
         out
     }
 
-    /// The other points within some bins of point i, each with its bin.
-    fn pairs(&self, i: usize, bins: usize, mut each: impl FnMut(usize, usize)) {
-        let reach = (self.step * bins as f64).powi(2);
-        self.tree.near(self.points[i], reach, &mut |squared, j| {
+    /// The pairs of points within some bins of distance, each with its bin.
+    fn pairs(&self, bins: usize, mut each: impl FnMut(usize, usize, usize)) {
+        near_pairs(&self.points, self.step * bins as f64, |i, j, squared| {
             let b = (squared.sqrt() / self.step) as usize;
-            if j as usize != i && b < bins {
-                each(j as usize, b);
+            if b < bins {
+                each(i, j, b);
             }
-            reach
         });
     }
 
@@ -127,19 +122,21 @@ impl Correlation {
         let m = space.len();
         let rows = self.derivatives(field, space, x);
         let row = |i: usize| &rows[i * m..(i + 1) * m];
-        let mut out = vec![0.0; m * m];
-        let mut near = vec![0.0; m];
-        for i in 0..self.points.len() {
-            near.fill(0.0);
-            self.pairs(i, BINS, |j, b| {
-                let c = self.covariance[b];
-                if c > 0.0 {
-                    let sum = near.iter_mut().zip(row(j));
+        // Σⱼ C(|pᵢ − pⱼ|) Jⱼ, by point i.
+        let mut near = vec![0.0; rows.len()];
+        self.pairs(BINS, |i, j, b| {
+            let c = self.covariance[b];
+            if c > 0.0 {
+                for (i, j) in [(i, j), (j, i)] {
+                    let sum = near[i * m..(i + 1) * m].iter_mut().zip(row(j));
                     sum.for_each(|(s, v)| *s += c * v);
                 }
-            });
-            for (out, own) in out.chunks_exact_mut(m).zip(row(i)) {
-                out.iter_mut().zip(&near).for_each(|(s, v)| *s += own * v);
+            }
+        });
+        let mut out = vec![0.0; m * m];
+        for (near, row) in near.chunks_exact(m).zip(rows.chunks_exact(m)) {
+            for (out, own) in out.chunks_exact_mut(m).zip(row) {
+                out.iter_mut().zip(near).for_each(|(s, v)| *s += own * v);
             }
         }
         scale(&mut out, self.share * self.share);

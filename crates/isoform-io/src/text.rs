@@ -53,6 +53,15 @@ fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
 
+/// Where the comment after the fields of a line begins: at the first `#`, else at the first `//`.
+fn comment_after_fields(line: &str) -> Option<usize> {
+    // Most lines have neither mark: one pass over the bytes says so.
+    let first = line.bytes().position(|b| matches!(b, b'#' | b'/'))?;
+    let rest = &line[first..];
+    let at = rest.find('#').or_else(|| rest.find("//"))?;
+    Some(first + at)
+}
+
 /// Whether a line starts the header of an ESRI ASCII grid.
 fn starts_a_raster(line: &str) -> bool {
     let line = line.to_ascii_lowercase();
@@ -224,7 +233,7 @@ impl Reader<'_, '_> {
             }
             return Ok(false);
         }
-        if let Some(at) = line.find('#').or_else(|| line.find("//")) {
+        if let Some(at) = comment_after_fields(line) {
             line.truncate(line[..at].trim_end().len());
         }
         let line = line.trim_end_matches([' ', '\r']);

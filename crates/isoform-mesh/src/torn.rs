@@ -8,7 +8,7 @@
 
 use crate::points::unique;
 use crate::surface::Surface;
-use isoform_geom::{Aabb, Mesh, Point3, UnionFind, distance_squared};
+use isoform_geom::{Aabb, Mesh, Point3, UnionFind, distance_squared, near_pairs};
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 
 /// Shells are looked at that come nearer to each other than this, in sizes. Pieces torn apart are
@@ -81,31 +81,24 @@ impl Shells {
 
     /// The pairs of shells that come nearer to each other than `reach`, with their nearest nodes.
     fn near(&self, mesh: &Mesh, reach: f64) -> BTreeMap<[u32; 2], Pair> {
-        let bin = |p: Point3| p.map(|v| (v / reach).floor() as i64);
-        let mut bins: HashMap<[i64; 3], Vec<(u32, u32)>> = HashMap::new();
-        for &(v, shell) in &self.nodes {
-            bins.entry(bin(mesh.points[v as usize]))
-                .or_default()
-                .push((v, shell));
-        }
+        let at = |n: usize| mesh.points[self.nodes[n].0 as usize];
+        let places: Vec<Point3> = (0..self.nodes.len()).map(at).collect();
         let mut near: BTreeMap<[u32; 2], Pair> = BTreeMap::new();
-        for &(v, shell) in &self.nodes {
-            let p = mesh.points[v as usize];
-            let [x, y, z] = bin(p);
-            let around = (0..27).map(|n| [x + n % 3 - 1, y + n / 3 % 3 - 1, z + n / 9 - 1]);
-            for &(w, other) in around.filter_map(|at| bins.get(&at)).flatten() {
-                let q = mesh.points[w as usize];
-                let squared = distance_squared(p, q);
-                if shell < other && squared < reach * reach {
-                    let least = near
-                        .entry([shell, other])
-                        .or_insert((f64::INFINITY, [p, q]));
-                    if squared < least.0 {
-                        *least = (squared, [p, q]);
-                    }
+        near_pairs(&places, reach, |i, j, squared| {
+            let (i, j) = if self.nodes[i].1 < self.nodes[j].1 {
+                (i, j)
+            } else {
+                (j, i)
+            };
+            let shells = [self.nodes[i].1, self.nodes[j].1];
+            if shells[0] < shells[1] {
+                let pair = (squared, [places[i], places[j]]);
+                let least = near.entry(shells).or_insert(pair);
+                if squared < least.0 {
+                    *least = pair;
                 }
             }
-        }
+        });
         near
     }
 }

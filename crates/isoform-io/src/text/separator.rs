@@ -47,11 +47,12 @@ impl Separator {
                 return None;
             }
             if self == Self::Blank {
-                at += line[at..].find(|c: char| !c.is_ascii_whitespace())?;
+                let mut bytes = line.as_bytes()[at..].iter();
+                at += bytes.position(|b| !b.is_ascii_whitespace())?;
             }
             let rest = &line[at..];
             let end = match self {
-                Self::Blank => rest.find(|c: char| c.is_ascii_whitespace()),
+                Self::Blank => rest.bytes().position(|b| b.is_ascii_whitespace()),
                 Self::Char(c) => rest.find(c),
             };
             let field = &rest[..end.unwrap_or(rest.len())];
