@@ -4,7 +4,7 @@ use crate::chart::{Kind, Surface};
 use crate::cloud::{Cloud, FLOOR};
 use crate::fit::{Precision, fit, squares};
 use crate::grow::{Region, correlation, grow};
-use crate::start::bent_squares;
+use crate::start::{Line, bent_squares};
 use isoform_geom::dot;
 use rayon::prelude::*;
 
@@ -139,21 +139,47 @@ pub(crate) fn may_be_called_for(more: usize, points: usize, simple: f64, noise: 
     is_called_for(more, points, simple, 0.0, 0, noise)
 }
 
+/// Surfaces that are known when a region is sought, and the label of each point.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct Known<'a> {
+    pub(crate) surfaces: &'a [Surface],
+    pub(crate) labels: &'a [u32],
+}
+
+impl Known<'_> {
+    /// The axes of the surfaces of some points.
+    pub(crate) fn axes(self, points: &[u32]) -> Vec<Line> {
+        let label = |i: &u32| self.labels.get(*i as usize).copied();
+        let mut labels: Vec<u32> = points.iter().filter_map(label).collect();
+        labels.sort_unstable();
+        labels.dedup();
+        let surfaces = labels.iter().filter_map(|l| self.surfaces.get(*l as usize));
+        let is_round = |s: &&Surface| !matches!(s.kind, Kind::Plane | Kind::Sphere);
+        surfaces
+            .filter(is_round)
+            .map(|s| (s.place, s.axis))
+            .collect()
+    }
+}
+
 /// Sets of free points about a seed that regions grow from.
 struct Sets {
     near: Vec<u32>,
     /// Those with like normals.
     alike: Vec<u32>,
+    /// The axes of known surfaces nearby, about which chamfers, fillets and bores mostly lie.
+    axes: Vec<Line>,
 }
 
 impl Sets {
-    fn about(cloud: &Cloud, seed: u32, is_free: &impl Fn(u32) -> bool) -> Self {
+    fn about(cloud: &Cloud, seed: u32, known: Known<'_>, is_free: &impl Fn(u32) -> bool) -> Self {
         let mut near = cloud.around(seed, CANDIDATES);
+        let axes = known.axes(&near);
         near.retain(|i| is_free(*i));
         let normal = cloud.normals[seed as usize];
         let is_alike = |i: &&u32| dot(cloud.normals[**i as usize], normal).abs() >= ALIKE;
         let alike = near.iter().filter(is_alike).copied().collect();
-        Self { near, alike }
+        Self { near, alike, axes }
     }
 
     fn all(&self) -> Vec<&[u32]> {
@@ -172,10 +198,10 @@ pub(crate) fn best_region(
     seed: u32,
     kinds: &[Kind],
     noise: Noise,
+    known: Known<'_>,
     is_free: &(impl Fn(u32) -> bool + Sync),
 ) -> Option<Region> {
-    let sets = Sets::about(cloud, seed, is_free);
-    let sets = sets.all();
+    let sets = Sets::about(cloud, seed, known, is_free);
     let grown = |kind: Kind| largest(cloud, &sets, kind, noise, is_free);
     let (first, others) = kinds.split_first()?;
     let simple = grown(*first);
@@ -193,14 +219,14 @@ pub(crate) fn best_region(
 /// grown well beyond them.
 fn largest(
     cloud: &Cloud,
-    sets: &[&[u32]],
+    sets: &Sets,
     kind: Kind,
     noise: Noise,
     is_free: &(impl Fn(u32) -> bool + Sync),
 ) -> Option<Region> {
     let mut best: Option<Region> = None;
-    for set in sets {
-        let Some(region) = grow(cloud, set, kind, noise.deviation, is_free) else {
+    for set in sets.all() {
+        let Some(region) = grow(cloud, set, &sets.axes, kind, noise.deviation, is_free) else {
             continue;
         };
         if region.points.len() < least_points(kind, noise.deviation)

@@ -4,7 +4,7 @@ use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit};
-use crate::start::starts;
+use crate::start::{Line, start_about, starts};
 use isoform_geom::{KdTree, Point3, dot};
 
 /// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
@@ -45,10 +45,12 @@ pub(crate) struct Region {
 }
 
 /// Grows regions of a kind of surface from the points of a seed; the largest of those from all
-/// first guesses. Points for which `is_free` is false stay out.
+/// first guesses, those about the axes of surfaces nearby among them. Points for which `is_free` is
+/// false stay out.
 pub(crate) fn grow(
     cloud: &Cloud,
     seed: &[u32],
+    axes: &[Line],
     kind: Kind,
     noise: f64,
     is_free: &(impl Fn(u32) -> bool + Sync),
@@ -59,7 +61,10 @@ pub(crate) fn grow(
         false => Precision::Rough,
     };
     let mut best: Option<Region> = None;
-    for start in starts(kind, &points, &normals) {
+    let coaxial = axes
+        .iter()
+        .filter_map(|axis| start_about(kind, &points, *axis));
+    for start in starts(kind, &points, &normals).into_iter().chain(coaxial) {
         let Some((surface, squares)) = fit(&start, &points, precision) else {
             continue;
         };

@@ -1,14 +1,15 @@
 //! Which points belong to which surface: regions one after another, then all at once.
 
 use crate::chart::{Distances, Kind, Surface};
-use crate::choose::{EXACT, Noise, best_region, follows, is_called_for, least_points};
+use crate::choose::{EXACT, Known, Noise, best_region, follows, is_called_for, least_points};
 use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
-use crate::kinds::{best_kind, zone};
-use crate::share::shares;
+use crate::kinds::{best_kind, coaxial_zone, zone};
+use crate::share::{Shares, shares};
 use crate::simplify::simpler;
 use crate::split::split;
+use crate::start::Line;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
@@ -187,8 +188,15 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
             slack: SLACK,
             is_form: false,
         };
-        best_region(cloud, *seed, &Kind::ALL[..3], noise, &|_| true)
-            .is_some_and(|r| r.points.len() * HALVING.1 >= cloud.points.len())
+        best_region(
+            cloud,
+            *seed,
+            &Kind::ALL[..3],
+            noise,
+            Known::default(),
+            &|_| true,
+        )
+        .is_some_and(|r| r.points.len() * HALVING.1 >= cloud.points.len())
     };
     let mut noise = noise;
     for _ in 0..2 {
@@ -452,10 +460,13 @@ impl Segmentation {
             control.check()?;
             let before = is_tried.clone();
             let (tried, next) = next_seeds(cloud, &order[at..], width, &mut is_tried);
-            let labels = &self.labels;
-            let is_free = |i: u32| labels[i as usize] == NONE;
+            let known = Known {
+                surfaces: &self.surfaces,
+                labels: &self.labels,
+            };
+            let is_free = |i: u32| known.labels[i as usize] == NONE;
             let regions: Vec<Option<Region>> = (tried.par_iter())
-                .map(|k| best_region(cloud, order[at + k], Kind::ALL, noise, &is_free))
+                .map(|k| best_region(cloud, order[at + k], Kind::ALL, noise, known, &is_free))
                 .map(|region| region.filter(|r| r.points.len() >= limits.min_points))
                 .collect();
             match regions.iter().position(Option::is_some) {
@@ -792,16 +803,31 @@ impl Segmentation {
         let noise = self.deviation(SLACK);
         let known = directions(&self.surfaces);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
+        let turned = |(label, of): (usize, &Shares)| {
+            let surface = &self.surfaces[label];
             if surface.kind != Kind::Sphere {
-                continue;
+                return None;
             }
-            let other = zone(cloud, of, surface, noise);
             let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
-            if let Some(other) = other.filter(is_along) {
-                *surface = other;
-            }
+            coaxial_zone(cloud, of, surface, &self.axes_beside(cloud, label), noise)
+                .or_else(|| zone(cloud, of, surface, noise).filter(is_along))
+        };
+        let turned: Vec<Option<Surface>> = shares.iter().enumerate().map(turned).collect();
+        for (surface, other) in self.surfaces.iter_mut().zip(turned) {
+            *surface = other.unwrap_or(*surface);
         }
+    }
+
+    /// The axes of the entities beside one.
+    fn axes_beside(&self, cloud: &Cloud, label: usize) -> Vec<Line> {
+        let own =
+            (0..self.labels.len() as u32).filter(|i| self.labels[*i as usize] == label as u32);
+        let beside: Vec<u32> = own.flat_map(|i| cloud.near(i)).copied().collect();
+        let known = Known {
+            surfaces: &self.surfaces,
+            labels: &self.labels,
+        };
+        known.axes(&beside)
     }
 
     /// Takes entities apart where simpler ones explain their points better.

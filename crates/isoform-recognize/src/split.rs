@@ -1,7 +1,7 @@
 //! Surfaces that bend over an edge, taken apart into the faces there.
 
 use crate::chart::{Kind, Surface};
-use crate::choose::{Noise, best_region, is_called_for, least_points};
+use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
 use crate::cloud::Cloud;
 use crate::grow::{Region, WITHIN};
 use crate::kinds::best_kind;
@@ -34,7 +34,9 @@ pub(crate) fn split(
     while parts.len() < MOST && failed < SEEDS && !left.is_empty() {
         // Places evenly over what is left: the points are sorted by their coordinates.
         let seed = left[(2 * failed + 1) * left.len() / (2 * SEEDS)];
-        let region = best_region(cloud, seed, kinds, noise, &|i| is_free[i as usize]);
+        let region = best_region(cloud, seed, kinds, noise, Known::default(), &|i| {
+            is_free[i as usize]
+        });
         match region {
             Some(region) => {
                 region

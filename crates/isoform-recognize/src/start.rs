@@ -19,6 +19,45 @@ pub(crate) fn starts(kind: Kind, points: &[Point3], normals: &[Point3]) -> Vec<S
     }
 }
 
+/// An axis: a point of it and its direction.
+pub(crate) type Line = (Point3, Point3);
+
+/// The first guess for a kind of surface about a known axis: a straight line or a circle through
+/// the profile of the points, whatever the normals are. `None` for kinds that have no axis.
+pub(crate) fn start_about(kind: Kind, points: &[Point3], axis: Line) -> Option<Surface> {
+    match kind {
+        Kind::Plane | Kind::Sphere => None,
+        Kind::Cylinder | Kind::Cone => cone_about(kind, points, axis),
+        Kind::Torus => torus_about(points, axis.0, axis.1),
+    }
+}
+
+/// The cone about an axis, or the cylinder: the line of least squares, radius by height.
+fn cone_about(kind: Kind, points: &[Point3], (place, axis): Line) -> Option<Surface> {
+    let middle = dot(sub(mean(points), place), axis);
+    let profile = points.iter().map(|p| {
+        let d = sub(*p, place);
+        (norm(cross(d, axis)), dot(d, axis) - middle)
+    });
+    let (mut radius, mut slope, mut squares) = (0.0, 0.0, 0.0);
+    for (r, h) in profile {
+        radius += r / points.len() as f64;
+        slope += r * h;
+        squares += h * h;
+    }
+    let surface = Surface {
+        kind,
+        place: std::array::from_fn(|k| place[k] + middle * axis[k]),
+        axis,
+        size: radius,
+        other: match kind {
+            Kind::Cone => (slope / squares).atan(),
+            _ => 0.0,
+        },
+    };
+    surface.is_proper().then_some(surface)
+}
+
 /// The plane of least squares.
 pub(crate) fn plane(points: &[Point3]) -> Surface {
     let place = mean(points);
