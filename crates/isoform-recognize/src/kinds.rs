@@ -6,6 +6,7 @@ use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::share::Shares;
 use crate::start::{Line, start_about, starts};
+use isoform_geom::Point3;
 
 /// First guesses take at most this many points.
 const SAMPLE: usize = 400;
@@ -54,26 +55,15 @@ pub(crate) fn best_kind(
     best.map_or(*surface, |b| b.0)
 }
 
-/// The cone about one of some axes which explains points as well as a sphere does: with its axis
-/// known it has two parameters where the sphere has four.
-pub(crate) fn coaxial_zone(
-    cloud: &Cloud,
-    shares: &Shares,
-    sphere: &Surface,
-    axes: &[Line],
-    noise: Noise,
-) -> Option<Surface> {
-    let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
-    let points = cloud.at(&of);
-    let full = |s: &Surface| fit_weighted(s, &points, Some(&weights), Precision::Full);
-    let own: Vec<u32> = shares.iter().filter(|s| s.1 > 0.5).map(|s| s.0).collect();
-    let own = cloud.at(&own);
-    let before = squares(sphere, &own);
-    let about = |axis: &Line| start_about(Kind::Cone, &own, *axis).map(|s| (s, squares(&s, &own)));
-    let cones = axes.iter().filter_map(about);
-    let (cone, after) = cones.min_by(|a, b| a.1.total_cmp(&b.1))?;
-    let is_as_good = !is_called_for(2, own.len(), after, before, 4, noise);
-    is_as_good.then(|| full(&cone))?.map(|f| f.0)
+/// The cone about one of some axes that follows points best; with its axis known it has two numbers
+/// of its own.
+pub(crate) fn coaxial_cone(points: &[Point3], axes: &[Line]) -> Option<Surface> {
+    let about = |axis: &Line| start_about(Kind::Cone, points, *axis);
+    let cones = axes
+        .iter()
+        .filter_map(about)
+        .map(|s| (s, squares(&s, points)));
+    cones.min_by(|a, b| a.1.total_cmp(&b.1)).map(|c| c.0)
 }
 
 /// The cone, or the cylinder where that is as good, which explains points as well as a sphere does.

@@ -5,8 +5,8 @@ use crate::choose::{EXACT, Known, Noise, best_region, follows, is_called_for, le
 use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
-use crate::kinds::{best_kind, coaxial_zone, zone};
-use crate::share::{Shares, shares};
+use crate::kinds::{best_kind, coaxial_cone, zone};
+use crate::share::shares;
 use crate::simplify::simpler;
 use crate::split::split;
 use crate::start::Line;
@@ -41,6 +41,8 @@ const CREPT: f64 = 1.4;
 const HALVING: (usize, usize) = (24, 30);
 /// The least cosine between the axis of a zone and one that others have: 8°.
 const BESIDE: f64 = 0.99;
+/// The numbers of a cone about a known axis: its radius at a place and its angle.
+const COAXIAL: usize = 2;
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
@@ -323,6 +325,7 @@ impl Segmentation {
             self.advance(cloud, limits, round, control)?;
         }
         self.simplify(cloud, limits, control)?;
+        self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.relax(cloud, limits);
         Ok(self)
@@ -797,32 +800,60 @@ impl Segmentation {
         changed
     }
 
+    /// Turns spheres into cones about the axis of an entity beside them, chamfers mostly, where that
+    /// describes the points in less: a cone about a known axis has two numbers of its own, a sphere
+    /// four.
+    fn turn_into_coaxial(&mut self, cloud: &Cloud, limits: Limits) {
+        for label in 0..self.surfaces.len() {
+            if self.surfaces[label].kind != Kind::Sphere {
+                continue;
+            }
+            let points = cloud.at(&self.members_of(label));
+            let Some(cone) = coaxial_cone(&points, &self.axes_beside(cloud, label)) else {
+                continue;
+            };
+            let mut other = self.clone();
+            other.surfaces[label] = cone;
+            other.relax(cloud, limits);
+            let taken = (cone.kind.parameters() - COAXIAL) as f64;
+            let saved = taken * (points.len().max(1) as f64).ln() / 2.0;
+            let is_whole = other.surfaces.len() == self.surfaces.len();
+            let length = |s: &Self| s.length(cloud, self.noise);
+            if is_whole && length(&other) - saved < length(self) {
+                *self = other;
+            }
+        }
+    }
+
     /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
     /// cones or cylinders that fit as well: chamfers and short bores.
     fn turn_zones(&mut self, cloud: &Cloud) {
         let noise = self.deviation(SLACK);
         let known = directions(&self.surfaces);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        let turned = |(label, of): (usize, &Shares)| {
-            let surface = &self.surfaces[label];
+        for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
             if surface.kind != Kind::Sphere {
-                return None;
+                continue;
             }
+            let other = zone(cloud, of, surface, noise);
             let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
-            coaxial_zone(cloud, of, surface, &self.axes_beside(cloud, label), noise)
-                .or_else(|| zone(cloud, of, surface, noise).filter(is_along))
-        };
-        let turned: Vec<Option<Surface>> = shares.iter().enumerate().map(turned).collect();
-        for (surface, other) in self.surfaces.iter_mut().zip(turned) {
-            *surface = other.unwrap_or(*surface);
+            if let Some(other) = other.filter(is_along) {
+                *surface = other;
+            }
         }
+    }
+
+    /// The points of an entity.
+    fn members_of(&self, label: usize) -> Vec<u32> {
+        let all = 0..self.labels.len() as u32;
+        all.filter(|i| self.labels[*i as usize] == label as u32)
+            .collect()
     }
 
     /// The axes of the entities beside one.
     fn axes_beside(&self, cloud: &Cloud, label: usize) -> Vec<Line> {
-        let own =
-            (0..self.labels.len() as u32).filter(|i| self.labels[*i as usize] == label as u32);
-        let beside: Vec<u32> = own.flat_map(|i| cloud.near(i)).copied().collect();
+        let own = self.members_of(label);
+        let beside: Vec<u32> = own.iter().flat_map(|i| cloud.near(*i)).copied().collect();
         let known = Known {
             surfaces: &self.surfaces,
             labels: &self.labels,
