@@ -3,7 +3,7 @@
 use crate::chart::{Kind, Surface};
 use crate::cloud::{Cloud, FLOOR};
 use crate::fit::{Precision, fit, squares};
-use crate::grow::{Region, correlation, grow};
+use crate::grow::{Region, correlation, grow, peeled};
 use crate::start::{Line, bent_squares};
 use isoform_geom::dot;
 use rayon::prelude::*;
@@ -59,6 +59,12 @@ pub(crate) struct Noise {
 }
 
 impl Noise {
+    /// Whether borders of regions tell that they are others': exact points of others are not taken,
+    /// and forms are off their surfaces in the mean.
+    pub(crate) fn can_peel(self) -> bool {
+        !self.is_form && (EXACT..PEELED).contains(&self.deviation)
+    }
+
     /// Two surfaces are one to any use where Σ r² differs by less than this share of the variance
     /// for each point.
     fn material(self) -> f64 {
@@ -70,6 +76,9 @@ impl Noise {
     }
 }
 
+/// Noise above this, in diagonals, carries the points of other faces over strips as wide as small
+/// faces are: the borders of these are all off.
+const PEELED: f64 = 0.003;
 /// Noise below this is that of rounding, in diagonals.
 pub(crate) const EXACT: f64 = 1e-7;
 
@@ -228,6 +237,10 @@ fn largest(
     for set in sets.all() {
         let Some(region) = grow(cloud, set, &sets.axes, kind, noise.deviation, is_free) else {
             continue;
+        };
+        let region = match noise.can_peel() {
+            true => peeled(cloud, region, noise.deviation),
+            false => region,
         };
         if region.points.len() < least_points(kind, noise.deviation)
             || !follows(

@@ -190,6 +190,26 @@ impl Cloud {
         all
     }
 
+    /// The parts of some points that are connected along neighbours.
+    pub(crate) fn connected(&self, points: &[u32]) -> Vec<Vec<u32>> {
+        let mut is_open = vec![false; self.points.len()];
+        points.iter().for_each(|i| is_open[*i as usize] = true);
+        let mut parts = Vec::new();
+        for seed in points {
+            if !std::mem::take(&mut is_open[*seed as usize]) {
+                continue;
+            }
+            let (mut part, mut at) = (vec![*seed], 0);
+            while let Some(i) = part.get(at).copied() {
+                at += 1;
+                let near = self.near(i).iter().copied();
+                part.extend(near.filter(|j| std::mem::take(&mut is_open[*j as usize])));
+            }
+            parts.push(part);
+        }
+        parts
+    }
+
     /// Positions of some points.
     pub(crate) fn at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.points[*i as usize]).collect()

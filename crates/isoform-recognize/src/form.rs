@@ -113,7 +113,7 @@ fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> boo
     let of_form = taken.surfaces.len() as u32;
     for label in 0..of_form {
         let mut is_changed = false;
-        for part in parts(cloud, &taken.labels, label) {
+        for part in cloud.connected(&taken.members_of(label as usize)) {
             let Some(pieces) = exact_pieces(exact, [&is_told, &is_patch], &part) else {
                 continue;
             };
@@ -161,25 +161,6 @@ fn fit_again(cloud: &Cloud, taken: &mut Segmentation, label: u32) {
         Some((fitted, _)) => *surface = fitted,
         None => left.iter().for_each(|i| taken.labels[*i as usize] = NONE),
     }
-}
-
-/// The points of a label, by parts that are connected along neighbours.
-fn parts(cloud: &Cloud, labels: &[u32], label: u32) -> Vec<Vec<u32>> {
-    let mut is_open: Vec<bool> = labels.iter().map(|l| *l == label).collect();
-    let mut parts = Vec::new();
-    for seed in 0..labels.len() as u32 {
-        if !std::mem::take(&mut is_open[seed as usize]) {
-            continue;
-        }
-        let (mut part, mut at) = (vec![seed], 0);
-        while let Some(i) = part.get(at).copied() {
-            at += 1;
-            let near = cloud.near(i).iter().copied();
-            part.extend(near.filter(|j| std::mem::take(&mut is_open[*j as usize])));
-        }
-        parts.push(part);
-    }
-    parts
 }
 
 /// The surfaces within the noise that tell nearly all of some points, with theirs of these; `None`

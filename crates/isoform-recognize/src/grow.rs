@@ -26,6 +26,11 @@ const TRIMS: usize = 6;
 /// The mean distance of a point's surroundings is chance up to this many of its deviations. Of
 /// ten thousand places one reaches 4 by chance; more lets fillets in.
 const LOCAL: f64 = 5.0;
+/// The mean distance of a border is chance up to this many of its deviations. Less peels faces
+/// that are whole, more leaves strips of others that bend the surface.
+const BORDER: f64 = 4.0;
+/// Layers that are peeled off a region at most: the strip of a fillet is some points wide.
+const LAYERS: usize = 12;
 /// As many independent distances have the deviation of the mean over neighbours of neighbours, by
 /// simulation of points strewn in a plane.
 const AVERAGED: f64 = 23.0;
@@ -135,6 +140,47 @@ fn spread(
         points,
         core,
     })
+}
+
+/// A region without the layers of its borders that lie off its surface in the mean. Points of the
+/// next face lie within the tolerance beside an edge, or far along a fillet, and bend the surface;
+/// only together do they tell that they are others': a border of a hundred points shows a tenth of
+/// the noise.
+pub(crate) fn peeled(cloud: &Cloud, region: Region, noise: f64) -> Region {
+    let (mut kept, mut surface) = (region.points.clone(), region.surface);
+    let mut is_in = vec![false; cloud.points.len()];
+    kept.iter().for_each(|i| is_in[*i as usize] = true);
+    for _ in 0..LAYERS {
+        let mut is_off = false;
+        for border in borders(cloud, &kept, &is_in) {
+            let distance = |i: &u32| surface.distance(cloud.points[*i as usize]);
+            let sum: f64 = border.iter().map(distance).sum();
+            if sum.abs() > BORDER * noise * (border.len() as f64).sqrt() {
+                border.iter().for_each(|i| is_in[*i as usize] = false);
+                is_off = true;
+            }
+        }
+        if !is_off {
+            break;
+        }
+        kept.retain(|i| is_in[*i as usize]);
+        match fit(&surface, &cloud.at(&sample(&kept)), Precision::Rough) {
+            Some((next, _)) if kept.len() >= kind_least(surface.kind) => surface = next,
+            _ => return region,
+        }
+    }
+    Region {
+        core: core(cloud, &kept, surface.kind),
+        surface,
+        points: kept,
+    }
+}
+
+/// The points of a region beside others, by parts that are connected among them.
+fn borders(cloud: &Cloud, points: &[u32], is_in: &[bool]) -> Vec<Vec<u32>> {
+    let is_border = |i: u32| cloud.near(i).iter().any(|j| !is_in[*j as usize]);
+    let all: Vec<u32> = points.iter().copied().filter(|i| is_border(*i)).collect();
+    cloud.connected(&all)
 }
 
 /// The points of a region whose distances are as small in the mean of their surroundings as chance

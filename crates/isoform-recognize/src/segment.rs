@@ -8,7 +8,7 @@ use crate::grow::{Region, WITHIN, core};
 use crate::kinds::{best_kind, coaxial_cone, zone};
 use crate::share::shares;
 use crate::simplify::simpler;
-use crate::split::split;
+use crate::split::{simplest_part, split};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
@@ -43,6 +43,10 @@ const HALVING: (usize, usize) = (24, 30);
 const BESIDE: f64 = 0.99;
 /// The numbers of a cone about a known axis: its radius at a place and its angle.
 const COAXIAL: usize = 2;
+/// More bent surfaces than these are patches of a free form, of which there is no end.
+const MOST_BENT: usize = 12;
+/// By how much a description has to be shorter to take the place of another.
+const GAIN: f64 = 1.0;
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
@@ -325,6 +329,7 @@ impl Segmentation {
             self.advance(cloud, limits, round, control)?;
         }
         self.simplify(cloud, limits, control)?;
+        self.uncover(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.relax(cloud, limits);
@@ -366,6 +371,44 @@ impl Segmentation {
             other.add_regions(cloud, SLACK, limits, control)?;
             other.settle(cloud, limits);
             if other.length(cloud, self.noise) >= self.length(cloud, self.noise) {
+                break;
+            }
+            *self = other;
+        }
+        Ok(())
+    }
+
+    /// Takes the largest simpler surface out of each bent one, and what is found beside these, where
+    /// that describes the points in less: a face with a strip of the next bends, and hides the next.
+    /// All at once, since fillets show when both faces beside them are given up.
+    fn uncover(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let noise = self.deviation(SLACK);
+        for _ in 0..ROUNDS {
+            let is_bent = |l: &usize| matches!(self.surfaces[*l].kind, Kind::Torus | Kind::Sphere);
+            let bent: Vec<usize> = (0..self.surfaces.len()).filter(is_bent).collect();
+            if !noise.can_peel() || bent.is_empty() || bent.len() > MOST_BENT {
+                break;
+            }
+            control.check()?;
+            let mut other = self.clone();
+            for label in bent {
+                let of = self.members_of(label);
+                let Some(part) = simplest_part(cloud, &of, &self.surfaces[label], noise) else {
+                    continue;
+                };
+                of.iter().for_each(|i| other.labels[*i as usize] = NONE);
+                let kept = part.points.iter();
+                kept.for_each(|i| other.labels[*i as usize] = label as u32);
+                other.surfaces[label] = part.surface;
+            }
+            other.add_regions(cloud, SLACK, limits, control)?;
+            other.settle(cloud, limits);
+            if other.length(cloud, self.noise) + GAIN > self.length(cloud, self.noise) {
                 break;
             }
             *self = other;
@@ -844,7 +887,7 @@ impl Segmentation {
     }
 
     /// The points of an entity.
-    fn members_of(&self, label: usize) -> Vec<u32> {
+    pub(crate) fn members_of(&self, label: usize) -> Vec<u32> {
         let all = 0..self.labels.len() as u32;
         all.filter(|i| self.labels[*i as usize] == label as u32)
             .collect()

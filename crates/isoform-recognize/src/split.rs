@@ -3,7 +3,7 @@
 use crate::chart::{Kind, Surface};
 use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
 use crate::cloud::Cloud;
-use crate::grow::{Region, WITHIN};
+use crate::grow::{Region, WITHIN, peeled};
 use crate::kinds::best_kind;
 use crate::share::Shares;
 
@@ -13,6 +13,8 @@ const MOST: usize = 3;
 const EXPLAINED: f64 = 0.85;
 /// Rounds of points and surfaces of the parts.
 const SETTLING: usize = 3;
+/// The share of the points of an entity that the face it came from has at least.
+const MOSTLY: f64 = 0.4;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
 
@@ -53,6 +55,27 @@ pub(crate) fn split(
     let explained = (members.len() - left.len()) as f64;
     let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
+}
+
+/// The largest region of a simpler kind within the points of an entity, without its borders that
+/// lie off: what an entity becomes that bends over an edge.
+pub(crate) fn simplest_part(
+    cloud: &Cloud,
+    members: &[u32],
+    surface: &Surface,
+    noise: Noise,
+) -> Option<Region> {
+    let kinds = surface.kind.simpler();
+    let mut is_own = vec![false; cloud.points.len()];
+    members.iter().for_each(|i| is_own[*i as usize] = true);
+    let is_free = |i: u32| is_own[i as usize];
+    let seed = |k: usize| members[(2 * k + 1) * members.len() / (2 * SEEDS)];
+    let regions = (0..SEEDS)
+        .filter_map(|k| best_region(cloud, seed(k), kinds, noise, Known::default(), &is_free));
+    regions
+        .max_by_key(|r| r.points.len())
+        .filter(|r| r.points.len() as f64 >= MOSTLY * members.len() as f64)
+        .map(|r| peeled(cloud, r, noise.deviation))
 }
 
 /// Whether parts explain the points better than one surface; gives each point to the nearest, and

@@ -360,3 +360,75 @@ fn a_fillet_in_noise_is_found_between_its_faces() {
         found.entities
     );
 }
+
+/// A turned shaft of (z, r): steps, chamfers, and fillets of 1.32 and 1.13 about circles of 10.82
+/// and 14.86.
+fn shaft() -> Vec<[f64; 2]> {
+    let arc = |z: f64, r: f64, fillet: f64| {
+        (0..=12).map(move |k| {
+            let (sin, cos) = (TAU / 4.0 * f64::from(k) / 12.0).sin_cos();
+            [z + fillet * sin, r - fillet * cos]
+        })
+    };
+    let mut profile = vec![
+        [0.0, 0.0],
+        [0.0, 4.51],
+        [0.8, 5.31],
+        [7.18, 5.31],
+        [8.74, 9.49],
+    ];
+    profile.extend(arc(14.57, 10.82, 1.32));
+    profile.extend([[15.89, 13.73]]);
+    profile.extend(arc(23.15, 14.86, 1.13));
+    profile.extend([
+        [24.28, 17.95],
+        [36.02, 17.95],
+        [37.58, 16.39],
+        [37.58, 7.47],
+    ]);
+    profile.extend([[36.95, 6.84], [31.56, 6.84], [31.56, 0.0]]);
+    profile
+}
+
+/// Chamfers are cones about the axis of the cylinders beside them: a local fit of so short a cone
+/// creeps along a valley and does not get there.
+#[test]
+fn chamfers_of_exact_points_are_cones() {
+    let chamfered = [
+        [0.0, 0.0],
+        [0.0, 8.0],
+        [2.0, 10.0],
+        [22.0, 10.0],
+        [23.0, 9.0],
+        [23.0, 0.0],
+    ];
+    let found = recognised(turned(&chamfered, 6000, 0.0, |_, _, _| 0.0), None);
+    let mut angles: Vec<f64> = (found.entities.iter())
+        .filter_map(|e| match e.surface {
+            Quadric::Cone { half_angle, .. } => Some(half_angle.to_degrees()),
+            _ => None,
+        })
+        .collect();
+    angles.sort_by(f64::total_cmp);
+    assert_eq!(angles.len(), 2, "{:?}", kinds(&found));
+    assert!(angles.iter().all(|a| (a - 45.0).abs() < 1e-6), "{angles:?}");
+    assert!(found.labels.iter().all(Option::is_some));
+}
+
+/// With a thousandth of noise the faces beside a fillet take its ends, bend, and hide it, until
+/// their borders are seen to lie off: then no wide tolerance of form describes the shaft in less.
+#[test]
+fn noise_is_no_form() {
+    let found = recognised(turned(&shaft(), 10_000, 0.063, |_, _, _| 0.0), None);
+    assert!(!found.is_form, "{:?}", found.entities);
+    let is_near = |e: &Entity, wanted: [f64; 2]| match e.surface {
+        Quadric::Torus { major, minor, .. } => {
+            (major - wanted[0]).abs() < 0.3 && (minor - wanted[1]).abs() < 0.3
+        }
+        _ => false,
+    };
+    for wanted in [[10.82, 1.32], [14.86, 1.13]] {
+        let is_found = found.entities.iter().any(|e| is_near(e, wanted));
+        assert!(is_found, "{wanted:?}: {:?}", found.entities);
+    }
+}
