@@ -5,11 +5,9 @@ use crate::choose::{EXACT, Known, Noise, best_region, follows, is_called_for, le
 use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
-use crate::kinds::{best_kind, coaxial_cone, zone};
+use crate::kinds::best_kind;
 use crate::share::shares;
-use crate::simplify::simpler;
-use crate::split::{simplest_part, split};
-use crate::start::Line;
+use crate::split::split;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
@@ -31,7 +29,7 @@ const ROUNDS: usize = 3;
 const FORM: f64 = 1.5;
 /// By what factor the noise may be larger than estimated: before any surface is known, and after.
 const FIRST_SLACK: f64 = 1.1;
-const SLACK: f64 = 1.03;
+pub(crate) const SLACK: f64 = 1.03;
 /// The noise may rise to this many times what it was taken for at most; and half the noise was too
 /// little where it rises by this.
 const MOST_NOISE: f64 = 1.5;
@@ -39,14 +37,6 @@ const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
 const HALVING: (usize, usize) = (24, 30);
-/// The least cosine between the axis of a zone and one that others have: 8°.
-const BESIDE: f64 = 0.99;
-/// The numbers of a cone about a known axis: its radius at a place and its angle.
-const COAXIAL: usize = 2;
-/// More bent surfaces than these are patches of a free form, of which there is no end.
-const MOST_BENT: usize = 12;
-/// By how much a description has to be shorter to take the place of another.
-const GAIN: f64 = 1.0;
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
@@ -102,7 +92,7 @@ pub(crate) fn segment(
 }
 
 /// Directions of planes and axes, each once.
-fn directions(surfaces: &[Surface]) -> Vec<Point3> {
+pub(crate) fn directions(surfaces: &[Surface]) -> Vec<Point3> {
     let mut directions: Vec<Point3> = Vec::new();
     for surface in surfaces.iter().filter(|s| s.kind != Kind::Sphere) {
         let is_known = |d: &Point3| dot(*d, surface.axis).abs() > 0.999;
@@ -336,89 +326,9 @@ impl Segmentation {
         Ok(self)
     }
 
-    /// Gives bent surfaces up for simpler ones and what is found beside these, where that describes
-    /// the points in less.
-    fn simplify(
-        &mut self,
-        cloud: &Cloud,
-        limits: Limits,
-        control: &Control<'_>,
-    ) -> Result<(), Stopped> {
-        let noise = self.deviation(SLACK);
-        for _ in 0..ROUNDS {
-            let members = self.members();
-            let simpler: Vec<Option<(Surface, Vec<u32>)>> = (members.par_iter())
-                .zip(&self.surfaces)
-                .map(|(of, surface)| simpler(cloud, of, surface, noise))
-                .collect();
-            // Where most could be simpler they are patches of a free form, of which there is no
-            // end.
-            let count = simpler.iter().flatten().count();
-            if count == 0 || 2 * count > simpler.len() {
-                break;
-            }
-            let mut other = self.clone();
-            for (label, found) in simpler.into_iter().enumerate() {
-                let Some((surface, kept)) = found else {
-                    continue;
-                };
-                other.surfaces[label] = surface;
-                let members = members[label].iter();
-                members.for_each(|i| other.labels[*i as usize] = NONE);
-                kept.iter()
-                    .for_each(|i| other.labels[*i as usize] = label as u32);
-            }
-            other.add_regions(cloud, SLACK, limits, control)?;
-            other.settle(cloud, limits);
-            if other.length(cloud, self.noise) >= self.length(cloud, self.noise) {
-                break;
-            }
-            *self = other;
-        }
-        Ok(())
-    }
-
-    /// Takes the largest simpler surface out of each bent one, and what is found beside these, where
-    /// that describes the points in less: a face with a strip of the next bends, and hides the next.
-    /// All at once, since fillets show when both faces beside them are given up.
-    fn uncover(
-        &mut self,
-        cloud: &Cloud,
-        limits: Limits,
-        control: &Control<'_>,
-    ) -> Result<(), Stopped> {
-        let noise = self.deviation(SLACK);
-        for _ in 0..ROUNDS {
-            let is_bent = |l: &usize| matches!(self.surfaces[*l].kind, Kind::Torus | Kind::Sphere);
-            let bent: Vec<usize> = (0..self.surfaces.len()).filter(is_bent).collect();
-            if !noise.can_peel() || bent.is_empty() || bent.len() > MOST_BENT {
-                break;
-            }
-            control.check()?;
-            let mut other = self.clone();
-            for label in bent {
-                let of = self.members_of(label);
-                let Some(part) = simplest_part(cloud, &of, &self.surfaces[label], noise) else {
-                    continue;
-                };
-                of.iter().for_each(|i| other.labels[*i as usize] = NONE);
-                let kept = part.points.iter();
-                kept.for_each(|i| other.labels[*i as usize] = label as u32);
-                other.surfaces[label] = part.surface;
-            }
-            other.add_regions(cloud, SLACK, limits, control)?;
-            other.settle(cloud, limits);
-            if other.length(cloud, self.noise) + GAIN > self.length(cloud, self.noise) {
-                break;
-            }
-            *self = other;
-        }
-        Ok(())
-    }
-
     /// The length of the description of the points: their distances, the parameters, and that there
     /// are entities.
-    fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
+    pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
         let scale = 1.0 / (2.0 * noise * noise);
         let points = (0..cloud.points.len()).map(|i| self.cost(cloud, i, self.labels[i], scale));
         let entities = self.surfaces.iter().zip(self.members()).map(|(s, of)| {
@@ -448,7 +358,7 @@ impl Segmentation {
     }
 
     /// How far points lie from their surface.
-    fn deviation(&self, slack: f64) -> Noise {
+    pub(crate) fn deviation(&self, slack: f64) -> Noise {
         Noise {
             deviation: self.noise,
             slack,
@@ -488,7 +398,7 @@ impl Segmentation {
     }
 
     /// Grows regions from points without a label.
-    fn add_regions(
+    pub(crate) fn add_regions(
         &mut self,
         cloud: &Cloud,
         slack: f64,
@@ -591,7 +501,7 @@ impl Segmentation {
     }
 
     /// Labels, surfaces, noise, mergers and removals in turn.
-    fn settle(&mut self, cloud: &Cloud, limits: Limits) {
+    pub(crate) fn settle(&mut self, cloud: &Cloud, limits: Limits) {
         for _ in 0..4 {
             self.relax(cloud, limits);
             let merged = self.merge(cloud);
@@ -605,7 +515,7 @@ impl Segmentation {
     }
 
     /// Labels, surfaces and noise in turn until labels stand nearly still.
-    fn relax(&mut self, cloud: &Cloud, limits: Limits) {
+    pub(crate) fn relax(&mut self, cloud: &Cloud, limits: Limits) {
         for _ in 0..RELAXATIONS {
             let before = self.labels.clone();
             self.compete(cloud);
@@ -843,65 +753,11 @@ impl Segmentation {
         changed
     }
 
-    /// Turns spheres into cones about the axis of an entity beside them, chamfers mostly, where that
-    /// describes the points in less: a cone about a known axis has two numbers of its own, a sphere
-    /// four.
-    fn turn_into_coaxial(&mut self, cloud: &Cloud, limits: Limits) {
-        for label in 0..self.surfaces.len() {
-            if self.surfaces[label].kind != Kind::Sphere {
-                continue;
-            }
-            let points = cloud.at(&self.members_of(label));
-            let Some(cone) = coaxial_cone(&points, &self.axes_beside(cloud, label)) else {
-                continue;
-            };
-            let mut other = self.clone();
-            other.surfaces[label] = cone;
-            other.relax(cloud, limits);
-            let taken = (cone.kind.parameters() - COAXIAL) as f64;
-            let saved = taken * (points.len().max(1) as f64).ln() / 2.0;
-            let is_whole = other.surfaces.len() == self.surfaces.len();
-            let length = |s: &Self| s.length(cloud, self.noise);
-            if is_whole && length(&other) - saved < length(self) {
-                *self = other;
-            }
-        }
-    }
-
-    /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
-    /// cones or cylinders that fit as well: chamfers and short bores.
-    fn turn_zones(&mut self, cloud: &Cloud) {
-        let noise = self.deviation(SLACK);
-        let known = directions(&self.surfaces);
-        let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
-            if surface.kind != Kind::Sphere {
-                continue;
-            }
-            let other = zone(cloud, of, surface, noise);
-            let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
-            if let Some(other) = other.filter(is_along) {
-                *surface = other;
-            }
-        }
-    }
-
     /// The points of an entity.
     pub(crate) fn members_of(&self, label: usize) -> Vec<u32> {
         let all = 0..self.labels.len() as u32;
         all.filter(|i| self.labels[*i as usize] == label as u32)
             .collect()
-    }
-
-    /// The axes of the entities beside one.
-    fn axes_beside(&self, cloud: &Cloud, label: usize) -> Vec<Line> {
-        let own = self.members_of(label);
-        let beside: Vec<u32> = own.iter().flat_map(|i| cloud.near(*i)).copied().collect();
-        let known = Known {
-            surfaces: &self.surfaces,
-            labels: &self.labels,
-        };
-        known.axes(&beside)
     }
 
     /// Takes entities apart where simpler ones explain their points better.

@@ -5,16 +5,175 @@
 //! That shows only when what is left over has a surface of its own, too.
 
 use crate::chart::{Kind, Surface};
-use crate::choose::{Noise, follows, least_points};
+use crate::choose::{Known, Noise, follows, least_points};
 use crate::cloud::Cloud;
 use crate::grow::trimmed;
-use crate::kinds::guess;
+use crate::kinds::{coaxial_cone, guess, zone};
+use crate::segment::{Limits, NONE, SLACK, Segmentation, directions};
+use crate::share::shares;
+use crate::split::simplest_part;
+use crate::start::Line;
+use isoform_control::{Control, Stopped};
+use isoform_geom::dot;
+use rayon::prelude::*;
 
+/// Rounds in which bent surfaces are given up: what is found beside them may be bent, too.
+const ROUNDS: usize = 3;
+/// The numbers of an axis that is known: its direction and its place.
+const AXIS: u32 = 4;
+/// More bent surfaces than these are patches of a free form, of which there is no end.
+const MOST_BENT: usize = 12;
+/// By how much a description has to be shorter to take the place of another.
+const GAIN: f64 = 1.0;
+/// The least cosine between the axis of a zone and one that others have: 8°.
+const BESIDE: f64 = 0.99;
 /// The share of its points that a simpler surface keeps at least.
 const KEPT: f64 = 0.6;
 
+impl Segmentation {
+    /// Gives bent surfaces up for simpler ones and what is found beside these, where that describes
+    /// the points in less.
+    pub(crate) fn simplify(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let noise = self.deviation(SLACK);
+        for _ in 0..ROUNDS {
+            let members = self.members();
+            let simpler: Vec<Option<(Surface, Vec<u32>)>> = (members.par_iter())
+                .zip(&self.surfaces)
+                .map(|(of, surface)| simpler(cloud, of, surface, noise))
+                .collect();
+            // Where most could be simpler they are patches of a free form, of which there is no
+            // end.
+            let count = simpler.iter().flatten().count();
+            if count == 0 || 2 * count > simpler.len() {
+                break;
+            }
+            let found = (0..).zip(simpler).filter_map(|(label, found)| {
+                let (surface, kept) = found?;
+                Some((label, surface, kept))
+            });
+            let Some(other) = self.given_up(cloud, limits, found.collect(), control)? else {
+                break;
+            };
+            *self = other;
+        }
+        Ok(())
+    }
+
+    /// Takes the largest simpler surface out of each bent one, and what is found beside these, where
+    /// that describes the points in less: a face with a strip of the next bends, and hides the next.
+    /// All at once, since fillets show when both faces beside them are given up.
+    pub(crate) fn uncover(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        let noise = self.deviation(SLACK);
+        for _ in 0..ROUNDS {
+            let is_bent = |l: &usize| matches!(self.surfaces[*l].kind, Kind::Torus | Kind::Sphere);
+            let bent: Vec<usize> = (0..self.surfaces.len()).filter(is_bent).collect();
+            if !noise.can_peel() || bent.is_empty() || bent.len() > MOST_BENT {
+                break;
+            }
+            control.check()?;
+            let part = |label: usize| {
+                let of = self.members_of(label);
+                let part = simplest_part(cloud, &of, &self.surfaces[label], noise)?;
+                Some((label, part.surface, part.points))
+            };
+            let found = bent.into_iter().filter_map(part).collect();
+            let Some(other) = self.given_up(cloud, limits, found, control)? else {
+                break;
+            };
+            *self = other;
+        }
+        Ok(())
+    }
+
+    /// With simpler surfaces, each with its points, in the place of some labels, and with what is
+    /// found among the points that these give up; `None` where that is no shorter.
+    fn given_up(
+        &self,
+        cloud: &Cloud,
+        limits: Limits,
+        simpler: Vec<(usize, Surface, Vec<u32>)>,
+        control: &Control<'_>,
+    ) -> Result<Option<Self>, Stopped> {
+        let mut other = self.clone();
+        for (label, surface, kept) in simpler {
+            let of = other.labels.iter_mut().filter(|l| **l == label as u32);
+            of.for_each(|l| *l = NONE);
+            kept.iter()
+                .for_each(|i| other.labels[*i as usize] = label as u32);
+            other.surfaces[label] = surface;
+        }
+        other.add_regions(cloud, SLACK, limits, control)?;
+        other.settle(cloud, limits);
+        let is_shorter = other.length(cloud, self.noise) + GAIN < self.length(cloud, self.noise);
+        Ok(is_shorter.then_some(other))
+    }
+
+    /// Turns spheres into cones about the axis of an entity beside them, chamfers mostly, where that
+    /// describes the points in less: a cone about a known axis has two numbers of its own, a sphere
+    /// four.
+    pub(crate) fn turn_into_coaxial(&mut self, cloud: &Cloud, limits: Limits) {
+        for label in 0..self.surfaces.len() {
+            if self.surfaces[label].kind != Kind::Sphere {
+                continue;
+            }
+            let points = cloud.at(&self.members_of(label));
+            let Some(cone) = coaxial_cone(&points, &self.axes_beside(cloud, label)) else {
+                continue;
+            };
+            let mut other = self.clone();
+            other.surfaces[label] = cone;
+            other.relax(cloud, limits);
+            let saved = f64::from(AXIS) * (points.len().max(1) as f64).ln() / 2.0;
+            let is_whole = other.surfaces.len() == self.surfaces.len();
+            let length = |s: &Self| s.length(cloud, self.noise);
+            if is_whole && length(&other) - saved < length(self) {
+                *self = other;
+            }
+        }
+    }
+
+    /// Turns spheres of which only a narrow zone is there, about an axis that others have, into the
+    /// cones or cylinders that fit as well: chamfers and short bores.
+    pub(crate) fn turn_zones(&mut self, cloud: &Cloud) {
+        let noise = self.deviation(SLACK);
+        let known = directions(&self.surfaces);
+        let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
+        for (surface, of) in self.surfaces.iter_mut().zip(&shares) {
+            if surface.kind != Kind::Sphere {
+                continue;
+            }
+            let other = zone(cloud, of, surface, noise);
+            let is_along = |s: &Surface| known.iter().any(|d| dot(*d, s.axis).abs() > BESIDE);
+            if let Some(other) = other.filter(is_along) {
+                *surface = other;
+            }
+        }
+    }
+
+    /// The axes of the entities beside one.
+    fn axes_beside(&self, cloud: &Cloud, label: usize) -> Vec<Line> {
+        let own = self.members_of(label);
+        let beside: Vec<u32> = own.iter().flat_map(|i| cloud.near(*i)).copied().collect();
+        let known = Known {
+            surfaces: &self.surfaces,
+            labels: &self.labels,
+        };
+        known.axes(&beside)
+    }
+}
+
 /// A simpler surface through most of the points of an entity, and these.
-pub(crate) fn simpler(
+fn simpler(
     cloud: &Cloud,
     members: &[u32],
     surface: &Surface,
