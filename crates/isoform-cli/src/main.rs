@@ -106,10 +106,10 @@ fn parse() -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
     Ok((cli, inputs))
 }
 
-/// Reads the arguments, does the work and reports what comes of it by the exit code.
 /// Sizes of two blocks that tell the allocator how much freed memory to keep. The first is the
 /// largest that glibc learns from: smaller ones come from the heap from then on, and up to twice as
-/// much that is free at its end stays. The second makes the heap grow once, not by 128 KiB at a time.
+/// much that is free at its end stays. The second makes the heap grow once, not by 128 KiB each
+/// time.
 const KEPT: [usize; 2] = [(32 << 20) - 4096, 16 << 20];
 
 /// Has the allocator keep freed memory for the next stage: a fit of ten thousand points spends a
@@ -120,6 +120,7 @@ fn keep_freed_memory() {
     }
 }
 
+/// Reads the arguments, does the work and reports what comes of it by the exit code.
 fn main() -> ExitCode {
     let (cli, inputs) = match parse() {
         Ok(parsed) => parsed,

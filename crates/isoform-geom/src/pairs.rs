@@ -1,5 +1,6 @@
 //! Pairs of points that are near each other.
 
+use crate::point::check_points;
 use crate::{Aabb, Point3, distance_squared};
 
 /// Cells are numbered by layer, row and place in the row.
@@ -31,14 +32,7 @@ const ROWS_AFTER: [[i64; 2]; 4] = [[0, 1], [1, -1], [1, 0], [1, 1]];
 /// # Panics
 /// If there are 2³² points or more, or a coordinate is not finite.
 pub fn near_pairs(points: &[Point3], reach: f64, mut visit: impl FnMut(usize, usize, f64)) {
-    assert!(
-        u32::try_from(points.len()).is_ok(),
-        "too many points for 32-bit indices"
-    );
-    assert!(
-        points.iter().flatten().all(|v| v.is_finite()),
-        "coordinates must be finite"
-    );
+    check_points(points);
     let bounds = Aabb::of(points);
     let size = (reach * (1.0 + LARGER)).max(bounds.diagonal() / MOST_CELLS);
     // A cast makes 0 of what is no number: where sizes overflow, all points share a cell.

@@ -149,3 +149,17 @@ impl Aabb {
         norm(self.size())
     }
 }
+/// What searches among points ask of them.
+///
+/// # Panics
+/// If there are 2³² points or more, or a coordinate is not finite.
+pub(crate) fn check_points(points: &[Point3]) {
+    assert!(
+        u32::try_from(points.len()).is_ok(),
+        "too many points for 32-bit indices"
+    );
+    assert!(
+        points.iter().flatten().all(|v| v.is_finite()),
+        "coordinates must be finite"
+    );
+}

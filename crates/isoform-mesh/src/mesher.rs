@@ -85,8 +85,8 @@ pub fn mesh(
 
 /// Meshes a solid whose extent is known. Where the certificate would hold something against the
 /// surface, and where vertices held on seams between pieces that touch keep others off it, it is
-/// meshed once more, finer there; and at last without holding any on seams. The mesh with the fewest
-/// findings counts.
+/// meshed once more, finer there; and at last without holding any on seams. The mesh with the
+/// fewest findings counts.
 fn mesh_within(
     solid: &dyn Solid,
     extent: &Extent,

@@ -2,8 +2,8 @@
 //!
 //! Of a needle or the end of a narrow cone the lattice may follow parts and miss what is between
 //! them. All of these are near some surface of the mesh, so that nothing seems missed, and each
-//! piece is a valid mesh. So shells that come near each other are looked at: where a way through the
-//! solid is found from one to the other, the mesh is torn; and between outsides where one leads
+//! piece is a valid mesh. So shells that come near each other are looked at: where a way through
+//! the solid is found from one to the other, the mesh is torn; and between outsides where one leads
 //! outside, as through a narrow hole.
 
 use crate::points::unique;

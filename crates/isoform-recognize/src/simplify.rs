@@ -126,8 +126,9 @@ impl Segmentation {
             if self.surfaces[label].kind != Kind::Sphere {
                 continue;
             }
-            let points = cloud.at(&self.members_of(label));
-            let Some(cone) = coaxial_cone(&points, &self.axes_beside(cloud, label)) else {
+            let of = self.members_of(label);
+            let points = cloud.at(&of);
+            let Some(cone) = coaxial_cone(&points, &self.axes_beside(cloud, &of)) else {
                 continue;
             };
             let mut other = self.clone();
@@ -160,10 +161,13 @@ impl Segmentation {
         }
     }
 
-    /// The axes of the entities beside one.
-    fn axes_beside(&self, cloud: &Cloud, label: usize) -> Vec<Line> {
-        let own = self.members_of(label);
-        let beside: Vec<u32> = own.iter().flat_map(|i| cloud.near(*i)).copied().collect();
+    /// The axes of the entities beside some points.
+    fn axes_beside(&self, cloud: &Cloud, points: &[u32]) -> Vec<Line> {
+        let beside: Vec<u32> = points
+            .iter()
+            .flat_map(|i| cloud.near(*i))
+            .copied()
+            .collect();
         let known = Known {
             surfaces: &self.surfaces,
             labels: &self.labels,

@@ -3,7 +3,7 @@
 use crate::chart::{Kind, Surface};
 use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
 use crate::cloud::Cloud;
-use crate::grow::{Region, WITHIN, peeled};
+use crate::grow::{Region, WITHIN};
 use crate::kinds::best_kind;
 use crate::share::Shares;
 
@@ -13,10 +13,10 @@ const MOST: usize = 3;
 const EXPLAINED: f64 = 0.85;
 /// Rounds of points and surfaces of the parts.
 const SETTLING: usize = 3;
-/// The share of the points of an entity that the face it came from has at least.
-const MOSTLY: f64 = 0.4;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
+/// The share of the points of an entity that the face it came from has at least.
+const MOSTLY: f64 = 0.4;
 
 /// The simpler surfaces that explain the points of an entity better than its own.
 pub(crate) fn split(
@@ -34,8 +34,7 @@ pub(crate) fn split(
     let mut parts: Vec<Region> = Vec::new();
     let (mut left, mut failed) = (members.to_vec(), 0);
     while parts.len() < MOST && failed < SEEDS && !left.is_empty() {
-        // Places evenly over what is left: the points are sorted by their coordinates.
-        let seed = left[(2 * failed + 1) * left.len() / (2 * SEEDS)];
+        let seed = place(&left, failed);
         let region = best_region(cloud, seed, kinds, noise, Known::default(), &|i| {
             is_free[i as usize]
         });
@@ -57,8 +56,8 @@ pub(crate) fn split(
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
 }
 
-/// The largest region of a simpler kind within the points of an entity, without its borders that
-/// lie off: what an entity becomes that bends over an edge.
+/// The largest region of a simpler kind within the points of an entity: what one becomes that bends
+/// over an edge.
 pub(crate) fn simplest_part(
     cloud: &Cloud,
     members: &[u32],
@@ -69,13 +68,24 @@ pub(crate) fn simplest_part(
     let mut is_own = vec![false; cloud.points.len()];
     members.iter().for_each(|i| is_own[*i as usize] = true);
     let is_free = |i: u32| is_own[i as usize];
-    let seed = |k: usize| members[(2 * k + 1) * members.len() / (2 * SEEDS)];
-    let regions = (0..SEEDS)
-        .filter_map(|k| best_region(cloud, seed(k), kinds, noise, Known::default(), &is_free));
+    let regions = (0..SEEDS).filter_map(|k| {
+        best_region(
+            cloud,
+            place(members, k),
+            kinds,
+            noise,
+            Known::default(),
+            &is_free,
+        )
+    });
     regions
         .max_by_key(|r| r.points.len())
         .filter(|r| r.points.len() as f64 >= MOSTLY * members.len() as f64)
-        .map(|r| peeled(cloud, r, noise.deviation))
+}
+
+/// One of [`SEEDS`] places evenly over points, which are sorted by their coordinates.
+fn place(points: &[u32], k: usize) -> u32 {
+    points[(2 * k + 1) * points.len() / (2 * SEEDS)]
 }
 
 /// Whether parts explain the points better than one surface; gives each point to the nearest, and
