@@ -17,6 +17,7 @@ mod orient;
 mod patchwork;
 mod patterns;
 mod pose;
+mod profile;
 mod recognize;
 mod relations;
 mod segment;
@@ -25,6 +26,7 @@ mod simplify;
 mod snap;
 mod split;
 mod start;
+mod sweep;
 mod symmetry;
 mod template;
 

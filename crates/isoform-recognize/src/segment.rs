@@ -15,7 +15,7 @@ use rayon::prelude::*;
 /// No entity.
 pub(crate) const NONE: u32 = u32::MAX;
 /// What a point costs where nothing explains it: Σ r²/2σ² at the tolerance.
-const UNEXPLAINED: f64 = WITHIN * WITHIN / 2.0;
+pub(crate) const UNEXPLAINED: f64 = WITHIN * WITHIN / 2.0;
 /// What it costs a point that all its neighbours belong elsewhere: as much as 3 deviations. More
 /// smooths borders of small faces away, less lets crossing planes cut strips out of walls.
 const APART: f64 = 4.5;
@@ -320,6 +320,7 @@ impl Segmentation {
         }
         self.simplify(cloud, limits, control)?;
         self.uncover(cloud, limits, control)?;
+        self.revolve(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.relax(cloud, limits);
