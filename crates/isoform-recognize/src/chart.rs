@@ -11,6 +11,9 @@ pub(crate) type Row = [f64; MOST];
 /// The largest radius, in diagonals of the scan: its arc bends by an eighth of a thousandth of the
 /// diagonal over it, which planes explain.
 const LARGEST: f64 = 1000.0;
+/// The least radius, in deviations of the noise. Blobs of points within three deviations are followed
+/// by circles of two; more loses fillets.
+const TIGHTEST: f64 = 4.0;
 /// The largest half angle of a cone: 86°. Wider ones are planes.
 const WIDEST: f64 = 1.5;
 
@@ -325,6 +328,11 @@ impl Surface {
         }
     }
 
+    /// Whether it has an axis.
+    pub(crate) fn is_round(&self) -> bool {
+        matches!(self.kind, Kind::Cylinder | Kind::Cone | Kind::Torus)
+    }
+
     /// Whether its sizes are those of a surface: radii positive, a cone's angle below a right one.
     pub(crate) fn is_proper(&self) -> bool {
         let are_finite = self.place.iter().chain(&self.axis).all(|x| x.is_finite());
@@ -336,6 +344,17 @@ impl Surface {
                 Kind::Cone => self.other.abs() < WIDEST && self.size.abs() < LARGEST,
                 Kind::Torus => radius(self.size) && radius(self.other) && self.size > self.other,
             }
+    }
+
+    /// Whether it bends no tighter than noise lets one tell: a tube of a radius of twice the noise
+    /// follows any blob of points better than a face does.
+    pub(crate) fn is_wider_than(&self, noise: f64) -> bool {
+        let radius = match self.kind {
+            Kind::Plane | Kind::Cone => f64::INFINITY,
+            Kind::Sphere | Kind::Cylinder => self.size,
+            Kind::Torus => self.other,
+        };
+        radius >= TIGHTEST * noise
     }
 
     /// The surface in units `unit` times as large about another origin, as CAD systems name it.

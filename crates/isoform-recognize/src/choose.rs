@@ -163,9 +163,8 @@ impl Known<'_> {
         labels.sort_unstable();
         labels.dedup();
         let surfaces = labels.iter().filter_map(|l| self.surfaces.get(*l as usize));
-        let is_round = |s: &&Surface| !matches!(s.kind, Kind::Plane | Kind::Sphere);
         surfaces
-            .filter(is_round)
+            .filter(|s| s.is_round())
             .map(|s| (s.place, s.axis))
             .collect()
     }
@@ -312,7 +311,7 @@ fn is_near(cloud: &Cloud, points: &[u32], surface: &Surface, noise: Noise) -> bo
     let parameters = surface.kind.parameters();
     let free = points.len().saturating_sub(parameters).max(1) as f64;
     let rms = (squares(surface, &cloud.at(points)) / free).sqrt() / noise.deviation;
-    rms <= noise.slack + CHANCE / (2.0 * free).sqrt()
+    surface.is_wider_than(noise.deviation) && rms <= noise.slack + CHANCE / (2.0 * free).sqrt()
 }
 
 fn is_independent((correlation, deviation): (f64, f64)) -> bool {

@@ -36,6 +36,17 @@ pub(crate) enum Shape {
     Centred,
 }
 
+impl Shape {
+    /// How many numbers determine it.
+    fn numbers(self) -> usize {
+        match self {
+            Self::Along | Self::Across => 1,
+            Self::Line => 2,
+            Self::Centred | Self::Circle => 3,
+        }
+    }
+}
+
 /// A piece, with the kind of surface that it is the section of, and its points.
 #[derive(Debug)]
 pub(crate) struct Piece {
@@ -61,15 +72,27 @@ const LINKED: f64 = 2.5;
 const CHAIN: f64 = 4.0;
 /// Points farther from their chain, in deviations, are left out.
 const OFF: f64 = 4.0;
+/// What each number of a piece costs beyond its digits: as many stretches are tried, some shape with
+/// one more follows one of them better by chance.
+const CHOICE: f64 = 3.0;
+/// The variance of points along their piece, in those of the noise, at least: a face of about four
+/// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
+/// their points have the variance 1 along these.
+const LONG: f64 = 1.5;
 /// Steps along a chain at most: time grows with their square.
 const STEPS: usize = 1000;
 
 /// Divides plane points into pieces of these shapes and kinds, the shortest description of them.
-pub(crate) fn pieces(points: &[Place], noise: f64, shapes: &[(Shape, Kind)]) -> Vec<Piece> {
+pub(crate) fn pieces(
+    points: &[Place],
+    noise: f64,
+    shapes: &[(Shape, Kind)],
+    is_proper: &impl Fn(Kind, &Curve) -> bool,
+) -> Vec<Piece> {
     let chains = chains(points, noise);
     chains
         .iter()
-        .flat_map(|chain| divided(points, chain, noise, shapes))
+        .flat_map(|chain| divided(points, chain, noise, shapes, is_proper))
         .collect()
 }
 
@@ -261,7 +284,13 @@ fn farthest(
 }
 
 /// The pieces of one chain.
-fn divided(points: &[Place], chain: &[Link], noise: f64, shapes: &[(Shape, Kind)]) -> Vec<Piece> {
+fn divided(
+    points: &[Place],
+    chain: &[Link],
+    noise: f64,
+    shapes: &[(Shape, Kind)],
+    is_proper: &impl Fn(Kind, &Curve) -> bool,
+) -> Vec<Piece> {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
         return Vec::new();
     };
@@ -296,16 +325,20 @@ fn divided(points: &[Place], chain: &[Link], noise: f64, shapes: &[(Shape, Kind)
                 };
             }
             for (shape, kind) in shapes {
-                let p = kind.parameters() as f64;
-                let base = before + p * of.count.max(1.0).ln() / 2.0 + EVIDENCE;
+                let p = shape.numbers() as f64;
+                let base = before + p * (of.count.max(1.0).ln() / 2.0 + CHOICE) + EVIDENCE;
                 if base >= least.cost || of.count < least_points(*kind, noise) as f64 {
                     continue;
                 }
                 let Some((curve, squares)) = of.fitted(*shape) else {
                     continue;
                 };
+                let is_tight = matches!(curve, Curve::Circle(_, r) if r < 4.0 * noise);
+                if is_tight || of.variance_along(&curve) < LONG * noise * noise {
+                    continue;
+                }
                 let cost = base + squares / (2.0 * noise * noise);
-                if cost < least.cost {
+                if cost < least.cost && is_proper(*kind, &curve) {
                     least = Best {
                         cost,
                         from,
@@ -401,6 +434,20 @@ impl Moments {
             Shape::Circle => self.circle(),
             Shape::Centred => self.centred_circle(),
         }
+    }
+
+    /// The variance of the points along a curve, at their mean.
+    fn variance_along(&self, curve: &Curve) -> f64 {
+        let [a, b] = match curve {
+            Curve::Line(_, along) => *along,
+            Curve::Circle(center, _) => {
+                let away = minus(self.mean(), *center);
+                let size = norm(away);
+                [-away[1] / size, away[0] / size]
+            }
+        };
+        let [xx, xy, yy] = self.spread();
+        (a * a * xx + 2.0 * a * b * xy + b * b * yy) / self.count
     }
 
     fn line(&self) -> Option<(Curve, f64)> {

@@ -6,10 +6,10 @@ use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::best_kind;
-use crate::share::shares;
+use crate::share::{Shares, shares};
 use crate::split::split;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, dot};
+use isoform_geom::{Point3, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// No entity.
@@ -37,6 +37,9 @@ const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
 const HALVING: (usize, usize) = (24, 30);
+/// The least cosine between axes that may be one, and how far these are apart at most, in radii:
+/// small cones know theirs to some degrees.
+const COAXIAL: (f64, f64) = (0.99, 0.05);
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
@@ -320,7 +323,7 @@ impl Segmentation {
         }
         self.simplify(cloud, limits, control)?;
         self.uncover(cloud, limits, control)?;
-        self.revolve(cloud, limits, control)?;
+        self.sweep(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.relax(cloud, limits);
@@ -331,12 +334,41 @@ impl Segmentation {
     /// are entities.
     pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
         let scale = 1.0 / (2.0 * noise * noise);
-        let points = (0..cloud.points.len()).map(|i| self.cost(cloud, i, self.labels[i], scale));
+        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
+        let points = (0..cloud.points.len()).map(|i| self.length_of(cloud, &distances, i, scale));
         let entities = self.surfaces.iter().zip(self.members()).map(|(s, of)| {
             let count = of.len().max(1) as f64;
             s.kind.parameters() as f64 * count.ln() / 2.0 + EVIDENCE
         });
-        points.map(|c| c.min(UNEXPLAINED)).sum::<f64>() + entities.sum::<f64>()
+        points.sum::<f64>() + entities.sum::<f64>()
+    }
+
+    /// The length of the description of a point: it lies on the surface of a neighbour, on which of
+    /// them is not said. Surfaces that lie over one another follow noise better than one if each
+    /// point has the nearer of them.
+    fn length_of(
+        &self,
+        cloud: &Cloud,
+        distances: &[Distances<'_>],
+        i: usize,
+        scale: f64,
+    ) -> f64 {
+        let near = cloud.near(i as u32);
+        let own = self.labels[i];
+        let likelihood = |label: u32| match distances.get(label as usize) {
+            None => (-UNEXPLAINED).exp(),
+            Some(of) => (-of.at(cloud.points[i]).powi(2) * scale).exp(),
+        };
+        let (mut sum, mut last) = (likelihood(own), (own, likelihood(own)));
+        for j in near {
+            let label = self.labels[*j as usize];
+            if label != last.0 {
+                last = (label, likelihood(label));
+            }
+            sum += last.1;
+        }
+        let mean = sum / (near.len() + 1) as f64;
+        UNEXPLAINED.min(-mean.ln())
     }
 
     /// A round: new regions, then labels, fits and mergers until they stand still.
@@ -353,6 +385,9 @@ impl Segmentation {
         self.settle(cloud, limits);
         if round == 0 && self.add_scattered_planes(cloud, limits) {
             self.settle(cloud, limits);
+        }
+        if round == 0 {
+            self.sweep(cloud, limits, control)?;
         }
         self.is_finished = !self.dissolve(cloud);
         Ok(())
@@ -579,7 +614,7 @@ impl Segmentation {
                 }
                 let (of, weights): (Vec<u32>, Vec<f64>) = shares.iter().copied().unzip();
                 let fitted = fit_weighted(surface, &cloud.at(&of), Some(&weights), Precision::Full);
-                fitted.map(|f| f.0)
+                (fitted.map(|f| f.0)).filter(|s| s.is_wider_than(self.noise))
             })
             .collect();
         self.keep(&fitted);
@@ -741,10 +776,16 @@ impl Segmentation {
     fn change_kinds(&mut self, cloud: &Cloud) -> bool {
         let noise = self.deviation(SLACK);
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
-        let new: Vec<Surface> = shares
-            .par_iter()
-            .zip(&self.surfaces)
-            .map(|(of, surface)| best_kind(cloud, of, surface, noise))
+        let change = |of: &Shares, surface: &Surface| {
+            let new = best_kind(cloud, of, surface, noise);
+            let is_zone = new.kind == Kind::Sphere && surface.kind != Kind::Sphere;
+            match is_zone && self.is_coaxial(surface) {
+                true => *surface,
+                false => new,
+            }
+        };
+        let new: Vec<Surface> = (shares.par_iter().zip(&self.surfaces))
+            .map(|(of, surface)| change(of, surface))
             .collect();
         let changed = new
             .iter()
@@ -752,6 +793,28 @@ impl Segmentation {
             .any(|(a, b)| a.kind != b.kind);
         self.surfaces = new;
         changed
+    }
+
+    /// The kinds with fewer numbers of their own: a cone about a known axis has two, a torus three,
+    /// a sphere four.
+    pub(crate) fn simpler_kinds(&self, surface: &Surface) -> Vec<Kind> {
+        let mut kinds = surface.kind.simpler().to_vec();
+        if self.is_coaxial(surface) {
+            kinds.retain(|kind| *kind != Kind::Sphere);
+        }
+        kinds
+    }
+
+    /// Whether a surface lies about the axis of another one, nearly.
+    fn is_coaxial(&self, surface: &Surface) -> bool {
+        let is_about = |other: &Surface| {
+            let d = sub(surface.place, other.place);
+            let off = norm(cross(d, other.axis));
+            let is_along = dot(surface.axis, other.axis).abs() > COAXIAL.0;
+            other != surface && is_along && off < COAXIAL.1 * surface.size.abs()
+        };
+        let mut round = self.surfaces.iter().filter(|s| s.is_round());
+        surface.is_round() && round.any(is_about)
     }
 
     /// The points of an entity.
@@ -768,7 +831,7 @@ impl Segmentation {
         let parts: Vec<Option<Vec<Region>>> = members
             .par_iter()
             .zip(&self.surfaces)
-            .map(|(of, surface)| split(cloud, of, surface, noise))
+            .map(|(of, surface)| split(cloud, of, surface, &self.simpler_kinds(surface), noise))
             .collect();
         let is_large = |r: &Region| r.points.len() >= limits.min_points;
         let mut changed = false;

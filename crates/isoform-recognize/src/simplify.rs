@@ -44,7 +44,7 @@ impl Segmentation {
             let members = self.members();
             let simpler: Vec<Option<(Surface, Vec<u32>)>> = (members.par_iter())
                 .zip(&self.surfaces)
-                .map(|(of, surface)| simpler(cloud, of, surface, noise))
+                .map(|(of, surface)| simpler(cloud, of, &self.simpler_kinds(surface), noise))
                 .collect();
             // Where most could be simpler they are patches of a free form, of which there is no
             // end.
@@ -83,7 +83,7 @@ impl Segmentation {
             control.check()?;
             let part = |label: usize| {
                 let of = self.members_of(label);
-                let part = simplest_part(cloud, &of, &self.surfaces[label], noise)?;
+                let part = simplest_part(cloud, &of, &self.simpler_kinds(&self.surfaces[label]), noise)?;
                 Some((label, part.surface, part.points))
             };
             let found = bent.into_iter().filter_map(part).collect();
@@ -137,6 +137,7 @@ impl Segmentation {
             let saved = f64::from(AXIS) * (points.len().max(1) as f64).ln() / 2.0;
             let is_whole = other.surfaces.len() == self.surfaces.len();
             let length = |s: &Self| s.length(cloud, self.noise);
+            if std::env::var("DBG").is_ok() { eprintln!("coaxial {is_whole} {} {saved} {}", length(&other), length(self)); }
             if is_whole && length(&other) - saved < length(self) {
                 *self = other;
             }
@@ -180,7 +181,7 @@ impl Segmentation {
 fn simpler(
     cloud: &Cloud,
     members: &[u32],
-    surface: &Surface,
+    kinds: &[Kind],
     noise: Noise,
 ) -> Option<(Surface, Vec<u32>)> {
     let of = |kind: &Kind| {
@@ -191,5 +192,5 @@ fn simpler(
         let is_good = is_most && is_enough && follows(cloud, [&kept; 2], &surface, noise);
         is_good.then_some((surface, kept))
     };
-    surface.kind.simpler().iter().find_map(of)
+    kinds.iter().find_map(of)
 }

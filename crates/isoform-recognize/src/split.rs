@@ -18,14 +18,14 @@ const SEEDS: usize = 6;
 /// The share of the points of an entity that the face it came from has at least.
 const MOSTLY: f64 = 0.4;
 
-/// The simpler surfaces that explain the points of an entity better than its own.
+/// The surfaces of simpler kinds that explain the points of an entity better than its own.
 pub(crate) fn split(
     cloud: &Cloud,
     members: &[u32],
     surface: &Surface,
+    kinds: &[Kind],
     noise: Noise,
 ) -> Option<Vec<Region>> {
-    let kinds = surface.kind.simpler();
     if kinds.is_empty() || members.is_empty() {
         return None;
     }
@@ -61,10 +61,9 @@ pub(crate) fn split(
 pub(crate) fn simplest_part(
     cloud: &Cloud,
     members: &[u32],
-    surface: &Surface,
+    kinds: &[Kind],
     noise: Noise,
 ) -> Option<Region> {
-    let kinds = surface.kind.simpler();
     let mut is_own = vec![false; cloud.points.len()];
     members.iter().for_each(|i| is_own[*i as usize] = true);
     let is_free = |i: u32| is_own[i as usize];
