@@ -13,6 +13,7 @@ mod form;
 mod grow;
 mod kinds;
 mod local;
+mod numbers;
 mod orient;
 mod patchwork;
 mod patterns;

@@ -6,6 +6,7 @@ use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::best_kind;
+use crate::numbers::Given;
 use crate::share::{Shares, shares};
 use crate::split::split;
 use isoform_control::{Control, Stopped};
@@ -61,6 +62,8 @@ pub(crate) struct Segmentation {
     first_noise: f64,
     /// Whether the noise is a tolerance of form.
     pub(crate) is_form: bool,
+    /// Whether surfaces are fitted each by itself.
+    pub(crate) is_free: bool,
     /// Whether there is nothing to be found in further rounds.
     is_finished: bool,
 }
@@ -297,6 +300,7 @@ impl Segmentation {
             noise,
             first_noise: noise,
             is_form,
+            is_free: true,
             is_finished: cloud.is_volume,
         };
         if !cloud.is_volume {
@@ -326,6 +330,7 @@ impl Segmentation {
         self.sweep(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
+        self.is_free = true;
         self.relax(cloud, limits);
         Ok(self)
     }
@@ -336,9 +341,14 @@ impl Segmentation {
         let scale = 1.0 / (2.0 * noise * noise);
         let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
         let points = (0..cloud.points.len()).map(|i| self.length_of(cloud, &distances, i, scale));
-        let entities = self.surfaces.iter().zip(self.members()).map(|(s, of)| {
-            let count = of.len().max(1) as f64;
-            s.kind.parameters() as f64 * count.ln() / 2.0 + EVIDENCE
+        let mut members: Vec<(&Surface, Vec<u32>)> =
+            self.surfaces.iter().zip(self.members()).collect();
+        members.sort_by_key(|(_, of)| std::cmp::Reverse(of.len()));
+        let mut given = Given::default();
+        let entities = members.into_iter().map(|(surface, of)| {
+            let (length, _) = given.shortest(surface, &cloud.at(&of), noise);
+            given.add(surface);
+            length + EVIDENCE
         });
         points.sum::<f64>() + entities.sum::<f64>()
     }
@@ -617,7 +627,33 @@ impl Segmentation {
                 (fitted.map(|f| f.0)).filter(|s| s.is_wider_than(self.noise))
             })
             .collect();
-        self.keep(&fitted);
+        let tied = self.tied(cloud, fitted, &shares);
+        self.keep(&tied);
+    }
+
+    /// Surfaces with the axes and directions of larger ones where that is described in less: free
+    /// ones of small faces turn into the noise.
+    fn tied(
+        &self,
+        cloud: &Cloud,
+        mut surfaces: Vec<Option<Surface>>,
+        shares: &[Shares],
+    ) -> Vec<Option<Surface>> {
+        if self.is_form || self.noise < EXACT || self.is_free {
+            return surfaces;
+        }
+        let mut order: Vec<usize> = (0..surfaces.len()).collect();
+        order.sort_by_key(|k| (std::cmp::Reverse(shares[*k].len()), *k));
+        let mut given = Given::default();
+        for k in order {
+            let own = shares[k].iter().filter(|s| s.1 > 0.5);
+            let points: Vec<Point3> = own.map(|s| cloud.points[s.0 as usize]).collect();
+            if let Some(surface) = &mut surfaces[k] {
+                *surface = given.shortest(surface, &points, self.noise).1;
+                given.add(surface);
+            }
+        }
+        surfaces
     }
 
     /// Takes these surfaces; labels of those that are `None` are cleared.

@@ -106,6 +106,23 @@ fn sphere(points: &[Point3]) -> Option<Surface> {
     surface.is_proper().then_some(surface)
 }
 
+/// The sphere of least algebraic distance with its centre on an axis.
+pub(crate) fn centred_sphere(points: &[Point3], (place, axis): Line) -> Option<Surface> {
+    let rows = points.iter().map(|p| {
+        let d = sub(*p, place);
+        ([2.0 * dot(d, axis), 1.0], dot(d, d))
+    });
+    let [h, k] = least_squares(rows)?;
+    let surface = Surface {
+        kind: Kind::Sphere,
+        place: std::array::from_fn(|i| place[i] + h * axis[i]),
+        axis: [0.0, 0.0, 1.0],
+        size: (k + h * h).sqrt(),
+        other: 0.0,
+    };
+    surface.is_proper().then_some(surface)
+}
+
 /// The solution of least squares of rows · x = sides.
 fn least_squares<const N: usize>(rows: impl Iterator<Item = ([f64; N], f64)>) -> Option<[f64; N]> {
     let mut a = vec![0.0; N * N];
@@ -189,7 +206,7 @@ pub(crate) fn bent_squares(plane: &Surface, points: &[Point3]) -> f64 {
 }
 
 /// The cylinder along an axis: a circle of least algebraic distance across it.
-fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
+pub(crate) fn cylinder(points: &[Point3], axis: Point3) -> Option<Surface> {
     let about = mean(points);
     let [e, f] = frame(axis);
     let rows = points.iter().map(|p| {

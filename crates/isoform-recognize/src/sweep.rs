@@ -165,6 +165,7 @@ impl Segmentation {
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
         let mut other = self.clone();
+        other.is_free = false;
         let of = self.kept_by(cloud, &sweep);
         of.iter().for_each(|i| other.labels[*i as usize] = NONE);
         let section: Vec<Place> = of
