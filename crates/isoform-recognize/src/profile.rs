@@ -55,17 +55,37 @@ pub(crate) struct Piece {
     pub(crate) points: Vec<u32>,
 }
 
-/// Cells into which points are gathered are this many deviations wide. Smaller ones are rarely
-/// occupied, larger ones hide the order at narrow faces.
-const CELL: f64 = 2.0;
 /// A cell counts with this many points: single ones are outliers.
 const OCCUPIED: f64 = 2.0;
 /// Points that a cell has on average at least.
 const FILLED: f64 = 6.0;
 /// By how much cells grow until they are filled.
 const WIDEN: f64 = 1.3;
-/// How far, in cells, the direction of the curve is taken from: noise is as wide as a cell.
-const REACH: f64 = 3.0;
+/// How points are put in order: noise is as wide as narrow faces, and what smooths it rounds edges.
+#[derive(Debug)]
+pub(crate) struct Chaining {
+    /// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
+    /// occupied, larger ones hide the order at narrow faces.
+    cell: f64,
+    /// How far, in cells, the direction of the curve is taken from.
+    reach: f64,
+    /// How often cells are moved onto the lines through what lies about them.
+    passes: usize,
+}
+
+/// Each of these finds narrow faces that the other misses.
+pub(crate) const CHAININGS: [Chaining; 2] = [
+    Chaining {
+        cell: 2.0,
+        reach: 2.0,
+        passes: 2,
+    },
+    Chaining {
+        cell: 1.0,
+        reach: 4.0,
+        passes: 1,
+    },
+];
 /// Cells this many widths apart are neighbours.
 const LINKED: f64 = 2.5;
 /// A chain of cells is at least this many widths long: shorter ones are twigs of noise.
@@ -86,10 +106,11 @@ const STEPS: usize = 1000;
 pub(crate) fn pieces(
     points: &[Place],
     noise: f64,
+    chaining: &Chaining,
     shapes: &[(Shape, Kind)],
     is_proper: &impl Fn(Kind, &Curve) -> bool,
 ) -> Vec<Piece> {
-    let chains = chains(points, noise);
+    let chains = chains(points, noise, chaining);
     chains
         .iter()
         .flat_map(|chain| divided(points, chain, noise, shapes, is_proper))
@@ -117,11 +138,13 @@ struct Stop {
 }
 
 /// The points in order along the curves on which they lie.
-fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
-    let Some((nodes, width)) = gathered(points, noise) else {
+fn chains(points: &[Place], noise: f64, chaining: &Chaining) -> Vec<Vec<Link>> {
+    let Some((mut nodes, width)) = gathered(points, chaining.cell * noise) else {
         return Vec::new();
     };
-    let nodes = straightened(&nodes, REACH * width);
+    for _ in 0..chaining.passes {
+        nodes = straightened(&nodes, chaining.reach * width);
+    }
     let paths = paths(&nodes, LINKED * width, CHAIN * width);
     let stops: Vec<Stop> = (0..)
         .zip(&paths)
@@ -169,9 +192,8 @@ fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
 }
 
 /// The means of the points in the cells of a grid, and the width of these.
-fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
+fn gathered(points: &[Place], mut width: f64) -> Option<(Vec<Node>, f64)> {
     let most = points.len() as f64 / FILLED;
-    let mut width = CELL * noise;
     loop {
         let mut cells: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
         for p in points {

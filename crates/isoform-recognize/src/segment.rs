@@ -327,7 +327,6 @@ impl Segmentation {
         }
         self.simplify(cloud, limits, control)?;
         self.uncover(cloud, limits, control)?;
-        self.sweep(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.is_free = true;

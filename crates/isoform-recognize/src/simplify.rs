@@ -137,7 +137,6 @@ impl Segmentation {
             let saved = f64::from(AXIS) * (points.len().max(1) as f64).ln() / 2.0;
             let is_whole = other.surfaces.len() == self.surfaces.len();
             let length = |s: &Self| s.length(cloud, self.noise);
-            if std::env::var("DBG").is_ok() { eprintln!("coaxial {is_whole} {} {saved} {}", length(&other), length(self)); }
             if is_whole && length(&other) - saved < length(self) {
                 *self = other;
             }

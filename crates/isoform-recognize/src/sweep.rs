@@ -4,7 +4,7 @@ use crate::chart::{Kind, Surface, frame};
 use crate::choose::EXACT;
 use crate::cloud::Cloud;
 use crate::grow::WITHIN;
-use crate::profile::{Curve, Place, Shape, pieces};
+use crate::profile::{CHAININGS, Chaining, Curve, Place, Shape, pieces};
 use crate::segment::{Limits, NONE, SLACK, Segmentation, directions};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
@@ -30,6 +30,9 @@ const APART: f64 = 6.0;
 const ACROSS: f64 = 0.35;
 /// The share of the points of an entity that have such normals.
 const MOSTLY: f64 = 0.8;
+/// Where the pieces of a section are this many times the entities, they follow noise about an axis
+/// that is none.
+const MORE: usize = 2;
 /// By how much a description has to be shorter to take the place of another.
 const GAIN: f64 = 1.0;
 
@@ -119,15 +122,31 @@ impl Segmentation {
         if self.is_form || self.noise < EXACT {
             return Ok(());
         }
+        let length = |s: &Self, noise: f64| s.length(cloud, noise);
+        let noise = self.noise;
+        let chainings = match self.deviation(SLACK).can_peel() {
+            true => &CHAININGS[..1],
+            false => &CHAININGS,
+        };
+        let (mut least, mut is_new) = (length(self, noise), false);
         for sweep in self.sweeps() {
-            control.check()?;
-            let other = self.swept(cloud, limits, sweep, control)?;
-            let [one, two] = [&*self, &other].map(|s| s.length(cloud, self.noise));
-            if std::env::var("DBG").is_ok() {
-                eprintln!("{sweep:.2?}: {one} -> {two}");
+            for chaining in chainings {
+                control.check()?;
+                let Some(other) = self.cut(cloud, limits, &sweep, chaining) else {
+                    continue;
+                };
+                let found = length(&other, noise);
+                if found + GAIN < least {
+                    (*self, least, is_new) = (other, found, true);
+                }
             }
-            if two + GAIN < one {
-                *self = other;
+        }
+        if is_new {
+            let mut settled = self.clone();
+            settled.add_regions(cloud, SLACK, limits, control)?;
+            settled.settle(cloud, limits);
+            if length(&settled, noise) < least {
+                *self = settled;
             }
         }
         Ok(())
@@ -156,30 +175,32 @@ impl Segmentation {
         axes.into_iter().take(MOST).map(Sweep::About).chain(along).collect()
     }
 
-    /// With the surfaces of a section in the place of those that a motion may leave as they are.
-    fn swept(
+    /// With the pieces of a section in the place of the surfaces that a motion may leave as they are;
+    /// `None` where these are many more.
+    fn cut(
         &self,
         cloud: &Cloud,
         limits: Limits,
-        sweep: Sweep,
-        control: &Control<'_>,
-    ) -> Result<Self, Stopped> {
-        let mut other = self.clone();
-        other.is_free = false;
-        let of = self.kept_by(cloud, &sweep);
-        of.iter().for_each(|i| other.labels[*i as usize] = NONE);
+        sweep: &Sweep,
+        chaining: &Chaining,
+    ) -> Option<Self> {
+        let (of, count) = self.kept_by(cloud, sweep);
         let section: Vec<Place> = of
             .iter()
             .map(|i| sweep.section(cloud.points[*i as usize]))
             .collect();
         let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
-        for piece in pieces(&section, self.noise, sweep.shapes(), &is_proper) {
+        let pieces = pieces(&section, self.noise, chaining, sweep.shapes(), &is_proper);
+        if pieces.len() > MORE * (count + 1) {
+            return None;
+        }
+        let mut other = self.clone();
+        other.is_free = false;
+        of.iter().for_each(|i| other.labels[*i as usize] = NONE);
+        for piece in pieces {
             let Some(surface) = sweep.surface(piece.kind, &piece.curve) else {
                 continue;
             };
-            if std::env::var("DBG").is_ok_and(|x| x == "2") {
-                eprintln!("  {:?} {:?} {}", piece.kind, piece.curve, piece.points.len());
-            }
             let label = other.surfaces.len() as u32;
             let distances = surface.distances();
             for k in piece.points {
@@ -192,38 +213,24 @@ impl Segmentation {
         }
         other.drop_empty();
         other.relax(cloud, limits);
-        let length = |s: &Self| s.length(cloud, self.noise);
-        if std::env::var("DBG").is_ok() {
-            for (s, of) in other.surfaces.iter().zip(other.members()) { eprint!("[{:?} {}] ", s.kind, of.len()); }
-            eprintln!("relaxed {}", length(&other));
-        }
-        if length(&other) + GAIN >= length(self) {
-            return Ok(other);
-        }
-        let mut settled = other.clone();
-        settled.add_regions(cloud, SLACK, limits, control)?;
-        settled.settle(cloud, limits);
-        if std::env::var("DBG").is_ok() {
-            for (s, of) in settled.surfaces.iter().zip(settled.members()) { eprint!("[{:?} {}] ", s.kind, of.len()); }
-            eprintln!("settled {}", length(&settled));
-        }
-        Ok(if length(&settled) < length(&other) { settled } else { other })
+        Some(other)
     }
 
-    /// The points on entities that a motion may leave as they are, and those without an entity.
-    fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> Vec<u32> {
+    /// The points on entities that a motion may leave as they are and those without an entity, and
+    /// the count of these entities.
+    fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> (Vec<u32>, usize) {
         let keeps = |i: &u32| sweep.keeps(cloud.points[*i as usize], cloud.normals[*i as usize]);
         let is_kept = |of: &Vec<u32>| {
             of.iter().filter(|i| keeps(i)).count() as f64 >= MOSTLY * of.len() as f64
         };
         let are_kept: Vec<bool> = self.members().iter().map(is_kept).collect();
         let all = 0..self.labels.len() as u32;
-        all.filter(|i| {
+        let kept = all.filter(|i| {
             let label = self.labels[*i as usize];
             let is_open = || label == NONE && keeps(i);
             are_kept.get(label as usize).copied().unwrap_or_else(is_open)
-        })
-        .collect()
+        });
+        (kept.collect(), are_kept.iter().filter(|k| **k).count())
     }
 
     /// Drops surfaces without points.
