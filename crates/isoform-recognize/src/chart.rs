@@ -13,7 +13,7 @@ pub(crate) type Row = [f64; MOST];
 const LARGEST: f64 = 1000.0;
 /// The least radius, in deviations of the noise. Blobs of points within three deviations are followed
 /// by circles of two; more loses fillets.
-const TIGHTEST: f64 = 4.0;
+pub(crate) const TIGHTEST: f64 = 4.0;
 /// The largest half angle of a cone: 86°. Wider ones are planes.
 const WIDEST: f64 = 1.5;
 

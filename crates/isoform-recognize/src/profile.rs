@@ -5,11 +5,12 @@
 //! the least is found by dynamic programming, so that narrow faces are weighed against all others
 //! at once instead of growing from seeds within noise.
 
-use crate::chart::Kind;
+use crate::chart::{Kind, TIGHTEST};
 use crate::choose::least_points;
 use crate::segment::{EVIDENCE, UNEXPLAINED};
 use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
 use std::collections::BTreeMap;
+use std::ops::Range;
 
 /// A point of a profile: for a body of revolution along its axis and away from it.
 pub(crate) type Place = [f64; 2];
@@ -99,6 +100,9 @@ const CHOICE: f64 = 3.0;
 /// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
 /// their points have the variance 1 along these.
 const LONG: f64 = 1.5;
+/// The share of what shorter pieces left that longer ones leave at least: of circles Σ r² is known
+/// nearly.
+const LEFT: f64 = 0.5;
 /// Steps along a chain at most: time grows with their square.
 const STEPS: usize = 1000;
 
@@ -317,7 +321,6 @@ fn divided(
         return Vec::new();
     };
     let step = noise.max((last.0 - first.0) / STEPS as f64);
-    // Sums over the points before each step, and how many these are.
     let (mut sums, mut firsts, mut sum) = (vec![Moments::default()], vec![0], Moments::default());
     let mut at = 0;
     while at < chain.len() {
@@ -329,62 +332,24 @@ fn divided(
         sums.push(sum);
         firsts.push(at);
     }
-    let mut best = vec![Best::default()];
-    for to in 1..sums.len() {
-        let mut least = Best {
-            cost: f64::INFINITY,
-            ..Best::default()
-        };
-        for from in 0..to {
-            let of = sums[to].less(&sums[from]);
-            let before = best[from].cost;
-            let nothing = before + UNEXPLAINED * of.count;
-            if nothing < least.cost {
-                least = Best {
-                    cost: nothing,
-                    from,
-                    piece: None,
-                };
-            }
-            for (shape, kind) in shapes {
-                let p = shape.numbers() as f64;
-                let base = before + p * (of.count.max(1.0).ln() / 2.0 + CHOICE) + EVIDENCE;
-                if base >= least.cost || of.count < least_points(*kind, noise) as f64 {
-                    continue;
-                }
-                let Some((curve, squares)) = of.fitted(*shape) else {
-                    continue;
-                };
-                let is_tight = matches!(curve, Curve::Circle(_, r) if r < 4.0 * noise);
-                if is_tight || of.variance_along(&curve) < LONG * noise * noise {
-                    continue;
-                }
-                let cost = base + squares / (2.0 * noise * noise);
-                if cost < least.cost && is_proper(*kind, &curve) {
-                    least = Best {
-                        cost,
-                        from,
-                        piece: Some((*kind, curve)),
-                    };
-                }
-            }
-        }
-        best.push(least);
-    }
-    let (mut pieces, mut to) = (Vec::new(), sums.len() - 1);
-    while to > 0 {
-        let Best { from, piece, .. } = best[to];
-        if let Some((kind, curve)) = piece {
-            let points = chain[firsts[from]..firsts[to]].iter().map(|l| l.1).collect();
-            pieces.push(Piece {
-                kind,
-                curve,
-                points,
-            });
-        }
-        to = from;
-    }
-    pieces
+    let mut division = Division {
+        noise,
+        shapes,
+        is_proper,
+        left: vec![0.0; sums.len()],
+        sums,
+        best: vec![Best::default()],
+    };
+    (1..firsts.len()).for_each(|to| division.advance(to));
+    let pieces = division.pieces();
+    let piece = |(steps, kind, curve): (Range<usize>, Kind, Curve)| Piece {
+        kind,
+        curve,
+        points: (chain[firsts[steps.start]..firsts[steps.end]].iter())
+            .map(|link| link.1)
+            .collect(),
+    };
+    pieces.into_iter().map(piece).collect()
 }
 
 /// The shortest description of the first steps of a chain: its last piece begins at `from`.
@@ -393,6 +358,89 @@ struct Best {
     cost: f64,
     from: usize,
     piece: Option<(Kind, Curve)>,
+}
+
+/// Shortest descriptions of the steps of a chain, by dynamic programming (R. Bellman 1961).
+struct Division<'a, F> {
+    noise: f64,
+    shapes: &'a [(Shape, Kind)],
+    is_proper: &'a F,
+    /// Sums over the points before each step.
+    sums: Vec<Moments>,
+    /// The shortest description of what lies before each step.
+    best: Vec<Best>,
+    /// What pieces from each step on left of Σ r² at least when they were last looked at: longer
+    /// ones leave no less.
+    left: Vec<f64>,
+}
+
+impl<F: Fn(Kind, &Curve) -> bool> Division<'_, F> {
+    /// Finds the shortest description of what lies before the next step.
+    fn advance(&mut self, to: usize) {
+        let last = self.best[to - 1];
+        let single = self.sums[to].less(&self.sums[to - 1]);
+        let mut least = Best {
+            cost: last.cost + UNEXPLAINED * single.count,
+            from: to - 1,
+            piece: None,
+        };
+        // The last piece mostly goes on; what it costs rules most others out.
+        self.try_from(last.from, to, &mut least);
+        for from in (0..to).filter(|from| *from != last.from) {
+            self.try_from(from, to, &mut least);
+        }
+        self.best.push(least);
+    }
+
+    /// Tries pieces between two steps.
+    fn try_from(&mut self, from: usize, to: usize, least: &mut Best) {
+        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        let before = self.best[from].cost + EVIDENCE;
+        if before + LEFT * self.left[from] * scale >= least.cost {
+            return;
+        }
+        let of = self.sums[to].less(&self.sums[from]);
+        let (mut left, mut is_whole) = (f64::INFINITY, true);
+        for (shape, kind) in self.shapes {
+            let numbers = shape.numbers() as f64;
+            let base = before + numbers * (of.count.max(1.0).ln() / 2.0 + CHOICE);
+            let is_enough = of.count >= least_points(*kind, self.noise) as f64;
+            if base >= least.cost || !is_enough {
+                is_whole &= is_enough;
+                continue;
+            }
+            let Some((curve, squares)) = of.fitted(*shape) else {
+                is_whole = false;
+                continue;
+            };
+            left = left.min(squares);
+            let cost = base + squares * scale;
+            if cost < least.cost
+                && of.is_long(&curve, self.noise)
+                && (self.is_proper)(*kind, &curve)
+            {
+                *least = Best {
+                    cost,
+                    from,
+                    piece: Some((*kind, curve)),
+                };
+            }
+        }
+        if is_whole && left.is_finite() {
+            self.left[from] = left;
+        }
+    }
+
+    /// The pieces of the shortest description of all steps.
+    fn pieces(&self) -> Vec<(Range<usize>, Kind, Curve)> {
+        let (mut pieces, mut to) = (Vec::new(), self.best.len() - 1);
+        while to > 0 {
+            let Best { from, piece, .. } = self.best[to];
+            pieces.extend(piece.map(|(kind, curve)| (from..to, kind, curve)));
+            to = from;
+        }
+        pieces
+    }
 }
 
 /// Sums over points: of 1, x, y, xx, xy, yy, and with z = xx + yy of zx, zy, zz.
@@ -458,10 +506,12 @@ impl Moments {
         }
     }
 
-    /// The variance of the points along a curve, at their mean.
-    fn variance_along(&self, curve: &Curve) -> f64 {
+    /// Whether a curve is wide enough for the noise, and the points reach along it farther than noise
+    /// across it.
+    fn is_long(&self, curve: &Curve, noise: f64) -> bool {
         let [a, b] = match curve {
             Curve::Line(_, along) => *along,
+            Curve::Circle(_, radius) if *radius < TIGHTEST * noise => return false,
             Curve::Circle(center, _) => {
                 let away = minus(self.mean(), *center);
                 let size = norm(away);
@@ -469,7 +519,8 @@ impl Moments {
             }
         };
         let [xx, xy, yy] = self.spread();
-        (a * a * xx + 2.0 * a * b * xy + b * b * yy) / self.count
+        let squares = a * a * xx + 2.0 * a * b * xy + b * b * yy;
+        squares >= LONG * noise * noise * self.count
     }
 
     fn line(&self) -> Option<(Curve, f64)> {
