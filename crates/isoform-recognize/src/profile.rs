@@ -106,19 +106,23 @@ const LEFT: f64 = 0.5;
 /// Steps along a chain at most: time grows with their square.
 const STEPS: usize = 1000;
 
-/// Divides plane points into pieces of these shapes and kinds, the shortest description of them.
+/// Divides plane points into pieces of these shapes and kinds, the shortest description of them;
+/// and the length of that.
 pub(crate) fn pieces(
     points: &[Place],
     noise: f64,
     chaining: &Chaining,
     shapes: &[(Shape, Kind)],
     is_proper: &impl Fn(Kind, &Curve) -> bool,
-) -> Vec<Piece> {
-    let chains = chains(points, noise, chaining);
-    chains
-        .iter()
-        .flat_map(|chain| divided(points, chain, noise, shapes, is_proper))
-        .collect()
+) -> (Vec<Piece>, f64) {
+    let (mut pieces, mut length, mut left) = (Vec::new(), 0.0, points.len());
+    for chain in chains(points, noise, chaining) {
+        let (some, cost) = divided(points, &chain, noise, shapes, is_proper);
+        pieces.extend(some);
+        length += cost;
+        left -= chain.len();
+    }
+    (pieces, length + UNEXPLAINED * left as f64)
 }
 
 /// A point of a chain: how far along it, and its number.
@@ -309,16 +313,16 @@ fn farthest(
     (far.0, back)
 }
 
-/// The pieces of one chain.
+/// The pieces of one chain, and the length of their description.
 fn divided(
     points: &[Place],
     chain: &[Link],
     noise: f64,
     shapes: &[(Shape, Kind)],
     is_proper: &impl Fn(Kind, &Curve) -> bool,
-) -> Vec<Piece> {
+) -> (Vec<Piece>, f64) {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
-        return Vec::new();
+        return (Vec::new(), 0.0);
     };
     let step = noise.max((last.0 - first.0) / STEPS as f64);
     let (mut sums, mut firsts, mut sum) = (vec![Moments::default()], vec![0], Moments::default());
@@ -349,7 +353,8 @@ fn divided(
             .map(|link| link.1)
             .collect(),
     };
-    pieces.into_iter().map(piece).collect()
+    let length = division.best.last().map_or(0.0, |best| best.cost);
+    (pieces.into_iter().map(piece).collect(), length)
 }
 
 /// The shortest description of the first steps of a chain: its last piece begins at `from`.

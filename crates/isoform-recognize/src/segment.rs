@@ -337,9 +337,7 @@ impl Segmentation {
     /// The length of the description of the points: their distances, the parameters, and that there
     /// are entities.
     pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
-        let scale = 1.0 / (2.0 * noise * noise);
-        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
-        let points = (0..cloud.points.len()).map(|i| self.length_of(cloud, &distances, i, scale));
+        let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
         let mut members: Vec<(&Surface, Vec<u32>)> =
             self.surfaces.iter().zip(self.members()).collect();
         members.sort_by_key(|(_, of)| std::cmp::Reverse(of.len()));
@@ -349,13 +347,21 @@ impl Segmentation {
             given.add(surface);
             length + EVIDENCE
         });
-        points.sum::<f64>() + entities.sum::<f64>()
+        self.length_of(cloud, &all, noise) + entities.sum::<f64>()
+    }
+
+    /// The length of the description of some points.
+    pub(crate) fn length_of(&self, cloud: &Cloud, points: &[u32], noise: f64) -> f64 {
+        let scale = 1.0 / (2.0 * noise * noise);
+        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
+        let length = |i: &u32| self.length_at(cloud, &distances, *i as usize, scale);
+        points.iter().map(length).sum()
     }
 
     /// The length of the description of a point: it lies on the surface of a neighbour, on which of
     /// them is not said. Surfaces that lie over one another follow noise better than one if each
     /// point has the nearer of them.
-    fn length_of(
+    fn length_at(
         &self,
         cloud: &Cloud,
         distances: &[Distances<'_>],

@@ -5,7 +5,7 @@ use crate::choose::EXACT;
 use crate::cloud::Cloud;
 use crate::grow::WITHIN;
 use crate::profile::{CHAININGS, Chaining, Curve, Place, Shape, pieces};
-use crate::segment::{Limits, NONE, SLACK, Segmentation, directions};
+use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -30,9 +30,6 @@ const APART: f64 = 6.0;
 const ACROSS: f64 = 0.35;
 /// The share of the points of an entity that have such normals.
 const MOSTLY: f64 = 0.8;
-/// Where the pieces of a section are this many times the entities, they follow noise about an axis
-/// that is none.
-const MORE: usize = 2;
 /// By how much a description has to be shorter to take the place of another.
 const GAIN: f64 = 1.0;
 
@@ -176,7 +173,7 @@ impl Segmentation {
     }
 
     /// With the pieces of a section in the place of the surfaces that a motion may leave as they are;
-    /// `None` where these are many more.
+    /// `None` where the section alone describes its points in no less.
     fn cut(
         &self,
         cloud: &Cloud,
@@ -184,14 +181,14 @@ impl Segmentation {
         sweep: &Sweep,
         chaining: &Chaining,
     ) -> Option<Self> {
-        let (of, count) = self.kept_by(cloud, sweep);
+        let (of, entities) = self.kept_by(cloud, sweep);
         let section: Vec<Place> = of
             .iter()
             .map(|i| sweep.section(cloud.points[*i as usize]))
             .collect();
         let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
-        let pieces = pieces(&section, self.noise, chaining, sweep.shapes(), &is_proper);
-        if pieces.len() > MORE * (count + 1) {
+        let (pieces, length) = pieces(&section, self.noise, chaining, sweep.shapes(), &is_proper);
+        if length > entities + self.length_of(cloud, &of, self.noise) {
             return None;
         }
         let mut other = self.clone();
@@ -217,20 +214,27 @@ impl Segmentation {
     }
 
     /// The points on entities that a motion may leave as they are and those without an entity, and
-    /// the count of these entities.
-    fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> (Vec<u32>, usize) {
+    /// what it costs that there are these entities.
+    fn kept_by(&self, cloud: &Cloud, sweep: &Sweep) -> (Vec<u32>, f64) {
         let keeps = |i: &u32| sweep.keeps(cloud.points[*i as usize], cloud.normals[*i as usize]);
         let is_kept = |of: &Vec<u32>| {
             of.iter().filter(|i| keeps(i)).count() as f64 >= MOSTLY * of.len() as f64
         };
-        let are_kept: Vec<bool> = self.members().iter().map(is_kept).collect();
+        let members = self.members();
+        let are_kept: Vec<bool> = members.iter().map(is_kept).collect();
+        let cost = |(surface, of): (&Surface, &Vec<u32>)| {
+            EVIDENCE + surface.kind.parameters() as f64 * (of.len() as f64).ln() / 2.0
+        };
+        let costs = self.surfaces.iter().zip(&members).map(cost);
+        let entities = costs.zip(&are_kept).filter(|(_, is_kept)| **is_kept);
+        let entities = entities.map(|(cost, _)| cost).sum();
         let all = 0..self.labels.len() as u32;
         let kept = all.filter(|i| {
             let label = self.labels[*i as usize];
             let is_open = || label == NONE && keeps(i);
             are_kept.get(label as usize).copied().unwrap_or_else(is_open)
         });
-        (kept.collect(), are_kept.iter().filter(|k| **k).count())
+        (kept.collect(), entities)
     }
 
     /// Drops surfaces without points.
