@@ -8,6 +8,7 @@ mod cloud;
 mod compare;
 mod entity;
 mod facets;
+mod fillet;
 mod fit;
 mod form;
 mod grow;

@@ -7,6 +7,7 @@
 
 use crate::chart::{Kind, TIGHTEST};
 use crate::choose::least_points;
+use crate::fillet::fill;
 use crate::segment::{EVIDENCE, UNEXPLAINED};
 use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
 use std::collections::BTreeMap;
@@ -22,6 +23,19 @@ pub(crate) enum Curve {
     Line(Place, Place),
     /// Centre and radius.
     Circle(Place, f64),
+}
+
+impl Curve {
+    /// How far a point lies from it.
+    pub(crate) fn distance(&self, p: Place) -> f64 {
+        match self {
+            Self::Line(place, [a, b]) => {
+                let d = minus(p, *place);
+                d[1] * a - d[0] * b
+            }
+            Self::Circle(center, radius) => norm(minus(p, *center)) - radius,
+        }
+    }
 }
 
 /// Which curves a piece may be.
@@ -45,6 +59,52 @@ impl Shape {
             Self::Line => 2,
             Self::Centred | Self::Circle => 3,
         }
+    }
+}
+
+/// What pieces cost.
+pub(crate) struct Price<'a> {
+    noise: f64,
+    /// Σ r² times this is what points cost.
+    scale: f64,
+    shapes: &'a [(Shape, Kind)],
+    is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
+}
+
+impl<'a> Price<'a> {
+    /// Pieces of these shapes and kinds that are proper, through points with some noise.
+    pub(crate) fn new(
+        noise: f64,
+        shapes: &'a [(Shape, Kind)],
+        is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
+    ) -> Self {
+        let scale = 1.0 / (2.0 * noise * noise);
+        Self {
+            noise,
+            scale,
+            shapes,
+            is_proper,
+        }
+    }
+
+    /// What a point costs at a distance from its piece.
+    pub(crate) fn of_distance(&self, r: f64) -> f64 {
+        (r * r * self.scale).min(UNEXPLAINED)
+    }
+
+    /// What each number of a piece through so many points costs.
+    pub(crate) fn of_number(&self, count: usize) -> f64 {
+        (count.max(1) as f64).ln() / 2.0 + CHOICE
+    }
+
+    /// The kind of surface that an arc may be the section of.
+    pub(crate) fn kind_of_arc(&self, curve: &Curve) -> Option<Kind> {
+        let is_arc = |(shape, kind): &&(Shape, Kind)| {
+            matches!(shape, Shape::Circle) && (self.is_proper)(*kind, curve)
+        };
+        let (_, kind) = self.shapes.iter().find(is_arc)?;
+        let is_wide = |r: f64| r >= TIGHTEST * self.noise;
+        matches!(curve, Curve::Circle(_, r) if is_wide(*r)).then_some(*kind)
     }
 }
 
@@ -110,14 +170,13 @@ const STEPS: usize = 1000;
 /// and the length of that.
 pub(crate) fn pieces(
     points: &[Place],
-    noise: f64,
     chaining: &Chaining,
-    shapes: &[(Shape, Kind)],
-    is_proper: &impl Fn(Kind, &Curve) -> bool,
+    price: &Price<'_>,
 ) -> (Vec<Piece>, f64) {
     let (mut pieces, mut length, mut left) = (Vec::new(), 0.0, points.len());
-    for chain in chains(points, noise, chaining) {
-        let (some, cost) = divided(points, &chain, noise, shapes, is_proper);
+    for chain in chains(points, price.noise, chaining) {
+        let (mut some, cost) = divided(points, &chain, price);
+        fill(points, price, &mut some);
         pieces.extend(some);
         length += cost;
         left -= chain.len();
@@ -314,17 +373,11 @@ fn farthest(
 }
 
 /// The pieces of one chain, and the length of their description.
-fn divided(
-    points: &[Place],
-    chain: &[Link],
-    noise: f64,
-    shapes: &[(Shape, Kind)],
-    is_proper: &impl Fn(Kind, &Curve) -> bool,
-) -> (Vec<Piece>, f64) {
+fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, f64) {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
         return (Vec::new(), 0.0);
     };
-    let step = noise.max((last.0 - first.0) / STEPS as f64);
+    let step = price.noise.max((last.0 - first.0) / STEPS as f64);
     let (mut sums, mut firsts, mut sum) = (vec![Moments::default()], vec![0], Moments::default());
     let mut at = 0;
     while at < chain.len() {
@@ -337,9 +390,7 @@ fn divided(
         firsts.push(at);
     }
     let mut division = Division {
-        noise,
-        shapes,
-        is_proper,
+        price,
         left: vec![0.0; sums.len()],
         sums,
         best: vec![Best::default()],
@@ -366,10 +417,8 @@ struct Best {
 }
 
 /// Shortest descriptions of the steps of a chain, by dynamic programming (R. Bellman 1961).
-struct Division<'a, F> {
-    noise: f64,
-    shapes: &'a [(Shape, Kind)],
-    is_proper: &'a F,
+struct Division<'a> {
+    price: &'a Price<'a>,
     /// Sums over the points before each step.
     sums: Vec<Moments>,
     /// The shortest description of what lies before each step.
@@ -379,7 +428,7 @@ struct Division<'a, F> {
     left: Vec<f64>,
 }
 
-impl<F: Fn(Kind, &Curve) -> bool> Division<'_, F> {
+impl Division<'_> {
     /// Finds the shortest description of what lies before the next step.
     fn advance(&mut self, to: usize) {
         let last = self.best[to - 1];
@@ -399,17 +448,17 @@ impl<F: Fn(Kind, &Curve) -> bool> Division<'_, F> {
 
     /// Tries pieces between two steps.
     fn try_from(&mut self, from: usize, to: usize, least: &mut Best) {
-        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        let Price { noise, scale, .. } = *self.price;
         let before = self.best[from].cost + EVIDENCE;
         if before + LEFT * self.left[from] * scale >= least.cost {
             return;
         }
         let of = self.sums[to].less(&self.sums[from]);
         let (mut left, mut is_whole) = (f64::INFINITY, true);
-        for (shape, kind) in self.shapes {
+        for (shape, kind) in self.price.shapes {
             let numbers = shape.numbers() as f64;
-            let base = before + numbers * (of.count.max(1.0).ln() / 2.0 + CHOICE);
-            let is_enough = of.count >= least_points(*kind, self.noise) as f64;
+            let base = before + numbers * self.price.of_number(of.count as usize);
+            let is_enough = of.count >= least_points(*kind, noise) as f64;
             if base >= least.cost || !is_enough {
                 is_whole &= is_enough;
                 continue;
@@ -421,8 +470,8 @@ impl<F: Fn(Kind, &Curve) -> bool> Division<'_, F> {
             left = left.min(squares);
             let cost = base + squares * scale;
             if cost < least.cost
-                && of.is_long(&curve, self.noise)
-                && (self.is_proper)(*kind, &curve)
+                && of.is_long(&curve, noise)
+                && (self.price.is_proper)(*kind, &curve)
             {
                 *least = Best {
                     cost,
@@ -578,14 +627,14 @@ fn raised(p: Place) -> Point3 {
     [p[0], p[1], 0.0]
 }
 
-fn minus(a: Place, b: Place) -> Place {
+pub(crate) fn minus(a: Place, b: Place) -> Place {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-fn inner(a: Place, b: Place) -> f64 {
+pub(crate) fn inner(a: Place, b: Place) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-fn norm(a: Place) -> f64 {
+pub(crate) fn norm(a: Place) -> f64 {
     a[0].hypot(a[1])
 }

@@ -4,7 +4,7 @@ use crate::chart::{Kind, Surface, frame};
 use crate::choose::EXACT;
 use crate::cloud::Cloud;
 use crate::grow::WITHIN;
-use crate::profile::{CHAININGS, Chaining, Curve, Place, Shape, pieces};
+use crate::profile::{CHAININGS, Chaining, Curve, Place, Price, Shape, pieces};
 use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
@@ -187,7 +187,8 @@ impl Segmentation {
             .map(|i| sweep.section(cloud.points[*i as usize]))
             .collect();
         let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
-        let (pieces, length) = pieces(&section, self.noise, chaining, sweep.shapes(), &is_proper);
+        let price = Price::new(self.noise, sweep.shapes(), &is_proper);
+        let (pieces, length) = pieces(&section, chaining, &price);
         if length > entities + self.length_of(cloud, &of, self.noise) {
             return None;
         }
