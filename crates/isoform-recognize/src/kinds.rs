@@ -35,7 +35,10 @@ pub(crate) fn best_kind(
             false => first_guess(cloud, shares, kind),
         };
         let full = |s: Surface| fit_weighted(&s, &points, Some(&weights), Precision::Full);
-        let Some((fitted, squares)) = start.and_then(full).filter(|(s, _)| s.is_wider_than(noise.deviation)) else {
+        let Some((fitted, squares)) = start
+            .and_then(full)
+            .filter(|(s, _)| s.is_wider_than(noise.deviation))
+        else {
             continue;
         };
         let is_better = best.is_none_or(|(simple, more): (Surface, f64)| {

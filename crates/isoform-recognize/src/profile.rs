@@ -7,11 +7,17 @@
 
 use crate::chart::{Kind, TIGHTEST};
 use crate::choose::least_points;
-use crate::fillet::fill;
 use crate::segment::{EVIDENCE, UNEXPLAINED};
-use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
-use std::collections::BTreeMap;
+use chains::{Link, chains};
+use fillet::fill;
+use moments::Moments;
 use std::ops::Range;
+
+mod chains;
+mod fillet;
+mod moments;
+
+pub(crate) use chains::{CHAININGS, Chaining};
 
 /// A point of a profile: for a body of revolution along its axis and away from it.
 pub(crate) type Place = [f64; 2];
@@ -57,6 +63,8 @@ impl Shape {
         match self {
             Self::Along | Self::Across => 1,
             Self::Line => 2,
+            // A circle about the axis has two, but zones of balls are rare beside chamfers, which
+            // short ones resemble.
             Self::Centred | Self::Circle => 3,
         }
     }
@@ -116,50 +124,9 @@ pub(crate) struct Piece {
     pub(crate) points: Vec<u32>,
 }
 
-/// A cell counts with this many points: single ones are outliers.
-const OCCUPIED: f64 = 2.0;
-/// Points that a cell has on average at least.
-const FILLED: f64 = 6.0;
-/// By how much cells grow until they are filled.
-const WIDEN: f64 = 1.3;
-/// How points are put in order: noise is as wide as narrow faces, and what smooths it rounds edges.
-#[derive(Debug)]
-pub(crate) struct Chaining {
-    /// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
-    /// occupied, larger ones hide the order at narrow faces.
-    cell: f64,
-    /// How far, in cells, the direction of the curve is taken from.
-    reach: f64,
-    /// How often cells are moved onto the lines through what lies about them.
-    passes: usize,
-}
-
-/// Each of these finds narrow faces that the other misses.
-pub(crate) const CHAININGS: [Chaining; 2] = [
-    Chaining {
-        cell: 2.0,
-        reach: 2.0,
-        passes: 2,
-    },
-    Chaining {
-        cell: 1.0,
-        reach: 4.0,
-        passes: 1,
-    },
-];
-/// Cells this many widths apart are neighbours.
-const LINKED: f64 = 2.5;
-/// A chain of cells is at least this many widths long: shorter ones are twigs of noise.
-const CHAIN: f64 = 4.0;
-/// Points farther from their chain, in deviations, are left out.
-const OFF: f64 = 4.0;
 /// What each number of a piece costs beyond its digits: as many stretches are tried, some shape with
 /// one more follows one of them better by chance.
 const CHOICE: f64 = 3.0;
-/// The variance of points along their piece, in those of the noise, at least: a face of about four
-/// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
-/// their points have the variance 1 along these.
-const LONG: f64 = 1.5;
 /// The share of what shorter pieces left that longer ones leave at least: of circles Σ r² is known
 /// nearly.
 const LEFT: f64 = 0.5;
@@ -184,210 +151,20 @@ pub(crate) fn pieces(
     (pieces, length + UNEXPLAINED * left as f64)
 }
 
-/// A point of a chain: how far along it, and its number.
-type Link = (f64, u32);
-
-/// A cell of points.
-#[derive(Clone, Copy)]
-struct Node {
-    at: Place,
-    count: f64,
-    /// The unit direction of the curve.
-    along: Place,
-}
-
-/// A node of a chain.
-struct Stop {
-    chain: usize,
-    /// How far along it.
-    at: f64,
-    node: Node,
-}
-
-/// The points in order along the curves on which they lie.
-fn chains(points: &[Place], noise: f64, chaining: &Chaining) -> Vec<Vec<Link>> {
-    let Some((mut nodes, width)) = gathered(points, chaining.cell * noise) else {
-        return Vec::new();
-    };
-    for _ in 0..chaining.passes {
-        nodes = straightened(&nodes, chaining.reach * width);
-    }
-    let paths = paths(&nodes, LINKED * width, CHAIN * width);
-    let stops: Vec<Stop> = (0..)
-        .zip(&paths)
-        .flat_map(|(chain, path)| stops(&nodes, chain, path))
-        .collect();
-    let mut chains = vec![Vec::new(); paths.len()];
-    let tree = KdTree::new(&stops.iter().map(|s| raised(s.node.at)).collect::<Vec<_>>());
-    for (p, i) in points.iter().zip(0..) {
-        let Some((k, _)) = tree.nearest(raised(*p)) else {
-            continue;
-        };
-        let Stop { chain, at, node } = &stops[k];
-        let d = minus(*p, node.at);
-        let off = d[0] * node.along[1] - d[1] * node.along[0];
-        let on = inner(d, node.along);
-        if off.abs() <= OFF * noise && on.abs() <= LINKED * width {
-            chains[*chain].push((at + on, i));
-        }
-    }
-    for chain in &mut chains {
-        chain.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
-    }
-    chains
-}
-
-/// The nodes of a path, directed along it.
-fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
-    let at = |k: usize| nodes[path[k] as usize].at;
-    let (mut length, mut stops) = (0.0, Vec::with_capacity(path.len()));
-    for k in 0..path.len() {
-        let (last, next) = (at(k.saturating_sub(1)), at((k + 1).min(path.len() - 1)));
-        length += norm(minus(at(k), last));
-        let node = &nodes[path[k] as usize];
-        let sense = inner(node.along, minus(next, last)).signum();
-        stops.push(Stop {
-            chain,
-            at: length,
-            node: Node {
-                along: node.along.map(|x| x * sense),
-                ..*node
-            },
-        });
-    }
-    stops
-}
-
-/// The means of the points in the cells of a grid, and the width of these.
-fn gathered(points: &[Place], mut width: f64) -> Option<(Vec<Node>, f64)> {
-    let most = points.len() as f64 / FILLED;
-    loop {
-        let mut cells: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
-        for p in points {
-            let cell = p.map(|x| (x / width).floor() as i64);
-            let sum = cells.entry(cell).or_default();
-            *sum = [sum[0] + 1.0, sum[1] + p[0], sum[2] + p[1]];
-        }
-        if cells.is_empty() {
-            return None;
-        }
-        if cells.len() as f64 <= most.max(1.0) || width > 1.0 {
-            let is_occupied = |sum: &&[f64; 3]| sum[0] >= OCCUPIED;
-            let node = |sum: &[f64; 3]| Node {
-                at: [sum[1] / sum[0], sum[2] / sum[0]],
-                count: sum[0],
-                along: [1.0, 0.0],
-            };
-            return Some((cells.values().filter(is_occupied).map(node).collect(), width));
-        }
-        width *= WIDEN;
-    }
-}
-
-/// The nodes moved onto the lines through what lies about them.
-fn straightened(nodes: &[Node], reach: f64) -> Vec<Node> {
-    let mut about: Vec<Moments> = nodes.iter().map(|n| Moments::of(n.at, n.count)).collect();
-    near_pairs(&raised_all(nodes), reach, |i, j, _| {
-        about[i].add(nodes[j].at, nodes[j].count);
-        about[j].add(nodes[i].at, nodes[i].count);
-    });
-    let moved = |(node, about): (&Node, &Moments)| {
-        let Some((Curve::Line(place, along), _)) = about.line() else {
-            return *node;
-        };
-        let on = inner(minus(node.at, place), along);
-        Node {
-            at: [place[0] + on * along[0], place[1] + on * along[1]],
-            along,
-            ..*node
-        }
-    };
-    nodes.iter().zip(&about).map(moved).collect()
-}
-
-fn raised_all(nodes: &[Node]) -> Vec<Point3> {
-    nodes.iter().map(|n| raised(n.at)).collect()
-}
-
-/// The long paths in a least spanning tree of nodes.
-fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
-    let mut edges = Vec::new();
-    near_pairs(&raised_all(nodes), reach, |i, j, squared| {
-        edges.push((squared, i as u32, j as u32));
-    });
-    edges.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
-    let mut sets = UnionFind::new(nodes.len());
-    let mut beside = vec![Vec::new(); nodes.len()];
-    for (squared, i, j) in edges {
-        if sets.unite(i, j) {
-            beside[i as usize].push((j, squared.sqrt()));
-            beside[j as usize].push((i, squared.sqrt()));
-        }
-    }
-    let mut is_used = vec![false; nodes.len()];
-    let mut paths = Vec::new();
-    let mut open: Vec<u32> = (0..nodes.len() as u32).rev().collect();
-    while let Some(seed) = open.pop() {
-        if is_used[seed as usize] {
-            continue;
-        }
-        let (end, _) = farthest(&beside, &is_used, seed);
-        let (other, back) = farthest(&beside, &is_used, end);
-        let mut path = vec![other];
-        let mut length = 0.0;
-        while let Some(&(up, l)) = back.get(path.last().unwrap_or(&other)) {
-            path.push(up);
-            length += l;
-        }
-        path.iter().for_each(|i| is_used[*i as usize] = true);
-        // What hangs on the path is looked at again, cut off from it.
-        for i in &path {
-            open.extend(beside[*i as usize].iter().map(|b| b.0));
-        }
-        if length >= least {
-            paths.push(path);
-        }
-    }
-    paths
-}
-
-/// The node of a tree that is farthest from one, and the way back from each to it.
-fn farthest(
-    beside: &[Vec<(u32, f64)>],
-    is_used: &[bool],
-    from: u32,
-) -> (u32, BTreeMap<u32, (u32, f64)>) {
-    let (mut back, mut open, mut far) = (BTreeMap::new(), vec![(from, from, 0.0)], (from, 0.0));
-    while let Some((i, up, at)) = open.pop() {
-        if at > far.1 {
-            far = (i, at);
-        }
-        for &(j, l) in &beside[i as usize] {
-            if j != up && !is_used[j as usize] {
-                back.insert(j, (i, l));
-                open.push((j, i, at + l));
-            }
-        }
-    }
-    (far.0, back)
-}
-
 /// The pieces of one chain, and the length of their description.
 fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, f64) {
     let Some((first, last)) = chain.first().zip(chain.last()) else {
         return (Vec::new(), 0.0);
     };
     let step = price.noise.max((last.0 - first.0) / STEPS as f64);
-    let (mut sums, mut firsts, mut sum) = (vec![Moments::default()], vec![0], Moments::default());
-    let mut at = 0;
-    while at < chain.len() {
-        let end = chain[at].0 + step;
-        while at < chain.len() && chain[at].0 < end {
-            sum.add(points[chain[at].1 as usize], 1.0);
-            at += 1;
-        }
+    // How many points lie before each step, and sums over them.
+    let (mut firsts, mut sums, mut sum) = (vec![0], vec![Moments::default()], Moments::default());
+    let in_step = |a: &Link, b: &Link| (a.0 / step).floor() == (b.0 / step).floor();
+    for links in chain.chunk_by(in_step) {
+        let of = links.iter().map(|link| points[link.1 as usize]);
+        of.for_each(|p| sum.add(p, 1.0));
         sums.push(sum);
-        firsts.push(at);
+        firsts.push(firsts[firsts.len() - 1] + links.len());
     }
     let mut division = Division {
         price,
@@ -497,144 +274,14 @@ impl Division<'_> {
     }
 }
 
-/// Sums over points: of 1, x, y, xx, xy, yy, and with z = xx + yy of zx, zy, zz.
-#[derive(Clone, Copy, Default)]
-struct Moments {
-    count: f64,
-    first: Place,
-    second: [f64; 3],
-    third: Place,
-    fourth: f64,
-}
-
-impl Moments {
-    fn of(p: Place, weight: f64) -> Self {
-        let mut new = Self::default();
-        new.add(p, weight);
-        new
-    }
-
-    fn add(&mut self, p: Place, weight: f64) {
-        let [x, y] = p;
-        let z = x * x + y * y;
-        self.count += weight;
-        self.first = [self.first[0] + weight * x, self.first[1] + weight * y];
-        let square = [x * x, x * y, y * y];
-        (0..3).for_each(|k| self.second[k] += weight * square[k]);
-        self.third = [self.third[0] + weight * z * x, self.third[1] + weight * z * y];
-        self.fourth += weight * z * z;
-    }
-
-    /// The sums over what lies after another.
-    fn less(&self, other: &Self) -> Self {
-        Self {
-            count: self.count - other.count,
-            first: std::array::from_fn(|k| self.first[k] - other.first[k]),
-            second: std::array::from_fn(|k| self.second[k] - other.second[k]),
-            third: std::array::from_fn(|k| self.third[k] - other.third[k]),
-            fourth: self.fourth - other.fourth,
-        }
-    }
-
-    fn mean(&self) -> Place {
-        self.first.map(|x| x / self.count)
-    }
-
-    /// Σ of the products of what deviates from the means: xx, xy, yy.
-    fn spread(&self) -> [f64; 3] {
-        let [x, y] = self.first;
-        let [xx, xy, yy] = self.second;
-        let n = self.count;
-        [xx - x * x / n, xy - x * y / n, yy - y * y / n]
-    }
-
-    /// The curve of a shape through the points, and Σ of their squared distances.
-    fn fitted(&self, shape: Shape) -> Option<(Curve, f64)> {
-        let [xx, _, yy] = self.spread();
-        match shape {
-            Shape::Along => Some((Curve::Line(self.mean(), [1.0, 0.0]), yy.max(0.0))),
-            Shape::Across => Some((Curve::Line(self.mean(), [0.0, 1.0]), xx.max(0.0))),
-            Shape::Line => self.line(),
-            Shape::Circle => self.circle(),
-            Shape::Centred => self.centred_circle(),
-        }
-    }
-
-    /// Whether a curve is wide enough for the noise, and the points reach along it farther than noise
-    /// across it.
-    fn is_long(&self, curve: &Curve, noise: f64) -> bool {
-        let [a, b] = match curve {
-            Curve::Line(_, along) => *along,
-            Curve::Circle(_, radius) if *radius < TIGHTEST * noise => return false,
-            Curve::Circle(center, _) => {
-                let away = minus(self.mean(), *center);
-                let size = norm(away);
-                [-away[1] / size, away[0] / size]
-            }
-        };
-        let [xx, xy, yy] = self.spread();
-        let squares = a * a * xx + 2.0 * a * b * xy + b * b * yy;
-        squares >= LONG * noise * noise * self.count
-    }
-
-    fn line(&self) -> Option<(Curve, f64)> {
-        let [xx, xy, yy] = self.spread();
-        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-        let squares = (xx + yy) / 2.0 - ((xx - yy) / 2.0).hypot(xy);
-        let (sin, cos) = angle.sin_cos();
-        (self.count > 1.0).then(|| (Curve::Line(self.mean(), [cos, sin]), squares.max(0.0)))
-    }
-
-    /// Σ of the products of the deviations of z with those of x, y and z.
-    fn spread_of_z(&self) -> [f64; 3] {
-        let z = self.second[0] + self.second[2];
-        let n = self.count;
-        [
-            self.third[0] - z * self.first[0] / n,
-            self.third[1] - z * self.first[1] / n,
-            self.fourth - z * z / n,
-        ]
-    }
-
-    /// The circle of least algebraic distance (Kåsa 1976): z = 2ax + 2by + c is linear in a, b, c.
-    fn circle(&self) -> Option<(Curve, f64)> {
-        let ([xx, xy, yy], [zx, zy, zz]) = (self.spread(), self.spread_of_z());
-        let d = xx * yy - xy * xy;
-        let (a, b) = ((zx * yy - zy * xy) / d, (zy * xx - zx * xy) / d);
-        self.circle_about([a / 2.0, b / 2.0], zz - a * zx - b * zy)
-    }
-
-    fn centred_circle(&self) -> Option<(Curve, f64)> {
-        let ([xx, ..], [zx, _, zz]) = (self.spread(), self.spread_of_z());
-        let a = zx / xx;
-        self.circle_about([a / 2.0, 0.0], zz - a * zx)
-    }
-
-    /// The circle about a centre; `rest` is Σ of the squares of what its equation leaves.
-    fn circle_about(&self, center: Place, rest: f64) -> Option<(Curve, f64)> {
-        let [x, y] = self.mean();
-        let z = (self.second[0] + self.second[2]) / self.count;
-        let squared = z - 2.0 * (center[0] * x + center[1] * y) + inner(center, center);
-        let is_proper = squared > 0.0 && squared.is_finite() && rest.is_finite();
-        is_proper.then(|| {
-            let squares = rest.max(0.0) / (4.0 * squared);
-            (Curve::Circle(center, squared.sqrt()), squares)
-        })
-    }
-}
-
-fn raised(p: Place) -> Point3 {
-    [p[0], p[1], 0.0]
-}
-
-pub(crate) fn minus(a: Place, b: Place) -> Place {
+fn minus(a: Place, b: Place) -> Place {
     [a[0] - b[0], a[1] - b[1]]
 }
 
-pub(crate) fn inner(a: Place, b: Place) -> f64 {
+fn inner(a: Place, b: Place) -> f64 {
     a[0] * b[0] + a[1] * b[1]
 }
 
-pub(crate) fn norm(a: Place) -> f64 {
+fn norm(a: Place) -> f64 {
     a[0].hypot(a[1])
 }

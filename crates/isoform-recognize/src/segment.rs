@@ -326,7 +326,6 @@ impl Segmentation {
             self.advance(cloud, limits, round, control)?;
         }
         self.simplify(cloud, limits, control)?;
-        self.uncover(cloud, limits, control)?;
         self.turn_into_coaxial(cloud, limits);
         self.turn_zones(cloud);
         self.is_free = true;
@@ -361,13 +360,7 @@ impl Segmentation {
     /// The length of the description of a point: it lies on the surface of a neighbour, on which of
     /// them is not said. Surfaces that lie over one another follow noise better than one if each
     /// point has the nearer of them.
-    fn length_at(
-        &self,
-        cloud: &Cloud,
-        distances: &[Distances<'_>],
-        i: usize,
-        scale: f64,
-    ) -> f64 {
+    fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, scale: f64) -> f64 {
         let near = cloud.near(i as u32);
         let own = self.labels[i];
         let likelihood = |label: u32| match distances.get(label as usize) {

@@ -11,7 +11,6 @@ use crate::grow::trimmed;
 use crate::kinds::{coaxial_cone, guess, zone};
 use crate::segment::{Limits, NONE, SLACK, Segmentation, directions};
 use crate::share::shares;
-use crate::split::simplest_part;
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
 use isoform_geom::dot;
@@ -21,8 +20,6 @@ use rayon::prelude::*;
 const ROUNDS: usize = 3;
 /// The numbers of an axis that is known: its direction and its place.
 const AXIS: u32 = 4;
-/// More bent surfaces than these are patches of a free form, of which there is no end.
-const MOST_BENT: usize = 12;
 /// By how much a description has to be shorter to take the place of another.
 const GAIN: f64 = 1.0;
 /// The least cosine between the axis of a zone and one that others have: 8°.
@@ -57,37 +54,6 @@ impl Segmentation {
                 Some((label, surface, kept))
             });
             let Some(other) = self.given_up(cloud, limits, found.collect(), control)? else {
-                break;
-            };
-            *self = other;
-        }
-        Ok(())
-    }
-
-    /// Takes the largest simpler surface out of each bent one, and what is found beside these, where
-    /// that describes the points in less: a face with a strip of the next bends, and hides the next.
-    /// All at once, since fillets show when both faces beside them are given up.
-    pub(crate) fn uncover(
-        &mut self,
-        cloud: &Cloud,
-        limits: Limits,
-        control: &Control<'_>,
-    ) -> Result<(), Stopped> {
-        let noise = self.deviation(SLACK);
-        for _ in 0..ROUNDS {
-            let is_bent = |l: &usize| matches!(self.surfaces[*l].kind, Kind::Torus | Kind::Sphere);
-            let bent: Vec<usize> = (0..self.surfaces.len()).filter(is_bent).collect();
-            if !noise.can_peel() || bent.is_empty() || bent.len() > MOST_BENT {
-                break;
-            }
-            control.check()?;
-            let part = |label: usize| {
-                let of = self.members_of(label);
-                let part = simplest_part(cloud, &of, &self.simpler_kinds(&self.surfaces[label]), noise)?;
-                Some((label, part.surface, part.points))
-            };
-            let found = bent.into_iter().filter_map(part).collect();
-            let Some(other) = self.given_up(cloud, limits, found, control)? else {
                 break;
             };
             *self = other;

@@ -15,9 +15,6 @@ const EXPLAINED: f64 = 0.85;
 const SETTLING: usize = 3;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
-/// The share of the points of an entity that the face it came from has at least.
-const MOSTLY: f64 = 0.4;
-
 /// The surfaces of simpler kinds that explain the points of an entity better than its own.
 pub(crate) fn split(
     cloud: &Cloud,
@@ -54,32 +51,6 @@ pub(crate) fn split(
     let explained = (members.len() - left.len()) as f64;
     let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
-}
-
-/// The largest region of a simpler kind within the points of an entity: what one becomes that bends
-/// over an edge.
-pub(crate) fn simplest_part(
-    cloud: &Cloud,
-    members: &[u32],
-    kinds: &[Kind],
-    noise: Noise,
-) -> Option<Region> {
-    let mut is_own = vec![false; cloud.points.len()];
-    members.iter().for_each(|i| is_own[*i as usize] = true);
-    let is_free = |i: u32| is_own[i as usize];
-    let regions = (0..SEEDS).filter_map(|k| {
-        best_region(
-            cloud,
-            place(members, k),
-            kinds,
-            noise,
-            Known::default(),
-            &is_free,
-        )
-    });
-    regions
-        .max_by_key(|r| r.points.len())
-        .filter(|r| r.points.len() as f64 >= MOSTLY * members.len() as f64)
 }
 
 /// One of [`SEEDS`] places evenly over points, which are sorted by their coordinates.

@@ -169,7 +169,11 @@ impl Segmentation {
         }
         let along = directions(&sorted);
         let along = along.into_iter().take(MOST).map(Sweep::Along);
-        axes.into_iter().take(MOST).map(Sweep::About).chain(along).collect()
+        axes.into_iter()
+            .take(MOST)
+            .map(Sweep::About)
+            .chain(along)
+            .collect()
     }
 
     /// With the pieces of a section in the place of the surfaces that a motion may leave as they are;
@@ -233,7 +237,10 @@ impl Segmentation {
         let kept = all.filter(|i| {
             let label = self.labels[*i as usize];
             let is_open = || label == NONE && keeps(i);
-            are_kept.get(label as usize).copied().unwrap_or_else(is_open)
+            are_kept
+                .get(label as usize)
+                .copied()
+                .unwrap_or_else(is_open)
         });
         (kept.collect(), entities)
     }

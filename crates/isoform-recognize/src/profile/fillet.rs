@@ -3,7 +3,7 @@
 //! In noise a short line follows the middle of an arc nearly as well, and the faces beside it take
 //! its ends. An arc that touches both has one number of its own, a line two.
 
-use crate::profile::{Curve, Piece, Place, Price, inner, minus, norm};
+use super::{Curve, Piece, Place, Price, inner, minus, norm};
 
 /// The least sine of the angle between lines that a fillet joins: 17°. At flatter edges arcs and
 /// lines do not differ.
@@ -14,7 +14,7 @@ const RADII: i32 = 12;
 const FACTOR: f64 = 1.08;
 
 /// Replaces lines between two others by fillets, where that describes the points in less.
-pub(crate) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
+pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
     for k in 1..pieces.len().saturating_sub(1) {
         let Some(corner) = Corner::between(points, &pieces[k - 1..=k + 1]) else {
             continue;
@@ -25,7 +25,12 @@ pub(crate) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
         let line: f64 = (pieces[k - 1..=k + 1].iter())
             .map(|piece| {
                 let distance = |i: &u32| piece.curve.distance(points[*i as usize]);
-                piece.points.iter().map(distance).map(|r| price.of_distance(r)).sum::<f64>()
+                piece
+                    .points
+                    .iter()
+                    .map(distance)
+                    .map(|r| price.of_distance(r))
+                    .sum::<f64>()
             })
             .sum();
         let cost = |arc: &Arc| -> f64 {

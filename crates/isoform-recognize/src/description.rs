@@ -1,0 +1,192 @@
+//! The length of the description of a cloud by surfaces: of the distances of its points, and of the
+//! numbers of the surfaces. Of two segmentations the one with the shorter description holds (J.
+//! Rissanen 1978).
+//!
+//! A surface about an axis, or along a direction, that a larger one has already has fewer numbers of
+//! its own.
+
+use crate::chart::{Distances, Kind, Surface};
+use crate::choose::EXACT;
+use crate::cloud::Cloud;
+use crate::fit::{mean, squares};
+use crate::segment::{EVIDENCE, Segmentation, UNEXPLAINED};
+use crate::share::Shares;
+use crate::start::{Line, centred_sphere, cylinder, start_about};
+use isoform_geom::{Point3, cross, dot, norm, sub};
+use std::cmp::Reverse;
+
+/// Axes and directions of larger entities that are looked at, at most.
+const MOST: usize = 6;
+/// The least cosine between directions that may be one: 11°. Short faces in noise know theirs to
+/// some degrees.
+const ALONG: f64 = 0.98;
+
+/// The least cosine between axes that may be one, and how far these are apart at most, in radii:
+/// small cones know theirs to some degrees.
+const COAXIAL: (f64, f64) = (0.99, 0.05);
+
+impl Segmentation {
+    /// The length of the description of the points: their distances, the parameters, and that there
+    /// are entities.
+    pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
+        let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
+        let mut members: Vec<(&Surface, Vec<u32>)> =
+            self.surfaces.iter().zip(self.members()).collect();
+        members.sort_by_key(|(_, of)| Reverse(of.len()));
+        let mut given = Given::default();
+        let entities = members.into_iter().map(|(surface, of)| {
+            let (length, _) = given.shortest(surface, &cloud.at(&of), noise);
+            given.add(surface);
+            length + EVIDENCE
+        });
+        self.length_of(cloud, &all, noise) + entities.sum::<f64>()
+    }
+
+    /// The length of the description of some points.
+    pub(crate) fn length_of(&self, cloud: &Cloud, points: &[u32], noise: f64) -> f64 {
+        let scale = 1.0 / (2.0 * noise * noise);
+        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
+        let length = |i: &u32| self.length_at(cloud, &distances, *i as usize, scale);
+        points.iter().map(length).sum()
+    }
+
+    /// The length of the description of a point: it lies on the surface of a neighbour, on which of
+    /// them is not said. Surfaces that lie over one another follow noise better than one if each
+    /// point has the nearer of them.
+    fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, scale: f64) -> f64 {
+        let near = cloud.near(i as u32);
+        let own = self.labels[i];
+        let likelihood = |label: u32| match distances.get(label as usize) {
+            None => (-UNEXPLAINED).exp(),
+            Some(of) => (-of.at(cloud.points[i]).powi(2) * scale).exp(),
+        };
+        let (mut sum, mut last) = (likelihood(own), (own, likelihood(own)));
+        for j in near {
+            let label = self.labels[*j as usize];
+            if label != last.0 {
+                last = (label, likelihood(label));
+            }
+            sum += last.1;
+        }
+        let mean = sum / (near.len() + 1) as f64;
+        UNEXPLAINED.min(-mean.ln())
+    }
+
+    /// Surfaces with the axes and directions of larger ones where that is described in less: free
+    /// ones of small faces turn into the noise.
+    pub(crate) fn tied(
+        &self,
+        cloud: &Cloud,
+        mut surfaces: Vec<Option<Surface>>,
+        shares: &[Shares],
+    ) -> Vec<Option<Surface>> {
+        if self.is_form || self.noise < EXACT || self.is_free {
+            return surfaces;
+        }
+        let mut order: Vec<usize> = (0..surfaces.len()).collect();
+        order.sort_by_key(|k| (Reverse(shares[*k].len()), *k));
+        let mut given = Given::default();
+        for k in order {
+            let own = shares[k].iter().filter(|s| s.1 > 0.5);
+            let points: Vec<Point3> = own.map(|s| cloud.points[s.0 as usize]).collect();
+            if let Some(surface) = &mut surfaces[k] {
+                *surface = given.shortest(surface, &points, self.noise).1;
+                given.add(surface);
+            }
+        }
+        surfaces
+    }
+
+    /// The kinds with fewer numbers of their own: a cone about a known axis has two, a torus three,
+    /// a sphere four.
+    pub(crate) fn simpler_kinds(&self, surface: &Surface) -> Vec<Kind> {
+        let mut kinds = surface.kind.simpler().to_vec();
+        if self.is_coaxial(surface) {
+            kinds.retain(|kind| *kind != Kind::Sphere);
+        }
+        kinds
+    }
+
+    /// Whether a surface lies about the axis of another one, nearly.
+    fn is_coaxial(&self, surface: &Surface) -> bool {
+        let is_about = |other: &Surface| {
+            let d = sub(surface.place, other.place);
+            let off = norm(cross(d, other.axis));
+            let is_along = dot(surface.axis, other.axis).abs() > COAXIAL.0;
+            other != surface && is_along && off < COAXIAL.1 * surface.size.abs()
+        };
+        let mut round = self.surfaces.iter().filter(|s| s.is_round());
+        surface.is_round() && round.any(is_about)
+    }
+}
+
+/// What entities so far have given.
+#[derive(Default)]
+struct Given {
+    axes: Vec<Line>,
+    directions: Vec<Point3>,
+}
+
+impl Given {
+    /// What it costs to describe a surface through points of a deviation of `noise`: half the
+    /// logarithm of their count for each number of its own, and how much more their distances cost
+    /// where it keeps to an axis or a direction; and the surface with which it costs least.
+    fn shortest(&self, surface: &Surface, points: &[Point3], noise: f64) -> (f64, Surface) {
+        let each = (points.len().max(1) as f64).ln() / 2.0;
+        let free = squares(surface, points);
+        let cost = |numbers: usize, squares: f64| {
+            numbers as f64 * each + (squares - free) / (2.0 * noise * noise)
+        };
+        let alone = (cost(surface.kind.parameters(), free), *surface);
+        let of = |(numbers, tied): (usize, Surface)| (cost(numbers, squares(&tied, points)), tied);
+        let shorter = |a: (f64, Surface), b: (f64, Surface)| if b.0 < a.0 { b } else { a };
+        self.tied(surface, points).map(of).fold(alone, shorter)
+    }
+
+    /// Surfaces of this kind through points about the axes and along the directions given, with the
+    /// count of their own numbers.
+    fn tied<'a>(
+        &'a self,
+        surface: &'a Surface,
+        points: &'a [Point3],
+    ) -> impl Iterator<Item = (usize, Surface)> + 'a {
+        let is_along = |d: &Point3| dot(*d, surface.axis).abs() > ALONG;
+        let about = move |axis: &Line| match surface.kind {
+            Kind::Plane => None,
+            Kind::Sphere => centred_sphere(points, *axis).map(|s| (2, s)),
+            kind => start_about(kind, points, *axis).map(|s| (kind.parameters() - 4, s)),
+        };
+        let along = move |direction: &Point3| match surface.kind {
+            Kind::Plane => Some((
+                1,
+                Surface {
+                    place: mean(points),
+                    axis: *direction,
+                    ..*surface
+                },
+            )),
+            Kind::Cylinder => cylinder(points, *direction).map(|s| (3, s)),
+            _ => None,
+        };
+        let is_sphere = surface.kind == Kind::Sphere;
+        let axes = self
+            .axes
+            .iter()
+            .filter(move |a| is_sphere || is_along(&a.1));
+        let directions = self.directions.iter().filter(move |d| is_along(d));
+        axes.filter_map(about).chain(directions.filter_map(along))
+    }
+
+    /// Adds the axis and the direction of a surface, where there is none like them.
+    fn add(&mut self, surface: &Surface) {
+        if surface.kind == Kind::Sphere {
+            return;
+        }
+        if self.directions.len() < MOST {
+            self.directions.push(surface.axis);
+        }
+        if surface.is_round() && self.axes.len() < MOST {
+            self.axes.push((surface.place, surface.axis));
+        }
+    }
+}

@@ -1,0 +1,240 @@
+//! Plane points in order along the curves on which they lie.
+
+use super::moments::Moments;
+use super::{Curve, Place, inner, minus, norm};
+use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
+use std::collections::BTreeMap;
+
+/// A cell counts with this many points: single ones are outliers.
+const OCCUPIED: f64 = 2.0;
+/// Points that a cell has on average at least.
+const FILLED: f64 = 6.0;
+/// By how much cells grow until they are filled.
+const WIDEN: f64 = 1.3;
+/// Cells this many widths apart are neighbours.
+const LINKED: f64 = 2.5;
+/// A chain of cells is at least this many widths long: shorter ones are twigs of noise.
+const CHAIN: f64 = 4.0;
+/// Points farther from their chain, in deviations, are left out.
+const OFF: f64 = 4.0;
+
+/// How points are put in order: noise is as wide as narrow faces, and what smooths it rounds edges.
+#[derive(Debug)]
+pub(crate) struct Chaining {
+    /// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
+    /// occupied, larger ones hide the order at narrow faces.
+    cell: f64,
+    /// How far, in cells, the direction of the curve is taken from.
+    reach: f64,
+    /// How often cells are moved onto the lines through what lies about them.
+    passes: usize,
+}
+
+/// Each of these finds narrow faces that the other misses.
+pub(crate) const CHAININGS: [Chaining; 2] = [
+    Chaining {
+        cell: 2.0,
+        reach: 2.0,
+        passes: 2,
+    },
+    Chaining {
+        cell: 1.0,
+        reach: 4.0,
+        passes: 1,
+    },
+];
+
+/// A point of a chain: how far along it, and its number.
+pub(super) type Link = (f64, u32);
+
+/// A cell of points.
+#[derive(Clone, Copy)]
+struct Node {
+    at: Place,
+    count: f64,
+    /// The unit direction of the curve.
+    along: Place,
+}
+
+/// A node of a chain.
+struct Stop {
+    chain: usize,
+    /// How far along it.
+    at: f64,
+    node: Node,
+}
+
+/// The points in order along the curves on which they lie.
+pub(super) fn chains(points: &[Place], noise: f64, chaining: &Chaining) -> Vec<Vec<Link>> {
+    let Some((mut nodes, width)) = gathered(points, chaining.cell * noise) else {
+        return Vec::new();
+    };
+    for _ in 0..chaining.passes {
+        nodes = straightened(&nodes, chaining.reach * width);
+    }
+    let paths = paths(&nodes, LINKED * width, CHAIN * width);
+    let stops: Vec<Stop> = (0..)
+        .zip(&paths)
+        .flat_map(|(chain, path)| stops(&nodes, chain, path))
+        .collect();
+    let mut chains = vec![Vec::new(); paths.len()];
+    let tree = KdTree::new(&stops.iter().map(|s| raised(s.node.at)).collect::<Vec<_>>());
+    for (p, i) in points.iter().zip(0..) {
+        let Some((k, _)) = tree.nearest(raised(*p)) else {
+            continue;
+        };
+        let Stop { chain, at, node } = &stops[k];
+        let d = minus(*p, node.at);
+        let off = d[0] * node.along[1] - d[1] * node.along[0];
+        let on = inner(d, node.along);
+        if off.abs() <= OFF * noise && on.abs() <= LINKED * width {
+            chains[*chain].push((at + on, i));
+        }
+    }
+    for chain in &mut chains {
+        chain.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
+    }
+    chains
+}
+
+/// The nodes of a path, directed along it.
+fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
+    let at = |k: usize| nodes[path[k] as usize].at;
+    let (mut length, mut stops) = (0.0, Vec::with_capacity(path.len()));
+    for k in 0..path.len() {
+        let (last, next) = (at(k.saturating_sub(1)), at((k + 1).min(path.len() - 1)));
+        length += norm(minus(at(k), last));
+        let node = &nodes[path[k] as usize];
+        let sense = inner(node.along, minus(next, last)).signum();
+        stops.push(Stop {
+            chain,
+            at: length,
+            node: Node {
+                along: node.along.map(|x| x * sense),
+                ..*node
+            },
+        });
+    }
+    stops
+}
+
+/// The means of the points in the cells of a grid, and the width of these.
+fn gathered(points: &[Place], mut width: f64) -> Option<(Vec<Node>, f64)> {
+    let most = points.len() as f64 / FILLED;
+    loop {
+        let mut cells: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
+        for p in points {
+            let cell = p.map(|x| (x / width).floor() as i64);
+            let sum = cells.entry(cell).or_default();
+            *sum = [sum[0] + 1.0, sum[1] + p[0], sum[2] + p[1]];
+        }
+        if cells.is_empty() {
+            return None;
+        }
+        if cells.len() as f64 <= most.max(1.0) || width > 1.0 {
+            let is_occupied = |sum: &&[f64; 3]| sum[0] >= OCCUPIED;
+            let node = |sum: &[f64; 3]| Node {
+                at: [sum[1] / sum[0], sum[2] / sum[0]],
+                count: sum[0],
+                along: [1.0, 0.0],
+            };
+            return Some((
+                cells.values().filter(is_occupied).map(node).collect(),
+                width,
+            ));
+        }
+        width *= WIDEN;
+    }
+}
+
+/// The nodes moved onto the lines through what lies about them.
+fn straightened(nodes: &[Node], reach: f64) -> Vec<Node> {
+    let mut about: Vec<Moments> = nodes.iter().map(|n| Moments::of(n.at, n.count)).collect();
+    near_pairs(&raised_all(nodes), reach, |i, j, _| {
+        about[i].add(nodes[j].at, nodes[j].count);
+        about[j].add(nodes[i].at, nodes[i].count);
+    });
+    let moved = |(node, about): (&Node, &Moments)| {
+        let Some((Curve::Line(place, along), _)) = about.line() else {
+            return *node;
+        };
+        let on = inner(minus(node.at, place), along);
+        Node {
+            at: [place[0] + on * along[0], place[1] + on * along[1]],
+            along,
+            ..*node
+        }
+    };
+    nodes.iter().zip(&about).map(moved).collect()
+}
+
+fn raised_all(nodes: &[Node]) -> Vec<Point3> {
+    nodes.iter().map(|n| raised(n.at)).collect()
+}
+
+/// The long paths in a least spanning tree of nodes.
+fn paths(nodes: &[Node], reach: f64, least: f64) -> Vec<Vec<u32>> {
+    let mut edges = Vec::new();
+    near_pairs(&raised_all(nodes), reach, |i, j, squared| {
+        edges.push((squared, i as u32, j as u32));
+    });
+    edges.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
+    let mut sets = UnionFind::new(nodes.len());
+    let mut beside = vec![Vec::new(); nodes.len()];
+    for (squared, i, j) in edges {
+        if sets.unite(i, j) {
+            beside[i as usize].push((j, squared.sqrt()));
+            beside[j as usize].push((i, squared.sqrt()));
+        }
+    }
+    let mut is_used = vec![false; nodes.len()];
+    let mut paths = Vec::new();
+    let mut open: Vec<u32> = (0..nodes.len() as u32).rev().collect();
+    while let Some(seed) = open.pop() {
+        if is_used[seed as usize] {
+            continue;
+        }
+        let (end, _) = farthest(&beside, &is_used, seed);
+        let (other, back) = farthest(&beside, &is_used, end);
+        let mut path = vec![other];
+        let mut length = 0.0;
+        while let Some(&(up, l)) = back.get(path.last().unwrap_or(&other)) {
+            path.push(up);
+            length += l;
+        }
+        path.iter().for_each(|i| is_used[*i as usize] = true);
+        // What hangs on the path is looked at again, cut off from it.
+        for i in &path {
+            open.extend(beside[*i as usize].iter().map(|b| b.0));
+        }
+        if length >= least {
+            paths.push(path);
+        }
+    }
+    paths
+}
+
+/// The node of a tree that is farthest from one, and the way back from each to it.
+fn farthest(
+    beside: &[Vec<(u32, f64)>],
+    is_used: &[bool],
+    from: u32,
+) -> (u32, BTreeMap<u32, (u32, f64)>) {
+    let (mut back, mut open, mut far) = (BTreeMap::new(), vec![(from, from, 0.0)], (from, 0.0));
+    while let Some((i, up, at)) = open.pop() {
+        if at > far.1 {
+            far = (i, at);
+        }
+        for &(j, l) in &beside[i as usize] {
+            if j != up && !is_used[j as usize] {
+                back.insert(j, (i, l));
+                open.push((j, i, at + l));
+            }
+        }
+    }
+    (far.0, back)
+}
+
+fn raised(p: Place) -> Point3 {
+    [p[0], p[1], 0.0]
+}

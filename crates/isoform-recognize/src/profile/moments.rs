@@ -1,0 +1,138 @@
+//! Sums over plane points, and the lines and circles that follow from them.
+
+use super::{Curve, Place, Shape, inner, minus, norm};
+use crate::chart::TIGHTEST;
+
+/// The variance of points along their piece, in those of the noise, at least: a face of about four
+/// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
+/// their points have the variance 1 along these.
+const LONG: f64 = 1.5;
+
+/// Sums over points: of 1, x, y, xx, xy, yy, and with z = xx + yy of zx, zy, zz.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Moments {
+    pub(super) count: f64,
+    first: Place,
+    second: [f64; 3],
+    third: Place,
+    fourth: f64,
+}
+
+impl Moments {
+    pub(super) fn of(p: Place, weight: f64) -> Self {
+        let mut new = Self::default();
+        new.add(p, weight);
+        new
+    }
+
+    pub(super) fn add(&mut self, p: Place, weight: f64) {
+        let [x, y] = p;
+        let z = x * x + y * y;
+        self.count += weight;
+        self.first = [self.first[0] + weight * x, self.first[1] + weight * y];
+        let square = [x * x, x * y, y * y];
+        (0..3).for_each(|k| self.second[k] += weight * square[k]);
+        self.third = [
+            self.third[0] + weight * z * x,
+            self.third[1] + weight * z * y,
+        ];
+        self.fourth += weight * z * z;
+    }
+
+    /// The sums over what lies after another.
+    pub(super) fn less(&self, other: &Self) -> Self {
+        Self {
+            count: self.count - other.count,
+            first: std::array::from_fn(|k| self.first[k] - other.first[k]),
+            second: std::array::from_fn(|k| self.second[k] - other.second[k]),
+            third: std::array::from_fn(|k| self.third[k] - other.third[k]),
+            fourth: self.fourth - other.fourth,
+        }
+    }
+
+    fn mean(&self) -> Place {
+        self.first.map(|x| x / self.count)
+    }
+
+    /// Σ of the products of what deviates from the means: xx, xy, yy.
+    fn spread(&self) -> [f64; 3] {
+        let [x, y] = self.first;
+        let [xx, xy, yy] = self.second;
+        let n = self.count;
+        [xx - x * x / n, xy - x * y / n, yy - y * y / n]
+    }
+
+    /// The curve of a shape through the points, and Σ of their squared distances.
+    pub(super) fn fitted(&self, shape: Shape) -> Option<(Curve, f64)> {
+        let [xx, _, yy] = self.spread();
+        match shape {
+            Shape::Along => Some((Curve::Line(self.mean(), [1.0, 0.0]), yy.max(0.0))),
+            Shape::Across => Some((Curve::Line(self.mean(), [0.0, 1.0]), xx.max(0.0))),
+            Shape::Line => self.line(),
+            Shape::Circle => self.circle(),
+            Shape::Centred => self.centred_circle(),
+        }
+    }
+
+    /// Whether a curve is wide enough for the noise, and the points reach along it farther than noise
+    /// across it.
+    pub(super) fn is_long(&self, curve: &Curve, noise: f64) -> bool {
+        let [a, b] = match curve {
+            Curve::Line(_, along) => *along,
+            Curve::Circle(_, radius) if *radius < TIGHTEST * noise => return false,
+            Curve::Circle(center, _) => {
+                let away = minus(self.mean(), *center);
+                let size = norm(away);
+                [-away[1] / size, away[0] / size]
+            }
+        };
+        let [xx, xy, yy] = self.spread();
+        let squares = a * a * xx + 2.0 * a * b * xy + b * b * yy;
+        squares >= LONG * noise * noise * self.count
+    }
+
+    pub(super) fn line(&self) -> Option<(Curve, f64)> {
+        let [xx, xy, yy] = self.spread();
+        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
+        let squares = (xx + yy) / 2.0 - ((xx - yy) / 2.0).hypot(xy);
+        let (sin, cos) = angle.sin_cos();
+        (self.count > 1.0).then(|| (Curve::Line(self.mean(), [cos, sin]), squares.max(0.0)))
+    }
+
+    /// Σ of the products of the deviations of z with those of x, y and z.
+    fn spread_of_z(&self) -> [f64; 3] {
+        let z = self.second[0] + self.second[2];
+        let n = self.count;
+        [
+            self.third[0] - z * self.first[0] / n,
+            self.third[1] - z * self.first[1] / n,
+            self.fourth - z * z / n,
+        ]
+    }
+
+    /// The circle of least algebraic distance (Kåsa 1976): z = 2ax + 2by + c is linear in a, b, c.
+    fn circle(&self) -> Option<(Curve, f64)> {
+        let ([xx, xy, yy], [zx, zy, zz]) = (self.spread(), self.spread_of_z());
+        let d = xx * yy - xy * xy;
+        let (a, b) = ((zx * yy - zy * xy) / d, (zy * xx - zx * xy) / d);
+        self.circle_about([a / 2.0, b / 2.0], zz - a * zx - b * zy)
+    }
+
+    fn centred_circle(&self) -> Option<(Curve, f64)> {
+        let ([xx, ..], [zx, _, zz]) = (self.spread(), self.spread_of_z());
+        let a = zx / xx;
+        self.circle_about([a / 2.0, 0.0], zz - a * zx)
+    }
+
+    /// The circle about a centre; `rest` is Σ of the squares of what its equation leaves.
+    fn circle_about(&self, center: Place, rest: f64) -> Option<(Curve, f64)> {
+        let [x, y] = self.mean();
+        let z = (self.second[0] + self.second[2]) / self.count;
+        let squared = z - 2.0 * (center[0] * x + center[1] * y) + inner(center, center);
+        let is_proper = squared > 0.0 && squared.is_finite() && rest.is_finite();
+        is_proper.then(|| {
+            let squares = rest.max(0.0) / (4.0 * squared);
+            (Curve::Circle(center, squared.sqrt()), squares)
+        })
+    }
+}
