@@ -17,8 +17,6 @@ mod chains;
 mod fillet;
 mod moments;
 
-pub(crate) use chains::{CHAININGS, Chaining};
-
 /// A point of a profile: for a body of revolution along its axis and away from it.
 pub(crate) type Place = [f64; 2];
 
@@ -135,13 +133,9 @@ const STEPS: usize = 1000;
 
 /// Divides plane points into pieces of these shapes and kinds, the shortest description of them;
 /// and the length of that.
-pub(crate) fn pieces(
-    points: &[Place],
-    chaining: &Chaining,
-    price: &Price<'_>,
-) -> (Vec<Piece>, f64) {
+pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
     let (mut pieces, mut length, mut left) = (Vec::new(), 0.0, points.len());
-    for chain in chains(points, price.noise, chaining) {
+    for chain in chains(points, price.noise) {
         let (mut some, cost) = divided(points, &chain, price);
         fill(points, price, &mut some);
         pieces.extend(some);
@@ -284,4 +278,89 @@ fn inner(a: Place, b: Place) -> f64 {
 
 fn norm(a: Place) -> f64 {
     a[0].hypot(a[1])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Random;
+    use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+    const NOISE: f64 = 0.005;
+    const SHAPES: [(Shape, Kind); 5] = [
+        (Shape::Across, Kind::Plane),
+        (Shape::Along, Kind::Cylinder),
+        (Shape::Line, Kind::Cone),
+        (Shape::Centred, Kind::Sphere),
+        (Shape::Circle, Kind::Torus),
+    ];
+
+    /// A normal deviate (Box and Muller).
+    fn normal(random: &mut Random) -> f64 {
+        let (u, turn) = (1.0 - random.unit(), TAU * random.unit());
+        (-2.0 * u.ln()).sqrt() * turn.cos()
+    }
+
+    /// Points of a line with noise across it.
+    fn strewn(random: &mut Random, [a, b]: [Place; 2], count: usize) -> Vec<Place> {
+        let d = minus(b, a);
+        let along = d.map(|x| x / norm(d));
+        let point = |_| {
+            let (t, off) = (random.unit(), NOISE * normal(random));
+            [
+                a[0] + t * d[0] - off * along[1],
+                a[1] + t * d[1] + off * along[0],
+            ]
+        };
+        (0..count).map(point).collect()
+    }
+
+    fn divided_by_kind(points: &[Place]) -> Vec<(Kind, usize)> {
+        let is_proper = |_: Kind, _: &Curve| true;
+        let (pieces, _) = pieces(points, &Price::new(NOISE, &SHAPES, &is_proper));
+        pieces.iter().map(|p| (p.kind, p.points.len())).collect()
+    }
+
+    /// A cylinder, a chamfer ten deviations wide, and a shoulder.
+    #[test]
+    fn a_profile_is_divided_into_its_faces() {
+        let mut random = Random::new(5);
+        let width = 10.0 * NOISE * FRAC_1_SQRT_2;
+        let corners = [
+            [0.0, 0.5],
+            [0.6, 0.5],
+            [0.6 + width, 0.5 - width],
+            [0.6 + width, 0.1],
+        ];
+        let mut points = Vec::new();
+        for (line, count) in corners.windows(2).zip([3000, 250, 2000]) {
+            points.extend(strewn(&mut random, [line[0], line[1]], count));
+        }
+        let mut found = divided_by_kind(&points);
+        found.sort_by_key(|(_, count)| *count);
+        let kinds: Vec<Kind> = found.iter().map(|f| f.0).collect();
+        assert_eq!(
+            kinds,
+            [Kind::Cone, Kind::Plane, Kind::Cylinder],
+            "{found:?}"
+        );
+        assert!((180..330).contains(&found[0].1), "{found:?}");
+    }
+
+    /// Short stretches of noise are wider than long: lines across them follow them well.
+    #[test]
+    fn a_band_of_noise_is_one_line() {
+        let mut random = Random::new(6);
+        let points = strewn(&mut random, [[0.0, 0.4], [0.3, 0.4]], 6000);
+        let found = divided_by_kind(&points);
+        assert_eq!(found.len(), 1, "{found:?}");
+        assert_eq!(found[0].0, Kind::Cylinder);
+        assert!(found[0].1 > 5900, "{found:?}");
+    }
+
+    #[test]
+    fn no_points_have_no_pieces() {
+        assert!(divided_by_kind(&[]).is_empty());
+        assert!(divided_by_kind(&[[0.2, 0.1]; 3]).is_empty());
+    }
 }

@@ -6,11 +6,10 @@ use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::best_kind;
-use crate::numbers::Given;
 use crate::share::{Shares, shares};
 use crate::split::split;
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, cross, dot, norm, sub};
+use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
 /// No entity.
@@ -38,9 +37,6 @@ const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
 const HALVING: (usize, usize) = (24, 30);
-/// The least cosine between axes that may be one, and how far these are apart at most, in radii:
-/// small cones know theirs to some degrees.
-const COAXIAL: (f64, f64) = (0.99, 0.05);
 /// An entity stays where its points would cost this much more without it, beyond its parameters.
 pub(crate) const EVIDENCE: f64 = 20.0;
 /// Neighbours of a seed that fails which are not tried.
@@ -333,52 +329,6 @@ impl Segmentation {
         Ok(self)
     }
 
-    /// The length of the description of the points: their distances, the parameters, and that there
-    /// are entities.
-    pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
-        let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
-        let mut members: Vec<(&Surface, Vec<u32>)> =
-            self.surfaces.iter().zip(self.members()).collect();
-        members.sort_by_key(|(_, of)| std::cmp::Reverse(of.len()));
-        let mut given = Given::default();
-        let entities = members.into_iter().map(|(surface, of)| {
-            let (length, _) = given.shortest(surface, &cloud.at(&of), noise);
-            given.add(surface);
-            length + EVIDENCE
-        });
-        self.length_of(cloud, &all, noise) + entities.sum::<f64>()
-    }
-
-    /// The length of the description of some points.
-    pub(crate) fn length_of(&self, cloud: &Cloud, points: &[u32], noise: f64) -> f64 {
-        let scale = 1.0 / (2.0 * noise * noise);
-        let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
-        let length = |i: &u32| self.length_at(cloud, &distances, *i as usize, scale);
-        points.iter().map(length).sum()
-    }
-
-    /// The length of the description of a point: it lies on the surface of a neighbour, on which of
-    /// them is not said. Surfaces that lie over one another follow noise better than one if each
-    /// point has the nearer of them.
-    fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, scale: f64) -> f64 {
-        let near = cloud.near(i as u32);
-        let own = self.labels[i];
-        let likelihood = |label: u32| match distances.get(label as usize) {
-            None => (-UNEXPLAINED).exp(),
-            Some(of) => (-of.at(cloud.points[i]).powi(2) * scale).exp(),
-        };
-        let (mut sum, mut last) = (likelihood(own), (own, likelihood(own)));
-        for j in near {
-            let label = self.labels[*j as usize];
-            if label != last.0 {
-                last = (label, likelihood(label));
-            }
-            sum += last.1;
-        }
-        let mean = sum / (near.len() + 1) as f64;
-        UNEXPLAINED.min(-mean.ln())
-    }
-
     /// A round: new regions, then labels, fits and mergers until they stand still.
     fn advance(
         &mut self,
@@ -629,31 +579,6 @@ impl Segmentation {
         self.keep(&tied);
     }
 
-    /// Surfaces with the axes and directions of larger ones where that is described in less: free
-    /// ones of small faces turn into the noise.
-    fn tied(
-        &self,
-        cloud: &Cloud,
-        mut surfaces: Vec<Option<Surface>>,
-        shares: &[Shares],
-    ) -> Vec<Option<Surface>> {
-        if self.is_form || self.noise < EXACT || self.is_free {
-            return surfaces;
-        }
-        let mut order: Vec<usize> = (0..surfaces.len()).collect();
-        order.sort_by_key(|k| (std::cmp::Reverse(shares[*k].len()), *k));
-        let mut given = Given::default();
-        for k in order {
-            let own = shares[k].iter().filter(|s| s.1 > 0.5);
-            let points: Vec<Point3> = own.map(|s| cloud.points[s.0 as usize]).collect();
-            if let Some(surface) = &mut surfaces[k] {
-                *surface = given.shortest(surface, &points, self.noise).1;
-                given.add(surface);
-            }
-        }
-        surfaces
-    }
-
     /// Takes these surfaces; labels of those that are `None` are cleared.
     pub(crate) fn keep(&mut self, surfaces: &[Option<Surface>]) {
         let mut new = vec![NONE; surfaces.len()];
@@ -812,8 +737,8 @@ impl Segmentation {
         let shares = shares(cloud, &self.surfaces, &self.labels, self.noise);
         let change = |of: &Shares, surface: &Surface| {
             let new = best_kind(cloud, of, surface, noise);
-            let is_zone = new.kind == Kind::Sphere && surface.kind != Kind::Sphere;
-            match is_zone && self.is_coaxial(surface) {
+            let is_less = new.kind < surface.kind;
+            match is_less && !self.simpler_kinds(surface).contains(&new.kind) {
                 true => *surface,
                 false => new,
             }
@@ -827,28 +752,6 @@ impl Segmentation {
             .any(|(a, b)| a.kind != b.kind);
         self.surfaces = new;
         changed
-    }
-
-    /// The kinds with fewer numbers of their own: a cone about a known axis has two, a torus three,
-    /// a sphere four.
-    pub(crate) fn simpler_kinds(&self, surface: &Surface) -> Vec<Kind> {
-        let mut kinds = surface.kind.simpler().to_vec();
-        if self.is_coaxial(surface) {
-            kinds.retain(|kind| *kind != Kind::Sphere);
-        }
-        kinds
-    }
-
-    /// Whether a surface lies about the axis of another one, nearly.
-    fn is_coaxial(&self, surface: &Surface) -> bool {
-        let is_about = |other: &Surface| {
-            let d = sub(surface.place, other.place);
-            let off = norm(cross(d, other.axis));
-            let is_along = dot(surface.axis, other.axis).abs() > COAXIAL.0;
-            other != surface && is_along && off < COAXIAL.1 * surface.size.abs()
-        };
-        let mut round = self.surfaces.iter().filter(|s| s.is_round());
-        surface.is_round() && round.any(is_about)
     }
 
     /// The points of an entity.

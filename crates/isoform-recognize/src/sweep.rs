@@ -4,7 +4,7 @@ use crate::chart::{Kind, Surface, frame};
 use crate::choose::EXACT;
 use crate::cloud::Cloud;
 use crate::grow::WITHIN;
-use crate::profile::{CHAININGS, Chaining, Curve, Place, Price, Shape, pieces};
+use crate::profile::{Curve, Place, Price, Shape, pieces};
 use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
@@ -121,21 +121,15 @@ impl Segmentation {
         }
         let length = |s: &Self, noise: f64| s.length(cloud, noise);
         let noise = self.noise;
-        let chainings = match self.deviation(SLACK).can_peel() {
-            true => &CHAININGS[..1],
-            false => &CHAININGS,
-        };
         let (mut least, mut is_new) = (length(self, noise), false);
         for sweep in self.sweeps() {
-            for chaining in chainings {
-                control.check()?;
-                let Some(other) = self.cut(cloud, limits, &sweep, chaining) else {
-                    continue;
-                };
-                let found = length(&other, noise);
-                if found + GAIN < least {
-                    (*self, least, is_new) = (other, found, true);
-                }
+            control.check()?;
+            let Some(other) = self.cut(cloud, limits, &sweep) else {
+                continue;
+            };
+            let found = length(&other, noise);
+            if found + GAIN < least {
+                (*self, least, is_new) = (other, found, true);
             }
         }
         if is_new {
@@ -178,13 +172,7 @@ impl Segmentation {
 
     /// With the pieces of a section in the place of the surfaces that a motion may leave as they are;
     /// `None` where the section alone describes its points in no less.
-    fn cut(
-        &self,
-        cloud: &Cloud,
-        limits: Limits,
-        sweep: &Sweep,
-        chaining: &Chaining,
-    ) -> Option<Self> {
+    fn cut(&self, cloud: &Cloud, limits: Limits, sweep: &Sweep) -> Option<Self> {
         let (of, entities) = self.kept_by(cloud, sweep);
         let section: Vec<Place> = of
             .iter()
@@ -192,7 +180,7 @@ impl Segmentation {
             .collect();
         let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
         let price = Price::new(self.noise, sweep.shapes(), &is_proper);
-        let (pieces, length) = pieces(&section, chaining, &price);
+        let (pieces, length) = pieces(&section, &price);
         if length > entities + self.length_of(cloud, &of, self.noise) {
             return None;
         }

@@ -5,6 +5,14 @@ use super::{Curve, Place, inner, minus, norm};
 use isoform_geom::{KdTree, Point3, UnionFind, near_pairs};
 use std::collections::BTreeMap;
 
+/// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
+/// occupied, larger ones hide the order at narrow faces.
+const CELL: f64 = 2.0;
+/// How far, in cells, the direction of the curve is taken from: noise is as wide as narrow faces,
+/// and what smooths it rounds edges.
+const REACH: f64 = 2.0;
+/// How often cells are moved onto the lines through what lies about them.
+const PASSES: usize = 2;
 /// A cell counts with this many points: single ones are outliers.
 const OCCUPIED: f64 = 2.0;
 /// Points that a cell has on average at least.
@@ -17,32 +25,6 @@ const LINKED: f64 = 2.5;
 const CHAIN: f64 = 4.0;
 /// Points farther from their chain, in deviations, are left out.
 const OFF: f64 = 4.0;
-
-/// How points are put in order: noise is as wide as narrow faces, and what smooths it rounds edges.
-#[derive(Debug)]
-pub(crate) struct Chaining {
-    /// The width of the cells into which points are gathered, in deviations. Smaller ones are rarely
-    /// occupied, larger ones hide the order at narrow faces.
-    cell: f64,
-    /// How far, in cells, the direction of the curve is taken from.
-    reach: f64,
-    /// How often cells are moved onto the lines through what lies about them.
-    passes: usize,
-}
-
-/// Each of these finds narrow faces that the other misses.
-pub(crate) const CHAININGS: [Chaining; 2] = [
-    Chaining {
-        cell: 2.0,
-        reach: 2.0,
-        passes: 2,
-    },
-    Chaining {
-        cell: 1.0,
-        reach: 4.0,
-        passes: 1,
-    },
-];
 
 /// A point of a chain: how far along it, and its number.
 pub(super) type Link = (f64, u32);
@@ -65,12 +47,12 @@ struct Stop {
 }
 
 /// The points in order along the curves on which they lie.
-pub(super) fn chains(points: &[Place], noise: f64, chaining: &Chaining) -> Vec<Vec<Link>> {
-    let Some((mut nodes, width)) = gathered(points, chaining.cell * noise) else {
+pub(super) fn chains(points: &[Place], noise: f64) -> Vec<Vec<Link>> {
+    let Some((mut nodes, width)) = gathered(points, noise) else {
         return Vec::new();
     };
-    for _ in 0..chaining.passes {
-        nodes = straightened(&nodes, chaining.reach * width);
+    for _ in 0..PASSES {
+        nodes = straightened(&nodes, REACH * width);
     }
     let paths = paths(&nodes, LINKED * width, CHAIN * width);
     let stops: Vec<Stop> = (0..)
@@ -119,17 +101,26 @@ fn stops(nodes: &[Node], chain: usize, path: &[u32]) -> Vec<Stop> {
 }
 
 /// The means of the points in the cells of a grid, and the width of these.
-fn gathered(points: &[Place], mut width: f64) -> Option<(Vec<Node>, f64)> {
+fn gathered(points: &[Place], noise: f64) -> Option<(Vec<Node>, f64)> {
+    if points.is_empty() {
+        return None;
+    }
     let most = points.len() as f64 / FILLED;
+    // A curve is as long as the diagonal of its box at least.
+    let mut bounds = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
+    for p in points {
+        for (b, x) in bounds.iter_mut().zip(p) {
+            *b = [b[0].min(*x), b[1].max(*x)];
+        }
+    }
+    let diagonal = norm(bounds.map(|[lo, hi]| hi - lo));
+    let mut width = (CELL * noise).max(diagonal / most);
     loop {
         let mut cells: BTreeMap<[i64; 2], [f64; 3]> = BTreeMap::new();
         for p in points {
             let cell = p.map(|x| (x / width).floor() as i64);
             let sum = cells.entry(cell).or_default();
             *sum = [sum[0] + 1.0, sum[1] + p[0], sum[2] + p[1]];
-        }
-        if cells.is_empty() {
-            return None;
         }
         if cells.len() as f64 <= most.max(1.0) || width > 1.0 {
             let is_occupied = |sum: &&[f64; 3]| sum[0] >= OCCUPIED;
