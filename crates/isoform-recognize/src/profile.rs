@@ -153,12 +153,14 @@ fn divided(points: &[Place], chain: &[Link], price: &Price<'_>) -> (Vec<Piece>, 
     let step = price.noise.max((last.0 - first.0) / STEPS as f64);
     // How many points lie before each step, and sums over them.
     let (mut firsts, mut sums, mut sum) = (vec![0], vec![Moments::default()], Moments::default());
-    let in_step = |a: &Link, b: &Link| (a.0 / step).floor() == (b.0 / step).floor();
-    for links in chain.chunk_by(in_step) {
+    let mut rest = chain;
+    while let Some(first) = rest.first() {
+        let (links, others) = rest.split_at(rest.partition_point(|l| l.0 < first.0 + step));
         let of = links.iter().map(|link| points[link.1 as usize]);
         of.for_each(|p| sum.add(p, 1.0));
         sums.push(sum);
-        firsts.push(firsts[firsts.len() - 1] + links.len());
+        firsts.push(chain.len() - others.len());
+        rest = others;
     }
     let mut division = Division {
         price,
