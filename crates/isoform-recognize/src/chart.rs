@@ -422,7 +422,9 @@ pub(crate) fn unit(v: Point3) -> Point3 {
 
 /// Two unit vectors that make a frame with this one.
 pub(crate) fn frame(axis: Point3) -> [Point3; 2] {
-    let least = (0..3).fold(0, |m, k| if axis[k].abs() < axis[m].abs() { k } else { m });
+    // Rounding does not choose between components that are alike.
+    let is_less = |k: usize, m: usize| axis[k].abs() + 1e-6 < axis[m].abs();
+    let least = (0..3).fold(0, |m, k| if is_less(k, m) { k } else { m });
     let mut e = [0.0; 3];
     e[least] = 1.0;
     let f = unit(cross(axis, e));

@@ -65,8 +65,14 @@ pub(crate) fn within_noise_or_form(
         min_points,
         allowed: Allowed::Shown,
     };
-    let first = Segmentation::begin(cloud, limits, control)?;
-    let told_first = told(cloud, &first);
+    let mut first = Segmentation::begin(cloud, limits, control)?;
+    let mut dissolved = first.clone();
+    dissolved.dissolve(cloud);
+    let mut told_first = told(cloud, &dissolved);
+    if share(cloud, &told_first) < TOLD {
+        first.sweep(cloud, limits, control)?;
+        told_first = told(cloud, &first);
+    }
     if share(cloud, &told_first) >= TOLD {
         return first.finished(cloud, limits, control);
     }

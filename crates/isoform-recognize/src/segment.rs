@@ -60,8 +60,10 @@ pub(crate) struct Segmentation {
     pub(crate) is_form: bool,
     /// Whether surfaces are fitted each by itself.
     pub(crate) is_free: bool,
+    /// Whether sections were looked at.
+    pub(crate) is_swept: bool,
     /// Whether there is nothing to be found in further rounds.
-    is_finished: bool,
+    pub(crate) is_finished: bool,
 }
 
 /// How far points may lie from their surfaces.
@@ -297,6 +299,7 @@ impl Segmentation {
             first_noise: noise,
             is_form,
             is_free: true,
+            is_swept: false,
             is_finished: cloud.is_volume,
         };
         if !cloud.is_volume {
@@ -315,6 +318,7 @@ impl Segmentation {
         if cloud.is_volume {
             return Ok(self);
         }
+        self.sweep(cloud, limits, control)?;
         for round in 1..ROUNDS {
             if self.is_finished {
                 break;
@@ -344,10 +348,10 @@ impl Segmentation {
         if round == 0 && self.add_scattered_planes(cloud, limits) {
             self.settle(cloud, limits);
         }
-        if round == 0 {
-            self.sweep(cloud, limits, control)?;
+        // Sections are looked at first: what does not follow its points may be what they replace.
+        if round > 0 || self.is_form {
+            self.is_finished = !self.dissolve(cloud);
         }
-        self.is_finished = !self.dissolve(cloud);
         Ok(())
     }
 
@@ -447,8 +451,8 @@ impl Segmentation {
         }
     }
 
-    /// Removes entities that do not follow their points.
-    fn dissolve(&mut self, cloud: &Cloud) -> bool {
+    /// Removes entities that do not follow their points; whether there are any.
+    pub(crate) fn dissolve(&mut self, cloud: &Cloud) -> bool {
         let noise = self.deviation(SLACK);
         let members = self.members();
         let kept: Vec<Option<Surface>> = members

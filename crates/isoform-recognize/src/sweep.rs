@@ -107,18 +107,41 @@ impl Sweep {
     }
 }
 
+/// The direction or its opposite, whatever rounding made of it: cells of a section begin at its
+/// origin, and what they hold hangs on the sense.
+fn upright(direction: Point3) -> Point3 {
+    let sum = direction[0] + 0.7 * direction[1] + 0.4 * direction[2];
+    match sum > 0.0 {
+        true => direction.map(|x| -x),
+        false => direction,
+    }
+}
+
 impl Segmentation {
     /// Finds the surfaces about each axis and along each direction anew from their section, where
-    /// that describes the points in less.
+    /// that describes the points in less; once. Entities that do not follow their points are removed.
     pub(crate) fn sweep(
         &mut self,
         cloud: &Cloud,
         limits: Limits,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        if self.is_form || self.noise < EXACT {
+        if self.is_form || std::mem::replace(&mut self.is_swept, true) {
             return Ok(());
         }
+        if self.noise >= EXACT {
+            self.try_sweeps(cloud, limits, control)?;
+        }
+        self.is_finished = !self.dissolve(cloud);
+        Ok(())
+    }
+
+    fn try_sweeps(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
         let length = |s: &Self, noise: f64| s.length(cloud, noise);
         let noise = self.noise;
         let (mut least, mut is_new) = (length(self, noise), false);
@@ -158,11 +181,14 @@ impl Segmentation {
                 dot(surface.axis, *axis).abs() > PARALLEL && off < APART * self.noise
             };
             if !axes.iter().any(is_one) {
-                axes.push((surface.place, surface.axis));
+                axes.push((surface.place, upright(surface.axis)));
             }
         }
         let along = directions(&sorted);
-        let along = along.into_iter().take(MOST).map(Sweep::Along);
+        let along = along
+            .into_iter()
+            .take(MOST)
+            .map(|d| Sweep::Along(upright(d)));
         axes.into_iter()
             .take(MOST)
             .map(Sweep::About)
