@@ -12,6 +12,9 @@ const ROUGH_STEPS: usize = 12;
 /// The fit has converged when a step moves no point of the surface by more than this, in units of
 /// the scan's diagonal: some ulps.
 const STILL: f64 = 1e-14;
+/// Steps that move no point by more than this, in diagonals, are of the size that rounding leaves of
+/// a place of least squares: √ε of noise at most.
+const SMALL: f64 = 1e-9;
 /// The fit of a growing region has converged when the sum of squares falls by less than this share.
 const LITTLE: f64 = 1e-3;
 /// The first damping, as a share of the diagonal of JᵀJ, and its least and largest values.
@@ -135,6 +138,7 @@ pub(crate) fn fit_weighted(
         Precision::Rough => ROUGH_STEPS,
         Precision::Full => STEPS,
     };
+    let mut before = SMALL;
     for _ in 0..steps {
         let Some(step) = solve(&now, surface.kind.parameters(), damping) else {
             damping *= 10.0;
@@ -147,10 +151,12 @@ pub(crate) fn fit_weighted(
         let next = tried.is_proper().then(|| normal(&tried, points, weights));
         let moves: f64 = (0..MOST).map(|k| (step[k] * now.reach[k]).abs()).sum();
         match next {
-            Some(next) if next.squares <= now.squares => {
+            // Near the end rounding hides by how much squares fall: steps that shrink go on.
+            Some(next) if next.squares <= now.squares || moves < before => {
                 let gain = now.squares - next.squares;
                 let is_over = precision == Precision::Rough && gain <= LITTLE * now.squares;
                 (surface, now) = (tried, next);
+                before = before.min(moves);
                 damping = (damping / 10.0).max(least);
                 if is_over || moves < STILL {
                     break;

@@ -3,6 +3,7 @@
 use crate::chart::{Kind, Surface, frame};
 use crate::choose::EXACT;
 use crate::cloud::Cloud;
+use crate::fit::{Precision, fit};
 use crate::grow::WITHIN;
 use crate::profile::{Curve, Place, Price, Shape, pieces};
 use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
@@ -217,15 +218,16 @@ impl Segmentation {
             let Some(surface) = sweep.surface(piece.kind, &piece.curve) else {
                 continue;
             };
-            let label = other.surfaces.len() as u32;
             let distances = surface.distances();
-            for k in piece.points {
-                let i = of[k as usize] as usize;
-                if distances.at(cloud.points[i]).abs() <= WITHIN * self.noise {
-                    other.labels[i] = label;
-                }
-            }
-            other.surfaces.push(surface);
+            let is_near =
+                |i: &u32| distances.at(cloud.points[*i as usize]).abs() <= WITHIN * self.noise;
+            let own = piece.points.iter().map(|k| of[*k as usize]);
+            let own: Vec<u32> = own.filter(is_near).collect();
+            // Rounding in sums over a section is far above that of a fit in space.
+            let fitted = fit(&surface, &cloud.at(&own), Precision::Full);
+            let label = other.surfaces.len() as u32;
+            own.iter().for_each(|i| other.labels[*i as usize] = label);
+            other.surfaces.push(fitted.map_or(surface, |f| f.0));
         }
         other.drop_empty();
         other.relax(cloud, limits);
