@@ -149,6 +149,7 @@ impl Aabb {
         norm(self.size())
     }
 }
+
 /// What searches among points ask of them.
 ///
 /// # Panics

@@ -11,8 +11,8 @@ pub(crate) type Row = [f64; MOST];
 /// The largest radius, in diagonals of the scan: its arc bends by an eighth of a thousandth of the
 /// diagonal over it, which planes explain.
 const LARGEST: f64 = 1000.0;
-/// The least radius, in deviations of the noise. Blobs of points within three deviations are followed
-/// by circles of two; more loses fillets.
+/// The least radius, in deviations of the noise. Blobs of points within three deviations are
+/// followed by circles of two; more loses fillets.
 pub(crate) const TIGHTEST: f64 = 4.0;
 /// The largest half angle of a cone: 86°. Wider ones are planes.
 const WIDEST: f64 = 1.5;

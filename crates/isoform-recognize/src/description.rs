@@ -2,8 +2,8 @@
 //! numbers of the surfaces. Of two segmentations the one with the shorter description holds (J.
 //! Rissanen 1978).
 //!
-//! A surface about an axis, or along a direction, that a larger one has already has fewer numbers of
-//! its own.
+//! A surface about an axis, or along a direction, that a larger one has already has fewer numbers
+//! of its own.
 
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
@@ -29,7 +29,6 @@ impl Segmentation {
     /// The length of the description of the points: their distances, the parameters, and that there
     /// are entities.
     pub(crate) fn length(&self, cloud: &Cloud, noise: f64) -> f64 {
-        let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
         let mut members: Vec<(&Surface, Vec<u32>)> =
             self.surfaces.iter().zip(self.members()).collect();
         members.sort_by_key(|(_, of)| Reverse(of.len()));
@@ -39,15 +38,20 @@ impl Segmentation {
             given.add(surface);
             length + EVIDENCE
         });
-        self.length_of(cloud, &all, noise) + entities.sum::<f64>()
+        self.length_of(cloud, 0..cloud.points.len() as u32, noise) + entities.sum::<f64>()
     }
 
     /// The length of the description of some points.
-    pub(crate) fn length_of(&self, cloud: &Cloud, points: &[u32], noise: f64) -> f64 {
+    pub(crate) fn length_of(
+        &self,
+        cloud: &Cloud,
+        points: impl Iterator<Item = u32>,
+        noise: f64,
+    ) -> f64 {
         let scale = 1.0 / (2.0 * noise * noise);
         let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
-        let length = |i: &u32| self.length_at(cloud, &distances, *i as usize, scale);
-        points.iter().map(length).sum()
+        let length = |i: u32| self.length_at(cloud, &distances, i as usize, scale);
+        points.map(length).sum()
     }
 
     /// The length of the description of a point: it lies on the surface of a neighbour, on which of
@@ -177,7 +181,7 @@ impl Given {
         axes.filter_map(about).chain(directions.filter_map(along))
     }
 
-    /// Adds the axis and the direction of a surface, where there is none like them.
+    /// Adds the axis and the direction of a surface, as long as there are few.
     fn add(&mut self, surface: &Surface) {
         if surface.kind == Kind::Sphere {
             return;

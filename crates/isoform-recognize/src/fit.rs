@@ -12,8 +12,8 @@ const ROUGH_STEPS: usize = 12;
 /// The fit has converged when a step moves no point of the surface by more than this, in units of
 /// the scan's diagonal: some ulps.
 const STILL: f64 = 1e-14;
-/// Steps that move no point by more than this, in diagonals, are of the size that rounding leaves of
-/// a place of least squares: √ε of noise at most.
+/// Steps that move no point by more than this, in diagonals, are of the size that rounding leaves
+/// of a place of least squares: √ε of noise at most.
 const SMALL: f64 = 1e-9;
 /// The fit of a growing region has converged when the sum of squares falls by less than this share.
 const LITTLE: f64 = 1e-3;

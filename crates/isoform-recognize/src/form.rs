@@ -148,11 +148,7 @@ fn restore(cloud: &Cloud, taken: &mut Segmentation, exact: &Segmentation) -> boo
         }
     }
     let is_form = taken.labels.iter().any(|label| *label < of_form);
-    let counts = taken.members();
-    let kept: Vec<Option<Surface>> = (taken.surfaces.iter().zip(counts))
-        .map(|(s, of)| (!of.is_empty()).then_some(*s))
-        .collect();
-    taken.keep(&kept);
+    taken.drop_empty();
     is_form
 }
 

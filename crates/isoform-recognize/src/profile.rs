@@ -40,6 +40,13 @@ impl Curve {
             Self::Circle(center, radius) => norm(minus(p, *center)) - radius,
         }
     }
+
+    /// Whether it bends no tighter than noise lets one tell, as [`Surface::is_wider_than`].
+    ///
+    /// [`Surface::is_wider_than`]: crate::chart::Surface::is_wider_than
+    fn is_wider_than(&self, noise: f64) -> bool {
+        !matches!(self, Self::Circle(_, radius) if *radius < TIGHTEST * noise)
+    }
 }
 
 /// Which curves a piece may be.
@@ -109,8 +116,7 @@ impl<'a> Price<'a> {
             matches!(shape, Shape::Circle) && (self.is_proper)(*kind, curve)
         };
         let (_, kind) = self.shapes.iter().find(is_arc)?;
-        let is_wide = |r: f64| r >= TIGHTEST * self.noise;
-        matches!(curve, Curve::Circle(_, r) if is_wide(*r)).then_some(*kind)
+        curve.is_wider_than(self.noise).then_some(*kind)
     }
 }
 
@@ -122,8 +128,8 @@ pub(crate) struct Piece {
     pub(crate) points: Vec<u32>,
 }
 
-/// What each number of a piece costs beyond its digits: as many stretches are tried, some shape with
-/// one more follows one of them better by chance.
+/// What each number of a piece costs beyond its digits: as many stretches are tried, some shape
+/// with one more follows one of them better by chance.
 const CHOICE: f64 = 3.0;
 /// The share of what shorter pieces left that longer ones leave at least: of circles Σ r² is known
 /// nearly.

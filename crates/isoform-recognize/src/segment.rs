@@ -598,6 +598,15 @@ impl Segmentation {
         }
     }
 
+    /// Drops surfaces without points.
+    pub(crate) fn drop_empty(&mut self) {
+        let kept: Vec<Option<Surface>> = (self.members().iter())
+            .zip(&self.surfaces)
+            .map(|(of, surface)| (!of.is_empty()).then_some(*surface))
+            .collect();
+        self.keep(&kept);
+    }
+
     /// The noise that explained points show: the median of their distances.
     fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
         if limits.allowed != Allowed::Shown {

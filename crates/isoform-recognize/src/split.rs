@@ -15,6 +15,7 @@ const EXPLAINED: f64 = 0.85;
 const SETTLING: usize = 3;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
+
 /// The surfaces of simpler kinds that explain the points of an entity better than its own.
 pub(crate) fn split(
     cloud: &Cloud,
@@ -31,7 +32,8 @@ pub(crate) fn split(
     let mut parts: Vec<Region> = Vec::new();
     let (mut left, mut failed) = (members.to_vec(), 0);
     while parts.len() < MOST && failed < SEEDS && !left.is_empty() {
-        let seed = place(&left, failed);
+        // Places evenly over what is left: the points are sorted by their coordinates.
+        let seed = left[(2 * failed + 1) * left.len() / (2 * SEEDS)];
         let region = best_region(cloud, seed, kinds, noise, Known::default(), &|i| {
             is_free[i as usize]
         });
@@ -51,11 +53,6 @@ pub(crate) fn split(
     let explained = (members.len() - left.len()) as f64;
     let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;
     (is_whole && is_better(cloud, members, surface, &mut parts, noise)).then_some(parts)
-}
-
-/// One of [`SEEDS`] places evenly over points, which are sorted by their coordinates.
-fn place(points: &[u32], k: usize) -> u32 {
-    points[(2 * k + 1) * points.len() / (2 * SEEDS)]
 }
 
 /// Whether parts explain the points better than one surface; gives each point to the nearest, and

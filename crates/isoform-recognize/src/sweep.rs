@@ -120,7 +120,8 @@ fn upright(direction: Point3) -> Point3 {
 
 impl Segmentation {
     /// Finds the surfaces about each axis and along each direction anew from their section, where
-    /// that describes the points in less; once. Entities that do not follow their points are removed.
+    /// that describes the points in less; once. Entities that do not follow their points are
+    /// removed.
     pub(crate) fn sweep(
         &mut self,
         cloud: &Cloud,
@@ -143,15 +144,15 @@ impl Segmentation {
         limits: Limits,
         control: &Control<'_>,
     ) -> Result<(), Stopped> {
-        let length = |s: &Self, noise: f64| s.length(cloud, noise);
         let noise = self.noise;
-        let (mut least, mut is_new) = (length(self, noise), false);
+        let length = |s: &Self| s.length(cloud, noise);
+        let (mut least, mut is_new) = (length(self), false);
         for sweep in self.sweeps() {
             control.check()?;
             let Some(other) = self.cut(cloud, limits, &sweep) else {
                 continue;
             };
-            let found = length(&other, noise);
+            let found = length(&other);
             if found + GAIN < least {
                 (*self, least, is_new) = (other, found, true);
             }
@@ -160,7 +161,7 @@ impl Segmentation {
             let mut settled = self.clone();
             settled.add_regions(cloud, SLACK, limits, control)?;
             settled.settle(cloud, limits);
-            if length(&settled, noise) < least {
+            if length(&settled) < least {
                 *self = settled;
             }
         }
@@ -197,8 +198,8 @@ impl Segmentation {
             .collect()
     }
 
-    /// With the pieces of a section in the place of the surfaces that a motion may leave as they are;
-    /// `None` where the section alone describes its points in no less.
+    /// With the pieces of a section in the place of the surfaces that a motion may leave as they
+    /// are; `None` where the section alone describes its points in no less.
     fn cut(&self, cloud: &Cloud, limits: Limits, sweep: &Sweep) -> Option<Self> {
         let (of, entities) = self.kept_by(cloud, sweep);
         let section: Vec<Place> = of
@@ -208,7 +209,7 @@ impl Segmentation {
         let is_proper = |kind: Kind, curve: &Curve| sweep.surface(kind, curve).is_some();
         let price = Price::new(self.noise, sweep.shapes(), &is_proper);
         let (pieces, length) = pieces(&section, &price);
-        if length > entities + self.length_of(cloud, &of, self.noise) {
+        if length > entities + self.length_of(cloud, of.iter().copied(), self.noise) {
             return None;
         }
         let mut other = self.clone();
@@ -259,14 +260,5 @@ impl Segmentation {
                 .unwrap_or_else(is_open)
         });
         (kept.collect(), entities)
-    }
-
-    /// Drops surfaces without points.
-    fn drop_empty(&mut self) {
-        let kept: Vec<Option<Surface>> = (self.members().iter())
-            .zip(&self.surfaces)
-            .map(|(of, surface)| (!of.is_empty()).then_some(*surface))
-            .collect();
-        self.keep(&kept);
     }
 }

@@ -170,8 +170,8 @@ fn run(seeds: std::ops::Range<u64>, noise: f64) -> [usize; 3] {
     sum
 }
 
-/// Noise of a scanner: three hundredths of a per cent. One cylinder in some hundred passes for a cone
-/// of a thirtieth of a degree by chance.
+/// Noise of a scanner: three hundredths of a per cent. One cylinder in some hundred passes for a
+/// cone of a thirtieth of a degree by chance.
 #[test]
 fn every_face_of_a_scanned_shaft_is_found() {
     let [all, found, invented] = run(0..8, 3e-4);

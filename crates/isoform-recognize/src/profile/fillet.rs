@@ -16,23 +16,19 @@ const FACTOR: f64 = 1.08;
 /// Replaces lines between two others by fillets, where that describes the points in less.
 pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
     for k in 1..pieces.len().saturating_sub(1) {
-        let Some(corner) = Corner::between(points, &pieces[k - 1..=k + 1]) else {
+        let three = &mut pieces[k - 1..=k + 1];
+        let Some(corner) = Corner::between(points, three) else {
             continue;
         };
-        let all: Vec<u32> = (pieces[k - 1..=k + 1].iter())
+        let all: Vec<u32> = (three.iter())
             .flat_map(|piece| piece.points.iter().copied())
             .collect();
-        let line: f64 = (pieces[k - 1..=k + 1].iter())
-            .map(|piece| {
-                let distance = |i: &u32| piece.curve.distance(points[*i as usize]);
-                piece
-                    .points
-                    .iter()
-                    .map(distance)
-                    .map(|r| price.of_distance(r))
-                    .sum::<f64>()
-            })
-            .sum();
+        let own = |piece: &Piece| -> f64 {
+            let distance = |i: &u32| piece.curve.distance(points[*i as usize]);
+            let each = piece.points.iter().map(distance);
+            each.map(|r| price.of_distance(r)).sum()
+        };
+        let line: f64 = three.iter().map(own).sum();
         let cost = |arc: &Arc| -> f64 {
             let distance = |i: &u32| corner.place(points[*i as usize], arc).1;
             all.iter().map(distance).map(|r| price.of_distance(r)).sum()
@@ -45,17 +41,17 @@ pub(super) fn fill(points: &[Place], price: &Price<'_>, pieces: &mut [Piece]) {
         let Some((best, kind, arc)) = arcs.min_by(|a, b| a.0.total_cmp(&b.0)) else {
             continue;
         };
-        if best >= line + price.of_number(pieces[k].points.len()) {
+        if best >= line + price.of_number(three[1].points.len()) {
             continue;
         }
         let mut parts: [Vec<u32>; 3] = Default::default();
         for i in &all {
             parts[corner.place(points[*i as usize], &arc).0].push(*i);
         }
-        for (piece, part) in pieces[k - 1..=k + 1].iter_mut().zip(parts) {
+        for (piece, part) in three.iter_mut().zip(parts) {
             piece.points = part;
         }
-        (pieces[k].kind, pieces[k].curve) = (kind, arc.curve());
+        (three[1].kind, three[1].curve) = (kind, arc.curve());
     }
 }
 

@@ -1,7 +1,6 @@
 //! Sums over plane points, and the lines and circles that follow from them.
 
 use super::{Curve, Place, Shape, inner, minus, norm};
-use crate::chart::TIGHTEST;
 
 /// The variance of points along their piece, in those of the noise, at least: a face of about four
 /// deviations. Short stretches of noise are wider than long, and lines across them follow it well:
@@ -74,12 +73,11 @@ impl Moments {
         }
     }
 
-    /// Whether a curve is wide enough for the noise, and the points reach along it farther than noise
-    /// across it.
+    /// Whether a curve is wide enough for the noise, and the points reach along it farther than
+    /// noise across it.
     pub(super) fn is_long(&self, curve: &Curve, noise: f64) -> bool {
         let [a, b] = match curve {
             Curve::Line(_, along) => *along,
-            Curve::Circle(_, radius) if *radius < TIGHTEST * noise => return false,
             Curve::Circle(center, _) => {
                 let away = minus(self.mean(), *center);
                 let size = norm(away);
@@ -88,7 +86,7 @@ impl Moments {
         };
         let [xx, xy, yy] = self.spread();
         let squares = a * a * xx + 2.0 * a * b * xy + b * b * yy;
-        squares >= LONG * noise * noise * self.count
+        curve.is_wider_than(noise) && squares >= LONG * noise * noise * self.count
     }
 
     pub(super) fn line(&self) -> Option<(Curve, f64)> {
