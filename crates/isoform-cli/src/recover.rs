@@ -271,6 +271,7 @@ fn fitted_mesh(
     let subject = Subject {
         name: format!("fitted {}", job.template_name),
         shape: Shape::Model(Box::new(model), values),
+        regions: Vec::new(),
         unit: solid::unit(job),
     };
     let mut made = work::make(&subject, settings, None, context)?;

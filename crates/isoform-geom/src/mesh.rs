@@ -1,6 +1,8 @@
 //! Meshes with groups: labelled triangles, tetrahedra, feature curves and corners.
 
 use crate::{Aabb, Column, Point3};
+use std::borrow::Cow;
+use std::collections::{HashMap, HashSet};
 
 /// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order
 /// of VTK and CalculiX).
@@ -67,6 +69,15 @@ pub struct Curve {
     pub parts: [u32; 2],
 }
 
+/// Keeps those entries of a list whose places `is_kept` admits.
+fn keep<T>(list: &mut Vec<T>, is_kept: impl Fn(usize) -> bool) {
+    let mut place = 0;
+    list.retain(|_| {
+        place += 1;
+        is_kept(place - 1)
+    });
+}
+
 impl Mesh {
     /// A mesh of bare triangles.
     pub fn from_triangles(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> Self {
@@ -84,6 +95,174 @@ impl Mesh {
             2
         }
     }
+    /// Whether each triangle is a wall: a face that tetrahedra of two regions share.
+    pub fn walls(&self) -> Vec<bool> {
+        let key = |mut face: [u32; 3]| {
+            face.sort_unstable();
+            face
+        };
+        if self.regions.len() < 2 {
+            return vec![false; self.triangles.len()];
+        }
+        let all = self.triangles.iter().map(|t| (key(*t), (None, false)));
+        let mut sides: HashMap<[u32; 3], (Option<u32>, bool)> = all.collect();
+        for (tet, &region) in self.tets.iter().zip(&self.tet_regions) {
+            for face in TET_FACES.map(|f| key(f.map(|k| tet[k]))) {
+                if let Some((first, is_wall)) = sides.get_mut(&face) {
+                    *is_wall |= first.is_some_and(|first| first != region);
+                    *first = Some(region);
+                }
+            }
+        }
+        self.triangles.iter().map(|t| sides[&key(*t)].1).collect()
+    }
+
+    /// The mesh without the walls between its regions: its triangles are its own surface alone, its
+    /// edges and corners those on it, without curves where a wall ends at it.
+    pub fn without_walls(&self) -> Cow<'_, Self> {
+        let is_wall = self.walls();
+        if !is_wall.contains(&true) {
+            return Cow::Borrowed(self);
+        }
+        let mut outer = self.clone();
+        outer.keep_triangles(|k| !is_wall[k]);
+        let parts: HashSet<u32> = outer.triangle_parts.iter().copied().collect();
+        let is_outer = |curve: &Curve| curve.parts.iter().all(|part| parts.contains(part));
+        let is_outer: Vec<bool> = self.curves.iter().map(is_outer).collect();
+        let curves = outer.edge_curves.clone();
+        outer.keep_edges(|k| curves.get(k).is_none_or(|&curve| is_outer[curve as usize]));
+        Cow::Owned(outer)
+    }
+
+    /// Keeps some of the edges, by their numbers, and the curves that have some.
+    fn keep_edges(&mut self, is_kept: impl Fn(usize) -> bool) {
+        keep(&mut self.edges, &is_kept);
+        keep(&mut self.edge_mids, &is_kept);
+        keep(&mut self.edge_curves, &is_kept);
+        let mut number = vec![0; self.curves.len()];
+        for &curve in &self.edge_curves {
+            number[curve as usize] = 1;
+        }
+        keep(&mut self.curves, |k| number[k] > 0);
+        let mut before = 0;
+        for n in &mut number {
+            (*n, before) = (before, before + *n);
+        }
+        for curve in &mut self.edge_curves {
+            *curve = number[*curve as usize];
+        }
+    }
+
+    /// One of its regions as a mesh of its own: its tetrahedra, the faces around them, outward, and
+    /// the edges and corners of these. Only triangles of this mesh have faces there.
+    pub fn region(&self, region: u32) -> Self {
+        let key = |mut face: [u32; 3]| {
+            face.sort_unstable();
+            face
+        };
+        let all = self.triangles.iter().enumerate();
+        let triangle_of: HashMap<[u32; 3], usize> = all.map(|(k, t)| (key(*t), k)).collect();
+        let of_region = |t: &usize| self.tet_regions[*t] == region;
+        let tets: Vec<usize> = (0..self.tets.len()).filter(of_region).collect();
+        let mut sides: Vec<(usize, [u32; 3])> = Vec::new();
+        for &t in &tets {
+            for face in TET_FACES.map(|f| f.map(|k| self.tets[t][k])) {
+                sides.extend(triangle_of.get(&key(face)).map(|&k| (k, face)));
+            }
+        }
+        // A triangle within the region, which its tetrahedra have on both sides, is no face of it.
+        sides.sort_unstable();
+        let is_outer = |same: &&[(usize, [u32; 3])]| same.len() == 1;
+        let sides = sides.chunk_by(|a, b| a.0 == b.0).filter(is_outer);
+        let sides: Vec<(usize, [u32; 3])> = sides.map(|same| same[0]).collect();
+        let mids_of = |&(k, face): &(usize, [u32; 3])| {
+            let t = self.triangles[k];
+            TRIANGLE_EDGES.map(|[i, j]| {
+                let is_edge = |[a, b]: &[usize; 2]| {
+                    [t[*a], t[*b]] == [face[i], face[j]] || [t[*b], t[*a]] == [face[i], face[j]]
+                };
+                let at = TRIANGLE_EDGES
+                    .iter()
+                    .position(is_edge)
+                    .expect("an edge of both");
+                self.triangle_mids[k][at]
+            })
+        };
+        let second = self.order() == 2;
+        let mut part = Self {
+            points: self.points.clone(),
+            triangles: self.triangles.clone(),
+            tets: tets.iter().map(|&t| self.tets[t]).collect(),
+            tet_mids: tets
+                .iter()
+                .filter_map(|&t| self.tet_mids.get(t).copied())
+                .collect(),
+            tet_regions: vec![0; tets.len()],
+            regions: vec![self.regions[region as usize].clone()],
+            columns: Vec::new(),
+            ..self.clone()
+        };
+        part.triangles = sides.iter().map(|side| side.1).collect();
+        part.triangle_parts = sides
+            .iter()
+            .map(|side| self.triangle_parts[side.0])
+            .collect();
+        part.triangle_mids = if second {
+            sides.iter().map(mids_of).collect()
+        } else {
+            Vec::new()
+        };
+        part.keep_triangles(|_| true);
+        part.drop_unused();
+        part
+    }
+
+    /// Drops the nodes that no element has.
+    fn drop_unused(&mut self) {
+        let mut number = vec![u32::MAX; self.points.len()];
+        let lists: [&mut [u32]; 7] = [
+            self.triangles.as_flattened_mut(),
+            self.triangle_mids.as_flattened_mut(),
+            self.tets.as_flattened_mut(),
+            self.tet_mids.as_flattened_mut(),
+            self.edges.as_flattened_mut(),
+            &mut self.edge_mids,
+            &mut self.corners,
+        ];
+        for list in &lists {
+            for &node in list.iter() {
+                number[node as usize] = 0;
+            }
+        }
+        let mut points = Vec::new();
+        for (node, number) in number.iter_mut().enumerate().filter(|(_, n)| **n == 0) {
+            *number = points.len() as u32;
+            points.push(self.points[node]);
+        }
+        for node in lists.into_iter().flatten() {
+            *node = number[*node as usize];
+        }
+        self.points = points;
+    }
+
+    /// Keeps some of the triangles, by their numbers, and of edges and corners what these have.
+    fn keep_triangles(&mut self, is_kept: impl Fn(usize) -> bool) {
+        keep(&mut self.triangles, &is_kept);
+        keep(&mut self.triangle_mids, &is_kept);
+        keep(&mut self.triangle_parts, &is_kept);
+        let key = |[a, b]: [u32; 2]| [a.min(b), a.max(b)];
+        let sides = |t: &[u32; 3]| TRIANGLE_EDGES.map(|[i, j]| key([t[i], t[j]]));
+        let there: HashSet<[u32; 2]> = self.triangles.iter().flat_map(sides).collect();
+        let is_there: Vec<bool> = self
+            .edges
+            .iter()
+            .map(|e| there.contains(&key(*e)))
+            .collect();
+        self.keep_edges(|k| is_there[k]);
+        let nodes: HashSet<u32> = self.triangles.as_flattened().iter().copied().collect();
+        self.corners.retain(|corner| nodes.contains(corner));
+    }
+
     /// The columns `u` and `v`, if both are there.
     pub fn parameters(&self) -> Option<(&[f64], &[f64])> {
         let named = |name: &str| {

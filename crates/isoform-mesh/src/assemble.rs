@@ -5,7 +5,7 @@ use crate::band::Core;
 use crate::complex::{Complex, Face, NONE, labelled_edges};
 use crate::error::MeshError;
 use crate::features::Corner;
-use crate::points::{midpoint, unique};
+use crate::points::{midpoint, pairs, unique};
 use crate::surface::{Surface, first_order_at, meet_at_an_angle};
 use isoform_geom::{Curve, Mesh, Point3, Solid};
 use std::collections::HashSet;
@@ -107,9 +107,11 @@ pub(crate) fn assemble_volume(
         .map(|t| complex.tets[t as usize].map(|v| numbering.node(v)))
         .collect();
     tets.extend(joined.core.tets.iter().map(|t| t.map(of_core)));
+    let mut tet_regions: Vec<u32> = complex.live().map(|t| complex.region(t).into()).collect();
+    tet_regions.resize(tets.len(), 0);
     let mesh = Mesh {
         points,
-        tet_regions: vec![0; tets.len()],
+        tet_regions,
         tets,
         regions: vec!["solid".to_owned()],
         ..Mesh::default()
@@ -178,14 +180,16 @@ pub(crate) fn feature_edges(
     };
     let mut found: Vec<FeatureEdge> = Vec::new();
     for same in edges.chunk_by(|a, b| a.0 == b.0) {
-        let (ends, parts) = (same[0].0, [same[0].1, same[same.len() - 1].1]);
-        let are_on_both = || ends.iter().all(|&v| parts.iter().all(|&k| is_on(v, k)));
-        if parts[0] == parts[1] || !are_on_both() {
-            continue;
-        }
-        let [p, q] = ends.map(|v| mesh.points[v as usize]);
-        let pair = parts.map(|k| pieces[k as usize]);
-        if meet_at_an_angle(solid, pair, midpoint(p, q)) {
+        let ends = same[0].0;
+        let is_edge = |parts: &[u32; 2]| {
+            let [p, q] = ends.map(|v| mesh.points[v as usize]);
+            let pair = parts.map(|k| pieces[k as usize]);
+            ends.iter().all(|&v| parts.iter().all(|&k| is_on(v, k)))
+                && meet_at_an_angle(solid, pair, midpoint(p, q))
+        };
+        let parts = unique(same.iter().map(|s| s.1).collect());
+        // More than two parts meet where regions do: some of them may coincide.
+        if let Some(parts) = pairs(&parts).find(is_edge) {
             found.push((parts, ends));
         }
     }

@@ -21,6 +21,7 @@
 mod cavity;
 mod fans;
 mod neighbours;
+mod regions;
 
 use cavity::Cavity;
 pub(crate) use cavity::label_in;
@@ -49,6 +50,11 @@ pub(crate) struct Complex {
     pub(crate) tets: Vec<[u32; 4]>,
     /// Neighbour opposite to each vertex, or [`BOUNDARY`] with a label.
     pub(crate) adjacent: Vec<[u32; 4]>,
+    /// The region that each tetrahedron belongs to; none where all belong to one.
+    regions: Vec<u16>,
+    /// The labels of the faces between regions, opposite to each vertex, [`NONE`] of others; there
+    /// are some where there are regions.
+    walls: Vec<[u32; 4]>,
     /// One tetrahedron of each vertex, [`NONE`] where there is none.
     pub(crate) tet_of: Vec<u32>,
     /// Slots without a tetrahedron.
@@ -196,26 +202,43 @@ impl Complex {
     }
 
     /// The label of the face opposite to vertex `i` of tetrahedron `t`, if it lies on the solid's
-    /// surface.
+    /// surface or on that of a region. A face between regions belongs to the first of them.
     #[inline]
     pub(crate) fn label(&self, t: u32, i: usize) -> Option<u32> {
         let n = self.adjacent[t as usize][i];
-        (n >= BOUNDARY && n != OPEN).then_some(n & !BOUNDARY)
+        if n >= BOUNDARY {
+            (n != OPEN).then_some(n & !BOUNDARY)
+        } else {
+            self.owner(t, i).map(|_| self.walls[t as usize][i])
+        }
     }
 
-    /// The label of the face of tetrahedron `t` with the vertices given, if it is one on the
-    /// solid's surface.
-    pub(crate) fn label_of(&self, t: u32, face: [u32; 3]) -> Option<u32> {
-        let i = (0..4).find(|&i| !face.contains(&self.tets[t as usize][i]))?;
-        self.label(t, i)
+    /// The labels of the faces at the edge of a ring, in its order: two on a surface, none within a
+    /// region, more where surfaces meet.
+    pub(crate) fn labels_at(&self, ring: &Ring) -> Vec<u32> {
+        let mut labels = Vec::new();
+        for (k, &t) in ring.tets.iter().enumerate() {
+            let next = (k + 1) % ring.link.len();
+            // A tetrahedron of the ring has two faces at the edge, each opposite to one of the link.
+            for opposite in [ring.link[next], ring.link[k]] {
+                labels.extend(self.label(t, self.place(t, opposite)));
+            }
+        }
+        labels
     }
 
-    /// The labels of the two faces of the solid's surface at the edge from `a` to `b`, whose ring
-    /// is open.
-    pub(crate) fn labels_beside(&self, ring: &Ring, a: u32, b: u32) -> Option<[u32; 2]> {
+    /// Whether the edge of a ring lies on the boundary, or on a wall between regions.
+    #[inline]
+    pub(crate) fn is_on_surface(&self, ring: &Ring) -> bool {
+        !ring.closed || (self.is_divided() && !self.labels_at(ring).is_empty())
+    }
+
+    /// The labels of the two faces of the solid's surface at the edge of a ring that is open.
+    pub(crate) fn labels_beside(&self, ring: &Ring) -> Option<[u32; 2]> {
         let [first, last] = ring.ends();
-        let first = self.label_of(first.0, [a, b, first.1])?;
-        Some([first, self.label_of(last.0, [a, b, last.1])?])
+        let behind = [ring.link[1], ring.link[ring.link.len() - 2]];
+        let label = |t: u32, v: u32| self.label(t, self.place(t, v));
+        Some([label(first.0, behind[0])?, label(last.0, behind[1])?])
     }
 
     /// The labelled faces of the solid's surface, outward.

@@ -24,6 +24,9 @@ use rayon::prelude::*;
 /// Vertices snapped, or tetrahedra looked at for edges to cut, between two looks at the clock: a
 /// millisecond or less. More let a stop wait; fewer cost time, each look about a microsecond.
 const LOOK: usize = 64;
+/// Passes over the layers of a divided solid: what one layer moves, another may have decided. The
+/// second pass seldom finds anything.
+const PASSES: usize = 4;
 
 /// The complex while it is cut.
 pub(crate) struct Cutter<'s> {
@@ -80,7 +83,7 @@ impl<'s> Cutter<'s> {
     }
 }
 
-impl Cutter<'_> {
+impl<'s> Cutter<'s> {
     /// A vertex where the function is not a number.
     pub(crate) fn not_a_number(&self) -> Option<Point3> {
         self.value
@@ -89,11 +92,48 @@ impl Cutter<'_> {
             .map(|v| self.complex.points[v])
     }
 
-    /// Snaps and cuts; then every tetrahedron is inside or outside.
-    pub(crate) fn run(&mut self) {
+    /// Snaps and cuts; then every tetrahedron is inside or outside, and in one of the regions that
+    /// the `dividers` part the solid into: these are its surface with one layer after the other in
+    /// focus.
+    pub(crate) fn run(&mut self, dividers: &'s [Surface<'s>]) {
         self.snap_features();
         self.snap_surface();
-        self.cut();
+        let whole = self.surface;
+        for divider in dividers {
+            self.turn_to(divider);
+            self.snap_surface();
+        }
+        for _ in 0..PASSES {
+            self.turn_to(whole);
+            let mut done = self.cut();
+            if dividers.is_empty() {
+                return;
+            }
+            for divider in dividers {
+                self.turn_to(divider);
+                done += self.cut();
+            }
+            if done == 0 {
+                break;
+            }
+        }
+        self.turn_to(whole);
+    }
+
+    /// Puts another layer in focus.
+    fn turn_to(&mut self, surface: &'s Surface<'s>) {
+        if surface.focus == self.surface.focus {
+            return;
+        }
+        self.surface = surface;
+        let value = |&p: &Point3| surface.value(p).0;
+        self.value = self.complex.points.par_iter().map(value).collect();
+        for (v, on) in self.on.iter().enumerate() {
+            let is_of_layer = |&i: &u32| surface.layer_of(i) == surface.focus;
+            if self.value[v].abs() <= surface.zero || on.slice().iter().any(is_of_layer) {
+                self.value[v] = 0.0;
+            }
+        }
     }
 
     /// The distance of a vertex to a piece; 0 for pieces that hold it.

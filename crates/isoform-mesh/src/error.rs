@@ -113,7 +113,7 @@ pub struct Warning {
 }
 
 /// What may keep a mesh from following the solid.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum WarningKind {
     /// The limit of memory was met before sizes were as small as asked for.
@@ -138,6 +138,8 @@ pub enum WarningKind {
     Missed,
     /// The mesh is in pieces where the solid hangs together, or closes what is open.
     Torn,
+    /// A region without tetrahedra.
+    EmptyRegion(String),
 }
 
 impl std::fmt::Display for WarningKind {
@@ -149,12 +151,20 @@ impl std::fmt::Display for WarningKind {
                  size"
             );
         }
+        if let Self::EmptyRegion(name) = self {
+            return write!(
+                f,
+                "region {name} has no tetrahedra: nothing of the solid lies in it alone, or less \
+                 than the size shows"
+            );
+        }
         f.write_str(match self {
             Self::SizesCutShort => {
                 "sizes were not refined as far as asked for: the limit of memory was met"
             }
             Self::TooFine => "the surface is finer than the mesh can resolve here",
             Self::NotCut(_) => "tetrahedra could not be cut to the end",
+            Self::EmptyRegion(_) => "a region has no tetrahedra",
             Self::StrayFace => "a face of the surface lies on no single part",
             Self::VertexOff => "a vertex could not be brought onto the surface",
             Self::MiddleOff => "a mid-edge node could not be brought onto the surface",
@@ -189,6 +199,9 @@ impl Warning {
 
     /// One warning for each of the places.
     pub(crate) fn each(kind: WarningKind, places: impl IntoIterator<Item = Point3>) -> Vec<Self> {
-        places.into_iter().map(|at| Self::at(kind, at)).collect()
+        places
+            .into_iter()
+            .map(|at| Self::at(kind.clone(), at))
+            .collect()
     }
 }

@@ -33,6 +33,7 @@ mod complex;
 mod crowd;
 mod cut;
 pub mod decide;
+mod divided;
 mod error;
 pub mod features;
 mod inside;
@@ -50,8 +51,9 @@ mod surface;
 mod torn;
 
 pub use adapt::{adapt, check_nodes, mean_edge, own_sizes};
+pub use divided::{Region, RegionSolid};
 pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
-pub use mesher::{Meshed, mesh};
+pub use mesher::{Meshed, REST, mesh, mesh_regions};
 pub use missed::{Missed, Witness};
 pub use options::{Options, Sizes};

@@ -7,8 +7,9 @@ use crate::assemble::{Joined, assemble_surface, assemble_volume};
 use crate::band::{Band, Core};
 use crate::crowd::Crowd;
 use crate::cut::Cutter;
+use crate::divided::{Divided, Layer, Region};
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
+use crate::features::{Corner, Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::missed::{Missed, missed};
@@ -16,7 +17,7 @@ use crate::optimise::Optimiser;
 use crate::options::Options;
 use crate::refine::Refiner;
 use crate::second::raise_order;
-use crate::surface::Surface;
+use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
 use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
@@ -34,6 +35,8 @@ const IN_VAIN: usize = 2;
 const ALL_OVER: usize = 8;
 /// Places of each kind of failure that are meshed finer at once.
 const PLACES: usize = 1000;
+/// What the region is called of what lies in none that is asked for.
+pub const REST: &str = "rest";
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -68,19 +71,52 @@ pub fn mesh(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
+    mesh_regions(solid, &[], options, control)
+}
+
+/// Meshes a solid in several regions: each takes what of the solid lies in its own solid and in that
+/// of no region before it, and what is left is one more, called `rest`. Tetrahedra of two regions
+/// share the nodes of the faces between them. These faces are triangles of the mesh, too, outward of
+/// the region that comes first, on the parts of its solid.
+///
+/// # Errors
+/// As [`mesh`], and if there are more regions than 999 or `options` ask for the surface alone.
+pub fn mesh_regions(
+    solid: &dyn Solid,
+    regions: &[Region<'_>],
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
     options.check()?;
+    check_regions(regions, options)?;
     control.begin("extent")?;
     if let Some(region) = options.region {
         let capped = Capped::new(solid, region);
         let extent = extent_within(&capped, region, options.size, control)?;
-        let mut meshed = mesh_within(&capped, &extent, options, control)?;
+        let mut meshed = mesh_within(&capped, regions, &extent, options, control)?;
         let is_cap = |name: &&String| name.starts_with("cap.");
         meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
         Ok(meshed)
     } else {
         let extent = extent_within(solid, options.start, options.size, control)?;
-        mesh_within(solid, &extent, options, control)
+        mesh_within(solid, regions, &extent, options, control)
     }
+}
+
+/// Whether a solid can be divided as asked for.
+fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshError> {
+    let (wanted, value) = match regions.len() {
+        0 => return Ok(()),
+        n if n >= MOST_LAYERS => ("fewer than 1000", n as f64),
+        n if options.surface_only => ("none with the surface alone", n as f64),
+        _ => return Ok(()),
+    };
+    let name = "regions";
+    Err(MeshError::Option {
+        name,
+        wanted,
+        value,
+    })
 }
 
 /// Meshes a solid whose extent is known. Where the certificate would hold something against the
@@ -89,22 +125,39 @@ pub fn mesh(
 /// fewest findings counts.
 fn mesh_within(
     solid: &dyn Solid,
+    regions: &[Region<'_>],
     extent: &Extent,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
-    let lattice = lattice_over(solid, extent.bounds, options, control)?;
-    if let Some(at) = Surface::new(solid, &lattice, extent.bounds, control).not_a_number() {
-        return Err(MeshError::NotANumber { at });
+    let divided = Divided::new(solid, regions);
+    let layers: Vec<Layer<'_>> = divided.layers();
+    let solids: Vec<&dyn Solid> = match regions {
+        [] => vec![solid],
+        _ => layers.iter().map(|layer| layer as &dyn Solid).collect(),
+    };
+    let mut lattices = Vec::new();
+    for solid in &solids {
+        let lattice = lattice_over(*solid, extent.bounds, options, control)?;
+        if let Some(at) = Surface::new(*solid, &lattice, extent.bounds, control).not_a_number() {
+            return Err(MeshError::NotANumber { at });
+        }
+        lattices.push(lattice);
     }
     control.check()?;
     control.begin("features")?;
     let features = features_of(solid, extent.bounds, options, control);
+    let inner: Vec<Features> = (solids[1..].iter())
+        .map(|solid| features_of(*solid, extent.bounds, options, control))
+        .collect();
     let ground = Ground {
-        solid,
+        solid: solids[0],
         extent,
-        lattice: &lattice,
+        lattice: &lattices[0],
+        layers: &divided.with_cells(&lattices),
+        names: &regions.iter().map(|r| r.name).collect::<Vec<_>>(),
         features: &features,
+        inner: &inner,
         options,
         control,
     };
@@ -196,7 +249,13 @@ struct Ground<'a> {
     solid: &'a dyn Solid,
     extent: &'a Extent,
     lattice: &'a Lattice,
+    /// The layers of a solid that is divided into regions; none of one that is not.
+    layers: &'a [LayerCells<'a>],
+    /// What the regions are called.
+    names: &'a [&'a str],
     features: &'a Features,
+    /// The features of the layers but for the first.
+    inner: &'a [Features],
     options: &'a Options,
     control: &'a Control<'a>,
 }
@@ -231,8 +290,16 @@ impl Ground<'_> {
         Wrong { count, places }
     }
 
+    /// Tips of cones, of all layers.
+    fn apexes(&self) -> Vec<Corner> {
+        let mut apexes = self.features.apexes();
+        apexes.extend(self.inner.iter().flat_map(Features::apexes));
+        apexes
+    }
+
     /// What the certificate of the surface alone would hold against it.
     fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
+        let mesh = mesh.without_walls();
         let surface = Mesh {
             points: mesh.points.clone(),
             triangles: mesh.triangles.clone(),
@@ -268,18 +335,24 @@ impl Ground<'_> {
         let Self {
             solid,
             lattice,
+            layers,
             options,
             control,
             ..
         } = *self;
         let region = self.extent.bounds;
-        let surface = Surface {
+        let in_focus = |focus: usize| Surface {
             seams: course.seams,
-            apexes: self.features.apexes(),
+            layers,
+            focus,
+            apexes: self.apexes(),
             ..Surface::new(solid, lattice, region, control)
         };
-        let graded = options.grade.is_some() || options.sizes.is_some();
-        let band = Band::new(lattice, !options.surface_only, graded, control);
+        let surface = in_focus(0);
+        let dividers: Vec<Surface<'_>> = (1..layers.len()).map(in_focus).collect();
+        let is_graded = options.grade.is_some() || options.sizes.is_some();
+        let all = is_graded || !layers.is_empty();
+        let band = Band::new(lattice, !options.surface_only, all, control);
         let band_points = band.complex.points.len();
         let mut refiner = Refiner {
             complex: band.complex,
@@ -288,18 +361,27 @@ impl Ground<'_> {
             control,
         };
         let crowd = Crowd::new(self.features, &course.finer, options.size);
-        let mut warnings = refine(&mut refiner, &surface, &crowd, options)?;
-        let inside = cut(refiner, &surface, &band.core, options, &mut warnings)?;
+        let mut warnings = refine(&mut refiner, &surface, &dividers, &crowd, options)?;
+        let inside = cut(
+            refiner,
+            &surface,
+            &dividers,
+            &band.core,
+            options,
+            &mut warnings,
+        )?;
         let joined = Joined {
             core: band.core,
             band_points,
             number: inside.number.clone(),
         };
-        let mesh = improve(inside, &surface, options, joined, &mut warnings)?;
+        let mut mesh = improve(inside, &surface, options, joined, &mut warnings)?;
+        warnings.extend(name_regions(&mut mesh, self.names));
         control.begin("what the mesh misses")?;
-        let missed = missed(solid, &mesh, region, options.size, control);
+        let outer = mesh.without_walls();
+        let missed = missed(solid, &outer, region, options.size, control);
         warnings.extend(missed.warning());
-        let torn = torn(&surface, &mesh, options.size);
+        let torn = torn(&surface, &outer, options.size);
         warnings.extend(Warning::each(WarningKind::Torn, torn));
         let meshed = Meshed {
             missed,
@@ -350,6 +432,7 @@ pub(crate) fn features_of(
 pub(crate) fn refine(
     refiner: &mut Refiner<'_>,
     surface: &Surface<'_>,
+    dividers: &[Surface<'_>],
     crowd: &Crowd,
     options: &Options,
 ) -> Result<Vec<Warning>, MeshError> {
@@ -364,9 +447,11 @@ pub(crate) fn refine(
         warnings.push(Warning::of_all(WarningKind::SizesCutShort));
     }
     control.begin("surface")?;
-    let hidden = refiner.resolve(surface);
-    warnings.extend(Warning::each(WarningKind::TooFine, hidden));
-    control.check()?;
+    for surface in std::iter::once(surface).chain(dividers) {
+        let hidden = refiner.resolve(surface);
+        warnings.extend(Warning::each(WarningKind::TooFine, hidden));
+        control.check()?;
+    }
     Ok(warnings)
 }
 
@@ -374,11 +459,12 @@ pub(crate) fn refine(
 fn cut(
     refiner: Refiner<'_>,
     surface: &Surface<'_>,
+    dividers: &[Surface<'_>],
     core: &Core,
     options: &Options,
     warnings: &mut Vec<Warning>,
 ) -> Result<Inside, MeshError> {
-    let mut cutter = cut_along(refiner, surface, warnings)?;
+    let mut cutter = cut_along(refiner, surface, dividers, warnings)?;
     let inside = cutter.inside();
     let inside = cutter.finish(&inside, &inside);
     if inside.complex.tets.is_empty() && core.tets.is_empty() {
@@ -393,6 +479,7 @@ fn cut(
 pub(crate) fn cut_along<'s>(
     mut refiner: Refiner<'_>,
     surface: &'s Surface<'s>,
+    dividers: &'s [Surface<'s>],
     warnings: &mut Vec<Warning>,
 ) -> Result<Cutter<'s>, MeshError> {
     let control = surface.control;
@@ -401,7 +488,7 @@ pub(crate) fn cut_along<'s>(
         return Err(MeshError::NotANumber { at });
     }
     control.check()?;
-    cutter.run();
+    cutter.run(dividers);
     for _ in 0..FINER {
         if cutter.undecided.is_empty() || control.is_stopped() {
             break;
@@ -409,7 +496,7 @@ pub(crate) fn cut_along<'s>(
         // Too coarse there: halved, and cut again.
         refiner.bisect_near(&cutter.undecided);
         cutter = cutter_of(&refiner, surface);
-        cutter.run();
+        cutter.run(dividers);
     }
     control.check()?;
     warnings.extend(undecided(&cutter.undecided));
@@ -429,6 +516,34 @@ fn cutter_of<'s>(refiner: &Refiner<'_>, surface: &'s Surface<'s>) -> Cutter<'s> 
 fn undecided(places: &[Point3]) -> Option<Warning> {
     let kind = WarningKind::NotCut(places.len());
     places.first().map(|&at| Warning::at(kind, at))
+}
+
+/// Gives the regions of a mesh their names, and a warning for each without tetrahedra; of the rest
+/// there may be nothing.
+fn name_regions(mesh: &mut Mesh, names: &[&str]) -> Vec<Warning> {
+    if names.is_empty() {
+        return Vec::new();
+    }
+    let mut is_there = vec![false; names.len() + 1];
+    for &region in &mesh.tet_regions {
+        is_there[region as usize] = true;
+    }
+    let all = names.iter().copied().chain([REST]).enumerate();
+    let mut number = vec![0; is_there.len()];
+    mesh.regions.clear();
+    let mut empty = Vec::new();
+    for (k, name) in all {
+        if is_there[k] {
+            number[k] = mesh.regions.len() as u32;
+            mesh.regions.push(name.to_owned());
+        } else if k < names.len() {
+            empty.push(Warning::of_all(WarningKind::EmptyRegion(name.to_owned())));
+        }
+    }
+    for region in &mut mesh.tet_regions {
+        *region = number[*region as usize];
+    }
+    empty
 }
 
 /// Optimises the tetrahedra inside the solid, and makes the mesh of them.

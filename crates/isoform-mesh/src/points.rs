@@ -5,6 +5,12 @@
 
 use isoform_geom::{Point3, norm};
 
+/// The pairs of entries of a list, in its order.
+pub(crate) fn pairs(list: &[u32]) -> impl Iterator<Item = [u32; 2]> + '_ {
+    let with = |(k, &a): (usize, &u32)| list[k + 1..].iter().map(move |&b| [a, b]);
+    list.iter().enumerate().flat_map(with)
+}
+
 /// The middle of two points.
 #[inline]
 pub(crate) fn midpoint(p: Point3, q: Point3) -> Point3 {

@@ -9,7 +9,7 @@ use crate::assemble::Labelled;
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::options::Options;
 use crate::points::midpoint;
-use crate::surface::{SKIN, Surface};
+use crate::surface::Surface;
 use isoform_geom::{Mesh, Point3, TET_EDGES, TRIANGLE_EDGES, cross, dot, norm, sub};
 use rayon::prelude::*;
 
@@ -165,14 +165,15 @@ fn smooth_pieces(surface: &Surface<'_>, pieces: &[u32], ends: [Point3; 2]) -> Ve
         let is_on = |p: &Point3| on.iter().all(|&i| surface.distance(i, *p) == 0.0);
         ends.iter().all(is_on)
     };
+    let skin = || vec![surface.skin(pieces[0])];
     match *pieces {
         [piece] if are_on(&[piece]) => vec![piece],
         [a, b] if are_on(&[a, b]) => {
             let seam = surface.seam_of([a, b], midpoint(ends[0], ends[1]));
             seam.filter(|seam| are_on(seam))
-                .map_or(vec![SKIN], |seam| seam.to_vec())
+                .map_or_else(skin, |seam| seam.to_vec())
         }
-        _ => vec![SKIN],
+        _ => skin(),
     }
 }
 

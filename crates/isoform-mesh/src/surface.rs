@@ -11,7 +11,7 @@ mod newton;
 mod on;
 
 use crate::features::Corner;
-use crate::lattice::{IN, Lattice, OUT};
+use crate::lattice::{IN, Lattice, OUT, Reduced};
 use crate::points::{along, hash};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
@@ -23,6 +23,19 @@ use std::sync::atomic::AtomicBool;
 /// Stands for the solid itself where pieces that touch tangentially make one smooth surface:
 /// whichever of them decides.
 pub(crate) const SKIN: u32 = u32::MAX - 1;
+/// Most layers of a divided solid: the skin of layer k is [`SKIN`] − k.
+pub(crate) const MOST_LAYERS: usize = 1000;
+
+/// Stands for a layer of a divided solid itself, as [`SKIN`] does for an undivided one.
+fn skin_of_layer(layer: usize) -> u32 {
+    SKIN - layer as u32
+}
+
+/// Whether a piece is none, but stands for a layer.
+pub(crate) fn is_skin(piece: u32) -> bool {
+    piece <= SKIN && piece > SKIN - MOST_LAYERS as u32
+}
+
 /// Stands for the piece that decides where none does, because the cell is decided.
 pub(crate) const NO_PIECE: u32 = u32::MAX;
 
@@ -79,10 +92,23 @@ fn sine_between(solid: &dyn Solid, pieces: [u32; 2], p: Point3) -> f64 {
     }
 }
 
+/// A layer of a divided solid, as [`Surface`] sees it.
+#[derive(Clone, Copy)]
+pub(crate) struct LayerCells<'s> {
+    /// The lattice with what of the layer's tree matters in each cell.
+    pub(crate) lattice: &'s Lattice,
+    /// Its first piece.
+    pub(crate) first: u32,
+}
+
 /// The solid as the mesher asks it.
 pub(crate) struct Surface<'s> {
     pub(crate) solid: &'s dyn Solid,
     pub(crate) lattice: &'s Lattice,
+    /// The layers of a solid that is divided into regions; none of one that is not.
+    pub(crate) layers: &'s [LayerCells<'s>],
+    /// The layer whose value counts as that of the solid.
+    pub(crate) focus: usize,
     /// Below this distance a value is 0: rounding, and pieces that coincide.
     pub(crate) zero: f64,
     /// Whether cells are smaller where the surface bends.
@@ -139,6 +165,8 @@ impl<'s> Surface<'s> {
         Self {
             solid,
             lattice,
+            layers: &[],
+            focus: 0,
             zero: zero_in(region),
             bends: true,
             seams: true,
@@ -150,7 +178,7 @@ impl<'s> Surface<'s> {
     }
 }
 
-impl Surface<'_> {
+impl<'s> Surface<'s> {
     /// Where something stands among its equals: the same for all, unless places decide.
     pub(crate) fn rank(&self, p: Point3) -> u64 {
         if self.by_place { hash(p) } else { 0 }
@@ -158,8 +186,8 @@ impl Surface<'_> {
 
     /// Distance of a point to a piece, to first order; 0 within rounding.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
-        if piece == SKIN {
-            return self.value(p).0;
+        if is_skin(piece) {
+            return self.value_in(self.layer_of(piece), p).0;
         }
         let v = first_order_at(self.solid, piece, p);
         if v.abs() <= self.zero { 0.0 } else { v }
@@ -168,11 +196,16 @@ impl Surface<'_> {
     /// Value of the solid and the piece that decides it; ±∞ and [`NO_PIECE`] in cells that are
     /// decided.
     pub(crate) fn value(&self, p: Point3) -> (f64, u32) {
-        match self.lattice.state_at(p) {
+        self.value_in(self.focus, p)
+    }
+
+    /// Value of a layer and the piece that decides it, as [`Self::value`] tells of the solid.
+    pub(crate) fn value_in(&self, layer: usize, p: Point3) -> (f64, u32) {
+        let lattice = self.lattice_of(layer);
+        match lattice.state_at(p) {
             IN => (f64::INFINITY, NO_PIECE),
             OUT => (f64::NEG_INFINITY, NO_PIECE),
-            k => self
-                .lattice
+            k => lattice
                 .reduced(k)
                 .expect("undecided cells have a tree")
                 .tree
@@ -201,19 +234,67 @@ impl Surface<'_> {
             .map(middle)
     }
 
+    /// The layer that a piece belongs to.
+    #[inline]
+    pub(crate) fn layer_of(&self, piece: u32) -> usize {
+        if is_skin(piece) {
+            return (SKIN - piece) as usize;
+        }
+        let before = self.layers.partition_point(|l| l.first <= piece);
+        before.saturating_sub(1)
+    }
+
+    /// The one layer that pieces belong to, if it is one.
+    pub(crate) fn common_layer(&self, pieces: &[u32]) -> Option<usize> {
+        let layer = self.layer_of(*pieces.first()?);
+        let is_there = |&piece: &u32| self.layer_of(piece) == layer;
+        pieces.iter().all(is_there).then_some(layer)
+    }
+
+    /// The lattice of a layer.
+    #[inline]
+    pub(crate) fn lattice_of(&self, layer: usize) -> &'s Lattice {
+        self.layers.get(layer).map_or(self.lattice, |l| l.lattice)
+    }
+
+    /// What of a layer's tree matters around a point; none if it is decided there.
+    pub(crate) fn reduced_in(&self, layer: usize, p: Point3) -> Option<&'s Reduced> {
+        self.lattice_of(layer).reduced_at(p)
+    }
+
+    /// The pieces of all layers that matter around a point.
+    pub(crate) fn pieces_near(&self, p: Point3) -> Vec<u32> {
+        let layers = 0..self.layers.len().max(1);
+        let reduced = layers.filter_map(|layer| self.reduced_in(layer, p));
+        reduced
+            .flat_map(|reduced| &reduced.pieces)
+            .copied()
+            .collect()
+    }
+
+    /// Whether each of the layers that pieces belong to has its surface at a point.
+    pub(crate) fn are_bounded_at(&self, pieces: &[u32], p: Point3) -> bool {
+        let value = |&piece: &u32| self.value_in(self.layer_of(piece), p).0;
+        pieces.iter().all(|piece| value(piece).abs() <= self.zero)
+    }
+
+    /// Stands for the solid that a piece is one of.
+    pub(crate) fn skin(&self, piece: u32) -> u32 {
+        skin_of_layer(self.layer_of(piece))
+    }
+
     /// Whether no other piece can decide the solid's sign around the point.
     pub(crate) fn is_alone(&self, piece: u32, p: Point3) -> bool {
-        self.lattice
-            .reduced_at(p)
+        self.reduced_in(self.layer_of(piece), p)
             .is_some_and(|reduced| reduced.pieces == [piece])
     }
 
     /// Value and gradient of a piece, or of the one that decides.
     pub(crate) fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
-        if piece != SKIN {
+        if !is_skin(piece) {
             return self.solid.gradient(piece, p);
         }
-        match self.value(p).1 {
+        match self.value_in(self.layer_of(piece), p).1 {
             NO_PIECE => (f64::INFINITY, [0.0; 3]),
             piece => self.solid.gradient(piece, p),
         }

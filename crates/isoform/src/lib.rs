@@ -165,12 +165,13 @@ pub use isoform_tess::{
 };
 pub use live::{LiveModel, LiveParameter, Readings, solid_of_polynomial, undefined_at};
 pub use mesh_model::{
-    MeshModelError, MeshModelOptions, MeshNote, ModelMesh, adapt_to_model, mesh_model,
+    MeshModelError, MeshModelOptions, MeshNote, ModelMesh, RegionModel, adapt_to_model, mesh_model,
+    mesh_model_regions,
 };
 pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
-    certified_adaptation, certified_mesh, default_size, default_size_within, flat_triangles,
-    solid_of, surface_of,
+    RegionCertificate, certified_adaptation, certified_mesh, certified_regions, default_size,
+    default_size_within, flat_triangles, solid_of, surface_of,
 };
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,

@@ -1,13 +1,16 @@
 //! The mesh of a model with its certificate.
 
-use crate::{certified_adaptation, certified_mesh, default_size_within, solid_of};
+use crate::{
+    RegionCertificate, certified_adaptation, certified_mesh, certified_regions,
+    default_size_within, solid_of,
+};
 use isoform_check::{Certificate, Limits};
 use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
 use isoform_geom::{Aabb, Mesh, Solid};
 use isoform_mesh::{
-    MeshError, Meshed, Options, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
+    MeshError, Meshed, Options, Region, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
 use std::fmt;
 
@@ -75,6 +78,8 @@ pub struct ModelMesh {
     pub certificate: Certificate,
     /// What was asked for, with the length of edges.
     pub options: Options,
+    /// What is proved of each of its regions, if it was meshed in several.
+    pub regions: Vec<RegionCertificate>,
     /// Triangles that were cut away behind the certificate, as no points lie near them.
     pub cut: usize,
 }
@@ -122,7 +127,13 @@ impl fmt::Display for MeshNote {
 impl ModelMesh {
     /// Whether the certificate holds and nothing was left open.
     pub fn is_as_asked(&self) -> bool {
-        self.certificate.is_ok() && self.meshed.warnings.is_empty()
+        self.holds() && self.meshed.warnings.is_empty()
+    }
+
+    /// Whether the certificate holds, and that of each region.
+    pub fn holds(&self) -> bool {
+        let mut all = self.regions.iter().map(|region| &region.certificate);
+        self.certificate.is_ok() && all.all(Certificate::is_ok)
     }
 
     /// What is good to know.
@@ -166,7 +177,50 @@ pub fn mesh_model(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    make(model, a, None, options, control)
+    make(model, a, &[], None, options, control)
+}
+
+/// A region of a model: what of it lies in another model.
+#[derive(Clone, Copy, Debug)]
+pub struct RegionModel<'a> {
+    /// What it is called.
+    pub name: &'a str,
+    /// Where it is.
+    pub model: &'a Model,
+    /// The values of its parameters.
+    pub values: &'a [f64],
+}
+
+/// Meshes a model in several regions, each with the tetrahedra in it: see
+/// [`isoform_mesh::mesh_regions`]. The whole and each region are certified.
+///
+/// ```
+/// use isoform::field::hyperfun::{Mode, Model};
+/// use isoform::{Control, MeshModelOptions, RegionModel, mesh_model_regions};
+/// let text = "core(x[3], a[1]) { core = 0.5^2 - x[1]^2 - x[2]^2 - x[3]^2; }
+///     my_model(x[3], a[1]) { my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
+/// let model = Model::parse(text, Mode::Default)?;
+/// let core = model.clone().object(Some("core"))?;
+/// let options = MeshModelOptions { size: Some(0.2), ..MeshModelOptions::default() };
+/// let region = RegionModel { name: "core", model: &core, values: &[0.0] };
+/// let made = mesh_model_regions(&model, &[0.0], &[region], &options, &Control::default())?;
+/// assert!(made.holds());
+/// assert_eq!(made.meshed.mesh.regions, ["core", "rest"]);
+/// let core = made.regions[0].certificate.surface.as_ref().expect("was looked at");
+/// assert!((core.volume / (4.18879 / 8.0) - 1.0).abs() < 0.05);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+///
+/// # Errors
+/// [`MeshModelError`].
+pub fn mesh_model_regions(
+    model: &Model,
+    a: &[f64],
+    regions: &[RegionModel<'_>],
+    options: &MeshModelOptions,
+    control: &Control<'_>,
+) -> Result<ModelMesh, MeshModelError> {
+    make(model, a, regions, None, options, control)
 }
 
 /// Improves a mesh given from elsewhere on the model that it stands for, tetrahedra or a surface,
@@ -181,12 +235,13 @@ pub fn adapt_to_model(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    make(model, a, Some(given), options, control)
+    make(model, a, &[], Some(given), options, control)
 }
 
 fn make(
     model: &Model,
     a: &[f64],
+    regions: &[RegionModel<'_>],
     given: Option<&Mesh>,
     options: &MeshModelOptions,
     control: &Control<'_>,
@@ -199,8 +254,20 @@ fn make(
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
     }
-    let mut made = of_solid(solid.as_ref(), given, options, control)?;
-    if is_run {
+    let mut are_run = is_run;
+    let mut solids = Vec::new();
+    for region in regions {
+        let (solid, is_run) = solid_of(region.model, region.values)?;
+        are_run |= is_run;
+        solids.push(solid);
+    }
+    let named = regions.iter().zip(&solids).map(|(region, solid)| Region {
+        name: region.name,
+        solid: solid.as_ref(),
+    });
+    let regions: Vec<Region<'_>> = named.collect();
+    let mut made = of_solid(solid.as_ref(), &regions, given, options, control)?;
+    if are_run {
         let warning = Warning::of_all(WarningKind::NotProved);
         made.meshed.warnings.push(warning);
     }
@@ -214,11 +281,12 @@ pub(crate) fn mesh_solid(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<ModelMesh, MeshModelError> {
-    of_solid(solid, None, options, control)
+    of_solid(solid, &[], None, options, control)
 }
 
 fn of_solid(
     solid: &dyn Solid,
+    regions: &[Region<'_>],
     given: Option<&Mesh>,
     options: &MeshModelOptions,
     control: &Control<'_>,
@@ -239,13 +307,20 @@ fn of_solid(
         // A surface keeps its smaller triangles where it has them.
         inner.sizes = Some(own_sizes(mesh));
     }
-    let (meshed, certificate) = match given {
-        Some(mesh) => certified_adaptation(mesh, solid, &inner, options.limits, control)?,
-        None => certified_mesh(solid, &inner, options.limits, control)?,
+    let limits = options.limits;
+    let (meshed, certificate, regions) = if let Some(mesh) = given {
+        let (meshed, whole) = certified_adaptation(mesh, solid, &inner, limits, control)?;
+        (meshed, whole, Vec::new())
+    } else if regions.is_empty() {
+        let (meshed, whole) = certified_mesh(solid, &inner, limits, control)?;
+        (meshed, whole, Vec::new())
+    } else {
+        certified_regions(solid, regions, &inner, limits, control)?
     };
     Ok(ModelMesh {
         meshed,
         certificate,
+        regions,
         options: inner,
         cut: 0,
     })

@@ -1,11 +1,13 @@
 //! From a model to a solid, its mesh and the certificate.
 
-use isoform_check::{self as check, Certificate, Limits, certify};
+use isoform_check::{self as check, Capped, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
-use isoform_mesh::features::{ExtentError, START, extent_within};
-use isoform_mesh::{Control, MeshError, Meshed, Options, adapt, mesh};
+use isoform_mesh::features::{self, ExtentError, FeatureOptions, Features, START, extent_within};
+use isoform_mesh::{
+    Control, MeshError, Meshed, Options, REST, Region, RegionSolid, adapt, mesh, mesh_regions,
+};
 use std::collections::HashSet;
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
@@ -136,6 +138,63 @@ pub fn certified_mesh(
     Ok(certified(meshed, solid, options, limits, control))
 }
 
+/// Meshes a solid in regions ([`isoform_mesh::mesh_regions`]) and certifies the whole and each region
+/// with tetrahedra as a solid of its own.
+pub fn certified_regions(
+    solid: &dyn Solid,
+    regions: &[Region<'_>],
+    options: &Options,
+    limits: Limits,
+    control: &Control<'_>,
+) -> Result<(Meshed, Certificate, Vec<RegionCertificate>), MeshError> {
+    let meshed = mesh_regions(solid, regions, options, control)?;
+    let (meshed, certificate) = certified(meshed, solid, options, limits, control);
+    let capped = options.region.map(|region| Capped::new(solid, region));
+    let whole: &dyn Solid = capped.as_ref().map_or(solid, |capped| capped);
+    let names = regions.iter().map(|r| r.name).chain([REST]);
+    let mut certificates = Vec::new();
+    for (k, name) in names.enumerate() {
+        let is_it = |other: &String| other == name;
+        let Some(number) = meshed.mesh.regions.iter().position(is_it) else {
+            continue;
+        };
+        let part = meshed.mesh.region(number as u32);
+        let solid = RegionSolid::new(whole, regions, k);
+        let features = features::find(
+            &solid,
+            meshed.region,
+            &FeatureOptions {
+                size: options.size,
+                ..FeatureOptions::default()
+            },
+            control,
+        );
+        let (curves, corners) = wanted_features(&features);
+        let wanted = check::Options {
+            size: Some(options.size),
+            curves: &curves,
+            corners: &corners,
+            limits,
+            ..check::Options::default()
+        };
+        let certificate = certify(&part, Some(&solid), &wanted, control);
+        certificates.push(RegionCertificate {
+            name: name.to_owned(),
+            certificate,
+        });
+    }
+    Ok((meshed, certificate, certificates))
+}
+
+/// What is proved of a region of a mesh.
+#[derive(Clone, Debug)]
+pub struct RegionCertificate {
+    /// The region.
+    pub name: String,
+    /// Its certificate, as that of a mesh of its own.
+    pub certificate: Certificate,
+}
+
 /// Improves a volume mesh given from elsewhere on the solid that it stands for, and certifies it
 /// like one of our own.
 pub fn certified_adaptation(
@@ -156,19 +215,7 @@ fn certified(
     limits: Limits,
     control: &Control<'_>,
 ) -> (Meshed, Certificate) {
-    let curves: Vec<Vec<Point3>> = meshed
-        .features
-        .curves
-        .iter()
-        .map(|c| c.points.clone())
-        .collect();
-    let corners: Vec<Point3> = meshed
-        .features
-        .corners
-        .iter()
-        .filter(|c| c.needs_node())
-        .map(|c| c.point)
-        .collect();
+    let (curves, corners) = wanted_features(&meshed.features);
     if meshed.mesh.corners.is_empty() {
         meshed.mesh.corners = nodes_at(&meshed.mesh, &corners);
     }
@@ -180,8 +227,15 @@ fn certified(
         limits,
         ..check::Options::default()
     };
-    let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
+    let certificate = certify(&meshed.mesh.without_walls(), Some(solid), &wanted, control);
     (meshed, certificate)
+}
+
+/// The curves and corners that a mesh must have, of those that a solid has.
+fn wanted_features(features: &Features) -> (Vec<Vec<Point3>>, Vec<Point3>) {
+    let curves = features.curves.iter().map(|c| c.points.clone());
+    let corners = features.corners.iter().filter(|c| c.needs_node());
+    (curves.collect(), corners.map(|c| c.point).collect())
 }
 
 /// The nodes of feature edges at the given points, in their order.

@@ -3,6 +3,7 @@
 mod blocks;
 pub(crate) mod document;
 pub(crate) mod files;
+mod regions;
 mod sizes;
 mod solid;
 pub(crate) mod table;
@@ -26,6 +27,7 @@ Examples:
   isoform mesh part.hf --adapt old.msh -o better.msh
   isoform mesh part.step -o part.stl
   isoform mesh lattice.hf --size 0.05 --blocks 4,4,4 -o big.pvtu
+  isoform mesh bimetal.hf --regions core,shell -o bimetal.inp
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
@@ -59,6 +61,15 @@ pub(crate) struct Args {
         conflicts_with_all = ["adapt", "to"]
     )]
     blocks: Option<Counts>,
+    /// Mesh the model in regions with common nodes: objects of the program, or files of others. Each
+    /// takes what of the model lies in it and in none before it; the rest is one more
+    #[arg(
+        long,
+        value_name = "NAME|FILE,...",
+        value_delimiter = ',',
+        conflicts_with_all = ["adapt", "blocks", "surface_only"]
+    )]
+    regions: Vec<String>,
     /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]
     close: bool,
@@ -173,6 +184,9 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
         if args.adapt.is_some() {
             return Err(Failure::usage("--adapt needs a HyperFun program"));
         }
+        if !args.regions.is_empty() {
+            return Err(Failure::usage("--regions needs a HyperFun program"));
+        }
         let unseen = if args.close {
             Unseen::Close
         } else {
@@ -182,13 +196,16 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
             name,
             shape: Shape::Spline(Box::new(spline::read(&args.model)?), unseen),
             unit: None,
+            regions: Vec::new(),
         });
     }
     let model = gallery::template(&args.model, &args.language, context)?;
     let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    let regions = regions::read(&args.regions, (&model, &values), &args.language, context)?;
     Ok(Subject {
         name,
         unit: model.info().unit.clone(),
+        regions,
         shape: Shape::Model(Box::new(model), values),
     })
 }

@@ -2,7 +2,8 @@
 
 use super::files::Written;
 use super::work::{Made, place};
-use isoform::check::Certificate;
+use isoform::RegionCertificate;
+use isoform::check::{Certificate, Failure, Place};
 use isoform::geom::Mesh;
 use isoform::mesh::Warning;
 use isoform::report::brief;
@@ -12,9 +13,10 @@ pub(crate) fn text(made: &Made) -> String {
     let mut text = line("size", size(made))
         + &line("region", region(made))
         + &of_mesh(&made.mesh.meshed.mesh, &made.mesh.certificate);
+    text.extend(made.mesh.regions.iter().map(of_region));
     let open = left_open(&made.mesh.meshed.warnings);
     text.extend(open.iter().map(|what| line("LEFT OPEN", what.clone())));
-    let verdict = verdict(made.mesh.certificate.is_ok(), !open.is_empty());
+    let verdict = verdict(made.mesh.holds(), !open.is_empty());
     let seconds: f64 = made.seconds.iter().map(|s| s.1).sum();
     text += &line("certificate", format!("{verdict}; {} s", brief(seconds)));
     text + &wrote(&made.written)
@@ -43,7 +45,7 @@ fn left_open(warnings: &[Warning]) -> Vec<String> {
         }
     }
     let told = |(first, count): (&Warning, usize)| {
-        let kind = first.kind;
+        let kind = &first.kind;
         match first.at {
             Some(at) if count > 1 => {
                 format!("{kind}: {count} places, the first at {}", place(at))
@@ -80,14 +82,33 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
     if !mesh.parts.is_empty() {
         lines.push(line("parts", parts(mesh)));
     }
-    for failure in certificate.failures() {
-        let at = failure
-            .place
-            .as_ref()
-            .map_or(String::new(), |p| format!(", the first at {}", place(p.at)));
-        lines.push(line("FAILED", format!("{failure}{at}")));
-    }
+    lines.extend(failed(certificate));
     lines.concat()
+}
+
+/// What is known of a region.
+fn of_region(region: &RegionCertificate) -> String {
+    let certificate = &region.certificate;
+    let tets = certificate.volume.as_ref().map_or(0, |v| v.tets);
+    let volume = certificate.surface.as_ref().map_or(0.0, |s| s.volume);
+    let text = format!(
+        "{}: {tets} tetrahedra, volume {}",
+        region.name,
+        brief(volume)
+    );
+    let mut lines = vec![line("in region", text)];
+    lines.extend(failed(certificate));
+    lines.concat()
+}
+
+/// What does not hold.
+fn failed(certificate: &Certificate) -> Vec<String> {
+    let tell = |failure: &Failure| {
+        let at = |p: &Place| format!(", the first at {}", place(p.at));
+        let at = failure.place.as_ref().map_or(String::new(), at);
+        line("FAILED", format!("{failure}{at}"))
+    };
+    certificate.failures().iter().map(tell).collect()
 }
 
 /// One line.

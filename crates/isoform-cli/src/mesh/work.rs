@@ -2,6 +2,7 @@
 
 use super::Settings;
 use super::files::Written;
+use super::regions::Region;
 use super::sizes;
 use crate::interrupt;
 use crate::output::{self, Context, Failure, NO_RESULT};
@@ -14,8 +15,8 @@ use isoform::mesh::features::ExtentError;
 use isoform::mesh::{MeshError, Options, Warning};
 use isoform::report::brief;
 use isoform::{
-    Control, Implicit, MeshModelError, MeshModelOptions, ModelMesh, Unseen, adapt_to_model,
-    mesh_model, mesh_spline,
+    Control, Implicit, MeshModelError, MeshModelOptions, ModelMesh, RegionModel, Unseen,
+    adapt_to_model, mesh_model_regions, mesh_spline,
 };
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
@@ -26,6 +27,8 @@ pub(crate) struct Subject {
     /// For messages.
     pub(crate) name: String,
     pub(crate) shape: Shape,
+    /// The regions that a program is to be meshed in; none for one.
+    pub(crate) regions: Vec<Region>,
     /// Unit of its lengths.
     pub(crate) unit: Option<String>,
 }
@@ -174,7 +177,15 @@ pub(crate) fn make(
         (Shape::Model(model, values), Some(mesh)) => {
             adapt_to_model(mesh, model, values, &options, &control)
         }
-        (Shape::Model(model, values), None) => mesh_model(model, values, &options, &control),
+        (Shape::Model(model, values), None) => {
+            let named = subject.regions.iter().map(|region| RegionModel {
+                name: &region.name,
+                model: &region.model,
+                values: &region.values,
+            });
+            let regions: Vec<RegionModel<'_>> = named.collect();
+            mesh_model_regions(model, values, &regions, &options, &control)
+        }
         (Shape::Spline(spline, unseen), _) => mesh_spline(spline, *unseen, &options, &control),
     };
     let (object, values) = match &subject.shape {

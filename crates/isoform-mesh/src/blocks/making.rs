@@ -114,8 +114,8 @@ impl Block<'_> {
             control,
         };
         let crowd = self.plan.crowd(self.plan.box_of(cells));
-        let mut warnings = refine(&mut refiner, surface, &crowd, options)?;
-        let mut cutter = cut_along(refiner, surface, &mut Vec::new())?;
+        let mut warnings = refine(&mut refiner, surface, &[], &crowd, options)?;
+        let mut cutter = cut_along(refiner, surface, &[], &mut Vec::new())?;
         let not_cut = cutter.undecided.iter().filter(|p| holds(&self.room, **p));
         let not_cut: Vec<Point3> = not_cut.copied().collect();
         warnings.retain(|w| w.at.is_none_or(|at| holds(&self.room, at)));

@@ -57,33 +57,57 @@ pub(super) struct Cavity {
     /// Faces of new tetrahedra that no other one has yet, with their places: four times the
     /// tetrahedron plus the vertex opposite.
     inner: Faces,
+    /// Faces that may be walls without a label yet, by a new tetrahedron and the vertex opposite;
+    /// kept where there are regions.
+    joined: Vec<(u32, usize)>,
 }
 
 impl Complex {
     /// Puts the tetrahedra `new` in the place of `old`, which fill the same cavity (or one that
-    /// differs by boundary faces). The new boundary faces get the label that `label` gives for
-    /// their vertices (sorted). Slots of the new ones go to `made`.
+    /// differs by boundary faces) in one region. The new boundary faces get the label that `label`
+    /// gives for their vertices (sorted). Slots of the new ones go to `made`.
     pub(crate) fn replace(
         &mut self,
         old: &[u32],
         new: &[[u32; 4]],
+        label: impl FnMut([u32; 3]) -> u32,
+        made: &mut Vec<u32>,
+    ) {
+        let regions = match self.is_divided() {
+            true => vec![self.region(old[0]); new.len()],
+            false => Vec::new(),
+        };
+        debug_assert!(old.iter().all(|&t| self.region(t) == self.region(old[0])));
+        self.replace_in(old, (new, &regions), label, made);
+    }
+
+    /// As [`Self::replace`], with a region for each new tetrahedron if there are regions; new walls
+    /// get labels as new boundary faces do.
+    pub(crate) fn replace_in(
+        &mut self,
+        old: &[u32],
+        (new, regions): (&[[u32; 4]], &[u16]),
         mut label: impl FnMut([u32; 3]) -> u32,
         made: &mut Vec<u32>,
     ) {
         let mut cavity = std::mem::take(&mut self.cavity);
         cavity.inner.clear();
+        cavity.joined.clear();
         self.list_outer_faces(old, &mut cavity.outer);
         if cavity.outer.list.len() > FEW {
             cavity.outer.index();
             cavity.inner.index();
         }
         self.take_out(old);
-        self.put_in(new, made);
+        self.put_in(new, regions, made);
         for &t in made.iter() {
             for i in 0..4 {
                 self.join(t, i, &mut cavity);
             }
             self.find_vertices_from(t);
+        }
+        if self.is_divided() {
+            self.label_walls(&cavity.joined, &mut label);
         }
         if let Some(log) = &mut self.log {
             log.extend_from_slice(made);
@@ -130,16 +154,24 @@ impl Complex {
     }
 
     /// Puts tetrahedra without neighbours into free slots, or new ones.
-    fn put_in(&mut self, new: &[[u32; 4]], made: &mut Vec<u32>) {
+    fn put_in(&mut self, new: &[[u32; 4]], regions: &[u16], made: &mut Vec<u32>) {
         made.clear();
-        for v in new {
+        for (k, v) in new.iter().enumerate() {
             let t = self.free.pop().unwrap_or_else(|| {
                 self.tets.push([NONE; 4]);
                 self.adjacent.push([OPEN; 4]);
                 self.marks.push(0);
+                if !regions.is_empty() {
+                    self.regions.push(0);
+                    self.walls.push([NONE; 4]);
+                }
                 self.tets.len() as u32 - 1
             });
             self.tets[t as usize] = *v;
+            if let Some(&region) = regions.get(k) {
+                self.regions[t as usize] = region;
+                self.walls[t as usize] = [NONE; 4];
+            }
             made.push(t);
         }
     }
@@ -154,17 +186,46 @@ impl Complex {
             if n < BOUNDARY {
                 let back = self.place_opposite(n, face);
                 self.adjacent[n as usize][back] = t;
+                if self.is_divided() {
+                    self.keep_wall((t, i), (n, back), cavity);
+                }
             }
         } else if let Some(other) = cavity.inner.take(face) {
             self.adjacent[t as usize][i] = other / 4;
             self.adjacent[other as usize / 4][other as usize % 4] = t;
+            if self.is_divided() {
+                cavity.joined.push((t, i));
+            }
         } else {
             cavity.inner.push(face, 4 * t + i as u32);
         }
     }
 
+    /// Where a new tetrahedron and a neighbour of the cavity share a wall, it keeps its label; if it
+    /// was none before, it gets one later.
+    fn keep_wall(&mut self, (t, i): (u32, usize), (n, back): (u32, usize), cavity: &mut Cavity) {
+        let label = &mut self.walls[n as usize][back];
+        if self.regions[t as usize] == self.regions[n as usize] {
+            *label = NONE;
+        } else if *label == NONE {
+            cavity.joined.push((t, i));
+        } else {
+            self.walls[t as usize][i] = *label;
+        }
+    }
+
+    /// Labels the walls among the faces of new tetrahedra that have no label yet.
+    fn label_walls(&mut self, joined: &[(u32, usize)], label: &mut impl FnMut([u32; 3]) -> u32) {
+        for &(t, i) in joined {
+            if self.is_wall(t, i) {
+                let label = label(sorted(self.face(t, i)));
+                self.set_label(t, i, label);
+            }
+        }
+    }
+
     /// The place in tetrahedron `t` of the vertex that is not on its face.
-    fn place_opposite(&self, t: u32, face: [u32; 3]) -> usize {
+    pub(super) fn place_opposite(&self, t: u32, face: [u32; 3]) -> usize {
         (0..4)
             .find(|&j| !face.contains(&self.tets[t as usize][j]))
             .expect("one vertex is not on the face")
@@ -204,21 +265,34 @@ impl Complex {
     pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
         let with = |from: u32| move |k: u32| if k == from { m } else { k };
         let mut new = Vec::with_capacity(2 * ring.tets.len());
+        let mut regions = Vec::new();
         let mut labels: Vec<([u32; 3], u32)> = Vec::new();
         for &t in &ring.tets {
             let v = self.tets[t as usize];
             new.push(v.map(with(b)));
             new.push(v.map(with(a)));
+            if self.is_divided() {
+                regions.extend([self.region(t); 2]);
+            }
             for i in 0..4 {
                 let n = self.adjacent[t as usize][i];
                 let f = self.face(t, i);
-                if n >= BOUNDARY && f.contains(&a) && f.contains(&b) {
-                    labels.push((sorted(f.map(with(b))), n));
-                    labels.push((sorted(f.map(with(a))), n));
+                let label = if n >= BOUNDARY {
+                    Some(n)
+                } else {
+                    self.label(t, i)
+                };
+                if let Some(label) = label
+                    && f.contains(&a)
+                    && f.contains(&b)
+                {
+                    labels.push((sorted(f.map(with(b))), label));
+                    labels.push((sorted(f.map(with(a))), label));
                 }
             }
         }
-        self.replace(&ring.tets, &new, |face| label_in(&labels, face), made);
+        let label = |face| label_in(&labels, face);
+        self.replace_in(&ring.tets, (&new, &regions), label, made);
     }
 }
 

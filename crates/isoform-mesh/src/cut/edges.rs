@@ -57,10 +57,12 @@ impl Longest {
 }
 
 impl Cutter<'_> {
-    /// Cuts until every tetrahedron is decided, or the budget is spent.
-    pub(super) fn cut(&mut self) {
+    /// Cuts until every tetrahedron is decided, or the budget is spent. Returns how many edges were
+    /// cut, or ends of edges moved instead.
+    pub(super) fn cut(&mut self) -> usize {
         let mut queue: VecDeque<u32> = self.in_order().into();
         let mut budget = queue.len() / BUDGET + LEAST_BUDGET;
+        let all = budget;
         let mut ring = Ring::default();
         let mut looked = 0usize;
         while let Some(t) = queue.pop_front() {
@@ -71,7 +73,7 @@ impl Cutter<'_> {
             if budget == 0 || (looked.is_multiple_of(LOOK) && self.control.is_stopped()) {
                 queue.push_front(t);
                 self.give_up(queue);
-                return;
+                return all - budget;
             }
             let Some(crossing) = self.crossing(t) else {
                 continue;
@@ -86,6 +88,7 @@ impl Cutter<'_> {
             budget -= 1;
             queue.extend(self.cut_edge(t, crossing, &mut ring));
         }
+        all - budget
     }
 
     /// All tetrahedra in the order in which they are looked at first.
@@ -114,6 +117,9 @@ impl Cutter<'_> {
     /// leaves it undecided. Where an edge may run through a thin sheet from outside to outside both
     /// kinds compete: cutting only the shorter ones around it would go on for ever.
     fn crossing(&mut self, t: u32) -> Option<Crossing> {
+        if self.is_settled(t) {
+            return None;
+        }
         let edges = self.complex.edges(t);
         let mut best = Longest::default();
         let mut through = false;
@@ -252,10 +258,7 @@ impl Cutter<'_> {
         let p = self.complex.point(end);
         let surface = self.surface;
         let deciding = crossing.piece.unwrap_or_else(|| surface.value(p).1);
-        let mut near = surface
-            .lattice
-            .reduced_at(p)
-            .map_or(Vec::new(), |reduced| reduced.pieces.clone());
+        let mut near = surface.pieces_near(p);
         near.retain(|&i| self.distance(end, i).abs() < shallow);
         near.extend([deciding, found]);
         for i in near {

@@ -46,6 +46,9 @@ impl Cutter<'_> {
             .map(|&t| self.complex.tets[t as usize].map(|v| number[v as usize]))
             .collect();
         let mut complex = Complex::new(points, tets);
+        if !self.surface.layers.is_empty() {
+            complex.divide(live.iter().map(|&t| self.region(t)).collect());
+        }
         let stray = self.label(&live, inside, &mut complex);
         for v in complex.separate() {
             frozen.push(frozen[v as usize]);
@@ -80,35 +83,37 @@ impl Cutter<'_> {
         kept
     }
 
-    /// Labels the faces between inside and outside in the complex of the tetrahedra kept. Returns
-    /// places of faces on no single piece.
+    /// Labels the faces between inside and outside, and those between regions, in the complex of the
+    /// tetrahedra kept. Returns places of faces on no single piece.
     fn label(&mut self, live: &[u32], inside: &[bool], kept: &mut Complex) -> Vec<Point3> {
         let mut stray = Vec::new();
         for (slot, &t) in live.iter().enumerate() {
             for i in 0..4 {
                 let n = self.complex.adjacent[t as usize][i];
-                if n >= BOUNDARY || inside[n as usize] {
-                    continue;
-                }
+                let layer = match kept.owner(slot as u32, i) {
+                    Some(region) => usize::from(region) + 1,
+                    None if n < BOUNDARY && !inside[n as usize] => 0,
+                    None => continue,
+                };
                 let face = self.complex.face(t, i);
-                let label = self.piece_of(face).unwrap_or_else(|| {
+                let label = self.piece_of(face, layer).unwrap_or_else(|| {
                     stray.push(self.complex.point(face[0]));
                     STRAY
                 });
-                kept.adjacent[slot][i] = BOUNDARY | label;
+                kept.set_label(slot as u32, i, label);
             }
         }
         stray
     }
 
-    /// The piece that a face on the surface lies on: all three vertices vanish on it, and its
-    /// normal is the face's as nearly as possible.
-    fn piece_of(&mut self, f: [u32; 3]) -> Option<u32> {
+    /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it, and
+    /// its normal is the face's as nearly as possible.
+    fn piece_of(&mut self, f: [u32; 3], layer: usize) -> Option<u32> {
         let p = f.map(|v| self.complex.point(v));
         let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let middle = centroid(p);
         let mut best: Option<(f64, u32)> = None;
-        for i in self.pieces_at(f) {
+        for i in self.pieces_at(f, layer) {
             let g = self.surface.solid.gradient(i, middle).1;
             // Vertices that only count as lying on a piece stand behind those that do.
             let exact = p.iter().all(|&q| self.surface.distance(i, q) == 0.0);
@@ -121,17 +126,18 @@ impl Cutter<'_> {
         best.map(|b| b.1)
     }
 
-    /// The pieces on which all three vertices of a face lie; if there are several, those that are
-    /// the surface at one of them.
-    fn pieces_at(&mut self, f: [u32; 3]) -> Vec<u32> {
+    /// The pieces of a layer on which all three vertices of a face lie; if there are several, those
+    /// that are the surface at one of them.
+    fn pieces_at(&mut self, f: [u32; 3], layer: usize) -> Vec<u32> {
         let p = f.map(|v| self.complex.point(v));
         let mut pieces: Vec<u32> = self.on[f[0] as usize].slice().to_vec();
         for c in [centroid(p), p[0], p[1], p[2]] {
-            if let Some(reduced) = self.surface.lattice.reduced_at(c) {
+            if let Some(reduced) = self.surface.reduced_in(layer, c) {
                 pieces.extend(&reduced.pieces);
             }
         }
         pieces = unique(pieces);
+        pieces.retain(|&i| self.surface.layer_of(i) == layer);
         pieces.retain(|&i| f.iter().all(|&v| self.distance(v, i) == 0.0));
         if pieces.len() > 1 {
             let faces: Vec<u32> = pieces

@@ -25,9 +25,15 @@ struct Range {
 impl Cutter<'_> {
     /// What the vertices' signs say of a tetrahedron.
     pub(super) fn side(&mut self, t: u32) -> Side {
+        self.side_in(self.surface.focus, t)
+    }
+
+    /// What the vertices' signs say of a tetrahedron and a layer.
+    fn side_in(&mut self, layer: usize, t: u32) -> Side {
         let surface: &Surface<'_> = self.surface;
-        let state = surface.lattice.state_at(self.complex.middle(t));
-        let Some(reduced) = surface.lattice.reduced(state) else {
+        let lattice = surface.lattice_of(layer);
+        let state = lattice.state_at(self.complex.middle(t));
+        let Some(reduced) = lattice.reduced(state) else {
             debug_assert!(state == IN || state == OUT);
             return if state == IN { Side::In } else { Side::Out };
         };
@@ -52,16 +58,37 @@ impl Cutter<'_> {
     pub(crate) fn inside(&mut self) -> Vec<bool> {
         let mut inside = vec![false; self.complex.tets.len()];
         for t in 0..self.complex.tets.len() as u32 {
-            if !self.complex.is_there(t) {
-                continue;
-            }
-            inside[t as usize] = match self.side(t) {
-                Side::In => true,
-                Side::Out => false,
-                Side::Flat | Side::Cut(_) => self.surface.value(self.complex.middle(t)).0 > 0.0,
-            };
+            inside[t as usize] = self.complex.is_there(t) && self.is_in(0, t);
         }
         inside
+    }
+
+    /// Whether a tetrahedron lies in a layer.
+    fn is_in(&mut self, layer: usize, t: u32) -> bool {
+        match self.side_in(layer, t) {
+            Side::In => true,
+            Side::Out => false,
+            Side::Flat | Side::Cut(_) => {
+                self.surface.value_in(layer, self.complex.middle(t)).0 > 0.0
+            }
+        }
+    }
+
+    /// Whether nothing that the layer in focus does can matter in a tetrahedron: that of a region
+    /// does not outside of the whole, nor in a region before it.
+    pub(super) fn is_settled(&mut self, t: u32) -> bool {
+        let focus = self.surface.focus;
+        focus > 0
+            && (matches!(self.side_in(0, t), Side::Out)
+                || (1..focus).any(|layer| matches!(self.side_in(layer, t), Side::In)))
+    }
+
+    /// The region that a tetrahedron of the whole belongs to: that of the first divider that it
+    /// lies in, or the one behind all of them.
+    pub(super) fn region(&mut self, t: u32) -> u16 {
+        let dividers = self.surface.layers.len().max(1) - 1;
+        let first = (0..dividers).find(|&k| self.is_in(k + 1, t));
+        first.unwrap_or(dividers) as u16
     }
 }
 

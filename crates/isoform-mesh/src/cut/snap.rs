@@ -104,13 +104,10 @@ impl Cutter<'_> {
     fn features_near(&self, v: u32, reach: f64) -> Vec<Candidate> {
         let p = self.complex.point(v);
         let mut found = Vec::new();
-        let Some(reduced) = self.surface.lattice.reduced_at(p) else {
-            return found;
-        };
-        let pieces: Vec<u32> = reduced
-            .pieces
-            .iter()
-            .copied()
+        let pieces: Vec<u32> = self
+            .surface
+            .pieces_near(p)
+            .into_iter()
             .filter(|&i| self.surface.distance(i, p).abs() < reach)
             .collect();
         for (i, &a) in pieces.iter().enumerate() {
@@ -132,7 +129,7 @@ impl Cutter<'_> {
         let p = self.complex.point(v);
         let at = self.surface.project(on, p)?;
         let distance = norm(sub(p, at));
-        if distance > reach || self.surface.value(at).0.abs() > self.surface.zero {
+        if distance > reach || !self.surface.are_bounded_at(on, at) {
             return None;
         }
         let holds = if on.len() == 2 {
@@ -176,7 +173,19 @@ impl Cutter<'_> {
     /// Whether a vertex near the surface, but not on it, is free to move.
     fn may_snap(&self, v: usize) -> bool {
         let f = self.value[v];
-        f != 0.0 && f.abs() < NEAR * self.cell[v] && !self.frozen[v] && self.on[v].is_empty()
+        f != 0.0
+            && f.abs() < NEAR * self.cell[v]
+            && !self.frozen[v]
+            && self.on[v].is_empty()
+            && !self.is_elsewhere(v)
+    }
+
+    /// Whether a vertex lies where the surface of the layer in focus does not matter: outside of the
+    /// whole, or in a region before the layer's.
+    fn is_elsewhere(&self, v: usize) -> bool {
+        let value = |layer: usize| self.surface.value_in(layer, self.complex.points[v]).0;
+        let focus = self.surface.focus;
+        focus > 0 && (value(0) < 0.0 || (1..focus).any(|layer| value(layer) > 0.0))
     }
 
     /// The neighbour on the other side of the surface whose edge is crossed nearest to the vertex,

@@ -31,6 +31,8 @@ impl Pull {
 /// What a collapse leaves.
 struct Collapsed {
     tets: Vec<[u32; 4]>,
+    /// The regions of these, if there are regions.
+    regions: Vec<u16>,
     /// Faces of the surface, vertices sorted.
     labels: Vec<Face>,
     /// The worst measure of all these.
@@ -49,10 +51,10 @@ impl Optimiser<'_> {
             // A free vertex: onto anything.
             return true;
         }
-        if ring.closed {
+        if !self.complex.is_on_surface(ring) {
             return false;
         }
-        let Some([a, b]) = self.complex.labels_beside(ring, u, w) else {
+        let Some([a, b]) = self.labels_beside(ring, [u, w]) else {
             return false;
         };
         let is_within = labels.is_within(&self.labels[w as usize]);
@@ -111,6 +113,7 @@ impl Optimiser<'_> {
     fn collapsed(&self, star: &[u32], pull: Pull, bound: f64) -> Option<Collapsed> {
         let mut left = Collapsed {
             tets: Vec::with_capacity(star.len()),
+            regions: Vec::new(),
             labels: Vec::new(),
             worst: f64::INFINITY,
         };
@@ -125,6 +128,9 @@ impl Optimiser<'_> {
                 return None;
             }
             left.tets.push(v);
+            if self.complex.is_divided() {
+                left.regions.push(self.complex.region(t));
+            }
         }
         Some(left)
     }
@@ -184,7 +190,11 @@ impl Optimiser<'_> {
     /// Collapses `u` into `w`. Open faces of the band, those towards the lattice beyond, stay as
     /// they are: their vertices are fixed, so `u` is on none of them.
     fn apply_collapse(&mut self, Pull { u, w }: Pull, star: &[u32], left: &Collapsed) {
-        self.replace(star, &left.tets, |face| label_in(&left.labels, face));
+        let mut made = std::mem::take(&mut self.scratch.made);
+        let label = |face| label_in(&left.labels, face);
+        let new = (left.tets.as_slice(), left.regions.as_slice());
+        self.complex.replace_in(star, new, label, &mut made);
+        self.scratch.made = made;
         self.complex.tet_of[u as usize] = NONE;
         let held = self.labels[w as usize];
         let mine = self.labels[u as usize];

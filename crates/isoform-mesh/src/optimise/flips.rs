@@ -100,6 +100,9 @@ impl Optimiser<'_> {
             return None;
         }
         let before = self.worst(&ring.tets);
+        if self.complex.is_divided() && self.complex.arcs(ring).len() > 1 {
+            return self.flip_on_wall(ring, ends, before, apply);
+        }
         let label = if ring.closed {
             None
         } else {
@@ -169,12 +172,19 @@ impl Optimiser<'_> {
     /// The label of the faces that take the place of those at an edge of the surface, if that may
     /// be flipped: the one on both sides.
     pub(super) fn surface_edge(&self, ring: &Ring, ends: [u32; 2]) -> Option<u32> {
-        let labels = self.complex.labels_beside(ring, ends[0], ends[1])?;
+        let labels = if self.complex.is_divided() {
+            *self.complex.labels_at(ring).as_array()?
+        } else {
+            self.complex.labels_beside(ring)?
+        };
         if labels.iter().any(|&l| l >= STRAY) {
             return None;
         }
         if labels[0] == labels[1] {
             return Some(labels[0]);
+        }
+        if ring.closed {
+            return None;
         }
         self.beyond_flat(ring, ends, labels)
     }
@@ -192,6 +202,58 @@ impl Optimiser<'_> {
             [false, true] => Some(labels[0]),
             _ => None,
         }
+    }
+
+    /// Flips an edge on a wall between two regions: each region has its part of the ring, and the
+    /// edge across is in both.
+    fn flip_on_wall(
+        &mut self,
+        ring: &Ring,
+        ends: [u32; 2],
+        before: f64,
+        apply: bool,
+    ) -> Option<f64> {
+        let arcs = self.complex.arcs(ring);
+        let [first, second] = arcs.as_slice() else {
+            return None;
+        };
+        let is_thick = |arc: &&Ring| arc.tets.len() > 1;
+        if !ring.closed || ![first, second].iter().all(is_thick) {
+            return None;
+        }
+        let label = self.surface_edge(ring, ends)?;
+        let mut new = Vec::new();
+        let mut regions = Vec::new();
+        let mut after = f64::INFINITY;
+        for arc in [first, second] {
+            let mut arc = arc.clone();
+            let [a, b] = ends.map(|v| self.point(v));
+            if six_volume([a, b, self.point(arc.link[0]), self.point(arc.link[1])]) < 0.0 {
+                arc.link.reverse();
+            }
+            let region = self.complex.region(arc.tets[0]);
+            let other = [first, second].map(|a| self.complex.region(a.tets[0]));
+            if region == other[0].min(other[1]) && !self.may_flip(&arc.link, ends, label) {
+                return None;
+            }
+            let link: Vec<Point3> = arc.link.iter().map(|&v| self.point(v)).collect();
+            let triangulation = Triangulation::new(&link, [a, b], before, true);
+            after = after.min(self.with_faces(triangulation.worst(), &arc, before));
+            if after <= before + GAIN {
+                return None;
+            }
+            let tetrahedra = triangulation.tetrahedra(&arc.link, ends);
+            regions.extend(vec![region; tetrahedra.len()]);
+            new.extend(tetrahedra);
+        }
+        if apply {
+            let mut made = std::mem::take(&mut self.scratch.made);
+            let new = (new.as_slice(), regions.as_slice());
+            self.complex
+                .replace_in(&ring.tets, new, |_| label, &mut made);
+            self.scratch.made = made;
+        }
+        Some(after)
     }
 
     /// Takes a single tetrahedron with two faces on the same piece off the surface.
@@ -221,7 +283,7 @@ impl Optimiser<'_> {
     fn may_take_off(&self, t: u32, ends: [u32; 2], inner: [u32; 2]) -> bool {
         let is_outer = |v: u32| {
             let place = self.complex.place(t, v);
-            self.complex.adjacent[t as usize][place] >= BOUNDARY
+            self.complex.adjacent[t as usize][place] >= BOUNDARY || self.complex.is_wall(t, place)
         };
         if ends.into_iter().any(is_outer) {
             return false;
@@ -239,7 +301,7 @@ impl Optimiser<'_> {
     /// that is better than before; if so and `apply` is set it is done.
     pub(super) fn remove_face(&mut self, t: u32, i: usize, apply: bool) -> Option<f64> {
         let n = self.complex.adjacent[t as usize][i];
-        if n >= BOUNDARY {
+        if n >= BOUNDARY || self.complex.is_wall(t, i) {
             return None;
         }
         let before = self.measure(t).min(self.measure(n));

@@ -1,9 +1,9 @@
 //! What holds the vertices: pieces of the solid, or the lattice beyond the band.
 
 use super::Optimiser;
-use crate::complex::{NONE, STRAY, labelled_edges};
-use crate::points::{midpoint, unique};
-use crate::surface::{On, SKIN, meet_at_an_angle};
+use crate::complex::{NONE, Ring, STRAY, labelled_edges};
+use crate::points::{midpoint, pairs, unique};
+use crate::surface::{On, SKIN, is_skin, meet_at_an_angle};
 use isoform_geom::Point3;
 
 /// What holds a vertex.
@@ -32,10 +32,23 @@ impl Optimiser<'_> {
             self.hold[v] = if frozen[v] {
                 Hold::Fixed
             } else {
-                hold(&labels, &around.curves)
+                self.hold_of(&labels, &around.curves)
             };
             let pieces: Vec<u32> = labels.into_iter().filter(|&l| l < STRAY).collect();
             self.labels[v] = On::of(&pieces);
+        }
+    }
+
+    /// What holds a vertex between faces with these labels, where sharp edges between these pieces
+    /// end; nothing moves where surfaces of several layers touch.
+    fn hold_of(&self, labels: &[u32], curves: &[[u32; 2]]) -> Hold {
+        let may_touch = curves.is_empty() && labels.iter().all(|&l| l < STRAY);
+        if may_touch && !labels.is_empty() && self.surface.common_layer(labels).is_none() {
+            return Hold::Fixed;
+        }
+        match hold(labels, curves) {
+            Hold::On(on) if on.contains(SKIN) => Hold::On(On::of(&[self.surface.skin(labels[0])])),
+            held => held,
         }
     }
 
@@ -52,17 +65,32 @@ impl Optimiser<'_> {
             let ends = same[0].0;
             let several = unique(same.iter().map(|p| p.1).collect());
             for v in ends.map(|v| v as usize) {
-                if same.len() != 2 {
+                let is_wall = self.complex.is_divided() && several.len() > 1;
+                if same.len() != 2 && !is_wall {
                     // Not a manifold there: nothing moves.
                     around[v].curves.extend([[NONE; 2]; 3]);
-                } else if let [a, b] = several[..]
-                    && let Some(curve) = self.curve_of(ends, [a, b])
-                {
-                    around[v].curves.push(curve);
+                } else {
+                    let curve = |pair| self.curve_of(ends, pair);
+                    around[v].curves.extend(pairs(&several).find_map(curve));
                 }
             }
         }
         around
+    }
+
+    /// The labels of the two faces of a surface at the edge of a ring, or of two surfaces that meet
+    /// there; of more than two those that make a curve, as some of them coincide.
+    pub(super) fn labels_beside(&self, ring: &Ring, ends: [u32; 2]) -> Option<[u32; 2]> {
+        if !self.complex.is_divided() {
+            return self.complex.labels_beside(ring);
+        }
+        match *self.complex.labels_at(ring) {
+            [a, b] => Some([a, b]),
+            ref more => {
+                let more = unique(more.to_vec());
+                pairs(&more).find(|pair| self.curve_of(ends, *pair).is_some())
+            }
+        }
     }
 
     /// The curve that an edge between faces of two pieces lies on: of both where they meet at an
@@ -97,7 +125,7 @@ impl Optimiser<'_> {
                 on.slice()
                     .iter()
                     .any(|&l| self.surface.distance(l, p) != 0.0)
-                    || (labels.len() > on.len() && self.surface.distance(SKIN, p) != 0.0)
+                    || (labels.len() > on.len() && self.is_off_skin(labels, p))
             }
             _ => labels
                 .slice()
@@ -114,19 +142,41 @@ impl Optimiser<'_> {
             Hold::On(on) if on.len() == 1 => !self.surface.is_alone(on.slice()[0], p),
             _ => false,
         };
-        may_slip && self.surface.distance(SKIN, p) != 0.0 && !self.is_off(v, p)
+        may_slip && self.is_off_skin(self.holding(v), p) && !self.is_off(v, p)
+    }
+
+    /// Whether a place is off one of the solids that pieces belong to.
+    fn is_off_skin(&self, pieces: On, p: Point3) -> bool {
+        let mut pieces = pieces.slice().iter();
+        pieces.any(|&l| self.surface.distance(self.surface.skin(l), p) != 0.0)
+    }
+
+    /// What stands for the solids that a vertex is on the surface of.
+    pub(super) fn skin_at(&self, v: u32) -> On {
+        let labels = self.labels[v as usize];
+        let skins: Vec<u32> = labels
+            .slice()
+            .iter()
+            .map(|&l| self.surface.skin(l))
+            .collect();
+        if skins.is_empty() {
+            On::of(&[SKIN])
+        } else {
+            On::of(&skins)
+        }
     }
 
     /// Whether a vertex is held on the solid itself, at a seam between pieces that touch.
     pub(super) fn is_skin(&self, v: u32) -> bool {
-        matches!(self.hold[v as usize], Hold::On(on) if on.contains(SKIN))
+        let holds_skin = |on: On| on.slice().iter().any(|&i| is_skin(i));
+        matches!(self.hold[v as usize], Hold::On(on) if holds_skin(on))
     }
 
     /// The piece to project a point of a face on: its label, or the solid next to a seam between
     /// pieces that touch tangentially.
     pub(super) fn piece_at(&self, vertices: &[u32], label: u32) -> u32 {
         if vertices.iter().any(|&v| self.is_skin(v)) {
-            SKIN
+            self.surface.skin(label)
         } else {
             label
         }
@@ -139,7 +189,8 @@ impl Optimiser<'_> {
             On::of(&[self.piece_at(&ends, labels[0])])
         } else {
             let curve = self.curve_of(ends, labels);
-            curve.map_or(On::of(&[SKIN]), |pieces| On::of(&pieces))
+            let skins = labels.map(|l| self.surface.skin(l));
+            curve.map_or(On::of(&skins), |pieces| On::of(&pieces))
         }
     }
 }

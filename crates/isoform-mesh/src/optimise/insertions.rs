@@ -62,6 +62,11 @@ impl Optimiser<'_> {
         let tet = |&t: &u32| self.complex.tets[t as usize];
         let old: Vec<[u32; 4]> = ring.tets.iter().map(tet).collect();
         let faces = self.boundary_of(&ring.tets);
+        let region = |&t: &u32| self.complex.region(t);
+        let regions: Vec<u16> = match self.complex.is_divided() {
+            true => ring.tets.iter().map(region).collect(),
+            false => Vec::new(),
+        };
         let m = self.add_vertex(fresh);
         let mut made = Vec::new();
         self.complex.split(ring, ends[0], ends[1], m, &mut made);
@@ -74,8 +79,9 @@ impl Optimiser<'_> {
             return true;
         }
         let mut back = Vec::new();
+        let label = |face| label_in(&faces, face);
         self.complex
-            .replace(&made, &old, |face| label_in(&faces, face), &mut back);
+            .replace_in(&made, (&old, &regions), label, &mut back);
         self.remove_last_vertex();
         false
     }
@@ -84,14 +90,14 @@ impl Optimiser<'_> {
     /// near.
     fn middle_vertex(&self, ring: &Ring, ends: [u32; 2]) -> Option<Fresh> {
         let middle = self.middle_of(ends);
-        if ring.closed {
+        if !self.complex.is_on_surface(ring) {
             return Some(Fresh {
                 at: middle,
                 hold: On::default(),
                 labels: On::default(),
             });
         }
-        let labels = self.complex.labels_beside(ring, ends[0], ends[1])?;
+        let labels = self.labels_beside(ring, ends)?;
         if labels.iter().any(|&l| l >= STRAY) {
             return None;
         }
@@ -106,16 +112,17 @@ impl Optimiser<'_> {
     }
 
     /// The faces of tetrahedra on the boundary, vertices sorted, with what stands for the neighbour
-    /// there.
+    /// there, and those on walls with their labels.
     fn boundary_of(&self, tets: &[u32]) -> Vec<Face> {
         let mut faces = Vec::new();
         for &t in tets {
             for i in 0..4 {
                 let n = self.complex.adjacent[t as usize][i];
-                if n >= BOUNDARY {
+                let wall = || self.complex.label(t, i);
+                if let Some(label) = (n >= BOUNDARY).then_some(n).or_else(wall) {
                     let mut f = self.complex.face(t, i);
                     f.sort_unstable();
-                    faces.push((f, n));
+                    faces.push((f, label));
                 }
             }
         }
@@ -167,7 +174,7 @@ impl Optimiser<'_> {
             if k.is_multiple_of(LOOK) && self.control.is_stopped() {
                 return None;
             }
-            if self.complex.ring_of(a, b, &mut ring) && !ring.closed {
+            if self.complex.ring_of(a, b, &mut ring) && self.complex.is_on_surface(&ring) {
                 done += usize::from(self.insert_in(&ring, [a, b], LEAST));
             }
         }

@@ -4,6 +4,9 @@ use crate::complex::{BOUNDARY, Complex, NONE, Ring, edge};
 
 /// Stands for all that lies beyond the boundary: a vertex joined to each of its faces.
 const BEYOND: u32 = NONE;
+/// Stands, in the same way, for a vertex joined to each face of a wall between regions: what keeps
+/// the topology of the complex must keep that of its walls.
+const WALL: u32 = NONE - 1;
 
 /// Whether pulling one vertex onto the other leaves the complex a manifold: the link condition
 /// (Dey, Edelsbrunner, Guha and Nekhayev, Topology preserving edge contraction, 1999). What the
@@ -13,7 +16,7 @@ const BEYOND: u32 = NONE;
 /// edges on it and yet an inner face, and its collapse would leave two sheets that meet in an edge.
 pub(super) fn keeps_topology(complex: &Complex, ends: [(u32, &[u32]); 2], ring: &Ring) -> bool {
     let [mine, theirs] = ends.map(|(v, star)| Link::of_vertex(complex, v, star));
-    let both = Link::of_edge(ring);
+    let both = Link::of_edge(complex, ring);
     common(&mine.vertices, &theirs.vertices).eq(both.vertices.iter())
         && common(&mine.edges, &theirs.edges).eq(both.edges.iter())
         && common(&mine.triangles, &theirs.triangles).next().is_none()
@@ -39,10 +42,16 @@ impl Link {
             let place = complex.place(t, v);
             link.triangles.push(complex.face(t, place));
             for i in (0..4).filter(|&i| i != place) {
-                if complex.adjacent[t as usize][i] >= BOUNDARY {
-                    link.triangles
-                        .push(complex.face(t, i).map(|k| if k == v { BEYOND } else { k }));
-                }
+                let apex = if complex.adjacent[t as usize][i] >= BOUNDARY {
+                    BEYOND
+                } else if complex.owner(t, i).is_some() {
+                    WALL
+                } else {
+                    continue;
+                };
+                let face = complex.face(t, i);
+                link.triangles
+                    .push(face.map(|k| if k == v { apex } else { k }));
             }
         }
         for f in &mut link.triangles {
@@ -59,7 +68,7 @@ impl Link {
         link
     }
 
-    fn of_edge(ring: &Ring) -> Self {
+    fn of_edge(complex: &Complex, ring: &Ring) -> Self {
         let mut link = Self {
             vertices: ring.link.clone(),
             edges: ring.link.windows(2).map(|l| edge(l[0], l[1])).collect(),
@@ -71,6 +80,15 @@ impl Link {
         } else {
             link.vertices.push(BEYOND);
             link.edges.extend([[first, BEYOND], [last, BEYOND]]);
+        }
+        if complex.is_divided() {
+            let arcs = complex.arcs(ring);
+            let walls = if ring.closed && arcs.len() > 1 { 0 } else { 1 };
+            for arc in arcs.iter().skip(walls) {
+                link.vertices.push(WALL);
+                link.edges.push(edge(arc.link[0], WALL));
+            }
+            link.vertices.dedup();
         }
         link.vertices.sort_unstable();
         link.edges.sort_unstable();

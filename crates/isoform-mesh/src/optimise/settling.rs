@@ -2,9 +2,9 @@
 
 use super::holds::Hold;
 use super::{LOOK, Optimiser};
-use crate::complex::{BOUNDARY, NONE, STRAY};
+use crate::complex::{NONE, STRAY};
 use crate::points::{along, centroid};
-use crate::surface::{On, SKIN};
+use crate::surface::On;
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 
@@ -92,7 +92,7 @@ impl Optimiser<'_> {
     /// Moves a vertex towards the pieces that hold it. Returns whether it is on them.
     pub(super) fn bring(&mut self, v: u32, least: f64) -> bool {
         if self.is_hidden(v) {
-            self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+            self.hold[v as usize] = Hold::On(self.skin_at(v));
         }
         let p = self.point(v);
         let Some(q) = self.place_of(v) else {
@@ -151,7 +151,7 @@ impl Optimiser<'_> {
         {
             return;
         }
-        self.hold[v as usize] = Hold::On(On::of(&[SKIN]));
+        self.hold[v as usize] = Hold::On(self.skin_at(v));
         self.touched[v as usize] = self.clock + 1;
         let mut star = Vec::new();
         self.complex.star(v, &mut star);
@@ -162,7 +162,7 @@ impl Optimiser<'_> {
                     && self.complex.tets[t as usize][i] != v
                 {
                     let label = self.label_anew(v, self.complex.face(t, i), old);
-                    self.complex.adjacent[t as usize][i] = BOUNDARY | label;
+                    self.complex.set_label(t, i, label);
                     // A face on no piece, as where a function jumps, holds its vertices nowhere.
                     if label < STRAY {
                         labels = labels.with(label).unwrap_or(labels);
@@ -187,12 +187,21 @@ impl Optimiser<'_> {
     /// pieces and the one that decides there the one that the face faces best.
     fn label_anew(&self, v: u32, face: [u32; 3], old: u32) -> u32 {
         let c = face.map(|k| self.point(k));
-        let Some(q) = self.surface.project(&[SKIN], centroid(c)) else {
+        if old >= STRAY && self.complex.is_divided() {
+            return old;
+        }
+        let layer = self.surface.layer_of(old);
+        let Some(q) = self.surface.project(&[self.surface.skin(old)], centroid(c)) else {
             return old;
         };
         let mine = self.labels[v as usize];
-        let candidates = mine.with(self.surface.value(q).1).unwrap_or(mine);
-        let is_face = |l: &u32| self.surface.distance(*l, q) == 0.0 && self.surface.is_face(*l, q);
+        let deciding = self.surface.value_in(layer, q).1;
+        let candidates = mine.with(deciding).unwrap_or(mine);
+        let is_face = |l: &u32| {
+            self.surface.layer_of(*l) == layer
+                && self.surface.distance(*l, q) == 0.0
+                && self.surface.is_face(*l, q)
+        };
         candidates
             .slice()
             .iter()

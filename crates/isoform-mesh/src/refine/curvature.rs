@@ -76,10 +76,23 @@ pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
 /// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
 /// and without turning too far at once (down to a share of `size`). Infinite away from the surface.
 fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
+    let layers = 0..surface.layers.len().max(1);
+    let reduced = layers.filter_map(|layer| surface.reduced_in(layer, complex.middle(t)));
+    reduced
+        .map(|reduced| curved_size_of(reduced, surface, complex, t, error, size))
+        .fold(f64::INFINITY, f64::min)
+}
+
+/// The edge length of [`curved_size`] for one layer.
+fn curved_size_of(
+    reduced: &Reduced,
+    surface: &Surface<'_>,
+    complex: &Complex,
+    t: u32,
+    error: f64,
+    size: f64,
+) -> f64 {
     let (c, middle) = (complex.corners(t), complex.middle(t));
-    let Some(reduced) = surface.lattice.reduced_at(middle) else {
-        return f64::INFINITY;
-    };
     let reach = c.iter().map(|p| norm(sub(*p, middle))).fold(0.0, f64::max);
     let gradients: Vec<(f64, Point3)> = reduced
         .pieces

@@ -46,7 +46,7 @@ struct Sheet {
 /// whether they meet.
 fn is_close_call(surface: &Surface<'_>, complex: &Complex, t: u32) -> bool {
     let (c, middle) = (complex.corners(t), complex.middle(t));
-    let Some(reduced) = surface.lattice.reduced_at(middle) else {
+    let Some(reduced) = surface.reduced_in(surface.focus, middle) else {
         return false;
     };
     if reduced.pieces.len() < 2 {

@@ -28,7 +28,10 @@ impl Surface<'_> {
     /// Whether the two pieces meet at `p` in an edge of the solid: the sign in the four quadrants
     /// between them depends on both, and they meet at an angle.
     pub(crate) fn is_edge(&self, pair: [u32; 2], p: Point3) -> bool {
-        let Some(reduced) = self.lattice.reduced_at(p) else {
+        let Some(layer) = self.common_layer(&pair) else {
+            return self.is_crossing(&pair, p);
+        };
+        let Some(reduced) = self.reduced_in(layer, p) else {
             return false;
         };
         let n = pair.map(|i| {
@@ -61,7 +64,10 @@ impl Surface<'_> {
     /// Whether the three pieces meet at `p` in a corner of the solid: the sign in the eight octants
     /// between them depends on each.
     pub(crate) fn is_corner(&self, on: &[u32], p: Point3) -> bool {
-        let Some(reduced) = self.lattice.reduced_at(p) else {
+        let Some(layer) = self.common_layer(on) else {
+            return self.is_crossing(on, p);
+        };
+        let Some(reduced) = self.reduced_in(layer, p) else {
             return false;
         };
         let inside = |octant: usize| {
@@ -77,11 +83,23 @@ impl Surface<'_> {
         (0..3).all(|at| (0..8usize).any(|octant| inside(octant) != inside(octant ^ 1 << at)))
     }
 
+    /// Whether pieces of several layers cross at `p`: each bounds its own layer there, those of one
+    /// layer in an edge, and all meet at an angle.
+    fn is_crossing(&self, pieces: &[u32], p: Point3) -> bool {
+        let pairs = (0..pieces.len()).flat_map(|k| (0..k).map(move |j| [pieces[j], pieces[k]]));
+        self.are_bounded_at(pieces, p)
+            && pieces.iter().all(|&piece| self.is_face(piece, p))
+            && pairs.into_iter().all(|pair| {
+                !self.are_parallel(pair, p)
+                    && (self.common_layer(&pair).is_none() || self.is_edge(pair, p))
+            })
+    }
+
     /// Whether a piece that vanishes at `p` is the surface somewhere around: in some direction
     /// within it, its sign decides the solid's when the other pieces that vanish there go with
     /// their gradients, and those tangential to it with it.
     pub(crate) fn is_face(&self, piece: u32, p: Point3) -> bool {
-        let Some(reduced) = self.lattice.reduced_at(p) else {
+        let Some(reduced) = self.reduced_in(self.layer_of(piece), p) else {
             return false;
         };
         let normal = |i: u32| unit(self.solid.gradient(i, p).1);

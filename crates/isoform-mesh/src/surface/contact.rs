@@ -6,7 +6,7 @@
 //! intersection loses half of the digits. The third piece meets both at an angle: the *seam* is
 //! where it meets one of them, and both bound the solid, one on each side of it.
 
-use super::{On, SKIN, Surface, TANGENT};
+use super::{On, Surface, TANGENT, is_skin};
 use crate::features::newton::along;
 use crate::lattice::CELL;
 use crate::points::unit;
@@ -35,8 +35,8 @@ impl Surface<'_> {
     /// separates them. None where nothing does. Of separating pieces that coincide the first counts,
     /// so that a seam has one name.
     pub(crate) fn seam_of(&self, pair: [u32; 2], p: Point3) -> Option<[u32; 2]> {
-        let reduced = self.lattice.reduced_at(p)?;
-        if !self.seams || pair.contains(&SKIN) || reduced.pieces.len() < 3 {
+        let reduced = self.reduced_in(self.common_layer(&pair)?, p)?;
+        if !self.seams || pair.iter().any(|&i| is_skin(i)) || reduced.pieces.len() < 3 {
             return None;
         }
         let kept = pair[0].min(pair[1]);
@@ -86,7 +86,8 @@ impl Surface<'_> {
 
     /// Whether one of two pieces touches a third one at `p` along the other.
     pub(crate) fn is_seam(&self, pair: [u32; 2], p: Point3) -> bool {
-        let Some(reduced) = self.lattice.reduced_at(p) else {
+        let layer = self.common_layer(&pair);
+        let Some(reduced) = layer.and_then(|layer| self.reduced_in(layer, p)) else {
             return false;
         };
         let others = reduced.pieces.iter().copied();
@@ -112,7 +113,7 @@ impl Surface<'_> {
             let t = unit(cross(n[0], n[1]));
             let is_there = |s: f64| {
                 let q = self.project(&pair, along(p, t, s));
-                q.is_some_and(|q| self.value(q).0.abs() <= self.zero && self.is_seam(pair, q))
+                q.is_some_and(|q| self.are_bounded_at(&pair, q) && self.is_seam(pair, q))
             };
             is_there(step) != is_there(-step)
         })
@@ -138,7 +139,7 @@ impl Surface<'_> {
         CELL * turn_size(radius, size).min(size)
     }
 
-    fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
+    pub(super) fn are_parallel(&self, pair: [u32; 2], p: Point3) -> bool {
         let [n, m] = pair.map(|i| unit(self.gradient(i, p).1));
         norm(cross(n, m)) <= TANGENT
     }
@@ -174,7 +175,7 @@ impl Surface<'_> {
     /// separates the others had the other sign there: once for each way in which the seam may end in
     /// other pieces at `p`.
     fn bounding(&self, seam: [u32; 3], p: Point3, places: [Point3; 2]) -> Vec<[u32; 3]> {
-        let Some(reduced) = self.lattice.reduced_at(p) else {
+        let Some(reduced) = self.reduced_in(self.layer_of(seam[0]), p) else {
             return Vec::new();
         };
         let reach = norm(sub(places[0], p));

@@ -1,7 +1,7 @@
 //! The report of a mesh and of its certificate.
 
 use super::Seconds;
-use crate::ModelMesh;
+use crate::{ModelMesh, RegionCertificate};
 use isoform_check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
 use isoform_geom::{Mesh, Point3};
 use isoform_mesh::Warning;
@@ -35,6 +35,8 @@ pub struct MeshReport {
     pub contents: ContentsReport,
     /// What is proved of the mesh.
     pub certificate: CertificateReport,
+    /// What is proved of each of its regions, if there are several.
+    pub region_certificates: Vec<RegionReport>,
     /// Files written.
     pub files: Vec<WrittenFile>,
     /// Where the mesh may not be what was asked for.
@@ -43,6 +45,24 @@ pub struct MeshReport {
     pub notes: Vec<String>,
     /// Seconds by phase.
     pub seconds: Seconds,
+}
+
+/// What is proved of a region of a mesh.
+#[derive(Clone, Debug, Serialize)]
+pub struct RegionReport {
+    /// The region.
+    pub name: String,
+    /// Its certificate, as that of a mesh of its own.
+    pub certificate: CertificateReport,
+}
+
+impl RegionReport {
+    fn new(region: &RegionCertificate) -> Self {
+        Self {
+            name: region.name.clone(),
+            certificate: CertificateReport::new(&region.certificate),
+        }
+    }
 }
 
 /// The model of a mesh.
@@ -287,7 +307,7 @@ impl MeshReport {
     ) -> Self {
         let (mesh, meshed) = (&made.meshed.mesh, &made.meshed);
         Self {
-            ok: made.certificate.is_ok(),
+            ok: made.holds(),
             verb: "mesh",
             model,
             size: made.options.size,
@@ -299,6 +319,7 @@ impl MeshReport {
             caps: meshed.caps.clone(),
             contents: ContentsReport::new(mesh),
             certificate: CertificateReport::new(&made.certificate),
+            region_certificates: made.regions.iter().map(RegionReport::new).collect(),
             files,
             warnings: meshed.warnings.iter().map(WarningReport::new).collect(),
             notes: made.notes().iter().map(ToString::to_string).collect(),
