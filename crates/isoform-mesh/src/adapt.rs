@@ -107,6 +107,7 @@ pub fn adapt(
         region_certified: found.certified,
         caps: Vec::new(),
         features,
+        region_features: Vec::new(),
         warnings,
     })
 }

@@ -129,17 +129,19 @@ fn way_to_shared_corner(features: &Features, pair: [usize; 2], p: Point3) -> f64
 }
 
 impl Crowd {
-    /// Places where features are closer together than a mesh of this size resolves, and others with
-    /// the edge length wanted there.
-    pub(crate) fn new(features: &Features, others: &[(Point3, f64)], size: f64) -> Self {
+    /// Places where features of one solid or another are closer together than a mesh of this size
+    /// resolves, and others with the edge length wanted there.
+    pub(crate) fn new(solids: &[&Features], others: &[(Point3, f64)], size: f64) -> Self {
         let mut wishes = Wishes {
             places: others.iter().map(|p| p.0).collect(),
             sizes: others.iter().map(|p| p.1).collect(),
             size,
         };
-        wishes.add_corners(features);
-        wishes.add_loops(features);
-        wishes.add_curves(features);
+        for features in solids {
+            wishes.add_corners(features);
+            wishes.add_loops(features);
+            wishes.add_curves(features);
+        }
         Self {
             tree: KdTree::new(&wishes.places),
             wishes,

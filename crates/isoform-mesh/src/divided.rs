@@ -237,6 +237,11 @@ impl<'a> RegionSolid<'a> {
         }
     }
 
+    /// The piece of the layers that a piece is, or is the negative of.
+    pub(crate) fn undivided(&self, piece: u32) -> u32 {
+        self.piece(piece).0
+    }
+
     /// What a function of the layers' pieces gives, with `n` numbers each; `negate` turns those of
     /// negatives.
     fn signed<T: Copy>(

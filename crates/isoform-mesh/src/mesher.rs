@@ -9,13 +9,14 @@ use crate::crowd::Crowd;
 use crate::cut::Cutter;
 use crate::divided::{Divided, Layer, Region};
 use crate::error::{MeshError, Warning, WarningKind};
-use crate::features::{Corner, Extent, FeatureOptions, Features, extent_within, find};
+use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
 use crate::options::Options;
 use crate::refine::Refiner;
+use crate::regions::Regions;
 use crate::second::raise_order;
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
@@ -35,8 +36,6 @@ const IN_VAIN: usize = 2;
 const ALL_OVER: usize = 8;
 /// Places of each kind of failure that are meshed finer at once.
 const PLACES: usize = 1000;
-/// What the region is called of what lies in none that is asked for.
-pub const REST: &str = "rest";
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -55,6 +54,8 @@ pub struct Meshed {
     pub caps: Vec<String>,
     /// The feature curves and corners of the solid.
     pub features: Features,
+    /// Those of each region that was asked for, and of the rest.
+    pub region_features: Vec<Features>,
     /// What of the solid the mesh may pass by.
     pub missed: Missed,
     /// Places where the solid could not be resolved, with what happened there.
@@ -147,17 +148,16 @@ fn mesh_within(
     control.check()?;
     control.begin("features")?;
     let features = features_of(solid, extent.bounds, options, control);
-    let inner: Vec<Features> = (solids[1..].iter())
-        .map(|solid| features_of(*solid, extent.bounds, options, control))
-        .collect();
+    let find = |solid: &dyn Solid| features_of(solid, extent.bounds, options, control);
+    let parts = Regions::new(solid, regions, find);
     let ground = Ground {
+        whole: solid,
         solid: solids[0],
         extent,
         lattice: &lattices[0],
         layers: &divided.with_cells(&lattices),
-        names: &regions.iter().map(|r| r.name).collect::<Vec<_>>(),
+        regions: &parts,
         features: &features,
-        inner: &inner,
         options,
         control,
     };
@@ -246,16 +246,17 @@ struct Wrong {
 
 /// What all courses of a solid have in common.
 struct Ground<'a> {
+    /// What is meshed.
+    whole: &'a dyn Solid,
+    /// The whole, with the pieces of all layers.
     solid: &'a dyn Solid,
     extent: &'a Extent,
     lattice: &'a Lattice,
     /// The layers of a solid that is divided into regions; none of one that is not.
     layers: &'a [LayerCells<'a>],
-    /// What the regions are called.
-    names: &'a [&'a str],
+    /// The regions that it is divided into.
+    regions: &'a Regions<'a>,
     features: &'a Features,
-    /// The features of the layers but for the first.
-    inner: &'a [Features],
     options: &'a Options,
     control: &'a Control<'a>,
 }
@@ -290,16 +291,18 @@ impl Ground<'_> {
         Wrong { count, places }
     }
 
-    /// Tips of cones, of all layers.
-    fn apexes(&self) -> Vec<Corner> {
-        let mut apexes = self.features.apexes();
-        apexes.extend(self.inner.iter().flat_map(Features::apexes));
-        apexes
+    /// What the certificate of the surface would hold against it, and that of each region.
+    fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
+        let outer = mesh.without_walls();
+        let mut failures = self.failures_of(&outer, self.whole, self.features);
+        for (part, solid, features) in self.regions.of(mesh) {
+            failures.extend(self.failures_of(&part, solid, features));
+        }
+        failures
     }
 
-    /// What the certificate of the surface alone would hold against it.
-    fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
-        let mesh = mesh.without_walls();
+    /// What the certificate of a surface alone would hold against it.
+    fn failures_of(&self, mesh: &Mesh, solid: &dyn Solid, features: &Features) -> Vec<Failure> {
         let surface = Mesh {
             points: mesh.points.clone(),
             triangles: mesh.triangles.clone(),
@@ -311,8 +314,8 @@ impl Ground<'_> {
             corners: mesh.corners.clone(),
             ..Mesh::default()
         };
-        let curves = self.features.curves.iter().map(|c| c.points.clone());
-        let corners = self.features.corners.iter();
+        let curves = features.curves.iter().map(|c| c.points.clone());
+        let corners = features.corners.iter();
         let corners = corners.filter(|c| c.needs_node());
         let options = check::Options {
             places: PLACES,
@@ -327,7 +330,7 @@ impl Ground<'_> {
             progress: None,
             ..*self.control
         };
-        certify(&surface, Some(self.solid), &options, &control).failures()
+        certify(&surface, Some(solid), &options, &control).failures()
     }
 
     /// Meshes the solid in one of the courses.
@@ -341,11 +344,13 @@ impl Ground<'_> {
             ..
         } = *self;
         let region = self.extent.bounds;
+        let mut apexes = self.features.apexes();
+        apexes.extend(self.regions.apexes());
         let in_focus = |focus: usize| Surface {
             seams: course.seams,
             layers,
             focus,
-            apexes: self.apexes(),
+            apexes: apexes.clone(),
             ..Surface::new(solid, lattice, region, control)
         };
         let surface = in_focus(0);
@@ -360,7 +365,11 @@ impl Ground<'_> {
             limit: options.most_tetrahedra(),
             control,
         };
-        let crowd = Crowd::new(self.features, &course.finer, options.size);
+        let features: Vec<&Features> = match self.regions.features.as_slice() {
+            [] => vec![self.features],
+            parts => parts.iter().collect(),
+        };
+        let crowd = Crowd::new(&features, &course.finer, options.size);
         let mut warnings = refine(&mut refiner, &surface, &dividers, &crowd, options)?;
         let inside = cut(
             refiner,
@@ -376,7 +385,7 @@ impl Ground<'_> {
             number: inside.number.clone(),
         };
         let mut mesh = improve(inside, &surface, options, joined, &mut warnings)?;
-        warnings.extend(name_regions(&mut mesh, self.names));
+        warnings.extend(self.regions.name(&mut mesh));
         control.begin("what the mesh misses")?;
         let outer = mesh.without_walls();
         let missed = missed(solid, &outer, region, options.size, control);
@@ -390,6 +399,7 @@ impl Ground<'_> {
             region_certified: self.extent.certified,
             caps: Vec::new(),
             features: self.features.clone(),
+            region_features: self.regions.features.clone(),
             warnings,
         };
         Ok(Outcome {
@@ -516,34 +526,6 @@ fn cutter_of<'s>(refiner: &Refiner<'_>, surface: &'s Surface<'s>) -> Cutter<'s> 
 fn undecided(places: &[Point3]) -> Option<Warning> {
     let kind = WarningKind::NotCut(places.len());
     places.first().map(|&at| Warning::at(kind, at))
-}
-
-/// Gives the regions of a mesh their names, and a warning for each without tetrahedra; of the rest
-/// there may be nothing.
-fn name_regions(mesh: &mut Mesh, names: &[&str]) -> Vec<Warning> {
-    if names.is_empty() {
-        return Vec::new();
-    }
-    let mut is_there = vec![false; names.len() + 1];
-    for &region in &mesh.tet_regions {
-        is_there[region as usize] = true;
-    }
-    let all = names.iter().copied().chain([REST]).enumerate();
-    let mut number = vec![0; is_there.len()];
-    mesh.regions.clear();
-    let mut empty = Vec::new();
-    for (k, name) in all {
-        if is_there[k] {
-            number[k] = mesh.regions.len() as u32;
-            mesh.regions.push(name.to_owned());
-        } else if k < names.len() {
-            empty.push(Warning::of_all(WarningKind::EmptyRegion(name.to_owned())));
-        }
-    }
-    for region in &mut mesh.tet_regions {
-        *region = number[*region as usize];
-    }
-    empty
 }
 
 /// Optimises the tetrahedra inside the solid, and makes the mesh of them.

@@ -4,7 +4,7 @@ use isoform_check::{self as check, Capped, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
 use isoform_field::{Pieces, RunField, SolidError};
 use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
-use isoform_mesh::features::{self, ExtentError, FeatureOptions, Features, START, extent_within};
+use isoform_mesh::features::{ExtentError, Features, START, extent_within};
 use isoform_mesh::{
     Control, MeshError, Meshed, Options, REST, Region, RegionSolid, adapt, mesh, mesh_regions,
 };
@@ -160,16 +160,7 @@ pub fn certified_regions(
         };
         let part = meshed.mesh.region(number as u32);
         let solid = RegionSolid::new(whole, regions, k);
-        let features = features::find(
-            &solid,
-            meshed.region,
-            &FeatureOptions {
-                size: options.size,
-                ..FeatureOptions::default()
-            },
-            control,
-        );
-        let (curves, corners) = wanted_features(&features);
+        let (curves, corners) = wanted_features(&meshed.region_features[k]);
         let wanted = check::Options {
             size: Some(options.size),
             curves: &curves,

@@ -84,7 +84,7 @@ impl Plan {
                 region_certified: extent.certified,
                 counts,
                 size: options.size,
-                crowded: Crowd::new(&found, &[], options.size).places(),
+                crowded: Crowd::new(&[&found], &[], options.size).places(),
                 features_certified: found.certified,
                 corners: corners(&found),
                 apexes: found.apexes(),

@@ -58,7 +58,7 @@ impl Optimiser<'_> {
             return false;
         };
         let is_within = labels.is_within(&self.labels[w as usize]);
-        if self.is_skin(u) {
+        if self.is_skin(u) && on.len() == 1 {
             // Seams between pieces that touch tangentially may go where they like.
             return is_within || matches!(self.hold[w as usize], Hold::On(held) if held.len() == 1);
         }

@@ -4,7 +4,7 @@ use super::holds::Hold;
 use super::{LOOK, Optimiser};
 use crate::complex::{NONE, STRAY};
 use crate::points::{along, centroid};
-use crate::surface::On;
+use crate::surface::{On, is_skin};
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 
@@ -176,6 +176,7 @@ impl Optimiser<'_> {
     /// Whether pieces meet at a point in an edge or corner of the solid, if there are several.
     fn is_real(&self, on: On, q: Point3, seams_hold: bool) -> bool {
         match on.slice() {
+            held if held.iter().any(|&i| is_skin(i)) => true,
             &[a, b] if seams_hold => self.surface.is_curve([a, b], q),
             &[a, b] => self.surface.is_edge([a, b], q),
             [_, _, _] => self.surface.is_corner(on.slice(), q),
