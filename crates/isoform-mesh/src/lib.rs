@@ -57,5 +57,5 @@ pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
 pub use mesher::{Meshed, mesh, mesh_regions};
 pub use missed::{Missed, Witness};
-pub use regions::REST;
 pub use options::{Options, Sizes};
+pub use regions::REST;

@@ -17,7 +17,7 @@ use crate::optimise::Optimiser;
 use crate::options::Options;
 use crate::refine::Refiner;
 use crate::regions::Regions;
-use crate::second::raise_order;
+use crate::second::{raise_order, turned};
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
 use isoform_check::{self as check, Capped, Failure, certify};
@@ -274,11 +274,12 @@ impl Ground<'_> {
         } = &of.meshed;
         let failures = self.surface_failures(mesh);
         let here = |w: &&Warning| {
-            use WarningKind::{NotCut, StrayFace, Torn, VertexOff};
-            matches!(w.kind, NotCut(_) | StrayFace | Torn | VertexOff)
+            use WarningKind::{MiddleOff, NotCut, StrayFace, Torn, VertexOff};
+            matches!(w.kind, MiddleOff | NotCut(_) | StrayFace | Torn | VertexOff)
         };
         let told = warnings.iter().filter(here).filter_map(|w| w.at);
         let mut places: Vec<Point3> = told.chain(missed.places()).collect();
+        places.extend(turned(mesh));
         let count = places.len() + failures.iter().map(|f| f.count).sum::<usize>();
         if count >= mesh.triangles.len().div_ceil(ALL_OVER) {
             let places = if of.has_seams { of.off() } else { Vec::new() };

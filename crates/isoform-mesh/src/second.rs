@@ -39,6 +39,22 @@ pub(crate) fn raise_order(
     Ok(Warning::each(WarningKind::MiddleOff, off))
 }
 
+/// Middles of the tetrahedra of second order that their mid nodes turn over: edges there are too long
+/// for the bend of the surface.
+pub(crate) fn turned(mesh: &Mesh) -> Vec<Point3> {
+    let is_turned = |t: &usize| {
+        let (corners, mids) = (mesh.tets[*t], mesh.tet_mids[*t]);
+        let node = |k: usize| if k < 4 { corners[k] } else { mids[k - 4] };
+        scaled_jacobian(&std::array::from_fn(|k| mesh.points[node(k) as usize])) <= 0.0
+    };
+    let all = (0..mesh.tet_mids.len()).into_par_iter();
+    let middle = |t: usize| {
+        let [a, b, c, d] = mesh.tets[t].map(|v| mesh.points[v as usize]);
+        midpoint(midpoint(a, b), midpoint(c, d))
+    };
+    all.filter(is_turned).map(middle).collect()
+}
+
 /// An edge as one number, its lower vertex in the upper half.
 fn key(a: u32, b: u32) -> u64 {
     u64::from(a.min(b)) << 32 | u64::from(a.max(b))
@@ -138,18 +154,23 @@ fn curved_middles(
         .flat_map(|(t, &part)| TRIANGLE_EDGES.map(|[i, j]| (key(t[i], t[j]), part)))
         .collect();
     rim.par_sort_unstable();
-    let mut sharp: Vec<u64> = mesh.edges.iter().map(|e| key(e[0], e[1])).collect();
+    let edges = mesh.edges.iter().zip(&mesh.edge_curves);
+    let mut sharp: Vec<(u64, u32)> = edges.map(|(e, &c)| (key(e[0], e[1]), c)).collect();
     sharp.sort_unstable();
     rim.par_chunk_by(|a, b| a.0 == b.0)
         .map(|same| {
             let e = same[0].0;
             let [p, q] = ends(e).map(|v| mesh.points[v as usize]);
             let middle = midpoint(p, q);
-            let mut on: Vec<u32> = same.iter().map(|s| pieces[s.1 as usize]).collect();
-            on.dedup();
-            if sharp.binary_search(&e).is_err() {
-                on = smooth_pieces(surface, &on, [p, q]);
-            }
+            let piece = |part: u32| pieces[part as usize];
+            let on = match sharp.binary_search_by_key(&e, |s| s.0) {
+                Ok(at) => mesh.curves[sharp[at].1 as usize].parts.map(piece).to_vec(),
+                Err(_) => {
+                    let mut on: Vec<u32> = same.iter().map(|s| piece(s.1)).collect();
+                    on.dedup();
+                    smooth_pieces(surface, &on, [p, q])
+                }
+            };
             let target = surface
                 .project(&on, middle)
                 .filter(|m| norm(sub(*m, middle)) <= REACH * norm(sub(p, q)));
