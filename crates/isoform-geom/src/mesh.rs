@@ -2,7 +2,7 @@
 
 use crate::{Aabb, Column, Point3};
 use std::borrow::Cow;
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
 /// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order
 /// of VTK and CalculiX).
@@ -69,6 +69,12 @@ pub struct Curve {
     pub parts: [u32; 2],
 }
 
+/// The corners of a face in ascending order, by which it is found.
+fn sorted(mut face: [u32; 3]) -> [u32; 3] {
+    face.sort_unstable();
+    face
+}
+
 /// Keeps those entries of a list whose places `is_kept` admits.
 fn keep<T>(list: &mut Vec<T>, is_kept: impl Fn(usize) -> bool) {
     let mut place = 0;
@@ -97,24 +103,10 @@ impl Mesh {
     }
     /// Whether each triangle is a wall: a face that tetrahedra of two regions share.
     pub fn walls(&self) -> Vec<bool> {
-        let key = |mut face: [u32; 3]| {
-            face.sort_unstable();
-            face
-        };
         if self.regions.len() < 2 {
             return vec![false; self.triangles.len()];
         }
-        let all = self.triangles.iter().map(|t| (key(*t), (None, false)));
-        let mut sides: HashMap<[u32; 3], (Option<u32>, bool)> = all.collect();
-        for (tet, &region) in self.tets.iter().zip(&self.tet_regions) {
-            for face in TET_FACES.map(|f| key(f.map(|k| tet[k]))) {
-                if let Some((first, is_wall)) = sides.get_mut(&face) {
-                    *is_wall |= first.is_some_and(|first| first != region);
-                    *first = Some(region);
-                }
-            }
-        }
-        self.triangles.iter().map(|t| sides[&key(*t)].1).collect()
+        self.sides_of_walls().iter().map(Option::is_some).collect()
     }
 
     /// The mesh without the walls between its regions: its triangles are its own surface alone, its
@@ -153,21 +145,97 @@ impl Mesh {
         }
     }
 
+    /// Names walls by the regions on both sides, `inner|outer` for one between the regions inner and
+    /// outer, with `.part` behind where the wall between two regions has several parts. A part that
+    /// is surface and wall, or wall between several pairs of regions, becomes several parts. A part
+    /// of the surface that is called like a region gets `.surface` behind its name: in files, both
+    /// are groups of elements.
+    pub fn name_walls(&mut self) {
+        let sides = self.sides_of_walls();
+        let pairs: BTreeSet<([u32; 2], u32)> = sides
+            .iter()
+            .zip(&self.triangle_parts)
+            .filter_map(|(pair, &part)| Some(((*pair)?, part)))
+            .collect();
+        let used = sides
+            .iter()
+            .zip(&self.triangle_parts)
+            .filter(|(pair, _)| pair.is_none());
+        let outer: HashSet<u32> = used.map(|(_, &part)| part).collect();
+        // Parts of the surface keep their places and names; walls come behind them.
+        let mut parts = Vec::new();
+        let mut number: HashMap<(Option<[u32; 2]>, u32), u32> = HashMap::new();
+        for part in (0..self.parts.len() as u32).filter(|part| outer.contains(part)) {
+            number.insert((None, part), parts.len() as u32);
+            let name = &self.parts[part as usize];
+            let is_region = self.regions.contains(name);
+            parts.push(if is_region {
+                format!("{name}.surface")
+            } else {
+                name.clone()
+            });
+        }
+        for &(pair, part) in &pairs {
+            let [a, b] = pair.map(|region| &self.regions[region as usize]);
+            let several = pairs.iter().filter(|other| other.0 == pair).count() > 1;
+            let mut name = format!("{a}|{b}");
+            if several {
+                name += &format!(".{}", self.parts[part as usize]);
+            }
+            number.insert((Some(pair), part), parts.len() as u32);
+            parts.push(name);
+        }
+        let renamed = |(pair, part): (&Option<[u32; 2]>, &u32)| number[&(*pair, *part)];
+        self.triangle_parts = sides
+            .iter()
+            .zip(&self.triangle_parts)
+            .map(renamed)
+            .collect();
+        // Of the parts that one has become, a curve has that of the surface, or else the first.
+        let place = |part: u32| {
+            let is_of = |key: &&(Option<[u32; 2]>, u32)| key.1 == part;
+            number.keys().filter(is_of).min().map(|key| number[key])
+        };
+        for curve in &mut self.curves {
+            curve.parts = curve.parts.map(|part| place(part).unwrap_or(0));
+            let [a, b] = curve.parts.map(|part| &parts[part as usize]);
+            curve.name = format!("{a}/{b}");
+        }
+        self.parts = parts;
+    }
+
+    /// The regions on both sides of each triangle that is a wall, the lower first.
+    fn sides_of_walls(&self) -> Vec<Option<[u32; 2]>> {
+        let mut sides: HashMap<[u32; 3], Vec<u32>> = self
+            .triangles
+            .iter()
+            .map(|t| (sorted(*t), Vec::new()))
+            .collect();
+        for (tet, &region) in self.tets.iter().zip(&self.tet_regions) {
+            for face in TET_FACES.map(|f| sorted(f.map(|k| tet[k]))) {
+                if let Some(regions) = sides.get_mut(&face) {
+                    regions.push(region);
+                }
+            }
+        }
+        let pair = |t: &[u32; 3]| match *sides[&sorted(*t)] {
+            [a, b] if a != b => Some([a.min(b), a.max(b)]),
+            _ => None,
+        };
+        self.triangles.iter().map(pair).collect()
+    }
+
     /// One of its regions as a mesh of its own: its tetrahedra, the faces around them, outward, and
     /// the edges and corners of these. Only triangles of this mesh have faces there.
     pub fn region(&self, region: u32) -> Self {
-        let key = |mut face: [u32; 3]| {
-            face.sort_unstable();
-            face
-        };
         let all = self.triangles.iter().enumerate();
-        let triangle_of: HashMap<[u32; 3], usize> = all.map(|(k, t)| (key(*t), k)).collect();
+        let triangle_of: HashMap<[u32; 3], usize> = all.map(|(k, t)| (sorted(*t), k)).collect();
         let of_region = |t: &usize| self.tet_regions[*t] == region;
         let tets: Vec<usize> = (0..self.tets.len()).filter(of_region).collect();
         let mut sides: Vec<(usize, [u32; 3])> = Vec::new();
         for &t in &tets {
             for face in TET_FACES.map(|f| f.map(|k| self.tets[t][k])) {
-                sides.extend(triangle_of.get(&key(face)).map(|&k| (k, face)));
+                sides.extend(triangle_of.get(&sorted(face)).map(|&k| (k, face)));
             }
         }
         // A triangle within the region, which its tetrahedra have on both sides, is no face of it.

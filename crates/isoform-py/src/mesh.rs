@@ -9,9 +9,9 @@ use crate::shape::Shape;
 use isoform::check::Limits;
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, write_mesh_path};
-use isoform::mesh::Options;
+use isoform::mesh::{Options, REST};
 use isoform::report::{MeshReport, ModelName, Seconds};
-use isoform::{MeshModelOptions, Unseen, mesh_model, mesh_spline};
+use isoform::{MeshModelOptions, RegionModel, Unseen, mesh_model_regions, mesh_spline};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
 use std::path::PathBuf;
@@ -167,10 +167,12 @@ pub(crate) fn mesh(
     py: Python<'_>,
     shape: Shape,
     name: String,
+    regions: Vec<(String, Shape)>,
     wanted: Wanted,
     asked: Asked<'_>,
 ) -> PyResult<MeshData> {
     let options = wanted.options()?;
+    let regions = regions_of(regions)?;
     let unseen = if wanted.close {
         Unseen::Close
     } else {
@@ -180,7 +182,13 @@ pub(crate) fn mesh(
     let theirs = shape.clone();
     let made = run::run(py, &asked, move |control| match theirs.as_ref() {
         Shape::Model(program, values) => {
-            mesh_model(program.get().model(), values, &options, control)
+            let named = regions.iter().map(|(name, program, values)| RegionModel {
+                name,
+                model: program.get().model(),
+                values,
+            });
+            let regions: Vec<RegionModel<'_>> = named.collect();
+            mesh_model_regions(program.get().model(), values, &regions, &options, control)
         }
         Shape::Fitted(fitted) => mesh_spline(fitted.get().function(), unseen, &options, control),
     })?;
@@ -193,6 +201,25 @@ pub(crate) fn mesh(
         mesh: made.meshed.mesh,
         unit,
     })
+}
+
+/// Regions with the values of all parameters.
+fn regions_of(
+    regions: Vec<(String, Shape)>,
+) -> Result<Vec<(String, Py<Program>, Vec<f64>)>, Trouble> {
+    let mut found: Vec<(String, Py<Program>, Vec<f64>)> = Vec::new();
+    for (name, shape) in regions {
+        let Shape::Model(program, values) = shape.checked()? else {
+            return Err(Trouble::usage(format!("region {name} is no Model")));
+        };
+        if name.eq_ignore_ascii_case(REST) {
+            return Err(Trouble::usage(format!(
+                "no region may be called {REST}, as what is left is"
+            )));
+        }
+        found.push((name, program, values));
+    }
+    Ok(found)
 }
 
 /// What is meshed, for documents.

@@ -148,7 +148,7 @@ pub fn certified_regions(
     control: &Control<'_>,
 ) -> Result<(Meshed, Certificate, Vec<RegionCertificate>), MeshError> {
     let meshed = mesh_regions(solid, regions, options, control)?;
-    let (meshed, certificate) = certified(meshed, solid, options, limits, control);
+    let (mut meshed, certificate) = certified(meshed, solid, options, limits, control);
     let capped = options.region.map(|region| Capped::new(solid, region));
     let whole: &dyn Solid = capped.as_ref().map_or(solid, |capped| capped);
     let names = regions.iter().map(|r| r.name).chain([REST]);
@@ -174,6 +174,7 @@ pub fn certified_regions(
             certificate,
         });
     }
+    meshed.mesh.name_walls();
     Ok((meshed, certificate, certificates))
 }
 
@@ -218,7 +219,7 @@ fn certified(
         limits,
         ..check::Options::default()
     };
-    let certificate = certify(&meshed.mesh.without_walls(), Some(solid), &wanted, control);
+    let certificate = certify(&meshed.mesh, Some(solid), &wanted, control);
     (meshed, certificate)
 }
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import warnings
 from functools import cached_property
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,7 @@ from ._optional import need
 from ._points import Path
 from ._region import Box, corners
 
+Region: TypeAlias = Model | tuple[Model, Values]
 
 
 class Triangles(Shown):
@@ -209,6 +211,7 @@ def mesh(
     threads: int | None = None,
     *,
     params: Values = None,
+    regions: Mapping[str, Region] | None = None,
     box: Box = None,
     grade: float | None = None,
     angles: tuple[float, float] | None = None,
@@ -234,6 +237,10 @@ def mesh(
         How many to use, by default all cores. The result does not depend on it.
     params : dict or sequence of float, optional
         Values of the model's parameters by name, or in their order.
+    regions : dict of Model, optional
+        Mesh in regions with common nodes: each name takes what of the model lies in its own model
+        and in none before it; what is left is called ``rest``. A model with values for its
+        parameters is a tuple of both. Triangles between regions belong to parts called ``a|b``.
     box : float or sequence, optional
         Mesh what lies in it: half the width of a box around the origin, or its two corners.
     grade : float, optional
@@ -268,7 +275,16 @@ def mesh(
     >>> ball = isoform.mesh(isoform.template("sphere"), size=0.3, params={"radius": 1})
     >>> ball.certificate["ok"], round(ball.certificate["volume"])
     (True, 4)
+
+    Regions are objects of a program, or models of their own.
+
+    >>> core = isoform.template("sphere"), {"radius": 0.5}
+    >>> ball = isoform.mesh(isoform.template("sphere"), 0.3, params={"radius": 1}, regions={"core": core})
+    >>> ball.region_names, [region["certificate"]["ok"] for region in ball.document["region_certificates"]]
+    (['core', 'rest'], [True, True])
     """
+    if regions and surface_only:
+        raise IsoformError("regions do not go with surface_only", "usage")
     wanted = {
         "size": size,
         "order": whole("order", order, 1),
@@ -280,8 +296,16 @@ def mesh(
         "close": close,
     }
     with asked(threads, time_limit, progress) as limits:
-        native = _isoform.mesh(_shape(model, params), model.name, wanted, limits)
+        native = _isoform.mesh(
+            _shape(model, params), model.name, _regions(regions), wanted, limits
+        )
     return Mesh(native)
+
+
+def _regions(regions: Mapping[str, Region] | None) -> list[tuple[str, Any]]:
+    """Regions as the compiled half takes them."""
+    pairs = ((name, of if isinstance(of, tuple) else (of, None)) for name, of in (regions or {}).items())
+    return [(name, _shape(model, params)) for name, (model, params) in pairs]
 
 
 def _memory(asked: float | None) -> float | None:
