@@ -3,6 +3,7 @@
 use crate::arrays::rows;
 use crate::document;
 use crate::error::Trouble;
+use crate::model::Program;
 use crate::region::{Corners, length, some_region};
 use crate::run::{self, Asked};
 use crate::shape::Shape;
@@ -182,9 +183,9 @@ pub(crate) fn mesh(
     let theirs = shape.clone();
     let made = run::run(py, &asked, move |control| match theirs.as_ref() {
         Shape::Model(program, values) => {
-            let named = regions.iter().map(|(name, program, values)| RegionModel {
+            let named = regions.iter().map(|(name, region, values)| RegionModel {
                 name,
-                model: program.get().model(),
+                model: region.get().model(),
                 values,
             });
             let regions: Vec<RegionModel<'_>> = named.collect();

@@ -280,7 +280,7 @@ def mesh(
 
     >>> core = isoform.template("sphere"), {"radius": 0.5}
     >>> ball = isoform.mesh(isoform.template("sphere"), 0.3, params={"radius": 1}, regions={"core": core})
-    >>> ball.region_names, [region["certificate"]["ok"] for region in ball.document["region_certificates"]]
+    >>> ball.region_names, [r["certificate"]["ok"] for r in ball.to_dict()["region_certificates"]]
     (['core', 'rest'], [True, True])
     """
     if regions and surface_only:
