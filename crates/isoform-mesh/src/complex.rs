@@ -402,8 +402,8 @@ impl Complex {
         }
     }
 
-    /// What is wrong with the neighbours, for tests.
-    #[cfg(test)]
+    /// What is wrong with the neighbours or the walls, for tests.
+    #[cfg(any(test, debug_assertions))]
     pub(crate) fn fault(&self) -> Option<String> {
         for t in self.live() {
             for i in 0..4 {
@@ -413,10 +413,22 @@ impl Complex {
                     let back = (0..4).find(|&j| {
                         self.adjacent[n as usize][j] == t && sorted(self.face(n, j)) == f
                     });
-                    if !self.is_there(n) || back.is_none() {
+                    let Some(j) = back.filter(|_| self.is_there(n)) else {
                         return Some(format!("tet {t} face {i}: neighbour {n} does not agree"));
+                    };
+                    let label = self.walls.get(t as usize).map_or(NONE, |w| w[i]);
+                    let theirs = self.walls.get(n as usize).map_or(NONE, |w| w[j]);
+                    if label != theirs || (label != NONE) != self.is_wall(t, i) {
+                        return Some(format!("tet {t} face {i}: labels {label} and {theirs}"));
                     }
                 }
+            }
+            if self
+                .walls
+                .get(t as usize)
+                .is_some_and(|w| w.contains(&(OPEN & !BOUNDARY)))
+            {
+                return Some(format!("tet {t} has a wall without a label"));
             }
             for v in self.tets[t as usize] {
                 let of = self.tet_of[v as usize];

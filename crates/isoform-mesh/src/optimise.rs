@@ -133,6 +133,10 @@ impl Optimiser<'_> {
         self.take_apexes(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
         self.split_ears(EARS * goal);
+        #[cfg(debug_assertions)]
+        if self.complex.is_divided() {
+            assert_eq!(self.complex.fault(), None);
+        }
         Warning::each(WarningKind::VertexOff, off)
     }
 

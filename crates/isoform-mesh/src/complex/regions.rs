@@ -79,3 +79,82 @@ impl Complex {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::OPEN;
+    use super::*;
+
+    /// Six tetrahedra around the upright edge from 0 to 1, the first three of region 0, with the
+    /// label 7 on the two walls.
+    fn halves() -> (Complex, Ring) {
+        let mut points = vec![[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]];
+        for k in 0..6 {
+            let a = std::f64::consts::TAU * f64::from(k) / 6.0;
+            points.push([a.cos(), a.sin(), 0.0]);
+        }
+        let tets = (0..6).map(|k| [0, 1, 2 + k, 2 + (k + 1) % 6]).collect();
+        let mut complex = Complex::new(points, tets);
+        complex.divide(vec![0, 0, 0, 1, 1, 1]);
+        for t in 0..3 {
+            for i in 0..4 {
+                if complex.owner(t, i).is_some() {
+                    complex.set_label(t, i, 7);
+                }
+            }
+        }
+        let mut ring = Ring::default();
+        complex.ring(1, 0, 1, &mut ring);
+        (complex, ring)
+    }
+
+    #[test]
+    fn walls_are_seen_from_the_first_region() {
+        let (complex, ring) = halves();
+        assert_eq!(complex.fault(), None);
+        assert_eq!(complex.labels_at(&ring), [7, 7]);
+        assert!(ring.closed && complex.is_on_surface(&ring));
+        let faces = complex.faces();
+        assert_eq!(faces.len(), 2);
+        // Both look out of region 0, which lies at y > 0.
+        for (f, label) in faces {
+            let p = f.map(|v| complex.point(v));
+            let [u, v] = [1, 2].map(|k| isoform_geom::sub(p[k], p[0]));
+            assert!(isoform_geom::cross(u, v)[1] < 0.0 && label == 7);
+        }
+        let mut arcs = complex.arcs(&ring);
+        arcs.sort_by_key(|arc| complex.region(arc.tets[0]));
+        let ends = |arc: &Ring| [arc.link[0], arc.link[3]];
+        assert_eq!(
+            arcs.iter().map(|arc| arc.tets.len()).collect::<Vec<_>>(),
+            [3, 3]
+        );
+        let [first, second] = [ends(&arcs[0]), ends(&arcs[1])];
+        assert_eq!(first, [second[1], second[0]]);
+    }
+
+    #[test]
+    fn splits_and_replacements_keep_walls() {
+        let (mut complex, ring) = halves();
+        let m = complex.add_point([0.0; 3]);
+        let mut made = Vec::new();
+        complex.split(&ring, 0, 1, m, &mut made);
+        assert_eq!(complex.fault(), None);
+        assert_eq!(complex.faces().len(), 4);
+        let regions: Vec<u16> = made.iter().map(|&t| complex.region(t)).collect();
+        assert_eq!(regions.iter().filter(|r| **r == 0).count(), 6);
+        // Region 1 takes one of the tetrahedra at the wall: the wall goes around it.
+        let t = made
+            .iter()
+            .copied()
+            .find(|&t| complex.region(t) == 0 && complex.label(t, 2).is_some());
+        let t = t.expect("one of them is at the wall");
+        let tet = complex.tets[t as usize];
+        complex.replace_in(&[t], (&[tet], &[1]), |_| 9, &mut made);
+        assert_eq!(complex.fault(), None);
+        assert_eq!(complex.region(made[0]), 1);
+        let labels: Vec<u32> = complex.faces().into_iter().map(|f| f.1).collect();
+        assert_eq!(labels.iter().filter(|l| **l == 9).count(), 2);
+        assert!(!labels.contains(&(OPEN & !BOUNDARY)));
+    }
+}
