@@ -665,6 +665,91 @@ fn surfaces_that_cannot_be_adapted() {
     );
 }
 
+const TWO: &str = "core(x[3], a[1]) { core = a[1]^2 - x[1]^2 - x[2]^2 - x[3]^2; }
+    half(x[3], a[1]) { half = x[3]; }
+    more(x[3], a[2]) { more = x[1] - a[2]; }
+    my_model(x[3], a[1]) { my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
+
+#[test]
+fn regions_have_names_volumes_and_certificates() {
+    let folder = Folder::new("mesh-regions");
+    let model = folder.file("two.hf", TWO);
+    let low = folder.file("low.hf", "low(x[3], a[1]) { low = -x[3] - 0.6; }");
+    let regions = format!("core,half,{low}");
+    let out = folder.path("ball.inp");
+    let more = ["--params", "0.5", "--regions", &regions, "--size", "0.15"];
+    let (code, document) = mesh(&model, &[&more[..], &["-o", &out]].concat());
+    assert_eq!(code, 0, "{document}");
+    let names: Vec<&str> = document["regions"]
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|r| r["name"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(names, ["core", "half", "low", "rest"]);
+    let ball = 4.0 / 3.0 * std::f64::consts::PI;
+    // A cap of a unit ball, 0.4 high.
+    let cap = std::f64::consts::PI * 0.16 * 2.6 / 3.0;
+    let wanted = [ball / 8.0, ball / 2.0 - ball / 16.0, cap];
+    let certificates = document["region_certificates"].as_array().expect("a list");
+    for (region, wanted) in certificates.iter().zip(wanted) {
+        let volume = region["certificate"]["volume"].as_f64().expect("a number");
+        assert!(
+            (volume / wanted - 1.0).abs() < 0.04,
+            "{}: {volume}",
+            region["name"]
+        );
+        assert_eq!(region["certificate"]["ok"], true);
+    }
+    let parts = document["parts"].to_string();
+    for wall in ["core|half", "core|rest", "half|rest", "low|rest"] {
+        assert!(parts.contains(wall), "{wall} in {parts}");
+    }
+    let deck = fs::read_to_string(&out).expect("a deck");
+    for name in ["CORE", "HALF", "LOW", "REST"] {
+        assert!(deck.contains(&format!("ELSET={name}\n")), "{name}");
+    }
+}
+
+#[test]
+fn regions_that_cannot_be() {
+    let folder = Folder::new("mesh-no-regions");
+    let model = folder.file("two.hf", TWO);
+    for (more, why) in [
+        (vec!["--regions", "cor"], "cor"),
+        (
+            vec!["--regions", "core,core"],
+            "two regions are called core",
+        ),
+        (
+            vec!["--regions", "more"],
+            "region more has 2 parameters, my_model has 1",
+        ),
+        (vec!["--regions", "none.hf"], "none.hf"),
+        (
+            vec!["--regions", "core", "--surface-only"],
+            "cannot be used with",
+        ),
+        (
+            vec!["--regions", "core", "--blocks", "2,1,1"],
+            "cannot be used with",
+        ),
+    ] {
+        let run = isoform(&[&["mesh", &model, "--size", "0.3"][..], &more].concat());
+        assert!(matches!(code(&run), 1 | 2), "{more:?}");
+        assert!(stderr(&run).contains(why), "{more:?}: {}", stderr(&run));
+    }
+    // Nothing of the ball lies there.
+    let far = folder.file("far.hf", "far(x[3], a[1]) { far = x[3] - 5; }");
+    let (code, document) = mesh(&model, &["--regions", &far, "--size", "0.3"]);
+    assert_eq!(code, 3);
+    assert!(
+        document["warnings"]
+            .to_string()
+            .contains("region far has no tetrahedra")
+    );
+}
+
 #[test]
 fn blocks_meet_and_are_certified() {
     let f = Folder::new("mesh-blocks");

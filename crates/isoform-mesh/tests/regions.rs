@@ -5,7 +5,7 @@ use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Mesh, Point3, Solid, TET_FACES, cross, dot, sub};
 use isoform_mesh::{Control, MeshError, Meshed, Options, Region, RegionSolid, WarningKind};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 /// The objects of a program as solids: the model, and those that the names say.
@@ -56,14 +56,14 @@ fn check_conforming(mesh: &Mesh) {
         let [a, b, c] = f.map(corner);
         dot(sub(b, a), cross(sub(c, a), sub(p, a)))
     };
-    let mut faces: HashMap<[u32; 3], Vec<(u32, [u32; 3])>> = HashMap::new();
+    let mut faces: BTreeMap<[u32; 3], Vec<(u32, [u32; 3])>> = BTreeMap::new();
     for (tet, &region) in mesh.tets.iter().zip(&mesh.tet_regions) {
         assert!(six([tet[0], tet[1], tet[2]], corner(tet[3])) > 0.0);
         for face in TET_FACES.map(|f| f.map(|k| tet[k])) {
             faces.entry(key(face)).or_default().push((region, face));
         }
     }
-    let mut wanted: HashMap<[u32; 3], [u32; 3]> = HashMap::new();
+    let mut wanted: BTreeMap<[u32; 3], [u32; 3]> = BTreeMap::new();
     for (face, sides) in &mut faces {
         sides.sort_unstable();
         match sides.as_slice() {
@@ -85,8 +85,8 @@ fn check_conforming(mesh: &Mesh) {
 }
 
 /// The volumes of the regions, by name.
-fn volumes(mesh: &Mesh) -> HashMap<&str, f64> {
-    let mut volumes = HashMap::new();
+fn volumes(mesh: &Mesh) -> BTreeMap<&str, f64> {
+    let mut volumes = BTreeMap::new();
     for (tet, &region) in mesh.tets.iter().zip(&mesh.tet_regions) {
         let [a, b, c, d] = tet.map(|v| mesh.points[v as usize]);
         let volume = dot(sub(b, a), cross(sub(c, a), sub(d, a))) / 6.0;

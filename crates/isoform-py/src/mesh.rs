@@ -204,11 +204,12 @@ pub(crate) fn mesh(
     })
 }
 
+/// A region: its name, its program and the values of all parameters.
+type Region = (String, Py<Program>, Vec<f64>);
+
 /// Regions with the values of all parameters.
-fn regions_of(
-    regions: Vec<(String, Shape)>,
-) -> Result<Vec<(String, Py<Program>, Vec<f64>)>, Trouble> {
-    let mut found: Vec<(String, Py<Program>, Vec<f64>)> = Vec::new();
+fn regions_of(regions: Vec<(String, Shape)>) -> Result<Vec<Region>, Trouble> {
+    let mut found: Vec<Region> = Vec::new();
     for (name, shape) in regions {
         let Shape::Model(program, values) = shape.checked()? else {
             return Err(Trouble::usage(format!("region {name} is no Model")));

@@ -574,7 +574,7 @@ fn modes_of(mesh: &Mesh, has_parts: bool) -> (Vec<ColorBy>, Vec<(ColorBy, &[f64]
 fn lid_of(surface: &Surface, mesh: &Mesh, section: Option<&Section>) -> Lid {
     match section {
         Some(section) if !mesh.tets.is_empty() => {
-            let cut = cut_of(&mesh.points, &mesh.tets, section, shade::CAP);
+            let cut = cut_of(&mesh.points, &mesh.tets, section, &mesh.tet_regions);
             Lid::Cut(Box::new(cut))
         }
         Some(_) if is_closed(&surface.points, &surface.triangles) => Lid::Own,

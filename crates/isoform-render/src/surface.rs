@@ -5,6 +5,7 @@ use crate::camera::{Ray, along, unit};
 use crate::color::{Color, Scale, part_color};
 use crate::exact::{Exact, facet_normal};
 use crate::section::Section;
+use crate::shade;
 use isoform::geom::{Aabb, Point3, dot, norm, sub};
 use std::collections::HashMap;
 
@@ -296,16 +297,17 @@ pub(crate) fn is_closed(points: &[Point3], triangles: &[[u32; 3]]) -> bool {
     !balance.is_empty() && balance.values().all(|sum| *sum == 0)
 }
 
-/// The polygons in which a section cuts tetrahedra, as triangles.
+/// The polygons in which a section cuts tetrahedra of some regions, as triangles: a part for each
+/// region.
 pub(crate) fn cut_of(
     points: &[Point3],
     tets: &[[u32; 4]],
     section: &Section,
-    color: Color,
+    regions: &[u32],
 ) -> Surface {
     let height = |i: u32| section.height(points[i as usize]);
-    let (mut nodes, mut triangles) = (Vec::new(), Vec::new());
-    for tet in tets {
+    let (mut nodes, mut triangles, mut parts) = (Vec::new(), Vec::new(), Vec::new());
+    for (t, tet) in tets.iter().enumerate() {
         let (above, below): (Vec<u32>, Vec<u32>) = tet.iter().partition(|i| height(**i) > 0.0);
         let crossing = |i: u32, j: u32| -> Point3 {
             let (p, q) = (points[i as usize], points[j as usize]);
@@ -321,10 +323,20 @@ pub(crate) fn cut_of(
         let first = nodes.len() as u32;
         for k in 2..polygon.len() as u32 {
             triangles.push([first, first + k - 1, first + k]);
+            parts.push(regions.get(t).copied().unwrap_or(0));
         }
         nodes.extend(polygon);
     }
-    let mut cut = Surface::new(nodes, triangles, Paint::Plain(color));
+    let count = parts.iter().max().map_or(1, |most| *most as usize + 1);
+    // The second hue of parts is that of caps.
+    let color = |k: usize| match k {
+        0 => shade::CAP,
+        1 => part_color(0),
+        _ => part_color(k),
+    };
+    let colors = (0..count).map(color);
+    let mut cut = Surface::new(nodes, triangles, Paint::Parts(colors.collect()));
+    cut.parts = parts;
     cut.has_edges = true;
     cut
 }
@@ -389,7 +401,7 @@ mod tests {
         let with_flat = [&skin[..], &[[0, 0, 1], [2, 2, 2]]].concat();
         assert!(is_closed(&points, &with_flat) && !is_closed(&points, &[[0, 0, 1]]));
         let section = Section::new([0.0, 0.0, 2.0], 1.0).expect("a plane");
-        let cut = cut_of(&points, &[[0, 1, 2, 3]], &section, [0; 3]);
+        let cut = cut_of(&points, &[[0, 1, 2, 3]], &section, &[]);
         let area: f64 = (0..cut.triangles.len() as u32)
             .map(|k| 0.5 * norm(facet_normal(cut.corners(k))))
             .sum();

@@ -268,8 +268,8 @@ impl Place<'_> {
     }
 
     /// A place of a cap: flat, with hatches where they are wanted.
-    fn cap(&self, t: f64, normal: Point3) -> Nearest {
-        let mut color = flat(shade::CAP);
+    fn cap(&self, t: f64, normal: Point3, color: Color) -> Nearest {
+        let mut color = flat(color);
         let phase = (self.at[0] + self.at[1]).rem_euclid(HATCH);
         if self.tracer.is_hatched && phase < HATCH_WIDTH {
             color = color.map(|v| 0.66 * v);
@@ -288,7 +288,7 @@ impl Place<'_> {
                 Some(section) if self.is_cut && met.t == self.range[0] => section.normal(),
                 _ => self.ray.d,
             };
-            return Some(self.cap(met.t, normal));
+            return Some(self.cap(met.t, normal, shade::CAP));
         };
         let normal = model.normal(piece, &self.ray, met.t);
         let own = colors.as_ref().map(|c| c[piece as usize]);
@@ -303,10 +303,12 @@ impl Place<'_> {
             && self.range[0] < self.range[1]
         {
             let section = self.tracer.scene.section.as_ref()?;
-            let mut cap = self.cap(self.range[0], section.normal());
-            if let (Some(on), Some(cut)) = (cut, surface.cut()) {
-                cap.color = self.wired(cap.color, cut, &on);
-            }
+            let Some((on, cut)) = cut.zip(surface.cut()) else {
+                return Some(self.cap(self.range[0], section.normal(), shade::CAP));
+            };
+            let color = cut.fill(on.part, 0);
+            let mut cap = self.cap(self.range[0], section.normal(), color);
+            cap.color = self.wired(cap.color, cut, &on);
             return Some(cap);
         }
         let section = self.tracer.scene.section.as_ref();
