@@ -183,7 +183,7 @@ fn mesh_within(
         if wrong.count < fewest {
             (best, fewest, in_vain) = (next, wrong.count, 0);
         }
-        if wrong.count == 0 {
+        if wrong.count == [0, 0] {
             return Ok(best.meshed);
         }
         if wrong.places.is_empty() || in_vain >= IN_VAIN {
@@ -236,10 +236,21 @@ impl Outcome {
     }
 }
 
+/// Places where mid nodes turn tetrahedra over, or are off the surface.
+fn bent_wrong(meshed: &Meshed) -> Vec<Point3> {
+    let off = meshed
+        .warnings
+        .iter()
+        .filter(|w| w.kind == WarningKind::MiddleOff);
+    off.filter_map(|w| w.at)
+        .chain(turned(&meshed.mesh))
+        .collect()
+}
+
 /// What is wrong with a mesh.
 struct Wrong {
-    /// How much: findings of the certificate, and warnings.
-    count: usize,
+    /// How much: findings of the certificate, and warnings; then those of mid nodes.
+    count: [usize; 2],
     /// Places to be meshed finer: none where the mesh is wrong all over.
     places: Vec<Point3>,
 }
@@ -274,21 +285,28 @@ impl Ground<'_> {
         } = &of.meshed;
         let failures = self.surface_failures(mesh);
         let here = |w: &&Warning| {
-            use WarningKind::{MiddleOff, NotCut, StrayFace, Torn, VertexOff};
-            matches!(w.kind, MiddleOff | NotCut(_) | StrayFace | Torn | VertexOff)
+            use WarningKind::{NotCut, StrayFace, Torn, VertexOff};
+            matches!(w.kind, NotCut(_) | StrayFace | Torn | VertexOff)
         };
         let told = warnings.iter().filter(here).filter_map(|w| w.at);
         let mut places: Vec<Point3> = told.chain(missed.places()).collect();
-        places.extend(turned(mesh));
+        let bent = bent_wrong(&of.meshed);
         let count = places.len() + failures.iter().map(|f| f.count).sum::<usize>();
         if count >= mesh.triangles.len().div_ceil(ALL_OVER) {
             let places = if of.has_seams { of.off() } else { Vec::new() };
+            let count = [count, bent.len()];
             return Wrong { count, places };
         }
         let found = failures
             .iter()
             .flat_map(|f| f.place.iter().chain(&f.others));
         places.extend(found.map(|p| p.at));
+        // Mid nodes come second: as long as the mesh itself is wrong, they say little.
+        let is_bent_here = count == 0 && bent.len() < mesh.triangles.len().div_ceil(ALL_OVER);
+        let count = [count, bent.len()];
+        if is_bent_here {
+            places = bent;
+        }
         Wrong { count, places }
     }
 
