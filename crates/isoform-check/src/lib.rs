@@ -178,8 +178,8 @@ impl Certificate {
 /// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh
 /// follows its surface.
 ///
-/// Of a mesh of several regions the walls between them, which have a tetrahedron on either side, are
-/// left out: [`Mesh::region`] makes a mesh of each region, which has them.
+/// Of a mesh of several regions the walls between them, which have a tetrahedron on either side,
+/// are left out: [`Mesh::region`] makes a mesh of each region, which has them.
 ///
 /// On a stop by `control` the certificate lacks what was not yet looked at, and is not complete.
 pub fn certify(

@@ -219,7 +219,8 @@ impl Complex {
         let mut labels = Vec::new();
         for (k, &t) in ring.tets.iter().enumerate() {
             let next = (k + 1) % ring.link.len();
-            // A tetrahedron of the ring has two faces at the edge, each opposite to one of the link.
+            // A tetrahedron of the ring has two faces at the edge, each opposite to one of the
+            // link.
             for opposite in [ring.link[next], ring.link[k]] {
                 labels.extend(self.label(t, self.place(t, opposite)));
             }

@@ -2,8 +2,8 @@
 //!
 //! The *whole* is what is meshed; each *divider* takes what of the whole lies in it and in no
 //! divider before it, and what is left is a region of its own. *Layer* 0 is the whole, layer k the
-//! divider k: each has a tree, and all share the numbers of the pieces, so that a vertex can be held
-//! on a piece of the whole and on one of a divider at once.
+//! divider k: each has a tree, and all share the numbers of the pieces, so that a vertex can be
+//! held on a piece of the whole and on one of a divider at once.
 
 use crate::lattice::Lattice;
 use crate::surface::LayerCells;

@@ -75,10 +75,10 @@ pub fn mesh(
     mesh_regions(solid, &[], options, control)
 }
 
-/// Meshes a solid in several regions: each takes what of the solid lies in its own solid and in that
-/// of no region before it, and what is left is one more, called `rest`. Tetrahedra of two regions
-/// share the nodes of the faces between them. These faces are triangles of the mesh, too, outward of
-/// the region that comes first, on the parts of its solid.
+/// Meshes a solid in several regions: each takes what of the solid lies in its own solid and in
+/// that of no region before it, and what is left is one more, called `rest`. Tetrahedra of two
+/// regions share the nodes of the faces between them. These faces are triangles of the mesh, too,
+/// outward of the region that comes first, on the parts of its solid.
 ///
 /// # Errors
 /// As [`mesh`], and if there are more regions than 999 or `options` ask for the surface alone.

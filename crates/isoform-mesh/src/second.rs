@@ -39,8 +39,8 @@ pub(crate) fn raise_order(
     Ok(Warning::each(WarningKind::MiddleOff, off))
 }
 
-/// Middles of the tetrahedra of second order that their mid nodes turn over: edges there are too long
-/// for the bend of the surface.
+/// Middles of the tetrahedra of second order that their mid nodes turn over: edges there are too
+/// long for the bend of the surface.
 pub(crate) fn turned(mesh: &Mesh) -> Vec<Point3> {
     let is_turned = |t: &usize| {
         let (corners, mids) = (mesh.tets[*t], mesh.tet_mids[*t]);

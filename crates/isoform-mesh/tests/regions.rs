@@ -44,8 +44,8 @@ fn sized(size: f64) -> Options {
     }
 }
 
-/// Every tetrahedron is positive, every face lies in one or two, and the triangles are exactly those
-/// faces that are on the outside or between two regions, outward of the first.
+/// Every tetrahedron is positive, every face lies in one or two, and the triangles are exactly
+/// those faces that are on the outside or between two regions, outward of the first.
 fn check_conforming(mesh: &Mesh) {
     let key = |mut f: [u32; 3]| {
         f.sort_unstable();
@@ -129,7 +129,8 @@ const BLOCK: &str = "my_model(x[3], a[1]) {
 
 #[test]
 fn planes_part_a_block_exactly() {
-    // Of the block the first takes x > 0.1, the second of the rest y > 0.2 x: a wall ends at a wall.
+    // Of the block the first takes x > 0.1, the second of the rest y > 0.2 x: a wall ends at a
+    // wall.
     let program = format!(
         "east(x[3], a[1]) {{ east = x[1] - 0.1; }}
          north(x[3], a[1]) {{ north = x[2] - 0.2*x[1]; }} {BLOCK}"

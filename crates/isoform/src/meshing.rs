@@ -138,8 +138,8 @@ pub fn certified_mesh(
     Ok(certified(meshed, solid, options, limits, control))
 }
 
-/// Meshes a solid in regions ([`isoform_mesh::mesh_regions`]) and certifies the whole and each region
-/// with tetrahedra as a solid of its own.
+/// Meshes a solid in regions ([`isoform_mesh::mesh_regions`]) and certifies the whole and each
+/// region with tetrahedra as a solid of its own.
 pub fn certified_regions(
     solid: &dyn Solid,
     regions: &[Region<'_>],

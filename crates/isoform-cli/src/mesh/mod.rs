@@ -61,8 +61,8 @@ pub(crate) struct Args {
         conflicts_with_all = ["adapt", "to"]
     )]
     blocks: Option<Counts>,
-    /// Mesh the model in regions with common nodes: objects of the program, or files of others. Each
-    /// takes what of the model lies in it and in none before it; the rest is one more
+    /// Mesh the model in regions with common nodes: objects of the program, or files of others.
+    /// Each takes what of the model lies in it and in none before it; the rest is one more
     #[arg(
         long,
         value_name = "NAME|FILE,...",

@@ -68,11 +68,11 @@ impl Mesh {
         }
     }
 
-    /// Names walls by the regions on both sides, `inner|outer` for one between the regions inner and
-    /// outer, with `.part` behind where the wall between two regions has several parts. A part that
-    /// is surface and wall, or wall between several pairs of regions, becomes several parts. A part
-    /// of the surface that is called like a region gets `.surface` behind its name: in files, both
-    /// are groups of elements.
+    /// Names walls by the regions on both sides, `inner|outer` for one between the regions inner
+    /// and outer, with `.part` behind where the wall between two regions has several parts. A part
+    /// that is surface and wall, or wall between several pairs of regions, becomes several parts. A
+    /// part of the surface that is called like a region gets `.surface` behind its name: in files,
+    /// both are groups of elements.
     pub fn name_walls(&mut self) {
         let sides = self.sides_of_walls();
         let pairs: BTreeSet<([u32; 2], u32)> = sides

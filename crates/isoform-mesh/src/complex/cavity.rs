@@ -201,8 +201,8 @@ impl Complex {
         }
     }
 
-    /// Where a new tetrahedron and a neighbour of the cavity share a wall, it keeps its label; if it
-    /// was none before, it gets one later.
+    /// Where a new tetrahedron and a neighbour of the cavity share a wall, it keeps its label; if
+    /// it was none before, it gets one later.
     fn keep_wall(&mut self, (t, i): (u32, usize), (n, back): (u32, usize), cavity: &mut Cavity) {
         let label = &mut self.walls[n as usize][back];
         if self.regions[t as usize] == self.regions[n as usize] {

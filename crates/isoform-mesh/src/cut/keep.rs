@@ -83,8 +83,8 @@ impl Cutter<'_> {
         kept
     }
 
-    /// Labels the faces between inside and outside, and those between regions, in the complex of the
-    /// tetrahedra kept. Returns places of faces on no single piece.
+    /// Labels the faces between inside and outside, and those between regions, in the complex of
+    /// the tetrahedra kept. Returns places of faces on no single piece.
     fn label(&mut self, live: &[u32], inside: &[bool], kept: &mut Complex) -> Vec<Point3> {
         let mut stray = Vec::new();
         for (slot, &t) in live.iter().enumerate() {
@@ -106,8 +106,8 @@ impl Cutter<'_> {
         stray
     }
 
-    /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it, and
-    /// its normal is the face's as nearly as possible.
+    /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it,
+    /// and its normal is the face's as nearly as possible.
     fn piece_of(&mut self, f: [u32; 3], layer: usize) -> Option<u32> {
         let p = f.map(|v| self.complex.point(v));
         let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));

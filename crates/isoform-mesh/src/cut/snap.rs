@@ -180,8 +180,8 @@ impl Cutter<'_> {
             && !self.is_elsewhere(v)
     }
 
-    /// Whether a vertex lies where the surface of the layer in focus does not matter: outside of the
-    /// whole, or in a region before the layer's.
+    /// Whether a vertex lies where the surface of the layer in focus does not matter: outside of
+    /// the whole, or in a region before the layer's.
     fn is_elsewhere(&self, v: usize) -> bool {
         let value = |layer: usize| self.surface.value_in(layer, self.complex.points[v]).0;
         let focus = self.surface.focus;

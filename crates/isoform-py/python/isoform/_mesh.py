@@ -279,7 +279,8 @@ def mesh(
     Regions are objects of a program, or models of their own.
 
     >>> core = isoform.template("sphere"), {"radius": 0.5}
-    >>> ball = isoform.mesh(isoform.template("sphere"), 0.3, params={"radius": 1}, regions={"core": core})
+    >>> ball = isoform.template("sphere")
+    >>> ball = isoform.mesh(ball, 0.3, params={"radius": 1}, regions={"core": core})
     >>> ball.region_names, [r["certificate"]["ok"] for r in ball.to_dict()["region_certificates"]]
     (['core', 'rest'], [True, True])
     """
@@ -304,8 +305,11 @@ def mesh(
 
 def _regions(regions: Mapping[str, Region] | None) -> list[tuple[str, Any]]:
     """Regions as the compiled half takes them."""
-    pairs = ((name, of if isinstance(of, tuple) else (of, None)) for name, of in (regions or {}).items())
-    return [(name, _shape(model, params)) for name, (model, params) in pairs]
+    found = []
+    for name, region in (regions or {}).items():
+        model, params = region if isinstance(region, tuple) else (region, None)
+        found.append((name, _shape(model, params)))
+    return found
 
 
 def _memory(asked: float | None) -> float | None:
