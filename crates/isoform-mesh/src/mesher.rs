@@ -314,8 +314,8 @@ impl Ground<'_> {
     fn surface_failures(&self, mesh: &Mesh) -> Vec<Failure> {
         let outer = mesh.without_walls();
         let mut failures = self.failures_of(&outer, self.whole, self.features);
-        for (part, solid, features) in self.regions.of(mesh) {
-            failures.extend(self.failures_of(&part, solid, features));
+        for part in self.regions.of(mesh) {
+            failures.extend(self.failures_of(&part.mesh, part.solid, part.features));
         }
         failures
     }
@@ -407,12 +407,23 @@ impl Ground<'_> {
         warnings.extend(self.regions.name(&mut mesh));
         control.begin("what the mesh misses")?;
         let outer = mesh.without_walls();
-        let missed = missed(solid, &outer, region, options.size, control);
-        warnings.extend(missed.warning());
-        let torn = torn(&surface, &outer, options.size);
-        warnings.extend(Warning::each(WarningKind::Torn, torn));
+        let mut all = missed(solid, &outer, region, options.size, control);
+        let mut apart = torn(|p| surface.value(p).0, &outer, options.size, control);
+        for part in self.regions.of(&mesh) {
+            let value = |p| surface.value_of_region(part.region, p);
+            all.add(missed(
+                part.solid,
+                &part.mesh,
+                region,
+                options.size,
+                control,
+            ));
+            apart.extend(torn(value, &part.mesh, options.size, control));
+        }
+        warnings.extend(all.warning());
+        warnings.extend(Warning::each(WarningKind::Torn, apart));
         let meshed = Meshed {
-            missed,
+            missed: all,
             mesh,
             region,
             region_certified: self.extent.certified,

@@ -75,6 +75,13 @@ pub struct Missed {
 }
 
 impl Missed {
+    /// Adds what is missed of another part of the mesh.
+    pub(crate) fn add(&mut self, other: Self) {
+        self.witnesses.extend(other.witnesses);
+        self.open += other.open;
+        self.cells += other.cells;
+    }
+
     /// A warning if the mesh has nothing where the solid has surface.
     pub(crate) fn warning(&self) -> Option<Warning> {
         let first = self.places().next();

@@ -19,6 +19,17 @@ pub(crate) struct Regions<'a> {
     pub(crate) features: Vec<Features>,
 }
 
+/// A region with what is made of it.
+pub(crate) struct Part<'m> {
+    /// Its number among those asked for, and the rest.
+    pub(crate) region: usize,
+    /// Its own mesh.
+    pub(crate) mesh: Mesh,
+    /// What it should be.
+    pub(crate) solid: &'m dyn Solid,
+    pub(crate) features: &'m Features,
+}
+
 impl<'a> Regions<'a> {
     /// The regions of a solid, with the features that `find` finds of each.
     pub(crate) fn new(
@@ -56,15 +67,16 @@ impl<'a> Regions<'a> {
         apexes
     }
 
-    /// The regions that have tetrahedra: the mesh of each, its solid and its features.
-    pub(crate) fn of<'m>(
-        &'m self,
-        mesh: &'m Mesh,
-    ) -> impl Iterator<Item = (Mesh, &'m dyn Solid, &'m Features)> {
+    /// The regions that have tetrahedra.
+    pub(crate) fn of<'m>(&'m self, mesh: &'m Mesh) -> impl Iterator<Item = Part<'m>> {
         mesh.regions.iter().zip(0..).filter_map(|(name, number)| {
             let k = self.names.iter().position(|other| other == name)?;
-            let solid: &dyn Solid = &self.solids[k];
-            Some((mesh.region(number), solid, &self.features[k]))
+            Some(Part {
+                region: k,
+                mesh: mesh.region(number),
+                solid: &self.solids[k],
+                features: &self.features[k],
+            })
         })
     }
 

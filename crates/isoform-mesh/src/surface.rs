@@ -257,6 +257,16 @@ impl<'s> Surface<'s> {
         self.layers.get(layer).map_or(self.lattice, |l| l.lattice)
     }
 
+    /// Value of a region: it lies in the whole and in its divider, and in none before that. The last
+    /// one has none.
+    pub(crate) fn value_of_region(&self, region: usize, p: Point3) -> f64 {
+        let value = |layer: usize| self.value_in(layer, p).0;
+        let dividers = self.layers.len().max(1) - 1;
+        let own = (region < dividers).then(|| value(region + 1));
+        let before = (1..=region.min(dividers)).map(|layer| -value(layer));
+        before.chain(own).fold(value(0), f64::min)
+    }
+
     /// What of a layer's tree matters around a point; none if it is decided there.
     pub(crate) fn reduced_in(&self, layer: usize, p: Point3) -> Option<&'s Reduced> {
         self.lattice_of(layer).reduced_at(p)

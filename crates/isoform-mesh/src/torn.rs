@@ -7,7 +7,7 @@
 //! outside, as through a narrow hole.
 
 use crate::points::unique;
-use crate::surface::Surface;
+use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, UnionFind, distance_squared, near_pairs};
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 
@@ -28,8 +28,13 @@ const LOOKS: usize = 4;
 /// The nearest nodes of two shells.
 type Pair = (f64, [Point3; 2]);
 
-/// Places between shells of the mesh that are one in the solid.
-pub(crate) fn torn(surface: &Surface<'_>, mesh: &Mesh, size: f64) -> Vec<Point3> {
+/// Places between shells of the mesh that are one in the solid, whose value is negative outside.
+pub(crate) fn torn(
+    value: impl Fn(Point3) -> f64,
+    mesh: &Mesh,
+    size: f64,
+    control: &Control<'_>,
+) -> Vec<Point3> {
     let shells = Shells::of(mesh);
     if shells.volumes.len() < 2 {
         return Vec::new();
@@ -38,7 +43,7 @@ pub(crate) fn torn(surface: &Surface<'_>, mesh: &Mesh, size: f64) -> Vec<Point3>
     for ([a, b], (_, ends)) in shells.near(mesh, NEAR * size) {
         let are_bodies = shells.volumes[a as usize] > 0.0 && shells.volumes[b as usize] > 0.0;
         let side = if are_bodies { 1.0 } else { -1.0 };
-        if !surface.control.is_stopped() && leads(surface, ends, side) {
+        if !control.is_stopped() && leads(&value, ends, side) {
             found.push(std::array::from_fn(|i| 0.5 * (ends[0][i] + ends[1][i])));
         }
     }
@@ -105,14 +110,14 @@ impl Shells {
 
 /// Whether a way on one side of the solid's surface, inside (1) or outside (−1), leads from one
 /// place to the other, in steps along the axes.
-fn leads(surface: &Surface<'_>, [p, q]: [Point3; 2], side: f64) -> bool {
+fn leads(value: impl Fn(Point3) -> f64, [p, q]: [Point3; 2], side: f64) -> bool {
     let distance = distance_squared(p, q).sqrt();
     let step = distance / STEPS;
     let middle: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
     let most = (AROUND * STEPS).ceil() as i32;
     let place =
         |at: [i32; 3]| -> Point3 { std::array::from_fn(|i| middle[i] + step * f64::from(at[i])) };
-    let is_on = |p: Point3| side * surface.value(p).0 > 0.0;
+    let is_on = |p: Point3| side * value(p) > 0.0;
     let is_at =
         |at: [i32; 3], end: Point3| distance_squared(place(at), end) <= (BESIDE * step).powi(2);
     let range = -most..=most;

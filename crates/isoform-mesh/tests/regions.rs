@@ -268,6 +268,33 @@ fn regions_of_nothing_and_of_all() {
     assert_eq!(meshed(BLOCK, &[], &sized(0.5)).mesh.regions, ["solid"]);
 }
 
+/// A region of two balls, one of them far smaller than the size and where the lattice does not see
+/// it, or so small that no mesh of it is made: that is said.
+#[test]
+fn what_a_region_misses_is_made_or_said() {
+    for (radius, is_made) in [(0.02, true), (0.002, false)] {
+        let program = format!(
+            "p(x[3], a[1]) {{ p = (0.09 - x[1]^2 - x[2]^2 - x[3]^2)
+                 | ({radius}^2 - (x[1] - 0.14)^2 - (x[2] + 0.69)^2 - (x[3] + 0.114)^2); }} {BLOCK}"
+        );
+        let made = meshed(&program, &["p"], &sized(0.1));
+        let is_near = |p: &Point3| (p[0] - 0.14).hypot(p[1] + 0.69).hypot(p[2] + 0.114) < 0.05;
+        let found = made
+            .mesh
+            .region(0)
+            .points
+            .iter()
+            .filter(|p| is_near(p))
+            .count();
+        let is_said = made.warnings.iter().any(|w| w.kind == WarningKind::Missed);
+        assert_eq!(
+            (found > 3, is_said),
+            (is_made, !is_made),
+            "{radius}: {found} nodes"
+        );
+    }
+}
+
 #[test]
 fn the_surface_alone_has_no_regions() {
     let program = format!("east(x[3], a[1]) {{ east = x[1]; }} {BLOCK}");
