@@ -14,6 +14,11 @@ const MICRO: f64 = 0.004;
 /// Measure that the collapse of such an edge must leave: this share of what was there, or this.
 const MICRO_LEAST: [f64; 2] = [0.5, 0.05];
 
+/// Longest edge of a wall or of the surface beside it that a collapse may make, in sizes: longer
+/// ones are what is left of a thin gap between a wall and another surface, whose flat tetrahedra
+/// nothing but collapses mends. Edges of 1.6 sizes are usual.
+const LONGEST: f64 = 2.0;
+
 /// Vertex `u` pulled onto its neighbour `w`.
 #[derive(Clone, Copy)]
 pub(super) struct Pull {
@@ -176,10 +181,14 @@ impl Optimiser<'_> {
             let on = |v: u32, i: u32| self.labels[v as usize].contains(i);
             pieces.iter().all(|&i| on(x, i) && on(w, i))
         };
+        let is_long = |x: u32| self.complex.edge_length(w, x) > LONGEST * self.size;
         let new_faces = faces.iter().filter(|(f, _)| !f.contains(&w));
         let mut new_edges = new_faces.flat_map(|(f, label)| f.map(|x| (x, *label)));
         new_edges.any(|(x, label)| {
             x != pull.u && {
+                if self.complex.is_divided() && is_long(x) {
+                    return true;
+                }
                 let along = curve.filter(|pieces| is_along(x, pieces));
                 self.excess([w, x], along.unwrap_or([label; 2]), self.error)
                     .is_some()
