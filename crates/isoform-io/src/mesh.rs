@@ -47,6 +47,7 @@ use crate::input::Input;
 use crate::{ReadError, ReadReport, Source, WriteError, WriteReport, write_atomic};
 use format::{Columns, WriteFn};
 use isoform_geom::Mesh;
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
@@ -78,7 +79,7 @@ pub fn write_mesh(
 ) -> Result<WriteReport, WriteError> {
     let (format, write, options) = writer(format, options)?;
     check::check(mesh, "output")?;
-    write(mesh, out, &options)
+    write(&writable(mesh, format), out, &options)
         .and_then(|()| out.flush())
         .map_err(|e| WriteError::io("cannot write the mesh", "output".into(), &e))?;
     Ok(report(mesh, format, &options))
@@ -95,7 +96,7 @@ pub fn write_mesh_path(
     let named = extension(&path.to_string_lossy());
     let (format, write, options) = writer(format.or(named.as_deref()).unwrap_or(""), options)?;
     check::check(mesh, &path.display().to_string())?;
-    write_atomic(path, |out| write(mesh, out, &options))?;
+    write_atomic(path, |out| write(&writable(mesh, format), out, &options))?;
     Ok(report(mesh, format, &options))
 }
 
@@ -126,6 +127,16 @@ fn writer(
     Ok((format, format.write, options))
 }
 
+/// What of a mesh a format holds: one of surfaces has no walls between regions, which would end at
+/// the surface within it.
+fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
+    if format.volume {
+        Cow::Borrowed(mesh)
+    } else {
+        mesh.without_walls()
+    }
+}
+
 /// What the format has no place for.
 fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> WriteReport {
     let mut warnings = Vec::new();
@@ -133,7 +144,7 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
         warnings.push(format!(
             "{} has no tetrahedra: only the {} triangles were written",
             format.title,
-            mesh.triangles.len()
+            writable(mesh, format).triangles.len()
         ));
     }
     if mesh.order() == 2 && !format.second_order {

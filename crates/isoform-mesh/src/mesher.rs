@@ -137,10 +137,16 @@ fn mesh_within(
         [] => vec![solid],
         _ => layers.iter().map(|layer| layer as &dyn Solid).collect(),
     };
-    let mut lattices = Vec::new();
+    let mut lattices: Vec<Lattice> = Vec::new();
     for solid in &solids {
         let lattice = lattice_over(*solid, extent.bounds, options, control)?;
-        if let Some(at) = Surface::new(*solid, &lattice, extent.bounds, control).not_a_number() {
+        let of = |lattice| Surface::new(*solid, lattice, extent.bounds, control);
+        // A divider may be no number where nothing of the whole is.
+        let whole = lattices
+            .first()
+            .map(|whole| Surface::new(solids[0], whole, extent.bounds, control));
+        let is_asked = |p| whole.as_ref().is_none_or(|whole| whole.value(p).0 > 0.0);
+        if let Some(at) = of(&lattice).not_a_number(is_asked) {
             return Err(MeshError::NotANumber { at });
         }
         lattices.push(lattice);

@@ -213,11 +213,11 @@ impl<'s> Surface<'s> {
         }
     }
 
-    /// The middle of a cell where the function is not a number.
+    /// The middle of a cell where the function is not a number, of those that `is_asked` for.
     ///
     /// Asked before anything is made of the cells: intervals decide nothing where it is none, so
     /// that all of space would be cut up in search of features.
-    pub(crate) fn not_a_number(&self) -> Option<Point3> {
+    pub(crate) fn not_a_number(&self, is_asked: impl Fn(Point3) -> bool + Sync) -> Option<Point3> {
         let middle = |c: usize| {
             self.lattice
                 .point(self.lattice.indices(c).map(|i| 2 * i + 1))
@@ -226,6 +226,7 @@ impl<'s> Surface<'s> {
             self.lattice.reduced(self.lattice.state[*c]).is_some()
                 && !self.control.is_stopped()
                 && self.value(middle(*c)).0.is_nan()
+                && is_asked(middle(*c))
         };
         (0..self.lattice.state.len())
             .into_par_iter()

@@ -182,6 +182,7 @@ impl From<MeshModelError> for Trouble {
         match e {
             MeshModelError::Solid(e) => e.into(),
             MeshModelError::Mesh(e) => e.into(),
+            e @ MeshModelError::Region { .. } => Self::new("region", e),
             e => Self::usage(e).hint("box=((-1, -1, -1), (1, 1, 1)) around it"),
         }
     }

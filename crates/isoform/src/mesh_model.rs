@@ -64,6 +64,14 @@ pub enum MeshModelError {
     /// everywhere.
     #[error("the program is no expression, so that its box cannot be found")]
     NoBox,
+    /// A region describes no solid.
+    #[error("region {name}: {error}")]
+    Region {
+        /// The region.
+        name: String,
+        /// Why not.
+        error: SolidError,
+    },
     /// The mesher has no mesh.
     #[error(transparent)]
     Mesh(#[from] MeshError),
@@ -257,7 +265,10 @@ fn make(
     let mut are_run = is_run;
     let mut solids = Vec::new();
     for region in regions {
-        let (solid, is_run) = solid_of(region.model, region.values)?;
+        let (solid, is_run) = solid_of(region.model, region.values).map_err(|error| {
+            let name = region.name.to_owned();
+            MeshModelError::Region { name, error }
+        })?;
         are_run |= is_run;
         solids.push(solid);
     }

@@ -51,6 +51,10 @@ fn one(
     language: &Language,
     context: &Context,
 ) -> Result<Region, Failure> {
+    if text.is_empty() {
+        return Err(Failure::usage("--regions has an empty name")
+            .hint("names of objects or files, with a comma between two"));
+    }
     let path = Path::new(text);
     if path.extension().is_some() || text.contains(std::path::MAIN_SEPARATOR) {
         let language = Language {
@@ -58,6 +62,11 @@ fn one(
             ..language.clone()
         };
         let model = model::read(path, &language, context)?;
+        if model.dimension() != 3 {
+            let found = model.dimension();
+            let message = format!("{text}: the model has {found} coordinates, a solid has 3");
+            return Err(Failure::input("dimension", message));
+        }
         let stem = path.file_stem().unwrap_or_default();
         return Ok(Region {
             name: stem.to_string_lossy().into_owned(),

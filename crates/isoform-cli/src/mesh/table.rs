@@ -80,7 +80,10 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
             .map(|(name, text)| line(name, text)),
     );
     if !mesh.parts.is_empty() {
-        lines.push(line("parts", parts(mesh)));
+        lines.push(line("parts", counted(&mesh.parts, &mesh.triangle_parts)));
+    }
+    if mesh.regions.len() > 1 {
+        lines.push(line("regions", counted(&mesh.regions, &mesh.tet_regions)));
     }
     lines.extend(failed(certificate));
     lines.concat()
@@ -153,19 +156,15 @@ fn region(made: &Made) -> String {
     format!("{}, {}, {}{proved}", axis(0), axis(1), axis(2))
 }
 
-/// The parts with their numbers of triangles.
-fn parts(mesh: &Mesh) -> String {
-    let mut counts = vec![0_usize; mesh.parts.len()];
-    mesh.triangle_parts
-        .iter()
-        .for_each(|&p| counts[p as usize] += 1);
-    let parts: Vec<String> = mesh
-        .parts
-        .iter()
-        .zip(counts)
-        .map(|(name, n)| format!("{name} ({n})"))
-        .collect();
-    parts.join(", ")
+/// Names with the numbers of their elements.
+fn counted(names: &[String], labels: &[u32]) -> String {
+    let mut counts = vec![0_usize; names.len()];
+    for &label in labels {
+        counts[label as usize] += 1;
+    }
+    let named = names.iter().zip(counts);
+    let named: Vec<String> = named.map(|(name, n)| format!("{name} ({n})")).collect();
+    named.join(", ")
 }
 
 /// What the certificate measures.

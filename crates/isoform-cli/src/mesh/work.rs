@@ -209,6 +209,13 @@ pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -
     match error {
         MeshModelError::Solid(e) => no_solid(e, name),
         MeshModelError::Mesh(e) => failure(e, name, settings),
+        MeshModelError::Region { name, error } => {
+            let failure = Failure::input("region", format!("region {name}: {error}"));
+            match error {
+                SolidError::NoSurface { .. } => failure.hint("leave it out of --regions"),
+                _ => failure,
+            }
+        }
         e => Failure::usage(format!("{name}: {e}"))
             .why("a loop or an index depends on the point")
             .hint("--box=-1,-1,-1,1,1,1 around it"),

@@ -64,7 +64,7 @@ pub fn make(
             apexes: plan.apexes.clone(),
             ..Surface::new(solid, &lattice, plan.region, control)
         };
-        if let Some(at) = surface.not_a_number() {
+        if let Some(at) = surface.not_a_number(|_| true) {
             return Err(MeshError::NotANumber { at });
         }
         let block = Block {
