@@ -318,7 +318,7 @@ impl MeshReport {
             features_certified: meshed.features.certified,
             caps: meshed.caps.clone(),
             contents: ContentsReport::new(mesh),
-            certificate: CertificateReport::new(&made.certificate),
+            certificate: certificate_of(made),
             region_certificates: made.regions.iter().map(RegionReport::new).collect(),
             files,
             warnings: meshed.warnings.iter().map(WarningReport::new).collect(),
@@ -326,6 +326,24 @@ impl MeshReport {
             seconds,
         }
     }
+}
+
+/// The certificate of the whole, with what does not hold of its regions: their elements are numbers
+/// of their own meshes, and are left out.
+fn certificate_of(made: &ModelMesh) -> CertificateReport {
+    let mut report = CertificateReport::new(&made.certificate);
+    report.ok = made.holds();
+    for region in &made.regions {
+        let failures = CertificateReport::new(&region.certificate).failures;
+        report
+            .failures
+            .extend(failures.into_iter().map(|failure| FailureReport {
+                message: format!("region {}: {}", region.name, failure.message),
+                elements: None,
+                ..failure
+            }));
+    }
+    report
 }
 
 impl WarningReport {
