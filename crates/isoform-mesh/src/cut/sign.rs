@@ -78,9 +78,14 @@ impl Cutter<'_> {
     /// does not outside of the whole, nor in a region before it.
     pub(super) fn is_settled(&mut self, t: u32) -> bool {
         let focus = self.surface.focus;
-        focus > 0
-            && (matches!(self.side_in(0, t), Side::Out)
-                || (1..focus).any(|layer| matches!(self.side_in(layer, t), Side::In)))
+        if focus == 0 {
+            return false;
+        }
+        // Most of a region's surroundings are decided cells: their values are infinite.
+        let [a, b, c, d] = self.complex.tets[t as usize].map(|v| self.value[v as usize]);
+        (a.is_infinite() && [b, c, d] == [a; 3])
+            || matches!(self.side_in(0, t), Side::Out)
+            || (1..focus).any(|layer| matches!(self.side_in(layer, t), Side::In))
     }
 
     /// The region that a tetrahedron of the whole belongs to: that of the first divider that it
