@@ -209,13 +209,13 @@ pub struct RegionModel<'a> {
 ///     my_model(x[3], a[1]) { my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
 /// let model = Model::parse(text, Mode::Default)?;
 /// let core = model.clone().object(Some("core"))?;
-/// let options = MeshModelOptions { size: Some(0.2), ..MeshModelOptions::default() };
+/// let options = MeshModelOptions { size: Some(0.1), ..MeshModelOptions::default() };
 /// let region = RegionModel { name: "core", model: &core, values: &[0.0] };
 /// let made = mesh_model_regions(&model, &[0.0], &[region], &options, &Control::default())?;
 /// assert!(made.holds());
 /// assert_eq!(made.meshed.mesh.regions, ["core", "rest"]);
 /// let core = made.regions[0].certificate.surface.as_ref().expect("was looked at");
-/// assert!((core.volume / (4.18879 / 8.0) - 1.0).abs() < 0.05);
+/// assert!((core.volume / (4.18879 / 8.0) - 1.0).abs() < 0.02);
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
