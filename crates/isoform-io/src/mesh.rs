@@ -79,7 +79,8 @@ pub fn write_mesh(
 ) -> Result<WriteReport, WriteError> {
     let (format, write, options) = writer(format, options)?;
     check::check(mesh, "output")?;
-    write(&writable(mesh, format), out, &options)
+    let mesh = &writable(mesh, format);
+    write(mesh, out, &options)
         .and_then(|()| out.flush())
         .map_err(|e| WriteError::io("cannot write the mesh", "output".into(), &e))?;
     Ok(report(mesh, format, &options))
@@ -96,7 +97,8 @@ pub fn write_mesh_path(
     let named = extension(&path.to_string_lossy());
     let (format, write, options) = writer(format.or(named.as_deref()).unwrap_or(""), options)?;
     check::check(mesh, &path.display().to_string())?;
-    write_atomic(path, |out| write(&writable(mesh, format), out, &options))?;
+    let mesh = &writable(mesh, format);
+    write_atomic(path, |out| write(mesh, out, &options))?;
     Ok(report(mesh, format, &options))
 }
 
@@ -144,7 +146,7 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
         warnings.push(format!(
             "{} has no tetrahedra: only the {} triangles were written",
             format.title,
-            writable(mesh, format).triangles.len()
+            mesh.triangles.len()
         ));
     }
     if mesh.order() == 2 && !format.second_order {

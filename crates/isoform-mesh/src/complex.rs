@@ -424,11 +424,8 @@ impl Complex {
                     }
                 }
             }
-            if self
-                .walls
-                .get(t as usize)
-                .is_some_and(|w| w.contains(&(OPEN & !BOUNDARY)))
-            {
+            let is_none = |&label: &u32| label >= BOUNDARY && label != NONE;
+            if (self.walls.get(t as usize)).is_some_and(|w| w.iter().any(is_none)) {
                 return Some(format!("tet {t} has a wall without a label"));
             }
             for v in self.tets[t as usize] {

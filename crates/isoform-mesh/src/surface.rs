@@ -258,8 +258,8 @@ impl<'s> Surface<'s> {
         self.layers.get(layer).map_or(self.lattice, |l| l.lattice)
     }
 
-    /// Value of a region: it lies in the whole and in its divider, and in none before that. The last
-    /// one has none.
+    /// Value of a region: it lies in the whole and in its divider, and in none before that. The
+    /// last one has none.
     pub(crate) fn value_of_region(&self, region: usize, p: Point3) -> f64 {
         let value = |layer: usize| self.value_in(layer, p).0;
         let dividers = self.layers.len().max(1) - 1;

@@ -265,24 +265,16 @@ impl Complex {
     pub(crate) fn split(&mut self, ring: &Ring, a: u32, b: u32, m: u32, made: &mut Vec<u32>) {
         let with = |from: u32| move |k: u32| if k == from { m } else { k };
         let mut new = Vec::with_capacity(2 * ring.tets.len());
-        let mut regions = Vec::new();
+        let regions = self.regions_of(&ring.tets);
+        let regions: Vec<u16> = regions.into_iter().flat_map(|r| [r; 2]).collect();
         let mut labels: Vec<([u32; 3], u32)> = Vec::new();
         for &t in &ring.tets {
             let v = self.tets[t as usize];
             new.push(v.map(with(b)));
             new.push(v.map(with(a)));
-            if self.is_divided() {
-                regions.extend([self.region(t); 2]);
-            }
             for i in 0..4 {
-                let n = self.adjacent[t as usize][i];
                 let f = self.face(t, i);
-                let label = if n >= BOUNDARY {
-                    Some(n)
-                } else {
-                    self.label(t, i)
-                };
-                if let Some(label) = label
+                if let Some(label) = self.mark(t, i)
                     && f.contains(&a)
                     && f.contains(&b)
                 {

@@ -3,7 +3,7 @@
 
 use super::holds::Hold;
 use super::{LOOK, Optimiser};
-use crate::complex::{BOUNDARY, Face, Ring, STRAY, edge, label_in, labelled_edges};
+use crate::complex::{Face, Ring, STRAY, edge, label_in, labelled_edges};
 use crate::points::centroid;
 use crate::surface::On;
 use isoform_geom::{Point3, norm, sub};
@@ -62,11 +62,7 @@ impl Optimiser<'_> {
         let tet = |&t: &u32| self.complex.tets[t as usize];
         let old: Vec<[u32; 4]> = ring.tets.iter().map(tet).collect();
         let faces = self.boundary_of(&ring.tets);
-        let region = |&t: &u32| self.complex.region(t);
-        let regions: Vec<u16> = match self.complex.is_divided() {
-            true => ring.tets.iter().map(region).collect(),
-            false => Vec::new(),
-        };
+        let regions = self.complex.regions_of(&ring.tets);
         let m = self.add_vertex(fresh);
         let mut made = Vec::new();
         self.complex.split(ring, ends[0], ends[1], m, &mut made);
@@ -117,9 +113,7 @@ impl Optimiser<'_> {
         let mut faces = Vec::new();
         for &t in tets {
             for i in 0..4 {
-                let n = self.complex.adjacent[t as usize][i];
-                let wall = || self.complex.label(t, i);
-                if let Some(label) = (n >= BOUNDARY).then_some(n).or_else(wall) {
+                if let Some(label) = self.complex.mark(t, i) {
                     let mut f = self.complex.face(t, i);
                     f.sort_unstable();
                     faces.push((f, label));
