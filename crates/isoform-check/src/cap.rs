@@ -30,6 +30,8 @@ use isoform_num::{Interval, Jet2, Real};
 pub struct Capped<'s> {
     solid: &'s dyn Solid,
     region: Aabb,
+    /// The axes across which its sides cut the solid off.
+    axes: [bool; 3],
     /// The number of pieces of the solid itself.
     n: u32,
     names: Vec<String>,
@@ -39,6 +41,12 @@ pub struct Capped<'s> {
 impl<'s> Capped<'s> {
     /// The solid cut off at the sides of the region.
     pub fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
+        Self::across(solid, region, [true; 3])
+    }
+
+    /// The solid cut off at the sides of the region across some of the axes. Sides across the
+    /// others are pieces, too, that the solid does not depend on.
+    pub fn across(solid: &'s dyn Solid, region: Aabb, axes: [bool; 3]) -> Self {
         let n = solid.names().len() as u32;
         let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
         let names = solid
@@ -47,14 +55,16 @@ impl<'s> Capped<'s> {
             .cloned()
             .chain(sides.iter().map(|s| format!("cap.{s}")))
             .collect();
+        let cut = (n..n + 6).filter(|&piece| axes[(piece - n) as usize / 2]);
         let tree = Csg::Min(
             std::iter::once(solid.tree().clone())
-                .chain((n..n + 6).map(Csg::Piece))
+                .chain(cut.map(Csg::Piece))
                 .collect(),
         );
         Self {
             solid,
             region,
+            axes,
             n,
             names,
             tree,
@@ -144,7 +154,7 @@ impl Solid for Capped<'_> {
     fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
         self.solid.sign_values(points, out);
         for (v, p) in out.iter_mut().zip(points) {
-            for k in self.n..self.n + 6 {
+            for k in (self.n..self.n + 6).filter(|&k| self.axes[(k - self.n) as usize / 2]) {
                 *v = v.min(self.gradient(k, *p).0);
             }
         }

@@ -4,7 +4,9 @@ use crate::complex::{Complex, NONE};
 use crate::lattice::{IN, Lattice, OUT};
 use isoform_control::Control;
 use isoform_geom::Point3;
+use crate::torus::Torus;
 use rayon::prelude::*;
+use std::collections::HashMap;
 
 /// Cells of the lattice around the surface that the optimiser may work in, beyond those that the
 /// surface can meet.
@@ -83,6 +85,66 @@ impl Band {
     }
 }
 
+impl Band {
+    /// The lattice of a unit cell: everything may change, and faces of cells on the sides are faces
+    /// of tetrahedra.
+    pub(crate) fn on_torus(lattice: &Lattice, torus: Torus, control: &Control<'_>) -> Self {
+        let faces = Faces {
+            lattice,
+            deep: vec![false; lattice.state.len()],
+            control,
+        };
+        let mut vertices = TorusVertices {
+            lattice,
+            number: HashMap::new(),
+            points: Vec::new(),
+        };
+        let mut tets = Vec::new();
+        faces.visit_all(|cell, axis| {
+            let is_side = cell[axis] + 1 == lattice.n[axis];
+            for t in Lattice::tets(cell, axis) {
+                if is_side {
+                    // The edge between the centres goes through the side in the middle of the face.
+                    let mut middle = t[0];
+                    middle[axis] += 1;
+                    tets.push([t[0], middle, t[2], t[3]].map(|half| vertices.vertex(half)));
+                    tets.push([middle, t[1], t[2], t[3]].map(|half| vertices.vertex(half)));
+                } else {
+                    tets.push(t.map(|half| vertices.vertex(half)));
+                }
+            }
+        });
+        let mut complex = Complex::within(vertices.points, tets, control);
+        complex.torus = Some(torus);
+        Self {
+            frozen: vec![false; complex.points.len()],
+            complex,
+            core: Core::default(),
+        }
+    }
+}
+
+/// Numbers of the lattice points of a unit cell, in the order in which they are met.
+struct TorusVertices<'l> {
+    lattice: &'l Lattice,
+    number: HashMap<[usize; 3], u32>,
+    points: Vec<Point3>,
+}
+
+impl TorusVertices<'_> {
+    fn vertex(&mut self, half: [usize; 3]) -> u32 {
+        let n = self.lattice.n;
+        let half = std::array::from_fn(|i| match self.lattice.repeats(i) {
+            true => half[i] % (2 * n[i]),
+            false => half[i],
+        });
+        *self.number.entry(half).or_insert_with(|| {
+            self.points.push(self.lattice.point(half));
+            self.points.len() as u32 - 1
+        })
+    }
+}
+
 /// The four tetrahedra around a face between two cells, by lattice points in half cells.
 type AroundFace = [[[usize; 3]; 4]; 4];
 
@@ -114,13 +176,32 @@ impl Faces<'_> {
         }
     }
 
+    /// Shows each face, by a cell and the axis along which the next one lies behind it.
+    fn visit_all(&self, mut show: impl FnMut([usize; 3], usize)) {
+        let n = self.lattice.n;
+        let all = (0..n[2]).flat_map(|k| (0..n[1]).map(move |j| [j, k]));
+        for [j, k] in all {
+            if self.control.is_stopped() {
+                return;
+            }
+            for cell in (0..n[0]).map(|i| [i, j, k]) {
+                for axis in (0..3).filter(|&axis| self.is_deep(cell, axis).is_some()) {
+                    show(cell, axis);
+                }
+            }
+        }
+    }
+
     /// Whether the cell and the next one along the axis are deep; none where there is no next one,
     /// or both are outside.
     fn is_deep(&self, cell: [usize; 3], axis: usize) -> Option<bool> {
         let mut next = cell;
         next[axis] += 1;
         if next[axis] == self.lattice.n[axis] {
-            return None;
+            if !self.lattice.repeats(axis) {
+                return None;
+            }
+            next[axis] = 0;
         }
         let (s, t) = (self.lattice.at(cell), self.lattice.at(next));
         let state = &self.lattice.state;

@@ -21,10 +21,13 @@
 mod cavity;
 mod fans;
 mod neighbours;
+mod opened;
 mod regions;
 
 use cavity::Cavity;
 pub(crate) use cavity::label_in;
+pub(crate) use regions::is_owner;
+use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
@@ -55,6 +58,8 @@ pub(crate) struct Complex {
     /// The labels of the faces between regions, opposite to each vertex, [`NONE`] of others; there
     /// are some where there are regions.
     walls: Vec<[u32; 4]>,
+    /// The box whose sides are one, of a complex that is a unit cell.
+    pub(crate) torus: Option<Torus>,
     /// One tetrahedron of each vertex, [`NONE`] where there is none.
     pub(crate) tet_of: Vec<u32>,
     /// Slots without a tetrahedron.
@@ -156,9 +161,42 @@ impl Complex {
         self.points[v as usize]
     }
 
+    /// Where the corners of a tetrahedron are, as seen from it.
     #[inline]
     pub(crate) fn corners(&self, t: u32) -> [Point3; 4] {
-        self.tets[t as usize].map(|v| self.points[v as usize])
+        self.points_of(self.tets[t as usize])
+    }
+
+    /// Where vertices of one tetrahedron, or of several on one side of all walls, are.
+    #[inline]
+    pub(crate) fn points_of<const N: usize>(&self, vertices: [u32; N]) -> [Point3; N] {
+        self.together(vertices.map(|v| self.points[v as usize]))
+    }
+
+    /// Places of such vertices, as seen from there.
+    #[inline]
+    pub(crate) fn together<const N: usize>(&self, places: [Point3; N]) -> [Point3; N] {
+        match &self.torus {
+            None => places,
+            Some(torus) => torus.together(places),
+        }
+    }
+
+    /// The places of other vertices of a tetrahedron as seen from a vertex of it: `places` are
+    /// those of the vertex, then of the others, as seen from the tetrahedron.
+    #[inline]
+    pub(crate) fn from_first<const N: usize>(
+        &self,
+        v: u32,
+        mut places: [Point3; N],
+    ) -> [Point3; N] {
+        if self.torus.is_some() {
+            let (p, seen) = (self.point(v), places[0]);
+            for q in &mut places {
+                *q = std::array::from_fn(|i| q[i] + (p[i] - seen[i]));
+            }
+        }
+        places
     }
 
     /// The mean of the vertices.
@@ -177,7 +215,8 @@ impl Complex {
     /// The distance of two vertices.
     #[inline]
     pub(crate) fn edge_length(&self, a: u32, b: u32) -> f64 {
-        norm(sub(self.points[a as usize], self.points[b as usize]))
+        let [p, q] = self.points_of([a, b]);
+        norm(sub(p, q))
     }
 
     pub(crate) fn add_point(&mut self, p: Point3) -> u32 {
@@ -209,7 +248,7 @@ impl Complex {
         if n >= BOUNDARY {
             (n != OPEN).then_some(n & !BOUNDARY)
         } else {
-            self.owner(t, i).map(|_| self.walls[t as usize][i])
+            self.owns(t, i).then(|| self.walls[t as usize][i])
         }
     }
 

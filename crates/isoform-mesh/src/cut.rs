@@ -70,8 +70,8 @@ impl<'s> Cutter<'s> {
             surface,
             control,
             cell,
+            on: complex.points.iter().map(|&p| surface.sides_at(p)).collect(),
             complex,
-            on: vec![On::default(); n],
             frozen,
             value,
             known: vec![Vec::new(); n],
@@ -146,8 +146,32 @@ impl<'s> Cutter<'s> {
             return k.1;
         }
         let d = self.surface.distance(piece, self.complex.point(v));
-        self.known[v as usize].push((piece, d));
+        // On a side only what is settled is kept: the distance is another one on each side.
+        if !self.is_on_side(v) {
+            self.known[v as usize].push((piece, d));
+        }
         d
+    }
+
+    /// Whether a vertex is on a side of a unit cell.
+    fn is_on_side(&self, v: u32) -> bool {
+        let is_side = |&piece: &u32| self.surface.is_side(piece);
+        self.surface.torus.is_some() && self.on[v as usize].slice().iter().any(is_side)
+    }
+
+    /// The distance of a vertex to a piece as seen from a tetrahedron: on a side of a unit cell that
+    /// of the image there.
+    fn distance_in(&mut self, t: u32, v: u32, piece: u32) -> f64 {
+        let Some(torus) = self.surface.torus.filter(|_| self.is_on_side(v)) else {
+            return self.distance(v, piece);
+        };
+        let is_settled = self.known[v as usize].iter().any(|k| k.0 == piece);
+        if is_settled || self.on[v as usize].contains(piece) || self.surface.is_side(piece) {
+            return self.distance(v, piece);
+        }
+        let p = self.complex.corners(t)[self.complex.place(t, v)];
+        let beside = torus.beside(p, self.complex.middle(t));
+        self.surface.distance(piece, beside)
     }
 
     /// Worst measure of the tetrahedra at `v` if it stood at `p`.
@@ -178,6 +202,7 @@ impl<'s> Cutter<'s> {
 
     /// Puts a vertex at a place on pieces.
     fn place(&mut self, v: u32, p: Point3, on: On) {
+        let p = self.surface.on_lower_sides(p, &on);
         self.complex.points[v as usize] = p;
         self.on[v as usize] = on;
         self.known[v as usize].clear();

@@ -46,7 +46,8 @@ impl<'a> Divided<'a> {
         this
     }
 
-    fn add(&mut self, solid: &'a dyn Solid, prefix: &str) {
+    /// Adds a layer behind all others. Names of pieces that are taken get the prefix.
+    pub(crate) fn add(&mut self, solid: &'a dyn Solid, prefix: &str) {
         let first = self.names.len() as u32;
         let taken: HashSet<String> = self.names.iter().cloned().collect();
         for name in solid.names() {

@@ -42,6 +42,23 @@ pub enum MeshError {
         /// Where.
         at: Point3,
     },
+    /// A unit cell without a box.
+    #[error("a periodic mesh needs a box: the cell that repeats")]
+    NoBox,
+    /// A model that is to repeat has something else on two sides of its box.
+    #[error(
+        "the model does not repeat along {axis}: at ({}, {}, {}) and at the opposite side {} \
+         are not both inside or both outside",
+        .at[0], .at[1], .at[2], if .region.is_empty() { "the model" } else { .region }
+    )]
+    NotPeriodic {
+        /// The axis across which the sides lie.
+        axis: char,
+        /// A place on the lower side.
+        at: Point3,
+        /// The region that is another one at the opposite place; empty for the model itself.
+        region: String,
+    },
     /// The solid is so thin or small that no lattice point or edge meets it.
     #[error("nothing of the solid is seen at size {size}")]
     TooCoarse {

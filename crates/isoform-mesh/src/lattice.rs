@@ -13,6 +13,7 @@ use crate::decide::{Sign, reduced};
 use crate::error::MeshError;
 use crate::memory;
 use crate::points::unique;
+use crate::torus::{LEAST_CELLS, Torus};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
@@ -37,6 +38,8 @@ const BLOCK: usize = 16;
 /// numbers that models are full of, for lattice planes on faces of the solid leave every tie to
 /// rounding.
 const OFFSET: [f64; 3] = [0.618, 0.414, 0.732];
+/// Share of a cell by which the cells of a unit cell may be larger than asked for, for rounding.
+const SLIGHTLY: f64 = 1e-6;
 /// Cells by which the lattice goes on behind the region.
 const BEHIND: f64 = 1.6;
 /// Cells that the lattice has beyond the region in each direction, at most.
@@ -63,10 +66,14 @@ pub(crate) type Cells = [[usize; 2]; 3];
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Grid {
     pub(crate) origin: Point3,
-    /// Edge of a cell.
+    /// Edge of a cell, the shortest one.
     pub(crate) a: f64,
+    /// Edges of a cell by axis.
+    pub(crate) edges: [f64; 3],
     /// Cells by axis.
     pub(crate) n: [usize; 3],
+    /// Whether behind the last cell along an axis comes the first one again.
+    pub(crate) repeats: [bool; 3],
 }
 
 impl Grid {
@@ -79,7 +86,30 @@ impl Grid {
                 .ceil()
                 .max(3.0) as usize
         });
-        Self { origin, a, n }
+        Self {
+            origin,
+            a,
+            edges: [a; 3],
+            n,
+            repeats: [false; 3],
+        }
+    }
+
+    /// The cells of a unit cell, with edges of `a` or less along axes that repeat: so many fit in.
+    pub(crate) fn on_torus(torus: &Torus, a: f64) -> Self {
+        let size = torus.region.size();
+        let least = (0..3).filter(|&i| torus.axes[i]).map(|i| size[i] / LEAST_CELLS as f64);
+        let a = least.fold(a, f64::min);
+        let mut grid = Self::over(torus.region, a);
+        grid.repeats = torus.axes;
+        for i in (0..3).filter(|&i| torus.axes[i]) {
+            // Rounded up but for rounding: a whole number of cells is that number.
+            grid.n[i] = (size[i] / a - SLIGHTLY).ceil() as usize;
+            grid.origin[i] = torus.region.lo[i];
+            grid.edges[i] = size[i] / grid.n[i] as f64;
+        }
+        grid.a = grid.edges.into_iter().fold(a, f64::min);
+        grid
     }
 
     pub(crate) fn all(&self) -> Cells {
@@ -92,8 +122,12 @@ impl Grid {
 pub(crate) struct Lattice {
     /// Where the first cell of all begins.
     pub(crate) origin: Point3,
-    /// Edge of a cell, the lattice's long edge.
+    /// Edge of a cell, the lattice's long edge; the shortest one.
     pub(crate) a: f64,
+    /// Edges of a cell by axis.
+    edges: [f64; 3],
+    /// Whether behind the last cell along an axis comes the first one again.
+    repeats: [bool; 3],
     /// The first of these cells, by axis.
     first: [usize; 3],
     /// Cells by axis.
@@ -121,6 +155,20 @@ impl Lattice {
         Self::window(solid, grid, grid.all(), control)
     }
 
+    /// The lattice of a unit cell, with cells of edge `a` or a little less.
+    ///
+    /// # Errors
+    /// [`MeshError::NoMemory`].
+    pub(crate) fn on_torus(
+        solid: &dyn Solid,
+        torus: &Torus,
+        a: f64,
+        control: &Control<'_>,
+    ) -> Result<Self, MeshError> {
+        let grid = Grid::on_torus(torus, a);
+        Self::window(solid, grid, grid.all(), control)
+    }
+
     /// Some cells of the lattice over a region, with the points and states that they have in the
     /// whole, bit for bit. What is beyond them counts as it does in the nearest of them.
     ///
@@ -138,6 +186,8 @@ impl Lattice {
         let mut lattice = Self {
             origin: grid.origin,
             a: grid.a,
+            edges: grid.edges,
+            repeats: grid.repeats,
             first: cells.map(|c| c[0]),
             n,
             goes_on: std::array::from_fn(|i| [cells[i][0] > 0, cells[i][1] < grid.n[i]]),
@@ -270,7 +320,7 @@ impl Lattice {
     /// The pieces are those of the tree, sorted.
     fn sign(&self, solid: &dyn Solid, cells: Cells, tree: &Csg, pieces: &[u32]) -> Sign {
         let corner = |k: usize, margin: f64| {
-            std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.a)
+            std::array::from_fn(|i| self.origin[i] + (cells[i][k] as f64 + margin) * self.edges[i])
         };
         let region = Aabb {
             lo: corner(0, -MARGIN),
@@ -298,6 +348,10 @@ impl Lattice {
     pub(crate) fn cell(&self, c: [isize; 3]) -> u32 {
         let mut near = [0; 3];
         for i in 0..3 {
+            if self.repeats[i] {
+                near[i] = c[i].rem_euclid(self.n[i] as isize) as usize;
+                continue;
+            }
             let last = self.n[i] as isize - 1;
             let is_out = [c[i] < 0, c[i] > last];
             if (0..2).any(|end| is_out[end] && !self.goes_on[i][end]) {
@@ -311,7 +365,7 @@ impl Lattice {
     /// State of the cell that holds a point.
     pub(crate) fn state_at(&self, p: Point3) -> u32 {
         self.cell(std::array::from_fn(|i| {
-            ((p[i] - self.origin[i]) / self.a).floor() as isize - self.first[i] as isize
+            ((p[i] - self.origin[i]) / self.edges[i]).floor() as isize - self.first[i] as isize
         }))
     }
 
@@ -329,8 +383,13 @@ impl Lattice {
     /// centres.
     pub(crate) fn point(&self, half: [usize; 3]) -> Point3 {
         std::array::from_fn(|i| {
-            self.origin[i] + 0.5 * self.a * (half[i] + 2 * self.first[i]) as f64
+            self.origin[i] + 0.5 * self.edges[i] * (half[i] + 2 * self.first[i]) as f64
         })
+    }
+
+    /// Whether behind the last cell along an axis comes the first one again.
+    pub(crate) fn repeats(&self, axis: usize) -> bool {
+        self.repeats[axis]
     }
 
     /// The four tetrahedra around the face between cell `c` and the next one along `axis`, by

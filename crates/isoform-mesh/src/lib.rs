@@ -50,6 +50,7 @@ mod regions;
 mod second;
 mod surface;
 mod torn;
+mod torus;
 
 pub use adapt::{adapt, check_nodes, mean_edge, own_sizes};
 pub use divided::{Region, RegionSolid};

@@ -20,6 +20,7 @@ use crate::regions::Regions;
 use crate::second::{raise_order, turned};
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
+use crate::torus::{Torus, Wrapped, differs};
 use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
@@ -91,17 +92,64 @@ pub fn mesh_regions(
     options.check()?;
     check_regions(regions, options)?;
     control.begin("extent")?;
+    if let Some(region) = options.region.filter(|_| options.periodic.contains(&true)) {
+        return mesh_cell(solid, regions, region, options, control);
+    }
     if let Some(region) = options.region {
         let capped = Capped::new(solid, region);
         let extent = extent_within(&capped, region, options.size, control)?;
-        let mut meshed = mesh_within(&capped, regions, &extent, options, control)?;
-        let is_cap = |name: &&String| name.starts_with("cap.");
-        meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
-        Ok(meshed)
+        let meshed = mesh_within(Model::of(&capped, regions), None, &extent, options, control)?;
+        Ok(with_caps(meshed))
     } else {
         let extent = extent_within(solid, options.start, options.size, control)?;
-        mesh_within(solid, regions, &extent, options, control)
+        mesh_within(Model::of(solid, regions), None, &extent, options, control)
     }
+}
+
+/// Meshes a unit cell.
+fn mesh_cell(
+    solid: &dyn Solid,
+    regions: &[Region<'_>],
+    region: Aabb,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
+    let torus = Torus::new(region, options.periodic);
+    let capped = Capped::new(solid, region);
+    let ends = Capped::across(solid, region, options.periodic.map(|repeats| !repeats));
+    let whole = Wrapped::new(&ends, torus);
+    let wrapped = regions.iter().map(|r| Wrapped::new(r.solid, torus));
+    let wrapped: Vec<Wrapped<'_>> = wrapped.collect();
+    let divide = regions.iter().zip(&wrapped);
+    let divide = divide.map(|(r, solid)| Region { name: r.name, solid });
+    let divide: Vec<Region<'_>> = divide.collect();
+    let extent = extent_within(&capped, region, options.size, control)?;
+    let places = torus.places(options.size);
+    let all = regions.iter().map(|r| (r.name, r.solid));
+    for (name, solid) in std::iter::once(("", &ends as &dyn Solid)).chain(all) {
+        if let Some((axis, at)) = differs(solid, &torus, &places) {
+            return Err(MeshError::NotPeriodic {
+                axis: ['x', 'y', 'z'][axis],
+                at,
+                region: name.to_owned(),
+            });
+        }
+    }
+    let extent = Extent { bounds: region, ..extent };
+    let model = Model {
+        solid: &whole,
+        regions: &divide,
+        wanted: (&capped, regions),
+    };
+    let meshed = mesh_within(model, Some(torus), &extent, options, control)?;
+    Ok(with_caps(meshed))
+}
+
+/// A mesh with the names of its caps.
+fn with_caps(mut meshed: Meshed) -> Meshed {
+    let is_cap = |name: &&String| name.starts_with("cap.");
+    meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
+    meshed
 }
 
 /// Whether a solid can be divided as asked for.
@@ -125,21 +173,27 @@ fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshEr
 /// meshed once more, finer there; and at last without holding any on seams. The mesh with the
 /// fewest findings counts.
 fn mesh_within(
-    solid: &dyn Solid,
-    regions: &[Region<'_>],
+    model: Model<'_>,
+    torus: Option<Torus>,
     extent: &Extent,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Meshed, MeshError> {
-    let divided = Divided::new(solid, regions);
+    let Model { solid, regions, .. } = model;
+    let (whole, whole_regions) = model.wanted;
+    let sides = torus.map_or_else(Vec::new, |torus| torus.sides());
+    let mut divided = Divided::new(solid, regions);
+    for side in &sides {
+        divided.add(side, "side");
+    }
     let layers: Vec<Layer<'_>> = divided.layers();
-    let solids: Vec<&dyn Solid> = match regions {
-        [] => vec![solid],
+    let solids: Vec<&dyn Solid> = match layers.as_slice() {
+        [_] => vec![solid],
         _ => layers.iter().map(|layer| layer as &dyn Solid).collect(),
     };
     let mut lattices: Vec<Lattice> = Vec::new();
     for solid in &solids {
-        let lattice = lattice_over(*solid, extent.bounds, options, control)?;
+        let lattice = lattice_over(*solid, extent.bounds, torus, options, control)?;
         let of = |lattice| Surface::new(*solid, lattice, extent.bounds, control);
         // A divider may be no number where nothing of the whole is.
         let whole = lattices
@@ -153,12 +207,13 @@ fn mesh_within(
     }
     control.check()?;
     control.begin("features")?;
-    let features = features_of(solid, extent.bounds, options, control);
+    let features = features_of(whole, extent.bounds, options, control);
     let find = |solid: &dyn Solid| features_of(solid, extent.bounds, options, control);
-    let parts = Regions::new(solid, regions, find);
+    let parts = Regions::new(whole, whole_regions, find);
     let ground = Ground {
-        whole: solid,
+        whole,
         solid: solids[0],
+        torus,
         extent,
         lattice: &lattices[0],
         layers: &divided.with_cells(&lattices),
@@ -206,6 +261,24 @@ fn mesh_within(
     match ground.meshed(&without) {
         Ok(without) if ground.wrong(&without).count < fewest => Ok(without.meshed),
         _ => Ok(best.meshed),
+    }
+}
+
+/// What is meshed.
+struct Model<'a> {
+    solid: &'a dyn Solid,
+    regions: &'a [Region<'a>],
+    /// What the mesh must be of: the solid and the regions, or those of a unit cell in its box.
+    wanted: (&'a dyn Solid, &'a [Region<'a>]),
+}
+
+impl<'a> Model<'a> {
+    fn of(solid: &'a dyn Solid, regions: &'a [Region<'a>]) -> Self {
+        Self {
+            solid,
+            regions,
+            wanted: (solid, regions),
+        }
     }
 }
 
@@ -267,6 +340,8 @@ struct Ground<'a> {
     whole: &'a dyn Solid,
     /// The whole, with the pieces of all layers.
     solid: &'a dyn Solid,
+    /// The box of a unit cell.
+    torus: Option<Torus>,
     extent: &'a Extent,
     lattice: &'a Lattice,
     /// The layers of a solid that is divided into regions; none of one that is not.
@@ -371,18 +446,24 @@ impl Ground<'_> {
         let region = self.extent.bounds;
         let mut apexes = self.features.apexes();
         apexes.extend(self.regions.apexes());
+        let dividers = self.regions.features.len().max(1) - 1;
         let in_focus = |focus: usize| Surface {
             seams: course.seams,
             layers,
+            dividers,
+            torus: self.torus,
             focus,
             apexes: apexes.clone(),
             ..Surface::new(solid, lattice, region, control)
         };
         let surface = in_focus(0);
-        let dividers: Vec<Surface<'_>> = (1..layers.len()).map(in_focus).collect();
+        let dividers: Vec<Surface<'_>> = (1..=dividers).map(in_focus).collect();
         let is_graded = options.grade.is_some() || options.sizes.is_some();
         let all = is_graded || !layers.is_empty();
-        let band = Band::new(lattice, !options.surface_only, all, control);
+        let band = match self.torus {
+            Some(torus) => Band::on_torus(lattice, torus, control),
+            None => Band::new(lattice, !options.surface_only, all, control),
+        };
         let band_points = band.complex.points.len();
         let mut refiner = Refiner {
             complex: band.complex,
@@ -413,10 +494,12 @@ impl Ground<'_> {
         warnings.extend(self.regions.name(&mut mesh));
         control.begin("what the mesh misses")?;
         let outer = mesh.without_walls();
-        let mut all = missed(solid, &outer, region, options.size, control);
-        let mut apart = torn(|p| surface.value(p).0, &outer, options.size, control);
+        let mut all = missed(self.whole, &outer, region, options.size, control);
+        let within = |p| self.torus.map_or(f64::INFINITY, |torus| torus.depth(p));
+        let value = |p| within(p).min(surface.value(p).0);
+        let mut apart = torn(value, &outer, options.size, control);
         for part in self.regions.of(&mesh) {
-            let value = |p| surface.value_of_region(part.region, p);
+            let value = |p| within(p).min(surface.value_of_region(part.region, p));
             all.add(missed(
                 part.solid,
                 &part.mesh,
@@ -449,13 +532,17 @@ impl Ground<'_> {
 fn lattice_over(
     solid: &dyn Solid,
     region: Aabb,
+    torus: Option<Torus>,
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Lattice, MeshError> {
     let cell = CELL * options.size;
     options.check_memory((Lattice::cells(region, cell) * BYTES[0] * BYTES[1]) as u64)?;
     control.begin("lattice")?;
-    let lattice = Lattice::new(solid, region, cell, control)?;
+    let lattice = match torus {
+        Some(torus) => Lattice::on_torus(solid, &torus, cell, control)?,
+        None => Lattice::new(solid, region, cell, control)?,
+    };
     control.check()?;
     Ok(lattice)
 }
@@ -577,7 +664,8 @@ pub(crate) fn improve(
     let mut optimiser = Optimiser::new(surface, inside, options.size, control);
     warnings.extend(optimiser.improve(options));
     control.begin("assembly")?;
-    let complex = &optimiser.complex;
+    let opened = surface.torus.map(|torus| optimiser.complex.opened(&torus));
+    let complex = opened.as_ref().unwrap_or(&optimiser.complex);
     let mut labelled = if options.surface_only {
         assemble_surface(surface, &complex.faces(), &complex.points)
     } else {

@@ -145,6 +145,11 @@ impl Optimiser<'_> {
         self.complex.point(v)
     }
 
+    #[inline]
+    fn points_of<const N: usize>(&self, vertices: [u32; N]) -> [Point3; N] {
+        self.complex.points_of(vertices)
+    }
+
     /// The measure of a tetrahedron: its angles, and those of its faces on the surface.
     fn measure(&self, t: u32) -> f64 {
         let p = self.complex.corners(t);

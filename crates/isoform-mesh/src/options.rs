@@ -31,6 +31,9 @@ pub struct Options {
     /// The box to mesh in: what sticks out is cut off, the cuts are parts named `cap.x_min` and so
     /// on. The solid's own box if not given.
     pub region: Option<Aabb>,
+    /// The axes along which the box is a unit cell: the mesh of its upper side is that of its lower
+    /// side, node for node. The function must say so, too; it counts in the box alone.
+    pub periodic: [bool; 3],
     /// The box in which the solid is looked for first where there is no `region`: about where it is,
     /// if that is known.
     pub start: Aabb,
@@ -52,6 +55,7 @@ impl Default for Options {
             order: 1,
             surface_only: false,
             region: None,
+            periodic: [false; 3],
             start: START,
             angles: [21.0, 149.0],
             memory: MEMORY,
@@ -65,6 +69,9 @@ impl Options {
         positive("size", self.size)?;
         if let Some(grade) = self.grade {
             positive("grade", grade)?;
+        }
+        if self.region.is_none() && self.periodic.contains(&true) {
+            return Err(MeshError::NoBox);
         }
         if !(1..=2).contains(&self.order) {
             return Err(MeshError::Option {

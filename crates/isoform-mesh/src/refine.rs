@@ -103,7 +103,8 @@ impl Refiner<'_> {
             if self.frozen[a as usize] && self.frozen[b as usize] {
                 return None;
             }
-            let m = complex.add_point(midpoint(complex.point(a), complex.point(b)));
+            let [p, q] = complex.points_of([a, b]);
+            let m = complex.add_point(midpoint(p, q));
             self.frozen.push(false);
             complex.split(ring, a, b, m, made);
             return Some(m);

@@ -11,8 +11,10 @@ mod newton;
 mod on;
 
 use crate::features::Corner;
+use crate::complex::STRAY;
 use crate::lattice::{IN, Lattice, OUT, Reduced};
 use crate::points::{along, hash};
+use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
 use newton::{Bracket, newton};
@@ -107,6 +109,10 @@ pub(crate) struct Surface<'s> {
     pub(crate) lattice: &'s Lattice,
     /// The layers of a solid that is divided into regions; none of one that is not.
     pub(crate) layers: &'s [LayerCells<'s>],
+    /// How many layers divide the solid: those behind them are sides of a unit cell.
+    pub(crate) dividers: usize,
+    /// The box of a unit cell.
+    pub(crate) torus: Option<Torus>,
     /// The layer whose value counts as that of the solid.
     pub(crate) focus: usize,
     /// Below this distance a value is 0: rounding, and pieces that coincide.
@@ -166,6 +172,8 @@ impl<'s> Surface<'s> {
             solid,
             lattice,
             layers: &[],
+            dividers: 0,
+            torus: None,
             focus: 0,
             zero: zero_in(region),
             bends: true,
@@ -262,7 +270,7 @@ impl<'s> Surface<'s> {
     /// last one has none.
     pub(crate) fn value_of_region(&self, region: usize, p: Point3) -> f64 {
         let value = |layer: usize| self.value_in(layer, p).0;
-        let dividers = self.layers.len().max(1) - 1;
+        let dividers = self.dividers;
         let own = (region < dividers).then(|| value(region + 1));
         let before = (1..=region.min(dividers)).map(|layer| -value(layer));
         before.chain(own).fold(value(0), f64::min)
@@ -273,9 +281,51 @@ impl<'s> Surface<'s> {
         self.lattice_of(layer).reduced_at(p)
     }
 
-    /// The pieces of all layers that matter around a point.
+    /// The piece of the side of a unit cell across an axis, as it is seen from below.
+    pub(crate) fn side_piece(&self, axis: usize) -> Option<u32> {
+        let axes = self.torus?.axes;
+        let before = axes[..axis].iter().filter(|&&repeats| repeats).count();
+        let layer = self.layers.get(self.dividers + 1 + before)?;
+        axes[axis].then_some(layer.first)
+    }
+
+    /// Whether a piece is that of a side of a unit cell.
+    #[inline]
+    pub(crate) fn is_side(&self, piece: u32) -> bool {
+        self.torus.is_some() && piece < STRAY && self.layer_of(piece) > self.dividers
+    }
+
+    /// The sides of a unit cell that a point is on.
+    pub(crate) fn sides_at(&self, p: Point3) -> On {
+        let Some(torus) = &self.torus else {
+            return On::default();
+        };
+        let is_on_side = torus.is_on_side(p);
+        let axes = (0..3).filter(|&axis| is_on_side[axis]);
+        let pieces: Vec<u32> = axes.filter_map(|axis| self.side_piece(axis)).collect();
+        On::of(&pieces)
+    }
+
+    /// Whether nothing but sides of a unit cell holds a vertex.
+    pub(crate) fn holds_only_sides(&self, on: &On) -> bool {
+        on.slice().iter().all(|&piece| self.is_side(piece))
+    }
+
+    /// A point on sides of a unit cell, where the vertices of lower sides are.
+    pub(crate) fn on_lower_sides(&self, mut p: Point3, on: &On) -> Point3 {
+        if let Some(torus) = &self.torus {
+            for axis in 0..3 {
+                if self.side_piece(axis).is_some_and(|side| on.contains(side)) {
+                    p[axis] = torus.region.lo[axis];
+                }
+            }
+        }
+        p
+    }
+
+    /// The pieces of the whole and of what divides it that matter around a point.
     pub(crate) fn pieces_near(&self, p: Point3) -> Vec<u32> {
-        let layers = 0..self.layers.len().max(1);
+        let layers = 0..=self.dividers;
         let reduced = layers.filter_map(|layer| self.reduced_in(layer, p));
         reduced
             .flat_map(|reduced| &reduced.pieces)

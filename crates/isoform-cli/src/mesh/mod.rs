@@ -70,6 +70,16 @@ pub(crate) struct Args {
         conflicts_with_all = ["adapt", "blocks", "surface_only"]
     )]
     regions: Vec<String>,
+    /// Mesh the box as a unit cell that repeats along these axes, as xyz or z: opposite sides have
+    /// the same triangles, node for node. The function in the box must fit to itself there
+    #[arg(
+        long,
+        value_name = "AXES",
+        value_parser = axes,
+        requires = "region",
+        conflicts_with_all = ["adapt", "blocks"]
+    )]
+    periodic: Option<Axes>,
     /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]
     close: bool,
@@ -115,6 +125,28 @@ pub(crate) struct Settings {
     /// the machine has]
     #[arg(long, value_name = "GIB", value_parser = output::positive)]
     pub(crate) memory: Option<f64>,
+    /// The axes along which the box is a unit cell.
+    #[arg(skip)]
+    pub(crate) periodic: [bool; 3],
+}
+
+/// Axes along which a box repeats.
+#[derive(Clone, Copy, Debug)]
+struct Axes([bool; 3]);
+
+/// Reads the axes of --periodic.
+fn axes(text: &str) -> Result<Axes, String> {
+    let mut axes = [false; 3];
+    for letter in text.chars() {
+        match "xyz".find(letter.to_ascii_lowercase()) {
+            Some(axis) if !axes[axis] => axes[axis] = true,
+            _ => return Err("letters of x, y and z are expected, each once, as xyz".to_owned()),
+        }
+    }
+    match axes.contains(&true) {
+        true => Ok(Axes(axes)),
+        false => Err("at least one of x, y and z is expected".to_owned()),
+    }
 }
 
 /// Smallest and largest angle, degrees.
@@ -162,9 +194,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         .as_deref()
         .map(|path| scan::read_mesh_file(path, None))
         .transpose()?;
+    let settings = Settings {
+        periodic: args.periodic.map_or([false; 3], |axes| axes.0),
+        ..args.settings.clone()
+    };
     let mut made = work::make(
         &subject,
-        &args.settings,
+        &settings,
         given.map(|g| g.0).as_ref(),
         context,
     )?;

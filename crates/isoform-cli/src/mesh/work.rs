@@ -239,6 +239,7 @@ pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshMode
             order: settings.order.unwrap_or(usual.order),
             surface_only: settings.surface_only,
             region: settings.region,
+            periodic: settings.periodic,
             angles: settings.angles.map_or(usual.angles, |a| a.0),
             memory: settings
                 .memory
@@ -325,6 +326,11 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             "--size {}, or --params: those that are not given are 0",
             0.5 * size
         )),
+        MeshError::NoBox => Failure::usage(error.to_string()).hint("--box around the unit cell"),
+        MeshError::NotPeriodic { at, .. } => none("not-periodic")
+            .somewhere(*at)
+            .why("a unit cell goes on at the opposite side as it ends")
+            .hint("another --box, or --periodic with the axes along which the model repeats"),
         MeshError::Blocks { .. } => Failure::usage(error.to_string()).hint("--blocks"),
         MeshError::Apart { at, .. } => none("apart")
             .somewhere(*at)

@@ -1,5 +1,6 @@
 //! Cavities: some tetrahedra go, others fill the room that they leave.
 
+use super::regions::are_parted;
 use super::{BOUNDARY, Complex, FEW, NONE, OPEN, Ring, sorted};
 use std::collections::HashMap;
 
@@ -77,7 +78,7 @@ impl Complex {
             true => vec![self.region(old[0]); new.len()],
             false => Vec::new(),
         };
-        debug_assert!(old.iter().all(|&t| self.region(t) == self.region(old[0])));
+        debug_assert!(old.iter().all(|&t| !are_parted(self.region(t), self.region(old[0]))));
         self.replace_in(old, (new, &regions), label, made);
     }
 
@@ -169,7 +170,7 @@ impl Complex {
             });
             self.tets[t as usize] = *v;
             if let Some(&region) = regions.get(k) {
-                self.regions[t as usize] = region;
+                self.regions[t as usize] = self.in_sector(t, region);
                 self.walls[t as usize] = [NONE; 4];
             }
             made.push(t);
@@ -205,7 +206,7 @@ impl Complex {
     /// it was none before, it gets one later.
     fn keep_wall(&mut self, (t, i): (u32, usize), (n, back): (u32, usize), cavity: &mut Cavity) {
         let label = &mut self.walls[n as usize][back];
-        if self.regions[t as usize] == self.regions[n as usize] {
+        if !are_parted(self.regions[t as usize], self.regions[n as usize]) {
             *label = NONE;
         } else if *label == NONE {
             cavity.joined.push((t, i));

@@ -2,12 +2,45 @@
 //! side.
 
 use super::{BOUNDARY, Complex, NONE, Ring};
+use crate::torus::{SECTOR_BITS, side_between};
+
+/// Whether a wall parts two tetrahedra that share a face, by their regions and sectors.
+#[inline]
+pub(super) fn are_parted(a: u16, b: u16) -> bool {
+    a != b && (a >> SECTOR_BITS != b >> SECTOR_BITS || side_between(a, b).is_some())
+}
+
+/// Whether the first of two tetrahedra that a wall parts owns it: that of the lower region, on a
+/// side of a unit cell that below it.
+#[inline]
+pub(crate) fn is_owner(a: u16, b: u16) -> bool {
+    match side_between(a, b) {
+        Some(axis) => a >> (2 * axis) & 3 > b >> (2 * axis) & 3,
+        None => a >> SECTOR_BITS < b >> SECTOR_BITS,
+    }
+}
 
 impl Complex {
     /// Gives each tetrahedron its region.
     pub(crate) fn divide(&mut self, regions: Vec<u16>) {
         self.walls = vec![[NONE; 4]; regions.len()];
-        self.regions = regions;
+        let placed = (0..).zip(regions).map(|(t, r)| self.in_sector(t, r << SECTOR_BITS));
+        self.regions = placed.collect();
+    }
+
+    /// A region with the sector that a tetrahedron is in.
+    pub(super) fn in_sector(&self, t: u32, region: u16) -> u16 {
+        match &self.torus {
+            None => region,
+            Some(torus) => {
+                region >> SECTOR_BITS << SECTOR_BITS | torus.sector(self.middle(t))
+            }
+        }
+    }
+
+    /// The number of the region of a tetrahedron.
+    pub(crate) fn region_number(&self, t: u32) -> u16 {
+        self.region(t) >> SECTOR_BITS
     }
 
     /// Whether there are regions.
@@ -16,7 +49,7 @@ impl Complex {
         !self.regions.is_empty()
     }
 
-    /// The region of a tetrahedron.
+    /// The region of a tetrahedron, with the sector that it is in.
     #[inline]
     pub(crate) fn region(&self, t: u32) -> u16 {
         self.regions.get(t as usize).copied().unwrap_or(0)
@@ -43,18 +76,22 @@ impl Complex {
     #[inline]
     pub(crate) fn is_wall(&self, t: u32, i: usize) -> bool {
         let n = self.adjacent[t as usize][i];
-        self.is_divided() && n < BOUNDARY && self.region(t) != self.region(n)
+        self.is_divided() && n < BOUNDARY && are_parted(self.region(t), self.region(n))
     }
 
-    /// The region that the face opposite to vertex `i` of `t` bounds, if it is a wall and that is
-    /// the region of `t`: of two regions the first one.
+    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: that of the
+    /// first of two regions.
     #[inline]
-    pub(crate) fn owner(&self, t: u32, i: usize) -> Option<u16> {
-        if !self.is_wall(t, i) {
-            return None;
-        }
-        let mine = self.region(t);
-        (mine < self.region(self.adjacent[t as usize][i])).then_some(mine)
+    pub(crate) fn owns(&self, t: u32, i: usize) -> bool {
+        let n = self.adjacent[t as usize][i];
+        self.is_wall(t, i) && is_owner(self.region(t), self.region(n))
+    }
+
+    /// The axis of the side of a unit cell that the face opposite to vertex `i` of `t` lies on.
+    pub(crate) fn side(&self, t: u32, i: usize) -> Option<usize> {
+        let n = self.adjacent[t as usize][i];
+        let axis = || side_between(self.region(t), self.region(n));
+        (n < BOUNDARY && self.torus.is_some()).then(axis)?
     }
 
     /// The parts of a ring that lie in one region each, in order, as open rings; the ring itself if
@@ -62,7 +99,7 @@ impl Complex {
     pub(crate) fn arcs(&self, ring: &Ring) -> Vec<Ring> {
         let n = ring.tets.len();
         let is_new =
-            |k: usize| self.region(ring.tets[k]) != self.region(ring.tets[(k + n - 1) % n]);
+            |k: usize| are_parted(self.region(ring.tets[k]), self.region(ring.tets[(k + n - 1) % n]));
         // A closed ring is gone through from where a region begins.
         let Some(start) = (0..n).find(|&k| is_new(k)).filter(|_| n > 1) else {
             return vec![ring.clone()];
@@ -113,7 +150,7 @@ mod tests {
         complex.divide(vec![0, 0, 0, 1, 1, 1]);
         for t in 0..3 {
             for i in 0..4 {
-                if complex.owner(t, i).is_some() {
+                if complex.owns(t, i) {
                     complex.set_label(t, i, 7);
                 }
             }
@@ -138,7 +175,7 @@ mod tests {
             assert!(isoform_geom::cross(u, v)[1] < 0.0 && label == 7);
         }
         let mut arcs = complex.arcs(&ring);
-        arcs.sort_by_key(|arc| complex.region(arc.tets[0]));
+        arcs.sort_by_key(|arc| complex.region_number(arc.tets[0]));
         let ends = |arc: &Ring| [arc.link[0], arc.link[3]];
         assert_eq!(
             arcs.iter().map(|arc| arc.tets.len()).collect::<Vec<_>>(),
@@ -156,18 +193,19 @@ mod tests {
         complex.split(&ring, 0, 1, m, &mut made);
         assert_eq!(complex.fault(), None);
         assert_eq!(complex.faces().len(), 4);
-        let regions: Vec<u16> = made.iter().map(|&t| complex.region(t)).collect();
+        let regions: Vec<u16> = made.iter().map(|&t| complex.region_number(t)).collect();
         assert_eq!(regions.iter().filter(|r| **r == 0).count(), 6);
         // Region 1 takes one of the tetrahedra at the wall: the wall goes around it.
         let t = made
             .iter()
             .copied()
-            .find(|&t| complex.region(t) == 0 && complex.label(t, 2).is_some());
+            .find(|&t| complex.region_number(t) == 0 && complex.label(t, 2).is_some());
         let t = t.expect("one of them is at the wall");
         let tet = complex.tets[t as usize];
-        complex.replace_in(&[t], (&[tet], &[1]), |_| 9, &mut made);
+        let one = complex.region(t) + (1 << SECTOR_BITS);
+        complex.replace_in(&[t], (&[tet], &[one]), |_| 9, &mut made);
         assert_eq!(complex.fault(), None);
-        assert_eq!(complex.region(made[0]), 1);
+        assert_eq!(complex.region_number(made[0]), 1);
         let labels: Vec<u32> = complex.faces().into_iter().map(|f| f.1).collect();
         assert_eq!(labels.iter().filter(|l| **l == 9).count(), 2);
         assert!(labels.iter().all(|l| *l < BOUNDARY));

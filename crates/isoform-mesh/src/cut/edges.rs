@@ -150,7 +150,7 @@ impl Cutter<'_> {
             for [a, b] in edges {
                 let by_value = self.value[a as usize] * self.value[b as usize] < 0.0;
                 if !by_value
-                    && self.distance(a, piece) * self.distance(b, piece) < 0.0
+                    && self.distance_in(t, a, piece) * self.distance_in(t, b, piece) < 0.0
                     && best.offer(self.complex.edge_length(a, b), [a, b])
                 {
                     which = Some(piece);
@@ -164,7 +164,7 @@ impl Cutter<'_> {
     /// the crossing. Returns the tetrahedra that changed.
     fn cut_edge(&mut self, t: u32, crossing: Crossing, ring: &mut Ring) -> Vec<u32> {
         let [u, w] = crossing.ends;
-        let found = self.root(crossing);
+        let found = self.root(t, crossing);
         let (share, piece) = found.unwrap_or((0.5, crossing.piece.unwrap_or(NO_PIECE)));
         let (end, near) = if share < 0.5 {
             (u, share)
@@ -180,7 +180,7 @@ impl Cutter<'_> {
         if let Some(changed) = self.touch(crossing, piece) {
             return changed;
         }
-        let [a, b] = crossing.ends.map(|v| self.complex.point(v));
+        let [a, b] = self.complex.points_of(crossing.ends);
         let mut on = self.on[u as usize].common(&self.on[w as usize]);
         if piece != NO_PIECE && found.is_some() {
             on = on.with(piece).unwrap_or(on);
@@ -197,16 +197,16 @@ impl Cutter<'_> {
 
     /// Where the edge is crossed: the share of the way along the edge, and the piece that is zero
     /// there.
-    fn root(&mut self, crossing: Crossing) -> Option<(f64, u32)> {
+    fn root(&mut self, t: u32, crossing: Crossing) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
-        let [a, b] = crossing.ends.map(|v| self.complex.point(v));
+        let [a, b] = self.complex.points_of(crossing.ends);
         match crossing.piece {
             None => {
                 let [f, g] = [u, w].map(|v| self.value[v as usize].clamp(-f64::MAX, f64::MAX));
                 self.surface.root((a, f), (b, g))
             }
             Some(i) => {
-                let (f, g) = (self.distance(u, i), self.distance(w, i));
+                let (f, g) = (self.distance_in(t, u, i), self.distance_in(t, w, i));
                 let share = self.surface.root_of(i, (a, f), (b, g))?;
                 Some((share, i))
             }

@@ -46,6 +46,7 @@ impl Cutter<'_> {
             .map(|&t| self.complex.tets[t as usize].map(|v| number[v as usize]))
             .collect();
         let mut complex = Complex::new(points, tets);
+        complex.torus = self.complex.torus;
         if !self.surface.layers.is_empty() {
             complex.divide(live.iter().map(|&t| self.region(t)).collect());
         }
@@ -90,17 +91,27 @@ impl Cutter<'_> {
         for (slot, &t) in live.iter().enumerate() {
             for i in 0..4 {
                 let n = self.complex.adjacent[t as usize][i];
-                let layer = match kept.owner(slot as u32, i) {
-                    Some(region) => usize::from(region) + 1,
-                    None if n < BOUNDARY && !inside[n as usize] => 0,
-                    None => continue,
+                let slot = slot as u32;
+                if let Some(axis) = kept.side(slot, i) {
+                    if kept.owns(slot, i) {
+                        let label = self.surface.side_piece(axis).unwrap_or(STRAY);
+                        kept.set_label(slot, i, label);
+                    }
+                    continue;
+                }
+                let layer = if kept.owns(slot, i) {
+                    usize::from(kept.region_number(slot)) + 1
+                } else if n < BOUNDARY && !inside[n as usize] {
+                    0
+                } else {
+                    continue;
                 };
                 let face = self.complex.face(t, i);
                 let label = self.piece_of(face, layer).unwrap_or_else(|| {
                     stray.push(self.complex.point(face[0]));
                     STRAY
                 });
-                kept.set_label(slot as u32, i, label);
+                kept.set_label(slot, i, label);
             }
         }
         stray
@@ -109,7 +120,7 @@ impl Cutter<'_> {
     /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it,
     /// and its normal is the face's as nearly as possible.
     fn piece_of(&mut self, f: [u32; 3], layer: usize) -> Option<u32> {
-        let p = f.map(|v| self.complex.point(v));
+        let p = self.complex.points_of(f);
         let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let middle = centroid(p);
         let mut best: Option<(f64, u32)> = None;
@@ -129,7 +140,7 @@ impl Cutter<'_> {
     /// The pieces of a layer on which all three vertices of a face lie; if there are several, those
     /// that are the surface at one of them.
     fn pieces_at(&mut self, f: [u32; 3], layer: usize) -> Vec<u32> {
-        let p = f.map(|v| self.complex.point(v));
+        let p = self.complex.points_of(f);
         let mut pieces: Vec<u32> = self.on[f[0] as usize].slice().to_vec();
         for c in [centroid(p), p[0], p[1], p[2]] {
             if let Some(reduced) = self.surface.reduced_in(layer, c) {

@@ -48,7 +48,7 @@ impl Cutter<'_> {
     fn range(&mut self, t: u32, piece: u32) -> Range {
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for v in self.complex.tets[t as usize] {
-            let d = self.distance(v, piece);
+            let d = self.distance_in(t, v, piece);
             (lo, hi) = (lo.min(d), hi.max(d));
         }
         Range { piece, lo, hi }
@@ -91,7 +91,7 @@ impl Cutter<'_> {
     /// The region that a tetrahedron of the whole belongs to: that of the first divider that it
     /// lies in, or the one behind all of them.
     pub(super) fn region(&mut self, t: u32) -> u16 {
-        let dividers = self.surface.layers.len().max(1) - 1;
+        let dividers = self.surface.dividers;
         let first = (0..dividers).find(|&k| self.is_in(k + 1, t));
         first.unwrap_or(dividers) as u16
     }

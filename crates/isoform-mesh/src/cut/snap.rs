@@ -2,6 +2,7 @@
 
 use super::{Cutter, LOOK};
 use crate::points::along;
+use crate::torus::Torus;
 use crate::surface::On;
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
@@ -48,7 +49,7 @@ impl Cutter<'_> {
                 return;
             }
             let Candidate { v, on, at, .. } = found;
-            if !self.on[v as usize].is_empty() {
+            if !self.is_free(v as usize) {
                 continue;
             }
             if on.len() == 3 {
@@ -96,7 +97,9 @@ impl Cutter<'_> {
     fn is_crowded(&mut self, v: u32, on: On, at: Point3) -> bool {
         let close = APART * self.cell[v as usize];
         self.neighbours(v).iter().any(|&w| {
-            on.is_within(&self.on[w as usize]) && norm(sub(self.complex.point(w), at)) < close
+            let near = |torus: Torus| torus.nearest(self.complex.point(w), at);
+            let p = (self.complex.torus).map_or_else(|| self.complex.point(w), near);
+            on.is_within(&self.on[w as usize]) && norm(sub(p, at)) < close
         })
     }
 
@@ -110,8 +113,16 @@ impl Cutter<'_> {
             .into_iter()
             .filter(|&i| self.surface.distance(i, p).abs() < reach)
             .collect();
+        let sides = self.on[v as usize];
         for (i, &a) in pieces.iter().enumerate() {
             for (j, &b) in pieces[..i].iter().enumerate() {
+                if let [side, ref more @ ..] = *sides.slice() {
+                    // A curve of the solid ends in the side.
+                    if more.is_empty() {
+                        found.extend(self.candidate(v, &[side, b, a], reach));
+                    }
+                    continue;
+                }
                 found.extend(self.candidate(v, &[b, a], reach));
                 if pieces.len() <= CROWDED {
                     for &c in &pieces[..j] {
@@ -165,7 +176,7 @@ impl Cutter<'_> {
                 && let Some((q, piece)) = self.nearest_on_surface(v, w)
                 && self.worst_if(v, q) >= SNAP_QUALITY[2]
             {
-                self.place(v, q, On::of(&[piece]));
+                self.place(v, q, self.on[v as usize].with(piece).unwrap_or_default());
             }
         }
     }
@@ -176,8 +187,14 @@ impl Cutter<'_> {
         f != 0.0
             && f.abs() < NEAR * self.cell[v]
             && !self.frozen[v]
-            && self.on[v].is_empty()
+            && self.is_free(v)
+            && self.on[v].len() < 3
             && !self.is_elsewhere(v)
+    }
+
+    /// Whether a vertex is held on nothing, or on sides of a unit cell alone.
+    fn is_free(&self, v: usize) -> bool {
+        self.surface.holds_only_sides(&self.on[v])
     }
 
     /// Whether a vertex lies where the surface of the layer in focus does not matter: outside of
@@ -211,18 +228,20 @@ impl Cutter<'_> {
     /// else one from the edge to a neighbour on the other side.
     fn nearest_on_surface(&self, v: u32, across: u32) -> Option<(Point3, u32)> {
         let surface = self.surface;
-        let (p, f) = (self.complex.point(v), self.value[v as usize]);
+        let [p, q] = self.complex.points_of([v, across]);
+        let f = self.value[v as usize];
         let (_, piece) = surface.value(p);
-        let nearest = surface.project(&[piece], p).filter(|&q| {
+        let with = |piece: u32| self.on[v as usize].with(piece);
+        let nearest = surface.project(with(piece)?.slice(), p).filter(|&q| {
             norm(sub(p, q)) < SURFACE_REACH * self.cell[v as usize]
                 && surface.value(q).0.abs() <= surface.zero
         });
         if let Some(q) = nearest {
             return Some((q, piece));
         }
-        let (q, g) = (self.complex.point(across), self.value[across as usize]);
+        let g = self.value[across as usize];
         let (t, piece) = surface.root((p, f), (q, g))?;
-        let q = surface.project(&[piece], along(p, q, t))?;
+        let q = surface.project(with(piece)?.slice(), along(p, q, t))?;
         Some((q, piece))
     }
 }

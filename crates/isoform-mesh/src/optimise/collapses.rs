@@ -128,7 +128,7 @@ impl Optimiser<'_> {
                 continue;
             }
             let v = v.map(|k| pull.of(k));
-            left.worst = left.worst.min(biased_sine(v.map(|k| self.point(k))));
+            left.worst = left.worst.min(biased_sine(self.points_of(v)));
             if left.worst <= bound {
                 return None;
             }
@@ -152,7 +152,7 @@ impl Optimiser<'_> {
         left.labels.reserve(faces.len());
         for &(f, label) in faces.iter().filter(|(f, _)| !f.contains(&pull.w)) {
             let mut g = f.map(|k| pull.of(k));
-            let [old, new] = [f, g].map(|f| f.map(|k| self.point(k)));
+            let [old, new] = [f, g].map(|f| self.points_of(f));
             left.worst = left.worst.min(smallest_sine(new));
             if left.worst <= bound || self.turns_away(old, new, label) {
                 return None;

@@ -1,7 +1,7 @@
 //! Edges and faces are removed, with the vertices where they are.
 
 use super::{FACING, GAIN, Optimiser};
-use crate::complex::{BOUNDARY, OPEN, Ring, STRAY};
+use crate::complex::{BOUNDARY, OPEN, Ring, STRAY, is_owner};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::optimise::holds::Hold;
 use crate::surface::On;
@@ -108,8 +108,8 @@ impl Optimiser<'_> {
         } else {
             Some(self.surface_edge(ring, ends)?)
         };
-        let [a, b] = ends.map(|v| self.point(v));
-        if six_volume([a, b, self.point(ring.link[0]), self.point(ring.link[1])]) < 0.0 {
+        let [a, b, c, d] = self.points_of([ends[0], ends[1], ring.link[0], ring.link[1]]);
+        if six_volume([a, b, c, d]) < 0.0 {
             ring.link.reverse();
         }
         if let Some(label) = label {
@@ -142,7 +142,7 @@ impl Optimiser<'_> {
     fn may_flip(&self, link: &[u32], [a, b]: [u32; 2], label: u32) -> bool {
         // Counterclockwise link seen from b: the solid lies between c and d.
         let (c, d) = (link[0], link[link.len() - 1]);
-        let looks_outward = |f: [u32; 3]| self.facing(f.map(|k| self.point(k)), label) >= FACING;
+        let looks_outward = |f: [u32; 3]| self.facing(self.points_of(f), label) >= FACING;
         looks_outward([a, c, d])
             && looks_outward([b, d, c])
             && (link.len() == 2 || !self.complex.are_neighbours(c, d))
@@ -158,7 +158,7 @@ impl Optimiser<'_> {
                     continue;
                 }
                 let f = self.complex.face(t, i);
-                let s = smallest_sine(f.map(|k| self.point(k)));
+                let s = smallest_sine(self.points_of(f));
                 // Faces at the edge itself go away; of the others only those that hold back the
                 // gain matter.
                 if s <= before + GAIN && !goes_away(ring, f) {
@@ -227,13 +227,14 @@ impl Optimiser<'_> {
         let mut after = f64::INFINITY;
         for arc in [first, second] {
             let mut arc = arc.clone();
-            let [a, b] = ends.map(|v| self.point(v));
-            if six_volume([a, b, self.point(arc.link[0]), self.point(arc.link[1])]) < 0.0 {
+            let [a, b, c, d] = self.points_of([ends[0], ends[1], arc.link[0], arc.link[1]]);
+            if six_volume([a, b, c, d]) < 0.0 {
                 arc.link.reverse();
             }
             let region = self.complex.region(arc.tets[0]);
-            let other = [first, second].map(|a| self.complex.region(a.tets[0]));
-            if region == other[0].min(other[1]) && !self.may_flip(&arc.link, ends, label) {
+            let [one, two] = [first, second].map(|a| self.complex.region(a.tets[0]));
+            let owner = if is_owner(one, two) { one } else { two };
+            if region == owner && !self.may_flip(&arc.link, ends, label) {
                 return None;
             }
             let link: Vec<Point3> = arc.link.iter().map(|&v| self.point(v)).collect();
@@ -266,7 +267,7 @@ impl Optimiser<'_> {
         let (c, d) = (ring.link[0], ring.link[1]);
         let after = ends
             .iter()
-            .map(|&v| smallest_sine([v, c, d].map(|k| self.point(k))))
+            .map(|&v| smallest_sine(self.points_of([v, c, d])))
             .fold(f64::INFINITY, f64::min);
         let before = self.measure(t);
         if after <= before + GAIN || biased_sine(self.complex.corners(t)) > FLAT {
@@ -315,7 +316,7 @@ impl Optimiser<'_> {
         let new = [[f[0], f[1], b, a], [f[1], f[2], b, a], [f[2], f[0], b, a]];
         let mut after = f64::INFINITY;
         for v in &new {
-            after = after.min(biased_sine(v.map(|k| self.point(k))));
+            after = after.min(biased_sine(self.points_of(*v)));
             if after <= before + GAIN {
                 return None;
             }
@@ -334,7 +335,7 @@ impl Optimiser<'_> {
     fn worst_face(&self, t: u32) -> f64 {
         (0..4)
             .filter(|&k| self.complex.label(t, k).is_some())
-            .map(|k| smallest_sine(self.complex.face(t, k).map(|v| self.point(v))))
+            .map(|k| smallest_sine(self.points_of(self.complex.face(t, k))))
             .fold(f64::INFINITY, f64::min)
     }
 }

@@ -63,7 +63,7 @@ impl Optimiser<'_> {
         let edges = labelled_edges(faces.into_iter());
         for same in edges.chunk_by(|a, b| a.0 == b.0) {
             let ends = same[0].0;
-            let several = unique(same.iter().map(|p| p.1).collect());
+            let several = self.sides_first(unique(same.iter().map(|p| p.1).collect()));
             for v in ends.map(|v| v as usize) {
                 let is_wall = self.complex.is_divided() && several.len() > 1;
                 if same.len() != 2 && !is_wall {
@@ -87,10 +87,19 @@ impl Optimiser<'_> {
         match *self.complex.labels_at(ring) {
             [a, b] => Some([a, b]),
             ref more => {
-                let more = unique(more.to_vec());
+                let more = self.sides_first(unique(more.to_vec()));
                 pairs(&more).find(|pair| self.curve_of(ends, *pair).is_some())
             }
         }
+    }
+
+    /// Labels with those of a unit cell's sides in front: where the surface goes on as another
+    /// piece behind a side, both pieces meet the side in one curve.
+    fn sides_first(&self, mut labels: Vec<u32>) -> Vec<u32> {
+        if self.surface.torus.is_some() {
+            labels.sort_by_key(|&label| !self.surface.is_side(label));
+        }
+        labels
     }
 
     /// The curve that an edge between faces of two pieces lies on: of both where they meet at an
@@ -99,7 +108,7 @@ impl Optimiser<'_> {
         if pieces.iter().any(|&p| p >= STRAY) {
             return Some(pieces);
         }
-        let [p, q] = ends.map(|v| self.point(v));
+        let [p, q] = self.points_of(ends);
         let middle = midpoint(p, q);
         if meet_at_an_angle(self.surface.solid, pieces, middle) {
             Some(pieces)

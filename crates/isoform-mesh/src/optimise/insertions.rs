@@ -197,7 +197,7 @@ impl Optimiser<'_> {
     /// The longest edge of a face whose middle is farther from the surface than `error`, with the
     /// factor by which it is.
     fn longest_of_bulging(&self, (f, label): &Face, error: f64) -> Option<(f64, [u32; 2])> {
-        let middle = centroid(f.map(|v| self.point(v)));
+        let middle = centroid(self.points_of(*f));
         let on = self.piece_at(f, *label);
         let off = norm(sub(self.surface.project(&[on], middle)?, middle));
         let ends = |k: usize| [f[k], f[(k + 1) % 3]];

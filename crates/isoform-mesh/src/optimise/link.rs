@@ -44,7 +44,7 @@ impl Link {
             for i in (0..4).filter(|&i| i != place) {
                 let apex = if complex.adjacent[t as usize][i] >= BOUNDARY {
                     BEYOND
-                } else if complex.owner(t, i).is_some() {
+                } else if complex.owns(t, i) {
                     WALL
                 } else {
                     continue;

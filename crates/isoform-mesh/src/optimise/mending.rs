@@ -238,7 +238,8 @@ impl Optimiser<'_> {
     fn insert_at_longest(&mut self, t: u32) -> bool {
         let v = self.complex.tets[t as usize];
         let mut edges = EDGES.map(|(i, j)| {
-            let d = sub(self.point(v[i]), self.point(v[j]));
+            let [p, q] = self.points_of([v[i], v[j]]);
+            let d = sub(p, q);
             (dot(d, d), [v[i], v[j]])
         });
         edges.sort_by(|a, b| b.0.total_cmp(&a.0));

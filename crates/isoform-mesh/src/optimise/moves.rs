@@ -92,13 +92,29 @@ impl Optimiser<'_> {
         }
         around.clear();
         for &t in star.iter() {
-            around.push(self.complex.corners(t), self.complex.place(t, v));
+            around.push(self.corners_seen_from(v, t), self.complex.place(t, v));
         }
         for (f, _) in faces.iter() {
             let x = f.iter().position(|&k| k == v)?;
-            around.push_face([1, 2].map(|k| self.point(f[(x + k) % 3])));
+            let [_, a, b] = self
+                .complex
+                .from_first(v, self.points_of([v, f[(x + 1) % 3], f[(x + 2) % 3]]));
+            around.push_face([a, b]);
         }
         Some(())
+    }
+
+    /// The corners of a tetrahedron as seen from one of them.
+    #[inline]
+    fn corners_seen_from(&self, v: u32, t: u32) -> [Point3; 4] {
+        let mut corners = self.complex.corners(t);
+        if self.complex.torus.is_some() {
+            let place = self.complex.place(t, v);
+            corners.swap(0, place);
+            corners = self.complex.from_first(v, corners);
+            corners.swap(0, place);
+        }
+        corners
     }
 
     /// The best place for a vertex within the solid.
@@ -183,8 +199,8 @@ impl Optimiser<'_> {
         let at = self.with(v, p);
         !self.is_off(v, p)
             && faces.iter().all(|&(f, label)| {
-                let c = self.facing(f.map(&at), label);
-                c >= FACING || c >= self.facing(f.map(|k| self.point(k)), label)
+                let c = self.facing(self.complex.together(f.map(&at)), label);
+                c >= FACING || c >= self.facing(self.points_of(f), label)
             })
     }
 
@@ -198,10 +214,10 @@ impl Optimiser<'_> {
         let at = self.with(v, p);
         let mut worst = f64::INFINITY;
         for &t in star {
-            worst = worst.min(biased_sine(self.complex.tets[t as usize].map(&at)));
+            worst = worst.min(biased_sine(self.complex.together(self.complex.tets[t as usize].map(&at))));
         }
         for (f, _) in faces {
-            worst = worst.min(smallest_sine(f.map(&at)));
+            worst = worst.min(smallest_sine(self.complex.together(f.map(&at))));
         }
         worst
     }
@@ -262,6 +278,7 @@ impl Optimiser<'_> {
 
     /// The middle of an edge.
     pub(super) fn middle_of(&self, [a, b]: [u32; 2]) -> Point3 {
-        midpoint(self.point(a), self.point(b))
+        let [p, q] = self.points_of([a, b]);
+        midpoint(p, q)
     }
 }

@@ -187,7 +187,7 @@ impl Optimiser<'_> {
     /// The piece that a face at a vertex lies on, as the solid is at its middle: of the vertex's
     /// pieces and the one that decides there the one that the face faces best.
     fn label_anew(&self, v: u32, face: [u32; 3], old: u32) -> u32 {
-        let c = face.map(|k| self.point(k));
+        let c = self.points_of(face);
         if old >= STRAY && self.complex.is_divided() {
             return old;
         }

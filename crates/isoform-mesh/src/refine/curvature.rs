@@ -76,7 +76,7 @@ pub(crate) fn turn_size(radius: f64, size: f64) -> f64 {
 /// Edge length at which the surface in a tetrahedron is followed: within the chordal error `error`,
 /// and without turning too far at once (down to a share of `size`). Infinite away from the surface.
 fn curved_size(surface: &Surface<'_>, complex: &Complex, t: u32, error: f64, size: f64) -> f64 {
-    let layers = 0..surface.layers.len().max(1);
+    let layers = 0..=surface.dividers;
     let reduced = layers.filter_map(|layer| surface.reduced_in(layer, complex.middle(t)));
     reduced
         .map(|reduced| curved_size_of(reduced, surface, complex, t, error, size))

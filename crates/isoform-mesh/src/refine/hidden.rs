@@ -143,7 +143,8 @@ impl Search<'_> {
     fn may_be_crossed_twice(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
         let (f, g) = (self.values[a as usize], self.values[b as usize]);
         f * g > 0.0 && f.is_finite() && g.is_finite() && {
-            let d = sub(complex.point(a), complex.point(b));
+            let [p, q] = complex.points_of([a, b]);
+            let d = sub(p, q);
             (f.abs() + g.abs()).powi(2) < dot(d, d)
         }
     }
@@ -151,7 +152,7 @@ impl Search<'_> {
     /// Whether one piece crosses an edge twice. Two pieces, one at each crossing, are told apart by
     /// their signs at the ends and cut one by one.
     fn is_crossed_twice(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
-        let [p, q] = [a, b].map(|v| complex.point(v));
+        let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
         LOOKS.iter().any(|&t| {
             let (v, piece) = self.surface.value(along(p, q, t));
@@ -165,7 +166,7 @@ impl Search<'_> {
     /// Whether an edge that is crossed twice cuts off no more than a ridge, or a groove: from there
     /// on the body, or the gap, gets as deep as a sharp edge would. What is lost is the chamfer.
     fn is_ridge(&self, complex: &Complex, [a, b]: [u32; 2]) -> bool {
-        let [p, q] = [a, b].map(|v| complex.point(v));
+        let [p, q] = complex.points_of([a, b]);
         let length = norm(sub(p, q));
         let side = -self.values[a as usize].signum();
         let places = LOOKS.map(|t| along(p, q, t));

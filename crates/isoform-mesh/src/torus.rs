@@ -1,0 +1,434 @@
+//! Unit cells: a box whose opposite sides are one, as a torus.
+//!
+//! The complex of a unit cell has no vertices on upper sides of the box: those on its lower sides
+//! stand for both, so that the two sides of the mesh are one by construction. Sides are walls,
+//! labelled faces with a tetrahedron in front and one behind: no tetrahedron lies across them, and
+//! its corners have their places as seen from it, a box away where it lies behind an upper side.
+
+use crate::surface::{first_order, first_order_at, zero_in};
+use isoform_geom::{Aabb, Csg, Point3, Solid};
+use isoform_num::{Interval, Jet2};
+
+/// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
+/// the torus; with fewer than six they may, and eight leave room for collapsed edges.
+pub(crate) const LEAST_CELLS: usize = 8;
+/// Parts of the box along an axis. Tetrahedra whose parts are two or more apart and that share a
+/// face share a piece of a side: with eight cells a part has two.
+const SECTORS: f64 = 4.0;
+/// Distance from the surface, in distances that count as none, from which a place is clearly inside
+/// or outside: less may be the rounding of numbers in the model.
+const CLEAR: f64 = 1e4;
+/// A place is on a side if it is nearer to it than this share of the distances that count as none:
+/// a place moved off the side by twice as much has the values that it has there.
+const NEAR: f64 = 0.125;
+/// Places along an edge of a side at which the two sides are compared, at most: a million in all
+/// take a model of some hundred parts a second.
+const MOST_PLACES: usize = 1000;
+/// Where in its part of the side each of these places is: off the round numbers that models are
+/// full of.
+const OFF: [f64; 2] = [0.382, 0.618];
+/// Bits that tell the sectors of a tetrahedron, two by axis; its region has those above.
+pub(crate) const SECTOR_BITS: u32 = 6;
+
+/// A box with the axes along which it repeats.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Torus {
+    pub(crate) region: Aabb,
+    /// Whether its sides across each axis are one.
+    pub(crate) axes: [bool; 3],
+    /// A place nearer to a side than this is on it.
+    pub(crate) near: f64,
+}
+
+impl Torus {
+    /// A box that repeats along some axes.
+    pub(crate) fn new(region: Aabb, axes: [bool; 3]) -> Self {
+        Self {
+            region,
+            axes,
+            near: NEAR * zero_in(region),
+        }
+    }
+
+    /// Places on the lower sides, about a size apart.
+    pub(crate) fn places(&self, size: f64) -> Vec<Point3> {
+        let (lo, extent) = (self.region.lo, self.region.size());
+        let count = extent.map(|l| ((l / size).ceil() as usize).clamp(LEAST_CELLS, MOST_PLACES));
+        let mut places = Vec::new();
+        for axis in self.repeating() {
+            let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+            for i in 0..count[u] {
+                for j in 0..count[v] {
+                    let mut p = lo;
+                    p[u] += extent[u] * (i as f64 + OFF[0]) / count[u] as f64;
+                    p[v] += extent[v] * (j as f64 + OFF[1]) / count[v] as f64;
+                    places.push(p);
+                }
+            }
+        }
+        places
+    }
+
+    fn repeating(&self) -> impl Iterator<Item = usize> + use<> {
+        let axes = self.axes;
+        (0..3).filter(move |&i| axes[i])
+    }
+
+    /// Places of vertices that are near each other, all as seen from one tetrahedron of theirs.
+    #[inline]
+    pub(crate) fn together<const N: usize>(&self, mut p: [Point3; N]) -> [Point3; N] {
+        for i in self.repeating() {
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            let most = p.iter().fold(f64::NEG_INFINITY, |m, p| m.max(p[i]));
+            for p in &mut p {
+                if most - p[i] > 0.5 * (hi - lo) {
+                    p[i] = hi + (p[i] - lo);
+                }
+            }
+        }
+        p
+    }
+
+    /// The place of a point's image nearest to another one.
+    pub(crate) fn nearest(&self, mut p: Point3, to: Point3) -> Point3 {
+        for i in self.repeating() {
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            let half = 0.5 * (hi - lo);
+            if to[i] - p[i] > half {
+                p[i] = hi + (p[i] - lo);
+            } else if p[i] - to[i] > half {
+                p[i] = lo + (p[i] - hi);
+            }
+        }
+        p
+    }
+
+    /// How deep a place is in the box, across the axes along which it repeats.
+    pub(crate) fn depth(&self, p: Point3) -> f64 {
+        let depth = |i: usize| (p[i] - self.region.lo[i]).min(self.region.hi[i] - p[i]);
+        self.repeating().map(depth).fold(f64::INFINITY, f64::min)
+    }
+
+    /// The image of a place in the box.
+    pub(crate) fn wrapped(&self, mut p: Point3) -> Point3 {
+        for i in self.repeating() {
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            if p[i] < lo - self.near {
+                p[i] = hi + (p[i] - lo);
+            } else if p[i] > hi + self.near {
+                p[i] = lo + (p[i] - hi);
+            }
+        }
+        p
+    }
+
+    /// The images of a place in the box: several if it is on a side.
+    fn images(&self, p: Point3) -> Vec<Point3> {
+        let p = self.wrapped(p);
+        let mut all = vec![p];
+        for i in self.repeating() {
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            let ends = if (p[i] - lo).abs() <= self.near || (p[i] - hi).abs() <= self.near {
+                [lo, hi]
+            } else {
+                continue;
+            };
+            let with = |x: f64| {
+                all.iter().map(move |p| {
+                    let mut p = *p;
+                    p[i] = x;
+                    p
+                })
+            };
+            all = with(ends[0]).chain(with(ends[1])).collect();
+        }
+        all
+    }
+
+    /// Whether a place is on a side, by axis.
+    pub(crate) fn is_on_side(&self, p: Point3) -> [bool; 3] {
+        std::array::from_fn(|i| {
+            let ends = [self.region.lo[i], self.region.hi[i]];
+            self.axes[i] && ends.iter().any(|end| (p[i] - end).abs() <= self.near)
+        })
+    }
+
+    /// A place on a side, moved off it towards another one: slightly, but clearly.
+    pub(crate) fn beside(&self, mut p: Point3, towards: Point3) -> Point3 {
+        let is_on_side = self.is_on_side(p);
+        for i in (0..3).filter(|&i| is_on_side[i]) {
+            p[i] += (2.0 * self.near).copysign(towards[i] - p[i]);
+        }
+        p
+    }
+
+    /// In which part of the box by axis a place is, as bits.
+    pub(crate) fn sector(&self, p: Point3) -> u16 {
+        let p = self.wrapped(p);
+        let mut bits = 0;
+        for i in self.repeating() {
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            let part = (SECTORS * (p[i] - lo) / (hi - lo)).floor();
+            bits |= (part.clamp(0.0, SECTORS - 1.0) as u16) << (2 * i);
+        }
+        bits
+    }
+
+    /// The sides across the axes along which the box repeats, with their axes.
+    pub(crate) fn sides(&self) -> Vec<Side> {
+        let torus = *self;
+        let side = |axis: usize| {
+            let name = |end: &str| format!("cap.{}_{end}", ["x", "y", "z"][axis]);
+            Side {
+                torus,
+                axis,
+                names: [name("max"), name("min")],
+                tree: Csg::Piece(0),
+            }
+        };
+        self.repeating().map(side).collect()
+    }
+
+    /// The ends of a box within one period each, along an axis.
+    fn spans(&self, axis: usize, [from, to]: [f64; 2]) -> Vec<[f64; 2]> {
+        let (lo, hi) = (self.region.lo[axis], self.region.hi[axis]);
+        if !self.axes[axis] {
+            return vec![[from, to]];
+        }
+        // On a side both its images count.
+        let (from, to) = (from - self.near, to + self.near);
+        if to - from >= hi - lo {
+            return vec![[lo, hi]];
+        }
+        let mut spans = Vec::new();
+        for shift in [hi - lo, 0.0, lo - hi] {
+            let span = [(from + shift).max(lo), (to + shift).min(hi)];
+            if span[0] <= span[1] {
+                spans.push(span);
+            }
+        }
+        spans
+    }
+}
+
+/// Whether a solid has the same sign on both sides of a unit cell, at places on its lower sides;
+/// if not, the axis across which the sides lie, and the place.
+pub(crate) fn differs(solid: &dyn Solid, torus: &Torus, places: &[Point3]) -> Option<(usize, Point3)> {
+    torus.repeating().find_map(|axis| {
+        let (lo, hi) = (torus.region.lo[axis], torus.region.hi[axis]);
+        let on_side: Vec<Point3> = places.iter().copied().filter(|p| p[axis] == lo).collect();
+        let opposite = on_side.iter().map(|p| {
+            let mut p = *p;
+            p[axis] = hi;
+            p
+        });
+        let opposite: Vec<Point3> = opposite.collect();
+        let mut values = [vec![0.0; on_side.len()], vec![0.0; on_side.len()]];
+        solid.sign_values(&on_side, &mut values[0]);
+        solid.sign_values(&opposite, &mut values[1]);
+        let distance = |p: Point3| {
+            let of = |piece| first_order_at(solid, piece, p);
+            solid.tree().value(&of)
+        };
+        let is_clear = |k: usize| {
+            let [f, g] = [on_side[k], opposite[k]].map(distance);
+            f * g < 0.0 && f.abs().min(g.abs()) > CLEAR * torus.near
+        };
+        let k = (0..on_side.len()).find(|&k| {
+            values[0][k] * values[1][k] < 0.0 && is_clear(k)
+        })?;
+        Some((axis, on_side[k]))
+    })
+}
+
+/// The axis of the side between tetrahedra of two sectors that share a face, if there is one.
+#[inline]
+pub(crate) fn side_between(a: u16, b: u16) -> Option<usize> {
+    let part = |bits: u16, axis: usize| bits >> (2 * axis) & 3;
+    (0..3).find(|&axis| part(a, axis).abs_diff(part(b, axis)) > 1)
+}
+
+/// A solid that repeats: outside of the box as in it.
+pub(crate) struct Wrapped<'a> {
+    solid: &'a dyn Solid,
+    torus: Torus,
+    names: Vec<String>,
+}
+
+impl<'a> Wrapped<'a> {
+    /// A solid, which may be cut off at sides across other axes. Its sides across the axes along
+    /// which it repeats are no pieces of it any more: their names are left to [`Torus::sides`].
+    pub(crate) fn new(solid: &'a dyn Solid, torus: Torus) -> Self {
+        let sides = torus.sides();
+        let is_side = |name: &String| sides.iter().any(|side| side.names.contains(name));
+        let free = |name: &String| match is_side(name) {
+            true => format!("no {name}"),
+            false => name.clone(),
+        };
+        Self {
+            solid,
+            torus,
+            names: solid.names().iter().map(free).collect(),
+        }
+    }
+
+    /// What the solid says of a piece at a place; on a side what it says at the image where the
+    /// piece is nearer.
+    ///
+    /// A ball that reaches through a side is written as two balls, each of which is right at one
+    /// of the sides alone.
+    fn at_nearest<T>(&self, p: Point3, of: impl Fn(Point3) -> (f64, T)) -> (f64, T) {
+        let images = self.torus.images(p);
+        let mut found = of(images[0]);
+        for &image in &images[1..] {
+            let next = of(image);
+            if next.0.abs() < found.0.abs() {
+                found = next;
+            }
+        }
+        found
+    }
+
+    /// What intervals say of the pieces in a box: those of its parts within the period, together.
+    fn joined(&self, region: Aabb, out: &mut [Interval], of: impl Fn(Aabb, &mut [Interval])) {
+        let spans: [Vec<[f64; 2]>; 3] =
+            std::array::from_fn(|i| self.torus.spans(i, [region.lo[i], region.hi[i]]));
+        let mut part = vec![Interval::ALL; out.len()];
+        let mut is_first = true;
+        for x in &spans[0] {
+            for y in &spans[1] {
+                for z in &spans[2] {
+                    let lo = [x[0], y[0], z[0]];
+                    let hi = [x[1], y[1], z[1]];
+                    of(Aabb { lo, hi }, &mut part);
+                    for (out, part) in out.iter_mut().zip(&part) {
+                        let (lo, hi) = (part.lo(), part.hi());
+                        *out = if is_first {
+                            *part
+                        } else {
+                            Interval::new(out.lo().min(lo), out.hi().max(hi))
+                        };
+                    }
+                    is_first = false;
+                }
+            }
+        }
+    }
+}
+
+impl Solid for Wrapped<'_> {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn tree(&self) -> &Csg {
+        self.solid.tree()
+    }
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+        let values = out.chunks_mut(points.len().max(1));
+        for (&piece, values) in which.iter().zip(values) {
+            for (p, value) in points.iter().zip(values) {
+                let of = |p: Point3| {
+                    let mut v = [0.0];
+                    self.solid.values(&[piece], &[p], &mut v);
+                    (v[0], ())
+                };
+                *value = self.at_nearest(*p, of).0;
+            }
+        }
+    }
+    fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+        let of = |p: Point3| {
+            let (v, g) = self.solid.gradient(piece, p);
+            (first_order(v, g), (v, g))
+        };
+        self.at_nearest(p, of).1
+    }
+    fn jet(&self, piece: u32, p: Point3) -> Jet2 {
+        let of = |p: Point3| {
+            let jet = self.solid.jet(piece, p);
+            (first_order(jet.v, jet.g), jet)
+        };
+        self.at_nearest(p, of).1
+    }
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        self.joined(region, out, |region, out| self.solid.bounds(which, region, out));
+    }
+    fn value_bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        let of = |region, out: &mut [Interval]| self.solid.value_bounds(which, region, out);
+        self.joined(region, out, of);
+    }
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+        let wrapped: Vec<Point3> = points.iter().map(|p| self.torus.wrapped(*p)).collect();
+        self.solid.sign_values(&wrapped, out);
+    }
+}
+
+/// A side of the box as a solid: its first piece is positive below the upper side and negative
+/// above the lower one, its second piece the negative of that.
+pub(crate) struct Side {
+    torus: Torus,
+    axis: usize,
+    names: [String; 2],
+    tree: Csg,
+}
+
+impl Side {
+    /// How far above the side a place is, negative below it.
+    fn height(&self, p: Point3) -> f64 {
+        let (lo, hi) = (self.torus.region.lo[self.axis], self.torus.region.hi[self.axis]);
+        let x = self.torus.wrapped(p)[self.axis];
+        if x - lo < hi - x { x - lo } else { x - hi }
+    }
+
+    fn sign(piece: u32) -> f64 {
+        if piece == 0 { -1.0 } else { 1.0 }
+    }
+}
+
+impl Solid for Side {
+    fn names(&self) -> &[String] {
+        &self.names
+    }
+    fn tree(&self) -> &Csg {
+        &self.tree
+    }
+    fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
+        let all = which.iter().flat_map(|&piece| points.iter().map(move |p| (piece, p)));
+        for (out, (piece, p)) in out.iter_mut().zip(all) {
+            *out = Self::sign(piece) * self.height(*p);
+        }
+    }
+    fn gradient(&self, piece: u32, p: Point3) -> (f64, Point3) {
+        let mut gradient = [0.0; 3];
+        gradient[self.axis] = Self::sign(piece);
+        (Self::sign(piece) * self.height(p), gradient)
+    }
+    fn jet(&self, piece: u32, p: Point3) -> Jet2 {
+        let (v, g) = self.gradient(piece, p);
+        Jet2 { v, g, h: [0.0; 6] }
+    }
+    fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
+        let ends = [region.lo[self.axis], region.hi[self.axis]];
+        let (lo, hi) = (self.torus.region.lo[self.axis], self.torus.region.hi[self.axis]);
+        let half = 0.5 * (hi - lo);
+        // Away from the middle of the box, where the height falls from half a period to minus half
+        // of one, it grows with the coordinate.
+        let heights = ends.map(|x| {
+            let mut p = self.torus.region.lo;
+            p[self.axis] = x;
+            self.height(p)
+        });
+        let is_steady = ends[1] - ends[0] < half && heights[0] <= heights[1];
+        let [a, b] = if is_steady { heights } else { [-half, half] };
+        let slack = self.torus.near;
+        for (&piece, out) in which.iter().zip(out) {
+            *out = match Self::sign(piece) > 0.0 {
+                true => Interval::new(a - slack, b + slack),
+                false => Interval::new(-b - slack, -a + slack),
+            };
+        }
+    }
+    fn sign_values(&self, points: &[Point3], out: &mut [f64]) {
+        self.values(&[0], points, out);
+    }
+}
