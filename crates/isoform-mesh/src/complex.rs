@@ -168,18 +168,20 @@ impl Complex {
     }
 
     /// Where vertices of one tetrahedron, or of several on one side of all walls, are.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn points_of<const N: usize>(&self, vertices: [u32; N]) -> [Point3; N] {
         self.together(vertices.map(|v| self.points[v as usize]))
     }
 
     /// Places of such vertices, as seen from there.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn together<const N: usize>(&self, places: [Point3; N]) -> [Point3; N] {
-        match &self.torus {
-            None => places,
-            Some(torus) => torus.together(places),
+        if let Some(torus) = &self.torus {
+            let mut places = places;
+            torus.bring_together(&mut places);
+            return places;
         }
+        places
     }
 
     /// The places of other vertices of a tetrahedron as seen from a vertex of it: `places` are

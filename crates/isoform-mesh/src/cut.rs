@@ -154,6 +154,7 @@ impl<'s> Cutter<'s> {
     }
 
     /// Whether a vertex is on a side of a unit cell.
+    #[inline]
     fn is_on_side(&self, v: u32) -> bool {
         let is_side = |&piece: &u32| self.surface.is_side(piece);
         self.surface.torus.is_some() && self.on[v as usize].slice().iter().any(is_side)
@@ -161,8 +162,19 @@ impl<'s> Cutter<'s> {
 
     /// The distance of a vertex to a piece as seen from a tetrahedron: on a side of a unit cell that
     /// of the image there.
+    #[inline]
     fn distance_in(&mut self, t: u32, v: u32, piece: u32) -> f64 {
-        let Some(torus) = self.surface.torus.filter(|_| self.is_on_side(v)) else {
+        if self.is_on_side(v) {
+            self.distance_beside(t, v, piece)
+        } else {
+            self.distance(v, piece)
+        }
+    }
+
+    /// As [`Self::distance_in`], for a vertex on a side of a unit cell.
+    #[inline(never)]
+    fn distance_beside(&mut self, t: u32, v: u32, piece: u32) -> f64 {
+        let Some(torus) = &self.surface.torus else {
             return self.distance(v, piece);
         };
         let is_settled = self.known[v as usize].iter().any(|k| k.0 == piece);
