@@ -89,6 +89,7 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     shape(c, &mut list);
     deviation(c, &mut list);
     coverage(c, &mut list);
+    opposite(c, &mut list);
     if !c.complete {
         list.add(
             "incomplete",
@@ -291,6 +292,18 @@ fn coverage(c: &Certificate, list: &mut List) {
         "corner without a node",
         "corners without a node",
     );
+}
+
+/// Opposite sides of a unit cell that are not one.
+fn opposite(c: &Certificate, list: &mut List) {
+    for sides in &c.opposite {
+        list.none(
+            "sides-apart",
+            &sides.apart,
+            "node or triangle without a partner on the opposite side",
+            "nodes and triangles without a partner on the opposite side",
+        );
+    }
 }
 
 /// Dihedral angles beyond their limits.

@@ -37,6 +37,7 @@ mod exact;
 mod failure;
 mod format;
 mod intersections;
+mod opposite;
 pub mod quality;
 mod stars;
 mod surface;
@@ -51,6 +52,7 @@ pub use exact::triangles_meet;
 pub use failure::Failure;
 pub use format::Malformed;
 pub use intersections::Intersections;
+pub use opposite::OppositeSides;
 pub use surface::{Shell, Surface};
 pub use volume::Volume;
 
@@ -74,6 +76,8 @@ pub struct Options<'a> {
     pub size: Option<f64>,
     /// The box at which the solid was cut off, if it was: its sides are parts of the solid then.
     pub region: Option<Aabb>,
+    /// The axes along which that box is a unit cell: its sides across these must be one.
+    pub periodic: [bool; 3],
     /// What is acceptable.
     pub limits: Limits,
 }
@@ -87,6 +91,7 @@ impl Default for Options<'_> {
             corners: &[],
             size: None,
             region: None,
+            periodic: [false; 3],
             limits: Limits::default(),
         }
     }
@@ -156,6 +161,8 @@ pub struct Certificate {
     pub deviation: Option<Deviation>,
     /// How much of the feature curves and corners the mesh has; if there are some to compare with.
     pub coverage: Option<Coverage>,
+    /// Opposite sides of a unit cell, by axes along which it repeats.
+    pub opposite: Vec<OppositeSides>,
     /// Nodes that no element has.
     pub unused_nodes: usize,
     /// Whether everything was looked at.
@@ -218,6 +225,9 @@ fn examine(
     };
     examine_surface(mesh, triangles, options, control, certificate)?;
     certificate.unused_nodes = unused_nodes(mesh);
+    if let Some(region) = options.region {
+        certificate.opposite = opposite::examine(mesh, triangles, region, options);
+    }
     if let (Some(solid), false) = (solid, triangles.is_empty()) {
         control.begin("measuring distances").ok()?;
         let capped = options.region.map(|region| Capped::new(solid, region));

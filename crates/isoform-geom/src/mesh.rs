@@ -1,5 +1,6 @@
 //! Meshes with groups: labelled triangles, tetrahedra, feature curves and corners.
 
+mod opposite;
 mod regions;
 
 use crate::{Aabb, Column, Point3};
@@ -55,9 +56,21 @@ pub struct Mesh {
     pub curves: Vec<Curve>,
     /// Nodes at corners of the solid.
     pub corners: Vec<u32>,
+    /// Nodes of a unit cell that stand for one, by axes along which it repeats.
+    pub opposite: Vec<Opposite>,
     /// Further numbers per node, each list as long as `points`. Those called `u` and `v` are
     /// parameters on the surface: formats with textures take them as texture coordinates.
     pub columns: Vec<Column>,
+}
+
+/// Nodes on two opposite sides of a box.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Opposite {
+    /// The axis across which the sides lie: 0, 1 or 2.
+    pub axis: usize,
+    /// A node on the lower side and the one that lies opposite on the upper side, in the order of
+    /// the lower nodes.
+    pub nodes: Vec<[u32; 2]>,
 }
 
 /// A feature curve: where two parts meet at an angle.

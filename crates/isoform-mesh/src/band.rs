@@ -2,9 +2,9 @@
 
 use crate::complex::{Complex, NONE};
 use crate::lattice::{IN, Lattice, OUT};
+use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::Point3;
-use crate::torus::Torus;
 use rayon::prelude::*;
 use std::collections::HashMap;
 

@@ -24,13 +24,13 @@ mod neighbours;
 mod opened;
 mod regions;
 
+use crate::torus::Torus;
 use cavity::Cavity;
 pub(crate) use cavity::label_in;
-pub(crate) use regions::is_owner;
-use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
+pub(crate) use regions::is_owner;
 use std::collections::HashSet;
 
 /// No tetrahedron, no vertex.

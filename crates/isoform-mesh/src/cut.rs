@@ -70,7 +70,11 @@ impl<'s> Cutter<'s> {
             surface,
             control,
             cell,
-            on: complex.points.iter().map(|&p| surface.sides_at(p)).collect(),
+            on: complex
+                .points
+                .iter()
+                .map(|&p| surface.sides_at(p))
+                .collect(),
             complex,
             frozen,
             value,

@@ -98,7 +98,9 @@ impl Grid {
     /// The cells of a unit cell, with edges of `a` or less along axes that repeat: so many fit in.
     pub(crate) fn on_torus(torus: &Torus, a: f64) -> Self {
         let size = torus.region.size();
-        let least = (0..3).filter(|&i| torus.axes[i]).map(|i| size[i] / LEAST_CELLS as f64);
+        let least = (0..3)
+            .filter(|&i| torus.axes[i])
+            .map(|i| size[i] / LEAST_CELLS as f64);
         let a = least.fold(a, f64::min);
         let mut grid = Self::over(torus.region, a);
         grid.repeats = torus.axes;

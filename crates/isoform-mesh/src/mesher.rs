@@ -121,7 +121,10 @@ fn mesh_cell(
     let wrapped = regions.iter().map(|r| Wrapped::new(r.solid, torus));
     let wrapped: Vec<Wrapped<'_>> = wrapped.collect();
     let divide = regions.iter().zip(&wrapped);
-    let divide = divide.map(|(r, solid)| Region { name: r.name, solid });
+    let divide = divide.map(|(r, solid)| Region {
+        name: r.name,
+        solid,
+    });
     let divide: Vec<Region<'_>> = divide.collect();
     let extent = extent_within(&capped, region, options.size, control)?;
     let places = torus.places(options.size);
@@ -135,7 +138,10 @@ fn mesh_cell(
             });
         }
     }
-    let extent = Extent { bounds: region, ..extent };
+    let extent = Extent {
+        bounds: region,
+        ..extent
+    };
     let model = Model {
         solid: &whole,
         regions: &divide,
@@ -412,6 +418,7 @@ impl Ground<'_> {
             edge_curves: mesh.edge_curves.clone(),
             curves: mesh.curves.clone(),
             corners: mesh.corners.clone(),
+            opposite: mesh.opposite.clone(),
             ..Mesh::default()
         };
         let curves = features.curves.iter().map(|c| c.points.clone());
@@ -421,6 +428,11 @@ impl Ground<'_> {
             places: PLACES,
             size: Some(self.options.size),
             region: self.options.region,
+            // Regions are certified without their sides.
+            periodic: self
+                .options
+                .periodic
+                .map(|p| p && !mesh.opposite.is_empty()),
             curves: &curves.collect::<Vec<_>>(),
             corners: &corners.map(|c| c.point).collect::<Vec<_>>(),
             ..check::Options::default()
@@ -672,5 +684,8 @@ pub(crate) fn improve(
         assemble_volume(surface, complex, joined)?
     };
     warnings.extend(raise_order(&mut labelled, surface, options)?);
+    if let Some(torus) = &surface.torus {
+        torus.pair(&mut labelled.mesh);
+    }
     Ok(labelled.mesh)
 }

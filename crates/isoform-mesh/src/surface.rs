@@ -10,8 +10,8 @@ mod contact;
 mod newton;
 mod on;
 
-use crate::features::Corner;
 use crate::complex::STRAY;
+use crate::features::Corner;
 use crate::lattice::{IN, Lattice, OUT, Reduced};
 use crate::points::{along, hash};
 use crate::torus::Torus;

@@ -5,9 +5,11 @@
 //! labelled faces with a tetrahedron in front and one behind: no tetrahedron lies across them, and
 //! its corners have their places as seen from it, a box away where it lies behind an upper side.
 
+use crate::complex::edge;
 use crate::surface::{first_order, first_order_at, zero_in};
-use isoform_geom::{Aabb, Csg, Point3, Solid};
+use isoform_geom::{Aabb, Csg, Mesh, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
+use std::collections::HashMap;
 
 /// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
 /// the torus; with fewer than six they may, and eight leave room for collapsed edges.
@@ -177,6 +179,41 @@ impl Torus {
         bits
     }
 
+    /// Tells the nodes of a mesh that lie on opposite sides. Mid nodes on upper sides are put where
+    /// those on the lower ones are: brought onto the surface by themselves they differ by rounding.
+    pub(crate) fn pair(&self, mesh: &mut Mesh) {
+        for axis in self.repeating() {
+            self.pair_mids(mesh, axis);
+        }
+        let sides = self
+            .repeating()
+            .map(|axis| mesh.opposite_nodes(self.region, axis));
+        mesh.opposite = sides.collect();
+    }
+
+    /// Puts the mid nodes of the upper side across an axis where those of the lower side are.
+    fn pair_mids(&self, mesh: &mut Mesh, axis: usize) {
+        let corners = mesh.opposite_nodes(self.region, axis).nodes;
+        let below: HashMap<u32, u32> = corners.iter().map(|&[a, b]| (b, a)).collect();
+        let mut middle: HashMap<[u32; 2], u32> = HashMap::new();
+        for (t, mids) in mesh.triangles.iter().zip(&mesh.triangle_mids) {
+            for ([i, j], &mid) in TRIANGLE_EDGES.into_iter().zip(mids) {
+                middle.insert(edge(t[i], t[j]), mid);
+            }
+        }
+        let (lo, hi) = (self.region.lo[axis], self.region.hi[axis]);
+        for (&[a, b], &upper) in &middle {
+            let ends = [a, b].map(|v| below.get(&v).copied());
+            if let [Some(a), Some(b)] = ends
+                && let Some(&lower) = middle.get(&edge(a, b))
+            {
+                mesh.points[lower as usize][axis] = lo;
+                mesh.points[upper as usize] = mesh.points[lower as usize];
+                mesh.points[upper as usize][axis] = hi;
+            }
+        }
+    }
+
     /// The sides across the axes along which the box repeats, with their axes.
     pub(crate) fn sides(&self) -> Vec<Side> {
         let torus = *self;
@@ -216,7 +253,11 @@ impl Torus {
 
 /// Whether a solid has the same sign on both sides of a unit cell, at places on its lower sides;
 /// if not, the axis across which the sides lie, and the place.
-pub(crate) fn differs(solid: &dyn Solid, torus: &Torus, places: &[Point3]) -> Option<(usize, Point3)> {
+pub(crate) fn differs(
+    solid: &dyn Solid,
+    torus: &Torus,
+    places: &[Point3],
+) -> Option<(usize, Point3)> {
     torus.repeating().find_map(|axis| {
         let (lo, hi) = (torus.region.lo[axis], torus.region.hi[axis]);
         let on_side: Vec<Point3> = places.iter().copied().filter(|p| p[axis] == lo).collect();
@@ -237,9 +278,7 @@ pub(crate) fn differs(solid: &dyn Solid, torus: &Torus, places: &[Point3]) -> Op
             let [f, g] = [on_side[k], opposite[k]].map(distance);
             f * g < 0.0 && f.abs().min(g.abs()) > CLEAR * torus.near
         };
-        let k = (0..on_side.len()).find(|&k| {
-            values[0][k] * values[1][k] < 0.0 && is_clear(k)
-        })?;
+        let k = (0..on_side.len()).find(|&k| values[0][k] * values[1][k] < 0.0 && is_clear(k))?;
         Some((axis, on_side[k]))
     })
 }
@@ -354,7 +393,9 @@ impl Solid for Wrapped<'_> {
         self.at_nearest(p, of).1
     }
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
-        self.joined(region, out, |region, out| self.solid.bounds(which, region, out));
+        self.joined(region, out, |region, out| {
+            self.solid.bounds(which, region, out)
+        });
     }
     fn value_bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         let of = |region, out: &mut [Interval]| self.solid.value_bounds(which, region, out);
@@ -378,7 +419,10 @@ pub(crate) struct Side {
 impl Side {
     /// How far above the side a place is, negative below it.
     fn height(&self, p: Point3) -> f64 {
-        let (lo, hi) = (self.torus.region.lo[self.axis], self.torus.region.hi[self.axis]);
+        let (lo, hi) = (
+            self.torus.region.lo[self.axis],
+            self.torus.region.hi[self.axis],
+        );
         let x = self.torus.wrapped(p)[self.axis];
         if x - lo < hi - x { x - lo } else { x - hi }
     }
@@ -396,7 +440,9 @@ impl Solid for Side {
         &self.tree
     }
     fn values(&self, which: &[u32], points: &[Point3], out: &mut [f64]) {
-        let all = which.iter().flat_map(|&piece| points.iter().map(move |p| (piece, p)));
+        let all = which
+            .iter()
+            .flat_map(|&piece| points.iter().map(move |p| (piece, p)));
         for (out, (piece, p)) in out.iter_mut().zip(all) {
             *out = Self::sign(piece) * self.height(*p);
         }
@@ -412,7 +458,10 @@ impl Solid for Side {
     }
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         let ends = [region.lo[self.axis], region.hi[self.axis]];
-        let (lo, hi) = (self.torus.region.lo[self.axis], self.torus.region.hi[self.axis]);
+        let (lo, hi) = (
+            self.torus.region.lo[self.axis],
+            self.torus.region.hi[self.axis],
+        );
         let half = 0.5 * (hi - lo);
         // Away from the middle of the box, where the height falls from half a period to minus half
         // of one, it grows with the coordinate.

@@ -214,6 +214,7 @@ fn certified(
     let wanted = check::Options {
         size: Some(options.size),
         region: options.region,
+        periodic: options.periodic,
         curves: &curves,
         corners: &corners,
         limits,

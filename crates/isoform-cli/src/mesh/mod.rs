@@ -198,12 +198,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         periodic: args.periodic.map_or([false; 3], |axes| axes.0),
         ..args.settings.clone()
     };
-    let mut made = work::make(
-        &subject,
-        &settings,
-        given.map(|g| g.0).as_ref(),
-        context,
-    )?;
+    let mut made = work::make(&subject, &settings, given.map(|g| g.0).as_ref(), context)?;
     let stdout = files::write(&mut made, &targets)?;
     made.say(context);
     let json = document::document(&made);

@@ -190,6 +190,7 @@ impl Mesh {
                 .collect(),
             tet_regions: vec![0; tets.len()],
             regions: vec![self.regions[region as usize].clone()],
+            opposite: Vec::new(),
             columns: Vec::new(),
             ..self.clone()
         };

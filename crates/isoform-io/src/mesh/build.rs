@@ -297,6 +297,7 @@ impl Builder {
             edge_curves,
             curves: curves.into_iter().map(curve).collect(),
             corners: self.corners.corners.into_iter().map(|[c]| c).collect(),
+            opposite: Vec::new(),
             columns: Vec::new(),
         }
     }

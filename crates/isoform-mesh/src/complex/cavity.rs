@@ -78,7 +78,10 @@ impl Complex {
             true => vec![self.region(old[0]); new.len()],
             false => Vec::new(),
         };
-        debug_assert!(old.iter().all(|&t| !are_parted(self.region(t), self.region(old[0]))));
+        debug_assert!(
+            old.iter()
+                .all(|&t| !are_parted(self.region(t), self.region(old[0])))
+        );
         self.replace_in(old, (new, &regions), label, made);
     }
 

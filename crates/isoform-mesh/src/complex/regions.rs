@@ -24,7 +24,9 @@ impl Complex {
     /// Gives each tetrahedron its region.
     pub(crate) fn divide(&mut self, regions: Vec<u16>) {
         self.walls = vec![[NONE; 4]; regions.len()];
-        let placed = (0..).zip(regions).map(|(t, r)| self.in_sector(t, r << SECTOR_BITS));
+        let placed = (0..)
+            .zip(regions)
+            .map(|(t, r)| self.in_sector(t, r << SECTOR_BITS));
         self.regions = placed.collect();
     }
 
@@ -32,9 +34,7 @@ impl Complex {
     pub(super) fn in_sector(&self, t: u32, region: u16) -> u16 {
         match &self.torus {
             None => region,
-            Some(torus) => {
-                region >> SECTOR_BITS << SECTOR_BITS | torus.sector(self.middle(t))
-            }
+            Some(torus) => region >> SECTOR_BITS << SECTOR_BITS | torus.sector(self.middle(t)),
         }
     }
 
@@ -98,8 +98,12 @@ impl Complex {
     /// that is one.
     pub(crate) fn arcs(&self, ring: &Ring) -> Vec<Ring> {
         let n = ring.tets.len();
-        let is_new =
-            |k: usize| are_parted(self.region(ring.tets[k]), self.region(ring.tets[(k + n - 1) % n]));
+        let is_new = |k: usize| {
+            are_parted(
+                self.region(ring.tets[k]),
+                self.region(ring.tets[(k + n - 1) % n]),
+            )
+        };
         // A closed ring is gone through from where a region begins.
         let Some(start) = (0..n).find(|&k| is_new(k)).filter(|_| n > 1) else {
             return vec![ring.clone()];

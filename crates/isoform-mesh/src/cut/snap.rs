@@ -2,8 +2,8 @@
 
 use super::{Cutter, LOOK};
 use crate::points::along;
-use crate::torus::Torus;
 use crate::surface::On;
+use crate::torus::Torus;
 use isoform_geom::{Point3, norm, sub};
 use rayon::prelude::*;
 

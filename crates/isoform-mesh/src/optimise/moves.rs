@@ -214,7 +214,10 @@ impl Optimiser<'_> {
         let at = self.with(v, p);
         let mut worst = f64::INFINITY;
         for &t in star {
-            worst = worst.min(biased_sine(self.complex.together(self.complex.tets[t as usize].map(&at))));
+            worst = worst.min(biased_sine(
+                self.complex
+                    .together(self.complex.tets[t as usize].map(&at)),
+            ));
         }
         for (f, _) in faces {
             worst = worst.min(smallest_sine(self.complex.together(f.map(&at))));

@@ -9,7 +9,8 @@ use crate::mesh::boundary::parts_of_regions;
 use crate::mesh::group::{Groups, edge, tet, triangle};
 use crate::mesh::options::MeshWriteOptions;
 use crate::mesh::out::Out;
-use isoform_geom::{Aabb, Mesh};
+use isoform_geom::{Aabb, Mesh, Point3};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::io::{self, Write};
 
 /// Fields of text or of bytes.
@@ -177,6 +178,7 @@ pub(in crate::mesh) fn write(
     write_entities(mesh, &entities, &physical, &mut out)?;
     write_nodes(mesh, &entities.nodes, &entities, &mut out)?;
     write_elements(mesh, &entities, &mut out)?;
+    write_periodic(mesh, &mut out)?;
     out.out.flush()
 }
 
@@ -237,6 +239,97 @@ fn curves_of_parts(mesh: &Mesh, entities: &Entities) -> Vec<Vec<u32>> {
         }
     }
     found
+}
+
+/// A part on the upper side of a unit cell and the part that it is on the lower one, with the
+/// opposite nodes of both: upper, lower.
+struct Link {
+    parts: [u32; 2],
+    shift: Point3,
+    nodes: Vec<[u32; 2]>,
+}
+
+/// The links of a unit cell.
+fn links(mesh: &Mesh) -> Vec<Link> {
+    let sorted = |mut t: [u32; 3]| {
+        t.sort_unstable();
+        t
+    };
+    let part = |k: usize| mesh.triangle_parts.get(k).copied().unwrap_or(0);
+    let triangles = mesh.triangles.iter().enumerate();
+    let part_of: HashMap<[u32; 3], u32> = triangles
+        .clone()
+        .map(|(k, t)| (sorted(*t), part(k)))
+        .collect();
+    let mut links = Vec::new();
+    for sides in &mesh.opposite {
+        let lower: HashMap<u32, u32> = sides.nodes.iter().map(|&[a, b]| (b, a)).collect();
+        let mut nodes: BTreeMap<[u32; 2], BTreeSet<[u32; 2]>> = BTreeMap::new();
+        for (k, t) in triangles.clone() {
+            let Some(image) = t
+                .map(|v| lower.get(&v).copied())
+                .into_iter()
+                .collect::<Option<Vec<_>>>()
+            else {
+                continue;
+            };
+            let image = sorted([image[0], image[1], image[2]]);
+            if let Some(&below) = part_of.get(&image) {
+                let (all, n) = triangle(mesh, k);
+                let pairs = all[..n].iter().filter_map(|v| Some([*v, *lower.get(v)?]));
+                nodes.entry([part(k), below]).or_default().extend(pairs);
+            }
+        }
+        let Some(&[a, b]) = sides.nodes.first() else {
+            continue;
+        };
+        let shift =
+            std::array::from_fn(|i| mesh.points[b as usize][i] - mesh.points[a as usize][i]);
+        links.extend(nodes.into_iter().map(|(parts, nodes)| Link {
+            parts,
+            shift,
+            nodes: nodes.into_iter().collect(),
+        }));
+    }
+    links
+}
+
+/// Writes the section of periodic entities, if the mesh is a unit cell: for each part on an upper
+/// side the part that it is on the lower one, how far away that is, and the nodes of both.
+fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
+    let links = links(mesh);
+    if links.is_empty() {
+        return Ok(());
+    }
+    out.section("Periodic")?;
+    out.size(links.len());
+    out.end()?;
+    for Link {
+        parts,
+        shift,
+        nodes,
+    } in links
+    {
+        [2, parts[0] as i32 + 1, parts[1] as i32 + 1]
+            .iter()
+            .for_each(|&v| out.int(v));
+        out.end()?;
+        // An affine map, by rows, that takes the lower part to the upper one.
+        out.size(16);
+        for i in 0..4 {
+            let row = [0, 1, 2].map(|j| if i == j { 1.0 } else { 0.0 });
+            row.iter().for_each(|&v| out.double(v));
+            out.double(if i < 3 { shift[i] } else { 1.0 });
+        }
+        out.end()?;
+        out.size(nodes.len());
+        out.end()?;
+        for pair in nodes {
+            pair.iter().for_each(|&v| out.size(v as usize + 1));
+            out.end()?;
+        }
+    }
+    out.close("Periodic")
 }
 
 /// Box around the nodes of elements; a point at the origin where there are none.
