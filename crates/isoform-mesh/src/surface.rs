@@ -13,10 +13,10 @@ mod on;
 use crate::complex::STRAY;
 use crate::features::Corner;
 use crate::lattice::{IN, Lattice, OUT, Reduced};
-use crate::points::{along, hash};
+use crate::points::{along, centroid, hash};
 use crate::torus::Torus;
 use isoform_control::Control;
-use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm};
+use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
 use newton::{Bracket, newton};
 pub(crate) use on::On;
 use rayon::prelude::*;
@@ -304,6 +304,19 @@ impl<'s> Surface<'s> {
         let axes = (0..3).filter(|&axis| is_on_side[axis]);
         let pieces: Vec<u32> = axes.filter_map(|axis| self.side_piece(axis)).collect();
         On::of(&pieces)
+    }
+
+    /// Keeps of pieces on which the corners of a face may lie those that are near it on the side of
+    /// a place: corners on a side of a unit cell lie on the pieces behind that as well.
+    pub(crate) fn keep_beside(&self, pieces: &mut Vec<u32>, face: [Point3; 3], within: Point3) {
+        let Some(torus) = &self.torus else { return };
+        let middle = centroid(face);
+        let reach = face.iter().map(|&p| norm(sub(p, middle))).fold(0.0, f64::max);
+        let beside = torus.beside(middle, within);
+        let is_near = |&i: &u32| self.distance(i, beside).abs() <= reach;
+        if pieces.iter().any(is_near) {
+            pieces.retain(is_near);
+        }
     }
 
     /// Whether nothing but sides of a unit cell holds a vertex.

@@ -159,7 +159,8 @@ impl Torus {
     }
 
     /// A place on a side, moved off it towards another one: slightly, but clearly.
-    pub(crate) fn beside(&self, mut p: Point3, towards: Point3) -> Point3 {
+    pub(crate) fn beside(&self, p: Point3, towards: Point3) -> Point3 {
+        let mut p = self.nearest(p, towards);
         let is_on_side = self.is_on_side(p);
         for i in (0..3).filter(|&i| is_on_side[i]) {
             p[i] += (2.0 * self.near).copysign(towards[i] - p[i]);

@@ -107,7 +107,8 @@ impl Cutter<'_> {
                     continue;
                 };
                 let face = self.complex.face(t, i);
-                let label = self.piece_of(face, layer).unwrap_or_else(|| {
+                let within = self.complex.middle(t);
+                let label = self.piece_of(face, layer, within).unwrap_or_else(|| {
                     stray.push(self.complex.point(face[0]));
                     STRAY
                 });
@@ -118,13 +119,16 @@ impl Cutter<'_> {
     }
 
     /// The piece of a layer that a face on its surface lies on: all three vertices vanish on it,
-    /// and its normal is the face's as nearly as possible.
-    fn piece_of(&mut self, f: [u32; 3], layer: usize) -> Option<u32> {
+    /// and its normal is the face's as nearly as possible. `within` is a place in the tetrahedron
+    /// that the face belongs to.
+    fn piece_of(&mut self, f: [u32; 3], layer: usize, within: Point3) -> Option<u32> {
         let p = self.complex.points_of(f);
         let normal = cross(sub(p[1], p[0]), sub(p[2], p[0]));
         let middle = centroid(p);
         let mut best: Option<(f64, u32)> = None;
-        for i in self.pieces_at(f, layer) {
+        let mut pieces = self.pieces_at(f, layer);
+        self.surface.keep_beside(&mut pieces, p, within);
+        for i in pieces {
             let g = self.surface.solid.gradient(i, middle).1;
             // Vertices that only count as lying on a piece stand behind those that do.
             let exact = p.iter().all(|&q| self.surface.distance(i, q) == 0.0);

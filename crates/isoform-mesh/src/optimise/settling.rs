@@ -161,7 +161,8 @@ impl Optimiser<'_> {
                 if let Some(old) = self.complex.label(t, i)
                     && self.complex.tets[t as usize][i] != v
                 {
-                    let label = self.label_anew(v, self.complex.face(t, i), old);
+                    let within = self.complex.middle(t);
+                    let label = self.label_anew(v, self.complex.face(t, i), within, old);
                     self.complex.set_label(t, i, label);
                     // A face on no piece, as where a function jumps, holds its vertices nowhere.
                     if label < STRAY {
@@ -184,9 +185,9 @@ impl Optimiser<'_> {
         }
     }
 
-    /// The piece that a face at a vertex lies on, as the solid is at its middle: of the vertex's
+    /// The piece that a face at a vertex, of the tetrahedron around a place, lies on, as the solid is at its middle: of the vertex's
     /// pieces and the one that decides there the one that the face faces best.
-    fn label_anew(&self, v: u32, face: [u32; 3], old: u32) -> u32 {
+    fn label_anew(&self, v: u32, face: [u32; 3], within: Point3, old: u32) -> u32 {
         let c = self.points_of(face);
         if old >= STRAY && self.complex.is_divided() {
             return old;
@@ -203,10 +204,10 @@ impl Optimiser<'_> {
                 && self.surface.distance(*l, q) == 0.0
                 && self.surface.is_face(*l, q)
         };
+        let mut candidates = candidates.slice().to_vec();
+        self.surface.keep_beside(&mut candidates, c, within);
         candidates
-            .slice()
-            .iter()
-            .copied()
+            .into_iter()
             .filter(is_face)
             .max_by(|&a, &b| self.facing(c, a).total_cmp(&self.facing(c, b)))
             .unwrap_or(old)
