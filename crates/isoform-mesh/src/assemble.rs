@@ -107,10 +107,7 @@ pub(crate) fn assemble_volume(
         .map(|t| complex.tets[t as usize].map(|v| numbering.node(v)))
         .collect();
     tets.extend(joined.core.tets.iter().map(|t| t.map(of_core)));
-    let mut tet_regions: Vec<u32> = complex
-        .live()
-        .map(|t| complex.region_number(t).into())
-        .collect();
+    let mut tet_regions: Vec<u32> = complex.live().map(|t| complex.region(t).into()).collect();
     tet_regions.resize(tets.len(), 0);
     let mesh = Mesh {
         points,

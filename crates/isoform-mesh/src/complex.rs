@@ -30,7 +30,6 @@ pub(crate) use cavity::label_in;
 use isoform_control::Control;
 use isoform_geom::{Point3, TET_FACES, TRIANGLE_EDGES, norm, sub};
 use rayon::prelude::*;
-pub(crate) use regions::is_owner;
 use std::collections::HashSet;
 
 /// No tetrahedron, no vertex.

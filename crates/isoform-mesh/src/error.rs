@@ -1,6 +1,7 @@
 //! Why there is no mesh, and where it may not follow the solid.
 
 use crate::features::ExtentError;
+use crate::regions::REST;
 use isoform_control::Stopped;
 use isoform_geom::Point3;
 
@@ -42,14 +43,25 @@ pub enum MeshError {
         /// Where.
         at: Point3,
     },
+    /// A region has the name of another one, or that of what is left.
+    #[error("{}", if .name.eq_ignore_ascii_case(REST) {
+        format!("no region may be called {REST}, as what is left is")
+    } else {
+        format!("two regions are called {name}")
+    })]
+    RegionName {
+        /// The name.
+        name: String,
+    },
     /// A unit cell without a box.
     #[error("a periodic mesh needs a box: the cell that repeats")]
     NoBox,
     /// A model that is to repeat has something else on two sides of its box.
     #[error(
-        "the model does not repeat along {axis}: at ({}, {}, {}) and at the opposite side {} \
-         are not both inside or both outside",
-        .at[0], .at[1], .at[2], if .region.is_empty() { "the model" } else { .region }
+        "the model does not repeat along {axis}: of ({}, {}, {}) and the place opposite, one is inside \
+         and one outside{}",
+        .at[0], .at[1], .at[2],
+        if .region.is_empty() { String::new() } else { format!(" of region {region}") }
     )]
     NotPeriodic {
         /// The axis across which the sides lie.

@@ -16,7 +16,7 @@ use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
 use crate::options::Options;
 use crate::refine::Refiner;
-use crate::regions::Regions;
+use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
@@ -82,7 +82,8 @@ pub fn mesh(
 /// outward of the region that comes first, on the parts of its solid.
 ///
 /// # Errors
-/// As [`mesh`], and if there are more regions than 999 or `options` ask for the surface alone.
+/// As [`mesh`], and if two regions have one name or one has that of the rest, but for capitals, if
+/// there are more regions than 999, or `options` ask for the surface alone.
 pub fn mesh_regions(
     solid: &dyn Solid,
     regions: &[Region<'_>],
@@ -126,6 +127,10 @@ fn mesh_cell(
         solid,
     });
     let divide: Vec<Region<'_>> = divide.collect();
+    let options = &Options {
+        size: options.size.min(torus.largest_size()),
+        ..options.clone()
+    };
     let extent = extent_within(&capped, region, options.size, control)?;
     let places = torus.places(options.size);
     let all = regions.iter().map(|r| (r.name, r.solid));
@@ -160,6 +165,16 @@ fn with_caps(mut meshed: Meshed) -> Meshed {
 
 /// Whether a solid can be divided as asked for.
 fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshError> {
+    for (k, region) in regions.iter().enumerate() {
+        let before = regions[..k].iter().map(|r| r.name);
+        if before
+            .chain([REST])
+            .any(|name| name.eq_ignore_ascii_case(region.name))
+        {
+            let name = region.name.to_owned();
+            return Err(MeshError::RegionName { name });
+        }
+    }
     let (wanted, value) = match regions.len() {
         0 => return Ok(()),
         n if n >= MOST_LAYERS => ("fewer than 1000", n as f64),

@@ -133,8 +133,9 @@ impl Optimiser<'_> {
         self.take_apexes(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);
         self.split_ears(EARS * goal);
+        // Where a model does not fit to itself on the sides of a unit cell bodies touch in points.
         #[cfg(debug_assertions)]
-        if self.complex.is_divided() {
+        if self.complex.is_divided() && self.complex.torus.is_none() {
             assert_eq!(self.complex.fault(), None);
         }
         Warning::each(WarningKind::VertexOff, off)

@@ -192,13 +192,30 @@ impl<'s> Surface<'s> {
         if self.by_place { hash(p) } else { 0 }
     }
 
-    /// Distance of a point to a piece, to first order; 0 within rounding.
+    /// Distance of a point to a piece, to first order; 0 within rounding. On a side of a unit cell
+    /// it is 0 if it is so as seen from anywhere.
     pub(crate) fn distance(&self, piece: u32, p: Point3) -> f64 {
         if is_skin(piece) {
             return self.value_in(self.layer_of(piece), p).0;
         }
         let v = first_order_at(self.solid, piece, p);
-        if v.abs() <= self.zero { 0.0 } else { v }
+        if v.abs() <= self.zero {
+            0.0
+        } else if self.torus.is_some() {
+            self.distance_above(piece, p).unwrap_or(v)
+        } else {
+            v
+        }
+    }
+
+    /// Distance of a point on sides of a unit cell as seen from above them. A piece that does not
+    /// vanish at any image of it must be seen from one place with the others: the nearest of its
+    /// images may be outside of what the point is inside of.
+    #[cold]
+    fn distance_above(&self, piece: u32, p: Point3) -> Option<f64> {
+        let torus = self.torus.as_ref()?;
+        let is_on_side = torus.is_on_side(p).contains(&true) && !self.is_side(piece);
+        is_on_side.then(|| first_order_at(self.solid, piece, torus.above(p)))
     }
 
     /// Value of the solid and the piece that decides it; ±∞ and [`NO_PIECE`] in cells that are
@@ -311,7 +328,10 @@ impl<'s> Surface<'s> {
     pub(crate) fn keep_beside(&self, pieces: &mut Vec<u32>, face: [Point3; 3], within: Point3) {
         let Some(torus) = &self.torus else { return };
         let middle = centroid(face);
-        let reach = face.iter().map(|&p| norm(sub(p, middle))).fold(0.0, f64::max);
+        let reach = face
+            .iter()
+            .map(|&p| norm(sub(p, middle)))
+            .fold(0.0, f64::max);
         let beside = torus.beside(middle, within);
         let is_near = |&i: &u32| self.distance(i, beside).abs() <= reach;
         if pieces.iter().any(is_near) {

@@ -6,6 +6,7 @@
 //! its corners have their places as seen from it, a box away where it lies behind an upper side.
 
 use crate::complex::edge;
+use crate::lattice::CELL;
 use crate::surface::{first_order, first_order_at, zero_in};
 use isoform_geom::{Aabb, Csg, Mesh, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
@@ -14,9 +15,6 @@ use std::collections::HashMap;
 /// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
 /// the torus; with fewer than six they may, and eight leave room for collapsed edges.
 pub(crate) const LEAST_CELLS: usize = 8;
-/// Parts of the box along an axis. Tetrahedra whose parts are two or more apart and that share a
-/// face share a piece of a side: with eight cells a part has two.
-const SECTORS: f64 = 4.0;
 /// Distance from the surface, in distances that count as none, from which a place is clearly inside
 /// or outside: less may be the rounding of numbers in the model.
 const CLEAR: f64 = 1e4;
@@ -29,9 +27,6 @@ const MOST_PLACES: usize = 1000;
 /// Where in its part of the side each of these places is: off the round numbers that models are
 /// full of.
 const OFF: [f64; 2] = [0.382, 0.618];
-/// Bits that tell the sectors of a tetrahedron, two by axis; its region has those above.
-pub(crate) const SECTOR_BITS: u32 = 6;
-
 /// A box with the axes along which it repeats.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torus {
@@ -50,6 +45,13 @@ impl Torus {
             axes,
             near: NEAR * zero_in(region),
         }
+    }
+
+    /// The longest edges that fit into the box along each axis often enough.
+    pub(crate) fn largest_size(&self) -> f64 {
+        let size = self.region.size();
+        let edges = self.repeating().map(|i| size[i] / LEAST_CELLS as f64);
+        edges.fold(f64::INFINITY, f64::min) / CELL
     }
 
     /// Places on the lower sides, about a size apart.
@@ -158,6 +160,16 @@ impl Torus {
         })
     }
 
+    /// A place on a side, moved off it upwards, from the lower side into the box: slightly, but
+    /// clearly.
+    pub(crate) fn above(&self, mut p: Point3) -> Point3 {
+        let is_on_side = self.is_on_side(p);
+        for i in (0..3).filter(|&i| is_on_side[i]) {
+            p[i] = self.region.lo[i] + 2.0 * self.near;
+        }
+        p
+    }
+
     /// A place on a side, moved off it towards another one: slightly, but clearly.
     pub(crate) fn beside(&self, p: Point3, towards: Point3) -> Point3 {
         let mut p = self.nearest(p, towards);
@@ -168,16 +180,10 @@ impl Torus {
         p
     }
 
-    /// In which part of the box by axis a place is, as bits.
-    pub(crate) fn sector(&self, p: Point3) -> u16 {
-        let p = self.wrapped(p);
-        let mut bits = 0;
-        for i in self.repeating() {
-            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
-            let part = (SECTORS * (p[i] - lo) / (hi - lo)).floor();
-            bits |= (part.clamp(0.0, SECTORS - 1.0) as u16) << (2 * i);
-        }
-        bits
+    /// Whether a place in the box is nearer to the upper side across an axis: of what is beside the
+    /// side, whether it lies below.
+    pub(crate) fn is_below(&self, p: Point3, axis: usize) -> bool {
+        self.region.hi[axis] - p[axis] < p[axis] - self.region.lo[axis]
     }
 
     /// Tells the nodes of a mesh that lie on opposite sides. Mid nodes on upper sides are put where
@@ -282,13 +288,6 @@ pub(crate) fn differs(
         let k = (0..on_side.len()).find(|&k| values[0][k] * values[1][k] < 0.0 && is_clear(k))?;
         Some((axis, on_side[k]))
     })
-}
-
-/// The axis of the side between tetrahedra of two sectors that share a face, if there is one.
-#[inline]
-pub(crate) fn side_between(a: u16, b: u16) -> Option<usize> {
-    let part = |bits: u16, axis: usize| bits >> (2 * axis) & 3;
-    (0..3).find(|&axis| part(a, axis).abs_diff(part(b, axis)) > 1)
 }
 
 /// A solid that repeats: outside of the box as in it.

@@ -202,7 +202,10 @@ impl From<MeshError> for Trouble {
                 Self::new("unbounded", e).hint("box=((-1, -1, -1), (1, 1, 1)) to cut it off")
             }
             MeshError::Extent(_) => Self::usage(e).hint("a smaller box"),
-            MeshError::Option { .. } => Self::usage(e),
+            MeshError::Option { .. } | MeshError::RegionName { .. } => Self::usage(e),
+            MeshError::NoBox => Self::usage(e).hint("box= around the cell"),
+            MeshError::NotPeriodic { .. } => Self::new("not-periodic", e)
+                .hint("another box, or periodic= with the axes along which the model repeats"),
             MeshError::Memory { .. } => Self::new("memory", e).hint("a larger size or memory"),
             MeshError::NoMemory { .. } => Self::new("memory", e).hint("a larger size"),
             MeshError::TooCoarse { size } => {

@@ -10,7 +10,7 @@ use crate::shape::Shape;
 use isoform::check::Limits;
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, write_mesh_path};
-use isoform::mesh::{Options, REST};
+use isoform::mesh::Options;
 use isoform::report::{MeshReport, ModelName, Seconds};
 use isoform::{MeshModelOptions, RegionModel, Unseen, mesh_model_regions, mesh_spline};
 use numpy::{PyArray1, PyArray2};
@@ -32,6 +32,8 @@ pub(crate) struct Wanted {
     surface_only: bool,
     #[pyo3(item)]
     region: Option<Corners>,
+    #[pyo3(item)]
+    periodic: [bool; 3],
     #[pyo3(item)]
     grade: Option<f64>,
     #[pyo3(item)]
@@ -72,6 +74,7 @@ impl Wanted {
                 order: self.order,
                 surface_only: self.surface_only,
                 region: some_region(self.region)?,
+                periodic: self.periodic,
                 angles: self.angles.unwrap_or(usual.angles),
                 memory: memory.map_or(usual.memory, |gib| (gib * GIB) as u64),
                 ..usual
@@ -149,6 +152,13 @@ impl MeshData {
     fn regions<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
         PyArray1::from_slice(py, &self.mesh.tet_regions)
     }
+    /// The nodes of a unit cell on its lower and upper sides, by axes along which it repeats.
+    fn opposite<'py>(&self, py: Python<'py>) -> PyResult<Vec<(usize, Bound<'py, PyArray2<u32>>)>> {
+        let sides = self.mesh.opposite.iter();
+        sides
+            .map(|sides| Ok((sides.axis, rows(py, sides.nodes.clone())?)))
+            .collect()
+    }
     /// Writes a file; its ending names the format, unless one is given.
     fn save(&self, py: Python<'_>, path: PathBuf, format: Option<&str>) -> PyResult<Vec<String>> {
         let options = MeshWriteOptions {
@@ -214,11 +224,6 @@ fn regions_of(regions: Vec<(String, Shape)>) -> Result<Vec<Region>, Trouble> {
         let Shape::Model(program, values) = shape.checked()? else {
             return Err(Trouble::usage(format!("region {name} is no Model")));
         };
-        if name.eq_ignore_ascii_case(REST) {
-            return Err(Trouble::usage(format!(
-                "no region may be called {REST}, as what is left is"
-            )));
-        }
         found.push((name, program, values));
     }
     Ok(found)

@@ -4,7 +4,6 @@ use crate::model::Language;
 use crate::output::{Context, Failure};
 use crate::{eval, model};
 use isoform::field::hyperfun::Model;
-use isoform::mesh::REST;
 use std::path::Path;
 
 /// A region of a model.
@@ -26,22 +25,10 @@ pub(super) fn read(
     language: &Language,
     context: &Context,
 ) -> Result<Vec<Region>, Failure> {
-    let mut regions: Vec<Region> = Vec::new();
-    for text in given {
-        let region = one(text.trim(), whole, language, context)?;
-        let is_taken = regions
-            .iter()
-            .any(|r| r.name.eq_ignore_ascii_case(&region.name));
-        if is_taken || region.name.eq_ignore_ascii_case(REST) {
-            let why = match is_taken {
-                true => format!("two regions are called {}", region.name),
-                false => format!("no region may be called {REST}, as what is left is"),
-            };
-            return Err(Failure::usage(why));
-        }
-        regions.push(region);
-    }
-    Ok(regions)
+    let regions = given.iter();
+    regions
+        .map(|text| one(text.trim(), whole, language, context))
+        .collect()
 }
 
 /// Reads one region.

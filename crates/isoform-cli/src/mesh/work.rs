@@ -326,6 +326,7 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             "--size {}, or --params: those that are not given are 0",
             0.5 * size
         )),
+        MeshError::RegionName { .. } => Failure::usage(error.to_string()).hint("--regions"),
         MeshError::NoBox => Failure::usage(error.to_string()).hint("--box around the unit cell"),
         MeshError::NotPeriodic { at, .. } => none("not-periodic")
             .somewhere(*at)

@@ -1,6 +1,5 @@
 //! Cavities: some tetrahedra go, others fill the room that they leave.
 
-use super::regions::are_parted;
 use super::{BOUNDARY, Complex, FEW, NONE, OPEN, Ring, sorted};
 use std::collections::HashMap;
 
@@ -78,10 +77,7 @@ impl Complex {
             true => vec![self.region(old[0]); new.len()],
             false => Vec::new(),
         };
-        debug_assert!(
-            old.iter()
-                .all(|&t| !are_parted(self.region(t), self.region(old[0])))
-        );
+        debug_assert!(old.iter().all(|&t| self.region(t) == self.region(old[0])));
         self.replace_in(old, (new, &regions), label, made);
     }
 
@@ -173,7 +169,7 @@ impl Complex {
             });
             self.tets[t as usize] = *v;
             if let Some(&region) = regions.get(k) {
-                self.regions[t as usize] = self.in_sector(t, region);
+                self.regions[t as usize] = region;
                 self.walls[t as usize] = [NONE; 4];
             }
             made.push(t);
@@ -208,13 +204,13 @@ impl Complex {
     /// Where a new tetrahedron and a neighbour of the cavity share a wall, it keeps its label; if
     /// it was none before, it gets one later.
     fn keep_wall(&mut self, (t, i): (u32, usize), (n, back): (u32, usize), cavity: &mut Cavity) {
-        let label = &mut self.walls[n as usize][back];
-        if !are_parted(self.regions[t as usize], self.regions[n as usize]) {
-            *label = NONE;
-        } else if *label == NONE {
+        let label = self.walls[n as usize][back];
+        if !self.is_wall(t, i) {
+            self.walls[n as usize][back] = NONE;
+        } else if label == NONE {
             cavity.joined.push((t, i));
         } else {
-            self.walls[t as usize][i] = *label;
+            self.walls[t as usize][i] = label;
         }
     }
 

@@ -34,7 +34,7 @@ impl Complex {
             }));
         }
         let mut opened = Self::new(points, tets);
-        opened.divide(live.iter().map(|&t| self.region_number(t)).collect());
+        opened.divide(live.iter().map(|&t| self.region(t)).collect());
         for (slot, &t) in live.iter().enumerate() {
             for i in 0..4 {
                 let label = if self.side(t, i).is_some() {

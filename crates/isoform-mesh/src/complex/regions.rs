@@ -2,45 +2,12 @@
 //! side.
 
 use super::{BOUNDARY, Complex, NONE, Ring};
-use crate::torus::{SECTOR_BITS, side_between};
-
-/// Whether a wall parts two tetrahedra that share a face, by their regions and sectors.
-#[inline]
-pub(super) fn are_parted(a: u16, b: u16) -> bool {
-    a != b && (a >> SECTOR_BITS != b >> SECTOR_BITS || side_between(a, b).is_some())
-}
-
-/// Whether the first of two tetrahedra that a wall parts owns it: that of the lower region, on a
-/// side of a unit cell that below it.
-#[inline]
-pub(crate) fn is_owner(a: u16, b: u16) -> bool {
-    match side_between(a, b) {
-        Some(axis) => a >> (2 * axis) & 3 > b >> (2 * axis) & 3,
-        None => a >> SECTOR_BITS < b >> SECTOR_BITS,
-    }
-}
 
 impl Complex {
     /// Gives each tetrahedron its region.
     pub(crate) fn divide(&mut self, regions: Vec<u16>) {
         self.walls = vec![[NONE; 4]; regions.len()];
-        let placed = (0..)
-            .zip(regions)
-            .map(|(t, r)| self.in_sector(t, r << SECTOR_BITS));
-        self.regions = placed.collect();
-    }
-
-    /// A region with the sector that a tetrahedron is in.
-    pub(super) fn in_sector(&self, t: u32, region: u16) -> u16 {
-        match &self.torus {
-            None => region,
-            Some(torus) => region >> SECTOR_BITS << SECTOR_BITS | torus.sector(self.middle(t)),
-        }
-    }
-
-    /// The number of the region of a tetrahedron.
-    pub(crate) fn region_number(&self, t: u32) -> u16 {
-        self.region(t) >> SECTOR_BITS
+        self.regions = regions;
     }
 
     /// Whether there are regions.
@@ -49,7 +16,7 @@ impl Complex {
         !self.regions.is_empty()
     }
 
-    /// The region of a tetrahedron, with the sector that it is in.
+    /// The region of a tetrahedron.
     #[inline]
     pub(crate) fn region(&self, t: u32) -> u16 {
         self.regions.get(t as usize).copied().unwrap_or(0)
@@ -72,37 +39,48 @@ impl Complex {
     }
 
     /// Whether two tetrahedra that share the face opposite to vertex `i` of `t` belong to two
-    /// regions.
+    /// regions, or the face lies on a side of a unit cell.
     #[inline]
     pub(crate) fn is_wall(&self, t: u32, i: usize) -> bool {
         let n = self.adjacent[t as usize][i];
-        self.is_divided() && n < BOUNDARY && are_parted(self.region(t), self.region(n))
+        self.is_divided()
+            && n < BOUNDARY
+            && (self.region(t) != self.region(n) || self.side(t, i).is_some())
     }
 
-    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: that of the
-    /// first of two regions.
+    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: to the first of
+    /// two regions, on a side of a unit cell to what lies below it.
     #[inline]
     pub(crate) fn owns(&self, t: u32, i: usize) -> bool {
-        let n = self.adjacent[t as usize][i];
-        self.is_wall(t, i) && is_owner(self.region(t), self.region(n))
+        if !self.is_wall(t, i) {
+            return false;
+        }
+        let apex = self.tets[t as usize][i];
+        match (self.side(t, i), &self.torus) {
+            (Some(axis), Some(torus)) => torus.is_below(self.point(apex), axis),
+            _ => self.region(t) < self.region(self.adjacent[t as usize][i]),
+        }
     }
 
-    /// The axis of the side of a unit cell that the face opposite to vertex `i` of `t` lies on.
+    /// The axis of the side of a unit cell that the face opposite to vertex `i` of `t` lies on, if
+    /// there is a tetrahedron behind it.
+    #[inline]
     pub(crate) fn side(&self, t: u32, i: usize) -> Option<usize> {
-        let n = self.adjacent[t as usize][i];
-        let axis = || side_between(self.region(t), self.region(n));
-        (n < BOUNDARY && self.torus.is_some()).then(axis)?
+        let torus = self.torus.as_ref()?;
+        if self.adjacent[t as usize][i] >= BOUNDARY {
+            return None;
+        }
+        let face = self.face(t, i).map(|v| torus.is_on_side(self.point(v)));
+        (0..3).find(|&axis| face.iter().all(|is_on| is_on[axis]))
     }
 
-    /// The parts of a ring that lie in one region each, in order, as open rings; the ring itself if
-    /// that is one.
+    /// The parts of a ring between walls, in order, as open rings; the ring itself if there are none.
     pub(crate) fn arcs(&self, ring: &Ring) -> Vec<Ring> {
         let n = ring.tets.len();
+        // The face between a tetrahedron and the one before it has the link's vertex between them.
         let is_new = |k: usize| {
-            are_parted(
-                self.region(ring.tets[k]),
-                self.region(ring.tets[(k + n - 1) % n]),
-            )
+            let (t, opposite) = (ring.tets[k], ring.link[(k + 1) % ring.link.len()]);
+            self.is_wall(t, self.place(t, opposite))
         };
         // A closed ring is gone through from where a region begins.
         let Some(start) = (0..n).find(|&k| is_new(k)).filter(|_| n > 1) else {
@@ -179,7 +157,7 @@ mod tests {
             assert!(isoform_geom::cross(u, v)[1] < 0.0 && label == 7);
         }
         let mut arcs = complex.arcs(&ring);
-        arcs.sort_by_key(|arc| complex.region_number(arc.tets[0]));
+        arcs.sort_by_key(|arc| complex.region(arc.tets[0]));
         let ends = |arc: &Ring| [arc.link[0], arc.link[3]];
         assert_eq!(
             arcs.iter().map(|arc| arc.tets.len()).collect::<Vec<_>>(),
@@ -197,19 +175,18 @@ mod tests {
         complex.split(&ring, 0, 1, m, &mut made);
         assert_eq!(complex.fault(), None);
         assert_eq!(complex.faces().len(), 4);
-        let regions: Vec<u16> = made.iter().map(|&t| complex.region_number(t)).collect();
+        let regions: Vec<u16> = made.iter().map(|&t| complex.region(t)).collect();
         assert_eq!(regions.iter().filter(|r| **r == 0).count(), 6);
         // Region 1 takes one of the tetrahedra at the wall: the wall goes around it.
         let t = made
             .iter()
             .copied()
-            .find(|&t| complex.region_number(t) == 0 && complex.label(t, 2).is_some());
+            .find(|&t| complex.region(t) == 0 && complex.label(t, 2).is_some());
         let t = t.expect("one of them is at the wall");
         let tet = complex.tets[t as usize];
-        let one = complex.region(t) + (1 << SECTOR_BITS);
-        complex.replace_in(&[t], (&[tet], &[one]), |_| 9, &mut made);
+        complex.replace_in(&[t], (&[tet], &[1]), |_| 9, &mut made);
         assert_eq!(complex.fault(), None);
-        assert_eq!(complex.region_number(made[0]), 1);
+        assert_eq!(complex.region(made[0]), 1);
         let labels: Vec<u32> = complex.faces().into_iter().map(|f| f.1).collect();
         assert_eq!(labels.iter().filter(|l| **l == 9).count(), 2);
         assert!(labels.iter().all(|l| *l < BOUNDARY));

@@ -100,7 +100,7 @@ impl Cutter<'_> {
                     continue;
                 }
                 let layer = if kept.owns(slot, i) {
-                    usize::from(kept.region_number(slot)) + 1
+                    usize::from(kept.region(slot)) + 1
                 } else if n < BOUNDARY && !inside[n as usize] {
                     0
                 } else {

@@ -1,7 +1,7 @@
 //! Edges and faces are removed, with the vertices where they are.
 
 use super::{FACING, GAIN, Optimiser};
-use crate::complex::{BOUNDARY, OPEN, Ring, STRAY, is_owner};
+use crate::complex::{BOUNDARY, OPEN, Ring, STRAY};
 use crate::measure::{biased_sine, smallest_sine};
 use crate::optimise::holds::Hold;
 use crate::surface::On;
@@ -227,14 +227,15 @@ impl Optimiser<'_> {
         let mut after = f64::INFINITY;
         for arc in [first, second] {
             let mut arc = arc.clone();
+            // The wall's face at its first vertex lies opposite to its second one.
+            let place = self.complex.place(arc.tets[0], arc.link[1]);
+            let owns = self.complex.owns(arc.tets[0], place);
             let [a, b, c, d] = self.points_of([ends[0], ends[1], arc.link[0], arc.link[1]]);
             if six_volume([a, b, c, d]) < 0.0 {
                 arc.link.reverse();
             }
             let region = self.complex.region(arc.tets[0]);
-            let [one, two] = [first, second].map(|a| self.complex.region(a.tets[0]));
-            let owner = if is_owner(one, two) { one } else { two };
-            if region == owner && !self.may_flip(&arc.link, ends, label) {
+            if owns && !self.may_flip(&arc.link, ends, label) {
                 return None;
             }
             let link: Vec<Point3> = arc.link.iter().map(|&v| self.point(v)).collect();

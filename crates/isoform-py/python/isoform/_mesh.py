@@ -151,6 +151,9 @@ class Mesh(Triangles, Documented):
         Names of the parts of the surface.
     regions : numpy.ndarray
         (k,) uint32: which of ``region_names`` each tetrahedron is of.
+    opposite : dict of numpy.ndarray
+        Of a unit cell, (n, 2) uint32 for each axis along which it repeats, as ``"x"``: the nodes
+        on its lower side, and those at the same places on the upper one.
     certificate : dict
         What is proved of the mesh.
     """
@@ -169,6 +172,11 @@ class Mesh(Triangles, Documented):
     def regions(self) -> npt.NDArray[np.uint32]:
         """The region of each tetrahedron, (k,)."""
         return _kept(self._mesh.regions())
+
+    @cached_property
+    def opposite(self) -> dict[str, npt.NDArray[np.uint32]]:
+        """The nodes on opposite sides of a unit cell by axis, (n, 2) each."""
+        return {"xyz"[axis]: _kept(nodes) for axis, nodes in self._mesh.opposite()}
 
     def to_skfem(self) -> Any:
         """Give the tetrahedra as a mesh of scikit-fem, with its boundaries named.
@@ -213,6 +221,7 @@ def mesh(
     params: Values = None,
     regions: Mapping[str, Region] | None = None,
     box: Box = None,
+    periodic: str | None = None,
     grade: float | None = None,
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
@@ -243,6 +252,9 @@ def mesh(
         parameters is a tuple of both. Triangles between regions belong to parts called ``a|b``.
     box : float or sequence, optional
         Mesh what lies in it: half the width of a box around the origin, or its two corners.
+    periodic : str, optional
+        The axes along which the box is a unit cell, as ``"xyz"``: opposite sides have one and the
+        same triangles, node for node. The function in the box must fit to itself there.
     grade : float, optional
         Smaller edges where a face would leave the surface by more than this length.
     angles : tuple of float, optional
@@ -283,6 +295,14 @@ def mesh(
     >>> ball = isoform.mesh(ball, 0.3, params={"radius": 1}, regions={"core": core})
     >>> ball.region_names, [r["certificate"]["ok"] for r in ball.to_dict()["region_certificates"]]
     (['core', 'rest'], [True, True])
+
+    A unit cell has the same nodes on opposite sides.
+
+    >>> bars = "bars(x[3], a[1]) { bars = (0.1 - x[2]^2 - x[3]^2) | (0.1 - x[1]^2 - x[3]^2); }"
+    >>> cell = isoform.mesh(isoform.Model(bars), 0.2, box=0.5, periodic="xyz")
+    >>> lower, upper = cell.points[cell.opposite["x"].T]
+    >>> len(lower) > 9, (lower[:, 1:] == upper[:, 1:]).all(), {*upper[:, 0] - lower[:, 0]}
+    (True, np.True_, {np.float64(1.0)})
     """
     if regions and surface_only:
         raise IsoformError("regions do not go with surface_only", "usage")
@@ -291,6 +311,7 @@ def mesh(
         "order": whole("order", order, 1),
         "surface_only": bool(surface_only),
         "region": corners(box),
+        "periodic": _axes(periodic),
         "grade": grade,
         "angles": None if angles is None else [float(v) for v in angles],
         "memory": _memory(memory),
@@ -310,6 +331,14 @@ def _regions(regions: Mapping[str, Region] | None) -> list[tuple[str, Any]]:
         model, params = region if isinstance(region, tuple) else (region, None)
         found.append((name, _shape(model, params)))
     return found
+
+
+def _axes(periodic: str | None) -> list[bool]:
+    """Axes as the compiled half takes them."""
+    letters = "" if periodic is None else periodic.lower()
+    if any(c not in "xyz" for c in letters) or len({*letters}) < len(letters):
+        raise IsoformError(f"periodic is {periodic!r}: letters of x, y and z, each once", "usage")
+    return [axis in letters for axis in "xyz"]
 
 
 def _memory(asked: float | None) -> float | None:

@@ -405,6 +405,7 @@ def mesh_blocks(
         "order": 1,
         "surface_only": False,
         "region": corners(box),
+        "periodic": [False] * 3,
         "grade": grade,
         "angles": None if angles is None else [float(v) for v in angles],
         "memory": _memory(memory),
