@@ -71,6 +71,21 @@ pub enum MeshError {
         /// The region that is another one at the opposite place; empty for the model itself.
         region: String,
     },
+    /// The surface of a unit cell lies in a side of its box.
+    #[error(
+        "the surface{} lies in a side of the box across {axis}, near ({}, {}, {}): whether the cell \
+         goes on there as it ends is not to be told",
+        if .region.is_empty() { String::new() } else { format!(" of region {region}") },
+        .at[0], .at[1], .at[2]
+    )]
+    InSide {
+        /// The axis across which the side lies.
+        axis: char,
+        /// A place on the lower side.
+        at: Point3,
+        /// The region whose surface it is; empty for the model itself.
+        region: String,
+    },
     /// The solid is so thin or small that no lattice point or edge meets it.
     #[error("nothing of the solid is seen at size {size}")]
     TooCoarse {

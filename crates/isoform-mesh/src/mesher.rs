@@ -20,7 +20,7 @@ use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
-use crate::torus::{Torus, Wrapped, differs};
+use crate::torus::{Misfit, Torus, Wrapped, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
@@ -39,8 +39,9 @@ const ALL_OVER: usize = 8;
 const PLACES: usize = 1000;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
-/// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
-const BYTES: [f64; 2] = [12.0, 60.0];
+/// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface, and
+/// if it is.
+const BYTES: [f64; 3] = [12.0, 60.0, 400.0];
 
 /// A mesh and how it came about.
 #[derive(Clone, Debug)]
@@ -135,11 +136,12 @@ fn mesh_cell(
     let places = torus.places(options.size);
     let all = regions.iter().map(|r| (r.name, r.solid));
     for (name, solid) in std::iter::once(("", &ends as &dyn Solid)).chain(all) {
-        if let Some((axis, at)) = differs(solid, &torus, &places) {
-            return Err(MeshError::NotPeriodic {
-                axis: ['x', 'y', 'z'][axis],
-                at,
-                region: name.to_owned(),
+        if let Some((misfit, axis, at)) = misfit(solid, &torus, &places) {
+            let axis = ['x', 'y', 'z'][axis];
+            let region = name.to_owned();
+            return Err(match misfit {
+                Misfit::Differs => MeshError::NotPeriodic { axis, at, region },
+                Misfit::InSide => MeshError::InSide { axis, at, region },
             });
         }
     }
@@ -564,7 +566,9 @@ fn lattice_over(
     control: &Control<'_>,
 ) -> Result<Lattice, MeshError> {
     let cell = CELL * options.size;
-    options.check_memory((Lattice::cells(region, cell) * BYTES[0] * BYTES[1]) as u64)?;
+    // In a unit cell any tetrahedron may change.
+    let each = if torus.is_some() { BYTES[2] } else { BYTES[1] };
+    options.check_memory((Lattice::cells(region, cell) * BYTES[0] * each) as u64)?;
     control.begin("lattice")?;
     let lattice = match torus {
         Some(torus) => Lattice::on_torus(solid, &torus, cell, control)?,

@@ -15,6 +15,9 @@ use std::collections::HashMap;
 /// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
 /// the torus; with fewer than six they may, and eight leave room for collapsed edges.
 pub(crate) const LEAST_CELLS: usize = 8;
+/// How far beside a side it is looked whether a surface lies in it, in lengths of the box: far more
+/// than rounding, and less than any wall.
+const WITHIN: f64 = 1e-6;
 /// Distance from the surface, in distances that count as none, from which a place is clearly inside
 /// or outside: less may be the rounding of numbers in the model.
 const CLEAR: f64 = 1e4;
@@ -258,35 +261,57 @@ impl Torus {
     }
 }
 
-/// Whether a solid has the same sign on both sides of a unit cell, at places on its lower sides;
-/// if not, the axis across which the sides lie, and the place.
-pub(crate) fn differs(
+/// What keeps a solid from being meshed as a unit cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Misfit {
+    /// A place is inside, and the one opposite to it is outside.
+    Differs,
+    /// The surface lies in a side: the solid ends there.
+    InSide,
+}
+
+/// What keeps a solid from being meshed as a unit cell, as far as places on its lower sides tell:
+/// with the axis across which the sides lie, and the place.
+pub(crate) fn misfit(
     solid: &dyn Solid,
     torus: &Torus,
     places: &[Point3],
-) -> Option<(usize, Point3)> {
+) -> Option<(Misfit, usize, Point3)> {
     torus.repeating().find_map(|axis| {
         let (lo, hi) = (torus.region.lo[axis], torus.region.hi[axis]);
         let on_side: Vec<Point3> = places.iter().copied().filter(|p| p[axis] == lo).collect();
-        let opposite = on_side.iter().map(|p| {
-            let mut p = *p;
-            p[axis] = hi;
-            p
-        });
-        let opposite: Vec<Point3> = opposite.collect();
-        let mut values = [vec![0.0; on_side.len()], vec![0.0; on_side.len()]];
-        solid.sign_values(&on_side, &mut values[0]);
-        solid.sign_values(&opposite, &mut values[1]);
+        let with = |p: Point3, x: f64| -> Point3 {
+            std::array::from_fn(|i| if i == axis { x } else { p[i] })
+        };
+        let signs = |x: f64| {
+            let moved: Vec<Point3> = on_side.iter().map(|p| with(*p, x)).collect();
+            let mut values = vec![0.0; moved.len()];
+            solid.sign_values(&moved, &mut values);
+            values
+        };
         let distance = |p: Point3| {
             let of = |piece| first_order_at(solid, piece, p);
-            solid.tree().value(&of)
+            solid.tree().value(&of).abs()
         };
-        let is_clear = |k: usize| {
-            let [f, g] = [on_side[k], opposite[k]].map(distance);
-            f * g < 0.0 && f.abs().min(g.abs()) > CLEAR * torus.near
+        // Beside the sides: what lies in a side tells there.
+        let within = WITHIN * (hi - lo);
+        let pairs = [[lo, hi], [lo + within, hi - within]].map(|ends| ends.map(signs));
+        let nearest = |k: usize| {
+            let ends = [lo, hi].map(|x| distance(with(on_side[k], x)));
+            ends[0].min(ends[1])
         };
-        let k = (0..on_side.len()).find(|&k| values[0][k] * values[1][k] < 0.0 && is_clear(k))?;
-        Some((axis, on_side[k]))
+        let of = |k: usize| {
+            let are_apart = |[f, g]: &[Vec<f64>; 2]| f[k] * g[k] < 0.0;
+            let is_misfit = |misfit: Misfit| match misfit {
+                Misfit::Differs => are_apart(&pairs[0]) && nearest(k) > CLEAR * torus.near,
+                Misfit::InSide => are_apart(&pairs[1]) && nearest(k) <= torus.near / NEAR,
+            };
+            let found = [Misfit::Differs, Misfit::InSide]
+                .into_iter()
+                .find(|m| is_misfit(*m));
+            found.map(|misfit| (misfit, axis, on_side[k]))
+        };
+        (0..on_side.len()).find_map(of)
     })
 }
 

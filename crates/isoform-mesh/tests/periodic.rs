@@ -273,10 +273,13 @@ fn what_does_not_repeat_is_refused() {
         solid: &solid(alone),
     }];
     let found = error(&matrix, &region, &cell(UNIT, 0.1));
+    assert!(found.to_string().contains("region core"), "{found}");
+    // A plate whose faces lie in the sides: here it goes on, but nothing of the function says so.
+    let plate = "m(x[3], a[1]) { m = (x[1] & (0.5 - x[1])) | ((x[1] - 1) & (1.5 - x[1])); }";
+    let found = error(&solid(plate), &[], &cell(UNIT, 0.1));
     assert!(
-        found.to_string().contains("region core"),
-        "{found}: {}",
-        found.to_string()
+        matches!(found, MeshError::InSide { axis: 'x', .. }),
+        "{found}"
     );
     let boxless = Options {
         region: None,

@@ -204,6 +204,8 @@ impl From<MeshError> for Trouble {
             MeshError::Extent(_) => Self::usage(e).hint("a smaller box"),
             MeshError::Option { .. } | MeshError::RegionName { .. } => Self::usage(e),
             MeshError::NoBox => Self::usage(e).hint("box= around the cell"),
+            MeshError::InSide { .. } => Self::new("in-side", e)
+                .hint("a box that begins elsewhere: a cell may begin anywhere"),
             MeshError::NotPeriodic { .. } => Self::new("not-periodic", e)
                 .hint("another box, or periodic= with the axes along which the model repeats"),
             MeshError::Memory { .. } => Self::new("memory", e).hint("a larger size or memory"),

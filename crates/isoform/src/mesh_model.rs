@@ -8,10 +8,11 @@ use isoform_check::{Certificate, Limits};
 use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
-use isoform_geom::{Aabb, Mesh, Solid};
+use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid};
 use isoform_mesh::{
     MeshError, Meshed, Options, Region, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
+use isoform_num::{Interval, Jet2, Real};
 use std::fmt;
 
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
@@ -258,7 +259,14 @@ fn make(
     if let Some(mesh) = given {
         check_nodes(mesh)?;
     }
-    let (solid, is_run) = solid_of(model, a)?;
+    let (solid, is_run) = match solid_of(model, a) {
+        // What fills all of space fills the box: the matrix of a composite.
+        Err(SolidError::NoSurface { inside: true }) if options.mesh.region.is_some() => (
+            Box::new(OnePiece::new(Everywhere, model.name())) as Box<dyn Solid>,
+            false,
+        ),
+        solid => solid?,
+    };
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
     }
@@ -283,6 +291,21 @@ fn make(
         made.meshed.warnings.push(warning);
     }
     Ok(made)
+}
+
+/// All of space.
+struct Everywhere;
+
+impl Field for Everywhere {
+    fn value(&self, _: Point3) -> f64 {
+        1.0
+    }
+    fn jet(&self, _: Point3) -> Jet2 {
+        Jet2::constant(1.0)
+    }
+    fn bounds(&self, _: Aabb) -> Interval {
+        Interval::constant(1.0)
+    }
 }
 
 /// Meshes a solid and certifies the mesh, with a length of edges that suits it where none is asked

@@ -3,7 +3,7 @@
 use super::files::Written;
 use super::work::{Made, place};
 use isoform::RegionCertificate;
-use isoform::check::{Certificate, Failure, Place};
+use isoform::check::{Certificate, Failure, OppositeSides, Place};
 use isoform::geom::Mesh;
 use isoform::mesh::Warning;
 use isoform::report::brief;
@@ -255,6 +255,17 @@ fn fidelity(c: &Certificate) -> Vec<(&'static str, String)> {
                 f.corners
             ),
         ));
+    }
+    if !c.opposite.is_empty() {
+        let of = |sides: &OppositeSides| {
+            let axis = ["x", "y", "z"][sides.axis];
+            format!(
+                "{axis}: {} nodes, {} triangles",
+                sides.nodes, sides.triangles
+            )
+        };
+        let all: Vec<String> = c.opposite.iter().map(of).collect();
+        lines.push(("opposite", all.join("; ")));
     }
     lines
 }

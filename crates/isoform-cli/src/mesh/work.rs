@@ -312,6 +312,9 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
         MeshError::Option { name, .. } => {
             Failure::usage(error.to_string()).hint(format!("--{name}"))
         }
+        MeshError::Memory { .. } if settings.periodic.contains(&true) => none("memory")
+            .why("a unit cell has eight cells of the lattice along its shortest edge")
+            .hint("a larger --size, or a --box whose edges differ less"),
         MeshError::Memory {
             size,
             needed,
@@ -328,6 +331,9 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
         )),
         MeshError::RegionName { .. } => Failure::usage(error.to_string()).hint("--regions"),
         MeshError::NoBox => Failure::usage(error.to_string()).hint("--box around the unit cell"),
+        MeshError::InSide { at, .. } => none("in-side")
+            .somewhere(*at)
+            .hint("a --box that begins elsewhere: a cell may begin anywhere"),
         MeshError::NotPeriodic { at, .. } => none("not-periodic")
             .somewhere(*at)
             .why("a unit cell goes on at the opposite side as it ends")

@@ -43,7 +43,7 @@ impl Mesh {
         outer.keep_triangles(|k| !is_wall[k]);
         let parts: HashSet<u32> = outer.triangle_parts.iter().copied().collect();
         let is_outer = |curve: &Curve| curve.parts.iter().all(|part| parts.contains(part));
-        let is_outer: Vec<bool> = self.curves.iter().map(is_outer).collect();
+        let is_outer: Vec<bool> = outer.curves.iter().map(is_outer).collect();
         let curves = outer.edge_curves.clone();
         outer.keep_edges(|k| curves.get(k).is_none_or(|&curve| is_outer[curve as usize]));
         Cow::Owned(outer)
@@ -311,6 +311,27 @@ mod tests {
         assert_eq!(
             outer.curves[outer.edge_curves[0] as usize].name,
             "above/above"
+        );
+        // A curve within the wall, in front of the others, does not shift their numbers.
+        let mut more = mesh.clone();
+        more.triangles.insert(0, [1, 0, 2]);
+        more.triangle_parts.insert(0, 2);
+        more.triangles.pop();
+        more.triangle_parts.pop();
+        more.points.push([0.5, 0.5, 0.0]);
+        more.curves.insert(
+            0,
+            Curve {
+                name: "sheet/sheet".to_owned(),
+                parts: [2, 2],
+            },
+        );
+        more.edges.insert(0, [1, 5]);
+        more.edge_curves = vec![0, 1, 1, 2];
+        let outer = more.without_walls();
+        assert_eq!(
+            (outer.edges.as_slice(), outer.curves.len()),
+            (&[[0, 3]][..], 1)
         );
         // Of one region there are no walls: nothing is copied.
         let one = Mesh {

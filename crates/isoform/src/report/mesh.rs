@@ -2,7 +2,9 @@
 
 use super::Seconds;
 use crate::{ModelMesh, RegionCertificate};
-use isoform_check::{Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths};
+use isoform_check::{
+    Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths, OppositeSides,
+};
 use isoform_geom::{Mesh, Point3};
 use isoform_mesh::Warning;
 use serde::Serialize;
@@ -213,6 +215,9 @@ pub struct CertificateReport {
     pub distance: Option<DeviationReport>,
     /// How much of the solid's curves and corners the mesh has.
     pub features: Option<FeaturesReport>,
+    /// Opposite sides of a unit cell.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub opposite: Vec<OppositeReport>,
     /// Smallest scaled Jacobian of elements of order 2.
     pub scaled_jacobian: Option<f64>,
 }
@@ -278,6 +283,19 @@ pub struct DistancesReport {
     pub rms: f64,
     /// Where the largest is.
     pub at: Option<Point3>,
+}
+
+/// Two opposite sides of a unit cell.
+#[derive(Clone, Debug, Serialize)]
+pub struct OppositeReport {
+    /// The axis across which they lie: x, y or z.
+    pub axis: char,
+    /// Pairs of nodes.
+    pub nodes: usize,
+    /// Pairs of triangles.
+    pub triangles: usize,
+    /// Nodes and triangles without a partner.
+    pub apart: usize,
 }
 
 /// How much of the solid's curves and corners the mesh has.
@@ -447,6 +465,7 @@ impl CertificateReport {
             size_ratio: c.volume.as_ref().map(|v| v.size_ratio),
             distance: c.deviation.as_ref().map(DeviationReport::new),
             features: c.coverage.as_ref().map(FeaturesReport::new),
+            opposite: c.opposite.iter().map(OppositeReport::new).collect(),
             scaled_jacobian: c.curved.as_ref().map(|q| q.scaled_jacobian_min),
         }
     }
@@ -494,6 +513,17 @@ impl DistancesReport {
             max: distances.max,
             rms: distances.rms,
             at: distances.worst.as_ref().map(|p| p.at),
+        }
+    }
+}
+
+impl OppositeReport {
+    fn new(sides: &OppositeSides) -> Self {
+        Self {
+            axis: ['x', 'y', 'z'][sides.axis],
+            nodes: sides.nodes,
+            triangles: sides.triangles,
+            apart: sides.apart.count,
         }
     }
 }
