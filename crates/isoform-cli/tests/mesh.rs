@@ -750,6 +750,116 @@ fn regions_that_cannot_be() {
     );
 }
 
+/// A bar of two materials along x that goes over the sides of its cell, in a matrix that is said to
+/// be everywhere.
+const CELL: &str = "bar(x[3], a[1]) { bar = 0.09 - (x[2] - 0.5)^2 - (x[3] - 0.5)^2; }
+    ball(x[3], a[1]) { p = 0.16 - (x[2] - 0.5)^2 - (x[3] - 0.5)^2;
+        ball = (p - x[1]^2) | (p - (x[1] - 1)^2); }
+    cell(x[3], a[1]) { cell = 1; }";
+
+#[test]
+fn unit_cells_have_opposite_sides() {
+    let folder = Folder::new("mesh-cell");
+    let model = folder.file("cell.hf", CELL);
+    let (msh, inp) = (folder.path("cell.msh"), folder.path("cell.inp"));
+    let more = [
+        "--object",
+        "cell",
+        "--regions",
+        "ball,bar",
+        "--size",
+        "0.12",
+    ];
+    let within = [
+        "--box=0,0,0,1,1,1",
+        "--periodic",
+        "xyz",
+        "-o",
+        &msh,
+        "-o",
+        &inp,
+    ];
+    let (code, document) = mesh(&model, &[&more[..], &within].concat());
+    assert_eq!(code, 0, "{document}");
+    let sides = document["certificate"]["opposite"]
+        .as_array()
+        .expect("a list");
+    let axes: Vec<&str> = sides
+        .iter()
+        .map(|s| s["axis"].as_str().expect("a name"))
+        .collect();
+    assert_eq!(axes, ["x", "y", "z"]);
+    assert!(
+        sides
+            .iter()
+            .all(|s| s["apart"] == 0 && s["nodes"].as_u64() > Some(80))
+    );
+    // Each link of the file: a line of its entities, one of the map, the count, the nodes.
+    let text = fs::read_to_string(&msh).expect("a mesh");
+    let (_, links) = text.split_once("$Periodic\n").expect("a section");
+    let mut lines = links.lines().skip(1);
+    for (axis, side) in sides.iter().enumerate() {
+        let map = lines.nth(1).expect("a map");
+        let shift: Vec<&str> = map.split(' ').skip(1).collect();
+        assert_eq!(
+            ["3", "7", "11"].map(|k| shift[k.parse::<usize>().expect("a place")]),
+            {
+                let mut wanted = ["0.0"; 3];
+                wanted[axis] = "1.0";
+                wanted
+            }
+        );
+        let count = lines.next().expect("a count").trim();
+        assert_eq!(count, side["nodes"].to_string());
+        lines.nth(count.parse::<usize>().expect("a number") - 1);
+    }
+    assert_eq!(lines.next(), Some("$EndPeriodic"));
+    let deck = fs::read_to_string(&inp).expect("a deck");
+    assert!(deck.contains("ELSET=BALL\n") && deck.contains("ELSET=REST\n"));
+}
+
+#[test]
+fn unit_cells_that_cannot_be() {
+    let folder = Folder::new("mesh-no-cell");
+    let model = folder.file("cell.hf", CELL);
+    let unit = "--box=0,0,0,1,1,1";
+    let exact = "--box=0,0.2,0,1,0.8,1";
+    for (more, wanted, why) in [
+        (vec!["--periodic", "xyz"], 1, "--box"),
+        (vec![unit, "--periodic", "xx"], 1, "each once"),
+        (vec![unit, "--periodic", ""], 1, "at least one"),
+        (
+            vec![unit, "--periodic", "x", "--blocks", "2,1,1"],
+            1,
+            "cannot be used with",
+        ),
+        (
+            vec!["--box=0.2,0,0,1,1,1", "--periodic", "x"],
+            4,
+            "does not repeat along x",
+        ),
+        (
+            vec![exact, "--periodic", "y", "--object", "plate"],
+            4,
+            "lies in a side",
+        ),
+    ] {
+        let object = if more.contains(&"--object") {
+            vec![]
+        } else {
+            vec!["--object", "ball"]
+        };
+        let plate = folder.file(
+            "plate.hf",
+            "plate(x[3], a[1]) { plate = (x[2] - 0.2) & (0.5 - x[2]); }",
+        );
+        let file = if object.is_empty() { &plate } else { &model };
+        let run = isoform(&[&["mesh", file, "--size", "0.2"][..], &object, &more].concat());
+        assert_eq!(code(&run), wanted, "{more:?}: {}", stderr(&run));
+        assert!(stderr(&run).contains(why), "{more:?}: {}", stderr(&run));
+    }
+}
+
 #[test]
 fn blocks_meet_and_are_certified() {
     let f = Folder::new("mesh-blocks");

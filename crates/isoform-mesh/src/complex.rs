@@ -186,11 +186,7 @@ impl Complex {
     /// The places of other vertices of a tetrahedron as seen from a vertex of it: `places` are
     /// those of the vertex, then of the others, as seen from the tetrahedron.
     #[inline]
-    pub(crate) fn from_first<const N: usize>(
-        &self,
-        v: u32,
-        mut places: [Point3; N],
-    ) -> [Point3; N] {
+    pub(crate) fn seen_from<const N: usize>(&self, v: u32, mut places: [Point3; N]) -> [Point3; N] {
         if self.torus.is_some() {
             let (p, seen) = (self.point(v), places[0]);
             for q in &mut places {

@@ -164,8 +164,8 @@ impl<'s> Cutter<'s> {
         self.surface.torus.is_some() && self.on[v as usize].slice().iter().any(is_side)
     }
 
-    /// The distance of a vertex to a piece as seen from a tetrahedron: on a side of a unit cell that
-    /// of the image there.
+    /// The distance of a vertex to a piece as seen from a tetrahedron: on a side of a unit cell
+    /// that of the image there.
     #[inline]
     fn distance_in(&mut self, t: u32, v: u32, piece: u32) -> f64 {
         if self.is_on_side(v) {

@@ -58,8 +58,8 @@ pub enum MeshError {
     NoBox,
     /// A model that is to repeat has something else on two sides of its box.
     #[error(
-        "the model does not repeat along {axis}: of ({}, {}, {}) and the place opposite, one is inside \
-         and one outside{}",
+        "the model does not repeat along {axis}: of ({}, {}, {}) and the place opposite, one is \
+         inside and one outside{}",
         .at[0], .at[1], .at[2],
         if .region.is_empty() { String::new() } else { format!(" of region {region}") }
     )]
@@ -73,8 +73,8 @@ pub enum MeshError {
     },
     /// The surface of a unit cell lies in a side of its box.
     #[error(
-        "the surface{} lies in a side of the box across {axis}, near ({}, {}, {}): whether the cell \
-         goes on there as it ends is not to be told",
+        "the surface{} lies in a side of the box across {axis}, near ({}, {}, {}): whether the \
+         cell goes on there as it ends is not to be told",
         if .region.is_empty() { String::new() } else { format!(" of region {region}") },
         .at[0], .at[1], .at[2]
     )]

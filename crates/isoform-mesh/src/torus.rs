@@ -10,7 +10,7 @@ use crate::lattice::CELL;
 use crate::surface::{first_order, first_order_at, zero_in};
 use isoform_geom::{Aabb, Csg, Mesh, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
 /// the torus; with fewer than six they may, and eight leave room for collapsed edges.
@@ -205,7 +205,7 @@ impl Torus {
     fn pair_mids(&self, mesh: &mut Mesh, axis: usize) {
         let corners = mesh.opposite_nodes(self.region, axis).nodes;
         let below: HashMap<u32, u32> = corners.iter().map(|&[a, b]| (b, a)).collect();
-        let mut middle: HashMap<[u32; 2], u32> = HashMap::new();
+        let mut middle: BTreeMap<[u32; 2], u32> = BTreeMap::new();
         for (t, mids) in mesh.triangles.iter().zip(&mesh.triangle_mids) {
             for ([i, j], &mid) in TRIANGLE_EDGES.into_iter().zip(mids) {
                 middle.insert(edge(t[i], t[j]), mid);

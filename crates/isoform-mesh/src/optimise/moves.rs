@@ -98,7 +98,7 @@ impl Optimiser<'_> {
             let x = f.iter().position(|&k| k == v)?;
             let [_, a, b] = self
                 .complex
-                .from_first(v, self.points_of([v, f[(x + 1) % 3], f[(x + 2) % 3]]));
+                .seen_from(v, self.points_of([v, f[(x + 1) % 3], f[(x + 2) % 3]]));
             around.push_face([a, b]);
         }
         Some(())
@@ -111,7 +111,7 @@ impl Optimiser<'_> {
         if self.complex.torus.is_some() {
             let place = self.complex.place(t, v);
             corners.swap(0, place);
-            corners = self.complex.from_first(v, corners);
+            corners = self.complex.seen_from(v, corners);
             corners.swap(0, place);
         }
         corners
