@@ -139,10 +139,10 @@ mod tests {
 
     #[test]
     fn sides_that_differ_in_anything() {
-        // A coordinate by one unit in the last place.
+        // A coordinate by one unit in the last place: a pair of nodes, and so both triangles.
         let mut mesh = pair();
         mesh.points[4][1] = mesh.points[4][1].next_up();
-        assert_eq!(apart(&mesh), 1);
+        assert_eq!(apart(&mesh), 3);
         // A node a little off the side; its triangle is not on the side any more.
         let mut mesh = pair();
         mesh.points[4][0] = 1.0f64.next_down();

@@ -547,6 +547,7 @@ fn any_mesh() -> impl Strategy<Value = Mesh> {
                         tets,
                         edges,
                         corners,
+                        opposite: vec![],
                         columns: vec![],
                     }
                 })

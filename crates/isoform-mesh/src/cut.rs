@@ -149,7 +149,12 @@ impl<'s> Cutter<'s> {
         if let Some(k) = known.iter().find(|k| k.0 == piece) {
             return k.1;
         }
-        let d = self.surface.distance(piece, self.complex.point(v));
+        // On a side the nearest image tells whether the vertex may count as lying on the piece.
+        let p = self.complex.point(v);
+        let d = match self.is_on_side(v) {
+            true => self.surface.nearest_distance(piece, p),
+            false => self.surface.distance(piece, p),
+        };
         // On a side only what is settled is kept: the distance is another one on each side.
         if !self.is_on_side(v) {
             self.known[v as usize].push((piece, d));

@@ -202,20 +202,30 @@ impl<'s> Surface<'s> {
         if v.abs() <= self.zero {
             0.0
         } else if self.torus.is_some() {
-            self.distance_above(piece, p).unwrap_or(v)
+            self.distance_within(piece, p).unwrap_or(v)
         } else {
             v
         }
     }
 
-    /// Distance of a point on sides of a unit cell as seen from above them. A piece that does not
-    /// vanish at any image of it must be seen from one place with the others: the nearest of its
-    /// images may be outside of what the point is inside of.
+    /// Distance of a point to a piece, where on a side of a unit cell the nearest image of it
+    /// counts.
+    pub(crate) fn nearest_distance(&self, piece: u32, p: Point3) -> f64 {
+        if is_skin(piece) {
+            return self.distance(piece, p);
+        }
+        let v = first_order_at(self.solid, piece, p);
+        if v.abs() <= self.zero { 0.0 } else { v }
+    }
+
+    /// Distance of a point on sides of a unit cell as seen from within the box. A piece that does
+    /// not vanish at any image of it must be seen from one place with the others: the nearest of
+    /// its images may be outside of what the point is inside of.
     #[cold]
-    fn distance_above(&self, piece: u32, p: Point3) -> Option<f64> {
+    fn distance_within(&self, piece: u32, p: Point3) -> Option<f64> {
         let torus = self.torus.as_ref()?;
         let is_on_side = torus.is_on_side(p).contains(&true) && !self.is_side(piece);
-        is_on_side.then(|| first_order_at(self.solid, piece, torus.above(p)))
+        is_on_side.then(|| first_order_at(self.solid, piece, torus.inner(p)))
     }
 
     /// Value of the solid and the piece that decides it; ±∞ and [`NO_PIECE`] in cells that are

@@ -163,12 +163,15 @@ impl Torus {
         })
     }
 
-    /// A place on a side, moved off it upwards, from the lower side into the box: slightly, but
-    /// clearly.
-    pub(crate) fn above(&self, mut p: Point3) -> Point3 {
+    /// A place on a side, moved off it into the box: slightly, but clearly.
+    pub(crate) fn inner(&self, mut p: Point3) -> Point3 {
         let is_on_side = self.is_on_side(p);
         for i in (0..3).filter(|&i| is_on_side[i]) {
-            p[i] = self.region.lo[i] + 2.0 * self.near;
+            let (lo, hi) = (self.region.lo[i], self.region.hi[i]);
+            p[i] = match hi - p[i] < p[i] - lo {
+                true => hi - 2.0 * self.near,
+                false => lo + 2.0 * self.near,
+            };
         }
         p
     }

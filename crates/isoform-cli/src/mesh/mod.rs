@@ -29,6 +29,7 @@ Examples:
   isoform mesh lattice.hf --size 0.05 --blocks 4,4,4 -o big.pvtu
   isoform mesh bimetal.hf --regions core,shell -o bimetal.inp
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
+  isoform mesh cell.hf --box=0,0,0,1,1,1 --periodic xyz -o cell.msh
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
 certificate: closed, manifold, free of self-intersections and inverted elements, with angles and distances. Formats:
