@@ -100,7 +100,7 @@ impl Band {
             points: Vec::new(),
         };
         let mut tets = Vec::new();
-        faces.visit_all(|cell, axis| {
+        faces.visit_pairs(|cell, axis, _| {
             let is_side = cell[axis] + 1 == lattice.n[axis];
             for t in Lattice::tets(cell, axis) {
                 if is_side {
@@ -159,6 +159,12 @@ struct Faces<'l> {
 impl Faces<'_> {
     /// Shows the tetrahedra around each face, and whether both of its cells are deep.
     fn visit(&self, mut show: impl FnMut(&AroundFace, bool)) {
+        self.visit_pairs(|cell, axis, deep| show(&Lattice::tets(cell, axis), deep));
+    }
+
+    /// Shows each face, by a cell and the axis along which the next one lies behind it, and whether
+    /// both cells are deep.
+    fn visit_pairs(&self, mut show: impl FnMut([usize; 3], usize, bool)) {
         let n = self.lattice.n;
         for k in 0..n[2] {
             if self.control.is_stopped() {
@@ -168,25 +174,9 @@ impl Faces<'_> {
                 for i in 0..n[0] {
                     for axis in 0..3 {
                         if let Some(deep) = self.is_deep([i, j, k], axis) {
-                            show(&Lattice::tets([i, j, k], axis), deep);
+                            show([i, j, k], axis, deep);
                         }
                     }
-                }
-            }
-        }
-    }
-
-    /// Shows each face, by a cell and the axis along which the next one lies behind it.
-    fn visit_all(&self, mut show: impl FnMut([usize; 3], usize)) {
-        let n = self.lattice.n;
-        let all = (0..n[2]).flat_map(|k| (0..n[1]).map(move |j| [j, k]));
-        for [j, k] in all {
-            if self.control.is_stopped() {
-                return;
-            }
-            for cell in (0..n[0]).map(|i| [i, j, k]) {
-                for axis in (0..3).filter(|&axis| self.is_deep(cell, axis).is_some()) {
-                    show(cell, axis);
                 }
             }
         }

@@ -13,7 +13,7 @@ use crate::decide::{Sign, reduced};
 use crate::error::MeshError;
 use crate::memory;
 use crate::points::unique;
-use crate::torus::{LEAST_CELLS, Torus};
+use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
@@ -95,13 +95,10 @@ impl Grid {
         }
     }
 
-    /// The cells of a unit cell, with edges of `a` or less along axes that repeat: so many fit in.
+    /// The cells of a unit cell, with edges of `a` or less along axes that repeat, where a whole
+    /// number of them fits in; `a` is at most what [`Torus::largest_size`] allows.
     pub(crate) fn on_torus(torus: &Torus, a: f64) -> Self {
         let size = torus.region.size();
-        let least = (0..3)
-            .filter(|&i| torus.axes[i])
-            .map(|i| size[i] / LEAST_CELLS as f64);
-        let a = least.fold(a, f64::min);
         let mut grid = Self::over(torus.region, a);
         grid.repeats = torus.axes;
         for i in (0..3).filter(|&i| torus.axes[i]) {

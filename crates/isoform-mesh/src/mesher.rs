@@ -14,7 +14,7 @@ use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
 use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
-use crate::options::Options;
+use crate::options::{self, Options};
 use crate::refine::Refiner;
 use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
@@ -39,9 +39,8 @@ const ALL_OVER: usize = 8;
 const PLACES: usize = 1000;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
-/// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface, and
-/// if it is.
-const BYTES: [f64; 3] = [12.0, 60.0, 400.0];
+/// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
+const BYTES: [f64; 2] = [12.0, 60.0];
 
 /// A mesh and how it came about.
 #[derive(Clone, Debug)]
@@ -567,7 +566,10 @@ fn lattice_over(
 ) -> Result<Lattice, MeshError> {
     let cell = CELL * options.size;
     // In a unit cell any tetrahedron may change.
-    let each = if torus.is_some() { BYTES[2] } else { BYTES[1] };
+    let each = match torus {
+        Some(_) => options::BYTES as f64,
+        None => BYTES[1],
+    };
     options.check_memory((Lattice::cells(region, cell) * BYTES[0] * each) as u64)?;
     control.begin("lattice")?;
     let lattice = match torus {

@@ -7,7 +7,7 @@ use isoform_geom::{Aabb, KdTree, Point3};
 use std::sync::Arc;
 
 /// Bytes that a tetrahedron near the surface takes by estimate, with all that is known of it.
-const BYTES: u64 = 400;
+pub(crate) const BYTES: u64 = 400;
 /// Bytes that the mesher may use unless told otherwise, if the machine has as many.
 const MEMORY: u64 = 16 << 30;
 /// Weight of a sine of an obtuse angle in the measure that is optimised, see

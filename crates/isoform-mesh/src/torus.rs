@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 
 /// Least cells of the lattice from one side to the other. Stars of vertices must not reach around
 /// the torus; with fewer than six they may, and eight leave room for collapsed edges.
-pub(crate) const LEAST_CELLS: usize = 8;
+const LEAST_CELLS: usize = 8;
 /// How far beside a side it is looked whether a surface lies in it, in lengths of the box: far more
 /// than rounding, and less than any wall.
 const WITHIN: f64 = 1e-6;

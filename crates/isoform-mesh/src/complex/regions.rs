@@ -48,8 +48,8 @@ impl Complex {
             && (self.region(t) != self.region(n) || self.side(t, i).is_some())
     }
 
-    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: to the first of
-    /// two regions, on a side of a unit cell to what lies below it.
+    /// Whether the face opposite to vertex `i` of `t` is a wall that belongs to `t`: to the first
+    /// of two regions, on a side of a unit cell to what lies below it.
     #[inline]
     pub(crate) fn owns(&self, t: u32, i: usize) -> bool {
         if !self.is_wall(t, i) {
@@ -74,7 +74,8 @@ impl Complex {
         (0..3).find(|&axis| face.iter().all(|is_on| is_on[axis]))
     }
 
-    /// The parts of a ring between walls, in order, as open rings; the ring itself if there are none.
+    /// The parts of a ring between walls, in order, as open rings; the ring itself if there are
+    /// none.
     pub(crate) fn arcs(&self, ring: &Ring) -> Vec<Ring> {
         let n = ring.tets.len();
         // The face between a tetrahedron and the one before it has the link's vertex between them.

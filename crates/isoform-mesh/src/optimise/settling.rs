@@ -185,8 +185,9 @@ impl Optimiser<'_> {
         }
     }
 
-    /// The piece that a face at a vertex, of the tetrahedron around a place, lies on, as the solid is at its middle: of the vertex's
-    /// pieces and the one that decides there the one that the face faces best.
+    /// The piece that a face at a vertex lies on, as the solid is at its middle: of the vertex's
+    /// pieces and the one that decides there the one that the face faces best. `within` is a place
+    /// in the tetrahedron that the face belongs to.
     fn label_anew(&self, v: u32, face: [u32; 3], within: Point3, old: u32) -> u32 {
         let c = self.points_of(face);
         if old >= STRAY && self.complex.is_divided() {

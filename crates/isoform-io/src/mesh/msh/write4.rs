@@ -297,6 +297,10 @@ fn links(mesh: &Mesh) -> Vec<Link> {
 /// Writes the section of periodic entities, if the mesh is a unit cell: for each part on an upper
 /// side the part that it is on the lower one, how far away that is, and the nodes of both.
 fn write_periodic(mesh: &Mesh, out: &mut Fields<'_>) -> io::Result<()> {
+    // Most meshes are no unit cells: their triangles need not be listed.
+    if mesh.opposite.is_empty() {
+        return Ok(());
+    }
     let links = links(mesh);
     if links.is_empty() {
         return Ok(());
