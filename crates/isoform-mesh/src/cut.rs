@@ -183,16 +183,12 @@ impl<'s> Cutter<'s> {
     /// As [`Self::distance_in`], for a vertex on a side of a unit cell.
     #[inline(never)]
     fn distance_beside(&mut self, t: u32, v: u32, piece: u32) -> f64 {
-        let Some(torus) = &self.surface.torus else {
-            return self.distance(v, piece);
-        };
         let is_settled = self.known[v as usize].iter().any(|k| k.0 == piece);
         if is_settled || self.on[v as usize].contains(piece) || self.surface.is_side(piece) {
             return self.distance(v, piece);
         }
         let p = self.complex.corners(t)[self.complex.place(t, v)];
-        let beside = torus.beside(p, self.complex.middle(t));
-        self.surface.distance(piece, beside)
+        self.surface.distance_from(piece, p, self.complex.middle(t))
     }
 
     /// Worst measure of the tetrahedra at `v` if it stood at `p`.

@@ -157,7 +157,7 @@ pub struct Warning {
 }
 
 /// What may keep a mesh from following the solid.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum WarningKind {
     /// The limit of memory was met before sizes were as small as asked for.
@@ -184,10 +184,25 @@ pub enum WarningKind {
     Torn,
     /// A region without tetrahedra.
     EmptyRegion(String),
+    /// The solid does not quite repeat: its surface at one side of a unit cell is not where it is
+    /// at the opposite side.
+    SidesApart {
+        /// The axis across which the sides lie.
+        axis: char,
+        /// How far the two are apart.
+        by: f64,
+    },
 }
 
 impl std::fmt::Display for WarningKind {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        if let Self::SidesApart { axis, by } = self {
+            return write!(
+                f,
+                "the model does not quite repeat along {axis}: at opposite places of the box its \
+                 surface is {by:.1e} apart"
+            );
+        }
         if let Self::NotCut(count) = self {
             return write!(
                 f,
@@ -209,6 +224,7 @@ impl std::fmt::Display for WarningKind {
             Self::TooFine => "the surface is finer than the mesh can resolve here",
             Self::NotCut(_) => "tetrahedra could not be cut to the end",
             Self::EmptyRegion(_) => "a region has no tetrahedra",
+            Self::SidesApart { .. } => "the model does not quite repeat",
             Self::StrayFace => "a face of the surface lies on no single part",
             Self::VertexOff => "a vertex could not be brought onto the surface",
             Self::MiddleOff => "a mid-edge node could not be brought onto the surface",

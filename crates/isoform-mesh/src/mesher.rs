@@ -20,7 +20,7 @@ use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
 use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
-use crate::torus::{Misfit, Torus, Wrapped, misfit};
+use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
@@ -136,7 +136,7 @@ fn mesh_cell(
     let all = regions.iter().map(|r| (r.name, r.solid));
     for (name, solid) in std::iter::once(("", &ends as &dyn Solid)).chain(all) {
         if let Some((misfit, axis, at)) = misfit(solid, &torus, &places) {
-            let axis = ['x', 'y', 'z'][axis];
+            let axis = AXES[axis];
             let region = name.to_owned();
             return Err(match misfit {
                 Misfit::Differs => MeshError::NotPeriodic { axis, at, region },
@@ -153,7 +153,14 @@ fn mesh_cell(
         regions: &divide,
         wanted: (&capped, regions),
     };
-    let meshed = mesh_within(model, Some(torus), &extent, options, control)?;
+    let mut meshed = mesh_within(model, Some(torus), &extent, options, control)?;
+    let solids = std::iter::once(&ends as &dyn Solid).chain(regions.iter().map(|r| r.solid));
+    for (axis, at, by) in solids.flat_map(|solid| apart(solid, &torus, &meshed.mesh)) {
+        let axis = AXES[axis];
+        meshed
+            .warnings
+            .push(Warning::at(WarningKind::SidesApart { axis, by }, at));
+    }
     Ok(with_caps(meshed))
 }
 

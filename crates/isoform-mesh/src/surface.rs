@@ -13,7 +13,7 @@ mod on;
 use crate::complex::STRAY;
 use crate::features::Corner;
 use crate::lattice::{IN, Lattice, OUT, Reduced};
-use crate::points::{along, centroid, hash};
+use crate::points::{along, centroid, hash, unique};
 use crate::torus::Torus;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
@@ -208,6 +208,15 @@ impl<'s> Surface<'s> {
         }
     }
 
+    /// Distance of a point to a piece as seen from a place: on a side of a unit cell a piece is
+    /// another one on the other side.
+    pub(crate) fn distance_from(&self, piece: u32, p: Point3, from: Point3) -> f64 {
+        match &self.torus {
+            Some(torus) if !self.is_side(piece) => self.distance(piece, torus.beside(p, from)),
+            _ => self.distance(piece, p),
+        }
+    }
+
     /// Distance of a point to a piece, where on a side of a unit cell the nearest image of it
     /// counts.
     pub(crate) fn nearest_distance(&self, piece: u32, p: Point3) -> f64 {
@@ -376,6 +385,20 @@ impl<'s> Surface<'s> {
             .collect()
     }
 
+    /// As [`Self::pieces_near`]; on a side of a unit cell those on either side of it.
+    pub(crate) fn pieces_around(&self, p: Point3) -> Vec<u32> {
+        let Some(torus) = &self.torus else {
+            return self.pieces_near(p);
+        };
+        let images = torus.images(p);
+        unique(
+            images
+                .into_iter()
+                .flat_map(|p| self.pieces_near(p))
+                .collect(),
+        )
+    }
+
     /// Whether each of the layers that pieces belong to has its surface at a point.
     pub(crate) fn are_bounded_at(&self, pieces: &[u32], p: Point3) -> bool {
         let value = |&piece: &u32| self.value_in(self.layer_of(piece), p).0;
@@ -434,9 +457,10 @@ impl<'s> Surface<'s> {
         self.root_by(a, b, |p| self.value(p))
     }
 
-    /// Where one piece alone changes its sign between two points: the share of the way.
-    pub(crate) fn root_of(&self, piece: u32, a: Valued, b: Valued) -> Option<f64> {
-        let root = self.root_by(a, b, |p| (self.distance(piece, p), piece));
+    /// Where one piece alone changes its sign between two points, as seen from a place beside
+    /// them: the share of the way.
+    pub(crate) fn root_of(&self, piece: u32, a: Valued, b: Valued, from: Point3) -> Option<f64> {
+        let root = self.root_by(a, b, |p| (self.distance_from(piece, p, from), piece));
         root.map(|r| r.0)
     }
 

@@ -8,7 +8,7 @@
 use crate::complex::edge;
 use crate::lattice::CELL;
 use crate::surface::{first_order, first_order_at, zero_in};
-use isoform_geom::{Aabb, Csg, Mesh, Point3, Solid, TRIANGLE_EDGES};
+use isoform_geom::{Aabb, Csg, Mesh, Opposite, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
 use std::collections::{BTreeMap, HashMap};
 
@@ -30,6 +30,9 @@ const MOST_PLACES: usize = 1000;
 /// Where in its part of the side each of these places is: off the round numbers that models are
 /// full of.
 const OFF: [f64; 2] = [0.382, 0.618];
+/// The names of the axes.
+pub(crate) const AXES: [char; 3] = ['x', 'y', 'z'];
+
 /// A box with the axes along which it repeats.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Torus {
@@ -133,7 +136,7 @@ impl Torus {
     }
 
     /// The images of a place in the box: several if it is on a side.
-    fn images(&self, p: Point3) -> Vec<Point3> {
+    pub(crate) fn images(&self, p: Point3) -> Vec<Point3> {
         let p = self.wrapped(p);
         let mut all = vec![p];
         for i in self.repeating() {
@@ -231,7 +234,7 @@ impl Torus {
     pub(crate) fn sides(&self) -> Vec<Side> {
         let torus = *self;
         let side = |axis: usize| {
-            let name = |end: &str| format!("cap.{}_{end}", ["x", "y", "z"][axis]);
+            let name = |end: &str| format!("cap.{}_{end}", AXES[axis]);
             Side {
                 torus,
                 axis,
@@ -316,6 +319,35 @@ pub(crate) fn misfit(
         };
         (0..on_side.len()).find_map(of)
     })
+}
+
+/// The nodes of a mesh on opposite sides where the surface of a solid is at one side, and clearly
+/// elsewhere at the other: for each axis the place where they are farthest apart, and how far.
+pub(crate) fn apart(solid: &dyn Solid, torus: &Torus, mesh: &Mesh) -> Vec<(usize, Point3, f64)> {
+    let distance = |v: u32| {
+        let p = mesh.points[v as usize];
+        let of = |piece| first_order_at(solid, piece, p);
+        solid.tree().value(&of).abs()
+    };
+    // Off the surface there is nothing to compare, and solids of thousands of pieces are slow.
+    let caps: Vec<String> = torus.sides().into_iter().flat_map(|s| s.names).collect();
+    let is_cap: Vec<bool> = mesh.parts.iter().map(|name| caps.contains(name)).collect();
+    let mut is_on_surface = vec![false; mesh.points.len()];
+    for (t, &part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
+        for v in t.iter().filter(|_| !is_cap[part as usize]) {
+            is_on_surface[*v as usize] = true;
+        }
+    }
+    let farthest = |sides: &Opposite| {
+        let nodes = sides.nodes.iter();
+        let bounding = nodes.filter(|pair| pair.iter().any(|&v| is_on_surface[v as usize]));
+        let pairs = bounding.map(|pair| (pair[0], pair.map(distance)));
+        let on_one = pairs.filter(|(_, [a, b])| a.min(*b) <= torus.near / NEAR);
+        let off = on_one.map(|(v, [a, b])| (mesh.points[v as usize], a.max(b)));
+        let found = off.max_by(|a, b| a.1.total_cmp(&b.1))?;
+        (found.1 > CLEAR * torus.near).then_some((sides.axis, found.0, found.1))
+    };
+    mesh.opposite.iter().filter_map(farthest).collect()
 }
 
 /// A solid that repeats: outside of the box as in it.

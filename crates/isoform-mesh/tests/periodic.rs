@@ -4,7 +4,7 @@ use isoform_check::{Options as CheckOptions, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Mesh, Point3, Solid, cross, dot, sub};
-use isoform_mesh::{Control, MeshError, Meshed, Options, Region};
+use isoform_mesh::{Control, MeshError, Meshed, Options, Region, Warning, WarningKind};
 use std::collections::BTreeSet;
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -288,7 +288,8 @@ fn what_does_not_repeat_is_refused() {
     assert_eq!(error(&solid(GYROID), &[], &boxless), MeshError::NoBox);
 }
 
-/// Surfaces that miss each other across a side, too little for the signs to tell: no certificate.
+/// Surfaces that miss each other across a side, too little for the signs to tell: no certificate,
+/// and a warning of how far they are apart. The ball's circle in the side is shifted by 1e-4.
 #[test]
 fn surfaces_that_miss_each_other_at_a_side_have_no_certificate() {
     let off = "m(x[3], a[1]) { array c[3]; c = [0, 0.5, 0.5]; t = hfSphere(x, c, 0.3);
@@ -298,13 +299,33 @@ fn surfaces_that_miss_each_other_at_a_side_have_no_certificate() {
         periodic: [true, false, false],
         ..cell(UNIT, 0.1)
     };
-    let Ok(made) = isoform_mesh::mesh(&model, &options, &Control::default()) else {
-        return;
+    let made = isoform_mesh::mesh(&model, &options, &Control::default()).expect("a mesh");
+    let is_told = |warning: &Warning| match warning.kind {
+        WarningKind::SidesApart { axis, by } => axis == 'x' && (0.9e-4..1.1e-4).contains(&by),
+        _ => false,
     };
+    assert!(made.warnings.iter().any(is_told), "{:?}", made.warnings);
     let wanted = CheckOptions {
         region: Some(UNIT),
         periodic: options.periodic,
         ..CheckOptions::default()
     };
     assert!(!certify(&made.mesh, Some(&model), &wanted, &Control::default()).is_ok());
+}
+
+/// Curves in which balls meet end in the sides, where each ball is one function below and another
+/// one above. This cell was cut without end.
+#[test]
+fn curves_of_balls_go_over_the_sides() {
+    let region = Aabb {
+        lo: [-0.35, 4.9, 0.0],
+        hi: [0.65, 5.9, 0.7],
+    };
+    let one = [-0.28549520753486346, 5.893917765356397, 0.5354448077146079];
+    let other = [-0.20610165979197193, 5.682984323569068, 0.6707482860036442];
+    let solid = balls(
+        &[(one, 0.18564082697709552), (other, 0.21752820908718334)],
+        region,
+    );
+    meshed(&solid, &cell(region, 0.04));
 }

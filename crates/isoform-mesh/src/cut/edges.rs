@@ -27,6 +27,9 @@ const SLIDE_REACH: f64 = 0.5;
 /// Worst measure that such a move may leave. Higher: more cuts and short edges; lower: flat
 /// tetrahedra that only the optimiser can mend.
 const SLIDE_QUALITY: f64 = 0.08;
+/// Share of a distance by which that to a piece on the other side of a side of a unit cell may
+/// differ: rounding makes far less, and two pieces are seldom as near to each other.
+const BEYOND: f64 = 1e-6;
 /// Farthest that a new vertex is moved from its chord onto its pieces, in lengths of the edge.
 const CUT_REACH: f64 = 0.5;
 /// Worst measure that this may leave at a vertex on two pieces or more.
@@ -177,7 +180,7 @@ impl Cutter<'_> {
         {
             return changed;
         }
-        if let Some(changed) = self.touch(crossing, piece) {
+        if let Some(changed) = self.touch(t, crossing, piece) {
             return changed;
         }
         let [a, b] = self.complex.points_of(crossing.ends);
@@ -199,15 +202,18 @@ impl Cutter<'_> {
     /// there.
     fn root(&mut self, t: u32, crossing: Crossing) -> Option<(f64, u32)> {
         let [u, w] = crossing.ends;
-        let [a, b] = self.complex.points_of(crossing.ends);
         match crossing.piece {
             None => {
+                let [a, b] = self.complex.points_of(crossing.ends);
                 let [f, g] = [u, w].map(|v| self.value[v as usize].clamp(-f64::MAX, f64::MAX));
                 self.surface.root((a, f), (b, g))
             }
             Some(i) => {
                 let (f, g) = (self.distance_in(t, u, i), self.distance_in(t, w, i));
-                let share = self.surface.root_of(i, (a, f), (b, g))?;
+                let corners = self.complex.corners(t);
+                let [a, b] = [u, w].map(|v| corners[self.complex.place(t, v)]);
+                let from = self.complex.middle(t);
+                let share = self.surface.root_of(i, (a, f), (b, g), from)?;
                 Some((share, i))
             }
         }
@@ -237,8 +243,11 @@ impl Cutter<'_> {
             Some(q) if on.len() < 2 || self.worst_if(m, q) > CUT_QUALITY => self.place(m, q, on),
             _ => {
                 self.place(m, at, on);
-                if !on.is_empty() {
+                if !self.surface.holds_only_sides(&on) {
                     self.value[m as usize] = 0.0;
+                    if self.is_on_side(m) {
+                        self.count_as_on_beyond(m);
+                    }
                 }
             }
         }
@@ -247,9 +256,9 @@ impl Cutter<'_> {
     /// Lets the end of an edge that is nearer to the surface (or to a piece alone) count as lying
     /// on it, if it is so near that a cut would only leave a short edge or a flat tetrahedron. The
     /// optimiser brings it there.
-    fn touch(&mut self, crossing: Crossing, found: u32) -> Option<Vec<u32>> {
+    fn touch(&mut self, t: u32, crossing: Crossing, found: u32) -> Option<Vec<u32>> {
         let [u, w] = crossing.ends;
-        let (du, dw) = (self.depth(u, crossing.piece), self.depth(w, crossing.piece));
+        let [du, dw] = [u, w].map(|v| self.depth(t, v, crossing.piece));
         let (end, depth) = if du <= dw { (u, du) } else { (w, dw) };
         let shallow = SHALLOW * self.complex.edge_length(u, w);
         if depth >= shallow {
@@ -258,13 +267,12 @@ impl Cutter<'_> {
         let p = self.complex.point(end);
         let surface = self.surface;
         let deciding = crossing.piece.unwrap_or_else(|| surface.value(p).1);
-        let mut near = surface.pieces_near(p);
+        let mut near = surface.pieces_around(p);
         near.retain(|&i| self.distance(end, i).abs() < shallow);
         near.extend([deciding, found]);
         for i in near {
             if i != NO_PIECE && self.distance(end, i).abs() < shallow {
-                self.known[end as usize].retain(|k| k.0 != i);
-                self.known[end as usize].push((i, 0.0));
+                self.count_as_on(end, i);
             }
         }
         if crossing.piece.is_none() {
@@ -274,11 +282,34 @@ impl Cutter<'_> {
         Some(self.star.clone())
     }
 
-    /// How far a vertex is from a piece, or from the surface.
-    fn depth(&mut self, v: u32, piece: Option<u32>) -> f64 {
+    /// Lets a vertex count as lying on a piece.
+    fn count_as_on(&mut self, v: u32, piece: u32) {
+        self.known[v as usize].retain(|k| k.0 != piece);
+        self.known[v as usize].push((piece, 0.0));
+    }
+
+    /// Lets a vertex on a side of a unit cell that is held on pieces, but left off them, count as
+    /// lying on what they are on the other side: pieces that are as far from it.
+    #[cold]
+    fn count_as_on_beyond(&mut self, v: u32) {
+        let (p, surface) = (self.complex.point(v), self.surface);
+        let on = self.on[v as usize];
+        let held = on.slice().iter().filter(|&&i| !surface.is_side(i));
+        let off: Vec<f64> = held.map(|&i| surface.nearest_distance(i, p)).collect();
+        for i in surface.pieces_around(p) {
+            let d = surface.nearest_distance(i, p);
+            let is_one = |off: &f64| (d - off).abs() <= BEYOND * off.abs() + surface.zero;
+            if off.iter().any(is_one) {
+                self.count_as_on(v, i);
+            }
+        }
+    }
+
+    /// How far a vertex is from a piece as seen from a tetrahedron, or from the surface.
+    fn depth(&mut self, t: u32, v: u32, piece: Option<u32>) -> f64 {
         match piece {
             None => self.value[v as usize].abs(),
-            Some(i) => self.distance(v, i).abs(),
+            Some(i) => self.distance_in(t, v, i).abs(),
         }
     }
 
