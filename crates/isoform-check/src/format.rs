@@ -57,6 +57,9 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
         ("tets", mesh.tets.as_flattened(), 4, nodes),
         ("tet_mids", mesh.tet_mids.as_flattened(), 6, nodes),
         ("tet_regions", &mesh.tet_regions, 1, mesh.regions.len()),
+        ("wedges", mesh.wedges.as_flattened(), 6, nodes),
+        ("quads", mesh.quads.as_flattened(), 4, nodes),
+        ("quad_parts", &mesh.quad_parts, 1, parts),
         ("edges", mesh.edges.as_flattened(), 2, nodes),
         ("edge_mids", &mesh.edge_mids, 1, nodes),
         ("edge_curves", &mesh.edge_curves, 1, mesh.curves.len()),
@@ -111,6 +114,7 @@ fn lengths(mesh: &Mesh, found: &mut Vec<Malformed>) {
         ("triangle_parts", mesh.triangle_parts.len(), triangles),
         ("tet_mids", mesh.tet_mids.len(), tets),
         ("tet_regions", mesh.tet_regions.len(), tets),
+        ("quad_parts", mesh.quad_parts.len(), mesh.quads.len()),
         ("edge_mids", mesh.edge_mids.len(), edges),
         ("edge_curves", mesh.edge_curves.len(), edges),
     ] {

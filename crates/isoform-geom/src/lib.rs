@@ -28,7 +28,9 @@ pub use field::{
 };
 pub use gram::Gram;
 pub use kdtree::KdTree;
-pub use mesh::{Curve, Mesh, Opposite, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
+pub use mesh::{
+    Curve, Mesh, Opposite, TET_EDGES, TET_FACES, TRIANGLE_EDGES, WEDGE_QUADS, WEDGE_TRIANGLES,
+};
 pub use normals::{Agreement, agreement, estimate_normals, orient_normals, vertex_normals};
 pub use pairs::near_pairs;
 pub use parts::{Parts, SmoothPart};

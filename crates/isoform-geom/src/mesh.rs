@@ -2,8 +2,10 @@
 
 mod opposite;
 mod regions;
+mod wedges;
 
 use crate::{Aabb, Column, Point3};
+pub use wedges::{WEDGE_QUADS, WEDGE_TRIANGLES};
 
 /// Pairs of corners that the mid-edge nodes 4 to 9 of a ten-node tetrahedron belong to (the order
 /// of VTK and CalculiX).
@@ -46,6 +48,13 @@ pub struct Mesh {
     pub tet_regions: Vec<u32>,
     /// Names of the regions.
     pub regions: Vec<String>,
+    /// Wedges (prisms) of boundary layers, positive: the base 0 1 2 looks towards 3 4 5, and node
+    /// 3 lies over 0, 4 over 1, 5 over 2. Meshes with wedges are of first order.
+    pub wedges: Vec<[u32; 6]>,
+    /// Quadrilaterals of the surface: sides of wedges, counterclockwise seen from outside.
+    pub quads: Vec<[u32; 4]>,
+    /// The part that each quadrilateral lies on, index into `parts`.
+    pub quad_parts: Vec<u32>,
     /// Edges on feature curves.
     pub edges: Vec<[u32; 2]>,
     /// Mid nodes of the edges.

@@ -86,6 +86,46 @@ pub enum MeshError {
         /// The region whose surface it is; empty for the model itself.
         region: String,
     },
+    /// Layers of wedges that go with none of the other options.
+    #[error("there are no layers {what}")]
+    NoLayers {
+        /// What they do not go with.
+        what: &'static str,
+    },
+    /// No part of the surface has a name that layers are asked for on.
+    #[error("no part of the surface is called {pattern}; its parts are {}", .parts.join(", "))]
+    NoPart {
+        /// The name, or pattern of names.
+        pattern: String,
+        /// The parts that there are.
+        parts: Vec<String>,
+    },
+    /// Layers that would have to end where the surface goes on smoothly, or where it turns away.
+    #[error(
+        "layers on {part} cannot end at {other}, near ({}, {}, {}): the two parts meet smoothly \
+         there, or at an angle of more than 150 degrees",
+        .at[0], .at[1], .at[2]
+    )]
+    LayersEnd {
+        /// The part that has layers.
+        part: String,
+        /// The part beside it that has none.
+        other: String,
+        /// Where they meet.
+        at: Point3,
+    },
+    /// Layers that are thicker than the solid has room for.
+    #[error("layers {thickness} thick leave nothing of the solid")]
+    NoRoom {
+        /// Thickness of all layers.
+        thickness: f64,
+    },
+    /// A part with layers whose slopes are not known over boxes.
+    #[error("there are no layers on {part}: bounds of its slope are not known")]
+    NoSlopes {
+        /// The part.
+        part: String,
+    },
     /// The solid is so thin or small that no lattice point or edge meets it.
     #[error("nothing of the solid is seen at size {size}")]
     TooCoarse {

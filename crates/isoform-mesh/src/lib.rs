@@ -58,5 +58,5 @@ pub use error::{MeshError, Warning, WarningKind};
 pub use isoform_control::Control;
 pub use mesher::{Meshed, mesh, mesh_regions};
 pub use missed::{Missed, Witness};
-pub use options::{Options, Sizes};
+pub use options::{Layers, Options, Sizes};
 pub use regions::REST;

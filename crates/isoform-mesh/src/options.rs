@@ -10,6 +10,8 @@ use std::sync::Arc;
 pub(crate) const BYTES: u64 = 400;
 /// Bytes that the mesher may use unless told otherwise, if the machine has as many.
 const MEMORY: u64 = 16 << 30;
+/// Most layers of wedges: boundary layers have a few dozen at most.
+const MOST_LAYERS: usize = 100;
 /// Weight of a sine of an obtuse angle in the measure that is optimised, see
 /// [`OBTUSE_WEIGHT`](isoform_check::quality::OBTUSE_WEIGHT).
 const OBTUSE: f64 = isoform_check::quality::OBTUSE_WEIGHT;
@@ -34,6 +36,8 @@ pub struct Options {
     /// The axes along which the box is a unit cell: the mesh of its upper side is that of its lower
     /// side, node for node. The function must say so, too; it counts in the box alone.
     pub periodic: [bool; 3],
+    /// Layers of wedges along parts of the surface.
+    pub layers: Option<Layers>,
     /// The box in which the solid is looked for first where there is no `region`: about where it is,
     /// if that is known.
     pub start: Aabb,
@@ -56,6 +60,7 @@ impl Default for Options {
             surface_only: false,
             region: None,
             periodic: [false; 3],
+            layers: None,
             start: START,
             angles: [21.0, 149.0],
             memory: MEMORY,
@@ -69,6 +74,9 @@ impl Options {
         positive("size", self.size)?;
         if let Some(grade) = self.grade {
             positive("grade", grade)?;
+        }
+        if let Some(layers) = &self.layers {
+            layers.check(self)?;
         }
         if self.region.is_none() && self.periodic.contains(&true) {
             return Err(MeshError::NoBox);
@@ -110,6 +118,67 @@ impl Options {
             .to_radians()
             .sin()
             .max(OBTUSE * self.angles[1].to_radians().sin())
+    }
+}
+
+/// Layers of wedges (prisms) inside of the solid, along parts of its surface: a boundary layer.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers {
+    /// Names of the parts, or patterns of them: `*` stands for any characters. A part whose name
+    /// fits one of them has layers.
+    pub parts: Vec<String>,
+    /// Thickness of the layer on the surface, in model units.
+    pub first: f64,
+    /// How many times as thick as the layer before each one is.
+    pub growth: f64,
+    /// How many layers there are.
+    pub count: usize,
+}
+
+impl Layers {
+    /// Thickness of all layers, and of as many as there are below each of them: from 0 on.
+    ///
+    /// ```
+    /// use isoform_mesh::Layers;
+    ///
+    /// let layers = Layers { parts: vec!["wall".into()], first: 1.0, growth: 2.0, count: 3 };
+    /// assert_eq!(layers.heights(), [0.0, 1.0, 3.0, 7.0]);
+    /// ```
+    pub fn heights(&self) -> Vec<f64> {
+        let mut heights = vec![0.0];
+        let (mut height, mut thickness) = (0.0, self.first);
+        for _ in 0..self.count {
+            height += thickness;
+            thickness *= self.growth;
+            heights.push(height);
+        }
+        heights
+    }
+
+    /// Thickness of all layers.
+    pub fn thickness(&self) -> f64 {
+        self.heights().pop().unwrap_or(0.0)
+    }
+
+    /// Whether every number has a meaning, also beside the other options.
+    fn check(&self, options: &Options) -> Result<(), MeshError> {
+        positive("layers' first thickness", self.first)?;
+        positive("layers' growth", self.growth)?;
+        if !(1..=MOST_LAYERS).contains(&self.count) {
+            return Err(MeshError::Option {
+                name: "number of layers",
+                wanted: "between 1 and 100",
+                value: self.count as f64,
+            });
+        }
+        positive("layers' thickness", self.thickness())?;
+        let what = match options {
+            o if o.surface_only => "with the surface alone",
+            o if o.order != 1 => "with a second order",
+            o if o.periodic.contains(&true) => "in unit cells",
+            _ => return Ok(()),
+        };
+        Err(MeshError::NoLayers { what })
     }
 }
 

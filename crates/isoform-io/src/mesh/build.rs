@@ -283,6 +283,9 @@ impl Builder {
             parts: [0; 2],
         };
         Mesh {
+            wedges: Vec::new(),
+            quads: Vec::new(),
+            quad_parts: Vec::new(),
             points: self.points,
             triangles: self.triangles.corners,
             triangle_mids: self.triangles.mids,
