@@ -85,6 +85,7 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     surface(c, &mut list);
     intersections(c, &mut list);
     volume(c, &mut list);
+    wedges(c, &mut list);
     dihedral_angles(c, &mut list);
     shape(c, &mut list);
     deviation(c, &mut list);
@@ -174,6 +175,17 @@ fn intersections(c: &Certificate, list: &mut List) {
             "too many self-intersections to find them all".to_owned(),
             None,
         );
+    }
+}
+
+/// Wedges that are turned over.
+fn wedges(c: &Certificate, list: &mut List) {
+    if let Some(w) = &c.wedges {
+        let (one, many) = (
+            "wedge that is not positive everywhere",
+            "wedges that are not positive everywhere",
+        );
+        list.none("inverted-wedge", &w.inverted, one, many);
     }
 }
 

@@ -42,6 +42,7 @@ pub mod quality;
 mod stars;
 mod surface;
 mod volume;
+mod wedges;
 
 pub use cap::Capped;
 pub use coverage::Coverage;
@@ -55,6 +56,7 @@ pub use intersections::Intersections;
 pub use opposite::OppositeSides;
 pub use surface::{Shell, Surface};
 pub use volume::Volume;
+pub use wedges::WedgeQuality;
 
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
@@ -155,6 +157,9 @@ pub struct Certificate {
     pub triangles: Option<TriangleQuality>,
     /// Shape of the tetrahedra.
     pub tets: Option<TetQuality>,
+    /// Shape of the wedges. All else takes each for three tetrahedra, and quadrilaterals for two
+    /// triangles each ([`Mesh::simplices`]), but shapes of tetrahedra are those of the mesh's own.
+    pub wedges: Option<WedgeQuality>,
     /// The Jacobian of tetrahedra with mid nodes.
     pub curved: Option<CurvedQuality>,
     /// Distances to the solid; if there is one to compare with.
@@ -204,20 +209,24 @@ pub fn certify(
         certificate.complete = true;
         return certificate;
     }
+    let tets = mesh.tets.len();
+    certificate.wedges = wedges::examine(mesh, options);
+    let mesh = mesh.simplices();
     let mesh = &mesh.without_walls();
-    certificate.complete = examine(mesh, solid, options, control, &mut certificate).is_some();
+    certificate.complete = examine(mesh, tets, solid, options, control, &mut certificate).is_some();
     certificate
 }
 
-/// All checks of a well-formed mesh; `None` if stopped.
+/// All checks of a well-formed mesh, whose first `tets` tetrahedra are its own; `None` if stopped.
 fn examine(
     mesh: &Mesh,
+    tets: usize,
     solid: Option<&dyn Solid>,
     options: &Options<'_>,
     control: &Control<'_>,
     certificate: &mut Certificate,
 ) -> Option<()> {
-    let boundary = examine_tetrahedra(mesh, options, control, certificate)?;
+    let boundary = examine_tetrahedra(mesh, tets, options, control, certificate)?;
     let triangles = if mesh.triangles.is_empty() {
         &boundary
     } else {
@@ -262,6 +271,7 @@ fn examine_features(
 /// The checks of tetrahedra, if there are any. Returns their boundary; `None` if stopped.
 fn examine_tetrahedra(
     mesh: &Mesh,
+    tets: usize,
     options: &Options<'_>,
     control: &Control<'_>,
     certificate: &mut Certificate,
@@ -273,7 +283,7 @@ fn examine_tetrahedra(
     let (volume, boundary) = volume::examine(mesh, options);
     certificate.volume = Some(volume);
     control.begin("measuring tetrahedra").ok()?;
-    certificate.tets = elements::tets(&mesh.points, &mesh.tets, options);
+    certificate.tets = elements::tets(&mesh.points, &mesh.tets[..tets], options);
     certificate.curved = elements::curved(mesh, options);
     Some(boundary)
 }

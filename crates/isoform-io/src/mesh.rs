@@ -1,10 +1,10 @@
 //! Meshes with groups, to files and back.
 //!
 //! [`write_mesh`] and [`read_mesh`] do for a [`Mesh`] what [`write()`](crate::write()) and
-//! [`read()`](crate::read()) do for points. Parts are groups of triangles, curves groups of edges,
-//! regions groups of tetrahedra; each format carries of them what it can, and the [`WriteReport`]
-//! says what it cannot. Tags of groups count from 1 in the order of the mesh's lists, 0 is no
-//! group.
+//! [`read()`](crate::read()) do for points. Parts are groups of triangles and quadrilaterals,
+//! curves groups of edges, regions groups of tetrahedra; each format carries of them what it can,
+//! and the [`WriteReport`] says what it cannot. Tags of groups count from 1 in the order of the
+//! mesh's lists, 0 is no group.
 //!
 //! A new format is one file in `mesh/` with `write` or `read`, its `mod` here, and one line in
 //! `mesh/registry.rs`.
@@ -129,13 +129,15 @@ fn writer(
     Ok((format, format.write, options))
 }
 
-/// What of a mesh a format holds: one of surfaces has no walls between regions, which would end at
-/// the surface within it.
+/// What of a mesh a format holds: one of surfaces has no quadrilaterals, which become triangles,
+/// and no walls between regions, which would end at the surface within it.
 fn writable<'m>(mesh: &'m Mesh, format: &MeshFormat) -> Cow<'m, Mesh> {
     if format.volume {
-        Cow::Borrowed(mesh)
-    } else {
-        mesh.without_walls()
+        return Cow::Borrowed(mesh);
+    }
+    match mesh.simplices() {
+        Cow::Borrowed(mesh) => mesh.without_walls(),
+        Cow::Owned(mesh) => Cow::Owned(mesh.without_walls().into_owned()),
     }
 }
 
@@ -192,8 +194,9 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
 /// Reads a mesh.
 ///
 /// `format` is a name or an ending out of [`mesh_formats`] and overrides the guess by content and
-/// name. Polygons become fans of triangles. Groups come back with their names where the format has
-/// them. Coordinates stay as they are in the file.
+/// name. Polygons become fans of triangles, but quadrilaterals beside wedges are kept. Wedges of
+/// several regions become tetrahedra. Groups come back with their names where the format has them.
+/// Coordinates stay as they are in the file.
 pub fn read_mesh(
     source: Source<'_>,
     format: Option<&str>,
@@ -205,7 +208,9 @@ pub fn read_mesh(
     let mut report = ReadReport::new(format.name, input.name.clone());
     report.warnings = warnings;
     let mut mesh = read(&mut input, &mut report)?;
-    if options.boundary && mesh.triangles.is_empty() && !mesh.tets.is_empty() {
+    let has_surface = !mesh.triangles.is_empty() || !mesh.quads.is_empty();
+    let has_volume = !mesh.tets.is_empty() || !mesh.wedges.is_empty();
+    if options.boundary && has_volume && !has_surface {
         boundary::add_boundary(&mut mesh);
     }
     report.rows = mesh.points.len() as u64 + report.dropped_points;

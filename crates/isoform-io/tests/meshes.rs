@@ -5,6 +5,7 @@ mod common;
 
 use common::cube::block;
 use common::damage::{apply, damage};
+use common::layers::layers;
 use common::meshes::{FOREIGN, mesh_fixtures};
 use isoform_geom::{Column, Curve, Mesh, Point3, TET_EDGES, TRIANGLE_EDGES};
 use isoform_io::{
@@ -125,6 +126,168 @@ fn abaqus_keeps_elements_surfaces_and_names_in_capitals() {
             )
         );
     }
+}
+
+/// The volume within the surface, outward: a third of the sum of position times area.
+fn volume_within(mesh: &Mesh) -> f64 {
+    let corners = |t: &[u32; 3]| t.map(|n| mesh.points[n as usize]);
+    let six = mesh.triangles.iter().map(corners).map(|[a, b, c]| {
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    });
+    six.sum::<f64>() / 6.0
+}
+
+#[test]
+fn wedges_come_back() {
+    let mesh = layers();
+    for format in EXACT {
+        assert_eq!(through(&mesh, format), mesh, "{format}");
+    }
+    let again = through(&mesh, "inp");
+    assert_eq!((&again.tets, &again.wedges), (&mesh.tets, &mesh.wedges));
+    assert_eq!(
+        (again.parts.join("|"), again.points),
+        ("FLOOR|SIDE".into(), mesh.points.clone())
+    );
+    assert_eq!((again.triangles.len(), again.quads.len()), (6, 8));
+    assert_eq!(
+        (again.regions.join("|"), again.tet_regions),
+        ("SOLID".into(), vec![0; 2])
+    );
+    let whole = |mut quads: Vec<[u32; 4]>| {
+        quads.iter_mut().for_each(|quad| {
+            let first = (0..4).min_by_key(|&k| quad[k]).expect("four");
+            quad.rotate_left(first);
+        });
+        quads.sort_unstable();
+        quads
+    };
+    assert_eq!(
+        (whole(again.quads), again.quad_parts),
+        (whole(mesh.quads.clone()), vec![1; 8])
+    );
+    let floor = Mesh {
+        triangles: again.triangles,
+        triangle_parts: again.triangle_parts,
+        ..mesh.clone()
+    };
+    assert_eq!(soup(&floor), soup(&mesh));
+}
+
+/// Without a surface in the file, its sides become one.
+#[test]
+fn wedges_get_a_boundary() {
+    let mut bare = layers();
+    (bare.triangles, bare.triangle_parts) = (vec![], vec![]);
+    (bare.quads, bare.quad_parts) = (vec![], vec![]);
+    let bytes = written(&bare, "msh");
+    let source = Source::Bytes {
+        name: "t",
+        bytes: &bytes,
+    };
+    let (again, _) = read_mesh(source, None, &MeshReadOptions::default()).expect("valid");
+    assert_eq!(
+        (again.triangles.len(), again.quads.len(), again.wedges.len()),
+        (6, 8, 4)
+    );
+    let volume = volume_within(&again.simplices());
+    assert!((volume - 8.0 / 15.0).abs() < 1e-12, "{volume}");
+}
+
+#[test]
+fn surfaces_of_wedges_are_triangles() {
+    let mesh = layers();
+    let simplices = mesh.simplices();
+    for format in ["obj", "ply", "stl-ascii", "3mf", "off"] {
+        let again = through(&mesh, format);
+        assert_eq!(again.triangles.len(), 22, "{format}");
+        let volume = volume_within(&again);
+        assert!((volume - 8.0 / 15.0).abs() < 1e-12, "{format}: {volume}");
+        if format != "off" {
+            assert_eq!(soup(&again), soup(&simplices), "{format}");
+            assert_eq!(again.parts, mesh.parts, "{format}");
+        }
+    }
+    let report = write_mesh(&mesh, &mut Vec::new(), "glb", &MeshWriteOptions::default());
+    let warnings = report.expect("written").warnings;
+    assert!(warnings[0].contains("22 triangles"), "{warnings:?}");
+}
+
+/// A surface alone is read as triangles, as ever.
+#[test]
+fn quadrilaterals_without_wedges_are_two_triangles_each() {
+    let surface = Mesh {
+        wedges: vec![],
+        tets: vec![],
+        tet_regions: vec![],
+        ..layers()
+    };
+    for format in EXACT.into_iter().chain(["inp"]) {
+        let again = through(&surface, format);
+        assert_eq!(
+            (again.triangles.len(), again.quads.len()),
+            (22, 0),
+            "{format}"
+        );
+        assert_eq!(
+            again.triangle_parts.iter().filter(|p| **p == 0).count(),
+            2,
+            "{format}"
+        );
+        assert!(
+            (volume_within(&again) - 8.0 / 15.0).abs() < 1e-12,
+            "{format}"
+        );
+    }
+}
+
+/// The words of every format for a wedge and a quadrilateral.
+#[test]
+fn how_wedges_are_called() {
+    let mesh = layers();
+    let has = |format: &str, rows: &[&str]| {
+        let text = String::from_utf8(written(&mesh, format)).expect("text");
+        for row in rows {
+            assert!(text.contains(row), "{format} without {row:?}:\n{text}");
+        }
+    };
+    // Gmsh: a block of 4 prisms (6) in the volume 1, one of 8 quadrilaterals (3) in the surface 2.
+    has(
+        "msh",
+        &[
+            "\n3 1 6 4 \n25 1 2 3 5 6 7 \n",
+            "\n2 2 3 8 \n15 1 2 6 5 \n",
+            "2 2 \"side\"\n",
+            "3 1 \"solid\"\n",
+        ],
+    );
+    has(
+        "msh2",
+        &["\n25 6 2 1 1 1 2 3 5 6 7\n", "\n15 3 2 2 2 1 2 6 5\n"],
+    );
+    // VTK: the first triangle looks out.
+    has(
+        "vtu-ascii",
+        &["\n0 2 1 4 6 5 \n", "\n0 1 5 4 \n", "\n13 \n", "\n9 \n"],
+    );
+    has(
+        "inp",
+        &[
+            "*ELEMENT, TYPE=C3D4, ELSET=SOLID\n1, 9, 10, 11, 13\n",
+            "*ELEMENT, TYPE=C3D6, ELSET=SOLID\n3, 1, 2, 3, 5, 6, 7\n",
+            "*SURFACE, NAME=FLOOR, TYPE=ELEMENT\n3, S1\n4, S1\n*",
+            "\n3, S3\n3, S4\n4, S4\n4, S5\n",
+        ],
+    );
+    has(
+        "bdf",
+        &[
+            "CPENTA  17      3       1       2       3       5       6       7       \n",
+            "CQUAD4  7       2       1       2       6       5       \n",
+        ],
+    );
 }
 
 /// Every mid node of the bent block lies nearer to the middle of its edge than to that of any other
@@ -547,8 +710,7 @@ fn any_mesh() -> impl Strategy<Value = Mesh> {
                         tets,
                         edges,
                         corners,
-                        opposite: vec![],
-                        columns: vec![],
+                        ..Mesh::default()
                     }
                 })
         },

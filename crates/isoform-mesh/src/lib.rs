@@ -38,6 +38,7 @@ mod error;
 pub mod features;
 mod inside;
 mod lattice;
+mod layers;
 mod measure;
 mod memory;
 mod mesher;

@@ -12,13 +12,14 @@ use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
+use crate::layers::{Core as Unlayered, grow, layered};
 use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
-use crate::options::{self, Options};
+use crate::options::{self, Layers, Options};
 use crate::refine::Refiner;
 use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
-use crate::surface::{LayerCells, MOST_LAYERS, Surface};
+use crate::surface::{LayerCells, MOST_LAYERS, Surface, first_order_at};
 use crate::torn::torn;
 use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
@@ -93,6 +94,12 @@ pub fn mesh_regions(
     options.check()?;
     check_regions(regions, options)?;
     control.begin("extent")?;
+    if let Some(layers) = &options.layers {
+        return match regions.is_empty() {
+            true => mesh_layered(solid, layers, options, control),
+            false => Err(MeshError::NoLayers { what: "in regions" }),
+        };
+    }
     if let Some(region) = options.region.filter(|_| options.periodic.contains(&true)) {
         return mesh_cell(solid, regions, region, options, control);
     }
@@ -105,6 +112,42 @@ pub fn mesh_regions(
         let extent = extent_within(solid, options.start, options.size, control)?;
         mesh_within(Model::of(solid, regions), None, &extent, options, control)
     }
+}
+
+/// Meshes a solid with layers of wedges along parts of its surface.
+fn mesh_layered(
+    solid: &dyn Solid,
+    layers: &Layers,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
+    let capped = options.region.map(|region| Capped::new(solid, region));
+    let solid = capped.as_ref().map_or(solid, |capped| capped);
+    let start = options.region.unwrap_or(options.start);
+    let extent = extent_within(solid, start, options.size, control)?;
+    let region = extent.bounds;
+    let layered = layered(solid, layers)?;
+    let core = Unlayered::new(solid, &layered, layers.thickness(), region)?;
+    let made = mesh_within(Model::of(&core, &[]), None, &extent, options, control);
+    let mut meshed = made.map_err(|error| match error {
+        MeshError::TooCoarse { .. } => MeshError::NoRoom {
+            thickness: layers.thickness(),
+        },
+        error => error,
+    })?;
+    control.begin("layers")?;
+    meshed.mesh = grow(&meshed.mesh, solid, &layered, layers, region)?;
+    meshed.features = features_of(solid, region, options, control);
+    control.begin("what the mesh misses")?;
+    let simplices = meshed.mesh.simplices();
+    meshed.missed = missed(solid, &simplices, region, options.size, control);
+    let value = |p: Point3| solid.tree().value(&|piece| first_order_at(solid, piece, p));
+    let apart = torn(value, &simplices, options.size, control);
+    meshed.warnings.extend(meshed.missed.warning());
+    meshed
+        .warnings
+        .extend(Warning::each(WarningKind::Torn, apart));
+    Ok(with_caps(meshed))
 }
 
 /// Meshes a unit cell.

@@ -39,8 +39,8 @@ fn triangles([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
 }
 
 impl Mesh {
-    /// The mesh with three tetrahedra for each wedge, behind its own, and two triangles for each
-    /// quadrilateral.
+    /// The mesh with three tetrahedra for each wedge, behind its own and in the first region, and
+    /// two triangles for each quadrilateral.
     ///
     /// ```
     /// use isoform_geom::Mesh;
@@ -63,6 +63,9 @@ impl Mesh {
         let mut mesh = self.clone();
         let wedges = std::mem::take(&mut mesh.wedges);
         mesh.tets.extend(wedges.into_iter().flat_map(tetrahedra));
+        if !mesh.tet_regions.is_empty() {
+            mesh.tet_regions.resize(mesh.tets.len(), 0);
+        }
         let quads = std::mem::take(&mut mesh.quads);
         mesh.triangles.extend(quads.into_iter().flat_map(triangles));
         let parts = std::mem::take(&mut mesh.quad_parts);

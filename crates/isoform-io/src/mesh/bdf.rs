@@ -1,10 +1,10 @@
-//! Nastran bulk data: GRID* with 16 characters a number, CTETRA and CTRIA3 or CTRIA6 in fields of
-//! eight.
+//! Nastran bulk data: GRID* with 16 characters a number; CTRIA3, CTRIA6, CQUAD4, CTETRA and CPENTA
+//! in fields of eight. The corners of a CPENTA are in our order.
 //!
 //! The property of an element is the tag of its part; regions follow behind the parts. Their names
-//! are comments. Triangles are numbered before the tetrahedra.
+//! are comments. Faces are numbered before the volumes.
 
-use super::group::{tet, triangle};
+use super::group::{face, face_count, face_part, volume, volume_count, volume_region};
 use super::options::MeshWriteOptions;
 use super::out::Out;
 use isoform_geom::{Mesh, Point3};
@@ -13,13 +13,13 @@ use std::io::{self, Write};
 /// Highest number of a node or an element.
 const HIGHEST: usize = 99_999_999;
 
-/// Writes nodes, triangles and tetrahedra as bulk data.
+/// Writes nodes, faces and volumes as bulk data.
 pub(super) fn write(
     mesh: &Mesh,
     out: &mut dyn Write,
     options: &MeshWriteOptions,
 ) -> io::Result<()> {
-    let elements = mesh.triangles.len() + mesh.tets.len();
+    let elements = face_count(mesh) + volume_count(mesh);
     if mesh.points.len().max(elements) > HIGHEST {
         return Err(io::Error::other(format!(
             "Nastran numbers nodes and elements up to {HIGHEST} only"
@@ -33,8 +33,8 @@ pub(super) fn write(
     for (i, p) in mesh.points.iter().enumerate() {
         write_node(i + 1, p, &mut out)?;
     }
-    write_triangles(mesh, &mut out)?;
-    write_tets(mesh, &mut out)?;
+    write_faces(mesh, &mut out)?;
+    write_volumes(mesh, &mut out)?;
     out.str("ENDDATA").line()?;
     out.flush()
 }
@@ -67,7 +67,7 @@ fn write_node(number: usize, p: &Point3, out: &mut Out<'_>) -> io::Result<()> {
 
 /// An element and the property that it belongs to, both from 1.
 struct Card<'n> {
-    /// Kind of the element: CTRIA3, CTRIA6 or CTETRA.
+    /// Kind of the element.
     name: &'static str,
     number: usize,
     /// Number of the property, which tells part or region.
@@ -97,14 +97,18 @@ impl Card<'_> {
     }
 }
 
-/// Triangles, numbered from 1, with the tags of their parts as properties.
-fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
-    for i in 0..mesh.triangles.len() {
-        let (nodes, n) = triangle(mesh, i);
+/// Faces, numbered from 1, with the tags of their parts as properties.
+fn write_faces(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
+    for i in 0..face_count(mesh) {
+        let (nodes, n) = face(mesh, i);
         Card {
-            name: if n == 6 { "CTRIA6" } else { "CTRIA3" },
+            name: match n {
+                3 => "CTRIA3",
+                4 => "CQUAD4",
+                _ => "CTRIA6",
+            },
             number: i + 1,
-            property: mesh.triangle_parts.get(i).map_or(1, |p| *p as usize + 1),
+            property: face_part(mesh, i).map_or(1, |p| p as usize + 1),
             nodes: &nodes[..n],
         }
         .write(out)?;
@@ -112,18 +116,18 @@ fn write_triangles(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Tetrahedra, whose numbers and properties follow behind the triangles'.
-fn write_tets(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
-    let parts = match mesh.triangles.is_empty() {
-        true => 0,
-        false => mesh.parts.len().max(1),
+/// Volumes, whose numbers and properties follow behind the faces'.
+fn write_volumes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
+    let parts = match face_count(mesh) {
+        0 => 0,
+        _ => mesh.parts.len().max(1),
     };
-    for i in 0..mesh.tets.len() {
-        let (nodes, n) = tet(mesh, i);
-        let region = mesh.tet_regions.get(i).map_or(1, |r| *r as usize + 1);
+    for i in 0..volume_count(mesh) {
+        let (nodes, n) = volume(mesh, i);
+        let region = volume_region(mesh, i).map_or(1, |r| r as usize + 1);
         Card {
-            name: "CTETRA",
-            number: mesh.triangles.len() + i + 1,
+            name: if n == 6 { "CPENTA" } else { "CTETRA" },
+            number: face_count(mesh) + i + 1,
             property: parts + region,
             nodes: &nodes[..n],
         }

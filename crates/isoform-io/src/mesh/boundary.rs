@@ -1,11 +1,14 @@
-//! What lies on what: triangles on faces of tetrahedra, curves on parts, and the boundary of
-//! tetrahedra alone.
+//! What lies on what: faces of the surface on sides of tetrahedra and wedges, curves on parts, and
+//! the boundary of tetrahedra and wedges alone.
 
-use isoform_geom::{Mesh, TET_EDGES, TET_FACES};
+use super::group::{face_count, face_part};
+use isoform_geom::{Mesh, TET_EDGES, TET_FACES, WEDGE_QUADS, WEDGE_TRIANGLES};
 use std::collections::HashMap;
 
-/// A face of a tetrahedron: the number of the tetrahedron, and the corner opposite to the face.
-pub(super) type Face = (u32, u8);
+/// A side of a volume: the number of the volume (tetrahedra, then wedges), and which side. That of
+/// a tetrahedron is the corner opposite to it; of a wedge, 0 and 1 are [`WEDGE_TRIANGLES`] and 2 to
+/// 4 are [`WEDGE_QUADS`].
+pub(super) type Side = (u32, u8);
 
 /// Numbers in ascending order, by which equal faces and edges are found.
 fn sorted<T: Ord, const N: usize>(mut nodes: [T; N]) -> [T; N] {
@@ -43,17 +46,18 @@ pub(super) fn face_with_mids(
     }
 }
 
-/// Whether two triangles of the same corners turn the same way.
-fn same_turn(a: [u32; 3], b: [u32; 3]) -> bool {
-    (0..3).any(|k| a[0] == b[k] && a[1] == b[(k + 1) % 3] && a[2] == b[(k + 2) % 3])
+/// Whether two faces of the same corners turn the same way.
+fn same_turn<const N: usize>(a: [u32; N], b: [u32; N]) -> bool {
+    (0..N).any(|k| (0..N).all(|j| a[j] == b[(k + j) % N]))
 }
 
-/// The tetrahedron behind each triangle; between two, the one that the triangle looks out of.
-pub(super) fn faces_of_triangles(mesh: &Mesh) -> Vec<Option<Face>> {
-    let mut found = vec![None; mesh.triangles.len()];
-    for_triangles_on_tets(mesh, |triangle, face, looks_out| {
-        if found[triangle].is_none() || looks_out {
-            found[triangle] = Some(face);
+/// The volume behind each face (triangles, then quadrilaterals); between two, the one that the face
+/// looks out of.
+pub(super) fn sides_of_faces(mesh: &Mesh) -> Vec<Option<Side>> {
+    let mut found = vec![None; face_count(mesh)];
+    for_faces_on_volumes(mesh, |face, side, looks_out| {
+        if found[face].is_none() || looks_out {
+            found[face] = Some(side);
         }
     });
     found
@@ -62,16 +66,16 @@ pub(super) fn faces_of_triangles(mesh: &Mesh) -> Vec<Option<Face>> {
 /// The parts that bound each region, ascending.
 pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     let mut parts = vec![Vec::new(); mesh.regions.len().max(1)];
-    let part = |triangle: usize| mesh.triangle_parts.get(triangle).copied().unwrap_or(0);
+    let part = |face: usize| face_part(mesh, face).unwrap_or(0);
     if mesh.regions.len() <= 1 {
-        parts[0] = (0..mesh.triangles.len()).map(part).collect();
+        parts[0] = (0..face_count(mesh)).map(part).collect();
     } else {
-        for_triangles_on_tets(mesh, |triangle, (tet, _), _| {
+        for_faces_on_volumes(mesh, |face, (tet, _), _| {
             let region = mesh
                 .tet_regions
                 .get(tet as usize)
                 .map_or(0, |r| *r as usize);
-            parts[region].push(part(triangle));
+            parts[region].push(part(face));
         });
     }
     for list in &mut parts {
@@ -81,9 +85,9 @@ pub(super) fn parts_of_regions(mesh: &Mesh) -> Vec<Vec<u32>> {
     parts
 }
 
-/// Calls with every pair of a triangle and a face of the same corners, and whether both turn the
-/// same way.
-fn for_triangles_on_tets(mesh: &Mesh, mut visit: impl FnMut(usize, Face, bool)) {
+/// Calls with every pair of a face of the surface and a side of the same corners, and whether both
+/// turn the same way.
+fn for_faces_on_volumes(mesh: &Mesh, mut visit: impl FnMut(usize, Side, bool)) {
     let mut on_surface = vec![false; mesh.points.len()];
     let mut known: HashMap<[u32; 3], u32> = HashMap::with_capacity(mesh.triangles.len());
     for (i, &t) in mesh.triangles.iter().enumerate() {
@@ -106,35 +110,88 @@ fn for_triangles_on_tets(mesh: &Mesh, mut visit: impl FnMut(usize, Face, bool)) 
             }
         }
     }
+    for_faces_on_wedges(mesh, &known, visit);
 }
 
-/// Adds the faces that belong to one tetrahedron as triangles, in the order of the tetrahedra.
-pub(super) fn add_boundary(mesh: &mut Mesh) {
-    let mut faces: Vec<([u32; 3], u64)> = Vec::with_capacity(4 * mesh.tets.len());
-    for (i, tet) in mesh.tets.iter().enumerate() {
-        faces.extend((0..4).map(|f| (sorted(face_nodes(tet, f)), 4 * i as u64 + f as u64)));
+/// The same for the sides of wedges alone; the triangles are known by their corners.
+fn for_faces_on_wedges(
+    mesh: &Mesh,
+    triangles: &HashMap<[u32; 3], u32>,
+    mut visit: impl FnMut(usize, Side, bool),
+) {
+    let known = mesh.quads.iter().enumerate();
+    let quads: HashMap<[u32; 4], usize> = known.map(|(i, &q)| (sorted(q), i)).collect();
+    for (i, wedge) in mesh.wedges.iter().enumerate() {
+        let volume = (mesh.tets.len() + i) as u32;
+        for (side, corners) in (0..).zip(WEDGE_TRIANGLES) {
+            let nodes = corners.map(|c| wedge[c]);
+            if let Some(&triangle) = triangles.get(&sorted(nodes)) {
+                let turn = same_turn(nodes, mesh.triangles[triangle as usize]);
+                visit(triangle as usize, (volume, side), turn);
+            }
+        }
+        for (side, corners) in (2..).zip(WEDGE_QUADS) {
+            let nodes = corners.map(|c| wedge[c]);
+            if let Some(&quad) = quads.get(&sorted(nodes)) {
+                let turn = same_turn(nodes, mesh.quads[quad]);
+                visit(mesh.triangles.len() + quad, (volume, side), turn);
+            }
+        }
     }
-    faces.sort_unstable();
-    let alone = |i: usize| {
-        (i == 0 || faces[i - 1].0 != faces[i].0)
-            && (i + 1 == faces.len() || faces[i + 1].0 != faces[i].0)
-    };
-    let mut rim: Vec<u64> = (0..faces.len())
-        .filter(|&i| alone(i))
-        .map(|i| faces[i].1)
-        .collect();
-    rim.sort_unstable();
-    for code in rim {
+}
+
+/// Adds the sides that belong to one volume as triangles and quadrilaterals, in the order of the
+/// tetrahedra and then of the wedges.
+pub(super) fn add_boundary(mesh: &mut Mesh) {
+    let mut sides: Vec<([u32; 3], u64)> =
+        Vec::with_capacity(4 * mesh.tets.len() + 2 * mesh.wedges.len());
+    for (i, tet) in mesh.tets.iter().enumerate() {
+        sides.extend((0..4).map(|f| (sorted(face_nodes(tet, f)), 4 * i as u64 + f as u64)));
+    }
+    let first_wedge = sides.len() as u64;
+    let of_wedges = mesh.wedges.iter();
+    let of_wedges = of_wedges.flat_map(|w| WEDGE_TRIANGLES.map(|t| sorted(t.map(|c| w[c]))));
+    sides.extend(of_wedges.zip(first_wedge..));
+    for code in alone(sides) {
+        if let Some(code) = code.checked_sub(first_wedge) {
+            let wedge = mesh.wedges[(code / 2) as usize];
+            let side = WEDGE_TRIANGLES[(code % 2) as usize];
+            mesh.triangles.push(side.map(|c| wedge[c]));
+            continue;
+        }
         let (i, face) = ((code / 4) as usize, (code % 4) as usize);
         mesh.triangles.push(face_nodes(&mesh.tets[i], face));
         mesh.triangle_mids
             .extend(mesh.tet_mids.get(i).map(|mids| face_mids(mids, face)));
     }
+    let side = |w: &[u32; 6], k: u64| WEDGE_QUADS[k as usize].map(|c| w[c]);
+    let sides = mesh.wedges.iter();
+    let sides = sides.flat_map(|w| [0, 1, 2].map(|k| sorted(side(w, k))));
+    for code in alone(sides.zip(0..).collect()) {
+        let quad = side(&mesh.wedges[(code / 3) as usize], code % 3);
+        mesh.quads.push(quad);
+    }
 }
 
-/// Fills in the parts on both sides of every curve, as the triangles beside its edges say.
+/// The numbers of those sides whose corners come once, ascending.
+fn alone<const N: usize>(mut sides: Vec<([u32; N], u64)>) -> Vec<u64> {
+    sides.sort_unstable();
+    let is_alone = |i: usize| {
+        (i == 0 || sides[i - 1].0 != sides[i].0)
+            && (i + 1 == sides.len() || sides[i + 1].0 != sides[i].0)
+    };
+    let mut rim: Vec<u64> = (0..sides.len())
+        .filter(|&i| is_alone(i))
+        .map(|i| sides[i].1)
+        .collect();
+    rim.sort_unstable();
+    rim
+}
+
+/// Fills in the parts on both sides of every curve, as the faces beside its edges say.
 pub(super) fn find_curve_parts(mesh: &mut Mesh) {
-    if mesh.triangle_parts.is_empty() || mesh.edge_curves.is_empty() {
+    let has_parts = !mesh.triangle_parts.is_empty() || !mesh.quad_parts.is_empty();
+    if !has_parts || mesh.edge_curves.is_empty() {
         return;
     }
     let curve: HashMap<[u32; 2], u32> = mesh
@@ -144,9 +201,12 @@ pub(super) fn find_curve_parts(mesh: &mut Mesh) {
         .map(|(&e, &c)| (sorted(e), c))
         .collect();
     let mut found: Vec<Vec<u32>> = vec![Vec::new(); mesh.curves.len()];
-    for (t, &part) in mesh.triangles.iter().zip(&mesh.triangle_parts) {
-        for k in 0..3 {
-            if let Some(&c) = curve.get(&sorted([t[k], t[(k + 1) % 3]]))
+    let triangles = mesh.triangles.iter().map(|t| &t[..]);
+    let triangles = triangles.zip(&mesh.triangle_parts);
+    let quads = mesh.quads.iter().map(|q| &q[..]).zip(&mesh.quad_parts);
+    for (face, &part) in triangles.chain(quads) {
+        for k in 0..face.len() {
+            if let Some(&c) = curve.get(&sorted([face[k], face[(k + 1) % face.len()]]))
                 && found[c as usize].len() < 2
                 && !found[c as usize].contains(&part)
             {
@@ -199,11 +259,33 @@ mod tests {
             (mesh.triangles[0], mesh.triangle_mids[0]),
             ([1, 2, 3], [11, 15, 14])
         );
-        let faces = faces_of_triangles(&mesh);
         assert_eq!(
-            faces,
+            sides_of_faces(&mesh),
             [(0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2)].map(Some)
         );
+    }
+
+    /// A wedge under a tetrahedron: all but the triangle between them is boundary, each side behind
+    /// its own face.
+    #[test]
+    fn wedges_have_a_boundary_too() {
+        let at = |z: f64| [[0.0, 0.0, z], [1.0, 0.0, z], [0.0, 1.0, z]];
+        let mut mesh = Mesh {
+            points: [&at(0.0)[..], &at(1.0), &[[0.0, 0.0, 2.0]]].concat(),
+            wedges: vec![[0, 1, 2, 3, 4, 5]],
+            tets: vec![[3, 4, 5, 6]],
+            ..Mesh::default()
+        };
+        add_boundary(&mut mesh);
+        assert_eq!(mesh.triangles, [[4, 5, 6], [3, 6, 5], [3, 4, 6], [0, 2, 1]]);
+        assert_eq!(mesh.quads, [[0, 1, 4, 3], [1, 2, 5, 4], [2, 0, 3, 5]]);
+        let sides = [(0, 0), (0, 1), (0, 2), (1, 0), (1, 2), (1, 3), (1, 4)];
+        assert_eq!(sides_of_faces(&mesh), sides.map(Some));
+        // Between both, the triangle decides: the wedge looks up.
+        for (triangle, side) in [([3, 4, 5], (1, 1)), ([5, 4, 3], (0, 3))] {
+            mesh.triangles = vec![triangle];
+            assert_eq!(sides_of_faces(&mesh)[0], Some(side));
+        }
     }
 
     #[test]
@@ -214,11 +296,11 @@ mod tests {
             tet_regions: vec![0, 1],
             ..pair()
         };
-        assert_eq!(faces_of_triangles(&mesh), [Some((1, 3))]);
+        assert_eq!(sides_of_faces(&mesh), [Some((1, 3))]);
         assert_eq!(parts_of_regions(&mesh), [[0], [0]]);
         mesh.triangles[0] = [2, 1, 0];
-        assert_eq!(faces_of_triangles(&mesh), [Some((0, 3))]);
+        assert_eq!(sides_of_faces(&mesh), [Some((0, 3))]);
         mesh.triangles[0] = [1, 3, 4];
-        assert_eq!(faces_of_triangles(&mesh), [None]);
+        assert_eq!(sides_of_faces(&mesh), [None]);
     }
 }

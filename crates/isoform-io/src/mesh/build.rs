@@ -2,7 +2,10 @@
 //!
 //! Readers give a [`Builder`] nodes and elements in any order, each element with the tag of its
 //! group. The builder puts both into the order of their numbers, turns numbers into places in the
-//! list of nodes, tags into labels from 0, and inverted tetrahedra round.
+//! list of nodes, tags into labels from 0, and inverted tetrahedra and wedges round.
+//!
+//! Quadrilaterals stay what they are only in a mesh with wedges, whose sides they are; in others
+//! each is two triangles.
 
 use super::boundary::find_curve_parts;
 use crate::input::{Input, Result};
@@ -12,8 +15,8 @@ use std::collections::BTreeMap;
 
 /// What failed, as the errors of the builder say.
 const WHAT: &str = "cannot put the mesh together";
-/// Tetrahedra with less than minus this share of the cube of their longest edge are turned. Smaller
-/// would turn flat ones by rounding, larger leave thin ones inside out.
+/// Tetrahedra and wedges with less than minus this share of the cube of their longest edge are
+/// turned. Smaller would turn flat ones by rounding, larger leave thin ones inside out.
 const INVERTED: f64 = 1e-12;
 /// A table of all numbers is made if they are at most this many times as many as the nodes; else
 /// they are searched.
@@ -60,6 +63,10 @@ impl<const C: usize, const M: usize> Cells<C, M> {
         self.tags.push(tag);
         self.numbers.extend(number);
     }
+    /// Number of elements.
+    pub(super) fn len(&self) -> usize {
+        self.corners.len()
+    }
     /// Corners of an element, and its mid nodes if all elements have some; in numbers of the file.
     pub(super) fn get(&self, i: usize) -> (&[u32; C], Option<&[u32; M]>) {
         let all = self.mids.len() == self.corners.len();
@@ -84,6 +91,22 @@ impl<const C: usize, const M: usize> Cells<C, M> {
                 self.mids = order.iter().map(|&i| self.mids[i]).collect();
             }
             self.marks.truncate(1);
+        }
+    }
+
+    /// Keeps some of the elements, by their places; their mid nodes are left out.
+    fn keep(&mut self, is_kept: impl Fn(usize) -> bool) {
+        let kept: Vec<usize> = (0..self.corners.len()).filter(|&i| is_kept(i)).collect();
+        if self.numbers.len() == self.corners.len() {
+            self.numbers = kept.iter().map(|&i| self.numbers[i]).collect();
+        } else {
+            self.numbers.clear();
+        }
+        self.corners = kept.iter().map(|&i| self.corners[i]).collect();
+        self.tags = kept.iter().map(|&i| self.tags[i]).collect();
+        self.mids.clear();
+        for (first, _) in &mut self.marks {
+            *first = kept.partition_point(|i| i < first);
         }
     }
 
@@ -171,8 +194,14 @@ pub(super) struct Builder {
     pub(super) edges: Cells<2, 1>,
     /// Triangles.
     pub(super) triangles: Cells<3, 3>,
+    /// Quadrilaterals, which are among the triangles too.
+    quads: Cells<4, 0>,
+    /// The first of the two triangles of each quadrilateral.
+    halves: Vec<usize>,
     /// Tetrahedra.
     pub(super) tets: Cells<4, 6>,
+    /// Wedges.
+    pub(super) wedges: Cells<6, 0>,
     /// Names of groups by dimension and tag.
     pub(super) names: [BTreeMap<i64, String>; 4],
     /// Elements that have no place in a mesh.
@@ -187,7 +216,10 @@ impl Builder {
             corners: Cells::new("corner"),
             edges: Cells::new("edge"),
             triangles: Cells::new("triangle"),
+            quads: Cells::new("quadrilateral"),
+            halves: Vec::new(),
             tets: Cells::new("tetrahedron"),
+            wedges: Cells::new("wedge"),
             names: Default::default(),
             others: 0,
         }
@@ -220,6 +252,38 @@ impl Builder {
         }
     }
 
+    /// A quadrilateral.
+    pub(super) fn quad(&mut self, nodes: &[u32], tag: i64, number: Option<u32>, at: At) {
+        self.halves.push(self.triangles.len());
+        self.quads.push(nodes, tag, number, at);
+        for half in [[0, 1, 2], [0, 2, 3]] {
+            let nodes = half.map(|k| nodes[k]);
+            self.triangles.push(&nodes, tag, number, at);
+        }
+    }
+
+    /// Leaves of the quadrilaterals and their triangles one or the other; beside wedges, which are
+    /// of first order, mid nodes too.
+    fn part_quads(&mut self, report: &mut ReadReport) {
+        if self.wedges.corners.is_empty() {
+            self.quads = Cells::new("quadrilateral");
+            return;
+        }
+        let is_curved = !self.tets.mids.is_empty()
+            || !self.triangles.mids.is_empty()
+            || !self.edges.mids.is_empty();
+        if is_curved {
+            report.warn("elements of second order beside wedges: all mid nodes were left out");
+            self.tets.mids.clear();
+            self.edges.mids.clear();
+        }
+        let mut is_whole = vec![true; self.triangles.len()];
+        for &first in &self.halves {
+            is_whole[first..first + 2].fill(false);
+        }
+        self.triangles.keep(|i| is_whole[i]);
+    }
+
     /// Puts the nodes into the order of their numbers, of which none may come twice, and tells
     /// where each is.
     fn nodes(&mut self, input: &Input<'_>) -> Result<Nodes> {
@@ -243,21 +307,26 @@ impl Builder {
     }
 
     /// The mesh of all that was taken. The numbers of the file become places in lists; elements
-    /// stand in the order of their numbers, and no tetrahedron is inside out.
+    /// stand in the order of their numbers, and none of the volumes is inside out.
     pub(super) fn finish(mut self, input: &Input<'_>, report: &mut ReadReport) -> Result<Mesh> {
         let nodes = self.nodes(input)?;
         self.ids = Vec::new();
+        self.part_quads(report);
         self.corners.settle(report);
         self.edges.settle(report);
         self.triangles.settle(report);
+        self.quads.settle(report);
         self.tets.settle(report);
+        self.wedges.settle(report);
         self.corners.resolve(&nodes, input)?;
         self.edges.resolve(&nodes, input)?;
         self.triangles.resolve(&nodes, input)?;
+        self.quads.resolve(&nodes, input)?;
         self.tets.resolve(&nodes, input)?;
+        self.wedges.resolve(&nodes, input)?;
         if self.others > 0 {
             report.warn(format!(
-                "{} elements are neither triangles nor tetrahedra and were passed over",
+                "{} elements are neither triangles, tetrahedra nor wedges and were passed over",
                 self.others
             ));
         }
@@ -268,24 +337,31 @@ impl Builder {
                 "{turned} tetrahedra were inside out and were turned"
             ));
         }
+        let turned = turn_inverted_wedges(&mut mesh);
+        if turned > 0 {
+            report.warn(format!("{turned} wedges were inside out and were turned"));
+        }
+        let mut mesh = divide(mesh, report);
         find_curve_parts(&mut mesh);
         Ok(mesh)
     }
 
-    /// The settled elements and their groups as a mesh, whose curves lie on no parts yet.
+    /// The settled elements and their groups as a mesh, whose curves lie on no parts yet. Behind
+    /// the regions of the tetrahedra stand those of the wedges.
     fn mesh(self) -> Mesh {
         let [_, curve_names, part_names, region_names] = self.names;
         let (edge_curves, curves) = labels(self.edges.tags, curve_names, "curve");
-        let (triangle_parts, parts) = labels(self.triangles.tags, part_names, "part");
-        let (tet_regions, regions) = labels(self.tets.tags, region_names, "region");
+        let triangles = self.triangles.len();
+        let face_tags = [self.triangles.tags, self.quads.tags].concat();
+        let (mut triangle_parts, parts) = labels(face_tags, part_names, "part");
+        let quad_parts = triangle_parts.split_off(triangles.min(triangle_parts.len()));
+        let volume_tags = [self.tets.tags, self.wedges.tags].concat();
+        let (tet_regions, regions) = labels(volume_tags, region_names, "region");
         let curve = |name| Curve {
             name,
             parts: [0; 2],
         };
         Mesh {
-            wedges: Vec::new(),
-            quads: Vec::new(),
-            quad_parts: Vec::new(),
             points: self.points,
             triangles: self.triangles.corners,
             triangle_mids: self.triangles.mids,
@@ -295,6 +371,9 @@ impl Builder {
             tet_mids: self.tets.mids,
             tet_regions,
             regions,
+            wedges: self.wedges.corners,
+            quads: self.quads.corners,
+            quad_parts,
             edges: self.edges.corners,
             edge_mids: self.edges.mids.into_iter().map(|[m]| m).collect(),
             edge_curves,
@@ -339,6 +418,32 @@ fn labels(mut tags: Vec<i64>, names: BTreeMap<i64, String>, what: &str) -> (Vec<
     (labels, distinct.iter().map(name).collect())
 }
 
+/// Wedges have no labels of regions: one region of all volumes is theirs too, but in a mesh of
+/// several they become tetrahedra.
+fn divide(mut mesh: Mesh, report: &mut ReadReport) -> Mesh {
+    if mesh.wedges.is_empty() {
+        return mesh;
+    }
+    let mut labels = std::mem::take(&mut mesh.tet_regions);
+    let Some(&first) = labels.first() else {
+        return mesh;
+    };
+    if labels.iter().all(|&label| label == first) {
+        mesh.regions = vec![mesh.regions.swap_remove(first as usize)];
+        mesh.tet_regions = vec![0; mesh.tets.len()];
+        return mesh;
+    }
+    report.warn(format!(
+        "{} wedges of several regions became three tetrahedra each",
+        mesh.wedges.len()
+    ));
+    let of_wedges = labels.split_off(mesh.tets.len());
+    labels.extend(of_wedges.into_iter().flat_map(|region| [region; 3]));
+    mesh = mesh.simplices().into_owned();
+    mesh.tet_regions = labels;
+    mesh
+}
+
 /// Turns tetrahedra whose volume is negative; how many.
 fn turn_inverted(mesh: &mut Mesh) -> usize {
     let mut turned = 0;
@@ -360,6 +465,26 @@ fn turn_inverted(mesh: &mut Mesh) -> usize {
                 mids.swap(1, 4);
                 mids.swap(2, 3);
             }
+            turned += 1;
+        }
+    }
+    turned
+}
+
+/// Turns wedges whose first triangle looks away from the second; how many.
+fn turn_inverted_wedges(mesh: &mut Mesh) -> usize {
+    let mut turned = 0;
+    for wedge in &mut mesh.wedges {
+        let [a, b, c, d, e, f] = wedge.map(|n| mesh.points[n as usize]);
+        let sides = [[a, b], [b, c], [c, a], [d, e], [e, f], [f, d]];
+        let sides = sides.map(|[p, q]| sub(q, p));
+        let heights = [[a, d], [b, e], [c, f]].map(|[p, q]| sub(q, p));
+        let all = sides.iter().chain(&heights);
+        let longest = all.fold(0.0_f64, |m, &v| m.max(dot(v, v))).sqrt();
+        let looks = [cross(sides[0], sides[1]), cross(sides[3], sides[4])];
+        let looks_up = |n: Point3| heights.iter().map(|&h| dot(n, h)).sum::<f64>();
+        if looks_up(looks[0]) + looks_up(looks[1]) < -INVERTED * longest.powi(3) {
+            *wedge = [0, 2, 1, 3, 5, 4].map(|k| wedge[k]);
             turned += 1;
         }
     }
@@ -438,6 +563,84 @@ mod tests {
             ([0, 1, 2, 3], [0, 0, 3, 2, 1, 1])
         );
         assert_eq!(report.warnings.len(), 1);
+    }
+
+    /// A wedge that is inside out, on it a quadrilateral and a triangle of other parts, and a
+    /// tetrahedron.
+    fn wedge(regions: [i64; 2]) -> Builder {
+        let mut builder = nodes(&[0, 1, 2, 3]);
+        let input = Input::open(Source::Bytes {
+            name: "t",
+            bytes: b"",
+        })
+        .expect("bytes");
+        for (id, p) in [
+            (4, [1.0, 0.0, 1.0]),
+            (5, [0.0, 1.0, 1.0]),
+            (6, [0.0, 0.0, 2.0]),
+        ] {
+            builder.node(id, p, &input, At::File).expect("finite");
+        }
+        builder.quad(&[0, 1, 4, 3], 2, Some(7), At::File);
+        builder.triangles.push(&[0, 2, 1], 1, Some(3), At::File);
+        let [tet, wedge] = regions;
+        builder.tets.push(&[3, 4, 5, 6], tet, None, At::File);
+        builder
+            .wedges
+            .push(&[0, 2, 1, 3, 5, 4], wedge, None, At::File);
+        builder
+    }
+
+    #[test]
+    fn quadrilaterals_are_kept_beside_wedges() {
+        let (mesh, report) = finish(wedge([1, 1])).expect("valid");
+        assert_eq!(mesh.wedges, [[0, 1, 2, 3, 4, 5]]);
+        assert_eq!(report.warnings.len(), 1, "turned: {:?}", report.warnings);
+        assert_eq!(
+            (&mesh.triangles[..], &mesh.quads[..]),
+            (&[[0, 2, 1]][..], &[[0, 1, 4, 3]][..])
+        );
+        assert_eq!(
+            (&mesh.triangle_parts[..], &mesh.quad_parts[..]),
+            (&[0][..], &[1][..])
+        );
+        assert_eq!(mesh.parts, ["part 1", "part 2"]);
+        assert_eq!(
+            (&mesh.regions[..], &mesh.tet_regions[..]),
+            (&["region 1".to_owned()][..], &[0][..])
+        );
+        let mut bare = wedge([1, 1]);
+        bare.wedges = Cells::new("wedge");
+        let (mesh, _) = finish(bare).expect("valid");
+        assert_eq!(mesh.triangles, [[0, 2, 1], [0, 1, 4], [0, 4, 3]]);
+        assert_eq!(
+            (&mesh.triangle_parts[..], mesh.quads.len()),
+            (&[0, 1, 1][..], 0)
+        );
+    }
+
+    #[test]
+    fn wedges_of_several_regions_become_tetrahedra() {
+        let (mesh, report) = finish(wedge([2, 1])).expect("valid");
+        assert_eq!(report.warnings.len(), 2, "{:?}", report.warnings);
+        assert_eq!(
+            (mesh.tets.len(), mesh.wedges.len(), mesh.quads.len()),
+            (4, 0, 0)
+        );
+        assert_eq!(mesh.tet_regions, [1, 0, 0, 0]);
+        assert_eq!(
+            (mesh.triangles.len(), &mesh.triangle_parts[..]),
+            (3, &[0, 1, 1][..])
+        );
+    }
+
+    #[test]
+    fn wedges_leave_no_mid_nodes() {
+        let mut builder = wedge([1, 1]);
+        builder.edges.push(&[0, 1, 6], 0, None, At::File);
+        let (mesh, report) = finish(builder).expect("valid");
+        assert_eq!((mesh.edges.len(), mesh.edge_mids.len()), (1, 0));
+        assert_eq!(report.warnings.len(), 2, "{:?}", report.warnings);
     }
 
     #[test]

@@ -32,6 +32,7 @@ fn complaint(mesh: &Mesh) -> Option<String> {
     wrong_length(mesh)
         .or_else(|| wrong_node(mesh))
         .or_else(|| wrong_label(mesh))
+        .or_else(|| wrong_beside_wedges(mesh))
 }
 
 /// A list that is neither empty nor as long as what it belongs to.
@@ -42,6 +43,7 @@ fn wrong_length(m: &Mesh) -> Option<String> {
         ("parts of triangles", m.triangle_parts.len(), triangles),
         ("mid nodes of tetrahedra", m.tet_mids.len(), tets),
         ("regions of tetrahedra", m.tet_regions.len(), tets),
+        ("parts of quadrilaterals", m.quad_parts.len(), m.quads.len()),
         ("mid nodes of edges", m.edge_mids.len(), edges),
         ("curves of edges", m.edge_curves.len(), edges),
     ];
@@ -65,6 +67,8 @@ fn wrong_node(m: &Mesh) -> Option<String> {
         ("mid node of a triangle", highest(&m.triangle_mids)),
         ("tetrahedron", highest(&m.tets)),
         ("mid node of a tetrahedron", highest(&m.tet_mids)),
+        ("wedge", highest(&m.wedges)),
+        ("quadrilateral", highest(&m.quads)),
         ("edge", highest(&m.edges)),
         ("mid node of an edge", m.edge_mids.iter().max().copied()),
         ("corner", m.corners.iter().max().copied()),
@@ -79,6 +83,7 @@ fn wrong_node(m: &Mesh) -> Option<String> {
 fn wrong_label(m: &Mesh) -> Option<String> {
     let labels = [
         ("part", &m.triangle_parts, m.parts.len()),
+        ("part", &m.quad_parts, m.parts.len()),
         ("region", &m.tet_regions, m.regions.len()),
         ("curve", &m.edge_curves, m.curves.len()),
     ];
@@ -86,6 +91,21 @@ fn wrong_label(m: &Mesh) -> Option<String> {
         let high = labels.iter().max().filter(|i| **i as usize >= *n)?;
         Some(format!("an element lies on {what} {high} of {n}"))
     })
+}
+
+/// What a mesh with wedges or quadrilaterals does not have: mid nodes, several regions, and parts
+/// of triangles or quadrilaterals alone.
+fn wrong_beside_wedges(m: &Mesh) -> Option<String> {
+    let labelled = [&m.triangle_parts, &m.quad_parts].map(|parts| !parts.is_empty());
+    if !m.triangles.is_empty() && !m.quads.is_empty() && labelled[0] != labelled[1] {
+        return Some("only triangles or only quadrilaterals lie on parts".into());
+    }
+    let bare = m.wedges.is_empty() && m.quads.is_empty();
+    if !bare && (m.order() == 2 || !m.edge_mids.is_empty()) {
+        return Some("there are mid nodes beside wedges or quadrilaterals".into());
+    }
+    let divided = !m.wedges.is_empty() && m.regions.len() > 1;
+    divided.then(|| "there are several regions, of which wedges have none".into())
 }
 
 /// The largest node number among elements; none without elements.
@@ -129,5 +149,33 @@ mod tests {
             "there are 2 mid nodes of triangles where 1 are needed"
         );
         assert!(wrong(|m| m.points[1][2] = f64::NAN).starts_with("node 1 is at"));
+        assert_eq!(
+            wrong(|m| m.wedges = vec![[0, 1, 2, 0, 1, 3]]),
+            "a wedge uses node 3 of 3"
+        );
+        let half_labelled = |m: &mut Mesh| {
+            (m.quads, m.quad_parts) = (vec![[0, 1, 2, 0]], vec![0]);
+            m.parts = vec!["side".into()];
+        };
+        assert_eq!(
+            wrong(half_labelled),
+            "only triangles or only quadrilaterals lie on parts"
+        );
+        let curved = |m: &mut Mesh| {
+            m.wedges = vec![[0; 6]];
+            m.triangle_mids = vec![[0; 3]];
+        };
+        assert_eq!(
+            wrong(curved),
+            "there are mid nodes beside wedges or quadrilaterals"
+        );
+        let divided = |m: &mut Mesh| {
+            (m.wedges, m.tets) = (vec![[0; 6]], vec![[0; 4]]);
+            (m.tet_regions, m.regions) = (vec![0], vec!["inside".into(), "rest".into()]);
+        };
+        assert_eq!(
+            wrong(divided),
+            "there are several regions, of which wedges have none"
+        );
     }
 }

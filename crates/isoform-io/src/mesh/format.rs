@@ -31,7 +31,7 @@ pub struct MeshFormat {
     pub extensions: &'static [&'static str],
     /// Name in sentences.
     pub title: &'static str,
-    /// Whether it holds tetrahedra; else only triangles are written.
+    /// Whether it holds tetrahedra and wedges; else only a surface of triangles is written.
     pub volume: bool,
     /// Whether it holds mid-edge nodes.
     pub second_order: bool,

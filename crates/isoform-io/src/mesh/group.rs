@@ -1,9 +1,13 @@
 //! Elements by label, and names that a format can hold.
 //!
+//! Writers know two rows of elements: *faces*, which are the triangles and then the quadrilaterals
+//! of the surface, and *volumes*, which are the tetrahedra and then the wedges.
+//!
 //! A mesh has a label per element; formats want elements group by group ([`Groups`]), under names
 //! of their own alphabet and length, all different ([`Names`]).
 
 use isoform_geom::Mesh;
+use std::borrow::Cow;
 use std::collections::HashSet;
 
 /// Elements of every group, each in the order of the mesh.
@@ -38,13 +42,21 @@ impl Groups {
         }
         Self { start, items }
     }
-    /// Triangles by part.
+    /// Faces by part.
     pub(super) fn parts(mesh: &Mesh) -> Self {
-        Self::new(&mesh.triangle_parts, mesh.parts.len(), mesh.triangles.len())
+        let labels = match mesh.quad_parts.is_empty() {
+            true => Cow::Borrowed(&mesh.triangle_parts),
+            false => Cow::Owned([&mesh.triangle_parts[..], &mesh.quad_parts].concat()),
+        };
+        Self::new(&labels, mesh.parts.len(), face_count(mesh))
     }
-    /// Tetrahedra by region.
+    /// Volumes by region; beside wedges they are all of one (see [`volume_region`]).
     pub(super) fn regions(mesh: &Mesh) -> Self {
-        Self::new(&mesh.tet_regions, mesh.regions.len(), mesh.tets.len())
+        let labels = match mesh.wedges.is_empty() {
+            true => &mesh.tet_regions[..],
+            false => &[],
+        };
+        Self::new(labels, mesh.regions.len(), volume_count(mesh))
     }
     /// Edges by curve.
     pub(super) fn curves(mesh: &Mesh) -> Self {
@@ -66,9 +78,41 @@ impl Groups {
     }
 }
 
-/// Nodes of a triangle, mid nodes behind the corners.
-pub(super) fn triangle(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
+/// Number of the faces.
+pub(super) fn face_count(mesh: &Mesh) -> usize {
+    mesh.triangles.len() + mesh.quads.len()
+}
+
+/// Number of the volumes.
+pub(super) fn volume_count(mesh: &Mesh) -> usize {
+    mesh.tets.len() + mesh.wedges.len()
+}
+
+/// The part of a face, if it has one.
+pub(super) fn face_part(mesh: &Mesh, i: usize) -> Option<u32> {
+    match i.checked_sub(mesh.triangles.len()) {
+        None => mesh.triangle_parts.get(i).copied(),
+        Some(quad) => mesh.quad_parts.get(quad).copied(),
+    }
+}
+
+/// The region of a volume, if it has one. Wedges have no labels: a mesh with wedges has one region
+/// at most, and if it has one, all its volumes are of it.
+pub(super) fn volume_region(mesh: &Mesh, i: usize) -> Option<u32> {
+    match mesh.wedges.is_empty() {
+        true => mesh.tet_regions.get(i).copied(),
+        false => mesh.regions.first().map(|_| 0),
+    }
+}
+
+/// Nodes of a face, and how many there are: 4 of a quadrilateral, 3 or 6 of a triangle, whose mid
+/// nodes are behind the corners.
+pub(super) fn face(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
     let mut nodes = [0; 6];
+    if let Some(quad) = i.checked_sub(mesh.triangles.len()) {
+        nodes[..4].copy_from_slice(&mesh.quads[quad]);
+        return (nodes, 4);
+    }
     nodes[..3].copy_from_slice(&mesh.triangles[i]);
     match mesh.triangle_mids.get(i) {
         None => (nodes, 3),
@@ -79,9 +123,14 @@ pub(super) fn triangle(mesh: &Mesh, i: usize) -> ([u32; 6], usize) {
     }
 }
 
-/// Nodes of a tetrahedron, mid nodes behind the corners.
-pub(super) fn tet(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
+/// Nodes of a volume, and how many there are: 6 of a wedge, 4 or 10 of a tetrahedron, whose mid
+/// nodes are behind the corners.
+pub(super) fn volume(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
     let mut nodes = [0; 10];
+    if let Some(wedge) = i.checked_sub(mesh.tets.len()) {
+        nodes[..6].copy_from_slice(&mesh.wedges[wedge]);
+        return (nodes, 6);
+    }
     nodes[..4].copy_from_slice(&mesh.tets[i]);
     match mesh.tet_mids.get(i) {
         None => (nodes, 4),

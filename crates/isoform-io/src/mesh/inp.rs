@@ -1,17 +1,17 @@
 //! Abaqus and CalculiX .inp: nodes, elements, sets and surfaces, no step; both ways.
 //!
-//! Tetrahedra are C3D4 or C3D10 with a set of elements per region; each part is a set of nodes and
-//! a surface of element faces of the same name; each curve a set of nodes. A mesh without
-//! tetrahedra becomes shells, S3 or S6, with a set of elements per part. Names are in capitals, of
-//! letters, digits and `_`, at most 80; numbers have at most 20 characters, of which CalculiX reads
-//! no more.
+//! Tetrahedra are C3D4 or C3D10 with a set of elements per region, wedges C3D6 in the set of the
+//! tetrahedra; each part is a set of nodes and a surface of element faces of the same name; each
+//! curve a set of nodes. A mesh without volumes becomes shells, S3, S6 or S4, with a set of
+//! elements per part. Names are in capitals, of letters, digits and `_`, at most 80; numbers have
+//! at most 20 characters, of which CalculiX reads no more.
 
 mod read;
 
 pub(super) use read::read;
 
-use super::boundary::faces_of_triangles;
-use super::group::{Groups, Names, edge, tet, triangle};
+use super::boundary::{Side, sides_of_faces};
+use super::group::{Groups, Names, edge, face, volume, volume_count};
 use super::options::MeshWriteOptions;
 use super::out::Out;
 use crate::format::Sniff;
@@ -24,8 +24,10 @@ const LONGEST_NAME: usize = 80;
 const NUMBER: usize = 20;
 /// Numbers on a line of a set.
 const PER_LINE: usize = 16;
-/// Name in Abaqus and CalculiX of the face opposite to each corner.
-const FACE: [u8; 4] = [3, 4, 2, 1];
+/// Number in Abaqus and CalculiX of the side of a tetrahedron opposite to each corner. The sides of
+/// a wedge have our order, which is S1 with the nodes 1 2 3, S2 with 4 5 6, S3 with 1 2 5 4, S4
+/// with 2 3 6 5 and S5 with 3 1 4 6.
+const TET_SIDE: [u8; 4] = [3, 4, 2, 1];
 
 /// Yes for a keyword line of nodes, or for the lines with which Abaqus begins a model.
 pub(super) fn sniff(head: &[u8]) -> Sniff {
@@ -122,13 +124,14 @@ pub(super) fn write(
         regions: Groups::regions(mesh),
     };
     let names = GroupNames::of(mesh, &groups);
-    if mesh.tets.is_empty() {
-        write_shells(mesh, &groups.parts, &names.parts, &mut out)?;
+    let has_volumes = volume_count(mesh) > 0;
+    if has_volumes {
+        write_volumes(mesh, &groups.regions, &names.regions, &mut out)?;
     } else {
-        write_tets(mesh, &groups.regions, &names.regions, &mut out)?;
+        write_shells(mesh, &groups.parts, &names.parts, &mut out)?;
     }
     for (i, elements) in groups.parts.filled() {
-        node_set(&mut out, &names.parts[i], elements, |e| triangle(mesh, e))?;
+        node_set(&mut out, &names.parts[i], elements, |e| face(mesh, e))?;
     }
     for (i, elements) in groups.curves.filled() {
         node_set(&mut out, &names.curves[i], elements, |e| edge(mesh, e))?;
@@ -136,7 +139,7 @@ pub(super) fn write(
     if !mesh.corners.is_empty() {
         node_set(&mut out, &names.corners, &mesh.corners, |c| ([c as u32], 1))?;
     }
-    if !mesh.tets.is_empty() {
+    if has_volumes {
         surfaces(mesh, &groups.parts, &names.parts, &mut out)?;
     }
     out.flush()
@@ -155,7 +158,7 @@ fn write_nodes(mesh: &Mesh, out: &mut Out<'_>) -> io::Result<()> {
     Ok(())
 }
 
-/// Triangles as shells, a set per part.
+/// Faces as shells, a set per part.
 fn write_shells(
     mesh: &Mesh,
     parts: &Groups,
@@ -163,30 +166,48 @@ fn write_shells(
     out: &mut Out<'_>,
 ) -> io::Result<()> {
     let is_linear = mesh.triangle_mids.is_empty();
-    let kind = if is_linear { "S3" } else { "S6" };
+    let kinds = [if is_linear { "S3" } else { "S6" }, "S4"];
     for (i, elements) in parts.filled() {
-        elements_head(out, kind, &names[i])?;
-        for &e in elements {
-            let (nodes, n) = triangle(mesh, e as usize);
-            element(out, e, &nodes[..n])?;
-        }
+        let nodes = |e: u32| face(mesh, e as usize);
+        write_elements(out, kinds, &names[i], elements, mesh.triangles.len(), nodes)?;
     }
     Ok(())
 }
 
-/// Tetrahedra, a set per region that has some.
-fn write_tets(
+/// Tetrahedra and wedges, a set per region that has some.
+fn write_volumes(
     mesh: &Mesh,
     regions: &Groups,
     names: &[String],
     out: &mut Out<'_>,
 ) -> io::Result<()> {
     let is_linear = mesh.tet_mids.is_empty();
-    let kind = if is_linear { "C3D4" } else { "C3D10" };
+    let kinds = [if is_linear { "C3D4" } else { "C3D10" }, "C3D6"];
     for ((_, elements), name) in regions.filled().zip(names) {
-        elements_head(out, kind, name)?;
+        let nodes = |e: u32| volume(mesh, e as usize);
+        write_elements(out, kinds, name, elements, mesh.tets.len(), nodes)?;
+    }
+    Ok(())
+}
+
+/// The elements of a set, first those below `simplices`, of the first kind, then the others.
+fn write_elements<const N: usize>(
+    out: &mut Out<'_>,
+    kinds: [&str; 2],
+    set: &str,
+    elements: &[u32],
+    simplices: usize,
+    nodes: impl Fn(u32) -> ([u32; N], usize),
+) -> io::Result<()> {
+    let first_other = elements.partition_point(|e| (*e as usize) < simplices);
+    let (simplices, others) = elements.split_at(first_other);
+    for (kind, elements) in kinds.into_iter().zip([simplices, others]) {
+        if elements.is_empty() {
+            continue;
+        }
+        elements_head(out, kind, set)?;
         for &e in elements {
-            let (nodes, n) = tet(mesh, e as usize);
+            let (nodes, n) = nodes(e);
             element(out, e, &nodes[..n])?;
         }
     }
@@ -235,27 +256,33 @@ fn node_set<const N: usize>(
     Ok(())
 }
 
-/// A surface of element faces for each part; triangles that are on no tetrahedron are left out.
+/// A surface of element faces for each part; faces that are on no volume are left out.
 fn surfaces(mesh: &Mesh, parts: &Groups, names: &[String], out: &mut Out<'_>) -> io::Result<()> {
-    let faces = faces_of_triangles(mesh);
-    for (i, triangles) in parts.filled() {
-        let mut on_tets = triangles
-            .iter()
-            .filter_map(|&t| faces[t as usize])
-            .peekable();
-        if on_tets.peek().is_none() {
+    let sides = sides_of_faces(mesh);
+    for (i, faces) in parts.filled() {
+        let mut on_volumes = faces.iter().filter_map(|&f| sides[f as usize]).peekable();
+        if on_volumes.peek().is_none() {
             continue;
         }
         out.str("*SURFACE, NAME=")
             .str(&names[i])
             .str(", TYPE=ELEMENT")
             .line()?;
-        for (tet, face) in on_tets {
-            out.int(tet + 1)
+        for side in on_volumes {
+            out.int(side.0 + 1)
                 .str(", S")
-                .int(FACE[face as usize])
+                .int(side_number(mesh, side))
                 .line()?;
         }
     }
     Ok(())
+}
+
+/// The number of a side of a volume, from 1.
+fn side_number(mesh: &Mesh, (volume, side): Side) -> u8 {
+    if (volume as usize) < mesh.tets.len() {
+        TET_SIDE[usize::from(side)]
+    } else {
+        side + 1
+    }
 }

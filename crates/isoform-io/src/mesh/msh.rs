@@ -13,7 +13,7 @@ pub(super) use read::read;
 pub(super) use write2::write as write2;
 pub(super) use write4::write;
 
-use super::group::{Names, tet};
+use super::group::{Names, volume};
 use super::out::Out;
 use crate::format::Sniff;
 use isoform_geom::Mesh;
@@ -63,13 +63,22 @@ impl Physical {
             .iter()
             .map(|n| names.give(n, "region"))
             .collect();
+        let faces = match mesh.triangle_parts.is_empty() {
+            true => &mesh.quad_parts,
+            false => &mesh.triangle_parts,
+        };
+        // Wedges have no labels but are of the only region (see `volume_region`).
+        let volumes = match mesh.wedges.is_empty() {
+            true => &mesh.tet_regions[..],
+            false => &[0],
+        };
         let corners = mesh.corners.first().map(|_| names.give(CORNERS, CORNERS));
         Self {
             names: [
                 corners.into_iter().collect(),
                 labelled(&mesh.edge_curves, curves),
-                labelled(&mesh.triangle_parts, parts),
-                labelled(&mesh.tet_regions, regions),
+                labelled(faces, parts),
+                labelled(volumes, regions),
             ],
         }
     }
@@ -99,9 +108,10 @@ impl Physical {
     }
 }
 
-/// Nodes of a tetrahedron in Gmsh's order, and how many there are.
-fn tet_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
-    let (nodes, n) = tet(mesh, i);
+/// Nodes of a tetrahedron or wedge in Gmsh's order, and how many there are. Gmsh's order of a wedge
+/// is ours.
+fn volume_in_gmsh_order(mesh: &Mesh, i: usize) -> ([u32; 10], usize) {
+    let (nodes, n) = volume(mesh, i);
     let nodes = if n == 10 {
         TET10.map(|k| nodes[k])
     } else {
@@ -117,8 +127,10 @@ fn element_type(dim: usize, nodes: usize) -> i32 {
         (1, 2) => 1,
         (1, _) => 8,
         (2, 3) => 2,
+        (2, 4) => 3,
         (2, _) => 9,
         (_, 4) => 4,
+        (_, 6) => 6,
         _ => 11,
     }
 }

@@ -1,17 +1,18 @@
 //! VTK's .vtu, an unstructured grid in XML (VTK file formats, "XML file formats"), both ways.
 //!
-//! Cells are triangles, tetrahedra, lines of curves and vertices at corners, in this order; of
-//! second order they are VTK's quadratic ones. Three integer cell arrays hold the tags of the
-//! groups, from 1, and 0 where a cell is none of that kind: `part` of triangles, `region` of
-//! tetrahedra, `curve` of lines. The names stand in a comment before the grid, one per line, since
-//! VTK's arrays of strings are not read by others.
+//! Cells are triangles, quadrilaterals, tetrahedra, wedges, lines of curves and vertices at
+//! corners, in this order; of second order they are VTK's quadratic ones. Three integer cell arrays
+//! hold the tags of the groups, from 1, and 0 where a cell is none of that kind: `part` of
+//! triangles and quadrilaterals, `region` of tetrahedra and wedges, `curve` of lines. The names
+//! stand in a comment before the grid, one per line, since VTK's arrays of strings are not read by
+//! others.
 
 mod array;
 mod read;
 
 pub(super) use read::read;
 
-use super::group::{edge, tet, triangle};
+use super::group::{edge, face, face_count, face_part, volume, volume_count, volume_region};
 use super::options::MeshWriteOptions;
 use super::out::{Out, on_one_line};
 use super::xml;
@@ -21,6 +22,12 @@ use std::io::{self, Write};
 
 /// First words of the lines with names in the comment, and of the arrays with tags.
 pub(super) const GROUPS: [&str; 3] = ["part", "region", "curve"];
+/// The nodes of our wedge in the order of VTK_WEDGE, and the other way round. VTK wants the normal
+/// of the first triangle to look out of the wedge, away from the second (vtkWedge.h); ours looks
+/// into it, as those of Gmsh and Abaqus do. meshio, whose order is Gmsh's too, makes the same
+/// change when it reads, so that both see positive wedges. The higher-order wedges of VTK would not
+/// need it.
+const WEDGE: [usize; 6] = [0, 2, 1, 3, 5, 4];
 
 pub(super) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
@@ -114,13 +121,16 @@ struct Cells {
     nodes: usize,
     /// VTK's number of the kind.
     kind: u8,
+    /// The kind of their groups, index into [`GROUPS`]; vertices count as lines beyond the last,
+    /// which have no groups.
+    group: usize,
 }
 
 /// A mesh as VTK's unstructured grid.
 struct Grid<'m> {
     mesh: &'m Mesh,
-    /// Triangles, tetrahedra, edges, corners.
-    cells: [Cells; 4],
+    /// Triangles, quadrilaterals, tetrahedra, wedges, edges, corners.
+    cells: [Cells; 6],
     /// Indices of 64 bits.
     wide: bool,
 }
@@ -128,32 +138,36 @@ struct Grid<'m> {
 impl<'m> Grid<'m> {
     /// The cells of a mesh, with indices of 64 bits where 32 do not suffice.
     fn of(mesh: &'m Mesh) -> Self {
-        let cells = |count, is_second: bool, linear: (usize, u8), curved: (usize, u8)| {
-            let (nodes, kind) = if is_second { curved } else { linear };
-            Cells { count, nodes, kind }
+        let cells = |group, count, (nodes, kind): (usize, u8)| Cells {
+            count,
+            nodes,
+            kind,
+            group,
+        };
+        let triangle = if mesh.triangle_mids.is_empty() {
+            (3, 5)
+        } else {
+            (6, 22)
+        };
+        let tet = if mesh.tet_mids.is_empty() {
+            (4, 10)
+        } else {
+            (10, 24)
+        };
+        let edge = if mesh.edge_mids.is_empty() {
+            (2, 3)
+        } else {
+            (3, 21)
         };
         let mut grid = Self {
             mesh,
             cells: [
-                cells(
-                    mesh.triangles.len(),
-                    !mesh.triangle_mids.is_empty(),
-                    (3, 5),
-                    (6, 22),
-                ),
-                cells(
-                    mesh.tets.len(),
-                    !mesh.tet_mids.is_empty(),
-                    (4, 10),
-                    (10, 24),
-                ),
-                cells(
-                    mesh.edges.len(),
-                    !mesh.edge_mids.is_empty(),
-                    (2, 3),
-                    (3, 21),
-                ),
-                cells(mesh.corners.len(), false, (1, 1), (1, 1)),
+                cells(0, mesh.triangles.len(), triangle),
+                cells(0, mesh.quads.len(), (4, 9)),
+                cells(1, mesh.tets.len(), tet),
+                cells(1, mesh.wedges.len(), (6, 13)),
+                cells(2, mesh.edges.len(), edge),
+                cells(2, mesh.corners.len(), (1, 1)),
             ],
             wide: false,
         };
@@ -350,34 +364,38 @@ fn write_types(grid: &Grid<'_>, values: &mut Values<'_>) -> io::Result<()> {
 /// Tags of one kind of groups; 0 for the cells of other kinds.
 fn write_tags(grid: &Grid<'_>, group: usize, values: &mut Values<'_>) -> io::Result<()> {
     let mesh = grid.mesh;
-    let labels = [&mesh.triangle_parts, &mesh.tet_regions, &mesh.edge_curves];
-    for (k, cells) in grid.cells.iter().enumerate() {
-        let labels = if k == group {
-            labels[k].as_slice()
-        } else {
-            &[]
-        };
-        for i in 0..cells.count {
-            values.tag(labels.get(i).map_or(0, |l| l + 1));
+    for kind in 0..GROUPS.len() {
+        let cells = grid.cells.iter().filter(|cells| cells.group == kind);
+        for i in 0..cells.map(|cells| cells.count).sum() {
+            let label = match kind {
+                _ if kind != group => None,
+                0 => face_part(mesh, i),
+                1 => volume_region(mesh, i),
+                _ => mesh.edge_curves.get(i).copied(),
+            };
+            values.tag(label.map_or(0, |l| l + 1));
             values.end()?;
         }
     }
     Ok(())
 }
 
-/// The nodes of each cell: triangles, tetrahedra, lines, vertices.
+/// The nodes of each cell: faces, volumes, lines, vertices.
 fn write_connectivity(mesh: &Mesh, values: &mut Values<'_>) -> io::Result<()> {
     let put = |values: &mut Values<'_>, nodes: &[u32]| {
         nodes.iter().for_each(|&n| values.index(u64::from(n)));
         values.end()
     };
-    for i in 0..mesh.triangles.len() {
-        let (nodes, n) = triangle(mesh, i);
+    for i in 0..face_count(mesh) {
+        let (nodes, n) = face(mesh, i);
         put(values, &nodes[..n])?;
     }
-    for i in 0..mesh.tets.len() {
-        let (nodes, n) = tet(mesh, i);
-        put(values, &nodes[..n])?;
+    for i in 0..volume_count(mesh) {
+        let (nodes, n) = volume(mesh, i);
+        match n {
+            6 => put(values, &WEDGE.map(|k| nodes[k]))?,
+            _ => put(values, &nodes[..n])?,
+        }
     }
     for i in 0..mesh.edges.len() {
         let (nodes, n) = edge(mesh, i);

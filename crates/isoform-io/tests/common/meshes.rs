@@ -1,6 +1,7 @@
 //! Small mesh files of every format that is read: of our writers, and as others write them.
 
 use super::cube::block;
+use super::layers::layers;
 use isoform_io::{MeshWriteOptions, write_mesh};
 
 /// Name, format and bytes of a file.
@@ -119,6 +120,12 @@ pub(crate) fn mesh_fixtures() -> Vec<MeshFixture> {
                 .expect("memory takes all");
             all.push((format!("{format}-{order}"), format, bytes));
         }
+    }
+    for format in ["msh", "msh-binary", "msh2", "vtu-ascii", "inp"] {
+        let mut bytes = Vec::new();
+        write_mesh(&layers(), &mut bytes, format, &MeshWriteOptions::default())
+            .expect("memory takes all");
+        all.push((format!("{format}-layers"), format, bytes));
     }
     all.extend(
         FOREIGN.map(|(name, format, text)| (name.to_owned(), format, text.as_bytes().to_vec())),

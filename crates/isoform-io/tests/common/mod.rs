@@ -4,6 +4,7 @@
 
 pub(crate) mod cube;
 pub(crate) mod damage;
+pub(crate) mod layers;
 pub(crate) mod meshes;
 pub(crate) mod package;
 

@@ -13,7 +13,7 @@ const COPLANAR: f64 = 1e-8;
 ///
 /// With unit normals a, b, c and distances u, v, w the step is u a for one piece; α a + β b with
 /// a·x = u, b·x = v for two; and for three (u b×c + v c×a + w a×b)/det.
-pub(super) fn newton(
+pub(crate) fn newton(
     gradient: &dyn Fn(u32, Point3) -> (f64, Point3),
     pieces: &[u32],
     p: Point3,

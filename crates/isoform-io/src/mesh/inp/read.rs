@@ -1,16 +1,16 @@
-//! The reader: nodes, tetrahedra, triangles and shells, sets of elements as regions or parts,
-//! surfaces of element faces as parts.
+//! The reader: nodes, tetrahedra, wedges and shells, sets of elements as regions or parts, surfaces
+//! of element faces as parts.
 //!
 //! A keyword line (`*NODE`, `*ELEMENT, TYPE=C3D4`, …) says what the data lines behind it are, up to
-//! the next keyword; an element may go on over several lines. Surfaces name faces of tetrahedra by
-//! element and side, or by a set of elements and side, so that they become triangles only at the
-//! end, when all elements are known.
+//! the next keyword; an element may go on over several lines. Surfaces name faces of elements by
+//! element and side, or by a set of elements and side, so that they become triangles and
+//! quadrilaterals only at the end, when all elements are known.
 
 use crate::input::{Input, Result, parse_number, shorten, stated_unit};
 use crate::mesh::boundary::face_with_mids;
 use crate::mesh::build::Builder;
 use crate::{At, ErrorKind, ReadError, ReadReport};
-use isoform_geom::Mesh;
+use isoform_geom::{Mesh, WEDGE_QUADS, WEDGE_TRIANGLES};
 use std::collections::HashMap;
 
 /// What failed, as the errors of this reader say.
@@ -21,7 +21,7 @@ const MAX_NUMBERS: usize = 64;
 /// How often the sets of elements may be walked over for surfaces, on average.
 const WORK: usize = 64;
 
-/// Corner opposite to the faces S1 to S4.
+/// Corner of a tetrahedron opposite to the faces S1 to S4.
 const CORNER: [usize; 4] = [3, 2, 0, 1];
 
 /// A run of element numbers: first, last and step.
@@ -55,6 +55,7 @@ enum Kind {
     Triangle { nodes: usize },
     Quad,
     Tet { nodes: usize },
+    Wedge,
     Other,
 }
 
@@ -82,6 +83,7 @@ fn kind_of(name: &str) -> Kind {
         return match (dim, digits.as_str()) {
             (3, "4") => Kind::Tet { nodes: 4 },
             (3, "10") => Kind::Tet { nodes: 10 },
+            (3, "6") => Kind::Wedge,
             (2, "3") => Kind::Triangle { nodes: 3 },
             (2, "6" | "65") => Kind::Triangle { nodes: 6 },
             (2, "4") => Kind::Quad,
@@ -91,14 +93,21 @@ fn kind_of(name: &str) -> Kind {
     Kind::Other
 }
 
+/// A tetrahedron or wedge by its place among those of its kind.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Volume {
+    Tet(usize),
+    Wedge(usize),
+}
+
 /// What the lines have given so far.
 struct Reader<'i, 'a> {
     input: &'i mut Input<'a>,
     builder: Builder,
     /// What the data lines at hand are.
     mode: Mode,
-    /// Numbers of tetrahedra, in the order of the file.
-    tets: Vec<u32>,
+    /// The tetrahedra and wedges with their numbers, in the order of the file.
+    volumes: Vec<(u32, Volume)>,
     /// Runs of element numbers by name of the set, in capitals.
     sets: HashMap<String, Vec<Run>>,
     /// Faces with the tags of their surfaces.
@@ -115,7 +124,7 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
         input,
         builder: Builder::new(),
         mode: Mode::Other,
-        tets: Vec::new(),
+        volumes: Vec::new(),
         sets: HashMap::new(),
         faces: Vec::new(),
         tags: HashMap::new(),
@@ -207,7 +216,7 @@ impl Reader<'_, '_> {
         let name = parameter(line, "TYPE").unwrap_or("");
         let kind = kind_of(name);
         let dim = match kind {
-            Kind::Tet { .. } => 3,
+            Kind::Tet { .. } | Kind::Wedge => 3,
             _ => 2,
         };
         let tag = match parameter(line, "ELSET") {
@@ -275,12 +284,12 @@ impl Reader<'_, '_> {
     }
 
     /// Takes a line `element or set, side` of a surface. Sides of shells and other labels are no
-    /// faces of tetrahedra and are passed over.
+    /// faces of volumes and are passed over.
     fn surface_line(&mut self, line: &str, tag: i64) {
         let mut words = line.split(',').map(str::trim);
         let (whose, face) = (words.next().unwrap_or(""), words.next().unwrap_or(""));
         let face = face.strip_prefix(['S', 's']).and_then(|f| f.parse().ok());
-        let Some(face @ 1..=4) = face else {
+        let Some(face @ 1..=5) = face else {
             return;
         };
         let faces = match whose.parse() {
@@ -354,6 +363,7 @@ impl Reader<'_, '_> {
         let at = self.input.at_line(0);
         let want = match kind {
             Kind::Triangle { nodes } | Kind::Tet { nodes } => nodes,
+            Kind::Wedge => 6,
             _ => 4,
         };
         if nodes.len() < want {
@@ -368,10 +378,17 @@ impl Reader<'_, '_> {
                     .triangles
                     .push(&nodes[..n], tag, Some(number), at)
             }
-            Kind::Quad => self.builder.polygon(&nodes[..4], tag, at),
+            Kind::Quad => self.builder.quad(&nodes[..4], tag, None, at),
             Kind::Tet { nodes: n } => {
+                let place = Volume::Tet(self.builder.tets.len());
                 self.builder.tets.push(&nodes[..n], tag, Some(number), at);
-                self.tets.push(number);
+                self.volumes.push((number, place));
+            }
+            Kind::Wedge => {
+                let place = Volume::Wedge(self.builder.wedges.len());
+                let wedges = &mut self.builder.wedges;
+                wedges.push(&nodes[..6], tag, Some(number), at);
+                self.volumes.push((number, place));
             }
             Kind::Other => {}
         }
@@ -379,19 +396,14 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// Triangles out of the faces that the surfaces list. A face may be taken once, and the sets
+    /// Faces out of those that the surfaces list. A face may be taken once, and the sets
     /// be walked over some times, as many surfaces may name them, but not lines times runs.
     fn add_faces(&mut self) -> Result<()> {
-        let mut by_number: Vec<(u32, u32)> = self
-            .tets
-            .iter()
-            .enumerate()
-            .map(|(row, &number)| (number, row as u32))
-            .collect();
+        let mut by_number = std::mem::take(&mut self.volumes);
         by_number.sort_unstable();
         let runs = self.sets.values().map(Vec::len).sum::<usize>();
-        let most = 4 * self.tets.len();
-        let work_limit = 1000 + WORK * (runs + self.faces.len() + self.tets.len());
+        let most = 4 * self.builder.tets.len() + 5 * self.builder.wedges.len();
+        let work_limit = 1000 + WORK * (runs + self.faces.len() + by_number.len());
         let (mut count, mut work) = (0, 0);
         for (faces, face, tag) in std::mem::take(&mut self.faces) {
             let runs = match &faces {
@@ -401,14 +413,14 @@ impl Reader<'_, '_> {
             for &[first, last, step] in runs {
                 work += 1;
                 let from = by_number.partition_point(|(number, _)| *number < first);
-                for &(number, row) in by_number[from..]
+                for &(number, volume) in by_number[from..]
                     .iter()
                     .take_while(|(number, _)| *number <= last)
                 {
                     work += 1;
                     if (number - first) % step == 0 {
                         count += 1;
-                        add_face(&mut self.builder, row, face, tag);
+                        add_face(&mut self.builder, volume, face, tag);
                     }
                     if count > most || work > work_limit {
                         break;
@@ -422,10 +434,10 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// The error for surfaces that list more faces than all tetrahedra have.
+    /// The error for surfaces that list more faces than all volumes have.
     fn too_many_faces(&self, most: usize) -> ReadError {
         let why = format!(
-            "the surfaces list more than the {most} faces of all tetrahedra, or name sets over and over"
+            "the surfaces list more than the {most} faces of all elements, or name sets over and over"
         );
         let hint = "check the surfaces";
         self.input
@@ -433,9 +445,28 @@ impl Reader<'_, '_> {
     }
 }
 
-/// Adds face S1 to S4 of a tetrahedron as a triangle of the part `tag`.
-fn add_face(builder: &mut Builder, row: u32, face: u8, tag: i64) {
-    let (corners, mids) = builder.tets.get(row as usize);
-    let (nodes, n) = face_with_mids(corners, mids, CORNER[usize::from(face) - 1]);
-    builder.triangles.push(&nodes[..n], tag, None, At::File);
+/// Adds face S1 to S5 of a volume as a triangle or quadrilateral of the part `tag`; S5 of a
+/// tetrahedron is none.
+fn add_face(builder: &mut Builder, volume: Volume, face: u8, tag: i64) {
+    let side = usize::from(face) - 1;
+    match volume {
+        Volume::Tet(row) => {
+            let Some(&corner) = CORNER.get(side) else {
+                return;
+            };
+            let (corners, mids) = builder.tets.get(row);
+            let (nodes, n) = face_with_mids(corners, mids, corner);
+            builder.triangles.push(&nodes[..n], tag, None, At::File);
+        }
+        Volume::Wedge(row) => {
+            let (&corners, _) = builder.wedges.get(row);
+            if let Some(face) = WEDGE_TRIANGLES.get(side) {
+                let nodes = face.map(|c| corners[c]);
+                builder.triangles.push(&nodes, tag, None, At::File);
+            } else {
+                let nodes = WEDGE_QUADS[side - WEDGE_TRIANGLES.len()].map(|c| corners[c]);
+                builder.quad(&nodes, tag, None, At::File);
+            }
+        }
+    }
 }

@@ -336,8 +336,8 @@ fn node_count(scan: &Scan<'_, '_>, kind: i64) -> Result<usize> {
     }
 }
 
-/// Takes an element: corners, edges, triangles and tetrahedra of first and second order; a
-/// quadrilateral becomes two triangles, and all others are counted.
+/// Takes an element: corners, edges, triangles and tetrahedra of first and second order,
+/// quadrilaterals and wedges; all others are counted.
 fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], at: At) {
     let number = Some(number);
     match kind {
@@ -346,14 +346,8 @@ fn take(builder: &mut Builder, kind: i64, tag: i64, number: u32, nodes: &[u32], 
         2 | 9 => builder.triangles.push(nodes, tag, number, at),
         4 => builder.tets.push(nodes, tag, number, at),
         11 => builder.tets.push(&TET10.map(|k| nodes[k]), tag, number, at),
-        3 => {
-            for t in [
-                [nodes[0], nodes[1], nodes[2]],
-                [nodes[0], nodes[2], nodes[3]],
-            ] {
-                builder.triangles.push(&t, tag, number, at);
-            }
-        }
+        3 => builder.quad(nodes, tag, number, at),
+        6 => builder.wedges.push(nodes, tag, number, at),
         _ => builder.others += 1,
     }
 }

@@ -1,7 +1,7 @@
 //! The writer of version 2.2.
 
-use super::{Physical, element_type, tet_in_gmsh_order};
-use crate::mesh::group::{edge, triangle};
+use super::{Physical, element_type, volume_in_gmsh_order};
+use crate::mesh::group::{edge, face, face_count, face_part, volume_count, volume_region};
 use crate::mesh::options::MeshWriteOptions;
 use crate::mesh::out::Out;
 use isoform_geom::Mesh;
@@ -36,31 +36,32 @@ struct Elements<'o> {
 }
 
 impl Elements<'_> {
-    /// Writes all elements: corners, edges, triangles, tetrahedra.
+    /// Writes all elements: corners, edges, faces, volumes.
     fn write(&mut self, mesh: &Mesh) -> io::Result<()> {
-        let count = mesh.corners.len() + mesh.edges.len() + mesh.triangles.len() + mesh.tets.len();
+        let lines = mesh.corners.len() + mesh.edges.len();
+        let count = lines + face_count(mesh) + volume_count(mesh);
         self.out.int(count).line()?;
         for (i, &c) in mesh.corners.iter().enumerate() {
             self.element(0, Some(0), i + 1, &[c])?;
         }
         for i in 0..mesh.edges.len() {
             let (nodes, n) = edge(mesh, i);
-            self.labelled(1, mesh.edge_curves.get(i), &nodes[..n])?;
+            self.labelled(1, mesh.edge_curves.get(i).copied(), &nodes[..n])?;
         }
-        for i in 0..mesh.triangles.len() {
-            let (nodes, n) = triangle(mesh, i);
-            self.labelled(2, mesh.triangle_parts.get(i), &nodes[..n])?;
+        for i in 0..face_count(mesh) {
+            let (nodes, n) = face(mesh, i);
+            self.labelled(2, face_part(mesh, i), &nodes[..n])?;
         }
-        for i in 0..mesh.tets.len() {
-            let (nodes, n) = tet_in_gmsh_order(mesh, i);
-            self.labelled(3, mesh.tet_regions.get(i), &nodes[..n])?;
+        for i in 0..volume_count(mesh) {
+            let (nodes, n) = volume_in_gmsh_order(mesh, i);
+            self.labelled(3, volume_region(mesh, i), &nodes[..n])?;
         }
         Ok(())
     }
     /// An element whose entity has the tag of its group.
-    fn labelled(&mut self, dim: usize, label: Option<&u32>, nodes: &[u32]) -> io::Result<()> {
-        let entity = label.map_or(1, |l| *l as usize + 1);
-        self.element(dim, label.copied(), entity, nodes)
+    fn labelled(&mut self, dim: usize, label: Option<u32>, nodes: &[u32]) -> io::Result<()> {
+        let entity = label.map_or(1, |l| l as usize + 1);
+        self.element(dim, label, entity, nodes)
     }
     /// Number, type, two tags (physical group and entity), nodes.
     fn element(

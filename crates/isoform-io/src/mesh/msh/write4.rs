@@ -1,12 +1,14 @@
 //! The writer of version 4.1.
 //!
 //! Nodes belong to the smallest entity that they lie on: a corner, else a curve, a part or a
-//! region. Elements stand in a block for each entity. A number is a word of text or a field of
-//! bytes, which [`Fields`] hides from the rest.
+//! region. Elements stand in a block for each entity and type. A number is a word of text or a
+//! field of bytes, which [`Fields`] hides from the rest.
 
-use super::{Physical, element_type, tet_in_gmsh_order};
+use super::{Physical, element_type, volume_in_gmsh_order};
 use crate::mesh::boundary::parts_of_regions;
-use crate::mesh::group::{Groups, edge, tet, triangle};
+use crate::mesh::group::{
+    Groups, edge, face, face_count, face_part, volume, volume_count, volume_region,
+};
 use crate::mesh::options::MeshWriteOptions;
 use crate::mesh::out::Out;
 use isoform_geom::{Aabb, Mesh, Point3};
@@ -132,19 +134,21 @@ fn owners(mesh: &Mesh, count: [usize; 4]) -> Vec<u32> {
             owner[n as usize] = entity as u32;
         }
     };
-    let label = |labels: &[u32], i: usize| labels.get(i).map_or(0, |l| *l as usize);
     // Large entities first, so that smaller ones overwrite.
-    for i in 0..mesh.tets.len() {
-        let (nodes, n) = tet(mesh, i);
-        own(&nodes[..n], volumes + label(&mesh.tet_regions, i));
+    for i in 0..volume_count(mesh) {
+        let (nodes, n) = volume(mesh, i);
+        let region = volume_region(mesh, i).unwrap_or(0);
+        own(&nodes[..n], volumes + region as usize);
     }
-    for i in 0..mesh.triangles.len() {
-        let (nodes, n) = triangle(mesh, i);
-        own(&nodes[..n], surfaces + label(&mesh.triangle_parts, i));
+    for i in 0..face_count(mesh) {
+        let (nodes, n) = face(mesh, i);
+        let part = face_part(mesh, i).unwrap_or(0);
+        own(&nodes[..n], surfaces + part as usize);
     }
     for i in 0..mesh.edges.len() {
         let (nodes, n) = edge(mesh, i);
-        own(&nodes[..n], curves + label(&mesh.edge_curves, i));
+        let curve = mesh.edge_curves.get(i).copied().unwrap_or(0);
+        own(&nodes[..n], curves + curve as usize);
     }
     for (i, &c) in mesh.corners.iter().enumerate() {
         own(&[c], i);
@@ -249,33 +253,38 @@ struct Link {
     nodes: Vec<[u32; 2]>,
 }
 
+/// Corners of a face.
+fn corners(mesh: &Mesh, i: usize) -> Vec<u32> {
+    let (nodes, n) = face(mesh, i);
+    nodes[..if n == 4 { 4 } else { 3 }].to_vec()
+}
+
+/// Numbers in ascending order, by which equal faces are found.
+fn sorted(mut nodes: Vec<u32>) -> Vec<u32> {
+    nodes.sort_unstable();
+    nodes
+}
+
 /// The links of a unit cell.
 fn links(mesh: &Mesh) -> Vec<Link> {
-    let sorted = |mut t: [u32; 3]| {
-        t.sort_unstable();
-        t
-    };
-    let part = |k: usize| mesh.triangle_parts.get(k).copied().unwrap_or(0);
-    let triangles = mesh.triangles.iter().enumerate();
-    let part_of: HashMap<[u32; 3], u32> = triangles
-        .clone()
-        .map(|(k, t)| (sorted(*t), part(k)))
+    let part = |k: usize| face_part(mesh, k).unwrap_or(0);
+    let part_of: HashMap<Vec<u32>, u32> = (0..face_count(mesh))
+        .map(|k| (sorted(corners(mesh, k)), part(k)))
         .collect();
     let mut links = Vec::new();
     for sides in &mesh.opposite {
         let lower: HashMap<u32, u32> = sides.nodes.iter().map(|&[a, b]| (b, a)).collect();
         let mut nodes: BTreeMap<[u32; 2], BTreeSet<[u32; 2]>> = BTreeMap::new();
-        for (k, t) in triangles.clone() {
-            let Some(image) = t
-                .map(|v| lower.get(&v).copied())
+        for k in 0..face_count(mesh) {
+            let image = corners(mesh, k)
                 .into_iter()
-                .collect::<Option<Vec<_>>>()
-            else {
+                .map(|v| lower.get(&v).copied())
+                .collect::<Option<Vec<_>>>();
+            let Some(image) = image else {
                 continue;
             };
-            let image = sorted([image[0], image[1], image[2]]);
-            if let Some(&below) = part_of.get(&image) {
-                let (all, n) = triangle(mesh, k);
+            if let Some(&below) = part_of.get(&sorted(image)) {
+                let (all, n) = face(mesh, k);
                 let pairs = all[..n].iter().filter_map(|v| Some([*v, *lower.get(v)?]));
                 nodes.entry([part(k), below]).or_default().extend(pairs);
             }
@@ -365,11 +374,11 @@ fn with_nodes(mesh: &Mesh, dim: usize, i: usize, visit: &mut impl FnMut(&[u32]))
             visit(&nodes[..n]);
         }
         2 => {
-            let (nodes, n) = triangle(mesh, i);
+            let (nodes, n) = face(mesh, i);
             visit(&nodes[..n]);
         }
         _ => {
-            let (nodes, n) = tet_in_gmsh_order(mesh, i);
+            let (nodes, n) = volume_in_gmsh_order(mesh, i);
             visit(&nodes[..n]);
         }
     }
@@ -407,20 +416,22 @@ fn write_nodes(
 }
 
 /// Writes the section of elements: the points, each in a block of its own, then a block for every
-/// entity that has elements. Elements are numbered from 1 by dimension and in the order of the
-/// mesh.
+/// type of elements that an entity has. Elements are numbered from 1 by dimension and in the order
+/// of the mesh.
 fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io::Result<()> {
     let counts = [
         mesh.corners.len(),
         mesh.edges.len(),
-        mesh.triangles.len(),
-        mesh.tets.len(),
+        face_count(mesh),
+        volume_count(mesh),
     ];
     let n: usize = counts.iter().sum();
-    let filled = entities.groups.iter().map(|g| g.filled().count());
-    let blocks = counts[0] + filled.sum::<usize>();
+    let filled = (1..4).map(|dim| blocks(mesh, entities, dim).count());
+    let blocks_in_all = counts[0] + filled.sum::<usize>();
     out.section("Elements")?;
-    [blocks, n, n.min(1), n].iter().for_each(|&v| out.size(v));
+    [blocks_in_all, n, n.min(1), n]
+        .iter()
+        .for_each(|&v| out.size(v));
     out.end()?;
     for (i, &c) in mesh.corners.iter().enumerate() {
         [0, i + 1, 15].iter().for_each(|&v| out.int(v as i32));
@@ -432,7 +443,7 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     }
     let mut before = counts[0];
     for dim in 1..4 {
-        for (i, elements) in entities.groups[dim - 1].filled() {
+        for (i, elements) in blocks(mesh, entities, dim) {
             let block = Block {
                 dim,
                 tag: i as i32 + 1,
@@ -446,7 +457,25 @@ fn write_elements(mesh: &Mesh, entities: &Entities, out: &mut Fields<'_>) -> io:
     out.close("Elements")
 }
 
-/// The elements of an entity.
+/// The elements of one type of every entity of a dimension that has some, beside the number of the
+/// entity: triangles before quadrilaterals, tetrahedra before wedges.
+fn blocks<'e>(
+    mesh: &Mesh,
+    entities: &'e Entities,
+    dim: usize,
+) -> impl Iterator<Item = (usize, &'e [u32])> {
+    let simplices = [mesh.edges.len(), mesh.triangles.len(), mesh.tets.len()][dim - 1];
+    let filled = entities.groups[dim - 1].filled();
+    filled
+        .flat_map(move |(i, elements)| {
+            let first_other = elements.partition_point(|e| (*e as usize) < simplices);
+            let (simplices, others) = elements.split_at(first_other);
+            [(i, simplices), (i, others)]
+        })
+        .filter(|(_, elements)| !elements.is_empty())
+}
+
+/// The elements of an entity, of one type.
 struct Block<'m> {
     /// Dimension of the entity.
     dim: usize,

@@ -4,8 +4,8 @@
 //! coded ([`Place`]). Then the arrays of every piece are decoded: points, cells as connectivity
 //! with offsets and types, and the tags of groups.
 
-use super::GROUPS;
 use super::array::{Array, Base64, Coding, from_bytes, from_text};
+use super::{GROUPS, WEDGE};
 use crate::binary::Type;
 use crate::input::{Input, Result, shorten};
 use crate::mesh::build::Builder;
@@ -364,10 +364,14 @@ fn take(builder: &mut Builder, kind: u8, nodes: &[u32], tag: impl Fn(usize) -> i
         (1, 1) => builder.corners.push(nodes, 0, None, at),
         (3, 2) | (21, 3) => builder.edges.push(nodes, tag(2), None, at),
         (5, 3) | (22, 6) => builder.triangles.push(nodes, tag(0), None, at),
+        (7 | 9, 4) => builder.quad(nodes, tag(0), None, at),
         (7 | 9, 3..) => builder.polygon(nodes, tag(0), at),
         // A pixel is a quadrilateral with the last two corners swapped.
-        (8, 4) => builder.polygon(&[nodes[0], nodes[1], nodes[3], nodes[2]], tag(0), at),
+        (8, 4) => builder.quad(&[0, 1, 3, 2].map(|k| nodes[k]), tag(0), None, at),
         (10, 4) | (24, 10) => builder.tets.push(nodes, tag(1), None, at),
+        (13, 6) => builder
+            .wedges
+            .push(&WEDGE.map(|k| nodes[k]), tag(1), None, at),
         _ => builder.others += 1,
     }
 }

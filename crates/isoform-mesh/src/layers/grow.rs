@@ -1,0 +1,322 @@
+//! Wedges between the surface of the core and that of the solid.
+
+use crate::error::MeshError;
+use crate::options::Layers;
+use crate::points::{along, unique};
+use crate::surface::{first_order_at, newton, zero_in};
+use isoform_geom::{Aabb, Mesh, Point3, Solid, norm, sub};
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+/// Steps of Newton's method onto the solid's surface, at most; some five are usual.
+const STEPS: usize = 50;
+/// Distance from the solid's surface, as a share of the diagonal, from which a node is not on it:
+/// what the certificate takes for rounding.
+const OFF: f64 = 1e-9;
+/// The least share of its thickness that is left to the last layer. With less, thicknesses are
+/// shares of what there is: offsets of surfaces that bend much are thinner than asked for.
+const LEAST_LAST: f64 = 0.3;
+
+/// The pieces of the surface that a node of the core lies on.
+#[derive(Clone, Default)]
+struct Stand {
+    /// Those with layers.
+    layered: Vec<u32>,
+    /// Those without.
+    others: Vec<u32>,
+}
+
+impl Stand {
+    /// All pieces.
+    fn all(&self) -> Vec<u32> {
+        self.layered.iter().chain(&self.others).copied().collect()
+    }
+}
+
+/// What layers are grown with.
+pub(crate) struct Grower<'a> {
+    solid: &'a dyn Solid,
+    layers: &'a Layers,
+    /// The piece of each part of the mesh, if it is one.
+    pieces: Vec<Option<u32>>,
+    /// Whether each part has layers.
+    is_layered: Vec<bool>,
+    /// Below this distance a node is on a piece: rounding.
+    zero: f64,
+    /// Above this distance it is not.
+    off: f64,
+}
+
+/// Grows layers of wedges from the surface of a core to that of its solid: of a mesh of the core
+/// one of the solid is made.
+///
+/// # Errors
+/// [`MeshError::LayersEnd`] where parts without layers meet those with some in no edge on which
+/// layers could stand.
+pub(crate) fn grow(
+    core: &Mesh,
+    solid: &dyn Solid,
+    layered: &[bool],
+    layers: &Layers,
+    region: Aabb,
+) -> Result<Mesh, MeshError> {
+    let number: HashMap<&str, u32> = (0u32..)
+        .zip(solid.names())
+        .map(|(i, name)| (name.as_str(), i))
+        .collect();
+    let pieces: Vec<Option<u32>> = core
+        .parts
+        .iter()
+        .map(|part| number.get(part.as_str()).copied())
+        .collect();
+    let of = |piece: &Option<u32>| piece.is_some_and(|i| layered[i as usize]);
+    let grower = Grower {
+        solid,
+        layers,
+        is_layered: pieces.iter().map(of).collect(),
+        pieces,
+        zero: zero_in(region),
+        off: OFF * region.diagonal(),
+    };
+    grower.check_others(core)?;
+    let columns = grower.columns(core)?;
+    Ok(grower.filled(core, &columns))
+}
+
+/// The nodes of each column, from the surface of the solid to that of the core, by the node of the
+/// core.
+type Columns = BTreeMap<u32, Vec<Point3>>;
+
+impl Grower<'_> {
+    /// Whether a triangle of the core has layers.
+    fn has_layers(&self, core: &Mesh, triangle: usize) -> bool {
+        let part = core.triangle_parts.get(triangle);
+        part.is_some_and(|&part| self.is_layered[part as usize])
+    }
+
+    /// Distance of a place to the surface of the solid, with the piece that decides it.
+    fn value(&self, p: Point3) -> (f64, u32) {
+        let of = |piece| first_order_at(self.solid, piece, p);
+        self.solid.tree().value_and_piece(&of)
+    }
+
+    /// Looks for triangles of parts without layers that are not on the solid's surface: those of a
+    /// part that the core goes on along where the layers of another one would have to end.
+    fn check_others(&self, core: &Mesh) -> Result<(), MeshError> {
+        let stands = self.stands(core);
+        for (k, triangle) in core.triangles.iter().enumerate() {
+            if self.has_layers(core, k) {
+                continue;
+            }
+            for v in triangle.iter().filter(|v| !stands.contains_key(v)) {
+                let p = core.points[*v as usize];
+                if self.value(p).0.abs() > self.off {
+                    let other = core.triangle_parts.get(k).map(|&i| i as usize);
+                    return Err(self.ends(core, other, p));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The error of layers that end at a part, near a place: on the part with layers next to it.
+    fn ends(&self, core: &Mesh, other: Option<usize>, at: Point3) -> MeshError {
+        let distance = |part: &usize| {
+            let piece = self.pieces[*part].unwrap_or_default();
+            first_order_at(self.solid, piece, at).abs()
+        };
+        let layered = (0..self.pieces.len()).filter(|&part| self.is_layered[part]);
+        let nearest = layered.min_by(|a, b| distance(a).total_cmp(&distance(b)));
+        let name = |part: Option<usize>| part.map_or_else(String::new, |i| core.parts[i].clone());
+        MeshError::LayersEnd {
+            part: name(nearest),
+            other: name(other),
+            at,
+        }
+    }
+
+    /// The part that a piece is.
+    fn part_of(&self, piece: u32) -> Option<usize> {
+        self.pieces.iter().position(|&p| p == Some(piece))
+    }
+
+    /// What the nodes on parts with layers stand on.
+    fn stands(&self, core: &Mesh) -> BTreeMap<u32, Stand> {
+        let mut stands: BTreeMap<u32, Stand> = BTreeMap::new();
+        for (k, triangle) in core.triangles.iter().enumerate() {
+            let part = core.triangle_parts[k] as usize;
+            if let (true, Some(piece)) = (self.is_layered[part], self.pieces[part]) {
+                for v in triangle {
+                    stands.entry(*v).or_default().layered.push(piece);
+                }
+            }
+        }
+        for (k, triangle) in core.triangles.iter().enumerate() {
+            let part = core.triangle_parts[k] as usize;
+            if let (false, Some(piece)) = (self.is_layered[part], self.pieces[part]) {
+                for v in triangle {
+                    if let Some(stand) = stands.get_mut(v) {
+                        stand.others.push(piece);
+                    }
+                }
+            }
+        }
+        for stand in stands.values_mut() {
+            stand.layered = unique(std::mem::take(&mut stand.layered));
+            stand.others = unique(std::mem::take(&mut stand.others));
+        }
+        stands
+    }
+
+    /// The nearest place on some pieces, at most three of them.
+    fn foot(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
+        let mut p = from;
+        for _ in 0..STEPS {
+            let (step, off) = newton(&|i, p| self.solid.gradient(i, p), pieces, p)?;
+            if off <= self.zero {
+                return Some(p);
+            }
+            p = sub(p, step);
+        }
+        None
+    }
+
+    /// The columns of nodes between the core and the solid's surface.
+    fn columns(&self, core: &Mesh) -> Result<Columns, MeshError> {
+        let column = |(v, stand): (u32, Stand)| Ok((v, self.column(core, v, &stand)?));
+        self.stands(core).into_iter().map(column).collect()
+    }
+
+    /// The nodes of one column, the last of them that of the core.
+    fn column(&self, core: &Mesh, v: u32, stand: &Stand) -> Result<Vec<Point3>, MeshError> {
+        let top = core.points[v as usize];
+        let all = stand.all();
+        let most = &all[..all.len().min(3)];
+        let base = self.foot(most, top);
+        let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
+        if let Some(&piece) = stand.others.first().filter(|_| !on_surface(&top)) {
+            return Err(self.ends(core, self.part_of(piece), top));
+        }
+        let Some(base) = base.filter(on_surface) else {
+            let decided = self.value(base.unwrap_or(top)).1;
+            return Err(self.ends(core, self.part_of(decided), top));
+        };
+        let mut nodes: Vec<Point3> = self
+            .shares(stand, base, top)
+            .into_iter()
+            .map(|share| along(base, top, share))
+            .collect();
+        let others = &stand.others[..stand.others.len().min(3)];
+        if let ([_, inner @ .., _], false) = (nodes.as_mut_slice(), others.is_empty()) {
+            for p in inner {
+                *p = self.foot(others, *p).unwrap_or(*p);
+            }
+        }
+        if let Some(last) = nodes.last_mut() {
+            *last = top;
+        }
+        Ok(nodes)
+    }
+
+    /// Where the nodes of a column are, as shares of the way: layers have the thickness asked for,
+    /// all but the last one, which ends where the core begins.
+    fn shares(&self, stand: &Stand, base: Point3, top: Point3) -> Vec<f64> {
+        let heights = self.layers.heights();
+        let n = self.layers.count;
+        let feet = stand.layered.iter().filter_map(|&i| self.foot(&[i], top));
+        let distances: Vec<f64> = feet.map(|q| norm(sub(top, q))).collect();
+        let mean = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
+        let reach = if mean > 0.0 {
+            mean
+        } else {
+            norm(sub(top, base))
+        };
+        let last = heights[n] - heights[n - 1];
+        let whole = match reach - heights[n - 1] >= LEAST_LAST * last {
+            true => reach,
+            false => heights[n],
+        };
+        let inner = heights[..n].iter().map(|h| h / whole);
+        inner.chain([1.0]).collect()
+    }
+
+    /// The mesh of the core with its columns as wedges.
+    fn filled(&self, core: &Mesh, columns: &Columns) -> Mesh {
+        let mut mesh = core.clone();
+        let n = self.layers.count;
+        // Nodes of each column, the core's own last.
+        let mut nodes: HashMap<u32, Vec<u32>> = HashMap::new();
+        for (&v, places) in columns {
+            let first = mesh.points.len() as u32;
+            mesh.points.extend(&places[..n]);
+            nodes.insert(v, (first..first + n as u32).chain([v]).collect());
+        }
+        self.wedges(core, &nodes, &mut mesh);
+        self.sides(core, &nodes, &mut mesh);
+        self.features(core, &nodes, &mut mesh);
+        mesh
+    }
+
+    /// Wedges over the triangles with layers, which move to the solid's surface.
+    fn wedges(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
+        for (k, triangle) in core.triangles.iter().enumerate() {
+            if !self.has_layers(core, k) {
+                continue;
+            }
+            let [a, b, c] = triangle.map(|v| &nodes[&v]);
+            mesh.triangles[k] = [a[0], b[0], c[0]];
+            // The base of a wedge looks into the solid.
+            let wedge = |i: usize| [a[i], c[i], b[i], a[i + 1], c[i + 1], b[i + 1]];
+            mesh.wedges.extend((0..self.layers.count).map(wedge));
+        }
+    }
+
+    /// Quadrilaterals on parts without layers, where columns stand.
+    fn sides(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
+        let mut ends: HashSet<[u32; 2]> = HashSet::new();
+        for (k, &[a, b, c]) in core.triangles.iter().enumerate() {
+            if self.has_layers(core, k) {
+                ends.extend([[a, b], [b, c], [c, a]]);
+            }
+        }
+        for (k, &[a, b, c]) in core.triangles.iter().enumerate() {
+            if self.has_layers(core, k) {
+                continue;
+            }
+            for [u, v] in [[a, b], [b, c], [c, a]] {
+                if !ends.contains(&[v, u]) {
+                    continue;
+                }
+                let (u, v) = (&nodes[&u], &nodes[&v]);
+                for i in 0..self.layers.count {
+                    mesh.quads.push([v[i + 1], u[i + 1], u[i], v[i]]);
+                    mesh.quad_parts.extend(core.triangle_parts.get(k));
+                }
+            }
+        }
+    }
+
+    /// Edges and corners on parts with layers move to the solid's surface; curves that end there
+    /// go on along columns.
+    fn features(&self, core: &Mesh, nodes: &HashMap<u32, Vec<u32>>, mesh: &mut Mesh) {
+        for (edge, &curve) in core.edges.iter().zip(&core.edge_curves) {
+            let parts = core.curves[curve as usize].parts;
+            if parts.iter().any(|&part| self.is_layered[part as usize]) {
+                continue;
+            }
+            for column in edge.iter().filter_map(|v| nodes.get(v)) {
+                let edges = column.windows(2).map(|pair| [pair[0], pair[1]]);
+                mesh.edges.extend(edges);
+                mesh.edge_curves.resize(mesh.edges.len(), curve);
+            }
+        }
+        for (k, &curve) in core.edge_curves.iter().enumerate() {
+            let parts = core.curves[curve as usize].parts;
+            if parts.iter().any(|&part| self.is_layered[part as usize]) {
+                mesh.edges[k] = mesh.edges[k].map(|v| nodes.get(&v).map_or(v, |c| c[0]));
+            }
+        }
+        for v in &mut mesh.corners {
+            *v = nodes.get(v).map_or(*v, |column| column[0]);
+        }
+    }
+}
