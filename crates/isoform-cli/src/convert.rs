@@ -118,6 +118,10 @@ fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fail
     }
     .map_err(|e| scan::unwritable(&e))?;
     json["counts"] = json!({"points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len()});
+    if !(mesh.wedges.is_empty() && mesh.quads.is_empty()) {
+        json["counts"]["wedges"] = mesh.wedges.len().into();
+        json["counts"]["quads"] = mesh.quads.len().into();
+    }
     json["formats"] = json!([report.format, written.format]);
     json["warnings"] = warned([&report.warnings, &written.warnings], context);
     if context.global.json && !stdout.is_empty() {

@@ -278,7 +278,7 @@ impl File<'_> {
     fn mesh(&self) -> Result<Layer, Failure> {
         let (mesh, report) = scan::read_mesh_file(self.path, None)?;
         self.warn_all(&report.warnings);
-        if mesh.triangles.is_empty() {
+        if mesh.triangles.is_empty() && mesh.quads.is_empty() {
             let message = format!("{}: there are no triangles", self.path.display());
             return Err(Failure::input("no-triangles", message)
                 .hint("isoform inspect shows what is in the file"));

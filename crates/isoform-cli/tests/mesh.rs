@@ -861,6 +861,50 @@ fn unit_cells_that_cannot_be() {
 }
 
 #[test]
+fn layers_that_cannot_be() {
+    let folder = Folder::new("mesh-layers-bad");
+    let model = folder.file("cell.hf", CELL);
+    let ball = ["mesh", &model, "--object", "ball", "--size", "0.2"];
+    let layers = ["--layers", "ball*"];
+    let first = ["--first", "0.01"];
+    let both = [layers, first].concat();
+    let cases: [(&[&str], &[&str], &str); 16] = [
+        (&layers, &[], "the thickness of the first"),
+        (&layers, &["--first=0"], "a positive number"),
+        (&first, &[], "--layers"),
+        (&["--growth", "1.5"], &[], "--layers"),
+        (&["--layer-count", "3"], &[], "--layers"),
+        (&first, &["--layers", "ball,"], "empty name"),
+        (&both, &["--growth=-1"], "a positive number"),
+        (&both, &["--growth=1e99"], "--first, --growth or"),
+        (&both, &["--layer-count", "0"], "between 1 and 100"),
+        (&both, &["--layer-count", "101"], "try: --layer-count"),
+        (&both, &["--order", "2"], "does not go with --order 2"),
+        (&both, &["--surface-only"], "cannot be used with"),
+        (&both, &["--regions", "bar"], "cannot be used with"),
+        (&both, &["--box=0,0,0,1,1,1", "--periodic", "x"], "cannot"),
+        (&both, &["--blocks", "2,1,1"], "cannot be used with"),
+        (&both, &["--adapt", "old.msh"], "cannot be used with"),
+    ];
+    for (given, more, why) in cases {
+        let run = isoform(&[&ball[..], given, more].concat());
+        let said = stderr(&run);
+        assert_eq!(code(&run), 1, "{given:?} {more:?}: {said}");
+        assert!(said.contains(why), "{given:?} {more:?}: {said}");
+    }
+}
+
+/// What is said of a mesh without layers is what was said before there were any.
+#[test]
+fn a_mesh_without_layers_tells_of_none() {
+    let folder = Folder::new("mesh-no-layers");
+    let (exit, plain) = mesh(&folder.program(BALL), &["--size", "0.4"]);
+    assert!(exit == 0 && plain.get("layers").is_none(), "{plain}");
+    assert!(plain["counts"].get("wedges").is_none(), "{plain}");
+    assert!(plain["parts"][0].get("quads").is_none(), "{plain}");
+}
+
+#[test]
 fn blocks_meet_and_are_certified() {
     let f = Folder::new("mesh-blocks");
     let (model, out) = (f.program(HOLED), f.path("m.pvtu"));

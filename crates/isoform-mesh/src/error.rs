@@ -115,10 +115,18 @@ pub enum MeshError {
         at: Point3,
     },
     /// Layers that are thicker than the solid has room for.
-    #[error("layers {thickness} thick leave nothing of the solid")]
+    #[error(
+        "layers {thickness} thick {}",
+        match .at {
+            Some(p) => format!("have no room near ({}, {}, {})", p[0], p[1], p[2]),
+            None => "leave nothing of the solid".to_owned(),
+        }
+    )]
     NoRoom {
         /// Thickness of all layers.
         thickness: f64,
+        /// Where they have no room; nowhere if there is no place.
+        at: Option<Point3>,
     },
     /// A part with layers whose slopes are not known over boxes.
     #[error("there are no layers on {part}: bounds of its slope are not known")]

@@ -132,6 +132,7 @@ fn mesh_layered(
     let mut meshed = made.map_err(|error| match error {
         MeshError::TooCoarse { .. } => MeshError::NoRoom {
             thickness: layers.thickness(),
+            at: None,
         },
         error => error,
     })?;

@@ -208,6 +208,21 @@ impl From<MeshError> for Trouble {
                 .hint("a box that begins elsewhere: a cell may begin anywhere"),
             MeshError::NotPeriodic { .. } => Self::new("not-periodic", e)
                 .hint("another box, or periodic= with the axes along which the model repeats"),
+            MeshError::NoLayers { .. } => {
+                Self::new("no-layers", e).hint("leave layers= or the other out")
+            }
+            MeshError::NoPart { .. } => {
+                Self::new("no-part", e).hint("layers= with one of these, or a pattern, as 'wall*'")
+            }
+            MeshError::LayersEnd { ref other, .. } => {
+                let hint = format!("layers= with {other} as well");
+                Self::new("layers-end", e).hint(hint)
+            }
+            MeshError::NoRoom { .. } => Self::new("no-room", e)
+                .hint("thinner or fewer layers: a smaller first, layer_count"),
+            MeshError::NoSlopes { .. } => {
+                Self::new("no-slopes", e).hint("layers= with other parts")
+            }
             MeshError::Memory { .. } => Self::new("memory", e).hint("a larger size or memory"),
             MeshError::NoMemory { .. } => Self::new("memory", e).hint("a larger size"),
             MeshError::TooCoarse { size } => {

@@ -10,7 +10,7 @@ use crate::shape::Shape;
 use isoform::check::Limits;
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, write_mesh_path};
-use isoform::mesh::Options;
+use isoform::mesh::{Layers, Options};
 use isoform::report::{MeshReport, ModelName, Seconds};
 use isoform::{MeshModelOptions, RegionModel, Unseen, mesh_model_regions, mesh_spline};
 use numpy::{PyArray1, PyArray2};
@@ -35,6 +35,8 @@ pub(crate) struct Wanted {
     #[pyo3(item)]
     periodic: [bool; 3],
     #[pyo3(item)]
+    layers: Option<(Vec<String>, f64, f64, usize)>,
+    #[pyo3(item)]
     grade: Option<f64>,
     #[pyo3(item)]
     angles: Option<[f64; 2]>,
@@ -56,6 +58,17 @@ impl Wanted {
         }
     }
 
+    /// Layers of wedges: their parts, the first thickness, the growth and the number of layers.
+    fn layers(&self) -> Option<Layers> {
+        let (parts, first, growth, count) = self.layers.clone()?;
+        Some(Layers {
+            parts,
+            first,
+            growth,
+            count,
+        })
+    }
+
     /// As the library takes it.
     pub(crate) fn options(&self) -> Result<MeshModelOptions, Trouble> {
         let usual = Options::default();
@@ -75,6 +88,7 @@ impl Wanted {
                 surface_only: self.surface_only,
                 region: some_region(self.region)?,
                 periodic: self.periodic,
+                layers: self.layers(),
                 angles: self.angles.unwrap_or(usual.angles),
                 memory: memory.map_or(usual.memory, |gib| (gib * GIB) as u64),
                 ..usual
@@ -143,6 +157,26 @@ impl MeshData {
             [c[0], c[1], c[2], c[3], m[0], m[1], m[2], m[3], m[4], m[5]]
         };
         rows(py, corners.iter().zip(mids).map(whole).collect())
+    }
+    /// The nodes of the wedges.
+    fn wedges<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        rows(py, self.mesh.wedges.clone())
+    }
+    /// The nodes of the quadrilaterals.
+    fn quads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<u32>>> {
+        rows(py, self.mesh.quads.clone())
+    }
+    /// The part of each quadrilateral.
+    fn quad_parts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {
+        PyArray1::from_slice(py, &self.mesh.quad_parts)
+    }
+    /// The mesh with tetrahedra for wedges and triangles for quadrilaterals.
+    fn simplices(&self) -> Self {
+        Self {
+            mesh: self.mesh.simplices().into_owned(),
+            unit: self.unit.clone(),
+            document: self.document.clone(),
+        }
     }
     /// The part of each triangle.
     fn triangle_parts<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<u32>> {

@@ -161,6 +161,36 @@ class Refused(unittest.TestCase):
         with self.assertRaises(TypeError):
             isoform.mesh(BALL)
 
+    def test_layers_that_cannot_be(self):
+        ball = isoform.Model(BALL)
+
+        def refused(code="usage", **given):
+            params = {"radius": 1}
+            return str(self.refused(code, lambda: isoform.mesh(ball, 0.5, params=params, **given)))
+
+        self.assertIn("first", refused(layers="ball"))
+        self.assertIn("layers", refused(first=0.01))
+        self.assertIn("empty", refused(layers=["ball", ""], first=0.01))
+        self.assertIn("empty", refused(layers="", first=0.01))
+        self.assertIn("first is -1", refused(layers="*", first=-1))
+        self.assertIn("first is nan", refused(layers="*", first=float("nan")))
+        self.assertIn("growth is inf", refused(layers="*", first=0.01, growth=float("inf")))
+        self.assertIn("layer_count", refused(layers="*", first=0.01, layer_count=0))
+        self.assertIn("number of layers", refused(layers="*", first=0.01, layer_count=101))
+        self.assertIn("regions", refused(layers="*", first=0.01, regions={"core": ball}))
+        self.assertIn("periodic", refused(layers="*", first=0.01, box=2, periodic="x"))
+        self.assertIn("surface_only", refused(layers="*", first=0.01, surface_only=True))
+        self.assertIn("order=2", refused(layers="*", first=0.01, order=2))
+        with self.assertRaises(TypeError):
+            isoform.mesh(ball, 0.5, layers="*", first=0.01, layer_count=2.5)
+
+    def test_meshes_without_layers_have_no_wedges(self):
+        ball = isoform.mesh(isoform.Model(BALL), 0.5, params={"radius": 1})
+        shapes = ball.wedges.shape, ball.quads.shape, ball.quad_parts.shape
+        self.assertEqual(shapes, ((0, 6), (0, 4), (0,)))
+        self.assertNotIn("layers", ball.to_dict())
+        self.assertNotIn("wedges", ball.to_dict()["counts"])
+
     def test_no_value_is_nan_and_said(self):
         root = isoform.Model("f(x[3], a[1]) { f = sqrt(x[1]); }")
         with self.assertWarns(RuntimeWarning) as caught:

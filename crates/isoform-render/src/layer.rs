@@ -253,7 +253,8 @@ impl Layer {
     }
 
     /// A mesh: its triangles with their edges, and its feature curves. With tetrahedra, a section
-    /// shows the cut through them.
+    /// shows the cut through them. A wedge is drawn as three of them, a quadrilateral as two
+    /// triangles.
     pub fn mesh(
         name: &str,
         mesh: &Mesh,
@@ -299,6 +300,7 @@ impl Layer {
         asked: Option<ColorBy>,
         section: Option<&Section>,
     ) -> Self {
+        let mesh = &*mesh.simplices();
         let (triangles, parts) = flat_triangles(mesh);
         let has_parts = parts.len() == triangles.len() && !mesh.parts.is_empty();
         let (modes, columns) = modes_of(mesh, has_parts);

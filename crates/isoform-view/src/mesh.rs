@@ -7,8 +7,9 @@ use isoform::geom::Mesh;
 use serde_json::{Value, json};
 
 /// A layer of triangles, with the tetrahedra behind them where there are any. Elements of second
-/// order are shown with straight edges between all of their nodes.
+/// order are shown with straight edges between all of their nodes, wedges as tetrahedra.
 pub(crate) fn layer(name: &str, mesh: &Mesh, blobs: &mut Blobs) -> Value {
+    let mesh = &*mesh.simplices();
     let (triangles, parts) = flat_triangles(mesh);
     let mut layer = json!({
         "kind": "mesh",

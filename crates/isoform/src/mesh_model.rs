@@ -257,7 +257,8 @@ fn make(
 ) -> Result<ModelMesh, MeshModelError> {
     control.report("model", 0.0);
     if let Some(mesh) = given {
-        check_nodes(mesh)?;
+        no_layers(&options.mesh, "in a mesh that is adapted")?;
+        check_given(mesh)?;
     }
     let (solid, is_run) = match solid_of(model, a) {
         // What fills all of space fills the box: the matrix of a composite.
@@ -291,6 +292,26 @@ fn make(
         made.meshed.warnings.push(warning);
     }
     Ok(made)
+}
+
+/// Refuses layers where a mesh is not made of one solid alone.
+pub(crate) fn no_layers(options: &Options, what: &'static str) -> Result<(), MeshError> {
+    match options.layers {
+        Some(_) => Err(MeshError::NoLayers { what }),
+        None => Ok(()),
+    }
+}
+
+/// Whether a mesh can be adapted: its elements have their nodes, and are triangles and tetrahedra.
+/// Wedges would not stay thin.
+fn check_given(mesh: &Mesh) -> Result<(), MeshError> {
+    if !(mesh.wedges.is_empty() && mesh.quads.is_empty()) {
+        let why = "has wedges or quadrilaterals: only triangles and tetrahedra are adapted";
+        return Err(MeshError::Input {
+            why: why.to_owned(),
+        });
+    }
+    check_nodes(mesh)
 }
 
 /// All of space.
@@ -379,6 +400,43 @@ mod tests {
     use super::*;
     use crate::ImplicitSurface;
     use isoform_field::hyperfun::Mode;
+    use isoform_mesh::Layers;
+
+    /// Regions, blocks and meshes given from elsewhere have no layers, and no layers are adapted.
+    #[test]
+    fn layers_are_grown_of_a_model_alone() {
+        let ball = "ball(x[3], a[1]) { ball = 1 - x[1]^2 - x[2]^2 - x[3]^2; }";
+        let ball = Model::parse(ball, Mode::Default).expect("a program");
+        let mut options = MeshModelOptions {
+            size: Some(0.5),
+            ..MeshModelOptions::default()
+        };
+        options.mesh.layers = Some(Layers {
+            parts: vec!["ball".to_owned()],
+            first: 0.01,
+            growth: 1.2,
+            count: 5,
+        });
+        let control = Control::default();
+        let region = RegionModel {
+            name: "core",
+            model: &ball,
+            values: &[0.0],
+        };
+        let refused = |made: Result<ModelMesh, MeshModelError>, why: &str| {
+            let error = made.expect_err("no mesh").to_string();
+            assert!(error.contains(why), "{error}");
+        };
+        let regions = mesh_model_regions(&ball, &[0.0], &[region], &options, &control);
+        refused(regions, "in regions");
+        let mut given = Mesh::from_triangles(vec![[0.0; 3]; 6], vec![[0, 1, 2]]);
+        let adapted = adapt_to_model(&given, &ball, &[0.0], &options, &control);
+        refused(adapted, "adapted");
+        options.mesh.layers = None;
+        given.wedges = vec![[0, 1, 2, 3, 4, 5]];
+        let adapted = adapt_to_model(&given, &ball, &[0.0], &options, &control);
+        refused(adapted, "has wedges");
+    }
 
     #[test]
     fn a_fitted_program_needs_no_values() {

@@ -79,7 +79,7 @@ pub(crate) fn usual_size(region: Aabb) -> f64 {
 }
 
 /// The triangles of a mesh's surface between all of its nodes, and the part of each: faces with mid
-/// nodes are four triangles each.
+/// nodes are four triangles each, quadrilaterals two.
 ///
 /// ```
 /// use isoform::geom::Mesh;
@@ -90,6 +90,7 @@ pub(crate) fn usual_size(region: Aabb) -> f64 {
 /// ```
 pub fn flat_triangles(mesh: &Mesh) -> (Vec<[u32; 3]>, Vec<u32>) {
     if mesh.triangle_mids.is_empty() {
+        let mesh = mesh.simplices();
         return (mesh.triangles.clone(), mesh.triangle_parts.clone());
     }
     let mut triangles = Vec::with_capacity(4 * mesh.triangles.len());
@@ -100,7 +101,8 @@ pub fn flat_triangles(mesh: &Mesh) -> (Vec<[u32; 3]>, Vec<u32>) {
     (triangles, parts)
 }
 
-/// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each.
+/// The surface of a mesh as a cloud with triangles; faces with mid nodes as four triangles each,
+/// quadrilaterals as two.
 ///
 /// # Panics
 /// If a triangle has a node that the mesh has not; meshes that were read or made have them all.
@@ -313,6 +315,20 @@ mod tests {
             curved.triangles.iter().all(|t| t.iter().all(|&v| v < 6))
                 && !curved.points.contains(&[9.0; 3])
         );
+    }
+
+    #[test]
+    fn quadrilaterals_of_layers_are_two_triangles_of_the_surface() {
+        let points = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+        let mesh = Mesh {
+            points: points.to_vec(),
+            quads: vec![[0, 1, 2, 3]],
+            quad_parts: vec![0],
+            parts: vec!["end".to_owned()],
+            ..Mesh::default()
+        };
+        assert_eq!(surface_of(&mesh).triangles, [[0, 1, 2], [0, 2, 3]]);
+        assert_eq!(flat_triangles(&mesh).1, [0, 0]);
     }
 
     #[test]

@@ -27,8 +27,8 @@ pub use implicitize::{ImplicitizeReport, NormalsReport};
 pub use inspect::{ColumnReport, InspectReport, UnitReport};
 pub use mesh::{
     CertificateReport, ContentsReport, Counts, CurveGroup, DeviationReport, DistancesReport,
-    FailureReport, FeaturesReport, LengthsReport, MeshReport, ModelName, PartGroup, RatioReport,
-    RegionGroup, WarningReport, WrittenFile,
+    FailureReport, FeaturesReport, LayersReport, LengthsReport, MeshReport, ModelName, PartGroup,
+    RatioReport, RegionGroup, WarningReport, WrittenFile,
 };
 pub use patches::{
     AboutPatches, BoxReport, CoverageReport, Entity, LeftOutReport, MarginReport, PatchReport,

@@ -3,6 +3,7 @@
 mod blocks;
 pub(crate) mod document;
 pub(crate) mod files;
+mod layers;
 mod regions;
 mod sizes;
 mod solid;
@@ -14,6 +15,7 @@ use crate::output::{self, Context, Failure, Outcome};
 use crate::{eval, gallery, scan, solids, spline};
 use isoform::Unseen;
 use isoform::geom::Aabb;
+use isoform::mesh::Layers;
 use std::path::PathBuf;
 use work::{Shape, Subject};
 
@@ -30,6 +32,7 @@ Examples:
   isoform mesh bimetal.hf --regions core,shell -o bimetal.inp
   isoform mesh gyroid.hf --box=-1,-1,-1,1,1,1 -o gyroid.vtu --json
   isoform mesh cell.hf --box=0,0,0,1,1,1 --periodic xyz -o cell.msh
+  isoform mesh pipe.hf --layers wall --first 0.01 --layer-count 4 -o pipe.vtu
 
 Edges and corners are found and kept; every face carries the name of the part that it lies on. Every mesh comes with a
 certificate: closed, manifold, free of self-intersections and inverted elements, with angles and distances. Formats:
@@ -81,6 +84,8 @@ pub(crate) struct Args {
         conflicts_with_all = ["adapt", "blocks"]
     )]
     periodic: Option<Axes>,
+    #[command(flatten)]
+    layers: layers::Args,
     /// Of a function fitted to points, keep the surface where there are no points, as a part named unseen
     #[arg(long)]
     close: bool,
@@ -129,6 +134,9 @@ pub(crate) struct Settings {
     /// The axes along which the box is a unit cell.
     #[arg(skip)]
     pub(crate) periodic: [bool; 3],
+    /// Layers of wedges along parts of the surface.
+    #[arg(skip)]
+    pub(crate) layers: Option<Layers>,
 }
 
 /// Axes along which a box repeats.
@@ -182,6 +190,7 @@ fn counts(text: &str) -> Result<Counts, String> {
 
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let layers = layers::read(&args.layers, args.settings.order)?;
     if let Some(counts) = args.blocks {
         return blocks::run(args, counts.0, context);
     }
@@ -197,6 +206,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         .transpose()?;
     let settings = Settings {
         periodic: args.periodic.map_or([false; 3], |axes| axes.0),
+        layers,
         ..args.settings.clone()
     };
     let mut made = work::make(&subject, &settings, given.map(|g| g.0).as_ref(), context)?;

@@ -62,6 +62,7 @@ fn refuse_others(args: &Args) -> Result<(), Failure> {
         ("--order 2", settings.order == Some(2)),
         ("--box", settings.region.is_some()),
         ("--adapt", args.adapt.is_some()),
+        ("--layers", !args.layers.layers.is_empty()),
         ("--params", args.params.is_some()),
         ("--close", args.close),
     ];

@@ -5,13 +5,15 @@ use super::work::{Made, place};
 use isoform::RegionCertificate;
 use isoform::check::{Certificate, Failure, OppositeSides, Place};
 use isoform::geom::Mesh;
-use isoform::mesh::Warning;
+use isoform::mesh::{Layers, Warning};
 use isoform::report::brief;
 
 /// What was made, whether it holds, and where it went.
 pub(crate) fn text(made: &Made) -> String {
+    let layers = made.mesh.options.layers.as_ref();
     let mut text = line("size", size(made))
         + &line("region", region(made))
+        + &layers.map_or(String::new(), |layers| line("layers", thicknesses(layers)))
         + &of_mesh(&made.mesh.meshed.mesh, &made.mesh.certificate);
     text.extend(made.mesh.regions.iter().map(of_region));
     let open = left_open(&made.mesh.meshed.warnings);
@@ -80,7 +82,8 @@ pub(crate) fn of_mesh(mesh: &Mesh, certificate: &Certificate) -> String {
             .map(|(name, text)| line(name, text)),
     );
     if !mesh.parts.is_empty() {
-        lines.push(line("parts", counted(&mesh.parts, &mesh.triangle_parts)));
+        let faces = [&mesh.triangle_parts[..], &mesh.quad_parts].concat();
+        lines.push(line("parts", counted(&mesh.parts, &faces)));
     }
     if mesh.regions.len() > 1 {
         lines.push(line("regions", counted(&mesh.regions, &mesh.tet_regions)));
@@ -121,11 +124,13 @@ pub(crate) fn line(name: &str, text: String) -> String {
 
 /// How many elements, nodes, curves and corners there are.
 fn what(mesh: &Mesh) -> String {
-    let elements = if mesh.tets.is_empty() {
-        String::new()
-    } else {
-        format!("{} tetrahedra, ", mesh.tets.len())
-    };
+    let elements = [
+        ("tetrahedra", mesh.tets.len()),
+        ("wedges", mesh.wedges.len()),
+        ("quadrilaterals", mesh.quads.len()),
+    ];
+    let there = elements.into_iter().filter(|(_, count)| *count > 0);
+    let elements: String = there.map(|(name, n)| format!("{n} {name}, ")).collect();
     format!(
         "{elements}{} triangles, {} nodes, order {}; {} curves, {} corners",
         mesh.triangles.len(),
@@ -142,6 +147,19 @@ fn size(made: &Made) -> String {
         format!(", smaller where faces would be {e} off")
     });
     format!("{}{grade}", made.mesh.options.size)
+}
+
+/// How thick layers are, one by one and together, and where they are.
+fn thicknesses(layers: &Layers) -> String {
+    let last = layers.first * layers.growth.powi(layers.count as i32 - 1);
+    format!(
+        "{} of {} to {}, {} together, on {}",
+        layers.count,
+        layers.first,
+        brief(last),
+        brief(layers.thickness()),
+        layers.parts.join(", ")
+    )
 }
 
 /// The box that was meshed, and whether it is proved to hold all of the model.
@@ -212,6 +230,12 @@ fn shapes(c: &Certificate) -> Vec<(&'static str, String)> {
                 "{angles}, radius ratio at least {:.2}, {:.2} in the mean",
                 q.radius_ratio_min, q.radius_ratio_mean
             ),
+        ));
+    }
+    if let Some(w) = &c.wedges {
+        lines.push((
+            "wedges",
+            format!("scaled Jacobian at least {:.2}", w.scaled_jacobian_min),
         ));
     }
     if let Some(q) = &c.curved {

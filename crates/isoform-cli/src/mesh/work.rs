@@ -91,7 +91,7 @@ pub(crate) struct Phases {
 }
 
 /// All phases in their order, for the bar.
-const PHASES: [&str; 20] = [
+const PHASES: [&str; 21] = [
     "check",
     "extent",
     "lattice",
@@ -101,6 +101,7 @@ const PHASES: [&str; 20] = [
     "optimisation",
     "assembly",
     "second order",
+    "layers",
     "checking tetrahedra",
     "measuring tetrahedra",
     "checking the surface",
@@ -240,6 +241,7 @@ pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshMode
             surface_only: settings.surface_only,
             region: settings.region,
             periodic: settings.periodic,
+            layers: settings.layers.clone(),
             angles: settings.angles.map_or(usual.angles, |a| a.0),
             memory: settings
                 .memory
@@ -309,9 +311,7 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
                 .hint("--box around the part where it is one")
         }
         MeshError::Extent(extent) => no_extent(extent, name, settings.region.is_some()),
-        MeshError::Option { name, .. } => {
-            Failure::usage(error.to_string()).hint(format!("--{name}"))
-        }
+        MeshError::Option { name, .. } => Failure::usage(error.to_string()).hint(argument(name)),
         MeshError::Memory { .. } if settings.periodic.contains(&true) => none("memory")
             .why("a unit cell has eight cells of the lattice along its shortest edge")
             .hint("a larger --size, or a --box whose edges differ less"),
@@ -338,6 +338,20 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             .somewhere(*at)
             .why("a unit cell goes on at the opposite side as it ends")
             .hint("another --box, or --periodic with the axes along which the model repeats"),
+        MeshError::NoLayers { .. } => none("no-layers").hint("leave --layers or the other out"),
+        MeshError::NoPart { .. } => {
+            none("no-part").hint("--layers with one of these, or with a pattern, as 'wall*'")
+        }
+        MeshError::LayersEnd { other, at, .. } => none("layers-end")
+            .somewhere(*at)
+            .why("layers end on a part that stands on theirs at an edge")
+            .hint(format!("--layers with {other} as well")),
+        MeshError::NoRoom { .. } => {
+            none("no-room").hint("thinner or fewer layers: a smaller --first or --layer-count")
+        }
+        MeshError::NoSlopes { .. } => none("no-slopes")
+            .why("layers are offsets of the surface, which slopes bound")
+            .hint("--layers with other parts"),
         MeshError::Blocks { .. } => Failure::usage(error.to_string()).hint("--blocks"),
         MeshError::Apart { at, .. } => none("apart")
             .somewhere(*at)
@@ -346,6 +360,17 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
         MeshError::Input { .. } => Failure::input("mesh", format!("{name}: {error}"))
             .hint("tetrahedra, or a closed surface of triangles, near the model"),
         MeshError::Internal { what } => Failure::internal("mesh").why(what),
+    }
+}
+
+/// The arguments that say an option of the library.
+fn argument(option: &str) -> String {
+    match option {
+        "number of layers" => "--layer-count".to_owned(),
+        "layers' first thickness" => "--first".to_owned(),
+        "layers' growth" => "--growth".to_owned(),
+        "layers' thickness" => "--first, --growth or --layer-count".to_owned(),
+        name => format!("--{name}"),
     }
 }
 

@@ -4,7 +4,7 @@ use crate::error::MeshError;
 use crate::options::Layers;
 use crate::points::{along, unique};
 use crate::surface::{first_order_at, newton, zero_in};
-use isoform_geom::{Aabb, Mesh, Point3, Solid, norm, sub};
+use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 /// Steps of Newton's method onto the solid's surface, at most; some five are usual.
@@ -12,6 +12,14 @@ const STEPS: usize = 50;
 /// Distance from the solid's surface, as a share of the diagonal, from which a node is not on it:
 /// what the certificate takes for rounding.
 const OFF: f64 = 1e-9;
+/// Thicknesses over which the ways of nodes turn into those of an edge: more lean farther into
+/// faces, less squeeze them near edges into which the solid turns by more than half a turn.
+const TURNING: f64 = 2.0;
+/// Rounds in which ways follow those of their neighbours, at most; a round carries them by one
+/// edge, and layers are seldom as thick as a dozen edges.
+const TURNS: usize = 300;
+/// Change of the ways, in thicknesses, below which they are settled.
+const STILL: f64 = 1e-4;
 /// The least share of its thickness that is left to the last layer. With less, thicknesses are
 /// shares of what there is: offsets of surfaces that bend much are thinner than asked for.
 const LEAST_LAST: f64 = 0.3;
@@ -182,23 +190,98 @@ impl Grower<'_> {
 
     /// The columns of nodes between the core and the solid's surface.
     fn columns(&self, core: &Mesh) -> Result<Columns, MeshError> {
-        let column = |(v, stand): (u32, Stand)| Ok((v, self.column(core, v, &stand)?));
-        self.stands(core).into_iter().map(column).collect()
+        let stands = self.stands(core);
+        let nodes: Vec<u32> = stands.keys().copied().collect();
+        let stands: Vec<Stand> = stands.into_values().collect();
+        let ways = self.ways(core, &nodes, &stands);
+        let columns = nodes.iter().zip(&stands).zip(ways);
+        let column = |((&v, stand), way)| {
+            let top = core.points[v as usize];
+            Ok((v, self.column(core, top, way, stand)?))
+        };
+        columns.map(column).collect()
     }
 
-    /// The nodes of one column, the last of them that of the core.
-    fn column(&self, core: &Mesh, v: u32, stand: &Stand) -> Result<Vec<Point3>, MeshError> {
-        let top = core.points[v as usize];
-        let all = stand.all();
-        let most = &all[..all.len().min(3)];
-        let base = self.foot(most, top);
-        let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
-        if let Some(&piece) = stand.others.first().filter(|_| !on_surface(&top)) {
-            return Err(self.ends(core, self.part_of(piece), top));
+    /// The ways from nodes of the core to the solid's surface.
+    ///
+    /// On a face this is the way to the nearest place. Where the core's edges are not where the
+    /// nearest places of the solid's edges are, faces of the two are not equally wide: ways turn
+    /// smoothly into those of the edges, over [`TURNING`] thicknesses. Along edges they do so
+    /// towards those of corners.
+    fn ways(&self, core: &Mesh, nodes: &[u32], stands: &[Stand]) -> Vec<Point3> {
+        let way = |(v, stand): (&u32, &Stand)| {
+            let top = core.points[*v as usize];
+            let all = stand.all();
+            self.foot(&all[..all.len().min(3)], top)
+                .map_or([0.0; 3], |p| sub(p, top))
+        };
+        let own: Vec<Point3> = nodes.iter().zip(stands).map(way).collect();
+        let near = self.neighbours(core, nodes, stands);
+        let reach = TURNING * self.layers.thickness();
+        let mut ways = own.clone();
+        for _ in 0..TURNS {
+            let before = ways.clone();
+            for (k, near) in near.iter().enumerate() {
+                // A share of the own way, which weighs as much as a neighbour one reach away.
+                let (mut sum, mut weight) =
+                    (own[k].map(|x| x / (reach * reach)), 1.0 / (reach * reach));
+                for &n in near {
+                    let way = sub(
+                        core.points[nodes[k] as usize],
+                        core.points[nodes[n] as usize],
+                    );
+                    let share = 1.0 / dot(way, way).max(f64::MIN_POSITIVE);
+                    weight += share;
+                    sum = std::array::from_fn(|i| sum[i] + share * before[n][i]);
+                }
+                ways[k] = sum.map(|x| x / weight);
+            }
+            let change = ways.iter().zip(&before).map(|(a, b)| norm(sub(*a, *b)));
+            if change.fold(0.0, f64::max) <= STILL * self.layers.thickness() {
+                break;
+            }
         }
-        let Some(base) = base.filter(on_surface) else {
-            let decided = self.value(base.unwrap_or(top)).1;
-            return Err(self.ends(core, self.part_of(decided), top));
+        ways
+    }
+
+    /// The neighbours of each node of the core that its way follows: those along an edge which lie
+    /// on all pieces that the node lies on. A corner follows none.
+    fn neighbours(&self, core: &Mesh, nodes: &[u32], stands: &[Stand]) -> Vec<Vec<usize>> {
+        let number: HashMap<u32, usize> = nodes.iter().copied().zip(0..).collect();
+        let mut near: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
+        let all: Vec<Vec<u32>> = stands.iter().map(Stand::all).collect();
+        for (k, &[a, b, c]) in core.triangles.iter().enumerate() {
+            if !self.has_layers(core, k) {
+                continue;
+            }
+            for [u, v] in [[a, b], [b, c], [c, a], [b, a], [c, b], [a, c]] {
+                let (u, v) = (number[&u], number[&v]);
+                if all[u].len() < 3 && all[u].iter().all(|piece| all[v].contains(piece)) {
+                    near[u].push(v);
+                }
+            }
+        }
+        near.into_iter().map(unique).collect()
+    }
+
+    /// The nodes of one column, from the surface of the solid to the node of the core.
+    fn column(
+        &self,
+        core: &Mesh,
+        top: Point3,
+        way: Point3,
+        stand: &Stand,
+    ) -> Result<Vec<Point3>, MeshError> {
+        let all = stand.all();
+        let from = std::array::from_fn(|i| top[i] + way[i]);
+        let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
+        let base = self.foot(&all[..all.len().min(3)], from).filter(on_surface);
+        let ends = stand.others.first();
+        let Some(base) = base.filter(|_| ends.is_none() || on_surface(&top)) else {
+            return Err(match ends {
+                Some(&piece) => self.ends(core, self.part_of(piece), top),
+                None => self.no_room(core, top),
+            });
         };
         let mut nodes: Vec<Point3> = self
             .shares(stand, base, top)
@@ -215,6 +298,34 @@ impl Grower<'_> {
             *last = top;
         }
         Ok(nodes)
+    }
+
+    /// The error of a node of the core over which nothing of its parts is the solid's surface:
+    /// they end sooner, at one without layers, or the layers are too thick for what is there.
+    fn no_room(&self, core: &Mesh, top: Point3) -> MeshError {
+        let thickness = self.layers.thickness();
+        let base = self.nearest(top).unwrap_or(top);
+        let decided = self.value(base).1;
+        match self.part_of(decided) {
+            Some(part) if self.is_layered[part] => MeshError::NoRoom {
+                thickness,
+                at: Some(top),
+            },
+            part => self.ends(core, part, top),
+        }
+    }
+
+    /// A place on the solid's surface near another one, by steps onto the piece that decides.
+    fn nearest(&self, from: Point3) -> Option<Point3> {
+        let mut p = from;
+        for _ in 0..STEPS {
+            let (value, piece) = self.value(p);
+            if value.abs() <= self.off {
+                break;
+            }
+            p = sub(p, newton(&|i, p| self.solid.gradient(i, p), &[piece], p)?.0);
+        }
+        Some(p)
     }
 
     /// Where the nodes of a column are, as shares of the way: layers have the thickness asked for,

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import os
 import warnings
 from functools import cached_property
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -82,10 +83,11 @@ class Triangles(Shown):
         Returns
         -------
         trimesh.Trimesh
-            The triangles by their corners; nodes that no triangle has are left out.
+            The triangles by their corners, quadrilaterals as two; nodes that no triangle has are
+            left out.
         """
         trimesh = need("trimesh")
-        flat = self.triangles[:, :3].astype(np.int64)
+        flat = self._simplices().triangles[:, :3].astype(np.int64)
         used, faces = np.unique(flat, return_inverse=True)
         return trimesh.Trimesh(self.points[used], faces.reshape(-1, 3), process=False)
 
@@ -110,7 +112,7 @@ class Triangles(Shown):
             The same nodes; ``cell_data["part"]`` counts as ``part_names`` do.
         """
         pyvista = need("pyvista")
-        kinds = {"triangle": 5, "triangle6": 22, "tetra": 10, "tetra10": 24}
+        kinds = {"triangle": 5, "triangle6": 22, "quad": 9, "tetra": 10, "tetra10": 24, "wedge": 13}
         cells, data = self._cells()
         rows = [np.insert(nodes, 0, nodes.shape[1], axis=1).ravel() for _, nodes in cells]
         types = [np.full(len(nodes), kinds[kind], np.uint8) for kind, nodes in cells]
@@ -119,6 +121,10 @@ class Triangles(Shown):
         )
         grid.cell_data["part"] = np.concatenate(data)
         return grid
+
+    def _simplices(self) -> Triangles:
+        """The same mesh of triangles and tetrahedra alone."""
+        return self
 
     def _cells(self) -> tuple[list[tuple[str, npt.NDArray[Any]]], list[npt.NDArray[Any]]]:
         """Elements by kind, and the part or region of each."""
@@ -145,8 +151,16 @@ class Mesh(Triangles, Documented):
         (m, 3) uint32, or (m, 6) of order 2; counterclockwise from outside.
     tetrahedra : numpy.ndarray
         (k, 4) uint32, or (k, 10) of order 2; of positive volume.
+    wedges : numpy.ndarray
+        (w, 6) uint32, of boundary layers: the three nodes nearer to the surface, then those over
+        them; of positive volume.
+    quads : numpy.ndarray
+        (q, 4) uint32: quadrilaterals of the surface, where layers end; counterclockwise from
+        outside.
     triangle_parts : numpy.ndarray
         (m,) uint32: which of ``part_names`` each triangle is of.
+    quad_parts : numpy.ndarray
+        (q,) uint32: which of ``part_names`` each quadrilateral is of.
     part_names : list of str
         Names of the parts of the surface.
     regions : numpy.ndarray
@@ -169,6 +183,21 @@ class Mesh(Triangles, Documented):
         return _kept(self._mesh.tetrahedra())
 
     @cached_property
+    def wedges(self) -> npt.NDArray[np.uint32]:
+        """The nodes of the wedges of boundary layers, (w, 6)."""
+        return _kept(self._mesh.wedges())
+
+    @cached_property
+    def quads(self) -> npt.NDArray[np.uint32]:
+        """The nodes of the quadrilaterals where layers end, (q, 4)."""
+        return _kept(self._mesh.quads())
+
+    @cached_property
+    def quad_parts(self) -> npt.NDArray[np.uint32]:
+        """The part of each quadrilateral, (q,)."""
+        return _kept(self._mesh.quad_parts())
+
+    @cached_property
     def regions(self) -> npt.NDArray[np.uint32]:
         """The region of each tetrahedron, (k,)."""
         return _kept(self._mesh.regions())
@@ -184,21 +213,33 @@ class Mesh(Triangles, Documented):
         Returns
         -------
         skfem.MeshTet
-            Nodes as columns, boundaries by the names of the parts.
+            Nodes as columns, boundaries by the names of the parts. A wedge is three tetrahedra.
         """
         skfem = need("skfem")
-        corners = np.ascontiguousarray(self.tetrahedra[:, :4].T, np.int64)
+        flat = self._simplices()
+        corners = np.ascontiguousarray(flat.tetrahedra[:, :4].T, np.int64)
         made = skfem.MeshTet(np.ascontiguousarray(self.points.T), corners)
         facets = {tuple(f): i for i, f in enumerate(np.sort(made.facets, axis=0).T.tolist())}
-        faces = [facets[tuple(t)] for t in np.sort(self.triangles[:, :3], axis=1).tolist()]
+        faces = [facets[tuple(t)] for t in np.sort(flat.triangles[:, :3], axis=1).tolist()]
         numbers = np.array(faces, dtype=np.int64)
         named = {
-            name: numbers[self.triangle_parts == i] for i, name in enumerate(self.part_names)
+            name: numbers[flat.triangle_parts == i] for i, name in enumerate(self.part_names)
         }
         return made.with_boundaries(named)
 
+    def _simplices(self) -> Mesh:
+        if not len(self.wedges) and not len(self.quads):
+            return self
+        return Mesh(self._mesh.simplices())
+
     def _cells(self) -> tuple[list[tuple[str, npt.NDArray[Any]]], list[npt.NDArray[Any]]]:
         cells, data = super()._cells()
+        if len(self.quads):
+            cells.append(("quad", self.quads.astype(np.int64)))
+            data.append(self.quad_parts.astype(np.int64))
+        if len(self.wedges):
+            cells.insert(0, ("wedge", self.wedges.astype(np.int64)))
+            data.insert(0, np.zeros(len(self.wedges), np.int64))
         tetrahedra = self.tetrahedra.astype(np.int64)
         if len(tetrahedra):
             kind = "tetra10" if tetrahedra.shape[1] == 10 else "tetra"
@@ -208,7 +249,8 @@ class Mesh(Triangles, Documented):
 
     def __repr__(self) -> str:
         counts = f"{len(self.points)} nodes, {len(self.triangles)} triangles"
-        return f"<isoform.Mesh: {counts}, {len(self.tetrahedra)} tetrahedra>"
+        wedges = f", {len(self.wedges)} wedges" if len(self.wedges) else ""
+        return f"<isoform.Mesh: {counts}, {len(self.tetrahedra)} tetrahedra{wedges}>"
 
 
 def mesh(
@@ -222,6 +264,10 @@ def mesh(
     regions: Mapping[str, Region] | None = None,
     box: Box = None,
     periodic: str | None = None,
+    layers: str | Sequence[str] | None = None,
+    first: float | None = None,
+    growth: float = 1.2,
+    layer_count: int = 5,
     grade: float | None = None,
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
@@ -255,6 +301,15 @@ def mesh(
     periodic : str, optional
         The axes along which the box is a unit cell, as ``"xyz"``: opposite sides have one and the
         same triangles, node for node. The function in the box must fit to itself there.
+    layers : str or sequence of str, optional
+        Grow layers of wedges inward from these parts of the surface, for flow near walls: their
+        names, in which ``*`` stands for any characters, as ``"wall*"``.
+    first : float, optional
+        Thickness of the layer on the surface; ``layers`` need it.
+    growth : float
+        How many times as thick as the one before each layer is.
+    layer_count : int
+        How many layers there are.
     grade : float, optional
         Smaller edges where a face would leave the surface by more than this length.
     angles : tuple of float, optional
@@ -272,7 +327,8 @@ def mesh(
     Returns
     -------
     Mesh
-        With ``.points`` (n, 3), ``.triangles`` (m, 3), ``.tetrahedra`` (k, 4).
+        With ``.points`` (n, 3), ``.triangles`` (m, 3), ``.tetrahedra`` (k, 4); with layers also
+        ``.wedges`` (w, 6) and ``.quads`` (q, 4).
 
     Raises
     ------
@@ -306,12 +362,21 @@ def mesh(
     """
     if regions and surface_only:
         raise IsoformError("regions do not go with surface_only", "usage")
+    others = {
+        "regions": regions,
+        "periodic": periodic,
+        "surface_only": surface_only,
+        "order=2": order == 2,
+    }
+    for name in (name for name, given in others.items() if layers and given):
+        raise IsoformError(f"layers do not go with {name}", "usage")
     wanted = {
         "size": size,
         "order": whole("order", order, 1),
         "surface_only": bool(surface_only),
         "region": corners(box),
         "periodic": _axes(periodic),
+        "layers": _layers(layers, first, growth, layer_count),
         "grade": grade,
         "angles": None if angles is None else [float(v) for v in angles],
         "memory": _memory(memory),
@@ -339,6 +404,25 @@ def _axes(periodic: str | None) -> list[bool]:
     if any(c not in "xyz" for c in letters) or len({*letters}) < len(letters):
         raise IsoformError(f"periodic is {periodic!r}: letters of x, y and z, each once", "usage")
     return [axis in letters for axis in "xyz"]
+
+
+def _layers(
+    layers: str | Sequence[str] | None, first: float | None, growth: float, count: int
+) -> tuple[list[str], float, float, int] | None:
+    """Layers of wedges as the compiled half takes them."""
+    parts = [layers] if isinstance(layers, str) else list(layers or [])
+    if not parts:
+        if first is not None:
+            raise IsoformError("first needs layers", "usage", "layers='wall*': the parts")
+        return None
+    if first is None:
+        raise IsoformError("layers need the thickness of the first one", "usage", "first=0.01")
+    if not all(part.strip() for part in parts):
+        raise IsoformError("layers has an empty name", "usage", "layers=['wall', 'bore*']")
+    for name, given in (("first", first), ("growth", growth)):
+        if not 0 < given < math.inf:
+            raise IsoformError(f"{name} is {given}: a positive number is expected", "usage")
+    return parts, float(first), float(growth), whole("layer_count", count, 1)
 
 
 def _memory(asked: float | None) -> float | None:

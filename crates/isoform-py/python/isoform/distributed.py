@@ -406,6 +406,7 @@ def mesh_blocks(
         "surface_only": False,
         "region": corners(box),
         "periodic": [False] * 3,
+        "layers": None,
         "grade": grade,
         "angles": None if angles is None else [float(v) for v in angles],
         "memory": _memory(memory),

@@ -3,6 +3,7 @@
 use super::BlocksError;
 use super::store::{read_faces, write_plan};
 use super::task::{BlockReport, BlockTask, BlockWarning, Step, faces, live, plan};
+use crate::mesh_model::no_layers;
 use crate::{MeshModelOptions, default_size_within};
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, Solid};
@@ -146,6 +147,7 @@ impl BlocksJob {
             let name = out.display().to_string();
             return Err(BlocksError::Ending { name });
         }
+        no_layers(&options.mesh, "in blocks")?;
         let mut options = options.clone();
         options.mesh.size = match options.size {
             Some(size) => size,

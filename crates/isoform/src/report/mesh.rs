@@ -6,7 +6,7 @@ use isoform_check::{
     Certificate, Coverage, Defects, Deviation, Distances, Failure, Lengths, OppositeSides,
 };
 use isoform_geom::{Mesh, Point3};
-use isoform_mesh::Warning;
+use isoform_mesh::{Layers, Warning};
 use serde::Serialize;
 
 /// Everything that is known of the mesh of a model.
@@ -24,6 +24,9 @@ pub struct MeshReport {
     pub grade: Option<f64>,
     /// 1, or 2 with nodes in the middles of edges.
     pub order: u32,
+    /// The layers of wedges that were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layers: Option<LayersReport>,
     /// The box in which the solid lies.
     pub region: [Point3; 2],
     /// Whether it is proved that nothing of the solid lies outside of it.
@@ -47,6 +50,33 @@ pub struct MeshReport {
     pub notes: Vec<String>,
     /// Seconds by phase.
     pub seconds: Seconds,
+}
+
+/// Layers of wedges along parts of the surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct LayersReport {
+    /// The parts as they were asked for: names, or patterns of them.
+    pub parts: Vec<String>,
+    /// Thickness of the layer on the surface.
+    pub first: f64,
+    /// Thickness of each layer over that of the one before.
+    pub growth: f64,
+    /// How many layers there are.
+    pub count: usize,
+    /// Thickness of all of them together.
+    pub thickness: f64,
+}
+
+impl LayersReport {
+    fn new(layers: &Layers) -> Self {
+        Self {
+            parts: layers.parts.clone(),
+            first: layers.first,
+            growth: layers.growth,
+            count: layers.count,
+            thickness: layers.thickness(),
+        }
+    }
 }
 
 /// What is proved of a region of a mesh.
@@ -125,6 +155,9 @@ pub struct PartGroup {
     pub name: String,
     /// Its triangles.
     pub triangles: usize,
+    /// Its quadrilaterals, in a mesh with layers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quads: Option<usize>,
 }
 
 /// A region of the volume.
@@ -158,8 +191,14 @@ pub struct Counts {
     pub points: usize,
     /// Triangles of the surface.
     pub triangles: usize,
+    /// Quadrilaterals of the surface, in a mesh with layers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub quads: Option<usize>,
     /// Tetrahedra.
     pub tets: usize,
+    /// Wedges, in a mesh with layers.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wedges: Option<usize>,
     /// Edges on feature curves.
     pub edges: usize,
     /// Parts of the surface.
@@ -220,6 +259,9 @@ pub struct CertificateReport {
     pub opposite: Vec<OppositeReport>,
     /// Smallest scaled Jacobian of elements of order 2.
     pub scaled_jacobian: Option<f64>,
+    /// Smallest scaled Jacobian of wedges.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub wedge_jacobian: Option<f64>,
 }
 
 /// What does not hold.
@@ -331,6 +373,7 @@ impl MeshReport {
             size: made.options.size,
             grade: made.options.grade,
             order: mesh.order(),
+            layers: made.options.layers.as_ref().map(LayersReport::new),
             region: [meshed.region.lo, meshed.region.hi],
             region_certified: meshed.region_certified,
             features_certified: meshed.features.certified,
@@ -376,18 +419,26 @@ impl WarningReport {
 impl ContentsReport {
     /// Groups and counts of a mesh.
     pub fn new(mesh: &Mesh) -> Self {
+        let has_layers = !(mesh.wedges.is_empty() && mesh.quads.is_empty());
+        let of_layers = |count: usize| has_layers.then_some(count);
         let parts = counted(mesh.parts.len(), &mesh.triangle_parts);
+        let quads = counted(mesh.parts.len(), &mesh.quad_parts);
         let regions = counted(mesh.regions.len(), &mesh.tet_regions);
         let curves = counted(mesh.curves.len(), &mesh.edge_curves);
         let corner = |&v: &u32| mesh.points[v as usize];
         Self {
-            parts: (mesh.parts.iter().zip(parts).enumerate())
-                .map(|(i, (name, triangles))| PartGroup {
-                    tag: i + 1,
-                    name: name.clone(),
-                    triangles,
-                })
-                .collect(),
+            parts: (mesh
+                .parts
+                .iter()
+                .zip(parts.into_iter().zip(quads))
+                .enumerate())
+            .map(|(i, (name, (triangles, quads)))| PartGroup {
+                tag: i + 1,
+                name: name.clone(),
+                triangles,
+                quads: of_layers(quads),
+            })
+            .collect(),
             regions: (mesh.regions.iter().zip(regions).enumerate())
                 .map(|(i, (name, tets))| RegionGroup {
                     tag: i + 1,
@@ -407,7 +458,9 @@ impl ContentsReport {
             counts: Counts {
                 points: mesh.points.len(),
                 triangles: mesh.triangles.len(),
+                quads: of_layers(mesh.quads.len()),
                 tets: mesh.tets.len(),
+                wedges: of_layers(mesh.wedges.len()),
                 edges: mesh.edges.len(),
                 parts: mesh.parts.len(),
                 curves: mesh.curves.len(),
@@ -467,6 +520,7 @@ impl CertificateReport {
             features: c.coverage.as_ref().map(FeaturesReport::new),
             opposite: c.opposite.iter().map(OppositeReport::new).collect(),
             scaled_jacobian: c.curved.as_ref().map(|q| q.scaled_jacobian_min),
+            wedge_jacobian: c.wedges.as_ref().map(|w| w.scaled_jacobian_min),
         }
     }
 }
