@@ -232,6 +232,11 @@ pub enum WarningKind {
     Torn,
     /// A region without tetrahedra.
     EmptyRegion(String),
+    /// Layers are thinner than asked for where the surface bends much.
+    ThinLayers {
+        /// Thickness of all layers where they are thinnest.
+        thickness: f64,
+    },
     /// The solid does not quite repeat: its surface at one side of a unit cell is not where it is
     /// at the opposite side.
     SidesApart {
@@ -258,6 +263,13 @@ impl std::fmt::Display for WarningKind {
                  size"
             );
         }
+        if let Self::ThinLayers { thickness } = self {
+            return write!(
+                f,
+                "the surface bends too much for layers as thick as asked for: here they are \
+                 {thickness:.3e} thick"
+            );
+        }
         if let Self::EmptyRegion(name) = self {
             return write!(
                 f,
@@ -272,6 +284,7 @@ impl std::fmt::Display for WarningKind {
             Self::TooFine => "the surface is finer than the mesh can resolve here",
             Self::NotCut(_) => "tetrahedra could not be cut to the end",
             Self::EmptyRegion(_) => "a region has no tetrahedra",
+            Self::ThinLayers { .. } => "layers are thinner than asked for",
             Self::SidesApart { .. } => "the model does not quite repeat",
             Self::StrayFace => "a face of the surface lies on no single part",
             Self::VertexOff => "a vertex could not be brought onto the surface",

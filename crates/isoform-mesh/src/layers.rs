@@ -17,26 +17,28 @@ use crate::error::MeshError;
 use crate::options::Layers;
 use isoform_geom::Solid;
 
-/// Which of a solid's pieces have layers.
+/// Which of a solid's pieces have layers, of those that are `parts` of its surface.
 ///
 /// # Errors
 /// [`MeshError::NoPart`] if a name fits none.
-pub(crate) fn layered(solid: &dyn Solid, layers: &Layers) -> Result<Vec<bool>, MeshError> {
+pub(crate) fn layered(
+    solid: &dyn Solid,
+    parts: &[String],
+    layers: &Layers,
+) -> Result<Vec<bool>, MeshError> {
     let names = solid.names();
-    let used = solid.tree().pieces();
     let mut found = vec![false; names.len()];
     for pattern in &layers.parts {
-        let mut is_there = false;
-        for &piece in used.iter().filter(|&&i| fits(pattern, &names[i as usize])) {
-            found[piece as usize] = true;
-            is_there = true;
-        }
-        if !is_there {
-            let parts = used.iter().map(|&i| names[i as usize].clone());
+        let fitting = |name: &String| fits(pattern, name) && parts.contains(name);
+        let pieces: Vec<usize> = (0..names.len()).filter(|&i| fitting(&names[i])).collect();
+        if pieces.is_empty() {
             return Err(MeshError::NoPart {
                 pattern: pattern.clone(),
-                parts: parts.collect(),
+                parts: parts.to_vec(),
             });
+        }
+        for piece in pieces {
+            found[piece] = true;
         }
     }
     Ok(found)

@@ -38,6 +38,12 @@ const IN_VAIN: usize = 2;
 const ALL_OVER: usize = 8;
 /// Places of each kind of failure that are meshed finer at once.
 const PLACES: usize = 1000;
+/// Edges of the mesh that tells which parts the surface has, in sizes: a ninth of the triangles.
+const COARSE: f64 = 3.0;
+/// Share of the thickness asked for below which layers are told to be thinner, and below which
+/// they have no room: offsets of a surface with a radius ten times the thickness are 5 % off.
+const THIN: f64 = 0.9;
+const NO_ROOM: f64 = 0.5;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -126,7 +132,7 @@ fn mesh_layered(
     let start = options.region.unwrap_or(options.start);
     let extent = extent_within(solid, start, options.size, control)?;
     let region = extent.bounds;
-    let layered = layered(solid, layers)?;
+    let layered = layered(solid, &parts_of(solid, &extent, options, control)?, layers)?;
     let core = Unlayered::new(solid, &layered, layers.thickness(), region)?;
     let made = mesh_within(Model::of(&core, &[]), None, &extent, options, control);
     let mut meshed = made.map_err(|error| match error {
@@ -137,7 +143,19 @@ fn mesh_layered(
         error => error,
     })?;
     control.begin("layers")?;
-    meshed.mesh = grow(&meshed.mesh, solid, &layered, layers, region)?;
+    let grown = grow(&meshed.mesh, solid, &layered, layers, region)?;
+    meshed.mesh = grown.mesh;
+    if let Some((thickness, at)) = grown.thinnest {
+        let share = thickness / layers.thickness();
+        if share < NO_ROOM {
+            let (thickness, at) = (layers.thickness(), Some(at));
+            return Err(MeshError::NoRoom { thickness, at });
+        }
+        if share < THIN {
+            let kind = WarningKind::ThinLayers { thickness };
+            meshed.warnings.push(Warning::at(kind, at));
+        }
+    }
     meshed.features = features_of(solid, region, options, control);
     control.begin("what the mesh misses")?;
     let simplices = meshed.mesh.simplices();
@@ -149,6 +167,34 @@ fn mesh_layered(
         .warnings
         .extend(Warning::each(WarningKind::Torn, apart));
     Ok(with_caps(meshed))
+}
+
+/// The parts of a solid's surface, as far as coarse triangles show them: pieces hidden in a union
+/// are none.
+fn parts_of(
+    solid: &dyn Solid,
+    extent: &Extent,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Vec<String>, MeshError> {
+    let coarse = Options {
+        size: COARSE * options.size,
+        surface_only: true,
+        region: options.region,
+        memory: options.memory,
+        ..Options::default()
+    };
+    let quiet = Control {
+        progress: None,
+        ..*control
+    };
+    let made = mesh_within(Model::of(solid, &[]), None, extent, &coarse, &quiet);
+    control.check()?;
+    Ok(match made {
+        Ok(made) => made.mesh.parts,
+        // Too thin for it: any piece may be on the surface.
+        Err(_) => solid.names().to_vec(),
+    })
 }
 
 /// Meshes a unit cell.

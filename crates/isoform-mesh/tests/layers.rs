@@ -4,7 +4,7 @@ use isoform_check::{Certificate, Options as CheckOptions, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
-use isoform_mesh::{Control, Layers, MeshError, Meshed, Options};
+use isoform_mesh::{Control, Layers, MeshError, Meshed, Options, WarningKind};
 
 fn solid(program: &str) -> Pieces {
     let model = Model::parse(program, Mode::Default).expect("a program");
@@ -175,7 +175,7 @@ fn layers_go_around_a_step() {
 #[test]
 fn layers_lean_towards_edges_that_the_solid_turns_around() {
     let hub = solid(
-        "hub(x[3], a[1]) { array c[3]; c = [0, 0, 0]; array d[3]; d = [-1.5, -1.5, -0.5];
+        "hub(x[3], a[1]) { array c[3]; array d[3]; c = [0, 0, 0]; d = [-1.5, -1.5, -0.5];
          hub = hfBlock(x, d, 3, 3, 0.5) | (hfCylZ(x, c, 0.6) & (x[3] + 0.3) & (0.8 - x[3])); }",
     );
     for (size, first) in [(0.1, 0.02), (0.07, 0.03)] {
@@ -209,6 +209,25 @@ fn layers_that_end_nowhere_are_refused() {
         }
     }
     assert_eq!(refusals, 2);
+}
+
+/// The distance to first order of a ball's function never reaches its radius: layers as thick as
+/// that are not made thinner in silence.
+#[test]
+fn layers_too_thick_for_a_ball_are_refused_or_told() {
+    let ball = solid(BALL);
+    let mesh = |first: f64| {
+        let options = options(0.2, "*", first, 1.0, 2);
+        isoform_mesh::mesh(&ball, &options, &Control::default())
+    };
+    assert!(matches!(mesh(1.2), Err(MeshError::NoRoom { .. })));
+    let made = mesh(0.3).expect("a mesh");
+    for warning in &made.warnings {
+        assert!(
+            matches!(warning.kind, WarningKind::ThinLayers { .. }),
+            "{warning:?}"
+        );
+    }
 }
 
 #[test]

@@ -40,6 +40,22 @@ impl Stand {
     }
 }
 
+/// A neighbour whose way that of a node follows.
+struct Neighbour {
+    node: usize,
+    /// What it counts for: one over the square of its distance.
+    weight: f64,
+    /// How its way leans as seen from the node's pieces, where it lies on more of them.
+    end: Option<Point3>,
+}
+
+/// A mesh with layers.
+pub(crate) struct Grown {
+    pub(crate) mesh: Mesh,
+    /// How thick all layers are where they are thinnest, and a place there.
+    pub(crate) thinnest: Option<(f64, Point3)>,
+}
+
 /// What layers are grown with.
 pub(crate) struct Grower<'a> {
     solid: &'a dyn Solid,
@@ -66,7 +82,7 @@ pub(crate) fn grow(
     layered: &[bool],
     layers: &Layers,
     region: Aabb,
-) -> Result<Mesh, MeshError> {
+) -> Result<Grown, MeshError> {
     let number: HashMap<&str, u32> = (0u32..)
         .zip(solid.names())
         .map(|(i, name)| (name.as_str(), i))
@@ -87,12 +103,25 @@ pub(crate) fn grow(
     };
     grower.check_others(core)?;
     let columns = grower.columns(core)?;
-    Ok(grower.filled(core, &columns))
+    let thin = columns
+        .iter()
+        .min_by(|a, b| a.1.reach.total_cmp(&b.1.reach));
+    Ok(Grown {
+        mesh: grower.filled(core, &columns),
+        thinnest: thin.map(|(&v, column)| (column.reach, core.points[v as usize])),
+    })
 }
 
-/// The nodes of each column, from the surface of the solid to that of the core, by the node of the
-/// core.
-type Columns = BTreeMap<u32, Vec<Point3>>;
+/// The nodes over a node of the core.
+struct Column {
+    /// From the surface of the solid to that of the core.
+    nodes: Vec<Point3>,
+    /// How far the core is from the surface there.
+    reach: f64,
+}
+
+/// Columns by their nodes of the core.
+type Columns = BTreeMap<u32, Column>;
 
 impl Grower<'_> {
     /// Whether a triangle of the core has layers.
@@ -202,54 +231,78 @@ impl Grower<'_> {
         columns.map(column).collect()
     }
 
+    /// The way from a place to the nearest one on some pieces; none where there is none.
+    fn way(&self, pieces: &[u32], from: Point3) -> Point3 {
+        let foot = self.foot(&pieces[..pieces.len().min(3)], from);
+        foot.map_or([0.0; 3], |p| sub(p, from))
+    }
+
     /// The ways from nodes of the core to the solid's surface.
     ///
     /// On a face this is the way to the nearest place. Where the core's edges are not where the
-    /// nearest places of the solid's edges are, faces of the two are not equally wide: ways turn
-    /// smoothly into those of the edges, over [`TURNING`] thicknesses. Along edges they do so
-    /// towards those of corners.
+    /// nearest places of the solid's edges are, faces of the two are not equally wide: ways *lean*
+    /// towards the edge, less the farther it is, over [`TURNING`] thicknesses. Along edges they
+    /// lean towards corners likewise, and faces follow edges that do.
     fn ways(&self, core: &Mesh, nodes: &[u32], stands: &[Stand]) -> Vec<Point3> {
-        let way = |(v, stand): (&u32, &Stand)| {
-            let top = core.points[*v as usize];
-            let all = stand.all();
-            self.foot(&all[..all.len().min(3)], top)
-                .map_or([0.0; 3], |p| sub(p, top))
-        };
-        let own: Vec<Point3> = nodes.iter().zip(stands).map(way).collect();
-        let near = self.neighbours(core, nodes, stands);
-        let reach = TURNING * self.layers.thickness();
-        let mut ways = own.clone();
-        for _ in 0..TURNS {
-            let before = ways.clone();
-            for (k, near) in near.iter().enumerate() {
-                // A share of the own way, which weighs as much as a neighbour one reach away.
-                let (mut sum, mut weight) =
-                    (own[k].map(|x| x / (reach * reach)), 1.0 / (reach * reach));
-                for &n in near {
-                    let way = sub(
-                        core.points[nodes[k] as usize],
-                        core.points[nodes[n] as usize],
-                    );
-                    let share = 1.0 / dot(way, way).max(f64::MIN_POSITIVE);
-                    weight += share;
-                    sum = std::array::from_fn(|i| sum[i] + share * before[n][i]);
+        let all: Vec<Vec<u32>> = stands.iter().map(Stand::all).collect();
+        let places: Vec<Point3> = nodes.iter().map(|&v| core.points[v as usize]).collect();
+        let near = self.neighbours(core, nodes, &all);
+        let upright = all.iter().zip(&places).map(|(all, p)| self.way(all, *p));
+        let mut ways: Vec<Point3> = upright.collect();
+        for pieces in [2, 1] {
+            let follows = |v: &usize| all[*v].len() == pieces;
+            let followers: Vec<usize> = (0..nodes.len()).filter(follows).collect();
+            let neighbour = |v: usize, n: usize| {
+                let way = sub(places[n], places[v]);
+                let is_end = all[n].len() > pieces;
+                Neighbour {
+                    node: n,
+                    weight: 1.0 / dot(way, way).max(f64::MIN_POSITIVE),
+                    end: is_end.then(|| sub(ways[n], self.way(&all[v], places[n]))),
                 }
-                ways[k] = sum.map(|x| x / weight);
-            }
-            let change = ways.iter().zip(&before).map(|(a, b)| norm(sub(*a, *b)));
-            if change.fold(0.0, f64::max) <= STILL * self.layers.thickness() {
-                break;
+            };
+            let of = |&v: &usize| near[v].iter().map(|&n| neighbour(v, n)).collect();
+            let near: Vec<Vec<Neighbour>> = followers.iter().map(of).collect();
+            let leans = self.leans(nodes.len(), &followers, &near);
+            for &v in &followers {
+                ways[v] = std::array::from_fn(|i| ways[v][i] + leans[v][i]);
             }
         }
         ways
     }
 
+    /// How the ways of some nodes lean: as the mean of their neighbours, and none at all.
+    fn leans(&self, n: usize, followers: &[usize], near: &[Vec<Neighbour>]) -> Vec<Point3> {
+        let thickness = self.layers.thickness();
+        // A neighbour one reach away weighs as much as not leaning at all.
+        let upright = (TURNING * thickness).powi(-2);
+        let mut leans = vec![[0.0; 3]; n];
+        for _ in 0..TURNS {
+            let mut change = 0.0f64;
+            let before = leans.clone();
+            for (&v, near) in followers.iter().zip(near) {
+                let (mut sum, mut weight) = ([0.0; 3], upright);
+                for n in near {
+                    let of = n.end.unwrap_or(before[n.node]);
+                    sum = std::array::from_fn(|i| sum[i] + n.weight * of[i]);
+                    weight += n.weight;
+                }
+                let next = sum.map(|x| x / weight);
+                change = change.max(norm(sub(next, leans[v])));
+                leans[v] = next;
+            }
+            if change <= STILL * thickness {
+                break;
+            }
+        }
+        leans
+    }
+
     /// The neighbours of each node of the core that its way follows: those along an edge which lie
     /// on all pieces that the node lies on. A corner follows none.
-    fn neighbours(&self, core: &Mesh, nodes: &[u32], stands: &[Stand]) -> Vec<Vec<usize>> {
+    fn neighbours(&self, core: &Mesh, nodes: &[u32], all: &[Vec<u32>]) -> Vec<Vec<usize>> {
         let number: HashMap<u32, usize> = nodes.iter().copied().zip(0..).collect();
         let mut near: Vec<Vec<usize>> = vec![Vec::new(); nodes.len()];
-        let all: Vec<Vec<u32>> = stands.iter().map(Stand::all).collect();
         for (k, &[a, b, c]) in core.triangles.iter().enumerate() {
             if !self.has_layers(core, k) {
                 continue;
@@ -271,7 +324,7 @@ impl Grower<'_> {
         top: Point3,
         way: Point3,
         stand: &Stand,
-    ) -> Result<Vec<Point3>, MeshError> {
+    ) -> Result<Column, MeshError> {
         let all = stand.all();
         let from = std::array::from_fn(|i| top[i] + way[i]);
         let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
@@ -283,8 +336,9 @@ impl Grower<'_> {
                 None => self.no_room(core, top),
             });
         };
+        let reach = self.reach(stand, base, top);
         let mut nodes: Vec<Point3> = self
-            .shares(stand, base, top)
+            .shares(reach)
             .into_iter()
             .map(|share| along(base, top, share))
             .collect();
@@ -297,7 +351,7 @@ impl Grower<'_> {
         if let Some(last) = nodes.last_mut() {
             *last = top;
         }
-        Ok(nodes)
+        Ok(Column { nodes, reach })
     }
 
     /// The error of a node of the core over which nothing of its parts is the solid's surface:
@@ -328,19 +382,21 @@ impl Grower<'_> {
         Some(p)
     }
 
-    /// Where the nodes of a column are, as shares of the way: layers have the thickness asked for,
-    /// all but the last one, which ends where the core begins.
-    fn shares(&self, stand: &Stand, base: Point3, top: Point3) -> Vec<f64> {
-        let heights = self.layers.heights();
-        let n = self.layers.count;
+    /// How far a node of the core is from the surface, as the mean over its pieces with layers.
+    fn reach(&self, stand: &Stand, base: Point3, top: Point3) -> f64 {
         let feet = stand.layered.iter().filter_map(|&i| self.foot(&[i], top));
         let distances: Vec<f64> = feet.map(|q| norm(sub(top, q))).collect();
-        let mean = distances.iter().sum::<f64>() / distances.len().max(1) as f64;
-        let reach = if mean > 0.0 {
-            mean
-        } else {
-            norm(sub(top, base))
-        };
+        match distances.len() {
+            0 => norm(sub(top, base)),
+            n => distances.iter().sum::<f64>() / n as f64,
+        }
+    }
+
+    /// Where the nodes of a column are, as shares of its reach: layers have the thickness asked
+    /// for, all but the last one, which ends where the core begins.
+    fn shares(&self, reach: f64) -> Vec<f64> {
+        let heights = self.layers.heights();
+        let n = self.layers.count;
         let last = heights[n] - heights[n - 1];
         let whole = match reach - heights[n - 1] >= LEAST_LAST * last {
             true => reach,
@@ -356,9 +412,9 @@ impl Grower<'_> {
         let n = self.layers.count;
         // Nodes of each column, the core's own last.
         let mut nodes: HashMap<u32, Vec<u32>> = HashMap::new();
-        for (&v, places) in columns {
+        for (&v, column) in columns {
             let first = mesh.points.len() as u32;
-            mesh.points.extend(&places[..n]);
+            mesh.points.extend(&column.nodes[..n]);
             nodes.insert(v, (first..first + n as u32).chain([v]).collect());
         }
         self.wedges(core, &nodes, &mut mesh);
