@@ -2,7 +2,7 @@
 
 use crate::error::MeshError;
 use crate::options::Layers;
-use crate::points::{along, unique};
+use crate::points::{along, unique, unit};
 use crate::surface::{first_order_at, newton, zero_in};
 use isoform_geom::{Aabb, Mesh, Point3, Solid, dot, norm, sub};
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -12,6 +12,9 @@ const STEPS: usize = 50;
 /// Distance from the solid's surface, as a share of the diagonal, from which a node is not on it:
 /// what the certificate takes for rounding.
 const OFF: f64 = 1e-9;
+/// Cosine of the angle between normals below which a part meets another one smoothly: 30 degrees,
+/// at which columns are twice as long as layers are thick.
+const SMOOTH: f64 = 0.866;
 /// Thicknesses over which the ways of nodes turn into those of an edge: more lean farther into
 /// faces, less squeeze them near edges into which the solid turns by more than half a turn.
 const TURNING: f64 = 2.0;
@@ -147,33 +150,27 @@ impl Grower<'_> {
             for v in triangle.iter().filter(|v| !stands.contains_key(v)) {
                 let p = core.points[*v as usize];
                 if self.value(p).0.abs() > self.off {
-                    let other = core.triangle_parts.get(k).map(|&i| i as usize);
-                    return Err(self.ends(core, other, p));
+                    let part = core.triangle_parts.get(k).map(|&i| i as usize);
+                    let other = part.and_then(|part| self.pieces[part]);
+                    return Err(self.ends(other.unwrap_or_else(|| self.value(p).1), p));
                 }
             }
         }
         Ok(())
     }
 
-    /// The error of layers that end at a part, near a place: on the part with layers next to it.
-    fn ends(&self, core: &Mesh, other: Option<usize>, at: Point3) -> MeshError {
-        let distance = |part: &usize| {
-            let piece = self.pieces[*part].unwrap_or_default();
-            first_order_at(self.solid, piece, at).abs()
-        };
-        let layered = (0..self.pieces.len()).filter(|&part| self.is_layered[part]);
+    /// The error of layers that end at a piece, near a place: those on the nearest piece with some.
+    fn ends(&self, other: u32, at: Point3) -> MeshError {
+        let distance = |piece: &u32| first_order_at(self.solid, *piece, at).abs();
+        let layered = self.pieces.iter().zip(&self.is_layered);
+        let layered = layered.filter_map(|(piece, is_layered)| piece.filter(|_| *is_layered));
         let nearest = layered.min_by(|a, b| distance(a).total_cmp(&distance(b)));
-        let name = |part: Option<usize>| part.map_or_else(String::new, |i| core.parts[i].clone());
+        let name = |piece: u32| self.solid.names()[piece as usize].clone();
         MeshError::LayersEnd {
-            part: name(nearest),
+            part: nearest.map(name).unwrap_or_default(),
             other: name(other),
             at,
         }
-    }
-
-    /// The part that a piece is.
-    fn part_of(&self, piece: u32) -> Option<usize> {
-        self.pieces.iter().position(|&p| p == Some(piece))
     }
 
     /// What the nodes on parts with layers stand on.
@@ -226,7 +223,7 @@ impl Grower<'_> {
         let columns = nodes.iter().zip(&stands).zip(ways);
         let column = |((&v, stand), way)| {
             let top = core.points[v as usize];
-            Ok((v, self.column(core, top, way, stand)?))
+            Ok((v, self.column(top, way, stand)?))
         };
         columns.map(column).collect()
     }
@@ -318,22 +315,23 @@ impl Grower<'_> {
     }
 
     /// The nodes of one column, from the surface of the solid to the node of the core.
-    fn column(
-        &self,
-        core: &Mesh,
-        top: Point3,
-        way: Point3,
-        stand: &Stand,
-    ) -> Result<Column, MeshError> {
+    fn column(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Column, MeshError> {
         let all = stand.all();
         let from = std::array::from_fn(|i| top[i] + way[i]);
         let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
         let base = self.foot(&all[..all.len().min(3)], from).filter(on_surface);
+        if let Some(&smooth) = stand
+            .others
+            .iter()
+            .find(|i| self.is_smooth(stand, **i, top))
+        {
+            return Err(self.ends(smooth, top));
+        }
         let ends = stand.others.first();
         let Some(base) = base.filter(|_| ends.is_none() || on_surface(&top)) else {
             return Err(match ends {
-                Some(&piece) => self.ends(core, self.part_of(piece), top),
-                None => self.no_room(core, top),
+                Some(&piece) => self.ends(piece, top),
+                None => self.no_room(top),
             });
         };
         let reach = self.reach(stand, base, top);
@@ -354,18 +352,28 @@ impl Grower<'_> {
         Ok(Column { nodes, reach })
     }
 
+    /// Whether a piece without layers meets one with some so smoothly that columns on it would lie
+    /// almost along the surface.
+    fn is_smooth(&self, stand: &Stand, other: u32, p: Point3) -> bool {
+        let normal = |piece: u32| unit(self.solid.gradient(piece, p).1);
+        let n = normal(other);
+        let mut normals = stand.layered.iter().map(|&piece| normal(piece));
+        normals.any(|m| dot(n, m) > SMOOTH)
+    }
+
     /// The error of a node of the core over which nothing of its parts is the solid's surface:
     /// they end sooner, at one without layers, or the layers are too thick for what is there.
-    fn no_room(&self, core: &Mesh, top: Point3) -> MeshError {
+    fn no_room(&self, top: Point3) -> MeshError {
         let thickness = self.layers.thickness();
         let base = self.nearest(top).unwrap_or(top);
         let decided = self.value(base).1;
-        match self.part_of(decided) {
-            Some(part) if self.is_layered[part] => MeshError::NoRoom {
+        let mut layered = self.pieces.iter().zip(&self.is_layered);
+        match layered.any(|(piece, is_layered)| *is_layered && *piece == Some(decided)) {
+            true => MeshError::NoRoom {
                 thickness,
                 at: Some(top),
             },
-            part => self.ends(core, part, top),
+            false => self.ends(decided, top),
         }
     }
 
