@@ -103,7 +103,7 @@ pub enum MeshError {
     /// Layers that would have to end where the surface goes on smoothly, or where it turns away.
     #[error(
         "layers on {part} cannot end at {other}, near ({}, {}, {}): the two parts meet smoothly \
-         there, or at an angle of more than 150 degrees",
+         there, or at an edge that the solid turns around",
         .at[0], .at[1], .at[2]
     )]
     LayersEnd {
@@ -116,7 +116,7 @@ pub enum MeshError {
     },
     /// Layers that are thicker than the solid has room for.
     #[error(
-        "layers {thickness} thick {}",
+        "layers {thickness:.3e} thick {}",
         match .at {
             Some(p) => format!("have no room near ({}, {}, {})", p[0], p[1], p[2]),
             None => "leave nothing of the solid".to_owned(),
@@ -232,6 +232,8 @@ pub enum WarningKind {
     Torn,
     /// A region without tetrahedra.
     EmptyRegion(String),
+    /// The solid has surface where the mesh has none, for the layers leave nothing there.
+    MissedByLayers,
     /// Layers are thinner than asked for where the surface bends much.
     ThinLayers {
         /// Thickness of all layers where they are thinnest.
@@ -294,6 +296,10 @@ impl std::fmt::Display for WarningKind {
             Self::Missed => {
                 "the mesh misses a part of the solid that is smaller than its triangles; a smaller \
                  --size shows it"
+            }
+            Self::MissedByLayers => {
+                "the mesh misses a part of the solid: the layers leave nothing of it, or it is \
+                 smaller than the triangles; thinner layers or a smaller --size show it"
             }
             Self::Torn => {
                 "the mesh is in pieces where the solid hangs together, or closes a narrow hole; a \

@@ -162,7 +162,9 @@ fn mesh_layered(
     meshed.missed = missed(solid, &simplices, region, options.size, control);
     let value = |p: Point3| solid.tree().value(&|piece| first_order_at(solid, piece, p));
     let apart = torn(value, &simplices, options.size, control);
-    meshed.warnings.extend(meshed.missed.warning());
+    let missed = meshed.missed.places().next();
+    let missed = missed.map(|at| Warning::at(WarningKind::MissedByLayers, at));
+    meshed.warnings.extend(missed);
     meshed
         .warnings
         .extend(Warning::each(WarningKind::Torn, apart));

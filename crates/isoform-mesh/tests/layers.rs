@@ -4,7 +4,7 @@ use isoform_check::{Certificate, Options as CheckOptions, certify};
 use isoform_field::Pieces;
 use isoform_field::hyperfun::{Mode, Model};
 use isoform_geom::{Aabb, Point3, Solid, cross, dot, norm, sub};
-use isoform_mesh::{Control, Layers, MeshError, Meshed, Options};
+use isoform_mesh::{Control, Layers, MeshError, Meshed, Options, WarningKind};
 
 fn solid(program: &str) -> Pieces {
     let model = Model::parse(program, Mode::Default).expect("a program");
@@ -222,6 +222,36 @@ fn layers_of_an_ellipsoid_are_as_thick_as_asked_for_or_refused() {
     let thick = options(0.1, "*", 0.21, 1.0, 2);
     if let Ok(made) = isoform_mesh::mesh(&model, &thick, &Control::default()) {
         assert!(!certified(&made, &model, &thick).is_ok());
+    }
+}
+
+/// A ball smaller than the layers has no core: it is missed, and layers are named as the reason.
+#[test]
+fn a_body_smaller_than_its_layers_is_told() {
+    let two = solid(
+        "two(x[3], a[1]) { array c[3]; c = [0, 0, 0]; t = hfSphere(x, c, 1);
+         c = [3, 0, 0]; two = t | hfSphere(x, c, 0.1); }",
+    );
+    let options = options(0.2, "*", 0.06, 1.0, 2);
+    let made = isoform_mesh::mesh(&two, &options, &Control::default()).expect("a mesh");
+    let kinds: Vec<&WarningKind> = made.warnings.iter().map(|w| &w.kind).collect();
+    assert_eq!(kinds, [&WarningKind::MissedByLayers]);
+}
+
+/// Layers from both sides of a gap that is too narrow for them have no room there; the end of the
+/// gap, which meets both at right angles, is not to blame.
+#[test]
+fn a_gap_too_narrow_for_layers_is_told() {
+    let gap = solid(
+        "gap(x[3], a[1]) { outer = 1 - x[1]^2 - x[2]^2; inner = (x[1] - 0.2)^2 + x[2]^2 - 0.49;
+         gap = outer & inner & x[3] & (1 - x[3]); }",
+    );
+    for parts in ["outer,inner", "inner"] {
+        let error = refused(&gap, &options(0.1, parts, 0.04, 1.0, 3));
+        assert!(
+            matches!(error, MeshError::NoRoom { .. }),
+            "{parts}: {error}"
+        );
     }
 }
 

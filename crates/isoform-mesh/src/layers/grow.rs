@@ -63,6 +63,8 @@ pub(crate) struct Grown {
 pub(crate) struct Grower<'a> {
     solid: &'a dyn Solid,
     layers: &'a Layers,
+    /// Whether each piece of the solid has layers.
+    layered: &'a [bool],
     /// The piece of each part of the mesh, if it is one.
     pieces: Vec<Option<u32>>,
     /// Whether each part has layers.
@@ -99,6 +101,7 @@ pub(crate) fn grow(
     let grower = Grower {
         solid,
         layers,
+        layered,
         is_layered: pieces.iter().map(of).collect(),
         pieces,
         zero: zero_in(region),
@@ -314,26 +317,29 @@ impl Grower<'_> {
         near.into_iter().map(unique).collect()
     }
 
-    /// The nodes of one column, from the surface of the solid to the node of the core.
-    fn column(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Column, MeshError> {
-        let all = stand.all();
-        let from = std::array::from_fn(|i| top[i] + way[i]);
-        let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
-        let base = self.foot(&all[..all.len().min(3)], from).filter(on_surface);
-        if let Some(&smooth) = stand
-            .others
-            .iter()
-            .find(|i| self.is_smooth(stand, **i, top))
-        {
+    /// Where a column stands on the surface of the solid, its node of the core at `top`.
+    fn base(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Point3, MeshError> {
+        let mut others = stand.others.iter();
+        if let Some(&smooth) = others.find(|i| self.is_smooth(stand, **i, top)) {
             return Err(self.ends(smooth, top));
         }
-        let ends = stand.others.first();
-        let Some(base) = base.filter(|_| ends.is_none() || on_surface(&top)) else {
-            return Err(match ends {
-                Some(&piece) => self.ends(piece, top),
-                None => self.no_room(top),
-            });
-        };
+        if let Some(&piece) = stand.others.first()
+            && self.value(top).0 > self.off
+        {
+            // The core goes on along the piece where the solid does not end at it.
+            return Err(self.ends(piece, top));
+        }
+        let all = stand.all();
+        let from = std::array::from_fn(|i| top[i] + way[i]);
+        let foot = self.foot(&all[..all.len().min(3)], from);
+        let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
+        let base = foot.filter(on_surface);
+        base.ok_or_else(|| self.no_room(stand, foot, top))
+    }
+
+    /// The nodes of one column, from the surface of the solid to the node of the core.
+    fn column(&self, top: Point3, way: Point3, stand: &Stand) -> Result<Column, MeshError> {
+        let base = self.base(top, way, stand)?;
         let reach = self.reach(stand, base, top);
         let mut nodes: Vec<Point3> = self
             .shares(reach)
@@ -361,33 +367,18 @@ impl Grower<'_> {
         normals.any(|m| dot(n, m) > SMOOTH)
     }
 
-    /// The error of a node of the core over which nothing of its parts is the solid's surface:
-    /// they end sooner, at one without layers, or the layers are too thick for what is there.
-    fn no_room(&self, top: Point3) -> MeshError {
-        let thickness = self.layers.thickness();
-        let base = self.nearest(top).unwrap_or(top);
-        let decided = self.value(base).1;
-        let mut layered = self.pieces.iter().zip(&self.is_layered);
-        match layered.any(|(piece, is_layered)| *is_layered && *piece == Some(decided)) {
-            true => MeshError::NoRoom {
-                thickness,
+    /// The error of a node of the core whose parts have no surface of the solid over it: they end
+    /// sooner, at one without layers, or the layers are too thick for what is there. `base` is the
+    /// nearest place on the parts, if they meet at all.
+    fn no_room(&self, stand: &Stand, base: Option<Point3>, top: Point3) -> MeshError {
+        let decided = base.map(|base| self.value(base).1);
+        match decided.filter(|&piece| !self.layered[piece as usize]) {
+            Some(piece) if stand.others.is_empty() => self.ends(piece, top),
+            _ => MeshError::NoRoom {
+                thickness: self.layers.thickness(),
                 at: Some(top),
             },
-            false => self.ends(decided, top),
         }
-    }
-
-    /// A place on the solid's surface near another one, by steps onto the piece that decides.
-    fn nearest(&self, from: Point3) -> Option<Point3> {
-        let mut p = from;
-        for _ in 0..STEPS {
-            let (value, piece) = self.value(p);
-            if value.abs() <= self.off {
-                break;
-            }
-            p = sub(p, newton(&|i, p| self.solid.gradient(i, p), &[piece], p)?.0);
-        }
-        Some(p)
     }
 
     /// How far a node of the core is from the surface, as the mean over its pieces with layers.
