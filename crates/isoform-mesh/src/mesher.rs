@@ -19,7 +19,7 @@ use crate::options::{self, Layers, Options};
 use crate::refine::Refiner;
 use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
-use crate::surface::{LayerCells, MOST_LAYERS, Surface, first_order_at};
+use crate::surface::{LayerCells, MOST_LAYERS, Surface, distance_at};
 use crate::torn::torn;
 use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
@@ -160,8 +160,7 @@ fn mesh_layered(
     control.begin("what the mesh misses")?;
     let simplices = meshed.mesh.simplices();
     meshed.missed = missed(solid, &simplices, region, options.size, control);
-    let value = |p: Point3| solid.tree().value(&|piece| first_order_at(solid, piece, p));
-    let apart = torn(value, &simplices, options.size, control);
+    let apart = torn(|p| distance_at(solid, p), &simplices, options.size, control);
     let missed = meshed.missed.places().next();
     let missed = missed.map(|at| Warning::at(WarningKind::MissedByLayers, at));
     meshed.warnings.extend(missed);

@@ -161,6 +161,11 @@ pub(crate) fn first_order_at(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     first_order(g, d)
 }
 
+/// The distance of a point to a solid's surface, to first order, negative outside.
+pub(crate) fn distance_at(solid: &dyn Solid, p: Point3) -> f64 {
+    solid.tree().value(&|piece| first_order_at(solid, piece, p))
+}
+
 impl<'s> Surface<'s> {
     /// The surface of a solid in a box.
     pub(crate) fn new(

@@ -7,7 +7,7 @@
 
 use crate::complex::edge;
 use crate::lattice::CELL;
-use crate::surface::{first_order, first_order_at, zero_in};
+use crate::surface::{distance_at, first_order, zero_in};
 use isoform_geom::{Aabb, Csg, Mesh, Opposite, Point3, Solid, TRIANGLE_EDGES};
 use isoform_num::{Interval, Jet2};
 use std::collections::{BTreeMap, HashMap};
@@ -295,10 +295,7 @@ pub(crate) fn misfit(
             solid.sign_values(&moved, &mut values);
             values
         };
-        let distance = |p: Point3| {
-            let of = |piece| first_order_at(solid, piece, p);
-            solid.tree().value(&of).abs()
-        };
+        let distance = |p: Point3| distance_at(solid, p).abs();
         // Beside the sides: what lies in a side tells there.
         let within = WITHIN * (hi - lo);
         let pairs = [[lo, hi], [lo + within, hi - within]].map(|ends| ends.map(signs));
@@ -324,11 +321,7 @@ pub(crate) fn misfit(
 /// The nodes of a mesh on opposite sides where the surface of a solid is at one side, and clearly
 /// elsewhere at the other: for each axis the place where they are farthest apart, and how far.
 pub(crate) fn apart(solid: &dyn Solid, torus: &Torus, mesh: &Mesh) -> Vec<(usize, Point3, f64)> {
-    let distance = |v: u32| {
-        let p = mesh.points[v as usize];
-        let of = |piece| first_order_at(solid, piece, p);
-        solid.tree().value(&of).abs()
-    };
+    let distance = |v: u32| distance_at(solid, mesh.points[v as usize]).abs();
     // Off the surface there is nothing to compare, and solids of thousands of pieces are slow.
     let caps: Vec<String> = torus.sides().into_iter().flat_map(|s| s.names).collect();
     let is_cap: Vec<bool> = mesh.parts.iter().map(|name| caps.contains(name)).collect();

@@ -3,7 +3,7 @@
 use super::align::Aligned;
 use crate::error::{MeshError, Warning, WarningKind};
 use crate::points::centroid;
-use crate::surface::first_order_at;
+use crate::surface::distance_at;
 use isoform_check::Certificate;
 use isoform_geom::{Mesh, Point3, Solid};
 use std::collections::HashMap;
@@ -142,8 +142,7 @@ fn check_surface(certificate: &Certificate) -> Result<(), MeshError> {
 /// The farthest that any vertex of a surface, or middle of a face, is from the solid; an error if
 /// most are far away.
 pub(super) fn distance(mesh: &Mesh, solid: &dyn Solid, diagonal: f64) -> Result<f64, MeshError> {
-    let tree = solid.tree();
-    let value = |p: Point3| tree.value(&|i| first_order_at(solid, i, p)).abs();
+    let value = |p: Point3| distance_at(solid, p).abs();
     let (triangles, points) = (&mesh.triangles, &mesh.points);
     if triangles.is_empty() {
         return Ok(0.0);

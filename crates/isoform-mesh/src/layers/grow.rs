@@ -12,7 +12,7 @@ const STEPS: usize = 50;
 /// Distance from the solid's surface, as a share of the diagonal, from which a node is not on it:
 /// what the certificate takes for rounding.
 const OFF: f64 = 1e-9;
-/// Cosine of the angle between normals below which a part meets another one smoothly: 30 degrees,
+/// Cosine of the angle between normals above which a part meets another one smoothly: 30 degrees,
 /// at which columns are twice as long as layers are thick.
 const SMOOTH: f64 = 0.866;
 /// Thicknesses over which the ways of nodes turn into those of an edge: more lean farther into
@@ -60,7 +60,7 @@ pub(crate) struct Grown {
 }
 
 /// What layers are grown with.
-pub(crate) struct Grower<'a> {
+struct Grower<'a> {
     solid: &'a dyn Solid,
     layers: &'a Layers,
     /// Whether each piece of the solid has layers.
@@ -107,8 +107,9 @@ pub(crate) fn grow(
         zero: zero_in(region),
         off: OFF * region.diagonal(),
     };
-    grower.check_others(core)?;
-    let columns = grower.columns(core)?;
+    let stands = grower.stands(core);
+    grower.check_others(core, &stands)?;
+    let columns = grower.columns(core, stands)?;
     let thin = columns
         .iter()
         .min_by(|a, b| a.1.reach.total_cmp(&b.1.reach));
@@ -117,6 +118,9 @@ pub(crate) fn grow(
         thinnest: thin.map(|(&v, column)| (column.reach, core.points[v as usize])),
     })
 }
+
+/// What nodes of the core stand on, of those on parts with layers.
+type Stands = BTreeMap<u32, Stand>;
 
 /// The nodes over a node of the core.
 struct Column {
@@ -144,8 +148,7 @@ impl Grower<'_> {
 
     /// Looks for triangles of parts without layers that are not on the solid's surface: those of a
     /// part that the core goes on along where the layers of another one would have to end.
-    fn check_others(&self, core: &Mesh) -> Result<(), MeshError> {
-        let stands = self.stands(core);
+    fn check_others(&self, core: &Mesh, stands: &Stands) -> Result<(), MeshError> {
         for (k, triangle) in core.triangles.iter().enumerate() {
             if self.has_layers(core, k) {
                 continue;
@@ -177,22 +180,20 @@ impl Grower<'_> {
     }
 
     /// What the nodes on parts with layers stand on.
-    fn stands(&self, core: &Mesh) -> BTreeMap<u32, Stand> {
-        let mut stands: BTreeMap<u32, Stand> = BTreeMap::new();
-        for (k, triangle) in core.triangles.iter().enumerate() {
-            let part = core.triangle_parts[k] as usize;
-            if let (true, Some(piece)) = (self.is_layered[part], self.pieces[part]) {
-                for v in triangle {
-                    stands.entry(*v).or_default().layered.push(piece);
-                }
-            }
-        }
-        for (k, triangle) in core.triangles.iter().enumerate() {
-            let part = core.triangle_parts[k] as usize;
-            if let (false, Some(piece)) = (self.is_layered[part], self.pieces[part]) {
-                for v in triangle {
-                    if let Some(stand) = stands.get_mut(v) {
-                        stand.others.push(piece);
+    fn stands(&self, core: &Mesh) -> Stands {
+        let triangles = core.triangles.iter().enumerate();
+        let layered = triangles.clone().filter(|(k, _)| self.has_layers(core, *k));
+        let nodes = layered.flat_map(|(_, triangle)| *triangle);
+        let mut stands: Stands = nodes.map(|v| (v, Stand::default())).collect();
+        for (k, triangle) in triangles {
+            let Some(piece) = self.pieces[core.triangle_parts[k] as usize] else {
+                continue;
+            };
+            for v in triangle {
+                if let Some(stand) = stands.get_mut(v) {
+                    match self.has_layers(core, k) {
+                        true => stand.layered.push(piece),
+                        false => stand.others.push(piece),
                     }
                 }
             }
@@ -204,8 +205,9 @@ impl Grower<'_> {
         stands
     }
 
-    /// The nearest place on some pieces, at most three of them.
+    /// The nearest place on some pieces: on the first three, which meet in a point.
     fn foot(&self, pieces: &[u32], from: Point3) -> Option<Point3> {
+        let pieces = &pieces[..pieces.len().min(3)];
         let mut p = from;
         for _ in 0..STEPS {
             let (step, off) = newton(&|i, p| self.solid.gradient(i, p), pieces, p)?;
@@ -218,8 +220,7 @@ impl Grower<'_> {
     }
 
     /// The columns of nodes between the core and the solid's surface.
-    fn columns(&self, core: &Mesh) -> Result<Columns, MeshError> {
-        let stands = self.stands(core);
+    fn columns(&self, core: &Mesh, stands: Stands) -> Result<Columns, MeshError> {
         let nodes: Vec<u32> = stands.keys().copied().collect();
         let stands: Vec<Stand> = stands.into_values().collect();
         let ways = self.ways(core, &nodes, &stands);
@@ -233,7 +234,7 @@ impl Grower<'_> {
 
     /// The way from a place to the nearest one on some pieces; none where there is none.
     fn way(&self, pieces: &[u32], from: Point3) -> Point3 {
-        let foot = self.foot(&pieces[..pieces.len().min(3)], from);
+        let foot = self.foot(pieces, from);
         foot.map_or([0.0; 3], |p| sub(p, from))
     }
 
@@ -329,9 +330,8 @@ impl Grower<'_> {
             // The core goes on along the piece where the solid does not end at it.
             return Err(self.ends(piece, top));
         }
-        let all = stand.all();
         let from = std::array::from_fn(|i| top[i] + way[i]);
-        let foot = self.foot(&all[..all.len().min(3)], from);
+        let foot = self.foot(&stand.all(), from);
         let on_surface = |p: &Point3| self.value(*p).0.abs() <= self.off;
         let base = foot.filter(on_surface);
         base.ok_or_else(|| self.no_room(stand, foot, top))
@@ -346,10 +346,9 @@ impl Grower<'_> {
             .into_iter()
             .map(|share| along(base, top, share))
             .collect();
-        let others = &stand.others[..stand.others.len().min(3)];
-        if let ([_, inner @ .., _], false) = (nodes.as_mut_slice(), others.is_empty()) {
+        if let ([_, inner @ .., _], false) = (nodes.as_mut_slice(), stand.others.is_empty()) {
             for p in inner {
-                *p = self.foot(others, *p).unwrap_or(*p);
+                *p = self.foot(&stand.others, *p).unwrap_or(*p);
             }
         }
         if let Some(last) = nodes.last_mut() {

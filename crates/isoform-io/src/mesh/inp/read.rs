@@ -437,7 +437,8 @@ impl Reader<'_, '_> {
     /// The error for surfaces that list more faces than all volumes have.
     fn too_many_faces(&self, most: usize) -> ReadError {
         let why = format!(
-            "the surfaces list more than the {most} faces of all elements, or name sets over and over"
+            "the surfaces list more than the {most} faces of all elements, or name sets over and \
+             over"
         );
         let hint = "check the surfaces";
         self.input
