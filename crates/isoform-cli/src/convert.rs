@@ -118,7 +118,7 @@ fn mesh(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fail
     }
     .map_err(|e| scan::unwritable(&e))?;
     json["counts"] = json!({"points": mesh.points.len(), "triangles": mesh.triangles.len(), "tets": mesh.tets.len()});
-    if !(mesh.wedges.is_empty() && mesh.quads.is_empty()) {
+    if mesh.has_layers() {
         json["counts"]["wedges"] = mesh.wedges.len().into();
         json["counts"]["quads"] = mesh.quads.len().into();
     }

@@ -136,7 +136,7 @@ fn a_table_says_it_shortly() {
         "Euler number 2",
         "nowhere",
         "certificate  holds",
-        "m.obj (obj); OBJ has no tetrahedra",
+        "m.obj (obj); OBJ has no volume elements",
     ] {
         assert!(text.contains(word), "{word}: {text}");
     }

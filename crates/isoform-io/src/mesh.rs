@@ -146,7 +146,7 @@ fn report(mesh: &Mesh, format: &MeshFormat, options: &MeshWriteOptions) -> Write
     let mut warnings = Vec::new();
     if !mesh.tets.is_empty() && !format.volume {
         warnings.push(format!(
-            "{} has no tetrahedra: only the {} triangles were written",
+            "{} has no volume elements: only the {} triangles were written",
             format.title,
             mesh.triangles.len()
         ));

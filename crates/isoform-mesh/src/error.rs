@@ -12,7 +12,7 @@ pub enum MeshError {
     #[error(transparent)]
     Extent(ExtentError),
     /// An option has no meaning.
-    #[error("{name} must be {wanted}, not {value}")]
+    #[error("{name} must be {wanted}, not {}", short(*.value))]
     Option {
         /// The option.
         name: &'static str,
@@ -330,5 +330,13 @@ impl Warning {
             .into_iter()
             .map(|at| Self::at(kind.clone(), at))
             .collect()
+    }
+}
+
+/// A number in words: with a power of ten where its zeros would fill the line.
+fn short(value: f64) -> String {
+    match value.abs() {
+        size if size > 0.0 && !(1e-6..1e15).contains(&size) => format!("{value:e}"),
+        _ => value.to_string(),
     }
 }

@@ -10,22 +10,133 @@
 mod core;
 mod grow;
 
-pub(crate) use self::core::Core;
-pub(crate) use grow::grow;
+use self::core::Core;
+use crate::error::{MeshError, Warning, WarningKind};
+use crate::features::{Extent, extent_within};
+use crate::mesher::{Meshed, Model, features_of, mesh_within, with_caps};
+use crate::missed::missed;
+use crate::options::{Layers, Options};
+use crate::surface::distance_at;
+use crate::torn::torn;
+use grow::grow;
+use isoform_check::Capped;
+use isoform_control::Control;
+use isoform_geom::{Aabb, Solid};
 
-use crate::error::MeshError;
-use crate::options::Layers;
-use isoform_geom::Solid;
+/// Edges of the mesh that tells which parts the surface has, in sizes: a ninth of the triangles.
+const COARSE: f64 = 3.0;
+/// Share of the thickness asked for below which layers are told to be thinner, and below which
+/// they have no room: offsets of a surface with a radius ten times the thickness are 5 % off.
+const THIN: f64 = 0.9;
+const NO_ROOM: f64 = 0.5;
+/// Least thickness of a layer, as a share of the solid's longest edge: of a thinner one rounding of
+/// the coordinates, 1e-16, leaves less than four digits.
+const LEAST: f64 = 1e-12;
+
+/// Meshes a solid with layers of wedges along parts of its surface.
+pub(crate) fn mesh_layered(
+    solid: &dyn Solid,
+    layers: &Layers,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Meshed, MeshError> {
+    let capped = options.region.map(|region| Capped::new(solid, region));
+    let solid = capped.as_ref().map_or(solid, |capped| capped);
+    let start = options.region.unwrap_or(options.start);
+    let extent = extent_within(solid, start, options.size, control)?;
+    let region = extent.bounds;
+    check_thickness(layers, region)?;
+    let layered = layered(solid, &parts_of(solid, &extent, options, control)?, layers)?;
+    let core = Core::new(solid, &layered, layers.thickness(), region)?;
+    let made = mesh_within(Model::of(&core, &[]), None, &extent, options, control);
+    let mut meshed = made.map_err(|error| match error {
+        MeshError::TooCoarse { .. } => MeshError::NoRoom {
+            thickness: layers.thickness(),
+            at: None,
+        },
+        error => error,
+    })?;
+    control.begin("layers")?;
+    let grown = grow(&meshed.mesh, solid, &layered, layers, region)?;
+    meshed.mesh = grown.mesh;
+    if let Some((thickness, at)) = grown.thinnest {
+        let share = thickness / layers.thickness();
+        if share < NO_ROOM {
+            let (thickness, at) = (layers.thickness(), Some(at));
+            return Err(MeshError::NoRoom { thickness, at });
+        }
+        if share < THIN {
+            let kind = WarningKind::ThinLayers { thickness };
+            meshed.warnings.push(Warning::at(kind, at));
+        }
+    }
+    meshed.features = features_of(solid, region, options, control);
+    control.begin("what the mesh misses")?;
+    let simplices = meshed.mesh.simplices();
+    meshed.missed = missed(solid, &simplices, region, options.size, control);
+    let apart = torn(|p| distance_at(solid, p), &simplices, options.size, control);
+    let missed = meshed.missed.places().next();
+    let missed = missed.map(|at| Warning::at(WarningKind::MissedByLayers, at));
+    meshed.warnings.extend(missed);
+    meshed
+        .warnings
+        .extend(Warning::each(WarningKind::Torn, apart));
+    Ok(with_caps(meshed))
+}
+
+/// Whether layers are thick enough for coordinates, and thin enough for a solid within a box.
+fn check_thickness(layers: &Layers, region: Aabb) -> Result<(), MeshError> {
+    let longest = region.size().into_iter().fold(0.0, f64::max);
+    if layers.first < LEAST * longest {
+        return Err(MeshError::Option {
+            name: "layers' first thickness",
+            wanted: "at least 1e-12 times the solid's length",
+            value: layers.first,
+        });
+    }
+    let thickness = layers.thickness();
+    match thickness < longest {
+        true => Ok(()),
+        false => Err(MeshError::NoRoom {
+            thickness,
+            at: None,
+        }),
+    }
+}
+
+/// The parts of a solid's surface, as far as coarse triangles show them: pieces hidden in a union
+/// are none.
+fn parts_of(
+    solid: &dyn Solid,
+    extent: &Extent,
+    options: &Options,
+    control: &Control<'_>,
+) -> Result<Vec<String>, MeshError> {
+    let coarse = Options {
+        size: COARSE * options.size,
+        surface_only: true,
+        region: options.region,
+        memory: options.memory,
+        ..Options::default()
+    };
+    let quiet = Control {
+        progress: None,
+        ..*control
+    };
+    let made = mesh_within(Model::of(solid, &[]), None, extent, &coarse, &quiet);
+    control.check()?;
+    Ok(match made {
+        Ok(made) => made.mesh.parts,
+        // Too thin for it: any piece may be on the surface.
+        Err(_) => solid.names().to_vec(),
+    })
+}
 
 /// Which of a solid's pieces have layers, of those that are `parts` of its surface.
 ///
 /// # Errors
 /// [`MeshError::NoPart`] if a name fits none.
-pub(crate) fn layered(
-    solid: &dyn Solid,
-    parts: &[String],
-    layers: &Layers,
-) -> Result<Vec<bool>, MeshError> {
+fn layered(solid: &dyn Solid, parts: &[String], layers: &Layers) -> Result<Vec<bool>, MeshError> {
     let names = solid.names();
     let mut found = vec![false; names.len()];
     for pattern in &layers.parts {

@@ -12,14 +12,14 @@ use crate::error::{MeshError, Warning, WarningKind};
 use crate::features::{Extent, FeatureOptions, Features, extent_within, find};
 use crate::inside::Inside;
 use crate::lattice::{CELL, Lattice};
-use crate::layers::{Core as Unlayered, grow, layered};
+use crate::layers::mesh_layered;
 use crate::missed::{Missed, missed};
 use crate::optimise::Optimiser;
-use crate::options::{self, Layers, Options};
+use crate::options::{self, Options};
 use crate::refine::Refiner;
 use crate::regions::{REST, Regions};
 use crate::second::{raise_order, turned};
-use crate::surface::{LayerCells, MOST_LAYERS, Surface, distance_at};
+use crate::surface::{LayerCells, MOST_LAYERS, Surface};
 use crate::torn::torn;
 use crate::torus::{AXES, Misfit, Torus, Wrapped, apart, misfit};
 use isoform_check::{self as check, Capped, Failure, certify};
@@ -38,12 +38,6 @@ const IN_VAIN: usize = 2;
 const ALL_OVER: usize = 8;
 /// Places of each kind of failure that are meshed finer at once.
 const PLACES: usize = 1000;
-/// Edges of the mesh that tells which parts the surface has, in sizes: a ninth of the triangles.
-const COARSE: f64 = 3.0;
-/// Share of the thickness asked for below which layers are told to be thinner, and below which
-/// they have no room: offsets of a surface with a radius ten times the thickness are 5 % off.
-const THIN: f64 = 0.9;
-const NO_ROOM: f64 = 0.5;
 /// What edges become there, as a share of what they were.
 const HALF: f64 = 0.5;
 /// Tetrahedra of the lattice per cell, and bytes that each takes if it is not near the surface.
@@ -120,84 +114,6 @@ pub fn mesh_regions(
     }
 }
 
-/// Meshes a solid with layers of wedges along parts of its surface.
-fn mesh_layered(
-    solid: &dyn Solid,
-    layers: &Layers,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Meshed, MeshError> {
-    let capped = options.region.map(|region| Capped::new(solid, region));
-    let solid = capped.as_ref().map_or(solid, |capped| capped);
-    let start = options.region.unwrap_or(options.start);
-    let extent = extent_within(solid, start, options.size, control)?;
-    let region = extent.bounds;
-    let layered = layered(solid, &parts_of(solid, &extent, options, control)?, layers)?;
-    let core = Unlayered::new(solid, &layered, layers.thickness(), region)?;
-    let made = mesh_within(Model::of(&core, &[]), None, &extent, options, control);
-    let mut meshed = made.map_err(|error| match error {
-        MeshError::TooCoarse { .. } => MeshError::NoRoom {
-            thickness: layers.thickness(),
-            at: None,
-        },
-        error => error,
-    })?;
-    control.begin("layers")?;
-    let grown = grow(&meshed.mesh, solid, &layered, layers, region)?;
-    meshed.mesh = grown.mesh;
-    if let Some((thickness, at)) = grown.thinnest {
-        let share = thickness / layers.thickness();
-        if share < NO_ROOM {
-            let (thickness, at) = (layers.thickness(), Some(at));
-            return Err(MeshError::NoRoom { thickness, at });
-        }
-        if share < THIN {
-            let kind = WarningKind::ThinLayers { thickness };
-            meshed.warnings.push(Warning::at(kind, at));
-        }
-    }
-    meshed.features = features_of(solid, region, options, control);
-    control.begin("what the mesh misses")?;
-    let simplices = meshed.mesh.simplices();
-    meshed.missed = missed(solid, &simplices, region, options.size, control);
-    let apart = torn(|p| distance_at(solid, p), &simplices, options.size, control);
-    let missed = meshed.missed.places().next();
-    let missed = missed.map(|at| Warning::at(WarningKind::MissedByLayers, at));
-    meshed.warnings.extend(missed);
-    meshed
-        .warnings
-        .extend(Warning::each(WarningKind::Torn, apart));
-    Ok(with_caps(meshed))
-}
-
-/// The parts of a solid's surface, as far as coarse triangles show them: pieces hidden in a union
-/// are none.
-fn parts_of(
-    solid: &dyn Solid,
-    extent: &Extent,
-    options: &Options,
-    control: &Control<'_>,
-) -> Result<Vec<String>, MeshError> {
-    let coarse = Options {
-        size: COARSE * options.size,
-        surface_only: true,
-        region: options.region,
-        memory: options.memory,
-        ..Options::default()
-    };
-    let quiet = Control {
-        progress: None,
-        ..*control
-    };
-    let made = mesh_within(Model::of(solid, &[]), None, extent, &coarse, &quiet);
-    control.check()?;
-    Ok(match made {
-        Ok(made) => made.mesh.parts,
-        // Too thin for it: any piece may be on the surface.
-        Err(_) => solid.names().to_vec(),
-    })
-}
-
 /// Meshes a unit cell.
 fn mesh_cell(
     solid: &dyn Solid,
@@ -256,7 +172,7 @@ fn mesh_cell(
 }
 
 /// A mesh with the names of its caps.
-fn with_caps(mut meshed: Meshed) -> Meshed {
+pub(crate) fn with_caps(mut meshed: Meshed) -> Meshed {
     let is_cap = |name: &&String| name.starts_with("cap.");
     meshed.caps = meshed.mesh.parts.iter().filter(is_cap).cloned().collect();
     meshed
@@ -292,7 +208,7 @@ fn check_regions(regions: &[Region<'_>], options: &Options) -> Result<(), MeshEr
 /// surface, and where vertices held on seams between pieces that touch keep others off it, it is
 /// meshed once more, finer there; and at last without holding any on seams. The mesh with the
 /// fewest findings counts.
-fn mesh_within(
+pub(crate) fn mesh_within(
     model: Model<'_>,
     torus: Option<Torus>,
     extent: &Extent,
@@ -385,7 +301,7 @@ fn mesh_within(
 }
 
 /// What is meshed.
-struct Model<'a> {
+pub(crate) struct Model<'a> {
     solid: &'a dyn Solid,
     regions: &'a [Region<'a>],
     /// What the mesh must be of: the solid and the regions, or those of a unit cell in its box.
@@ -393,7 +309,7 @@ struct Model<'a> {
 }
 
 impl<'a> Model<'a> {
-    fn of(solid: &'a dyn Solid, regions: &'a [Region<'a>]) -> Self {
+    pub(crate) fn of(solid: &'a dyn Solid, regions: &'a [Region<'a>]) -> Self {
         Self {
             solid,
             regions,

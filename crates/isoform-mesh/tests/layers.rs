@@ -260,6 +260,11 @@ fn errors_say_what_is_wrong() {
     let ball = solid(BALL);
     let error = refused(&ball, &options(0.3, "wall", 0.02, 1.2, 3));
     assert!(error.to_string().contains("called wall"), "{error}");
+    // Thinner than the rounding of coordinates, and thicker than all of the ball.
+    let error = refused(&ball, &options(0.3, "*", 1e-300, 1.2, 3));
+    assert!(error.to_string().ends_with("not 1e-300"), "{error}");
+    let error = refused(&ball, &options(0.3, "*", 1e300, 1.2, 3));
+    assert!(matches!(error, MeshError::NoRoom { at: None, .. }));
     let error = refused(&ball, &options(0.3, "*", 0.5, 1.2, 3));
     assert!(matches!(error, MeshError::NoRoom { .. }), "{error}");
     for wrong in [0.0, -1.0, f64::NAN, f64::INFINITY] {

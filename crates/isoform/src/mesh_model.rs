@@ -305,7 +305,7 @@ pub(crate) fn no_layers(options: &Options, what: &'static str) -> Result<(), Mes
 /// Whether a mesh can be adapted: its elements have their nodes, and are triangles and tetrahedra.
 /// Wedges would not stay thin.
 fn check_given(mesh: &Mesh) -> Result<(), MeshError> {
-    if !(mesh.wedges.is_empty() && mesh.quads.is_empty()) {
+    if mesh.has_layers() {
         let why = "has wedges or quadrilaterals: only triangles and tetrahedra are adapted";
         return Err(MeshError::Input {
             why: why.to_owned(),

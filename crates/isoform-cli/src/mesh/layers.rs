@@ -38,8 +38,12 @@ pub(super) fn read(args: &Args, order: Option<u32>) -> Result<Option<Layers>, Fa
     if args.layers.is_empty() {
         return Ok(None);
     }
-    let parts = args.layers.iter().map(|part| part.trim().to_owned());
-    let parts: Vec<String> = parts.collect();
+    let mut parts: Vec<String> = Vec::new();
+    for part in args.layers.iter().map(|part| part.trim()) {
+        if !parts.iter().any(|known| known == part) {
+            parts.push(part.to_owned());
+        }
+    }
     if parts.iter().any(String::is_empty) {
         return Err(Failure::usage("--layers has an empty name")
             .hint("names of parts, or patterns as 'wall*', with a comma between two"));

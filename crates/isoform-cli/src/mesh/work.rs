@@ -346,8 +346,10 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             .somewhere(*at)
             .why("layers end on a part that stands on theirs at an edge")
             .hint(format!("--layers with {other} as well")),
-        MeshError::NoRoom { .. } => {
-            none("no-room").hint("thinner or fewer layers: a smaller --first or --layer-count")
+        MeshError::NoRoom { at, .. } => {
+            let failure = none("no-room");
+            let failure = at.iter().fold(failure, |f, at| f.somewhere(*at));
+            failure.hint("thinner or fewer layers: a smaller --first or --layer-count")
         }
         MeshError::NoSlopes { .. } => none("no-slopes")
             .why("layers are offsets of the surface, which slopes bound")

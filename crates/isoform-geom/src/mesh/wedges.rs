@@ -39,6 +39,11 @@ fn triangles([a, b, c, d]: [u32; 4]) -> [[u32; 3]; 2] {
 }
 
 impl Mesh {
+    /// Whether there are wedges or quadrilaterals, as in meshes with boundary layers.
+    pub fn has_layers(&self) -> bool {
+        !(self.wedges.is_empty() && self.quads.is_empty())
+    }
+
     /// The mesh with three tetrahedra for each wedge, behind its own and in the first region, and
     /// two triangles for each quadrilateral.
     ///
@@ -57,7 +62,7 @@ impl Mesh {
     /// assert_eq!(simplices.triangles, [[0, 1, 4], [0, 4, 3]]);
     /// ```
     pub fn simplices(&self) -> Cow<'_, Self> {
-        if self.wedges.is_empty() && self.quads.is_empty() {
+        if !self.has_layers() {
             return Cow::Borrowed(self);
         }
         let mut mesh = self.clone();

@@ -100,8 +100,7 @@ fn wrong_beside_wedges(m: &Mesh) -> Option<String> {
     if !m.triangles.is_empty() && !m.quads.is_empty() && labelled[0] != labelled[1] {
         return Some("only triangles or only quadrilaterals lie on parts".into());
     }
-    let bare = m.wedges.is_empty() && m.quads.is_empty();
-    if !bare && (m.order() == 2 || !m.edge_mids.is_empty()) {
+    if m.has_layers() && (m.order() == 2 || !m.edge_mids.is_empty()) {
         return Some("there are mid nodes beside wedges or quadrilaterals".into());
     }
     let divided = !m.wedges.is_empty() && m.regions.len() > 1;

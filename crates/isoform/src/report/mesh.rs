@@ -419,8 +419,7 @@ impl WarningReport {
 impl ContentsReport {
     /// Groups and counts of a mesh.
     pub fn new(mesh: &Mesh) -> Self {
-        let has_layers = !(mesh.wedges.is_empty() && mesh.quads.is_empty());
-        let of_layers = |count: usize| has_layers.then_some(count);
+        let of_layers = |count: usize| mesh.has_layers().then_some(count);
         let parts = counted(mesh.parts.len(), &mesh.triangle_parts);
         let quads = counted(mesh.parts.len(), &mesh.quad_parts);
         let regions = counted(mesh.regions.len(), &mesh.tet_regions);
