@@ -157,7 +157,7 @@ impl Rows<'_> {
                 return (height, row);
             }
             Kind::Sphere => {
-                let length = norm(d).max(f64::MIN_POSITIVE);
+                let length = at_least(norm(d));
                 let n = d.map(|x| x / length);
                 let row = [-n[0], -n[1], -n[2], -1.0, 0.0, 0.0, 0.0];
                 return (length - surface.size, row);
@@ -166,13 +166,12 @@ impl Rows<'_> {
         }
         let v: Point3 = std::array::from_fn(|k| d[k] - height * surface.axis[k]);
         let radius = norm(v);
-        let (ue, uf) = match radius > 0.0 {
-            true => (dot(v, *e) / radius, dot(v, *f) / radius),
-            false => (1.0, 0.0),
-        };
+        // On the axis, where no direction leads away, tilts and shifts change nothing.
+        let divisor = at_least(radius);
+        let (ue, uf) = (dot(v, *e) / divisor, dot(v, *f) / divisor);
         let r = radius - surface.size;
         if kind == Kind::Torus {
-            let length = length(r, height).max(f64::MIN_POSITIVE);
+            let length = at_least(length(r, height));
             let tilt = height * surface.size / length;
             let n: Point3 = std::array::from_fn(|k| {
                 let away = (ue * e[k] + uf * f[k]) * r;
@@ -189,6 +188,14 @@ impl Rows<'_> {
         };
         let row = [tilt * ue, tilt * uf, -ue * cos, -uf * cos, -cos, turn, 0.0];
         (r * cos - height * sin, row)
+    }
+}
+
+/// A length that numbers can be divided by: one instruction, for which `max` takes three.
+fn at_least(length: f64) -> f64 {
+    match length > f64::MIN_POSITIVE {
+        true => length,
+        false => f64::MIN_POSITIVE,
     }
 }
 

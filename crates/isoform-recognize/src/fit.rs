@@ -38,60 +38,93 @@ struct Normal {
     reach: Row,
 }
 
-fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
-    match weights {
-        None => normal_of_all(surface, points.iter().map(|p| (p, 1.0))),
-        Some(weights) => normal_of_all(surface, points.iter().zip(weights.iter().copied())),
-    }
-}
+/// Points whose rows are computed at once: lanes of them fill vector registers, and most samples of
+/// growing regions, of 20 to 200 points, fill their last block. 8 and 32 are slower.
+const BLOCK: usize = 16;
+/// Partial sums of each entry of the equations, so that products do not wait for each other.
+const LANES: usize = 4;
 
-fn normal_of_all<'a>(surface: &Surface, points: impl Iterator<Item = (&'a Point3, f64)>) -> Normal {
+/// A value for each point of a block.
+type Column = [f64; BLOCK];
+
+fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
     match surface.kind {
-        Kind::Plane => normal_of::<3>(surface, Kind::Plane, points),
-        Kind::Sphere => normal_of::<4>(surface, Kind::Sphere, points),
-        Kind::Cylinder => normal_of::<5>(surface, Kind::Cylinder, points),
-        Kind::Cone => normal_of::<6>(surface, Kind::Cone, points),
-        Kind::Torus => normal_of::<7>(surface, Kind::Torus, points),
+        Kind::Plane => normal_of::<3>(surface, Kind::Plane, points, weights),
+        Kind::Sphere => normal_of::<4>(surface, Kind::Sphere, points, weights),
+        Kind::Cylinder => normal_of::<5>(surface, Kind::Cylinder, points, weights),
+        Kind::Cone => normal_of::<6>(surface, Kind::Cone, points, weights),
+        Kind::Torus => normal_of::<7>(surface, Kind::Torus, points, weights),
     }
 }
 
 /// The equations of a surface with `N` parameters, of points with their weights: loops of known
 /// length, over a kind that the compiler knows, take a third of the time.
 #[inline(always)]
-fn normal_of<'a, const N: usize>(
+fn normal_of<const N: usize>(
     surface: &Surface,
     kind: Kind,
-    points: impl Iterator<Item = (&'a Point3, f64)>,
+    points: &[Point3],
+    weights: Option<&[f64]>,
 ) -> Normal {
     let rows = surface.rows();
-    let mut matrix = [[0.0; N]; N];
-    let (mut side, mut reach) = ([0.0; N], [0.0_f64; N]);
-    let mut squares = 0.0;
-    for (p, w) in points {
-        let (r, row) = rows.at(kind, *p);
-        for i in 0..N {
-            let weighted = w * row[i];
-            // The upper half is written, too, and not read: whole rows go two entries at a time.
-            for j in 0..N {
-                matrix[i][j] += weighted * row[j];
-            }
-            side[i] += weighted * r;
-            reach[i] = reach[i].max(row[i].abs());
+    let mut matrix = [[[0.0_f64; LANES]; N]; N];
+    let (mut side, mut squares) = ([[0.0; LANES]; N], [0.0; LANES]);
+    let mut reach = [[0.0_f64; LANES]; N];
+    for start in (0..points.len()).step_by(BLOCK) {
+        let some = &points[start..points.len().min(start + BLOCK)];
+        // The last point fills the block, without weight.
+        let (mut weight, mut block) = ([0.0; BLOCK], [some[some.len() - 1]; BLOCK]);
+        block[..some.len()].copy_from_slice(some);
+        match weights {
+            Some(weights) => weight[..some.len()].copy_from_slice(&weights[start..][..some.len()]),
+            None => weight[..some.len()].fill(1.0),
         }
-        squares += w * r * r;
+        let mut columns: [Column; N] = [[0.0; BLOCK]; N];
+        let mut distance: Column = [0.0; BLOCK];
+        for lane in 0..BLOCK {
+            let (r, row) = rows.at(kind, block[lane]);
+            distance[lane] = r;
+            for i in 0..N {
+                columns[i][lane] = row[i];
+            }
+        }
+        for i in 0..N {
+            let weighted: Column = std::array::from_fn(|lane| weight[lane] * columns[i][lane]);
+            for j in 0..=i {
+                add_products(&mut matrix[i][j], &weighted, &columns[j]);
+            }
+            add_products(&mut side[i], &weighted, &distance);
+            for (lane, x) in columns[i].iter().enumerate() {
+                let most = &mut reach[i][lane % LANES];
+                *most = if x.abs() > *most { x.abs() } else { *most };
+            }
+        }
+        let weighted: Column = std::array::from_fn(|lane| weight[lane] * distance[lane]);
+        add_products(&mut squares, &weighted, &distance);
     }
+    let total = |lanes: [f64; LANES]| lanes.iter().sum::<f64>();
     let mut sum = Normal {
         matrix: [[0.0; MOST]; MOST],
         side: [0.0; MOST],
-        squares,
+        squares: total(squares),
         reach: [0.0; MOST],
     };
-    sum.side[..N].copy_from_slice(&side);
-    sum.reach[..N].copy_from_slice(&reach);
-    for (to, from) in sum.matrix.iter_mut().zip(&matrix) {
-        to[..N].copy_from_slice(from);
+    for i in 0..N {
+        sum.side[i] = total(side[i]);
+        sum.reach[i] = reach[i].into_iter().fold(0.0, f64::max);
+        for j in 0..=i {
+            sum.matrix[i][j] = total(matrix[i][j]);
+        }
     }
     sum
+}
+
+/// Adds the products of two columns to partial sums.
+#[inline(always)]
+fn add_products(sums: &mut [f64; LANES], a: &Column, b: &Column) {
+    for lane in 0..BLOCK {
+        sums[lane % LANES] += a[lane] * b[lane];
+    }
 }
 
 /// Σ r² over points.
