@@ -7,7 +7,7 @@ use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::best_kind;
 use crate::share::{Shares, shares};
-use crate::split::split;
+use crate::split::{Whole, split};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
@@ -64,6 +64,8 @@ pub(crate) struct Segmentation {
     pub(crate) is_swept: bool,
     /// Whether there is nothing to be found in further rounds.
     pub(crate) is_finished: bool,
+    /// Entities that could not be taken apart.
+    whole: Whole,
 }
 
 /// How far points may lie from their surfaces.
@@ -301,6 +303,7 @@ impl Segmentation {
             is_free: true,
             is_swept: false,
             is_finished: cloud.is_volume,
+            whole: Whole::of(cloud.points.len()),
         };
         if !cloud.is_volume {
             now.advance(cloud, limits, 0, control)?;
@@ -781,8 +784,16 @@ impl Segmentation {
         let parts: Vec<Option<Vec<Region>>> = members
             .par_iter()
             .zip(&self.surfaces)
-            .map(|(of, surface)| split(cloud, of, surface, &self.simpler_kinds(surface), noise))
+            .map(|(of, surface)| match self.whole.holds(surface.kind, of) {
+                true => None,
+                false => split(cloud, of, surface, &self.simpler_kinds(surface), noise),
+            })
             .collect();
+        for ((of, surface), parts) in members.iter().zip(&self.surfaces).zip(&parts) {
+            if parts.is_none() {
+                self.whole.add(surface.kind, of);
+            }
+        }
         let is_large = |r: &Region| r.points.len() >= limits.min_points;
         let mut changed = false;
         for (label, parts) in parts.into_iter().enumerate() {

@@ -16,6 +16,51 @@ const SETTLING: usize = 3;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
 
+/// The share of points by which an entity may differ from one that could not be taken apart, so that
+/// it is not tried again: labels at borders waver by some.
+const WAVERING: f64 = 0.02;
+
+/// Sets of points that could not be taken apart.
+#[derive(Clone)]
+pub(crate) struct Whole {
+    /// For each point the last set that it was in.
+    last: Vec<Option<u32>>,
+    /// The kind of surface and the size of each set.
+    sets: Vec<(Kind, usize)>,
+}
+
+impl Whole {
+    /// None yet, of so many points.
+    pub(crate) fn of(points: usize) -> Self {
+        Self {
+            last: vec![None; points],
+            sets: Vec::new(),
+        }
+    }
+
+    pub(crate) fn add(&mut self, kind: Kind, members: &[u32]) {
+        let set = Some(self.sets.len() as u32);
+        members.iter().for_each(|i| self.last[*i as usize] = set);
+        self.sets.push((kind, members.len()));
+    }
+
+    /// Whether points are nearly those of one set, on a surface of the same kind.
+    pub(crate) fn holds(&self, kind: Kind, members: &[u32]) -> bool {
+        // A set with nearly all points holds the one in the middle, or one beside that.
+        let Some(set) = members
+            .get(members.len() / 2)
+            .and_then(|i| self.last[*i as usize])
+        else {
+            return false;
+        };
+        let (of_set, size) = self.sets[set as usize];
+        let is_in = |i: &&u32| self.last[**i as usize] == Some(set);
+        let common = members.iter().filter(is_in).count();
+        let least = (1.0 - WAVERING) * members.len().max(size) as f64;
+        of_set == kind && common as f64 >= least
+    }
+}
+
 /// The surfaces of simpler kinds that explain the points of an entity better than its own.
 pub(crate) fn split(
     cloud: &Cloud,

@@ -91,10 +91,21 @@ impl Moments {
 
     pub(super) fn line(&self) -> Option<(Curve, f64)> {
         let [xx, xy, yy] = self.spread();
-        let angle = 0.5 * (2.0 * xy).atan2(xx - yy);
-        let squares = (xx + yy) / 2.0 - ((xx - yy) / 2.0).hypot(xy);
-        let (sin, cos) = angle.sin_cos();
-        (self.count > 1.0).then(|| (Curve::Line(self.mean(), [cos, sin]), squares.max(0.0)))
+        // Half the difference of the principal moments, and the sine and cosine of twice the angle.
+        let half = (((xx - yy) / 2.0).powi(2) + xy * xy).sqrt();
+        let squares = (xx + yy) / 2.0 - half;
+        let (sin, cos) = match half > 0.0 {
+            true => (xy / half, (xx - yy) / (2.0 * half)),
+            false => (0.0, 1.0),
+        };
+        // The larger of both is a root, from which the other follows: no digits are lost.
+        let root = ((1.0 + cos.abs()) / 2.0).sqrt();
+        let other = sin.abs() / (2.0 * root);
+        let along = match cos >= 0.0 {
+            true => [root, other.copysign(sin)],
+            false => [other, root.copysign(sin)],
+        };
+        (self.count > 1.0).then(|| (Curve::Line(self.mean(), along), squares.max(0.0)))
     }
 
     /// Σ of the products of the deviations of z with those of x, y and z.
