@@ -71,7 +71,8 @@ fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-check "release" cargo build --release --locked --quiet
+# With the examples: by themselves they would ask for fewer features of what they stand on, and all be compiled again.
+check "release" cargo build --release --locked --quiet -p isoform-cli -p isoform --bins --examples
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.
 check "site of the documentation" cargo run --quiet --locked -p isoform-docs -- build target/site
 # The viewer that pages embed is what its sources build.
@@ -89,7 +90,7 @@ if [ -x "$binary" ]; then
   trap 'rm -rf "$scratch"' EXIT
   # Whole programs for users of the library.
   for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
-    check "example: ${example%:*}" cargo run --release --quiet --locked -p isoform --example "${example%:*}" -- "$scratch/${example/:/.}"
+    check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
   done
   check "commands of the documentation" cargo run --quiet --locked -p isoform-docs -- run "$binary"
   run_recover() { (cd "$scratch" && "$binary" recover -q && ls -l isoform-recover); }

@@ -333,7 +333,7 @@ impl Warning {
     }
 }
 
-/// A number in words: with a power of ten where its zeros would fill the line.
+/// A number as text: with a power of ten where its zeros would fill the line.
 fn short(value: f64) -> String {
     match value.abs() {
         size if size > 0.0 && !(1e-6..1e15).contains(&size) => format!("{value:e}"),

@@ -29,8 +29,8 @@ const COARSE: f64 = 3.0;
 /// they have no room: offsets of a surface with a radius ten times the thickness are 5 % off.
 const THIN: f64 = 0.9;
 const NO_ROOM: f64 = 0.5;
-/// Least thickness of a layer, as a share of the solid's longest edge: of a thinner one rounding of
-/// the coordinates, 1e-16, leaves less than four digits.
+/// Least thickness of a layer, as a share of the largest coordinate: of a thinner one rounding, by
+/// 1e-16 of that, leaves less than four digits.
 const LEAST: f64 = 1e-12;
 
 /// Meshes a solid with layers of wedges along parts of its surface.
@@ -86,14 +86,17 @@ pub(crate) fn mesh_layered(
 
 /// Whether layers are thick enough for coordinates, and thin enough for a solid within a box.
 fn check_thickness(layers: &Layers, region: Aabb) -> Result<(), MeshError> {
-    let longest = region.size().into_iter().fold(0.0, f64::max);
-    if layers.first < LEAST * longest {
+    let corners = region.lo.into_iter().chain(region.hi);
+    let largest = corners.fold(0.0, |most: f64, x| most.max(x.abs()));
+    let last = layers.first * layers.growth.powi(layers.count as i32 - 1);
+    if layers.first.min(last) < LEAST * largest {
         return Err(MeshError::Option {
-            name: "layers' first thickness",
-            wanted: "at least 1e-12 times the solid's length",
-            value: layers.first,
+            name: "layers' thickness",
+            wanted: "above the rounding of coordinates, 1e-12 of the largest",
+            value: layers.first.min(last),
         });
     }
+    let longest = region.size().into_iter().fold(0.0, f64::max);
     let thickness = layers.thickness();
     match thickness < longest {
         true => Ok(()),

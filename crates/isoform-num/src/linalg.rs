@@ -237,6 +237,21 @@ mod tests {
     }
 
     #[test]
+    fn matrices_of_three_rows_have_the_vectors_of_any() {
+        let a = [[4.0, 1.0, -2.0], [1.0, 3.0, 0.5], [-2.0, 0.5, 5.0]];
+        let (values, vectors) = symmetric_eigen_3(&a);
+        let (same, of_any) = symmetric_eigen(a.as_flattened(), 3);
+        assert_eq!(values.as_slice(), same);
+        assert_eq!(vectors.as_flattened(), of_any);
+        for (value, v) in values.iter().zip(vectors) {
+            for (row, x) in a.iter().zip(v) {
+                let product: f64 = row.iter().zip(v).map(|(a, x)| a * x).sum();
+                assert!((product - value * x).abs() < 1e-14);
+            }
+        }
+    }
+
+    #[test]
     fn cholesky_solves_what_was_multiplied() {
         let n = 6;
         let a = hilbert(n);

@@ -38,10 +38,11 @@ struct Normal {
     reach: Row,
 }
 
-/// Points whose rows are computed at once: lanes of them fill vector registers, and most samples of
-/// growing regions, of 20 to 200 points, fill their last block. 8 and 32 are slower.
+/// Points whose rows are computed at once, a lane of vector registers each. Samples of growing
+/// regions have 20 to 200 points: more leave lanes of the last block empty, fewer make more loops.
 const BLOCK: usize = 16;
-/// Partial sums of each entry of the equations, so that products do not wait for each other.
+/// Partial sums of each entry of the equations, so that products do not wait for each other: two
+/// registers of two. More take registers from the products.
 const LANES: usize = 4;
 
 /// A value for each point of a block.
@@ -316,6 +317,27 @@ mod tests {
         let squares: f64 = (0..tries).map(|k| error(k).powi(2)).sum();
         let ratio = (squares / tries as f64).sqrt() / (sigma / (count as f64).sqrt());
         assert!((0.85..1.15).contains(&ratio), "{ratio}");
+    }
+
+    /// Blocks of points count each once, with its weight: a whole one, and one point.
+    #[test]
+    fn equations_are_sums_over_all_points() {
+        let points = sphere(BLOCK + 1, 0.05, 3);
+        let weights: Vec<f64> = (0..points.len()).map(|k| 0.5 + 0.1 * k as f64).collect();
+        let surface = start();
+        let sum = normal(&surface, &points, Some(&weights));
+        let (mut squares, mut radius, mut all) = (0.0, 0.0, 0.0);
+        for (p, w) in points.iter().zip(&weights) {
+            let r = surface.distance(*p);
+            squares += w * r * r;
+            // The distance falls by what the radius grows.
+            radius -= w * r;
+            all += w;
+        }
+        assert!((sum.squares - squares).abs() < 1e-14);
+        assert!((sum.side[3] - radius).abs() < 1e-14);
+        assert!((sum.matrix[3][3] - all).abs() < 1e-12);
+        assert_eq!(sum.reach[3], 1.0);
     }
 
     #[test]

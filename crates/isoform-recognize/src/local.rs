@@ -16,7 +16,8 @@ const CLEARLY: f64 = 0.2;
 const BEYOND: f64 = 0.25;
 /// Neighbours farther from the plane than this many times their median lie on another sheet.
 const OTHER_SHEET: f64 = 5.0;
-/// The rounding of a determinant, as a share of the trace's cube: some ulps.
+/// The rounding of a bound of variances, as a share of their sum: some ulps. With more bounds rule
+/// nothing out, with less planes that are exact to rounding.
 const ROUNDING: f64 = 1e-14;
 /// The fewest neighbours for a quadratic height, whose coefficients are 6.
 const QUADRATIC: usize = 14;
@@ -158,4 +159,34 @@ fn quadratic(offsets: &[&Point3], normal: Point3, scale: f64) -> f64 {
     let explained: f64 = (0..N).map(|k| b[k] * side[k]).sum();
     let free = (offsets.len() - N) as f64;
     scale * ((squares - explained).max(0.0) / free).sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Random;
+
+    /// The bound is below the least variance of sets of any shape, and near it where the other two
+    /// are alike.
+    #[test]
+    fn variances_are_bounded_from_below() {
+        let mut random = Random::new(3);
+        for k in 0..300 {
+            let flat = 10.0_f64.powi(-(k % 10));
+            let sizes = [1.0, 0.2 + random.unit(), flat];
+            let turn = unit(std::array::from_fn(|_| random.unit() - 0.5));
+            let [e, f] = frame(turn);
+            let mut point = || -> Point3 {
+                let [x, y, z] = sizes.map(|size| size * (random.unit() - 0.5));
+                std::array::from_fn(|c| x * e[c] + y * f[c] + z * turn[c])
+            };
+            let points: Vec<Point3> = (0..13).map(|_| point()).collect();
+            let moments = moments(&points);
+            let (_, least) = principal(&moments, points.len());
+            let bound = least_variance(&moments, points.len());
+            assert!(bound <= least, "{bound} {least}");
+            assert!(flat < 1e-3 || bound > 0.1 * least, "{bound} {least}");
+        }
+        assert_eq!(least_variance(&[[0.0; 3]; 3], 13), 0.0);
+    }
 }

@@ -22,14 +22,14 @@ pub(crate) const ROUNDING: f64 = 1e-8;
 pub(crate) const DIRECTION: (f64, f64) = (0.01, 15.0);
 /// That of places and radii, in diagonals or units of the noise.
 pub(crate) const PLACE: (f64, f64) = (1e-6, 1.0);
-/// By how much two axes that agree within their uncertainty have to be likelier to be one than any
-/// two, whose directions fill half a sphere and whose distances the square of the diagonal: the
-/// ratio is 1/(2π √det S) at g = 0. Less takes two poorly known axes for one by chance, 10⁸ loses
-/// short cones, whose directions are open by some degrees but which pass the axis exactly.
-const ODDS: f64 = 1e6;
+/// By how much two axes have to be likelier to be one than any two, whose directions fill half a
+/// sphere and whose distances the square of the diagonal: exp(−gᵀ S⁻¹ g/2)/(2π √det S).
+/// Less takes two poorly known axes for one by chance, 10⁶ loses short cones, whose directions are
+/// open by some degrees but which pass the axis exactly.
+const ODDS: f64 = 1e4;
 /// The deviation of the distance of two axes at which it can be told that they are one, in units of
-/// the noise. Of 660 pairs of bands about one axis, many short and seen from one side, 616 are found
-/// with 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
+/// the noise. Of 660 pairs of bands about one axis, many short and from one side, 616 are found with
+/// 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
 const AXIS: f64 = 4.0;
 /// Directions farther apart than this need no closer look.
 pub(crate) const FAR: f64 = 0.1;
@@ -102,24 +102,31 @@ fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
     if !cholesky(&mut factor, n) {
         return None;
     }
-    if kind == RelationKind::Coaxial && !is_one_axis(&factor, noise) {
-        return None;
-    }
     cholesky_solve(&factor, n, &mut x);
     let squared: f64 = (0..n).map(|k| x[k] * g.values[k]).sum();
+    if kind == RelationKind::Coaxial && !is_one_axis(&factor, squared, noise) {
+        return None;
+    }
     // A direction for angles, else what is left beside them.
     let shown = if g.angles == n { 0..n } else { g.angles..n };
     let size = g.values[shown].iter().map(|v| v * v).sum::<f64>().sqrt();
     (squared <= CHI_SQUARED[n - 1]).then_some(size)
 }
 
-/// Whether it can be told of two axes that they are one, from the Cholesky factor of the covariance
-/// of their tilts and of their distances: its diagonal holds what is open of the distances where
-/// the tilts leave them known best.
-fn is_one_axis(factor: &[f64], noise: f64) -> bool {
-    let open: [f64; 4] = std::array::from_fn(|k| factor[5 * k]);
-    let most = PLACE.0.max(AXIS * noise);
-    open[2].max(open[3]) <= most && ODDS * TAU * open.iter().product::<f64>() <= 1.0
+/// Whether it can be told of two axes that they are one: from the Cholesky factor of the covariance
+/// of their tilts and of their distances, whose second block tells how far the distances are open
+/// where the tilts leave them known best, and from gᵀ S⁻¹ g.
+fn is_one_axis(factor: &[f64], squared: f64, noise: f64) -> bool {
+    // The larger deviation of two components, whatever the frame.
+    let open = |k: usize| {
+        let (a, b, c) = (factor[5 * k], factor[5 * k + 4], factor[5 * k + 5]);
+        let (xx, xy, yy) = (a * a, a * b, b * b + c * c);
+        let half = ((xx - yy) / 2.0).hypot(xy);
+        ((xx + yy) / 2.0 + half).sqrt()
+    };
+    let root: f64 = (0..4).map(|k| factor[5 * k]).product();
+    let odds = (-squared / 2.0).exp() / (TAU * root);
+    open(0) <= FAR && open(2) <= PLACE.0.max(AXIS * noise) && odds >= ODDS
 }
 
 /// Whether two surfaces can be so related, and may be.

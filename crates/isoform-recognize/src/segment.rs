@@ -6,7 +6,7 @@ use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
 use crate::fit::{Precision, fit, fit_weighted, squares};
 use crate::grow::{Region, WITHIN, core};
 use crate::kinds::best_kind;
-use crate::share::{Shares, shares};
+use crate::share::{Shares, shares, sided};
 use crate::split::{Whole, split};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
@@ -18,7 +18,7 @@ pub(crate) const NONE: u32 = u32::MAX;
 pub(crate) const UNEXPLAINED: f64 = WITHIN * WITHIN / 2.0;
 /// What it costs a point that all its neighbours belong elsewhere: as much as 3 deviations. More
 /// smooths borders of small faces away, less lets crossing planes cut strips out of walls.
-const APART: f64 = 4.5;
+pub(crate) const APART: f64 = 4.5;
 /// Sweeps over the points until labels stand still.
 const SWEEPS: usize = 8;
 /// Labels and fits in turn at most; labels along tangent faces move slowly.
@@ -333,6 +333,11 @@ impl Segmentation {
         self.turn_zones(cloud);
         self.is_free = true;
         self.relax(cloud, limits);
+        if self.noise >= EXACT {
+            for _ in 0..2 {
+                self.labels = sided(cloud, &self.surfaces, &self.labels, self.noise);
+            }
+        }
         Ok(self)
     }
 
@@ -781,22 +786,24 @@ impl Segmentation {
     fn split(&mut self, cloud: &Cloud, limits: Limits) -> bool {
         let members = self.members();
         let noise = self.deviation(SLACK);
-        let parts: Vec<Option<Vec<Region>>> = members
+        let tried: Vec<Option<Option<Vec<Region>>>> = members
             .par_iter()
             .zip(&self.surfaces)
-            .map(|(of, surface)| match self.whole.holds(surface.kind, of) {
-                true => None,
-                false => split(cloud, of, surface, &self.simpler_kinds(surface), noise),
+            .map(|(of, surface)| {
+                let is_due = !self.whole.holds(surface.kind, of, self.noise);
+                let kinds = self.simpler_kinds(surface);
+                is_due.then(|| split(cloud, of, surface, &kinds, noise))
             })
             .collect();
-        for ((of, surface), parts) in members.iter().zip(&self.surfaces).zip(&parts) {
-            if parts.is_none() {
-                self.whole.add(surface.kind, of);
+        for ((of, surface), parts) in members.iter().zip(&self.surfaces).zip(&tried) {
+            if matches!(parts, Some(None)) {
+                self.whole.add(surface.kind, of, self.noise);
             }
         }
+        let parts = tried.into_iter().map(Option::flatten);
         let is_large = |r: &Region| r.points.len() >= limits.min_points;
         let mut changed = false;
-        for (label, parts) in parts.into_iter().enumerate() {
+        for (label, parts) in parts.enumerate() {
             let Some(parts) = parts.filter(|p| p.iter().all(is_large)) else {
                 continue;
             };

@@ -5,8 +5,9 @@ use crate::chart::{Surface, unit};
 use crate::cloud::Cloud;
 use crate::fit::mean;
 use crate::grow::WITHIN;
-use crate::segment::NONE;
-use isoform_geom::{dot, sub};
+use crate::segment::{APART, NONE};
+use isoform_geom::{Point3, dot, sub};
+use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Points this many deviations off another surface tell on which side of it a face lies.
@@ -64,6 +65,46 @@ pub(crate) fn shares(
     shares
 }
 
+/// The labels of points, where those beside an edge belong to the face on whose side of the other
+/// they lie, however near the other is. Where faces touch their sides say little.
+pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Vec<u32> {
+    let faces = Faces {
+        cloud,
+        surfaces,
+        labels,
+        sides: sides(cloud, surfaces, labels, noise),
+        noise,
+    };
+    let likeliest = |i: usize| {
+        let own = labels[i];
+        if own == NONE || is_inside(cloud, labels, i) {
+            return own;
+        }
+        let around = around(cloud, labels, i);
+        if faces.are_tangent(&around, i) {
+            return own;
+        }
+        let near = cloud.near(i as u32);
+        let likely = |label: u32| {
+            let apart = near
+                .iter()
+                .filter(|j| labels[**j as usize] != label)
+                .count();
+            let cost = APART * apart as f64 / near.len() as f64;
+            faces.likelihood(&around, label, i) * (-cost).exp()
+        };
+        let mut best = (likely(own), own);
+        for label in around.iter().copied().filter(|label| *label != own) {
+            let other = likely(label);
+            if other > best.0 {
+                best = (other, label);
+            }
+        }
+        best.1
+    };
+    (0..labels.len()).into_par_iter().map(likeliest).collect()
+}
+
 /// Whether none of the neighbours of a point belongs to another face.
 fn is_inside(cloud: &Cloud, labels: &[u32], i: usize) -> bool {
     let is_own = |j: &u32| [labels[i], NONE].contains(&labels[*j as usize]);
@@ -89,6 +130,20 @@ struct Faces<'a> {
 }
 
 impl Faces<'_> {
+    /// Whether two of some faces touch, or nearly do, about a point.
+    fn are_tangent(&self, around: &[u32], i: usize) -> bool {
+        let normal = |label: &u32| self.surfaces[*label as usize].normal(self.cloud.points[i]);
+        let normals: Vec<Point3> = around.iter().map(normal).collect();
+        let mut rest = normals.as_slice();
+        while let Some((first, others)) = rest.split_first() {
+            if others.iter().any(|other| are_along(*first, *other)) {
+                return true;
+            }
+            rest = others;
+        }
+        false
+    }
+
     /// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
     fn likelihood(&self, around: &[u32], label: u32, i: usize) -> f64 {
         let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
@@ -101,7 +156,7 @@ impl Faces<'_> {
         let mut likely = (-r * r / (2.0 * self.noise * self.noise)).exp();
         for other in around.iter().filter(|o| **o != label) {
             let next = &self.surfaces[*other as usize];
-            let inside = if dot(n, next.normal(p)).abs() > TANGENT {
+            let inside = if are_along(n, next.normal(p)) {
                 before_contact(self.cloud, self.labels, i, [label, *other], [surface, next])
             } else {
                 let side = self.sides.get(&(*other, label));
@@ -113,6 +168,11 @@ impl Faces<'_> {
         }
         likely
     }
+}
+
+/// Whether normals are those of surfaces that touch, or nearly do.
+fn are_along(m: Point3, n: Point3) -> bool {
+    dot(m, n).abs() > TANGENT
 }
 
 /// How far a point lies before the curve where two surfaces touch or meet, on the side of the first:

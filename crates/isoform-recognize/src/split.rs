@@ -16,8 +16,9 @@ const SETTLING: usize = 3;
 /// Seeds that are tried in vain before that.
 const SEEDS: usize = 6;
 
-/// The share of points by which an entity may differ from one that could not be taken apart, so that
-/// it is not tried again: labels at borders waver by some.
+/// The share of its points, and of the noise, by which an entity may differ from one that could not
+/// be taken apart, so that it is not tried again: labels at borders waver by some. With less most
+/// entities are tried in each round, with more those that have changed are not.
 const WAVERING: f64 = 0.02;
 
 /// Sets of points that could not be taken apart.
@@ -25,8 +26,15 @@ const WAVERING: f64 = 0.02;
 pub(crate) struct Whole {
     /// For each point the last set that it was in.
     last: Vec<Option<u32>>,
-    /// The kind of surface and the size of each set.
-    sets: Vec<(Kind, usize)>,
+    sets: Vec<Tried>,
+}
+
+/// A set of points that could not be taken apart.
+#[derive(Clone)]
+struct Tried {
+    kind: Kind,
+    size: usize,
+    noise: f64,
 }
 
 impl Whole {
@@ -38,26 +46,30 @@ impl Whole {
         }
     }
 
-    pub(crate) fn add(&mut self, kind: Kind, members: &[u32]) {
+    /// Adds a set that could not be taken apart with some noise.
+    pub(crate) fn add(&mut self, kind: Kind, members: &[u32], noise: f64) {
         let set = Some(self.sets.len() as u32);
         members.iter().for_each(|i| self.last[*i as usize] = set);
-        self.sets.push((kind, members.len()));
+        let size = members.len();
+        self.sets.push(Tried { kind, size, noise });
     }
 
-    /// Whether points are nearly those of one set, on a surface of the same kind.
-    pub(crate) fn holds(&self, kind: Kind, members: &[u32]) -> bool {
-        // A set with nearly all points holds the one in the middle, or one beside that.
+    /// Whether points are nearly those of one set, on a surface of the same kind, with nearly the
+    /// same noise.
+    pub(crate) fn holds(&self, kind: Kind, members: &[u32], noise: f64) -> bool {
+        // A set of nearly all points mostly has the one in the middle; else they are tried again.
         let Some(set) = members
             .get(members.len() / 2)
             .and_then(|i| self.last[*i as usize])
         else {
             return false;
         };
-        let (of_set, size) = self.sets[set as usize];
+        let tried = &self.sets[set as usize];
         let is_in = |i: &&u32| self.last[**i as usize] == Some(set);
-        let common = members.iter().filter(is_in).count();
-        let least = (1.0 - WAVERING) * members.len().max(size) as f64;
-        of_set == kind && common as f64 >= least
+        let common = members.iter().filter(is_in).count() as f64;
+        let least = (1.0 - WAVERING) * members.len().max(tried.size) as f64;
+        let is_like = (noise - tried.noise).abs() <= WAVERING * tried.noise;
+        tried.kind == kind && is_like && common >= least
     }
 }
 
@@ -149,5 +161,26 @@ fn share_out(cloud: &Cloud, members: &[u32], parts: &mut [Region]) {
     }
     for (part, points) in parts.iter_mut().zip(points) {
         part.points = points;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entities_that_changed_are_tried_again() {
+        let mut whole = Whole::of(1000);
+        let all: Vec<u32> = (0..500).collect();
+        assert!(!whole.holds(Kind::Torus, &all, 1.0));
+        whole.add(Kind::Torus, &all, 1.0);
+        assert!(whole.holds(Kind::Torus, &all, 1.01));
+        assert!(whole.holds(Kind::Torus, &all[5..], 1.0));
+        assert!(!whole.holds(Kind::Cone, &all, 1.0));
+        assert!(!whole.holds(Kind::Torus, &all, 0.9));
+        assert!(!whole.holds(Kind::Torus, &all[20..], 1.0));
+        let more: Vec<u32> = (0..520).collect();
+        assert!(!whole.holds(Kind::Torus, &more, 1.0));
+        assert!(!whole.holds(Kind::Torus, &[], 1.0));
     }
 }

@@ -145,3 +145,27 @@ impl Moments {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Lines in every direction, also along the axes, from points strewn about them.
+    #[test]
+    fn lines_have_the_direction_of_their_points() {
+        for k in 0..48 {
+            let (sin, cos) = (f64::from(k) * std::f64::consts::PI / 48.0).sin_cos();
+            let mut sums = Moments::default();
+            for t in -5..=5 {
+                let (t, off) = (f64::from(t), if t % 2 == 0 { 0.01 } else { -0.012 });
+                sums.add([0.3 + t * cos - off * sin, t * sin + off * cos], 1.0);
+            }
+            let Some((Curve::Line(_, [a, b]), squares)) = sums.line() else {
+                panic!("there is a line");
+            };
+            assert!((a * a + b * b - 1.0).abs() < 1e-14);
+            assert!((a * sin - b * cos).abs() < 1e-12, "{k}: {a} {b}");
+            assert!((squares - 1.32e-3).abs() < 1e-4, "{squares}");
+        }
+    }
+}
