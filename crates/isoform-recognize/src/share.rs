@@ -34,13 +34,7 @@ pub(crate) fn shares(
     labels: &[u32],
     noise: f64,
 ) -> Vec<Shares> {
-    let faces = Faces {
-        cloud,
-        surfaces,
-        labels,
-        sides: sides(cloud, surfaces, labels, noise),
-        noise,
-    };
+    let faces = Faces::of(cloud, surfaces, labels, noise);
     let mut shares = vec![Shares::new(); surfaces.len()];
     for (i, own) in labels.iter().enumerate() {
         if *own == NONE {
@@ -68,13 +62,7 @@ pub(crate) fn shares(
 /// The labels of points, where those beside an edge belong to the face on whose side of the other
 /// they lie, however near the other is. Where faces touch their sides say little.
 pub(crate) fn sided(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Vec<u32> {
-    let faces = Faces {
-        cloud,
-        surfaces,
-        labels,
-        sides: sides(cloud, surfaces, labels, noise),
-        noise,
-    };
+    let faces = Faces::of(cloud, surfaces, labels, noise);
     let likeliest = |i: usize| {
         let own = labels[i];
         if own == NONE || is_inside(cloud, labels, i) {
@@ -129,7 +117,17 @@ struct Faces<'a> {
     noise: f64,
 }
 
-impl Faces<'_> {
+impl<'a> Faces<'a> {
+    fn of(cloud: &'a Cloud, surfaces: &'a [Surface], labels: &'a [u32], noise: f64) -> Self {
+        Self {
+            cloud,
+            surfaces,
+            labels,
+            sides: sides(cloud, surfaces, labels, noise),
+            noise,
+        }
+    }
+
     /// Whether two of some faces touch, or nearly do, about a point.
     fn are_tangent(&self, around: &[u32], i: usize) -> bool {
         let normal = |label: &u32| self.surfaces[*label as usize].normal(self.cloud.points[i]);
