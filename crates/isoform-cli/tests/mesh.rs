@@ -894,6 +894,42 @@ fn layers_that_cannot_be() {
     }
 }
 
+/// A gap whose layers have no room: where it is, and each name once.
+#[test]
+fn the_place_without_room_for_layers_is_told() {
+    let folder = Folder::new("mesh-layers-gap");
+    let model = folder.file(
+        "gap.hf",
+        "gap(x[3], a[1]) { outer = 1 - x[1]^2 - x[2]^2; inner = (x[1] - 0.2)^2 + x[2]^2 - 0.49;
+         gap = outer & inner & x[3] & (1 - x[3]); }",
+    );
+    let layers = [
+        "--size",
+        "0.1",
+        "--layers",
+        "outer,inner,outer",
+        "--growth",
+        "1",
+    ];
+    let (exit, thick) = mesh(&model, &[&layers[..], &["--first", "0.04"]].concat());
+    assert_eq!(
+        (exit, &thick["error"]["code"]),
+        (4, &"no-room".into()),
+        "{thick}"
+    );
+    let at = thick["error"]["where"]["at"].as_array().expect("a place");
+    let [x, y] = [0, 1].map(|k| at[k].as_f64().expect("a number"));
+    // Between the circles of radius 1 and, about (0.2, 0), 0.7.
+    assert!(x.hypot(y) < 1.0 && (x - 0.2).hypot(y) > 0.7, "{at:?}");
+    let (exit, thin) = mesh(&model, &[&layers[..], &["--first", "0.002"]].concat());
+    assert_eq!(exit, 0, "{thin}");
+    assert_eq!(
+        thin["layers"]["parts"].as_array().expect("parts").len(),
+        2,
+        "{thin}"
+    );
+}
+
 /// What is said of a mesh without layers is what was said before there were any.
 #[test]
 fn a_mesh_without_layers_tells_of_none() {
