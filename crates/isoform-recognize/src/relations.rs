@@ -28,8 +28,8 @@ pub(crate) const PLACE: (f64, f64) = (1e-6, 1.0);
 /// open by some degrees but which pass the axis exactly.
 const ODDS: f64 = 1e4;
 /// The deviation of the distance of two axes at which it can be told that they are one, in units of
-/// the noise. Of 660 pairs of bands about one axis, many short and from one side, 616 are found with
-/// 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
+/// the noise. Of 660 pairs of bands about one axis, many short and from one side, 616 are found
+/// with 4, 600 with 2; without a bound a bore 24 deviations beside an axis comes to lie on it.
 const AXIS: f64 = 4.0;
 /// Directions farther apart than this need no closer look.
 pub(crate) const FAR: f64 = 0.1;
@@ -97,7 +97,7 @@ fn deviation(kind: RelationKind, pair: [&Known; 2], noise: f64) -> Option<f64> {
     if kind != RelationKind::Coaxial && !(0..n).all(is_known) {
         return None;
     }
-    let mut factor = covariance.clone();
+    let mut factor = covariance;
     let mut x = g.values[..n].to_vec();
     if !cholesky(&mut factor, n) {
         return None;

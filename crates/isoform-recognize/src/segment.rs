@@ -791,8 +791,7 @@ impl Segmentation {
             .zip(&self.surfaces)
             .map(|(of, surface)| {
                 let is_due = !self.whole.holds(surface.kind, of, self.noise);
-                let kinds = self.simpler_kinds(surface);
-                is_due.then(|| split(cloud, of, surface, &kinds, noise))
+                is_due.then(|| split(cloud, of, surface, &self.simpler_kinds(surface), noise))
             })
             .collect();
         for ((of, surface), parts) in members.iter().zip(&self.surfaces).zip(&tried) {
