@@ -190,8 +190,6 @@ pub(crate) struct Problem<'a> {
     pub(crate) degree: usize,
     pub(crate) points: &'a Sorted<'a>,
     pub(crate) weights: Weights,
-    /// Cells with points, by their numbers, in which f is held where the surface is not near.
-    is_held: Vec<bool>,
     /// The active B-splines, and per B-spline of the level its number among them.
     pub(crate) active: Keys,
     pub(crate) unknown: Vec<u32>,
@@ -220,7 +218,6 @@ impl<'a> Problem<'a> {
             degree,
             points,
             weights,
-            is_held: vec![false; points.count()],
             active: Keys::new(list),
             unknown,
         }
@@ -228,20 +225,32 @@ impl<'a> Problem<'a> {
 
     /// The normal equations of the data, divided by the number of points.
     pub(crate) fn system(&self) -> System {
-        let mut matrix = Matrix::new(&self.active, self.degree);
-        let mut right = vec![0.0; matrix.len()];
+        let matrix = Matrix::new(&self.active, self.degree);
+        let right = vec![0.0; matrix.len()];
+        let mut system = System { matrix, right };
+        let all: Vec<usize> = (0..self.points.count()).collect();
+        self.add(&mut system, &all, |i| self.share(i));
+        system
+    }
+
+    /// Adds the shares of cells to the equations.
+    fn add(
+        &self,
+        system: &mut System,
+        cells: &[usize],
+        share: impl Fn(usize) -> Option<Share> + Sync,
+    ) {
         let inverse = 1.0 / self.points.len() as f64;
-        let mut parts = matrix.parts(PARTS);
-        let mut rest = right.as_mut_slice();
+        let mut parts = system.matrix.parts(PARTS);
+        let mut rest = system.right.as_mut_slice();
         let mut rights = Vec::new();
         for part in &parts {
             let (mine, others) = rest.split_at_mut(part.end - part.first);
             rights.push(mine);
             rest = others;
         }
-        let cells: Vec<usize> = (0..self.points.count()).collect();
         for chunk in cells.chunks(CHUNK) {
-            let shares: Vec<Share> = chunk.par_iter().filter_map(|i| self.share(*i)).collect();
+            let shares: Vec<Share> = chunk.par_iter().filter_map(|i| share(*i)).collect();
             let filled = parts.par_iter_mut().zip(&mut rights);
             filled.for_each(|(rows, right)| {
                 for share in &shares {
@@ -249,7 +258,6 @@ impl<'a> Problem<'a> {
                 }
             });
         }
-        System { matrix, right }
     }
 
     /// The share of the i-th cell with points; none if no unknown touches it.
@@ -281,22 +289,30 @@ impl<'a> Problem<'a> {
                 self.weights.normals * dot(normal, normal),
             );
         }
-        if self.is_held[i] {
-            self.hold_apart(&coefficients, &mut share);
-        }
         Some(share)
     }
 
-    /// Holds f at places of a cell where the function as it is says that the surface is not near.
-    fn hold_apart(&self, c: &[f64; MOST], share: &mut Share) {
+    /// Holds f in cells at places where the function as it is says that the surface is not near.
+    pub(crate) fn hold(&self, system: &mut System, cells: &[usize]) {
+        self.add(system, cells, |i| self.held(i));
+    }
+
+    /// The share that holds f in the i-th cell with points.
+    fn held(&self, i: usize) -> Option<Share> {
+        let cell = place(self.points.cell(i).0);
+        let local = self.local(cell)?;
+        let c = self.level.of_cell(cell, self.degree);
+        let n = self.degree + 1;
+        let mut share = Share::new(n * n * n, local);
         let per_cell = self.points.len() as f64 / self.points.count() as f64;
         let mut stencil = Stencil::new(self.degree);
         for place in block([0; 3], [1; 3]) {
             stencil.fill(place_of(place));
-            if stencil.value(c).abs() > APART * self.level.spacing {
+            if stencil.value(&c).abs() > APART * self.level.spacing {
                 share.hold(&stencil, HOLD * per_cell / 8.0);
             }
         }
+        Some(share)
     }
 
     /// The corrections that lead to the coefficients of a level of another function, in units of the
@@ -314,13 +330,11 @@ impl<'a> Problem<'a> {
             .collect()
     }
 
-    /// Holds f in the cells where corrections take away its distance from 0, and says whether there
-    /// are such. Two functions of one surface may differ by extra pieces of it;
-    /// the one at hand was told by many points where it is inside.
-    pub(crate) fn hold_where_lost(&mut self, x: &[f64]) -> bool {
+    /// The cells where corrections take away the distance of f from 0. Two functions of one surface
+    /// may differ by extra pieces of it; the one at hand was told by many points where it is inside.
+    pub(crate) fn lost(&self, x: &[f64]) -> Vec<usize> {
         let cells = (0..self.points.count()).into_par_iter();
-        self.is_held = cells.map(|i| self.is_lost(i, x)).collect();
-        self.is_held.contains(&true)
+        cells.filter(|i| self.is_lost(*i, x)).collect()
     }
 
     /// Whether corrections take f much nearer to 0, or beyond, at a place of a cell that was far

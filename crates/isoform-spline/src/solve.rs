@@ -73,16 +73,16 @@ fn size(r: &[f64], diagonal: &[f64]) -> f64 {
     r.iter().zip(diagonal).map(|(r, d)| r * (r / d)).sum()
 }
 
-/// The corrections of the active coefficients, in units of the spacing, found from others that are
-/// near them, or from 0. The tolerance is relative to the right side.
+/// The corrections of the active coefficients, in units of the spacing, found from others, `x`. The
+/// tolerance is relative to the right side.
 pub(crate) fn solve(
     problem: &Problem<'_>,
-    start: Option<Vec<f64>>,
+    system: &System,
+    mut x: Vec<f64>,
     tolerance: f64,
     most: usize,
     control: &Control<'_>,
 ) -> Result<Vec<f64>, Stopped> {
-    let system = problem.system();
     let smoothing = Smoothing::new(&problem.level.nodes);
     let n = problem.level.nodes.len();
     let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
@@ -90,7 +90,7 @@ pub(crate) fn solve(
     let ridge = ridge(&diagonal);
     let mut operator = Operator {
         problem,
-        system: &system,
+        system,
         smoothing: &smoothing,
         weight,
         ridge,
@@ -116,12 +116,8 @@ pub(crate) fn solve(
     }
     let mut y = vec![0.0; r.len()];
     let first = size(&r, &diagonal);
-    let mut x = vec![0.0; r.len()];
-    if let Some(start) = start {
-        x = start;
-        operator.apply(&x, &mut y);
-        r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
-    }
+    operator.apply(&x, &mut y);
+    r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
     let mut z: Vec<f64> = r.iter().zip(&diagonal).map(|(r, d)| r / d).collect();
     let mut p = z.clone();
     let mut rz = product(&r, &z);
