@@ -73,7 +73,8 @@ check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
 # With the examples and the Python package: each alone asks for other features of foreign crates,
 # and all would be compiled again.
-check "release" cargo build --release --locked --quiet -p isoform-cli -p isoform -p isoform-py --lib --bins --examples
+check "release" cargo build --release --locked --quiet \
+  -p isoform-cli -p isoform -p isoform-py --lib --bins --examples
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.
 check "site of the documentation" cargo run --quiet --locked -p isoform-docs -- build target/site
 # The viewer that pages embed is what its sources build.

@@ -18,8 +18,8 @@ use crate::points::Sorted;
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
-/// Parts of the rows that are filled side by side: enough for the processors of today; each looks at
-/// all cells.
+/// Parts of the rows that are filled side by side: enough for the processors of today; each looks
+/// at all cells.
 const PARTS: usize = 16;
 
 /// Cells whose shares are held at a time: some 10 MB of them.
@@ -315,8 +315,8 @@ impl<'a> Problem<'a> {
         Some(share)
     }
 
-    /// The corrections that lead to the coefficients of a level of another function, in units of the
-    /// spacing; 0 where it has none of its own.
+    /// The corrections that lead to the coefficients of a level of another function, in units of
+    /// the spacing; 0 where it has none of its own.
     pub(crate) fn corrections(&self, other: &Level) -> Vec<f64> {
         let level = self.level;
         let correction = |place: Place| {
@@ -331,7 +331,8 @@ impl<'a> Problem<'a> {
     }
 
     /// The cells where corrections take away the distance of f from 0. Two functions of one surface
-    /// may differ by extra pieces of it; the one at hand was told by many points where it is inside.
+    /// may differ by extra pieces of it; the one at hand was told by many points where it is
+    /// inside.
     pub(crate) fn lost(&self, x: &[f64]) -> Vec<usize> {
         let cells = (0..self.points.count()).into_par_iter();
         cells.filter(|i| self.is_lost(*i, x)).collect()

@@ -127,7 +127,8 @@ const ESTIMATED: f64 = 0.01;
 const RESIDUAL: f64 = 1e-4;
 
 /// The residual at which a level is first asked where it takes away the distance of f from 0: a
-/// tenth costs 15 of some 200 steps, and half of these places show. The others show at [`RESIDUAL`].
+/// tenth costs 15 of some 200 steps, and half of these places show. The rest of them show at
+/// [`RESIDUAL`].
 const ROUGH: f64 = 0.1;
 
 /// Most steps of conjugate gradients in a level; usual are 50 to 200.
@@ -141,8 +142,8 @@ const COARSE: f64 = 1000.0;
 /// One in so many points is left out where points decide on the fineness.
 const LEFT_OUT: u32 = 10;
 
-/// Whether a point is left out there: by a multiple of its number in 32 bits, as every tenth point of
-/// a scan in rows may be a line of them. 2³² divided by the golden ratio spreads multiples evenly.
+/// Whether a point is left out there: by a multiple of its number in 32 bits, as every tenth point
+/// of a scan in rows may be a line of them. 2³² divided by the golden ratio spreads multiples evenly.
 fn is_left_out(i: usize) -> bool {
     (i as u32).wrapping_mul(0x9E37_79B9) < u32::MAX / LEFT_OUT
 }
@@ -676,37 +677,8 @@ impl<'a> Fitting<'a> {
             ..self.weights
         };
         let problem = Problem::new(&self.levels[l], self.degree, sorted, weights);
-        let mut system = problem.system();
-        let key = |i: usize| sorted.cell(i).0;
-        let of_level = |fit: &'a Fit| Some((fit.spline.levels().get(l)?, fit.held.get(l)?));
-        let (mut x, mut held) = match self.before.and_then(of_level) {
-            None => (vec![0.0; problem.active.len()], Vec::new()),
-            Some((level, keys)) => {
-                let is_held = |i: &usize| keys.binary_search(&key(*i)).is_ok();
-                let held = (0..sorted.count()).filter(is_held).collect();
-                (problem.corrections(level), held)
-            }
-        };
-        problem.hold(&mut system, &held);
-        // The first level begins with f = 0 and knows of no inside.
-        let tolerances: &[f64] = match l {
-            0 => &[RESIDUAL],
-            _ => &[ROUGH, RESIDUAL, RESIDUAL],
-        };
-        for tolerance in tolerances {
-            x = solve(&problem, &system, x, *tolerance, STEPS, control)?;
-            if l > 0 {
-                let mut lost = problem.lost(&x);
-                lost.retain(|i| held.binary_search(i).is_err());
-                if lost.is_empty() && *tolerance == RESIDUAL {
-                    break;
-                }
-                problem.hold(&mut system, &lost);
-                held.extend(lost);
-                held.sort_unstable();
-            }
-        }
-        self.held.push(held.into_iter().map(key).collect());
+        let (x, held) = self.corrections(l, &problem, control)?;
+        self.held.push(held);
         let unknown = problem.unknown;
         let level = &mut self.levels[l];
         for (c, i) in level.coefficients.iter_mut().zip(&unknown) {
@@ -715,5 +687,46 @@ impl<'a> Fitting<'a> {
             }
         }
         Ok(())
+    }
+    /// Solves the problem of a level for its unknowns; also gives the cells in which f was held, as
+    /// keys in order.
+    fn corrections(
+        &self,
+        l: usize,
+        problem: &Problem<'_>,
+        control: &Control<'_>,
+    ) -> Result<(Vec<f64>, Vec<u64>), Stopped> {
+        let key = |i: usize| problem.points.cell(i).0;
+        let of_level = |fit: &'a Fit| Some((fit.spline.levels().get(l)?, fit.held.get(l)?));
+        let (mut x, mut held) = match self.before.and_then(of_level) {
+            None => (vec![0.0; problem.active.len()], Vec::new()),
+            Some((level, keys)) => {
+                let is_held = |i: &usize| keys.binary_search(&key(*i)).is_ok();
+                let held = (0..problem.points.count()).filter(is_held).collect();
+                (problem.corrections(level), held)
+            }
+        };
+        let mut system = problem.system();
+        problem.hold(&mut system, &held);
+        // The first level begins with f = 0 and knows of no inside.
+        let tolerances: &[f64] = match l {
+            0 => &[RESIDUAL],
+            _ => &[ROUGH, RESIDUAL, RESIDUAL],
+        };
+        for tolerance in tolerances {
+            x = solve(problem, &system, x, *tolerance, STEPS, control)?;
+            if l == 0 {
+                break;
+            }
+            let mut lost = problem.lost(&x);
+            lost.retain(|i| held.binary_search(i).is_err());
+            if lost.is_empty() && *tolerance == RESIDUAL {
+                break;
+            }
+            problem.hold(&mut system, &lost);
+            held.extend(lost);
+            held.sort_unstable();
+        }
+        Ok((x, held.into_iter().map(key).collect()))
     }
 }

@@ -7,10 +7,6 @@
 use crate::keys::Keys;
 use rayon::prelude::*;
 
-/// Numbers behind the last value, which [`Matrix::apply`] reads and multiplies by 0: a run of the
-/// highest degree has 2d + 1 = 11 columns.
-const LANES: usize = 12;
-
 /// Consecutive columns of a row.
 #[derive(Clone, Copy, Debug, Default)]
 struct Run {
@@ -78,7 +74,7 @@ impl Matrix {
             reach,
             runs,
             starts,
-            values: vec![0.0; total + LANES],
+            values: vec![0.0; total],
         }
     }
 
@@ -125,40 +121,22 @@ impl Matrix {
 
     /// y = A x.
     pub(crate) fn apply(&self, x: &[f64], y: &mut [f64]) {
-        if self.reach <= 3 {
-            self.apply_in_lanes::<8>(x, y);
-        } else {
-            self.apply_in_lanes::<12>(x, y);
-        }
-    }
-
-    /// y = A x with L products at a time, as many as a run has at most: a loop of known length
-    /// becomes vector instructions. What lies behind a shorter run is multiplied by 0.
-    fn apply_in_lanes<const L: usize>(&self, x: &[f64], y: &mut [f64]) {
         let width = self.width();
-        let x: Vec<f64> = x.iter().copied().chain([0.0; L]).collect();
-        let lanes = |values: &[f64], at: usize| -> [f64; L] {
-            let window = &values[at..at + L];
-            window.try_into().expect("a window of L numbers")
-        };
-        let masks: [[f64; L]; L] =
-            std::array::from_fn(|n| std::array::from_fn(|k| if k < n { 1.0 } else { 0.0 }));
         y.par_iter_mut()
-            .with_min_len(1 << 8)
+            .with_min_len(1 << 10)
             .enumerate()
             .for_each(|(i, y)| {
                 let mut at = self.starts[i];
-                let mut sums = [0.0; L];
+                let mut sum = 0.0;
                 for run in &self.runs[i * width..(i + 1) * width] {
-                    let length = run.length as usize;
-                    let (values, x) = (lanes(&self.values, at), lanes(&x, run.first as usize));
-                    let mask = &masks[length];
-                    for k in 0..L {
-                        sums[k] += values[k] * (x[k] * mask[k]);
-                    }
+                    let (first, length) = (run.first as usize, run.length as usize);
+                    let values = &self.values[at..at + length];
+                    // Runs do not wait for each other's sums.
+                    let products = values.iter().zip(&x[first..first + length]);
+                    sum += products.map(|(a, b)| a * b).sum::<f64>();
                     at += length;
                 }
-                *y = sums.iter().sum();
+                *y = sum;
             });
     }
 }
