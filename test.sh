@@ -2,7 +2,7 @@
 # Runs every check of this repository and says how many hold. Needs cargo and, for the acceptance
 # checks, python3 with venv.
 #
-#   ./test.sh          of the acceptance checks a part; some 30 minutes on two cores
+#   ./test.sh          of the acceptance checks a part; about an hour on two cores
 #   ./test.sh --full   all of them; hours
 #
 # With CI=true whatever is missing is a failure, not a skip. The acceptance checks and the data that
