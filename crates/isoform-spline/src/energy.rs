@@ -15,6 +15,7 @@ use crate::keys::{Keys, Place, place};
 use crate::level::{CELL as MOST, Level, block};
 use crate::matrix::{Matrix, Rows};
 use crate::points::Sorted;
+use crate::smoothing::Smoothing;
 use isoform_geom::{Point3, dot};
 use rayon::prelude::*;
 
@@ -48,10 +49,12 @@ pub(crate) struct Weights {
 /// Number of no unknown.
 pub(crate) const FIXED: u32 = u32::MAX;
 
-/// The normal equations of the data.
+/// The equations of a level.
 pub(crate) struct System {
+    /// The normal equations of the data.
     pub(crate) matrix: Matrix,
     pub(crate) right: Vec<f64>,
+    pub(crate) smoothing: Smoothing,
 }
 
 /// What a point gives to its cell: the four rows of the residuals.
@@ -223,11 +226,15 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// The normal equations of the data, divided by the number of points.
+    /// The equations of the level; those of the data are divided by the number of points.
     pub(crate) fn system(&self) -> System {
         let matrix = Matrix::new(&self.active, self.degree);
         let right = vec![0.0; matrix.len()];
-        let mut system = System { matrix, right };
+        let mut system = System {
+            matrix,
+            right,
+            smoothing: Smoothing::new(&self.level.nodes),
+        };
         let all: Vec<usize> = (0..self.points.count()).collect();
         self.add(&mut system, &all, |i| self.share(i));
         system

@@ -143,7 +143,8 @@ const COARSE: f64 = 1000.0;
 const LEFT_OUT: u32 = 10;
 
 /// Whether a point is left out there: by a multiple of its number in 32 bits, as every tenth point
-/// of a scan in rows may be a line of them. 2³² divided by the golden ratio spreads multiples evenly.
+/// of a scan in rows may be a line of them. 2³² divided by the golden ratio spreads multiples
+/// evenly.
 fn is_left_out(i: usize) -> bool {
     (i as u32).wrapping_mul(0x9E37_79B9) < u32::MAX / LEFT_OUT
 }
@@ -688,6 +689,7 @@ impl<'a> Fitting<'a> {
         }
         Ok(())
     }
+
     /// Solves the problem of a level for its unknowns; also gives the cells in which f was held, as
     /// keys in order.
     fn corrections(
@@ -707,20 +709,17 @@ impl<'a> Fitting<'a> {
             }
         };
         let mut system = problem.system();
-        problem.hold(&mut system, &held);
         // The first level begins with f = 0 and knows of no inside.
-        let tolerances: &[f64] = match l {
-            0 => &[RESIDUAL],
-            _ => &[ROUGH, RESIDUAL, RESIDUAL],
-        };
-        for tolerance in tolerances {
-            x = solve(problem, &system, x, *tolerance, STEPS, control)?;
-            if l == 0 {
-                break;
-            }
+        if l == 0 {
+            x = solve(problem, &system, x, RESIDUAL, STEPS, control)?;
+            return Ok((x, Vec::new()));
+        }
+        problem.hold(&mut system, &held);
+        for tolerance in [ROUGH, RESIDUAL, RESIDUAL] {
+            x = solve(problem, &system, x, tolerance, STEPS, control)?;
             let mut lost = problem.lost(&x);
             lost.retain(|i| held.binary_search(i).is_err());
-            if lost.is_empty() && *tolerance == RESIDUAL {
+            if lost.is_empty() && tolerance == RESIDUAL {
                 break;
             }
             problem.hold(&mut system, &lost);

@@ -1,7 +1,7 @@
 //! Conjugate gradients for the corrections of a level.
 
 use crate::energy::{FIXED, Problem, System};
-use crate::smoothing::{DIAGONAL, Smoothing};
+use crate::smoothing::DIAGONAL;
 use isoform_control::{Control, Stopped};
 
 /// The weight that holds a coefficient which data hardly touches at the level before: without it
@@ -30,7 +30,6 @@ fn ridge(diagonal: &[f64]) -> Vec<f64> {
 struct Operator<'a> {
     problem: &'a Problem<'a>,
     system: &'a System,
-    smoothing: &'a Smoothing,
     /// λ/M.
     weight: f64,
     /// Weights of the unknowns themselves.
@@ -50,7 +49,7 @@ impl Operator<'_> {
             *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
         }
         self.gradient.fill(0.0);
-        self.smoothing.add_gradient(
+        self.system.smoothing.add_gradient(
             self.weight,
             &self.spread,
             &mut self.scratch,
@@ -83,7 +82,6 @@ pub(crate) fn solve(
     most: usize,
     control: &Control<'_>,
 ) -> Result<Vec<f64>, Stopped> {
-    let smoothing = Smoothing::new(&problem.level.nodes);
     let n = problem.level.nodes.len();
     let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
     let mut diagonal = system.matrix.diagonal();
@@ -91,7 +89,6 @@ pub(crate) fn solve(
     let mut operator = Operator {
         problem,
         system,
-        smoothing: &smoothing,
         weight,
         ridge,
         spread: vec![0.0; n],
@@ -106,7 +103,9 @@ pub(crate) fn solve(
         .map(|c| c / problem.level.spacing)
         .collect();
     let mut gradient = vec![0.0; n];
-    smoothing.add_gradient(weight, &scaled, &mut operator.scratch, &mut gradient);
+    system
+        .smoothing
+        .add_gradient(weight, &scaled, &mut operator.scratch, &mut gradient);
     let mut r = system.right.clone();
     for (g, i) in gradient.iter().zip(&problem.unknown) {
         if *i != FIXED {
