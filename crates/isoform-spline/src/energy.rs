@@ -226,6 +226,11 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// λ/M.
+    pub(crate) fn smoothing_weight(&self) -> f64 {
+        self.weights.smoothing / self.points.count().max(1) as f64
+    }
+
     /// The equations of the level; those of the data are divided by the number of points.
     pub(crate) fn system(&self) -> System {
         let matrix = Matrix::new(&self.active, self.degree);

@@ -14,6 +14,7 @@ mod level;
 mod matrix;
 mod outliers;
 mod points;
+mod schwarz;
 mod sides;
 mod smoothing;
 mod solve;

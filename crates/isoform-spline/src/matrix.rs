@@ -119,6 +119,27 @@ impl Matrix {
             .collect()
     }
 
+    /// The columns and values of a row's entries from column `first` to the diagonal.
+    pub(crate) fn left_of_diagonal(
+        &self,
+        i: usize,
+        first: usize,
+    ) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let width = self.width();
+        let mut at = self.starts[i];
+        self.runs[i * width..=i * width + width / 2]
+            .iter()
+            .flat_map(move |run| {
+                let values = &self.values[at..at + run.length as usize];
+                at += values.len();
+                let columns = run.first as usize..;
+                let is_before = columns.start + values.len() <= first;
+                let values = if is_before { &[] } else { values };
+                columns.zip(values.iter().copied())
+            })
+            .filter(move |(j, _)| (first..=i).contains(j))
+    }
+
     /// y = A x.
     pub(crate) fn apply(&self, x: &[f64], y: &mut [f64]) {
         let width = self.width();

@@ -74,6 +74,22 @@ impl<'a> Sorted<'a> {
             cells,
         }
     }
+    /// At most `most` points of each cell, evenly spread over their order.
+    pub(crate) fn thinned(self, most: usize) -> Self {
+        let (mut order, mut cells) = (Vec::new(), Vec::with_capacity(self.cells.len()));
+        for i in 0..self.count() {
+            let (key, range) = self.cell(i);
+            cells.push((key, order.len() as u32));
+            let kept = range.len().min(most);
+            let at = |k: usize| range.start + (2 * k + 1) * range.len() / (2 * kept);
+            order.extend((0..kept).map(|k| self.order[at(k)]));
+        }
+        Self {
+            order,
+            cells,
+            ..self
+        }
+    }
     pub(crate) fn len(&self) -> usize {
         self.order.len()
     }

@@ -4,7 +4,7 @@
 //! sum of squares of the second derivatives, on the lattice of the coefficients (Eilers and Marx
 //! 1996). Sums with a coefficient that the level lacks are left out.
 
-use crate::keys::Keys;
+use crate::keys::{Keys, Place};
 use rayon::prelude::*;
 
 /// No neighbour.
@@ -25,9 +25,19 @@ const MIXED: [[usize; 2]; 3] = [[0, 1], [0, 2], [1, 2]];
 /// √2, the weight of a mixed difference: the sum of squares of a Hessian holds it twice.
 const TWICE: f64 = std::f64::consts::SQRT_2;
 
-/// The diagonal of the term's matrix where no difference is left out: 1 + 4 + 1 from each axis and
-/// twice 4 from each pair of axes.
-pub(crate) const DIAGONAL: f64 = 3.0 * 6.0 + 3.0 * 8.0;
+/// The entry of the term's matrix for two B-splines that are this far from each other on the
+/// lattice, where no difference is left out.
+pub(crate) fn entry(away: Place) -> f64 {
+    let away = away.map(|v| v.unsigned_abs() as usize);
+    let (along, across) = ([6.0, -4.0, 1.0], [2.0, -1.0]);
+    let of = |table: &[f64], axis: usize| table.get(away[axis]).copied().unwrap_or(0.0);
+    let pure = (0..3).filter(|a| away[(a + 1) % 3] == 0 && away[(a + 2) % 3] == 0);
+    let mixed = MIXED.iter().filter(|[a, b]| away[3 - a - b] == 0);
+    pure.map(|a| of(&along, a)).sum::<f64>()
+        + mixed
+            .map(|[a, b]| 2.0 * of(&across, *a) * of(&across, *b))
+            .sum::<f64>()
+}
 
 impl Smoothing {
     pub(crate) fn new(nodes: &Keys) -> Self {
@@ -120,6 +130,22 @@ mod tests {
     use super::*;
     use crate::keys::key;
     use crate::level::block;
+
+    #[test]
+    fn entries_are_those_of_the_gradient() {
+        let (low, high) = ([0; 3], [8; 3]);
+        let nodes = Keys::new(block(low, high).map(key).collect());
+        let middle = [4; 3];
+        let mut c = vec![0.0; nodes.len()];
+        c[nodes.find(middle).unwrap()] = 1.0;
+        let mut column = vec![0.0; nodes.len()];
+        Smoothing::new(&nodes).add_gradient(1.0, &c, &mut Vec::new(), &mut column);
+        for (place, value) in nodes.places().zip(&column) {
+            let away = std::array::from_fn(|k| place[k] - middle[k]);
+            assert!((entry(away) - value).abs() < 1e-12, "{away:?}");
+        }
+        assert_eq!(entry([0; 3]), 42.0);
+    }
 
     #[test]
     fn the_gradient_is_that_of_the_sum_of_squares() {

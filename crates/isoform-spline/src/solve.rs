@@ -1,7 +1,7 @@
 //! Conjugate gradients for the corrections of a level.
 
 use crate::energy::{FIXED, Problem, System};
-use crate::smoothing::DIAGONAL;
+use crate::schwarz::Schwarz;
 use isoform_control::{Control, Stopped};
 
 /// The weight that holds a coefficient which data hardly touches at the level before: without it
@@ -26,31 +26,53 @@ fn ridge(diagonal: &[f64]) -> Vec<f64> {
     diagonal.iter().map(of).collect()
 }
 
-/// The operator of a level with its scratch.
-struct Operator<'a> {
+/// The equations of a level with what their solution needs.
+pub(crate) struct Solver<'a> {
     problem: &'a Problem<'a>,
-    system: &'a System,
-    /// λ/M.
-    weight: f64,
+    system: System,
     /// Weights of the unknowns themselves.
     ridge: Vec<f64>,
+    preconditioner: Schwarz,
+    /// Coefficients, gradient and differences of the smoothing term.
     spread: Vec<f64>,
     gradient: Vec<f64>,
     scratch: Vec<[f64; 6]>,
 }
 
-impl Operator<'_> {
-    fn apply(&mut self, x: &[f64], y: &mut [f64]) {
-        self.system.matrix.apply(x, y);
-        for ((y, x), ridge) in y.iter_mut().zip(x).zip(&self.ridge) {
-            *y += ridge * x;
+impl<'a> Solver<'a> {
+    /// The equations with f held in some cells.
+    pub(crate) fn new(problem: &'a Problem<'a>, held: &[usize]) -> Self {
+        let mut system = problem.system();
+        problem.hold(&mut system, held);
+        let n = problem.level.nodes.len();
+        let ridge = ridge(&system.matrix.diagonal());
+        Self {
+            preconditioner: Schwarz::new(problem, &system, &ridge),
+            problem,
+            system,
+            ridge,
+            spread: vec![0.0; n],
+            gradient: vec![0.0; n],
+            scratch: Vec::new(),
         }
-        for (s, i) in self.spread.iter_mut().zip(&self.problem.unknown) {
-            *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
+    }
+
+    /// Holds f in more cells.
+    pub(crate) fn hold(&mut self, cells: &[usize]) {
+        if cells.is_empty() {
+            return;
         }
+        self.problem.hold(&mut self.system, cells);
+        self.ridge = ridge(&self.system.matrix.diagonal());
+        self.preconditioner = Schwarz::new(self.problem, &self.system, &self.ridge);
+    }
+
+    /// Adds half the gradient of the smoothing term at the coefficients in `spread`.
+    fn add_smoothing(&mut self, y: &mut [f64]) {
+        let weight = self.problem.smoothing_weight();
         self.gradient.fill(0.0);
         self.system.smoothing.add_gradient(
-            self.weight,
+            weight,
             &self.spread,
             &mut self.scratch,
             &mut self.gradient,
@@ -61,82 +83,72 @@ impl Operator<'_> {
             }
         }
     }
+
+    /// y = A x.
+    pub(crate) fn apply(&mut self, x: &[f64], y: &mut [f64]) {
+        self.system.matrix.apply(x, y);
+        for ((y, x), ridge) in y.iter_mut().zip(x).zip(&self.ridge) {
+            *y += ridge * x;
+        }
+        for (s, i) in self.spread.iter_mut().zip(&self.problem.unknown) {
+            *s = if *i == FIXED { 0.0 } else { x[*i as usize] };
+        }
+        self.add_smoothing(y);
+    }
+
+    /// The right side: the data's and the smoothing term's at the coefficients as they are.
+    pub(crate) fn right(&mut self) -> Vec<f64> {
+        let level = self.problem.level;
+        for (s, c) in self.spread.iter_mut().zip(&level.coefficients) {
+            *s = -c / level.spacing;
+        }
+        let mut right = self.system.right.clone();
+        self.add_smoothing(&mut right);
+        right
+    }
+
+    /// The corrections of the active coefficients, in units of the spacing, found from others, `x`,
+    /// by preconditioned conjugate gradients. The tolerance is that of the residual in the norm of
+    /// the preconditioner, which is about the error in the norm of the energy, relative to that of
+    /// no corrections.
+    pub(crate) fn solve(
+        &mut self,
+        mut x: Vec<f64>,
+        tolerance: f64,
+        most: usize,
+        control: &Control<'_>,
+    ) -> Result<Vec<f64>, Stopped> {
+        let mut r = self.right();
+        let (mut y, mut z) = (vec![0.0; r.len()], vec![0.0; r.len()]);
+        self.preconditioner.apply(&r, &mut z);
+        let enough = tolerance * tolerance * product(&r, &z);
+        self.apply(&x, &mut y);
+        r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
+        self.preconditioner.apply(&r, &mut z);
+        let mut p = z.clone();
+        let mut rz = product(&r, &z);
+        let mut steps = 0;
+        while steps < most && rz > enough {
+            control.check()?;
+            self.apply(&p, &mut y);
+            let step = rz / product(&p, &y);
+            for k in 0..x.len() {
+                x[k] += step * p[k];
+                r[k] -= step * y[k];
+            }
+            self.preconditioner.apply(&r, &mut z);
+            let next = product(&r, &z);
+            let ratio = next / rz;
+            for (p, z) in p.iter_mut().zip(&z) {
+                *p = z + ratio * *p;
+            }
+            rz = next;
+            steps += 1;
+        }
+        Ok(x)
+    }
 }
 
 fn product(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-/// rᵀ D⁻¹ r.
-fn size(r: &[f64], diagonal: &[f64]) -> f64 {
-    r.iter().zip(diagonal).map(|(r, d)| r * (r / d)).sum()
-}
-
-/// The corrections of the active coefficients, in units of the spacing, found from others, `x`. The
-/// tolerance is relative to the right side.
-pub(crate) fn solve(
-    problem: &Problem<'_>,
-    system: &System,
-    mut x: Vec<f64>,
-    tolerance: f64,
-    most: usize,
-    control: &Control<'_>,
-) -> Result<Vec<f64>, Stopped> {
-    let n = problem.level.nodes.len();
-    let weight = problem.weights.smoothing / problem.points.count().max(1) as f64;
-    let mut diagonal = system.matrix.diagonal();
-    let ridge = ridge(&diagonal);
-    let mut operator = Operator {
-        problem,
-        system,
-        weight,
-        ridge,
-        spread: vec![0.0; n],
-        gradient: vec![0.0; n],
-        scratch: Vec::new(),
-    };
-    // The smoothing term at the coefficients as they are.
-    let scaled: Vec<f64> = problem
-        .level
-        .coefficients
-        .iter()
-        .map(|c| c / problem.level.spacing)
-        .collect();
-    let mut gradient = vec![0.0; n];
-    system
-        .smoothing
-        .add_gradient(weight, &scaled, &mut operator.scratch, &mut gradient);
-    let mut r = system.right.clone();
-    for (g, i) in gradient.iter().zip(&problem.unknown) {
-        if *i != FIXED {
-            r[*i as usize] -= g;
-            diagonal[*i as usize] += weight * DIAGONAL + operator.ridge[*i as usize];
-        }
-    }
-    let mut y = vec![0.0; r.len()];
-    let first = size(&r, &diagonal);
-    operator.apply(&x, &mut y);
-    r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
-    let mut z: Vec<f64> = r.iter().zip(&diagonal).map(|(r, d)| r / d).collect();
-    let mut p = z.clone();
-    let mut rz = product(&r, &z);
-    let mut steps = 0;
-    while steps < most && rz > tolerance * tolerance * first {
-        control.check()?;
-        operator.apply(&p, &mut y);
-        let step = rz / product(&p, &y);
-        for k in 0..x.len() {
-            x[k] += step * p[k];
-            r[k] -= step * y[k];
-            z[k] = r[k] / diagonal[k];
-        }
-        let next = product(&r, &z);
-        let ratio = next / rz;
-        for (p, z) in p.iter_mut().zip(&z) {
-            *p = z + ratio * *p;
-        }
-        rz = next;
-        steps += 1;
-    }
-    Ok(x)
 }

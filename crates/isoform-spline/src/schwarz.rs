@@ -1,0 +1,297 @@
+//! An additive Schwarz preconditioner (Toselli and Widlund 2005, chapter 2): the equations of a
+//! level are solved exactly in small boxes of B-splines, and the solutions are added up.
+//!
+//! Boxes fill the lattice, and a second time shifted by half a box, so that B-splines at the border
+//! of one lie in the middle of another. Across the surface, data determine two of the d + 1
+//! B-splines that meet in a cell, smoothing the others: what makes the diagonal alone a poor
+//! preconditioner lies within a box.
+
+use crate::energy::{Problem, System};
+use crate::keys::{Place, key};
+use crate::smoothing;
+use isoform_num::linalg::cholesky;
+use rayon::prelude::*;
+
+/// Lattices of boxes: one alone takes three times the steps, four together cost more than they
+/// save.
+const LATTICES: i32 = 2;
+
+/// The boxes of one lattice.
+struct Boxes {
+    /// Unknowns, box by box, and where the boxes begin among them.
+    unknowns: Vec<u32>,
+    starts: Vec<usize>,
+    /// Per unknown, its place in that order.
+    places: Vec<u32>,
+    /// Inverses of Cholesky factors, row by row of their lower triangles, box by box, and where
+    /// they begin.
+    inverses: Vec<f64>,
+    offsets: Vec<usize>,
+    /// The solution in the boxes, in their order.
+    solution: Vec<f64>,
+}
+
+/// See the module.
+pub(crate) struct Schwarz {
+    lattices: Vec<Boxes>,
+}
+
+impl Schwarz {
+    /// The preconditioner of equations with weights `ridge` of the unknowns themselves.
+    pub(crate) fn new(problem: &Problem<'_>, system: &System, ridge: &[f64]) -> Self {
+        let size = problem.degree as i32 + 1;
+        let shifts = (0..LATTICES).map(|k| k * size / LATTICES);
+        let lattice = |shift| Boxes::new(problem, system, ridge, size, shift);
+        Self {
+            lattices: shifts.map(lattice).collect(),
+        }
+    }
+
+    /// z = M⁻¹ r.
+    pub(crate) fn apply(&mut self, r: &[f64], z: &mut [f64]) {
+        for boxes in &mut self.lattices {
+            boxes.solve(r);
+        }
+        let lattices = &self.lattices;
+        let parts = z.par_iter_mut().with_min_len(1 << 10).enumerate();
+        parts.for_each(|(i, z)| {
+            let of = |boxes: &Boxes| boxes.solution[boxes.places[i] as usize];
+            *z = lattices.iter().map(of).sum();
+        });
+    }
+}
+
+/// Splits a slice at these places.
+fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
+    let lengths = at.windows(2).map(|w| w[1] - w[0]);
+    let part = |length| {
+        rest.split_off_mut(..length)
+            .expect("places are within the slice")
+    };
+    lengths.map(part).collect()
+}
+
+impl Boxes {
+    fn new(problem: &Problem<'_>, system: &System, ridge: &[f64], size: i32, shift: i32) -> Self {
+        let of = |place: Place| key(place.map(|v| (v + shift) / size));
+        let places = problem.active.places();
+        let mut order: Vec<(u64, u32)> = places.map(of).zip(0..).collect();
+        order.sort_unstable();
+        let (mut starts, mut offsets) = (vec![0], vec![0]);
+        for unknowns in order.chunk_by(|a, b| a.0 == b.0) {
+            let n = unknowns.len();
+            starts.push(starts[starts.len() - 1] + n);
+            offsets.push(offsets[offsets.len() - 1] + n * (n + 1) / 2);
+        }
+        let mut places = vec![0; order.len()];
+        for ((_, unknown), at) in order.iter().zip(0..) {
+            places[*unknown as usize] = at;
+        }
+        let mut boxes = Self {
+            unknowns: order.into_iter().map(|(_, unknown)| unknown).collect(),
+            solution: vec![0.0; places.len()],
+            inverses: vec![0.0; offsets[offsets.len() - 1]],
+            places,
+            starts,
+            offsets,
+        };
+        let mut inverses = std::mem::take(&mut boxes.inverses);
+        let parts = split(&mut inverses, &boxes.offsets)
+            .into_par_iter()
+            .enumerate();
+        parts.for_each(|(k, out)| {
+            let matrix = boxes.matrix(k, problem, system, ridge);
+            invert(matrix, out);
+        });
+        boxes.inverses = inverses;
+        boxes
+    }
+
+    /// The equations of a box.
+    fn matrix(&self, k: usize, problem: &Problem<'_>, system: &System, ridge: &[f64]) -> Vec<f64> {
+        let (start, end) = (self.starts[k], self.starts[k + 1]);
+        let unknowns = &self.unknowns[start..end];
+        let n = unknowns.len();
+        let places: Vec<Place> = unknowns
+            .iter()
+            .map(|i| problem.active.at(*i as usize))
+            .collect();
+        let mut matrix = vec![0.0; n * n];
+        for (i, unknown) in unknowns.iter().enumerate() {
+            let row = &mut matrix[i * n..(i + 1) * n];
+            for (value, place) in row[..=i].iter_mut().zip(&places) {
+                let away = std::array::from_fn(|a| places[i][a] - place[a]);
+                *value = problem.smoothing_weight() * smoothing::entry(away);
+            }
+            let entries = system
+                .matrix
+                .left_of_diagonal(*unknown as usize, unknowns[0] as usize);
+            for (j, value) in entries {
+                let at = self.places[j] as usize;
+                if (start..end).contains(&at) {
+                    row[at - start] += value;
+                }
+            }
+            row[i] += ridge[*unknown as usize];
+        }
+        matrix
+    }
+
+    /// Solves the equations in all boxes.
+    fn solve(&mut self, r: &[f64]) {
+        let Self {
+            unknowns,
+            starts,
+            inverses,
+            offsets,
+            solution,
+            ..
+        } = self;
+        let parts = split(solution, starts).into_par_iter().enumerate();
+        parts.with_min_len(8).for_each(|(k, z)| {
+            let unknowns = &unknowns[starts[k]..starts[k + 1]];
+            let inverse = &inverses[offsets[k]..offsets[k + 1]];
+            solve(inverse, unknowns, r, z);
+        });
+    }
+}
+
+/// The inverse of the Cholesky factor of a matrix, row by row of its lower triangle. Where the
+/// matrix is not positive definite to working precision: that of its diagonal.
+fn invert(mut matrix: Vec<f64>, out: &mut [f64]) {
+    let n = matrix.len().isqrt();
+    let diagonal: Vec<f64> = matrix.iter().step_by(n + 1).copied().collect();
+    let is_definite = cholesky(&mut matrix, n);
+    let mut start = 0;
+    for i in 0..n {
+        let (above, rest) = out.split_at_mut(start);
+        let row = &mut rest[..=i];
+        if is_definite {
+            let factors = &matrix[i * n..];
+            let mut at = 0;
+            for (j, factor) in factors[..i].iter().enumerate() {
+                for (v, a) in row.iter_mut().zip(&above[at..=at + j]) {
+                    *v -= factor * a;
+                }
+                at += j + 1;
+            }
+            row[i] = 1.0;
+            row.iter_mut().for_each(|v| *v /= factors[i]);
+        } else {
+            row[i] = 1.0 / diagonal[i].sqrt();
+        }
+        start += i + 1;
+    }
+}
+
+/// z = WᵀW r for the inverse factor W of a box.
+fn solve(inverse: &[f64], unknowns: &[u32], r: &[f64], z: &mut [f64]) {
+    z.fill(0.0);
+    let r: Vec<f64> = unknowns.iter().map(|i| r[*i as usize]).collect();
+    let mut start = 0;
+    for i in 0..r.len() {
+        let row = &inverse[start..=start + i];
+        let y: f64 = row.iter().zip(&r).map(|(a, r)| a * r).sum();
+        for (z, a) in z.iter_mut().zip(row) {
+            *z += a * y;
+        }
+        start += i + 1;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::energy::Weights;
+    use crate::level::Level;
+    use crate::points::{Samples, Sorted};
+    use crate::solve::Solver;
+    use isoform_control::Control;
+    use isoform_num::linalg::cholesky_solve;
+
+    /// Points of a quarter of a cylinder of radius 1.5 in three by two by two cells of unit size,
+    /// with normals.
+    fn quarter() -> Samples {
+        let of = |i: u32| {
+            let (u, v) = (
+                1.5 * f64::from(i % 37) / 36.0,
+                f64::from(i * 7 % 41) / 41.0 * 1.8,
+            );
+            let normal = [u.cos(), u.sin(), 0.0];
+            ([1.5 * normal[0], 1.5 * normal[1], v], normal)
+        };
+        let (points, normals) = (0..600).map(of).unzip();
+        Samples { points, normals }
+    }
+
+    /// Runs a test on the equations of one level.
+    fn with(samples: &Samples, count: Place, smoothing: f64, test: impl Fn(&Problem<'_>)) {
+        let level = Level::coarsest(count, 1.0, 3);
+        let sorted = Sorted::new(samples, [0.0; 3], 1.0, count, |_| true);
+        let weights = Weights {
+            normals: 0.1,
+            smoothing,
+        };
+        test(&Problem::new(&level, 3, &sorted, weights));
+    }
+
+    #[test]
+    fn one_box_is_solved_exactly() {
+        // In one cell, points all over it.
+        let at = |i: u32, by: f64| (f64::from(i) * by).fract();
+        let points = (0..500).map(|i| [at(i, 0.618), at(i, 0.755), at(i, 0.57)]);
+        let samples = Samples {
+            points: points.collect(),
+            normals: vec![[0.0, 0.0, 1.0]; 500],
+        };
+        with(&samples, [1; 3], 1e-30, |problem| {
+            let system = problem.system();
+            let ridge = vec![1e-3; problem.active.len()];
+            let mut boxes = Boxes::new(problem, &system, &ridge, 4, 0);
+            assert_eq!(boxes.starts, [0, 64]);
+            boxes.solve(&system.right);
+            let mut x = vec![0.0; 64];
+            for (place, i) in boxes.places.iter().zip(0..) {
+                x[i] = boxes.solution[*place as usize];
+            }
+            let mut back = vec![0.0; 64];
+            system.matrix.apply(&x, &mut back);
+            for (i, back) in back.iter().enumerate() {
+                assert!((back + 1e-3 * x[i] - system.right[i]).abs() < 1e-9, "{i}");
+            }
+        });
+    }
+
+    #[test]
+    fn a_few_steps_solve_what_the_whole_matrix_solves() {
+        let samples = quarter();
+        with(&samples, [3, 2, 2], 1e-6, |problem| {
+            let n = problem.active.len();
+            let mut solver = Solver::new(problem, &[]);
+            let mut matrix = vec![0.0; n * n];
+            for i in 0..n {
+                let mut unit = vec![0.0; n];
+                unit[i] = 1.0;
+                solver.apply(&unit, &mut matrix[i * n..(i + 1) * n]);
+            }
+            let mut exact = solver.right();
+            let mut factor = matrix.clone();
+            assert!(cholesky(&mut factor, n));
+            cholesky_solve(&factor, n, &mut exact);
+            let energy = |x: &[f64]| -> f64 {
+                let row = |i: usize| matrix[i * n..(i + 1) * n].iter().zip(x);
+                let product = |i: usize| row(i).map(|(a, b)| a * b).sum::<f64>();
+                (0..n).map(|i| x[i] * product(i)).sum()
+            };
+            let off = |most: usize| {
+                let mut solver = Solver::new(problem, &[]);
+                let x = solver.solve(vec![0.0; n], 0.0, most, &Control::default());
+                let x = x.expect("nothing stops it");
+                let off: Vec<f64> = x.iter().zip(&exact).map(|(a, b)| a - b).collect();
+                (energy(&off) / energy(&exact)).sqrt()
+            };
+            assert!(off(40) < 1e-4, "{}", off(40));
+            assert!(off(100) < 1e-9, "{}", off(100));
+        });
+    }
+}
