@@ -39,6 +39,8 @@ pub(crate) struct Schwarz {
 impl Schwarz {
     /// The preconditioner of equations with weights `ridge` of the unknowns themselves.
     pub(crate) fn new(problem: &Problem<'_>, system: &System, ridge: &[f64]) -> Self {
+        // As many as meet in a cell. Boxes twice as long halve the steps, each of them takes four
+        // times as long.
         let size = problem.degree as i32 + 1;
         let shifts = (0..LATTICES).map(|k| k * size / LATTICES);
         let lattice = |shift| Boxes::new(problem, system, ridge, size, shift);
@@ -72,6 +74,7 @@ fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
 }
 
 impl Boxes {
+    /// Boxes of `size` B-splines along each axis, moved down by `shift`.
     fn new(problem: &Problem<'_>, system: &System, ridge: &[f64], size: i32, shift: i32) -> Self {
         let of = |place: Place| key(place.map(|v| (v + shift) / size));
         let places = problem.active.places();

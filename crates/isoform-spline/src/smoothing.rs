@@ -1,8 +1,8 @@
 //! The smoothing term: second differences of coefficients.
 //!
-//! Σ (cᵢ₋ₑ − 2 cᵢ + cᵢ₊ₑ)² over the axes and 2 Σ (cᵢ − cᵢ₊ₑ − cᵢ₊ₑ' + cᵢ₊ₑ₊ₑ')² over pairs of axes: the
-//! sum of squares of the second derivatives, on the lattice of the coefficients (Eilers and Marx
-//! 1996). Sums with a coefficient that the level lacks are left out.
+//! Σ (cᵢ₋ₑ − 2 cᵢ + cᵢ₊ₑ)² over the axes and 2 Σ (cᵢ − cᵢ₊ₑ − cᵢ₊ₑ' + cᵢ₊ₑ₊ₑ')² over pairs of
+//! axes: the sum of squares of the second derivatives, on the lattice of the coefficients (Eilers
+//! and Marx 1996). Sums with a coefficient that the level lacks are left out.
 
 use crate::keys::{Keys, Place};
 use rayon::prelude::*;
