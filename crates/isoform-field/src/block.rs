@@ -12,7 +12,7 @@ use crate::library::Native;
 use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Op, Tape};
 use isoform_geom::Point3;
-use isoform_num::{Jet1, Real};
+use isoform_num::{Jet1, Real, dispatch};
 use std::cell::Cell;
 
 /// Number of points in a block. 32 lanes keep values and adjoints of some sixty slots in the
@@ -50,32 +50,6 @@ struct Step {
     /// sweep.
     first: u8,
 }
-
-/// Runs a function compiled for the best instruction set of this machine.
-macro_rules! dispatch {
-    ($(#[$doc:meta])* fn $name:ident($($arg:ident : $ty:ty),* $(,)?) $(-> $ret:ty)? = $body:path) => {
-        $(#[$doc])*
-        fn $name($($arg: $ty),*) $(-> $ret)? {
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn avx2($($arg: $ty),*) $(-> $ret)? { $body($($arg),*) }
-                #[target_feature(enable = "avx512f,avx512dq,avx512vl")]
-                fn avx512($($arg: $ty),*) $(-> $ret)? { $body($($arg),*) }
-                if is_x86_feature_detected!("avx512f") && is_x86_feature_detected!("avx512dq") && is_x86_feature_detected!("avx512vl") {
-                    #[allow(unsafe_code, reason = "the processor was asked for AVX-512 in the line above")]
-                    return unsafe { avx512($($arg),*) };
-                }
-                if is_x86_feature_detected!("avx2") {
-                    #[allow(unsafe_code, reason = "the processor was asked for AVX2 in the line above")]
-                    return unsafe { avx2($($arg),*) };
-                }
-            }
-            $body($($arg),*)
-        }
-    };
-}
-pub(crate) use dispatch;
 
 /// The course of a reverse sweep over a tape, settled once.
 #[derive(Clone, Debug, Default)]

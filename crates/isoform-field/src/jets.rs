@@ -4,11 +4,11 @@
 //! second derivatives: which entries can be non-zero is settled when the block is made, and only
 //! these are ever computed.
 
-use crate::block::{Lane, dispatch};
+use crate::block::Lane;
 use crate::ops::{Binary, SetOp, Unary};
 use crate::tape::{Instruction, Op, Tape};
 use isoform_geom::Point3;
-use isoform_num::{Jet2, Real};
+use isoform_num::{Jet2, Real, dispatch};
 
 /// Number of points in a block. It is smaller than for values, since ten numbers per slot and point
 /// fill the first-level cache sooner.

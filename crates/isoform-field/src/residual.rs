@@ -4,12 +4,12 @@
 //! Sums are taken per piece of [`PIECE`] points and then in the order of the pieces, so that they
 //! do not depend on the number of threads.
 
-use crate::block::{Block, LANES, Lane, Plan, Wanted, dispatch};
+use crate::block::{Block, LANES, Lane, Plan, Wanted};
 use crate::jets::{self, JetBlock};
 use crate::parted;
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Expansion, Field, ParamField, Point3};
-use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real};
+use isoform_num::{Interval, IntervalJet, Jet2, Jet3, Real, dispatch};
 use rayon::prelude::*;
 
 /// Number of points in a piece of work. Another number changes the order of sums, and with it their

@@ -7,11 +7,13 @@
 //! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.
 //! - [`DoubleDouble`]: twice the digits, where they cancel.
 //! - [`gauss_legendre`]: nodes and weights of Gauss quadrature.
+//! - [`dispatch!`]: functions compiled for several instruction sets.
 //! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs; [`Svd`]:
 //!   singular values of small matrices.
 //! - [`Random`]: pseudo-random streams that are the same in every run.
 #![forbid(unsafe_code)]
 
+mod dispatch;
 mod double_double;
 mod interval;
 mod interval_jet;

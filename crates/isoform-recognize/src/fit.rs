@@ -2,6 +2,7 @@
 
 use crate::chart::{Kind, MOST, Row, Surface};
 use isoform_geom::Point3;
+use isoform_num::dispatch;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
 /// Steps of Levenberg–Marquardt; six are usual. A fit that needs more creeps along a valley, and
@@ -48,7 +49,13 @@ const LANES: usize = 4;
 /// A value for each point of a block.
 type Column = [f64; BLOCK];
 
-fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
+dispatch! {
+    /// The equations of a surface, of points with their weights.
+    fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal = normal_by_kind
+}
+
+#[inline(always)]
+fn normal_by_kind(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal {
     match surface.kind {
         Kind::Plane => normal_of::<3>(surface, Kind::Plane, points, weights),
         Kind::Sphere => normal_of::<4>(surface, Kind::Sphere, points, weights),

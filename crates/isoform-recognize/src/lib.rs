@@ -1,5 +1,4 @@
 //! Recognition: which planes, spheres, cylinders, cones and tori a scan consists of.
-#![forbid(unsafe_code)]
 
 mod blends;
 mod chart;

@@ -17,6 +17,7 @@ use crate::matrix::{Matrix, Rows};
 use crate::points::Sorted;
 use crate::smoothing::Smoothing;
 use isoform_geom::{Point3, dot};
+use isoform_num::dispatch;
 use rayon::prelude::*;
 
 /// Parts of the rows that are filled side by side: enough for the processors of today; each looks
@@ -110,7 +111,7 @@ struct Share {
     size: usize,
     /// Its unknowns, x fastest.
     local: [u32; MOST],
-    /// The lower triangle, row by row.
+    /// The lower triangle, row by row; what lies beyond it in a row is of no use.
     gram: Vec<f64>,
     right: [f64; MOST],
 }
@@ -122,25 +123,6 @@ impl Share {
             local,
             gram: vec![0.0; size * size],
             right: [0.0; MOST],
-        }
-    }
-    fn add(&mut self, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
-        let n = self.size;
-        let [v, x, y, z] = &stencil.rows;
-        let weighted = [
-            residual[0],
-            alpha * residual[1],
-            alpha * residual[2],
-            alpha * residual[3],
-        ];
-        for i in 0..n {
-            self.right[i] +=
-                v[i] * weighted[0] + x[i] * weighted[1] + y[i] * weighted[2] + z[i] * weighted[3];
-            let (a, b, c, d) = (v[i], alpha * x[i], alpha * y[i], alpha * z[i]);
-            let row = &mut self.gram[i * n..i * n + i + 1];
-            for ((((g, v), x), y), z) in row.iter_mut().zip(v).zip(x).zip(y).zip(z) {
-                *g += a * v + b * x + c * y + d * z;
-            }
         }
     }
     /// Holds the value at a place as it is.
@@ -183,6 +165,33 @@ impl Share {
                     rows.add(row, away, &columns);
                 }
             }
+        }
+    }
+}
+
+dispatch! {
+    /// Adds a point's residuals and their squares to a share; `alpha` is the weight of the normal.
+    fn add_point(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64) = add_point_body
+}
+
+#[inline(always)]
+fn add_point_body(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64) {
+    let n = share.size;
+    let [v, x, y, z] = &stencil.rows;
+    let weighted = [
+        residual[0],
+        alpha * residual[1],
+        alpha * residual[2],
+        alpha * residual[3],
+    ];
+    for i in 0..n {
+        share.right[i] +=
+            v[i] * weighted[0] + x[i] * weighted[1] + y[i] * weighted[2] + z[i] * weighted[3];
+        let (a, b, c, d) = (v[i], alpha * x[i], alpha * y[i], alpha * z[i]);
+        // Beyond the diagonal to a whole vector register.
+        let row = &mut share.gram[i * n..i * n + n.min((i | 7) + 1)];
+        for ((((g, v), x), y), z) in row.iter_mut().zip(v).zip(x).zip(y).zip(z) {
+            *g += a * v + b * x + c * y + d * z;
         }
     }
 }
@@ -295,7 +304,8 @@ impl<'a> Problem<'a> {
                 -normal[2] - f[3],
             ];
             // Points without a normal say nothing of the gradient.
-            share.add(
+            add_point(
+                &mut share,
                 &stencil,
                 residual,
                 self.weights.normals * dot(normal, normal),

@@ -1,5 +1,4 @@
 //! Implicit B-spline surfaces through points.
-#![forbid(unsafe_code)]
 
 mod basis;
 mod bspline;

@@ -6,9 +6,10 @@
 use super::{
     CLEARLY, Finder, NEARLY, ROUNDING, SETTLED, STEPS, STRAYED, Try, aside, first_order, solve,
 };
-use crate::block::{LANES, Lane, Row, dispatch};
+use crate::block::{LANES, Lane, Row};
 use crate::shape::Join;
 use isoform_geom::{Foot, Point3, dot, sub};
+use isoform_num::dispatch;
 
 /// Number of steps aside beyond which a piece keeps its sign in all sectors of a foot point. Sectors
 /// reach some steps far where pieces meet at sharp angles (see [`super::PARALLEL`]).
