@@ -16,6 +16,7 @@ use crate::level::{CELL as MOST, Level, block};
 use crate::matrix::{Matrix, Rows};
 use crate::points::Sorted;
 use crate::smoothing::Smoothing;
+use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, dot};
 use isoform_num::dispatch;
 use rayon::prelude::*;
@@ -241,7 +242,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The equations of the level; those of the data are divided by the number of points.
-    pub(crate) fn system(&self) -> System {
+    pub(crate) fn system(&self, control: &Control<'_>) -> Result<System, Stopped> {
         let matrix = Matrix::new(&self.active, self.degree);
         let right = vec![0.0; matrix.len()];
         let mut system = System {
@@ -250,8 +251,8 @@ impl<'a> Problem<'a> {
             smoothing: Smoothing::new(&self.level.nodes),
         };
         let all: Vec<usize> = (0..self.points.count()).collect();
-        self.add(&mut system, &all, |i| self.share(i));
-        system
+        self.add(&mut system, &all, |i| self.share(i), control)?;
+        Ok(system)
     }
 
     /// Adds the shares of cells to the equations.
@@ -260,7 +261,8 @@ impl<'a> Problem<'a> {
         system: &mut System,
         cells: &[usize],
         share: impl Fn(usize) -> Option<Share> + Sync,
-    ) {
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
         let inverse = 1.0 / self.points.len() as f64;
         let mut parts = system.matrix.parts(PARTS);
         let mut rest = system.right.as_mut_slice();
@@ -271,6 +273,7 @@ impl<'a> Problem<'a> {
             rest = others;
         }
         for chunk in cells.chunks(CHUNK) {
+            control.check()?;
             let shares: Vec<Share> = chunk.par_iter().filter_map(|i| share(*i)).collect();
             let filled = parts.par_iter_mut().zip(&mut rights);
             filled.for_each(|(rows, right)| {
@@ -279,6 +282,7 @@ impl<'a> Problem<'a> {
                 }
             });
         }
+        Ok(())
     }
 
     /// The share of the i-th cell with points; none if no unknown touches it.
@@ -315,8 +319,13 @@ impl<'a> Problem<'a> {
     }
 
     /// Holds f in cells at places where the function as it is says that the surface is not near.
-    pub(crate) fn hold(&self, system: &mut System, cells: &[usize]) {
-        self.add(system, cells, |i| self.held(i));
+    pub(crate) fn hold(
+        &self,
+        system: &mut System,
+        cells: &[usize],
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        self.add(system, cells, |i| self.held(i), control)
     }
 
     /// The share that holds f in the i-th cell with points.

@@ -14,6 +14,16 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
+    /// How many different places its points have.
+    pub(crate) fn distinct(&self) -> usize {
+        // 0 and -0 are one place.
+        let bits = |p: &Point3| p.map(|v| (v + 0.0).to_bits());
+        let mut places: Vec<[u64; 3]> = self.points.par_iter().map(bits).collect();
+        places.par_sort_unstable();
+        places.dedup();
+        places.len()
+    }
+
     /// Leaves out points, by their numbers in order.
     pub(crate) fn leave_out(&mut self, numbers: &[u32]) {
         let is_kept = |i: u32| numbers.binary_search(&i).is_err();
@@ -33,6 +43,12 @@ pub(crate) struct Sorted<'a> {
     order: Vec<u32>,
     /// Cells with points and where their points begin in `order`.
     cells: Vec<(u64, u32)>,
+}
+
+/// Numbers in \[0, 1) that are evenly spread for numbers in order, with no period: their
+/// multiples of 2³² divided by the golden ratio, in 32 bits.
+pub(crate) fn scattered(i: usize) -> f64 {
+    f64::from((i as u32).wrapping_mul(0x9E37_79B9)) / 2.0_f64.powi(32)
 }
 
 /// The cell of a point.
@@ -74,15 +90,17 @@ impl<'a> Sorted<'a> {
             cells,
         }
     }
-    /// At most `most` points of each cell, evenly spread over their order.
+    /// At most `most` points of each cell, evenly spread over their order but in no rhythm: points
+    /// of two kinds may take turns.
     pub(crate) fn thinned(self, most: usize) -> Self {
         let (mut order, mut cells) = (Vec::new(), Vec::with_capacity(self.cells.len()));
         for i in 0..self.count() {
             let (key, range) = self.cell(i);
             cells.push((key, order.len() as u32));
             let kept = range.len().min(most);
-            let at = |k: usize| range.start + (2 * k + 1) * range.len() / (2 * kept);
-            order.extend((0..kept).map(|k| self.order[at(k)]));
+            let step = range.len() as f64 / kept as f64;
+            let at = |k: usize| range.start + ((k as f64 + scattered(k)) * step) as usize;
+            order.extend((0..kept).map(|k| self.order[at(k).min(range.end - 1)]));
         }
         Self {
             order,

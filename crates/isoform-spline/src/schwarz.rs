@@ -9,12 +9,17 @@
 use crate::energy::{Problem, System};
 use crate::keys::{Place, key};
 use crate::smoothing;
+use isoform_control::{Control, Stopped};
 use isoform_num::linalg::cholesky;
 use rayon::prelude::*;
 
 /// Lattices of boxes: one alone takes three times the steps, four together cost more than they
 /// save.
 const LATTICES: i32 = 2;
+
+/// The share by which diagonals of boxes are larger: some times what rounding leaves of a pivot of
+/// a hundred unknowns. Without it pivots that are rounding alone become large solutions.
+const ROUNDING: f64 = 1e-12;
 
 /// The boxes of one lattice.
 struct Boxes {
@@ -38,15 +43,21 @@ pub(crate) struct Schwarz {
 
 impl Schwarz {
     /// The preconditioner of equations with weights `ridge` of the unknowns themselves.
-    pub(crate) fn new(problem: &Problem<'_>, system: &System, ridge: &[f64]) -> Self {
+    pub(crate) fn new(
+        problem: &Problem<'_>,
+        system: &System,
+        ridge: &[f64],
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
         // As many as meet in a cell. Boxes twice as long halve the steps, each of them takes four
         // times as long.
         let size = problem.degree as i32 + 1;
         let shifts = (0..LATTICES).map(|k| k * size / LATTICES);
-        let lattice = |shift| Boxes::new(problem, system, ridge, size, shift);
-        Self {
-            lattices: shifts.map(lattice).collect(),
-        }
+        let lattice = |shift| Boxes::new(problem, system, ridge, [size, shift], control);
+        let lattices: Result<_, _> = shifts.map(lattice).collect();
+        Ok(Self {
+            lattices: lattices?,
+        })
     }
 
     /// z = M⁻¹ r.
@@ -75,7 +86,13 @@ fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
 
 impl Boxes {
     /// Boxes of `size` B-splines along each axis, moved down by `shift`.
-    fn new(problem: &Problem<'_>, system: &System, ridge: &[f64], size: i32, shift: i32) -> Self {
+    fn new(
+        problem: &Problem<'_>,
+        system: &System,
+        ridge: &[f64],
+        [size, shift]: [i32; 2],
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
         let of = |place: Place| key(place.map(|v| (v + shift) / size));
         let places = problem.active.places();
         let mut order: Vec<(u64, u32)> = places.map(of).zip(0..).collect();
@@ -102,12 +119,14 @@ impl Boxes {
         let parts = split(&mut inverses, &boxes.offsets)
             .into_par_iter()
             .enumerate();
-        parts.for_each(|(k, out)| {
+        parts.try_for_each(|(k, out)| {
+            control.check()?;
             let matrix = boxes.matrix(k, problem, system, ridge);
             invert(matrix, out);
-        });
+            Ok(())
+        })?;
         boxes.inverses = inverses;
-        boxes
+        Ok(boxes)
     }
 
     /// The equations of a box.
@@ -135,7 +154,7 @@ impl Boxes {
                     row[at - start] += value;
                 }
             }
-            row[i] += ridge[*unknown as usize];
+            row[i] = (row[i] + ridge[*unknown as usize]) * (1.0 + ROUNDING);
         }
         matrix
     }
@@ -248,9 +267,11 @@ mod tests {
             normals: vec![[0.0, 0.0, 1.0]; 500],
         };
         with(&samples, [1; 3], 1e-30, |problem| {
-            let system = problem.system();
+            let control = Control::default();
+            let system = problem.system(&control).expect("nothing stops it");
             let ridge = vec![1e-3; problem.active.len()];
-            let mut boxes = Boxes::new(problem, &system, &ridge, 4, 0);
+            let boxes = Boxes::new(problem, &system, &ridge, [4, 0], &control);
+            let mut boxes = boxes.expect("nothing stops it");
             assert_eq!(boxes.starts, [0, 64]);
             boxes.solve(&system.right);
             let mut x = vec![0.0; 64];
@@ -270,14 +291,16 @@ mod tests {
         let samples = quarter();
         with(&samples, [3, 2, 2], 1e-6, |problem| {
             let n = problem.active.len();
-            let mut solver = Solver::new(problem, &[]);
+            let control = Control::default();
+            let solver = || Solver::new(problem, &[], &control).expect("nothing stops it");
+            let mut all = solver();
             let mut matrix = vec![0.0; n * n];
             for i in 0..n {
                 let mut unit = vec![0.0; n];
                 unit[i] = 1.0;
-                solver.apply(&unit, &mut matrix[i * n..(i + 1) * n]);
+                all.apply(&unit, &mut matrix[i * n..(i + 1) * n]);
             }
-            let mut exact = solver.right();
+            let mut exact = all.right();
             let mut factor = matrix.clone();
             assert!(cholesky(&mut factor, n));
             cholesky_solve(&factor, n, &mut exact);
@@ -287,8 +310,7 @@ mod tests {
                 (0..n).map(|i| x[i] * product(i)).sum()
             };
             let off = |most: usize| {
-                let mut solver = Solver::new(problem, &[]);
-                let x = solver.solve(vec![0.0; n], 0.0, most, &Control::default());
+                let x = solver().solve(vec![0.0; n], 0.0, most, &control);
                 let x = x.expect("nothing stops it");
                 let off: Vec<f64> = x.iter().zip(&exact).map(|(a, b)| a - b).collect();
                 (energy(&off) / energy(&exact)).sqrt()

@@ -32,7 +32,8 @@ pub(crate) struct Solver<'a> {
     system: System,
     /// Weights of the unknowns themselves.
     ridge: Vec<f64>,
-    preconditioner: Schwarz,
+    /// None where the equations have changed.
+    preconditioner: Option<Schwarz>,
     /// Coefficients, gradient and differences of the smoothing term.
     spread: Vec<f64>,
     gradient: Vec<f64>,
@@ -41,30 +42,35 @@ pub(crate) struct Solver<'a> {
 
 impl<'a> Solver<'a> {
     /// The equations with f held in some cells.
-    pub(crate) fn new(problem: &'a Problem<'a>, held: &[usize]) -> Self {
-        let mut system = problem.system();
-        problem.hold(&mut system, held);
+    pub(crate) fn new(
+        problem: &'a Problem<'a>,
+        held: &[usize],
+        control: &Control<'_>,
+    ) -> Result<Self, Stopped> {
+        let mut system = problem.system(control)?;
+        problem.hold(&mut system, held, control)?;
         let n = problem.level.nodes.len();
         let ridge = ridge(&system.matrix.diagonal());
-        Self {
-            preconditioner: Schwarz::new(problem, &system, &ridge),
+        Ok(Self {
+            preconditioner: None,
             problem,
             system,
             ridge,
             spread: vec![0.0; n],
             gradient: vec![0.0; n],
             scratch: Vec::new(),
-        }
+        })
     }
 
     /// Holds f in more cells.
-    pub(crate) fn hold(&mut self, cells: &[usize]) {
+    pub(crate) fn hold(&mut self, cells: &[usize], control: &Control<'_>) -> Result<(), Stopped> {
         if cells.is_empty() {
-            return;
+            return Ok(());
         }
-        self.problem.hold(&mut self.system, cells);
+        self.problem.hold(&mut self.system, cells, control)?;
         self.ridge = ridge(&self.system.matrix.diagonal());
-        self.preconditioner = Schwarz::new(self.problem, &self.system, &self.ridge);
+        self.preconditioner = None;
+        Ok(())
     }
 
     /// Adds half the gradient of the smoothing term at the coefficients in `spread`.
@@ -109,8 +115,8 @@ impl<'a> Solver<'a> {
 
     /// The corrections of the active coefficients, in units of the spacing, found from others, `x`,
     /// by preconditioned conjugate gradients. The tolerance is that of the residual in the norm of
-    /// the preconditioner, which is about the error in the norm of the energy, relative to that of
-    /// no corrections.
+    /// the preconditioner, a third or so of the error in the norm of the energy, relative to that
+    /// of no corrections.
     pub(crate) fn solve(
         &mut self,
         mut x: Vec<f64>,
@@ -118,13 +124,17 @@ impl<'a> Solver<'a> {
         most: usize,
         control: &Control<'_>,
     ) -> Result<Vec<f64>, Stopped> {
+        let mut preconditioner = match self.preconditioner.take() {
+            Some(kept) => kept,
+            None => Schwarz::new(self.problem, &self.system, &self.ridge, control)?,
+        };
         let mut r = self.right();
         let (mut y, mut z) = (vec![0.0; r.len()], vec![0.0; r.len()]);
-        self.preconditioner.apply(&r, &mut z);
+        preconditioner.apply(&r, &mut z);
         let enough = tolerance * tolerance * product(&r, &z);
         self.apply(&x, &mut y);
         r.iter_mut().zip(&y).for_each(|(r, y)| *r -= y);
-        self.preconditioner.apply(&r, &mut z);
+        preconditioner.apply(&r, &mut z);
         let mut p = z.clone();
         let mut rz = product(&r, &z);
         let mut steps = 0;
@@ -136,7 +146,7 @@ impl<'a> Solver<'a> {
                 x[k] += step * p[k];
                 r[k] -= step * y[k];
             }
-            self.preconditioner.apply(&r, &mut z);
+            preconditioner.apply(&r, &mut z);
             let next = product(&r, &z);
             let ratio = next / rz;
             for (p, z) in p.iter_mut().zip(&z) {
@@ -145,6 +155,7 @@ impl<'a> Solver<'a> {
             rz = next;
             steps += 1;
         }
+        self.preconditioner = Some(preconditioner);
         Ok(x)
     }
 }

@@ -249,6 +249,45 @@ fn points_without_a_surface_are_refused() {
     assert!(far.fold(0.0, f64::max) < 1e-6);
 }
 
+/// Points that are left out to decide on the fineness have copies among the others, which are met
+/// better by any level.
+#[test]
+fn points_at_one_place_count_once() {
+    let (points, normals) = torus(200, 16);
+    let [many, of_many] = [&points, &normals].map(|list| list.repeat(10));
+    let made = fitted(&many, Normals::Given(&of_many), Fineness::Data);
+    assert!(made.spline.data_cells() * 2 <= points.len());
+    let plain = fitted(&points, Normals::Given(&normals), Fineness::Data);
+    let (others, _) = torus(1000, 17);
+    assert!(error(&made.spline, &others) < 1.5 * error(&plain.spline, &others));
+}
+
+#[test]
+fn options_out_of_range_are_refused() {
+    let (points, _) = torus(100, 18);
+    let refused = |options: &Options| {
+        let made = implicitize(&points, Normals::Unknown, options, &Control::default());
+        match made.map(|made| made.spline) {
+            Err(Error::Option { name, .. }) => name,
+            other => panic!("{other:?}"),
+        }
+    };
+    for smoothing in [0.0, -1.0, f64::NAN, f64::INFINITY, 1e300] {
+        let options = Options {
+            smoothing,
+            ..Options::default()
+        };
+        assert_eq!(refused(&options), "smoothing");
+    }
+    for degree in [1, 6] {
+        let options = Options {
+            degree,
+            ..Options::default()
+        };
+        assert_eq!(refused(&options), "degree");
+    }
+}
+
 #[test]
 fn a_stopped_fit_says_so() {
     let (points, normals) = torus(3000, 15);
