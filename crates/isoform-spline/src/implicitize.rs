@@ -167,6 +167,11 @@ const SOME_OF_CELL: usize = 64;
 /// surface has some three coefficients of its own, a point with a normal gives three equations.
 const PER_CELL: [usize; 2] = [2, 3];
 
+/// Points count once in a cell of so many levels more: copies of a point, exact or nearly so, tell
+/// nothing of the surface between points, and those of points left out are met by any level. With
+/// three, two or three points in a cell are apart but for a few per cent.
+const APART_BY: usize = 3;
+
 /// Fits an implicit spline to points: values, normals and smoothness (Jüttler and Felis 2002).
 ///
 /// ```
@@ -614,18 +619,21 @@ impl<'a> Fitting<'a> {
         tolerance: Option<f64>,
         control: &Control<'_>,
     ) -> Result<usize, Stopped> {
-        let n = self.samples.distinct();
         let mut before = f64::INFINITY;
         let mut depth = 0;
         loop {
             let l = self.levels.len();
-            // B-splines reach beyond the cells by their degree.
-            if self.count(l).iter().any(|c| *c >= MOST / 2) {
+            if self.count(l + APART_BY).iter().any(|c| *c >= MOST / 2) {
                 break;
             }
             let all = self.sorted(l);
             let per_cell = PER_CELL[usize::from(self.weights.normals < GIVEN)];
-            if l > 0 && all.count() * per_cell > n {
+            let apart = held(
+                &self.samples.points,
+                self.lattice.corner,
+                self.spacing(l + APART_BY),
+            );
+            if l > 0 && all.count() * per_cell > apart {
                 break;
             }
             let kept = self.chosen(l, |i| !is_left_out(i));

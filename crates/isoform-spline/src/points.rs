@@ -14,16 +14,6 @@ pub(crate) struct Samples {
 }
 
 impl Samples {
-    /// How many different places its points have.
-    pub(crate) fn distinct(&self) -> usize {
-        // 0 and -0 are one place.
-        let bits = |p: &Point3| p.map(|v| (v + 0.0).to_bits());
-        let mut places: Vec<[u64; 3]> = self.points.par_iter().map(bits).collect();
-        places.par_sort_unstable();
-        places.dedup();
-        places.len()
-    }
-
     /// Leaves out points, by their numbers in order.
     pub(crate) fn leave_out(&mut self, numbers: &[u32]) {
         let is_kept = |i: u32| numbers.binary_search(&i).is_err();
