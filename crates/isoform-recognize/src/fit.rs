@@ -51,7 +51,8 @@ type Column = [f64; BLOCK];
 
 dispatch! {
     /// The equations of a surface, of points with their weights.
-    fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal = normal_by_kind
+    fn normal(surface: &Surface, points: &[Point3], weights: Option<&[f64]>) -> Normal
+        = normal_by_kind
 }
 
 #[inline(always)]

@@ -172,7 +172,8 @@ impl Share {
 
 dispatch! {
     /// Adds a point's residuals and their squares to a share; `alpha` is the weight of the normal.
-    fn add_point(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64) = add_point_body
+    fn add_point(share: &mut Share, stencil: &Stencil, residual: [f64; 4], alpha: f64)
+        = add_point_body
 }
 
 #[inline(always)]
