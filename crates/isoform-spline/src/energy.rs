@@ -13,7 +13,7 @@
 use crate::bspline;
 use crate::keys::{Keys, Place, place};
 use crate::level::{CELL as MOST, Level, block};
-use crate::matrix::{Matrix, Rows};
+use crate::matrix::{Matrix, Rows, split};
 use crate::points::Sorted;
 use crate::smoothing::Smoothing;
 use isoform_control::{Control, Stopped};
@@ -266,13 +266,10 @@ impl<'a> Problem<'a> {
     ) -> Result<(), Stopped> {
         let inverse = 1.0 / self.points.len() as f64;
         let mut parts = system.matrix.parts(PARTS);
-        let mut rest = system.right.as_mut_slice();
-        let mut rights = Vec::new();
-        for part in &parts {
-            let (mine, others) = rest.split_at_mut(part.end - part.first);
-            rights.push(mine);
-            rest = others;
-        }
+        let borders: Vec<usize> = std::iter::once(0)
+            .chain(parts.iter().map(|part| part.end))
+            .collect();
+        let mut rights = split(&mut system.right, &borders);
         for chunk in cells.chunks(CHUNK) {
             control.check()?;
             let shares: Vec<Share> = chunk.par_iter().filter_map(|i| share(*i)).collect();

@@ -127,7 +127,7 @@ const GIVEN: f64 = 0.1;
 const ESTIMATED: f64 = 0.01;
 
 /// The residual of a level's equations in the norm of the preconditioner, relative to that without
-/// corrections: 3e-5 leaves some 1e-8 of the energy, which moves the surface by far less than the
+/// corrections: 3e-5 leaves some 2e-8 of the energy, which moves the surface by far less than the
 /// level's own error. With 1e-4 a ball in one level of cells was met 5 % worse than it can be, with
 /// 1e-5 a fit takes a tenth more time.
 const RESIDUAL: f64 = 3e-5;
@@ -628,12 +628,9 @@ impl<'a> Fitting<'a> {
             }
             let all = self.sorted(l);
             let per_cell = PER_CELL[usize::from(self.weights.normals < GIVEN)];
-            let apart = held(
-                &self.samples.points,
-                self.lattice.corner,
-                self.spacing(l + APART_BY),
-            );
-            if l > 0 && all.count() * per_cell > apart {
+            let finer = self.spacing(l + APART_BY);
+            let apart = || held(&self.samples.points, self.lattice.corner, finer);
+            if l > 0 && all.count() * per_cell > apart() {
                 break;
             }
             let kept = self.chosen(l, |i| !is_left_out(i));

@@ -35,6 +35,16 @@ pub(crate) struct Rows<'a> {
     values: &'a mut [f64],
 }
 
+/// The parts of a slice between these places, of which the first is 0.
+pub(crate) fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
+    let lengths = at.windows(2).map(|w| w[1] - w[0]);
+    let part = |length| {
+        rest.split_off_mut(..length)
+            .expect("places are within the slice")
+    };
+    lengths.map(part).collect()
+}
+
 impl Matrix {
     /// A matrix of zeros with a place for every two B-splines that meet.
     pub(crate) fn new(nodes: &Keys, degree: usize) -> Self {
@@ -88,22 +98,22 @@ impl Matrix {
     /// The rows in this many parts, to be filled side by side.
     pub(crate) fn parts(&mut self, count: usize) -> Vec<Rows<'_>> {
         let (n, width) = (self.len(), self.width());
-        let mut rest = self.values.as_mut_slice();
-        let mut parts = Vec::with_capacity(count);
-        for k in 0..count {
-            let (first, end) = (n * k / count, n * (k + 1) / count);
-            let (mine, others) = rest.split_at_mut(self.starts[end] - self.starts[first]);
-            rest = others;
-            parts.push(Rows {
-                reach: self.reach,
-                first,
-                end,
-                runs: &self.runs[first * width..end * width],
-                starts: &self.starts[first..=end],
-                values: mine,
-            });
-        }
-        parts
+        let borders: Vec<usize> = (0..=count).map(|k| n * k / count).collect();
+        let starts: Vec<usize> = borders.iter().map(|i| self.starts[*i]).collect();
+        let values = split(&mut self.values, &starts);
+        let rows = |(values, of): (_, &[usize])| Rows {
+            reach: self.reach,
+            first: of[0],
+            end: of[1],
+            runs: &self.runs[of[0] * width..of[1] * width],
+            starts: &self.starts[of[0]..=of[1]],
+            values,
+        };
+        values
+            .into_iter()
+            .zip(borders.windows(2))
+            .map(rows)
+            .collect()
     }
 
     /// The diagonal.

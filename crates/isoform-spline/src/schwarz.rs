@@ -8,6 +8,7 @@
 
 use crate::energy::{Problem, System};
 use crate::keys::{Place, key};
+use crate::matrix::split;
 use crate::smoothing;
 use isoform_control::{Control, Stopped};
 use isoform_num::linalg::cholesky;
@@ -74,16 +75,6 @@ impl Schwarz {
     }
 }
 
-/// Splits a slice at these places.
-fn split<'a, T>(mut rest: &'a mut [T], at: &[usize]) -> Vec<&'a mut [T]> {
-    let lengths = at.windows(2).map(|w| w[1] - w[0]);
-    let part = |length| {
-        rest.split_off_mut(..length)
-            .expect("places are within the slice")
-    };
-    lengths.map(part).collect()
-}
-
 impl Boxes {
     /// Boxes of `size` B-splines along each axis, moved down by `shift`.
     fn new(
@@ -110,12 +101,12 @@ impl Boxes {
         let mut boxes = Self {
             unknowns: order.into_iter().map(|(_, unknown)| unknown).collect(),
             solution: vec![0.0; places.len()],
-            inverses: vec![0.0; offsets[offsets.len() - 1]],
+            inverses: Vec::new(),
             places,
             starts,
             offsets,
         };
-        let mut inverses = std::mem::take(&mut boxes.inverses);
+        let mut inverses = vec![0.0; boxes.offsets[boxes.offsets.len() - 1]];
         let parts = split(&mut inverses, &boxes.offsets)
             .into_par_iter()
             .enumerate();

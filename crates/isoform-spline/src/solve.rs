@@ -115,7 +115,7 @@ impl<'a> Solver<'a> {
 
     /// The corrections of the active coefficients, in units of the spacing, found from others, `x`,
     /// by preconditioned conjugate gradients. The tolerance is that of the residual in the norm of
-    /// the preconditioner, a third or so of the error in the norm of the energy, relative to that
+    /// the preconditioner, a fifth or so of the error in the norm of the energy, relative to that
     /// of no corrections.
     pub(crate) fn solve(
         &mut self,
