@@ -32,7 +32,6 @@
 //!
 //! Everything is computed in the unit box: about the region's middle, in units of its largest edge.
 //! Results depend on the options only, not on the number of threads.
-#![forbid(unsafe_code)]
 
 mod cells;
 mod compose;
@@ -57,6 +56,7 @@ mod progress;
 mod quadric;
 mod single;
 mod singular;
+mod sized;
 mod solver;
 mod stretch;
 mod surface;

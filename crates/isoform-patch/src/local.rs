@@ -10,7 +10,7 @@ pub(crate) use bend::{bend_of_distance, bend_of_shape};
 
 use crate::node::{Node, hessian_times, slope_of_distance};
 use crate::terms::{K, Method, Shape};
-use form::{Form, Pair};
+use form::Form;
 use isoform_geom::{Expansion, Point3, dot};
 use isoform_num::{Jet2, Jet3};
 
@@ -19,6 +19,43 @@ use isoform_num::{Jet2, Jet3};
 pub(crate) struct Local {
     pub(crate) gradient: [f64; 12],
     pub(crate) hessian: [[f64; 12]; 12],
+}
+
+isoform_num::dispatch! {
+    /// Adds the integrands of the shape terms at some nodes, each with its weight.
+    pub(crate) fn add_shapes(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) =
+        add_shapes_body
+}
+
+#[inline(always)]
+fn add_shapes_body(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) {
+    for ((node, weight), local) in nodes.iter().zip(weights).zip(to) {
+        local.add_shape(node, shape, *weight);
+    }
+}
+
+isoform_num::dispatch! {
+    /// Adds I's integrand at some nodes, each with its weight, by Gauss-Newton.
+    pub(crate) fn add_distances(
+        nodes: &[Node],
+        jets: &[Jet2],
+        method: Method,
+        weights: &[f64],
+        to: &mut [Local],
+    ) = add_distances_body
+}
+
+#[inline(always)]
+fn add_distances_body(
+    nodes: &[Node],
+    jets: &[Jet2],
+    method: Method,
+    weights: &[f64],
+    to: &mut [Local],
+) {
+    for (((node, jet), weight), local) in nodes.iter().zip(jets).zip(weights).zip(to) {
+        local.add_distance(node, jet, None, method, *weight);
+    }
 }
 
 impl Default for Local {
@@ -32,6 +69,7 @@ impl Default for Local {
 
 impl Local {
     /// Adds I's integrand F²/|∇F|²; `third` is used by Newton's method only.
+    #[inline(always)]
     pub(crate) fn add_distance(
         &mut self,
         node: &Node,
@@ -55,6 +93,7 @@ impl Local {
     }
 
     /// Adds the integrands of L and R, and that of J where J is an integral.
+    #[inline(always)]
     pub(crate) fn add_shape(&mut self, node: &Node, shape: &Shape, weight: f64) {
         let (targets, factors) = (&shape.targets, &shape.weights);
         let r = node.residuals(targets);
@@ -64,9 +103,10 @@ impl Local {
             self.gradient[3] += weight * factors.j * k * x.powi(K - 1);
             self.hessian[3][3] += weight * factors.j * k * (k - 1.0) * x.powi(K - 2);
         }
-        let form = |pair: Pair| Form::new(node, pair, shape.method == Method::Newton);
+        let is_exact = shape.method == Method::Newton;
         let [x, y, both] = shape.inner.factors(targets);
-        let (g11, g22) = (form((0, 0)), form((1, 1)));
+        let g11 = Form::new(node, (0, 0), is_exact);
+        let g22 = Form::new(node, (1, 1), is_exact);
         self.form(r.u, &g11, weight * factors.l * x);
         self.form(r.v, &g22, weight * factors.l * y);
         if both > 0.0 {
@@ -74,10 +114,12 @@ impl Local {
             let r = r.u / targets.l1 + r.v / targets.l2;
             self.form(r, &sum, weight * factors.l * both);
         }
-        self.form(r.angle, &form((0, 1)), weight * factors.r);
+        let g12 = Form::new(node, (0, 1), is_exact);
+        self.form(r.angle, &g12, weight * factors.r);
     }
 
     /// Adds s r² for a residual that depends on p* alone.
+    #[inline(always)]
     fn square(&mut self, r: f64, first: &[f64; 4], second: Option<&[[f64; 4]; 4]>, s: f64) {
         for a in 0..4 {
             self.gradient[a] += 2.0 * s * r * first[a];
@@ -89,6 +131,7 @@ impl Local {
     }
 
     /// Adds s r² for a residual that depends on all of z.
+    #[inline(always)]
     fn form(&mut self, r: f64, form: &Form, s: f64) {
         for (a, row) in self.hessian.iter_mut().enumerate() {
             let x = 2.0 * s * form.first[a];

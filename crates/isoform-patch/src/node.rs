@@ -49,13 +49,13 @@ impl Node {
     }
 
     /// w.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn weight(&self) -> f64 {
         self.z[3]
     }
 
     /// F/|∇F|, and 0 where both vanish.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn distance(&self, jet: &Jet2) -> f64 {
         if jet.v == 0.0 {
             0.0
@@ -64,7 +64,7 @@ impl Node {
         }
     }
 
-    #[inline]
+    #[inline(always)]
     pub(crate) fn residuals(&self, targets: &Targets) -> Residuals {
         let [pu, pv] = self.tangents;
         Residuals {
@@ -75,14 +75,14 @@ impl Node {
     }
 
     /// Derivatives by p* of what has the derivatives d by p = N/w.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn by_homogeneous(&self, d: Point3) -> [f64; 4] {
         let w = self.weight();
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
     /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant; 0 where that is 0.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn distance_gradient(&self, jet: &Jet2) -> [f64; 4] {
         let length = dot(jet.g, jet.g).sqrt();
         if length == 0.0 {
@@ -93,7 +93,7 @@ impl Node {
 
     /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant only if the method does so; 0
     /// where |∇F| is 0.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
         if method == Method::Frozen || dot(jet.g, jet.g).sqrt() == 0.0 {
             return self.distance_gradient(jet);
@@ -132,13 +132,13 @@ impl Node {
 }
 
 /// H v for the Hessian H of F.
-#[inline]
+#[inline(always)]
 pub(crate) fn hessian_times(jet: &Jet2, v: Point3) -> Point3 {
     std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * v[j]).sum())
 }
 
 /// ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³ with F/|∇F| = r.
-#[inline]
+#[inline(always)]
 pub(crate) fn slope_of_distance(jet: &Jet2, r: f64) -> Point3 {
     let g = jet.g;
     let length = dot(g, g).sqrt();

@@ -1,6 +1,8 @@
 //! Products of three polynomials of degree (m, n), by Bernstein coefficients.
 
+use crate::MOST_DEGREE;
 use crate::compose::binomial;
+use crate::sized::sized;
 
 /// Tables for products of polynomials of degree (m, n).
 pub(super) struct Products {
@@ -14,8 +16,15 @@ pub(super) struct Products {
 /// By (i, k): what bᵢ cₖ adds to coefficient i + k of a product.
 type Shares = Vec<Vec<f64>>;
 
-/// A product of two with each of four, and the square of the last.
-type Pair = [f64; 5];
+/// Four numbers by control point: those of a polynomial's four coordinates, or a product of two
+/// with each of four.
+type Four = [f64; 4];
+
+/// Products of two: a·b for four b, and the square of the last of a.
+struct Pairs {
+    products: Vec<Four>,
+    squares: Vec<f64>,
+}
 
 /// The shares for degrees l and n.
 fn shares(l: usize, n: usize) -> Shares {
@@ -25,10 +34,10 @@ fn shares(l: usize, n: usize) -> Shares {
         .collect()
 }
 
-/// a·b, in the order in which it is rounded.
+/// Σ pₖ qₖ at one place of four rows, in the order in which it is rounded.
 #[inline(always)]
-fn product(a: &[f64], b: &[f64; 4]) -> f64 {
-    a[0] * b[0] + a[1] * b[1] + (a[2] * b[2] + a[3] * b[3])
+fn product<const N: usize>(p: &Four, q: [&[f64; N]; 4], at: usize) -> f64 {
+    p[0] * q[0][at] + p[1] * q[1][at] + (p[2] * q[2][at] + p[3] * q[3][at])
 }
 
 impl Products {
@@ -48,51 +57,108 @@ impl Products {
         (48 + 2 * (m + 1) * (n + 1)) as f64
     }
 
-    /// The coefficients of Σₖ aₖ (a·bₖ) for the four polynomials aₖ and four times four bₖ, of
-    /// degree (3m, 3n), each with that of the cube of the last of a.
-    pub(super) fn of(&self, a: &[[f64; 4]], b: &[[[f64; 4]; 4]]) -> Vec<[f64; 2]> {
-        self.times_one_more(&self.pairs(a, b), a)
+    /// The coefficients of Σₖ aₖ Σᵢ aᵢ bᵢₖ, of degree (3m, 3n), each with that of the cube of the
+    /// last of a. By control point, `a` holds four polynomials, and `b` four times four of them,
+    /// which stand as bᵢ.
+    pub(super) fn of(&self, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
+        let (m, n) = self.degree;
+        let mut out = vec![[0.0; 2]; (3 * m + 1) * (3 * n + 1)];
+        fill(self, a, b, &mut out);
+        out
     }
 
-    /// a·bₖ and the square of the last of a.
-    fn pairs(&self, a: &[[f64; 4]], b: &[[[f64; 4]; 4]]) -> Vec<Pair> {
+    #[inline(always)]
+    fn pairs(&self, a: &[Four], b: &[[Four; 4]]) -> Pairs {
         let (m, n) = self.degree;
-        let mut two = vec![[0.0; 5]; (2 * m + 1) * (2 * n + 1)];
+        let size = (2 * m + 1) * (2 * n + 1);
+        let (mut products, mut squares) = (vec![[0.0; 4]; size], vec![0.0; size]);
         let places = a.iter().zip(0..);
         for (p, i, j) in places.map(|(p, at)| (p, at / (n + 1), at % (n + 1))) {
             for k in 0..=m {
                 let (fu, fv) = (self.two[0][i][k], &self.two[1][j]);
-                let row = &mut two[(i + k) * (2 * n + 1) + j..][..n + 1];
+                let start = (i + k) * (2 * n + 1) + j;
+                let (products, squares) = (&mut products[start..], &mut squares[start..]);
                 let (a, b) = (&a[k * (n + 1)..][..n + 1], &b[k * (n + 1)..][..n + 1]);
                 for l in 0..=n {
-                    let (f, q) = (fu * fv[l], &b[l]);
-                    for (out, q) in row[l].iter_mut().zip(q) {
-                        *out += f * product(p, q);
+                    let (f, [q0, q1, q2, q3]) = (fu * fv[l], &b[l]);
+                    let out = &mut products[l];
+                    for at in 0..4 {
+                        out[at] += f * product(p, [q0, q1, q2, q3], at);
                     }
-                    row[l][4] += f * p[3] * a[l][3];
+                    squares[l] += f * p[3] * a[l][3];
                 }
             }
         }
-        two
+        Pairs { products, squares }
     }
 
-    fn times_one_more(&self, two: &[Pair], a: &[[f64; 4]]) -> Vec<[f64; 2]> {
+    /// Products of pairs with one more, for N coefficients in v at a time.
+    #[inline(always)]
+    fn times_one_more<const N: usize>(&self, two: &Pairs, a: &[Four], out: &mut [[f64; 2]]) {
         let (m, n) = self.degree;
-        let mut three = vec![[0.0; 2]; (3 * m + 1) * (3 * n + 1)];
-        let places = two.iter().zip(0..);
-        for (p, i, j) in places.map(|(p, at)| (p, at / (2 * n + 1), at % (2 * n + 1))) {
-            for k in 0..=m {
-                let (fu, fv) = (self.three[0][i][k], &self.three[1][j]);
-                let row = &mut three[(i + k) * (3 * n + 1) + j..][..n + 1];
-                for (l, q) in a[k * (n + 1)..][..n + 1].iter().enumerate() {
-                    let f = fu * fv[l];
-                    row[l][0] += f * product(p, q);
-                    row[l][1] += f * p[4] * q[3];
+        let size = out.len();
+        let (mut products, mut cubes) = (vec![0.0; size], vec![0.0; size]);
+        // By coordinate, in place of by control point.
+        let row = |k: usize| -> Vec<f64> { a.iter().map(|p| p[k]).collect() };
+        let rows = [row(0), row(1), row(2), row(3)];
+        for (at, (p, square)) in two.products.iter().zip(&two.squares).enumerate() {
+            let (i, j) = (at / (2 * n + 1), at % (2 * n + 1));
+            for (k, fu) in self.three[0][i].iter().enumerate().take(m + 1) {
+                for l in (0..=n).step_by(N) {
+                    let fv: &[f64; N] = chunk(&self.three[1][j], l);
+                    let (from, to) = (k * (n + 1) + l, (i + k) * (3 * n + 1) + j + l);
+                    let [q0, q1, q2, q3] = &rows;
+                    let q: [&[f64; N]; 4] = [
+                        chunk(q0, from),
+                        chunk(q1, from),
+                        chunk(q2, from),
+                        chunk(q3, from),
+                    ];
+                    // Sums by value: what is written behind a reference might be read through others.
+                    let (mut sums, mut thirds) =
+                        (*chunk::<N>(&products, to), *chunk::<N>(&cubes, to));
+                    for l in 0..N {
+                        sums[l] += fu * fv[l] * product(p, q, l);
+                        thirds[l] += fu * fv[l] * square * q[3][l];
+                    }
+                    products[to..to + N].copy_from_slice(&sums);
+                    cubes[to..to + N].copy_from_slice(&thirds);
                 }
             }
         }
-        three
+        for (out, (product, cube)) in out.iter_mut().zip(products.into_iter().zip(cubes)) {
+            *out = [product, cube];
+        }
     }
+}
+
+isoform_num::dispatch! {
+    /// [`Products::of`] into `out`.
+    fn fill(products: &Products, a: &[Four], b: &[[Four; 4]], out: &mut [[f64; 2]]) = fill_body
+}
+
+#[inline(always)]
+fn fill_body(products: &Products, a: &[Four], b: &[[Four; 4]], out: &mut [[f64; 2]]) {
+    let two = products.pairs(a, b);
+    // Patches that others made may have any degree.
+    let count = products.degree.1 + 1;
+    let count = if count <= MOST_DEGREE + 1 { count } else { 1 };
+    sized!(count, times_one_more(products, &two, a, out));
+}
+
+#[inline(always)]
+fn times_one_more<const N: usize>(
+    products: &Products,
+    two: &Pairs,
+    a: &[Four],
+    out: &mut [[f64; 2]],
+) {
+    products.times_one_more::<N>(two, a, out);
+}
+
+#[inline(always)]
+fn chunk<const N: usize>(row: &[f64], start: usize) -> &[f64; N] {
+    row[start..].first_chunk().expect("as many are left")
 }
 
 #[cfg(test)]
@@ -129,7 +195,7 @@ mod tests {
         let of_a = |k: usize| value(&|i| a[i][k], 2, 1);
         let want: f64 = (0..4)
             .map(|k| {
-                let scalar = |l: usize| of_a(l) * value(&|i| all[i][k][l], 2, 1);
+                let scalar = |l: usize| of_a(l) * value(&|i| all[i][l][k], 2, 1);
                 of_a(k) * (0..4).map(scalar).sum::<f64>()
             })
             .sum();

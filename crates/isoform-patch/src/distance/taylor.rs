@@ -124,8 +124,9 @@ impl Taylor {
         }
     }
 
-    /// The factors of (w δ, w) in w³ times the polynomial, for a control point p = (w δ, w): first
-    /// T wδ/6, by which wδ is multiplied twice, then (H w δ/2, F(c) w + ∇F·w δ).
+    /// The factors of (w δ, w) in w³ times the polynomial, for a control point p = (w δ, w): in the
+    /// first three columns T wδ/6, by which wδ is multiplied twice, in the last (H w δ/2, F(c) w +
+    /// ∇F·w δ).
     #[inline]
     fn factors(&self, p: &[f64; 4]) -> [[f64; 4]; 4] {
         let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
@@ -136,10 +137,10 @@ impl Taylor {
         };
         let constant = self.value * p[3] + g[0] * p[0] + g[1] * p[1] + g[2] * p[2];
         [
-            [t(0, 0), t(0, 1), t(0, 2), 0.0],
-            [t(1, 0), t(1, 1), t(1, 2), 0.0],
-            [t(2, 0), t(2, 1), t(2, 2), 0.0],
-            [h(0), h(1), h(2), constant],
+            [t(0, 0), t(1, 0), t(2, 0), h(0)],
+            [t(0, 1), t(1, 1), t(2, 1), h(1)],
+            [t(0, 2), t(1, 2), t(2, 2), h(2)],
+            [0.0, 0.0, 0.0, constant],
         ]
     }
 

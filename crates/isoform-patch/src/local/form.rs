@@ -14,7 +14,7 @@ pub(super) struct Form {
 
 impl Form {
     /// The first derivatives, and the second ones if `exact`.
-    #[inline]
+    #[inline(always)]
     pub(super) fn new(node: &Node, pair: Pair, exact: bool) -> Self {
         Self {
             first: first(node, pair),
@@ -23,7 +23,7 @@ impl Form {
     }
 
     /// s self + t other.
-    #[inline]
+    #[inline(always)]
     pub(super) fn blend(&self, s: f64, other: &Self, t: f64) -> Self {
         let sum = |a: &[f64; 12], b: &[f64; 12]| std::array::from_fn(|k| s * a[k] + t * b[k]);
         let both = self.second.as_ref().zip(other.second.as_ref());
@@ -46,7 +46,7 @@ struct Direction {
 }
 
 impl Direction {
-    #[inline]
+    #[inline(always)]
     fn new(node: &Node, q: f64, which: usize) -> Self {
         let (tangent, place) = (node.tangents[which], 4 + 4 * which);
         Self {
@@ -58,7 +58,7 @@ impl Direction {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn first(node: &Node, (a, b): Pair) -> [f64; 12] {
     let q = 1.0 / node.weight();
     let (a, b) = (Direction::new(node, q, a), Direction::new(node, q, b));

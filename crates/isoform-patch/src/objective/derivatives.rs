@@ -2,7 +2,7 @@
 
 use super::tensor::{PointResidual, add_locals, add_squares};
 use super::{Derivatives, Evaluated, Objective};
-use crate::local::Local;
+use crate::local::{add_distances, add_shapes};
 use crate::terms::{CORNERS, K, Method};
 use isoform_geom::{RationalPatch, sub};
 
@@ -22,10 +22,9 @@ impl Objective<'_> {
         }
         if let Some(rule) = &self.shape_rule {
             let shape = self.shape();
-            add_locals(rule, &mut d, |k, weight| {
-                let mut local = Local::default();
-                local.add_shape(&at.samples.shape[k], &shape, weight);
-                Some(local)
+            add_locals(rule, &mut d, |row, weights, locals| {
+                add_shapes(&at.samples.shape[row], &shape, weights, locals);
+                Some(())
             })?;
         }
         if self.is_by_control {
@@ -53,19 +52,23 @@ impl Objective<'_> {
     /// Adds I, and the integrals of the shape terms where they have no rule of their own.
     fn add_nodes(&self, at: &Evaluated, d: &mut Derivatives) -> Option<()> {
         let (samples, shape) = (&at.samples, self.shape());
-        add_locals(&self.rule, d, |k, weight| {
-            let (node, jet) = (&samples.nodes[k], &samples.jets[k]);
-            let third = match self.method {
-                Method::Newton => Some(self.field.jet3(samples.points[k])?),
-                Method::GaussNewton | Method::Frozen => None,
-            };
-            let mut local = Local::default();
-            let importance = weight * self.importance(k);
-            local.add_distance(node, jet, third.as_ref(), self.method, importance);
-            if self.shape_rule.is_none() {
-                local.add_shape(node, &shape, weight);
+        add_locals(&self.rule, d, |row, weights, locals| {
+            let (nodes, jets) = (&samples.nodes[row.clone()], &samples.jets[row.clone()]);
+            let factors = weights.iter().zip(row.clone());
+            let factors: Vec<f64> = factors.map(|(w, k)| w * self.importance(k)).collect();
+            if self.method == Method::Newton {
+                for (i, k) in row.enumerate() {
+                    let third = self.field.jet3(samples.points[k])?;
+                    let (jet, third) = (&jets[i], Some(&third));
+                    locals[i].add_distance(&nodes[i], jet, third, self.method, factors[i]);
+                }
+            } else {
+                add_distances(nodes, jets, self.method, &factors, locals);
             }
-            Some(local)
+            if self.shape_rule.is_none() {
+                add_shapes(nodes, &shape, weights, locals);
+            }
+            Some(())
         })
     }
 

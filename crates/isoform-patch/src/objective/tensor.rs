@@ -5,31 +5,16 @@
 //! two coordinates k ≤ l and two control points; blocks with k > l are left to the caller.
 
 use super::Derivatives;
-use super::quadrature::{Basis, Rule};
+use super::quadrature::Rule;
 use crate::local::Local;
+use crate::sized::sized;
+use std::ops::Range;
 
 /// Kinds of numbers in z: p*, p*ᵤ, p*ᵥ.
 const KINDS: usize = 3;
 /// The orders of the derivatives in u and in v from which a kind is made: (0, 0) for p*, (1, 0) for
 /// p*ᵤ and (0, 1) for p*ᵥ.
 const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
-
-/// Calls a function with the number of control points in a row as a constant, which lets its loops
-/// be unrolled.
-macro_rules! sized {
-    ($n:expr, $f:ident($($argument:expr),*)) => {
-        match $n {
-            2 => $f::<2>($($argument),*),
-            3 => $f::<3>($($argument),*),
-            4 => $f::<4>($($argument),*),
-            5 => $f::<5>($($argument),*),
-            6 => $f::<6>($($argument),*),
-            7 => $f::<7>($($argument),*),
-            8 => $f::<8>($($argument),*),
-            _ => $f::<9>($($argument),*),
-        }
-    };
-}
 
 /// A residual that depends on p* alone, with its derivatives by p* and twice its weight.
 pub(super) struct PointResidual {
@@ -43,33 +28,127 @@ pub(super) struct PointResidual {
 pub(super) fn add_squares(
     rule: &Rule,
     d: &mut Derivatives,
-    residual: impl FnMut(usize, f64) -> PointResidual,
+    mut residual: impl FnMut(usize, f64) -> PointResidual,
 ) {
-    let (m, n) = (rule.u.b[0][0].len(), rule.v.b[0][0].len());
-    sized!(n, add_sized_squares(rule, m, d, residual));
+    let mut k = 0;
+    let mut residuals = Vec::with_capacity(rule.v.b.len());
+    for (a, wu) in rule.u.b.iter().zip(&rule.u.weights) {
+        residuals.clear();
+        for wv in &rule.v.weights {
+            residuals.push(residual(k, 2.0 * wu * wv));
+            k += 1;
+        }
+        add_row_of_squares(&residuals, &rule.v.b, &a[0], d);
+    }
 }
 
-/// Adds the sums over the nodes of a rule of what `local` tells of each for its number and weight;
-/// none where `local` is none.
+/// Adds the sums over the nodes of a rule of what `locals` adds to those at one u, for their numbers
+/// and weights; none where that is none.
 pub(super) fn add_locals(
     rule: &Rule,
     d: &mut Derivatives,
-    mut local: impl FnMut(usize, f64) -> Option<Local>,
+    mut locals: impl FnMut(Range<usize>, &[f64], &mut [Local]) -> Option<()>,
 ) -> Option<()> {
-    let (m, n) = (rule.u.b[0][0].len(), rule.v.b[0][0].len());
-    let mut inner = vec![0.0; 4 * 16 * n * n];
-    let mut side = vec![0.0; 2 * 4 * n];
-    let mut k = 0;
-    for (a, wu) in rule.u.b.iter().zip(&rule.u.weights) {
-        let mut locals = Vec::with_capacity(rule.v.b.len());
-        for wv in &rule.v.weights {
-            locals.push(local(k, wu * wv)?);
-            k += 1;
+    let n = rule.v.b[0][0].len();
+    let mut sums = Sums {
+        inner: vec![0.0; 4 * 16 * n * n],
+        side: vec![0.0; 2 * 4 * n],
+    };
+    let count = rule.v.b.len();
+    let (mut row, mut weights) = (vec![Local::default(); count], vec![0.0; count]);
+    for (k, (a, wu)) in rule.u.b.iter().zip(&rule.u.weights).enumerate() {
+        row.fill(Local::default());
+        for (weight, wv) in weights.iter_mut().zip(&rule.v.weights) {
+            *weight = wu * wv;
         }
-        sized!(n, over_v(&locals, &rule.v.b, &mut inner, &mut side));
-        sized!(n, over_u(a, m, &inner, &side, d));
+        locals(k * count..(k + 1) * count, &weights, &mut row)?;
+        add_row_of_locals(&row, &rule.v.b, a, &mut sums, d);
     }
     Some(())
+}
+
+isoform_num::dispatch! {
+    /// Adds the squares at the nodes of one u; `a` is B there.
+    fn add_row_of_squares(
+        residuals: &[PointResidual],
+        basis: &[[Vec<f64>; 2]],
+        a: &[f64],
+        d: &mut Derivatives,
+    ) = row_of_squares
+}
+
+isoform_num::dispatch! {
+    /// Adds what is known at the nodes of one u; `a` is B and B′ there.
+    fn add_row_of_locals(
+        locals: &[Local],
+        basis: &[[Vec<f64>; 2]],
+        a: &[Vec<f64>; 2],
+        sums: &mut Sums,
+        d: &mut Derivatives,
+    ) = row_of_locals
+}
+
+#[inline(always)]
+fn row_of_squares(
+    residuals: &[PointResidual],
+    basis: &[[Vec<f64>; 2]],
+    a: &[f64],
+    d: &mut Derivatives,
+) {
+    sized!(
+        basis[0][0].len(),
+        sized_row_of_squares(residuals, basis, a, d)
+    );
+}
+
+#[inline(always)]
+fn row_of_locals(
+    locals: &[Local],
+    basis: &[[Vec<f64>; 2]],
+    a: &[Vec<f64>; 2],
+    sums: &mut Sums,
+    d: &mut Derivatives,
+) {
+    sized!(
+        basis[0][0].len(),
+        sized_row_of_locals(locals, basis, a, sums, d)
+    );
+}
+
+/// M control points in u, N in v.
+#[inline(always)]
+fn sized_row_of_squares<const N: usize>(
+    residuals: &[PointResidual],
+    basis: &[[Vec<f64>; 2]],
+    a: &[f64],
+    d: &mut Derivatives,
+) {
+    let mut sums = Squares::<N>::zero();
+    for ([b, _], residual) in basis.iter().zip(residuals) {
+        sums.add(chunk(b), residual);
+    }
+    sums.add_to(a, a.len(), d);
+}
+
+/// M control points in u, N in v.
+#[inline(always)]
+fn sized_row_of_locals<const N: usize>(
+    locals: &[Local],
+    basis: &[[Vec<f64>; 2]],
+    a: &[Vec<f64>; 2],
+    sums: &mut Sums,
+    d: &mut Derivatives,
+) {
+    sums.take::<N>(locals, basis);
+    sums.add_to::<N>(a, d);
+}
+
+/// The sums over v at one u.
+struct Sums {
+    /// By the orders (a, a′) in u and the coordinates (k, l), an N × N matrix.
+    inner: Vec<f64>,
+    /// By a and k, a vector.
+    side: Vec<f64>,
 }
 
 /// The sums over v at one u of Gauss-Newton's terms.
@@ -78,31 +157,6 @@ struct Squares<const N: usize> {
     side: [[f64; N]; 4],
     /// By two coordinates k ≤ l and two control points in v.
     inner: [[[[f64; N]; N]; 4]; 4],
-}
-
-/// M control points in u, N in v.
-fn add_sized_squares<const N: usize>(
-    rule: &Rule,
-    m: usize,
-    d: &mut Derivatives,
-    mut residual: impl FnMut(usize, f64) -> PointResidual,
-) {
-    let basis: Vec<[f64; N]> = values(&rule.v);
-    let mut k = 0;
-    for ([a, _], wu) in rule.u.b.iter().zip(&rule.u.weights) {
-        let mut sums = Squares::<N>::zero();
-        for (b, wv) in basis.iter().zip(&rule.v.weights) {
-            sums.add(b, &residual(k, 2.0 * wu * wv));
-            k += 1;
-        }
-        sums.add_to(a, m, d);
-    }
-}
-
-/// B at the nodes.
-fn values<const N: usize>(basis: &Basis) -> Vec<[f64; N]> {
-    let at = |[b, _]: &[Vec<f64>; 2]| std::array::from_fn(|j| b[j]);
-    basis.b.iter().map(at).collect()
 }
 
 impl<const N: usize> Squares<N> {
@@ -123,8 +177,9 @@ impl<const N: usize> Squares<N> {
             weight,
         } = residual;
         for k in 0..4 {
-            let x: [f64; N] = std::array::from_fn(|j| weight * first[k] * b[j]);
+            let mut x = [0.0; N];
             for j in 0..N {
+                x[j] = weight * first[k] * b[j];
                 self.side[k][j] += r * x[j];
             }
             for l in k..4 {
@@ -176,120 +231,114 @@ impl Derivatives {
     }
 }
 
-/// The sums over v at one u. `inner` holds, by the orders (a, a′) in u and the coordinates (k, l),
-/// an N × N matrix; `side` by a and k a vector.
-fn over_v<const N: usize>(
-    locals: &[Local],
-    basis: &[[Vec<f64>; 2]],
-    inner: &mut [f64],
-    side: &mut [f64],
-) {
-    let (inner, side) = (inner.as_chunks_mut::<N>().0, side.as_chunks_mut::<N>().0);
-    let basis: Vec<[[f64; N]; 2]> = basis
-        .iter()
-        .map(|b| [0, 1].map(|order| std::array::from_fn(|j| b[order][j])))
-        .collect();
-    gradients_over_v(locals, &basis, side);
-    let all = || locals.iter().zip(&basis);
-    for k in 0..4 {
-        for l in k..4 {
-            let c = |local: &Local, s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
-            // By the orders in u: the sum of what multiplies B, and B′, from the left.
-            let mut put = |orders: usize, sum: [[f64; N]; N]| {
-                inner[(orders * 16 + 4 * k + l) * N..][..N].copy_from_slice(&sum)
-            };
-            put(
-                0,
-                sums(all().map(|(h, b)| (b, [c(h, 0, 0), c(h, 2, 0), c(h, 0, 2), c(h, 2, 2)]))),
-            );
-            put(
-                1,
-                sums(all().map(|(h, b)| (b, [c(h, 0, 1), c(h, 2, 1), 0.0, 0.0]))),
-            );
-            put(
-                2,
-                sums(all().map(|(h, b)| (b, [c(h, 1, 0), 0.0, c(h, 1, 2), 0.0]))),
-            );
-            put(
-                3,
-                sums(all().map(|(h, b)| (b, [c(h, 1, 1), 0.0, 0.0, 0.0]))),
-            );
-        }
-    }
-}
-
-/// The sums of gradients over v at one u.
-#[inline(always)]
-fn gradients_over_v<const N: usize>(
-    locals: &[Local],
-    basis: &[[[f64; N]; 2]],
-    side: &mut [[f64; N]],
-) {
-    side.fill([0.0; N]);
-    for (local, b) in locals.iter().zip(basis) {
-        for (s, &(a, bs)) in ORDERS.iter().enumerate() {
-            for k in 0..4 {
-                let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
-                for j in 0..N {
-                    out[j] += g * b[bs][j];
+impl Sums {
+    /// Sums over the nodes at one u.
+    #[inline(always)]
+    fn take<const N: usize>(&mut self, locals: &[Local], basis: &[[Vec<f64>; 2]]) {
+        self.take_gradients::<N>(locals, basis);
+        let inner = self.inner.as_chunks_mut::<N>().0;
+        for k in 0..4 {
+            for l in k..4 {
+                for (orders, sum) in second_sums::<N>(locals, basis, k, l).iter().enumerate() {
+                    inner[(orders * 16 + 4 * k + l) * N..][..N].copy_from_slice(sum);
                 }
             }
         }
     }
-}
 
-/// Σ (p B + q B′) Bᵀ + (r B + s B′) B′ᵀ over the nodes in v, with B, B′ and [p, q, r, s] at each.
-#[inline(always)]
-fn sums<'b, const N: usize>(
-    terms: impl Iterator<Item = (&'b [[f64; N]; 2], [f64; 4])>,
-) -> [[f64; N]; N] {
-    let mut sum = [[0.0; N]; N];
-    for ([b, d], [p, q, r, s]) in terms {
-        for i in 0..N {
-            let (x, y) = (p * b[i] + q * d[i], r * b[i] + s * d[i]);
-            for j in 0..N {
-                sum[i][j] += x * b[j] + y * d[j];
-            }
-        }
-    }
-    sum
-}
-
-/// Adds the sums over v at one u to the derivatives; m control points in u, N in v.
-fn over_u<const N: usize>(
-    a: &[Vec<f64>; 2],
-    m: usize,
-    inner: &[f64],
-    side: &[f64],
-    d: &mut Derivatives,
-) {
-    let (inner, side) = (inner.as_chunks::<N>().0, side.as_chunks::<N>().0);
-    let (gradient, hessian) = d.rows_of::<N>();
-    for k in 0..4 {
-        for i in 0..m {
-            for j in 0..N {
-                gradient[k * m + i][j] += a[0][i] * side[k][j] + a[1][i] * side[4 + k][j];
-            }
-        }
-        for l in k..4 {
-            let block = |orders: usize| &inner[(orders * 16 + 4 * k + l) * N..][..N];
-            let blocks = [block(0), block(1), block(2), block(3)];
-            for i in 0..m {
-                for i2 in 0..m {
-                    let f = [
-                        a[0][i] * a[0][i2],
-                        a[0][i] * a[1][i2],
-                        a[1][i] * a[0][i2],
-                        a[1][i] * a[1][i2],
-                    ];
+    #[inline(always)]
+    fn take_gradients<const N: usize>(&mut self, locals: &[Local], basis: &[[Vec<f64>; 2]]) {
+        let side = self.side.as_chunks_mut::<N>().0;
+        side.fill([0.0; N]);
+        for (local, b) in locals.iter().zip(basis) {
+            for (s, &(a, bs)) in ORDERS.iter().enumerate() {
+                let b: &[f64; N] = chunk(&b[bs]);
+                for k in 0..4 {
+                    let (g, out) = (local.gradient[4 * s + k], &mut side[a * 4 + k]);
                     for j in 0..N {
-                        let out = &mut hessian[(k * m * N + i * N + j) * 4 * m + l * m + i2];
-                        add_rows(out, f, blocks.map(|rows| &rows[j]));
+                        out[j] += g * b[j];
                     }
                 }
             }
         }
     }
+
+    /// Adds the sums to the derivatives, for B and B′ in u.
+    #[inline(always)]
+    fn add_to<const N: usize>(&self, a: &[Vec<f64>; 2], d: &mut Derivatives) {
+        let m = a[0].len();
+        let (inner, side) = (self.inner.as_chunks::<N>().0, self.side.as_chunks::<N>().0);
+        let (gradient, hessian) = d.rows_of::<N>();
+        for k in 0..4 {
+            for i in 0..m {
+                for j in 0..N {
+                    gradient[k * m + i][j] += a[0][i] * side[k][j] + a[1][i] * side[4 + k][j];
+                }
+            }
+            for l in k..4 {
+                let block = |orders: usize| &inner[(orders * 16 + 4 * k + l) * N..][..N];
+                let (b0, b1, b2, b3) = (block(0), block(1), block(2), block(3));
+                for i in 0..m {
+                    for i2 in 0..m {
+                        let f = [
+                            a[0][i] * a[0][i2],
+                            a[0][i] * a[1][i2],
+                            a[1][i] * a[0][i2],
+                            a[1][i] * a[1][i2],
+                        ];
+                        for j in 0..N {
+                            let out = &mut hessian[(k * m * N + i * N + j) * 4 * m + l * m + i2];
+                            add_rows(out, f, [&b0[j], &b1[j], &b2[j], &b3[j]]);
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn chunk<const N: usize>(values: &[f64]) -> &[f64; N] {
+    values.first_chunk().expect("N values")
+}
+
+/// The sums over the nodes at one u of the second derivatives by coordinates k and l of z, by the
+/// orders (a, a′) in u: with B and B′ at a node, and the derivative c(s, t) by kinds s and t,
+///
+/// ```text
+/// (0, 0)  (c(0,0) B + c(2,0) B′) Bᵀ + (c(0,2) B + c(2,2) B′) B′ᵀ
+/// (0, 1)  (c(0,1) B + c(2,1) B′) Bᵀ
+/// (1, 0)  c(1,0) B Bᵀ + c(1,2) B B′ᵀ
+/// (1, 1)  c(1,1) B Bᵀ
+/// ```
+#[inline(always)]
+fn second_sums<const N: usize>(
+    locals: &[Local],
+    basis: &[[Vec<f64>; 2]],
+    k: usize,
+    l: usize,
+) -> [[[f64; N]; N]; 4] {
+    let mut sums = [[[0.0; N]; N]; 4];
+    for (local, [b, d]) in locals.iter().zip(basis) {
+        let c = |s: usize, t: usize| local.hessian[4 * s + k][4 * t + l];
+        let (b, d): (&[f64; N], &[f64; N]) = (chunk(b), chunk(d));
+        for i in 0..N {
+            let x = [
+                c(0, 0) * b[i] + c(2, 0) * d[i],
+                c(0, 1) * b[i] + c(2, 1) * d[i],
+                c(1, 0) * b[i],
+                c(1, 1) * b[i],
+            ];
+            let y = [c(0, 2) * b[i] + c(2, 2) * d[i], c(1, 2) * b[i]];
+            for j in 0..N {
+                sums[0][i][j] += x[0] * b[j] + y[0] * d[j];
+                sums[1][i][j] += x[1] * b[j];
+                sums[2][i][j] += x[2] * b[j] + y[1] * d[j];
+                sums[3][i][j] += x[3] * b[j];
+            }
+        }
+    }
+    sums
 }
 
 /// Adds Σ f r over four rows.
