@@ -62,19 +62,23 @@ else
 fi
 # Property tests draw one set of cases, so that a change is judged by itself; --full draws new ones.
 if [ "$extent" = part ]; then export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-20261125}"; fi
-# Unit and property tests, the command line, who may use whom, the fuzzing corpus replayed, and the examples in the documentation.
-tests "tests" cargo test --workspace --locked --no-fail-fast
-# Tests that take minutes each.
+# Unit and property tests, the command line, who may use whom, the fuzzing corpus replayed, and the
+# examples in the documentation. As released, so that all is compiled once; the tools of this
+# repository apart, since they ask for other features of foreign crates.
+products=(--workspace --exclude isoform-docs --exclude isoform-measure)
+tests "tests" cargo test --release "${products[@]}" --locked --no-fail-fast
+tests "tests of tools" cargo test -p isoform-docs -p isoform-measure --locked --no-fail-fast
 if [ "$extent" = whole ]; then
+  tests "tests with assertions" cargo test "${products[@]}" --locked --no-fail-fast
+  # Tests that take minutes each.
   tests "random maps" cargo test --release --locked -p isoform --test random_maps -- --ignored
 fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-# With the examples and the Python package: each alone asks for other features of foreign crates,
-# and all would be compiled again.
-check "release" cargo build --release --locked --quiet \
-  -p isoform-cli -p isoform -p isoform-py --lib --bins --examples
+# The Python package is made below, with features of its own.
+check "release" cargo build --release "${products[@]}" --exclude isoform-py --locked --quiet \
+  --lib --bins --examples
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.
 check "site of the documentation" cargo run --quiet --locked -p isoform-docs -- build target/site
 # The viewer that pages embed is what its sources build.

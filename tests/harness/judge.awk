@@ -1,6 +1,7 @@
 # Judges the output of an acceptance script: awk -v suite=S -v extent=part|whole -v status=N
 # -f judge.awk EXPECTED_FAILURES LOG. Checks are lines `ok|FAIL  name  figure  (target)`. Prints a
-# line for each expected failure and for each fault, and last `counts PASSED FAILED`.
+# line for each expected failure and for each fault, and last `counts PASSED FAILED TIMED`: TIMED of
+# the failed ones are checks of a time, by their names.
 
 function fault(text) {
   printf "FAIL  %s\n", text
@@ -28,7 +29,10 @@ FNR == NR {
 END {
   for (name in failing) {
     if (name in reason) printf "known %s: %s\n", name, reason[name]
-    else unexpected += failing[name]
+    else {
+      unexpected += failing[name]
+      if (name ~ /(^|[ \/])(time|seconds|CPU s)( |$)/) timed += failing[name]
+    }
   }
   for (name in reason) {
     if (name in failing) continue
@@ -46,5 +50,5 @@ END {
     fault(suite ": ended without its summary, exit status " status)
     for (name in holding) held += holding[name]
   }
-  print "counts", held + 0, unexpected + faults
+  print "counts", held + 0, unexpected + faults, timed + 0
 }

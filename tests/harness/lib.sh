@@ -51,30 +51,47 @@ tests() {
 }
 # accept NAME SUITE part|whole COMMAND...: an acceptance script, whose checks are counted one by one.
 # Its last line must be its own summary, `SUITE: N of M hold`, and its exit status must agree with
-# that. Of a whole run all the suite's expected failures must be among the checks.
+# that. Of a whole run all the suite's expected failures must be among the checks. Where nothing but
+# times are missed, the script runs once more and that run counts: others may have used the machine.
 accept() {
-  local name=$1 suite=$2 extent=$3 log verdict status p f line
-  shift 3
+  local name=$1 verdict p f t line
   say "$name"
-  log=$(mktemp)
   verdict=$(mktemp)
+  judge "$verdict" "${@:2}"
+  read -r p f t < <(counts "$verdict")
+  if [ "$f" -gt 0 ] && [ "$t" -eq "$f" ]; then
+    printf 'again %s: %d times are missed, and nothing else\n' "$name" "$t"
+    judge "$verdict" "${@:2}"
+    read -r p f t < <(counts "$verdict")
+  fi
+  while read -r line; do
+    case $line in
+      "counts "*) ;;
+      "known "*) known+=("$2: ${line#known }"); printf '%s\n' "$line" ;;
+      *) printf '%s\n' "$line" ;;
+    esac
+  done <"$verdict"
+  rm -f "$verdict"
+  passed=$((passed + p))
+  failed=$((failed + f))
+  if [ "$f" -gt 0 ]; then failures+=("$name: $f checks"); fi
+}
+# counts VERDICT: checks passed, failed, and those of the failed that are times. Without its last line
+# the judge itself has failed.
+counts() {
+  awk '$1 == "counts" { p = $2; f = $3; t = $4; is_there = 1 }
+    END { print p + 0, is_there ? f : 1, t + 0 }' "$1"
+}
+# judge VERDICT SUITE part|whole COMMAND...: runs an acceptance script and writes what judge.awk says.
+judge() {
+  local verdict=$1 suite=$2 extent=$3 log status
+  shift 3
+  log=$(mktemp)
   "$@" | tee "$log" | grep -v '^ok '
   status=${PIPESTATUS[0]}
   awk -v suite="$suite" -v extent="$extent" -v status="$status" -f "$harness/judge.awk" \
     "$expected_failures" "$log" >"$verdict"
-  # Without its last line the judge itself has failed.
-  read -r p f < <(awk '$1 == "counts" { p = $2; f = $3; is_there = 1 } END { print p + 0, is_there ? f : 1 }' "$verdict")
-  while read -r line; do
-    case $line in
-      "counts "*) ;;
-      "known "*) known+=("$suite: ${line#known }"); printf '%s\n' "$line" ;;
-      *) printf '%s\n' "$line" ;;
-    esac
-  done <"$verdict"
-  rm -f "$log" "$verdict"
-  passed=$((passed + p))
-  failed=$((failed + f))
-  if [ "$f" -gt 0 ]; then failures+=("$name: $f checks"); fi
+  rm -f "$log"
 }
 # finish: the summary, and the exit status.
 finish() {
