@@ -1,8 +1,8 @@
 //! Points near an edge belong to each of its faces with some probability: fits with these as weights
 //! are not drawn over the edge, as fits to points sorted by the nearer surface are.
 
-use crate::chart::{Surface, unit};
-use crate::cloud::Cloud;
+use crate::chart::{Distances, Surface, unit};
+use crate::cloud::{Cloud, NEIGHBOURS};
 use crate::fit::mean;
 use crate::grow::WITHIN;
 use crate::segment::{APART, NONE};
@@ -21,6 +21,10 @@ const TANGENT: f64 = 0.9;
 /// Weights below this are left out.
 const LEAST: f64 = 1e-3;
 
+/// Points that one thread looks at together: fewer take longer to hand out, more leave threads
+/// without work at the end.
+const TOGETHER: usize = 1024;
+
 /// Points with their weights.
 pub(crate) type Shares = Vec<(u32, f64)>;
 
@@ -35,26 +39,19 @@ pub(crate) fn shares(
     noise: f64,
 ) -> Vec<Shares> {
     let faces = Faces::of(cloud, surfaces, labels, noise);
+    let parts: Vec<Vec<(u32, u32, f64)>> = labels
+        .par_chunks(TOGETHER)
+        .enumerate()
+        .map(|(part, labels)| {
+            let first = part * TOGETHER;
+            let mut shares = Vec::with_capacity(labels.len());
+            (first..first + labels.len()).for_each(|i| faces.add_shares(i, &mut shares));
+            shares
+        })
+        .collect();
     let mut shares = vec![Shares::new(); surfaces.len()];
-    for (i, own) in labels.iter().enumerate() {
-        if *own == NONE {
-            continue;
-        }
-        if is_inside(cloud, labels, i) {
-            shares[*own as usize].push((i as u32, 1.0));
-            continue;
-        }
-        let around = around(cloud, labels, i);
-        let likely: Vec<f64> = around
-            .iter()
-            .map(|label| faces.likelihood(&around, *label, i))
-            .collect();
-        let sum: f64 = likely.iter().sum();
-        for (label, l) in around.iter().zip(likely) {
-            if l > LEAST * sum {
-                shares[*label as usize].push((i as u32, l / sum));
-            }
-        }
+    for (label, i, share) in parts.into_iter().flatten() {
+        shares[label as usize].push((i, share));
     }
     shares
 }
@@ -99,19 +96,42 @@ fn is_inside(cloud: &Cloud, labels: &[u32], i: usize) -> bool {
     cloud.near(i as u32).iter().all(is_own)
 }
 
+/// Labels in ascending order, each once.
+#[derive(Default)]
+struct Labels {
+    all: [u32; NEIGHBOURS + 1],
+    count: usize,
+}
+
+impl Labels {
+    fn add(&mut self, label: u32) {
+        let at = self.iter().position(|l| *l >= label).unwrap_or(self.count);
+        if self.iter().nth(at) != Some(&label) {
+            self.all.copy_within(at..self.count, at + 1);
+            self.all[at] = label;
+            self.count += 1;
+        }
+    }
+
+    fn iter(&self) -> std::slice::Iter<'_, u32> {
+        self.all[..self.count].iter()
+    }
+}
+
 /// The labels of a point and its neighbours.
-fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Vec<u32> {
+fn around(cloud: &Cloud, labels: &[u32], i: usize) -> Labels {
     let near = cloud.near(i as u32).iter().map(|j| labels[*j as usize]);
-    let mut around: Vec<u32> = near.chain([labels[i]]).filter(|l| *l != NONE).collect();
-    around.sort_unstable();
-    around.dedup();
+    let mut around = Labels::default();
+    near.chain([labels[i]])
+        .filter(|l| *l != NONE)
+        .for_each(|l| around.add(l));
     around
 }
 
 /// Faces as they are now.
 struct Faces<'a> {
     cloud: &'a Cloud,
-    surfaces: &'a [Surface],
+    surfaces: Vec<Distances<'a>>,
     labels: &'a [u32],
     sides: Sides,
     noise: f64,
@@ -119,17 +139,41 @@ struct Faces<'a> {
 
 impl<'a> Faces<'a> {
     fn of(cloud: &'a Cloud, surfaces: &'a [Surface], labels: &'a [u32], noise: f64) -> Self {
+        let surfaces: Vec<Distances<'a>> = surfaces.iter().map(Surface::distances).collect();
         Self {
             cloud,
-            surfaces,
             labels,
-            sides: sides(cloud, surfaces, labels, noise),
+            sides: sides(cloud, &surfaces, labels, noise),
+            surfaces,
             noise,
         }
     }
 
+    /// Adds the surfaces on which a point may be, with the point and the probability of each.
+    fn add_shares(&self, i: usize, shares: &mut Vec<(u32, u32, f64)>) {
+        let own = self.labels[i];
+        if own == NONE {
+            return;
+        }
+        if is_inside(self.cloud, self.labels, i) {
+            shares.push((own, i as u32, 1.0));
+            return;
+        }
+        let around = around(self.cloud, self.labels, i);
+        let mut likely = [0.0; NEIGHBOURS + 1];
+        for (likely, label) in likely.iter_mut().zip(around.iter()) {
+            *likely = self.likelihood(&around, *label, i);
+        }
+        let sum: f64 = likely.iter().sum();
+        for (label, l) in around.iter().zip(likely) {
+            if l > LEAST * sum {
+                shares.push((*label, i as u32, l / sum));
+            }
+        }
+    }
+
     /// Whether two of some faces touch, or nearly do, about a point.
-    fn are_tangent(&self, around: &[u32], i: usize) -> bool {
+    fn are_tangent(&self, around: &Labels, i: usize) -> bool {
         let normal = |label: &u32| self.surfaces[*label as usize].normal(self.cloud.points[i]);
         let normals: Vec<Point3> = around.iter().map(normal).collect();
         let mut rest = normals.as_slice();
@@ -143,9 +187,9 @@ impl<'a> Faces<'a> {
     }
 
     /// How likely a point is on a surface: by its distance, and by whether its foot is on the face.
-    fn likelihood(&self, around: &[u32], label: u32, i: usize) -> f64 {
+    fn likelihood(&self, around: &Labels, label: u32, i: usize) -> f64 {
         let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
-        let r = surface.distance(p);
+        let r = surface.at(p);
         if r.abs() > WITHIN * self.noise {
             return 0.0;
         }
@@ -158,7 +202,7 @@ impl<'a> Faces<'a> {
                 before_contact(self.cloud, self.labels, i, [label, *other], [surface, next])
             } else {
                 let side = self.sides.get(&(*other, label));
-                side.map(|side| side * next.distance(foot))
+                side.map(|side| side * next.at(foot))
             };
             if let Some(inside) = inside {
                 likely /= 1.0 + (-inside / (EDGE * self.noise)).exp();
@@ -181,7 +225,7 @@ fn before_contact(
     labels: &[u32],
     i: usize,
     [own, other]: [u32; 2],
-    [first, second]: [&Surface; 2],
+    [first, second]: [&Distances<'_>; 2],
 ) -> Option<f64> {
     let p = cloud.points[i];
     let middle = |label: u32| {
@@ -192,21 +236,21 @@ fn before_contact(
     let way = unit(sub(middle(other)?, middle(own)?));
     let (m, n) = (first.normal(p), second.normal(p));
     let sign = dot(m, n).signum();
-    let difference = sign * second.distance(p) - first.distance(p);
+    let difference = sign * second.at(p) - first.at(p);
     let slope: f64 = (0..3).map(|k| (sign * n[k] - m[k]) * way[k]).sum();
     let length = 2.0 * difference / slope;
     length.is_finite().then_some(-length)
 }
 
 /// On which side of their neighbours' surfaces faces lie.
-fn sides(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Sides {
+fn sides(cloud: &Cloud, surfaces: &[Distances<'_>], labels: &[u32], noise: f64) -> Sides {
     let mut counts: BTreeMap<(u32, u32), [usize; 2]> = BTreeMap::new();
     for (i, own) in labels.iter().enumerate() {
         if *own == NONE || is_inside(cloud, labels, i) {
             continue;
         }
-        for other in around(cloud, labels, i) {
-            let r = surfaces[other as usize].distance(cloud.points[i]);
+        for other in around(cloud, labels, i).iter().copied() {
+            let r = surfaces[other as usize].at(cloud.points[i]);
             if other != *own && r.abs() > TELLING * noise {
                 counts.entry((other, *own)).or_default()[usize::from(r > 0.0)] += 1;
             }
@@ -224,4 +268,20 @@ fn sides(cloud: &Cloud, surfaces: &[Surface], labels: &[u32], noise: f64) -> Sid
     };
     let found = counts.into_iter().filter_map(|(k, c)| Some((k, side(c)?)));
     found.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_in_order_and_once() {
+        let mut labels = Labels::default();
+        [7, 2, 9, 2, 7, 0, 8]
+            .into_iter()
+            .for_each(|l| labels.add(l));
+        assert!(labels.iter().eq(&[0, 2, 7, 8, 9]));
+        (20..28).for_each(|l| labels.add(l));
+        assert_eq!(labels.count, NEIGHBOURS + 1);
+    }
 }

@@ -6,6 +6,7 @@ use crate::cloud::Cloud;
 use crate::grow::{Region, WITHIN};
 use crate::kinds::best_kind;
 use crate::share::Shares;
+use rayon::prelude::*;
 
 /// The most faces that an entity is taken apart into.
 const MOST: usize = 3;
@@ -87,25 +88,20 @@ pub(crate) fn split(
     let mut is_free = vec![false; cloud.points.len()];
     members.iter().for_each(|i| is_free[*i as usize] = true);
     let mut parts: Vec<Region> = Vec::new();
-    let (mut left, mut failed) = (members.to_vec(), 0);
-    while parts.len() < MOST && failed < SEEDS && !left.is_empty() {
+    let mut left = members.to_vec();
+    while parts.len() < MOST && !left.is_empty() {
         // Places evenly over what is left: the points are sorted by their coordinates.
-        let seed = left[(2 * failed + 1) * left.len() / (2 * SEEDS)];
-        let region = best_region(cloud, seed, kinds, noise, Known::default(), &|i| {
-            is_free[i as usize]
+        let seed = |k: usize| left[(2 * k + 1) * left.len() / (2 * SEEDS)];
+        let is_open = |i: u32| is_free[i as usize];
+        let region = (0..SEEDS).into_par_iter().find_map_first(|k| {
+            best_region(cloud, seed(k), kinds, noise, Known::default(), &is_open)
         });
-        match region {
-            Some(region) => {
-                region
-                    .points
-                    .iter()
-                    .for_each(|i| is_free[*i as usize] = false);
-                left.retain(|i| is_free[*i as usize]);
-                parts.push(region);
-                failed = 0;
-            }
-            None => failed += 1,
+        let Some(region) = region else { break };
+        for i in &region.points {
+            is_free[*i as usize] = false;
         }
+        left.retain(|i| is_free[*i as usize]);
+        parts.push(region);
     }
     let explained = (members.len() - left.len()) as f64;
     let is_whole = parts.len() > 1 && explained >= EXPLAINED * members.len() as f64;

@@ -10,6 +10,7 @@ use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation, directions};
 use crate::start::Line;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, cross, dot, norm, sub};
+use rayon::prelude::*;
 
 /// The sections of surfaces about an axis, by a half plane through it.
 const ROUND: [(Shape, Kind); 5] = [
@@ -147,15 +148,21 @@ impl Segmentation {
         let noise = self.noise;
         let length = |s: &Self| s.length(cloud, noise);
         let (mut least, mut is_new) = (length(self), false);
-        for sweep in self.sweeps() {
-            control.check()?;
-            let Some(other) = self.cut(cloud, limits, &sweep) else {
-                continue;
+        let sweeps = self.sweeps();
+        let mut next = 0;
+        loop {
+            let shorter = |k: usize| {
+                let is_open = !control.is_stopped();
+                let other = is_open.then(|| self.cut(cloud, limits, &sweeps[k]))??;
+                let found = length(&other);
+                (found + GAIN < least).then_some((k, other, found))
             };
-            let found = length(&other);
-            if found + GAIN < least {
-                (*self, least, is_new) = (other, found, true);
-            }
+            let first = (next..sweeps.len()).into_par_iter().find_map_first(shorter);
+            control.check()?;
+            let Some((k, other, found)) = first else {
+                break;
+            };
+            (*self, least, is_new, next) = (other, found, true, k + 1);
         }
         if is_new {
             let mut settled = self.clone();

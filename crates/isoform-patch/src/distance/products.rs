@@ -114,7 +114,7 @@ impl Products {
                         chunk(q2, from),
                         chunk(q3, from),
                     ];
-                    // Sums by value: what is written behind a reference might be read through others.
+                    // By value: what is written through a reference may be read through others.
                     let (mut sums, mut thirds) =
                         (*chunk::<N>(&products, to), *chunk::<N>(&cubes, to));
                     for l in 0..N {

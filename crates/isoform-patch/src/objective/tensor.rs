@@ -42,8 +42,8 @@ pub(super) fn add_squares(
     }
 }
 
-/// Adds the sums over the nodes of a rule of what `locals` adds to those at one u, for their numbers
-/// and weights; none where that is none.
+/// Adds the sums over the nodes of a rule of what `locals` adds to the nodes at one u, for their
+/// numbers and weights; none where that is none.
 pub(super) fn add_locals(
     rule: &Rule,
     d: &mut Derivatives,
