@@ -76,7 +76,7 @@ fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-# The Python package is made below, with features of its own.
+# pip makes the Python package below, with the crates compiled here.
 check "release" cargo build --release "${products[@]}" --exclude isoform-py --locked --quiet \
   --lib --bins --examples
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.

@@ -31,7 +31,7 @@ END {
     if (name in reason) printf "known %s: %s\n", name, reason[name]
     else {
       unexpected += failing[name]
-      if (name ~ /(^|[ \/])(time|seconds|CPU s)( |$)/) timed += failing[name]
+      if (name ~ /(^|[ \/])(time|seconds|CPU s)( to peers, (median|longest))?$/) timed += failing[name]
     }
   }
   for (name in reason) {

@@ -39,7 +39,7 @@ pub(crate) struct Args {
     /// The degree of the polynomials in each variable
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(2..=5))]
     degree: u8,
-    /// At most this many cells hold points, all of one size
+    /// At most this many cells hold points, all of one size; no more than half the points
     #[arg(long, value_name = "N", conflicts_with = "tol", value_parser = clap::value_parser!(u32).range(1..))]
     cells: Option<u32>,
     /// Smaller cells where points are farther than this from the surface
@@ -97,6 +97,12 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         Some(path) if path == Path::new("-") => stdout = file,
         Some(path) => output::write_file(path, &file)?,
         None => {}
+    }
+    if args
+        .cells
+        .is_some_and(|cells| cells as usize > report.points / 2)
+    {
+        context.warn("--cells: cells are at most half as many as points");
     }
     say(&report, context);
     Ok(Outcome::of(

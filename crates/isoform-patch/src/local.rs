@@ -23,12 +23,12 @@ pub(crate) struct Local {
 
 isoform_num::dispatch! {
     /// Adds the integrands of the shape terms at some nodes, each with its weight.
-    pub(crate) fn add_shapes(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) =
-        add_shapes_body
+    pub(crate) fn add_shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) =
+        shapes_at
 }
 
 #[inline(always)]
-fn add_shapes_body(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) {
+fn shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) {
     for ((node, weight), local) in nodes.iter().zip(weights).zip(to) {
         local.add_shape(node, shape, *weight);
     }
@@ -36,23 +36,17 @@ fn add_shapes_body(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Loc
 
 isoform_num::dispatch! {
     /// Adds I's integrand at some nodes, each with its weight, by Gauss-Newton.
-    pub(crate) fn add_distances(
+    pub(crate) fn add_distances_at(
         nodes: &[Node],
         jets: &[Jet2],
         method: Method,
         weights: &[f64],
         to: &mut [Local],
-    ) = add_distances_body
+    ) = distances_at
 }
 
 #[inline(always)]
-fn add_distances_body(
-    nodes: &[Node],
-    jets: &[Jet2],
-    method: Method,
-    weights: &[f64],
-    to: &mut [Local],
-) {
+fn distances_at(nodes: &[Node], jets: &[Jet2], method: Method, weights: &[f64], to: &mut [Local]) {
     for (((node, jet), weight), local) in nodes.iter().zip(jets).zip(weights).zip(to) {
         local.add_distance(node, jet, None, method, *weight);
     }
@@ -94,7 +88,7 @@ impl Local {
 
     /// Adds the integrands of L and R, and that of J where J is an integral.
     #[inline(always)]
-    pub(crate) fn add_shape(&mut self, node: &Node, shape: &Shape, weight: f64) {
+    fn add_shape(&mut self, node: &Node, shape: &Shape, weight: f64) {
         let (targets, factors) = (&shape.targets, &shape.weights);
         let r = node.residuals(targets);
         if !shape.is_by_control {

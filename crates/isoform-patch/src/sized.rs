@@ -1,7 +1,13 @@
 //! Loops over the control points of a row, with their number as a constant.
 
+/// The first N of some values, of which there are at least as many.
+#[inline(always)]
+pub(crate) fn chunk<const N: usize>(values: &[f64]) -> &[f64; N] {
+    values.first_chunk().expect("N values")
+}
+
 /// Calls a function with the number of control points in a row as a constant, which lets its loops
-/// be unrolled. The number is 1 to 9, the most that [`crate::MOST_DEGREE`] allows.
+/// be unrolled. The number is from 1 to [`crate::MOST_DEGREE`] + 1.
 macro_rules! sized {
     ($n:expr, $f:ident($($argument:expr),*)) => {
         match $n {
@@ -13,7 +19,8 @@ macro_rules! sized {
             6 => $f::<6>($($argument),*),
             7 => $f::<7>($($argument),*),
             8 => $f::<8>($($argument),*),
-            _ => $f::<9>($($argument),*),
+            9 => $f::<9>($($argument),*),
+            _ => unreachable!("degrees were checked"),
         }
     };
 }

@@ -39,18 +39,17 @@ pub(crate) fn shares(
     noise: f64,
 ) -> Vec<Shares> {
     let faces = Faces::of(cloud, surfaces, labels, noise);
-    let parts: Vec<Vec<(u32, u32, f64)>> = labels
-        .par_chunks(TOGETHER)
-        .enumerate()
-        .map(|(part, labels)| {
-            let first = part * TOGETHER;
-            let mut shares = Vec::with_capacity(labels.len());
-            (first..first + labels.len()).for_each(|i| faces.add_shares(i, &mut shares));
-            shares
+    // By threads, in the order of points.
+    let found: Vec<Vec<(u32, u32, f64)>> = (0..labels.len())
+        .into_par_iter()
+        .with_min_len(TOGETHER)
+        .fold(Vec::new, |mut found, i| {
+            faces.add_shares(i, &mut found);
+            found
         })
         .collect();
     let mut shares = vec![Shares::new(); surfaces.len()];
-    for (label, i, share) in parts.into_iter().flatten() {
+    for (label, i, share) in found.into_iter().flatten() {
         shares[label as usize].push((i, share));
     }
     shares
@@ -105,8 +104,7 @@ struct Labels {
 
 impl Labels {
     fn add(&mut self, label: u32) {
-        let at = self.iter().position(|l| *l >= label).unwrap_or(self.count);
-        if self.iter().nth(at) != Some(&label) {
+        if let Err(at) = self.all[..self.count].binary_search(&label) {
             self.all.copy_within(at..self.count, at + 1);
             self.all[at] = label;
             self.count += 1;

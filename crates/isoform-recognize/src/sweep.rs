@@ -151,9 +151,13 @@ impl Segmentation {
         let sweeps = self.sweeps();
         let mut next = 0;
         loop {
+            // Side by side: the first that shortens the description is taken, and those after it
+            // are tried again.
             let shorter = |k: usize| {
-                let is_open = !control.is_stopped();
-                let other = is_open.then(|| self.cut(cloud, limits, &sweeps[k]))??;
+                if control.is_stopped() {
+                    return None;
+                }
+                let other = self.cut(cloud, limits, &sweeps[k])?;
                 let found = length(&other);
                 (found + GAIN < least).then_some((k, other, found))
             };

@@ -25,7 +25,7 @@ pub enum Fineness {
     /// Until points that are left out are met no better: as fine as the data can tell.
     #[default]
     Data,
-    /// At most this many cells hold data.
+    /// At most this many cells hold data, and no more than half as many as there are points.
     Cells(usize),
     /// Until the points of every cell lie this close to the surface, as a root mean square, but no
     /// finer than the data can tell.
@@ -439,6 +439,9 @@ impl Lattice {
         let Fineness::Cells(cells) = options.fineness else {
             return Self::around(bounds, size, longest / COARSEST, 0);
         };
+        // Where every point has a cell of its own, smaller cells are no more of them, but far
+        // more lie between.
+        let cells = cells.min(points.len() / PER_CELL[0]);
         let mut finest = spacing_for(points, bounds, cells);
         loop {
             let depth = (longest / (COARSEST * finest)).log2().ceil().max(0.0) as u32;

@@ -68,6 +68,17 @@ fn errors_fall_with_the_fourth_power_of_the_spacing() {
 }
 
 #[test]
+fn cells_are_at_most_half_as_many_as_points() {
+    let (points, normals) = torus(1000, 4);
+    let made = fitted(
+        &points,
+        Normals::Given(&normals),
+        Fineness::Cells(usize::MAX),
+    );
+    assert!((400..=500).contains(&made.spline.data_cells()));
+}
+
+#[test]
 fn inside_is_positive_and_unknown_normals_are_found() {
     let (points, normals) = torus(6000, 3);
     let mut random = Random::new(5);

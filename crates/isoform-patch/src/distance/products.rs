@@ -2,7 +2,7 @@
 
 use crate::MOST_DEGREE;
 use crate::compose::binomial;
-use crate::sized::sized;
+use crate::sized::{chunk, sized};
 
 /// Tables for products of polynomials of degree (m, n).
 pub(super) struct Products {
@@ -58,13 +58,9 @@ impl Products {
     }
 
     /// The coefficients of Σₖ aₖ Σᵢ aᵢ bᵢₖ, of degree (3m, 3n), each with that of the cube of the
-    /// last of a. By control point, `a` holds four polynomials, and `b` four times four of them,
-    /// which stand as bᵢ.
+    /// last of a: `a[c][k]` is coefficient c of aₖ, `b[c][i][k]` that of bᵢₖ.
     pub(super) fn of(&self, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
-        let (m, n) = self.degree;
-        let mut out = vec![[0.0; 2]; (3 * m + 1) * (3 * n + 1)];
-        fill(self, a, b, &mut out);
-        out
+        sums(self, a, b)
     }
 
     #[inline(always)]
@@ -91,86 +87,78 @@ impl Products {
         }
         Pairs { products, squares }
     }
-
-    /// Products of pairs with one more, for N coefficients in v at a time.
-    #[inline(always)]
-    fn times_one_more<const N: usize>(&self, two: &Pairs, a: &[Four], out: &mut [[f64; 2]]) {
-        let (m, n) = self.degree;
-        let size = out.len();
-        let (mut products, mut cubes) = (vec![0.0; size], vec![0.0; size]);
-        // By coordinate, in place of by control point.
-        let row = |k: usize| -> Vec<f64> { a.iter().map(|p| p[k]).collect() };
-        let rows = [row(0), row(1), row(2), row(3)];
-        for (at, (p, square)) in two.products.iter().zip(&two.squares).enumerate() {
-            let (i, j) = (at / (2 * n + 1), at % (2 * n + 1));
-            for (k, fu) in self.three[0][i].iter().enumerate().take(m + 1) {
-                for l in (0..=n).step_by(N) {
-                    let fv: &[f64; N] = chunk(&self.three[1][j], l);
-                    let (from, to) = (k * (n + 1) + l, (i + k) * (3 * n + 1) + j + l);
-                    let [q0, q1, q2, q3] = &rows;
-                    let q: [&[f64; N]; 4] = [
-                        chunk(q0, from),
-                        chunk(q1, from),
-                        chunk(q2, from),
-                        chunk(q3, from),
-                    ];
-                    // By value: what is written through a reference may be read through others.
-                    let (mut sums, mut thirds) =
-                        (*chunk::<N>(&products, to), *chunk::<N>(&cubes, to));
-                    for l in 0..N {
-                        sums[l] += fu * fv[l] * product(p, q, l);
-                        thirds[l] += fu * fv[l] * square * q[3][l];
-                    }
-                    products[to..to + N].copy_from_slice(&sums);
-                    cubes[to..to + N].copy_from_slice(&thirds);
-                }
-            }
-        }
-        for (out, (product, cube)) in out.iter_mut().zip(products.into_iter().zip(cubes)) {
-            *out = [product, cube];
-        }
-    }
 }
 
 isoform_num::dispatch! {
-    /// [`Products::of`] into `out`.
-    fn fill(products: &Products, a: &[Four], b: &[[Four; 4]], out: &mut [[f64; 2]]) = fill_body
+    /// See [`Products::of`].
+    fn sums(products: &Products, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> = sums_body
 }
 
 #[inline(always)]
-fn fill_body(products: &Products, a: &[Four], b: &[[Four; 4]], out: &mut [[f64; 2]]) {
+fn sums_body(products: &Products, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
     let two = products.pairs(a, b);
     // Patches that others made may have any degree.
     let count = products.degree.1 + 1;
     let count = if count <= MOST_DEGREE + 1 { count } else { 1 };
-    sized!(count, times_one_more(products, &two, a, out));
+    sized!(count, times_one_more(products, &two, a))
 }
 
+/// Products of pairs with one more, for N coefficients in v at a time.
 #[inline(always)]
-fn times_one_more<const N: usize>(
-    products: &Products,
-    two: &Pairs,
-    a: &[Four],
-    out: &mut [[f64; 2]],
-) {
-    products.times_one_more::<N>(two, a, out);
-}
-
-#[inline(always)]
-fn chunk<const N: usize>(row: &[f64], start: usize) -> &[f64; N] {
-    row[start..].first_chunk().expect("as many are left")
+fn times_one_more<const N: usize>(products: &Products, two: &Pairs, a: &[Four]) -> Vec<[f64; 2]> {
+    let (m, n) = products.degree;
+    let size = (3 * m + 1) * (3 * n + 1);
+    let (mut sums, mut cubes) = (vec![0.0; size], vec![0.0; size]);
+    // By coordinate, in place of by control point.
+    let row = |k: usize| -> Vec<f64> { a.iter().map(|p| p[k]).collect() };
+    let [q0, q1, q2, q3] = [row(0), row(1), row(2), row(3)];
+    for (at, (p, square)) in two.products.iter().zip(&two.squares).enumerate() {
+        let (i, j) = (at / (2 * n + 1), at % (2 * n + 1));
+        for (k, fu) in products.three[0][i].iter().enumerate() {
+            for l in (0..=n).step_by(N) {
+                let fv: &[f64; N] = chunk(&products.three[1][j][l..]);
+                let (from, to) = (k * (n + 1) + l, (i + k) * (3 * n + 1) + j + l);
+                let q: [&[f64; N]; 4] = [
+                    chunk(&q0[from..]),
+                    chunk(&q1[from..]),
+                    chunk(&q2[from..]),
+                    chunk(&q3[from..]),
+                ];
+                // Copies: the compiler knows then that to write sums changes nothing that is read.
+                let mut sum: [f64; N] = *chunk(&sums[to..]);
+                let mut cube: [f64; N] = *chunk(&cubes[to..]);
+                for l in 0..N {
+                    sum[l] += fu * fv[l] * product(p, q, l);
+                    cube[l] += fu * fv[l] * square * q[3][l];
+                }
+                sums[to..to + N].copy_from_slice(&sum);
+                cubes[to..to + N].copy_from_slice(&cube);
+            }
+        }
+    }
+    sums.into_iter()
+        .zip(cubes)
+        .map(|(sum, cube)| [sum, cube])
+        .collect()
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    /// Degrees of patches that are made here, and one that only others have.
     #[test]
     fn products_are_products() {
-        let products = Products::new((2, 1));
+        for degree in [(2, 1), (1, 3), (3, 8), (1, 10)] {
+            products_are_right(degree);
+        }
+    }
+
+    fn products_are_right((m, n): (usize, usize)) {
+        let products = Products::new((m, n));
         let list = |seed: f64| -> Vec<[f64; 4]> {
-            (0..6)
-                .map(|i| std::array::from_fn(|k| (seed + f64::from(i) * 1.3 + k as f64).sin()))
+            (0..(m + 1) * (n + 1))
+                .map(|i| std::array::from_fn(|k| (seed + i as f64 * 1.3 + k as f64).sin()))
                 .collect()
         };
         let a = list(0.2);
@@ -187,19 +175,20 @@ mod tests {
                 })
                 .sum::<f64>()
         };
-        // Four times the same list with other seeds.
-        let all: Vec<[[f64; 4]; 4]> = (0..6)
+        // The list four times, with other seeds.
+        let all: Vec<[[f64; 4]; 4]> = (0..a.len())
             .map(|i| [0.9, 0.4, 2.1, 3.3].map(|seed| list(seed)[i]))
             .collect();
         let product = products.of(&a, &all);
-        let of_a = |k: usize| value(&|i| a[i][k], 2, 1);
+        let of_a = |k: usize| value(&|i| a[i][k], m, n);
         let want: f64 = (0..4)
             .map(|k| {
-                let scalar = |l: usize| of_a(l) * value(&|i| all[i][l][k], 2, 1);
+                let scalar = |l: usize| of_a(l) * value(&|i| all[i][l][k], m, n);
                 of_a(k) * (0..4).map(scalar).sum::<f64>()
             })
             .sum();
-        assert!((value(&|i| product[i][0], 6, 3) - want).abs() < 1e-14);
-        assert!((value(&|i| product[i][1], 6, 3) - of_a(3).powi(3)).abs() < 1e-14);
+        let got = |k: usize| value(&|i| product[i][k], 3 * m, 3 * n);
+        assert!((got(0) - want).abs() < 1e-14, "({m}, {n})");
+        assert!((got(1) - of_a(3).powi(3)).abs() < 1e-14, "({m}, {n})");
     }
 }

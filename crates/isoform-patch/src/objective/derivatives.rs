@@ -2,7 +2,7 @@
 
 use super::tensor::{PointResidual, add_locals, add_squares};
 use super::{Derivatives, Evaluated, Objective};
-use crate::local::{add_distances, add_shapes};
+use crate::local::{add_distances_at, add_shapes_at};
 use crate::terms::{CORNERS, K, Method};
 use isoform_geom::{RationalPatch, sub};
 
@@ -23,7 +23,7 @@ impl Objective<'_> {
         if let Some(rule) = &self.shape_rule {
             let shape = self.shape();
             add_locals(rule, &mut d, |row, weights, locals| {
-                add_shapes(&at.samples.shape[row], &shape, weights, locals);
+                add_shapes_at(&at.samples.shape[row], &shape, weights, locals);
                 Some(())
             })?;
         }
@@ -63,10 +63,10 @@ impl Objective<'_> {
                     locals[i].add_distance(&nodes[i], jet, third, self.method, factors[i]);
                 }
             } else {
-                add_distances(nodes, jets, self.method, &factors, locals);
+                add_distances_at(nodes, jets, self.method, &factors, locals);
             }
             if self.shape_rule.is_none() {
-                add_shapes(nodes, &shape, weights, locals);
+                add_shapes_at(nodes, &shape, weights, locals);
             }
             Some(())
         })

@@ -7,7 +7,7 @@
 use super::Derivatives;
 use super::quadrature::Rule;
 use crate::local::Local;
-use crate::sized::sized;
+use crate::sized::{chunk, sized};
 use std::ops::Range;
 
 /// Kinds of numbers in z: p*, p*ᵤ, p*ᵥ.
@@ -42,8 +42,8 @@ pub(super) fn add_squares(
     }
 }
 
-/// Adds the sums over the nodes of a rule of what `locals` adds to the nodes at one u, for their
-/// numbers and weights; none where that is none.
+/// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their numbers and
+/// weights and adds what they have; `None` where it gives `None`.
 pub(super) fn add_locals(
     rule: &Rule,
     d: &mut Derivatives,
@@ -115,7 +115,7 @@ fn row_of_locals(
     );
 }
 
-/// M control points in u, N in v.
+/// Of N control points in v.
 #[inline(always)]
 fn sized_row_of_squares<const N: usize>(
     residuals: &[PointResidual],
@@ -127,10 +127,10 @@ fn sized_row_of_squares<const N: usize>(
     for ([b, _], residual) in basis.iter().zip(residuals) {
         sums.add(chunk(b), residual);
     }
-    sums.add_to(a, a.len(), d);
+    sums.add_to(a, d);
 }
 
-/// M control points in u, N in v.
+/// Of N control points in v.
 #[inline(always)]
 fn sized_row_of_locals<const N: usize>(
     locals: &[Local],
@@ -195,7 +195,8 @@ impl<const N: usize> Squares<N> {
 
     /// Adds the sums to the derivatives, for the basis a in u.
     #[inline(always)]
-    fn add_to(&self, a: &[f64], m: usize, d: &mut Derivatives) {
+    fn add_to(&self, a: &[f64], d: &mut Derivatives) {
+        let m = a.len();
         let (gradient, hessian) = d.rows_of::<N>();
         for k in 0..4 {
             for i in 0..m {
@@ -295,11 +296,6 @@ impl Sums {
             }
         }
     }
-}
-
-#[inline(always)]
-fn chunk<const N: usize>(values: &[f64]) -> &[f64; N] {
-    values.first_chunk().expect("N values")
 }
 
 /// The sums over the nodes at one u of the second derivatives by coordinates k and l of z, by the

@@ -70,7 +70,7 @@ def implicitize(
     tol : float, optional
         Smaller cells where points are farther than this from the surface.
     cells : int, optional
-        At most this many cells hold points, all of one size.
+        At most this many cells hold points, all of one size; no more than half the points.
     polynomial : int, optional
         One polynomial of at most this total degree in the place of a spline.
     normals : str
