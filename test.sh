@@ -76,9 +76,9 @@ fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
 check "functions that fit" cargo run --quiet --locked -p isoform-measure
 check "documentation" env RUSTDOCFLAGS="-D warnings" cargo doc --workspace --no-deps --locked --quiet
-# pip makes the Python package below, with the crates compiled here.
-check "release" cargo build --release "${products[@]}" --exclude isoform-py --locked --quiet \
-  --lib --bins --examples
+# Of the packages that were tested: of others, features of foreign crates differ, and all would be
+# compiled again; pip, too, takes these crates below.
+check "release" cargo build --release "${products[@]}" --locked --quiet --lib --bins --examples
 # Pages of docs/ as a site: its links lead somewhere, and each page is found.
 check "site of the documentation" cargo run --quiet --locked -p isoform-docs -- build target/site
 # The viewer that pages embed is what its sources build.
