@@ -42,8 +42,8 @@ pub(super) fn add_squares(
     }
 }
 
-/// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their numbers and
-/// weights and adds what they have; `None` where it gives `None`.
+/// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their numbers
+/// and weights and adds what they have; `None` where it gives `None`.
 pub(super) fn add_locals(
     rule: &Rule,
     d: &mut Derivatives,
