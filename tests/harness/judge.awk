@@ -27,11 +27,12 @@ FNR == NR {
 /^ok / { holding[name_of($0)]++ }
 
 END {
+  of_time = "(^|[ /])(time|seconds|CPU s)( to peers, (median|longest))?$"
   for (name in failing) {
     if (name in reason) printf "known %s: %s\n", name, reason[name]
     else {
       unexpected += failing[name]
-      if (name ~ /(^|[ \/])(time|seconds|CPU s)( to peers, (median|longest))?$/) timed += failing[name]
+      if (name ~ of_time) timed += failing[name]
     }
   }
   for (name in reason) {

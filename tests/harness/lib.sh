@@ -68,8 +68,8 @@ accept() {
     judge "$verdict" "${@:2}"
     read -r p f t < <(counts "$verdict")
     if [ $((p + f)) -lt "$all" ]; then
+      printf 'FAIL  %s: %d checks, %d in the first run\n' "$name" $((p + f)) "$all"
       f=$((f + 1))
-      printf 'FAIL  %s: %d checks, %d in the first run\n' "$name" $((p + f - 1)) "$all"
     fi
   fi
   while read -r line; do
@@ -90,7 +90,8 @@ counts() {
   awk '$1 == "counts" { p = $2; f = $3; t = $4; is_there = 1 }
     END { print p + 0, is_there ? f : 1, t + 0 }' "$1"
 }
-# judge VERDICT SUITE part|whole COMMAND...: runs an acceptance script and writes what judge.awk says.
+# judge VERDICT SUITE part|whole COMMAND...: runs an acceptance script, and writes what judge.awk
+# says of it.
 judge() {
   local verdict=$1 suite=$2 extent=$3 log status
   shift 3

@@ -68,8 +68,8 @@ counted "a part without the listed check" "1 0 0 0" x 0 "ok    a  1" "accept_x: 
 counted "a whole run without the listed check" "1 1 0 0" whole_x 0 "ok    a  1" "accept_x: 1 of 1 hold"
 counted "a whole run with it" "1 0 1 0" whole_x 1 "ok    a  1" "$listed" "accept_x: 1 of 2 hold"
 
-# in_turn FILE -- STATUS LINE... -- STATUS LINE...: ends in its first run as the first list says, then
-# as the second.
+# in_turn FILE -- STATUS LINE... -- STATUS LINE...: ends in its first run as the first list says,
+# then as the second.
 in_turn() {
   local file=$1 first=()
   shift 2
@@ -86,7 +86,8 @@ counted "a time missed once" "2 0 0 0" twice "${slow_run[@]}" -- "${good_run[@]}
 counted "a time missed twice" "1 1 0 0" twice "${slow_run[@]}" -- "${slow_run[@]}"
 counted "another check missed then" "1 1 0 0" twice "${slow_run[@]}" -- "${bad_run[@]}"
 counted "no end then" "1 1 0 0" twice "${slow_run[@]}" -- 1 "ok    b  1"
-counted "fewer checks then" "1 1 0 0" twice "${slow_run[@]}" -- 0 "ok    b  1" "accept_x: 1 of 1 hold"
+counted "fewer checks then" "1 1 0 0" \
+  twice "${slow_run[@]}" -- 0 "ok    b  1" "accept_x: 1 of 1 hold"
 counted "another check missed first" "1 1 0 0" twice "${bad_run[@]}" -- "${good_run[@]}"
 counted "a time and another check missed" "0 2 0 0" \
   twice 1 "$slow" "FAIL  b  2" "accept_x: 0 of 2 hold" -- "${good_run[@]}"
