@@ -71,7 +71,7 @@ tests "tests of tools" cargo test -p isoform-docs -p isoform-measure --locked --
 if [ "$extent" = whole ]; then
   tests "tests with assertions" cargo test "${products[@]}" --locked --no-fail-fast
   # Tests that take minutes each.
-  tests "random maps" cargo test --release --locked -p isoform --test random_maps -- --ignored
+  tests "random maps" cargo test --release --locked -p isoform --test it random_maps:: -- --ignored
 fi
 # Tokens and branches of the functions; tests/long_functions.txt names the tables that may be long.
 check "functions that fit" cargo run --quiet --locked -p isoform-measure

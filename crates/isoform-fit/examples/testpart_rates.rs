@@ -4,7 +4,8 @@
 //! `cargo run --release -p isoform-fit --example testpart_rates [variant ...]`; RAYON_NUM_THREADS=1
 //! for times on one core.
 
-#[path = "../tests/support/mod.rs"]
+#[allow(dead_code, reason = "the tests use the rest")]
+#[path = "../tests/it/support.rs"]
 mod support;
 
 use isoform_fit::{Control, Fit, Options, fit};

@@ -1,0 +1,18 @@
+//! The integration tests of this crate, as one binary.
+
+mod breaks;
+mod brep;
+mod common;
+mod domains;
+mod eval;
+mod fit;
+mod implicitize;
+mod kinds;
+mod mesh;
+mod parameterize;
+mod recognize;
+mod render;
+mod serve;
+mod solids;
+mod triangulate;
+mod view;

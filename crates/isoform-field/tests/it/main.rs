@@ -1,0 +1,7 @@
+//! The integration tests of this crate, as one binary.
+
+mod distance;
+mod evaluators;
+mod hyperfun_golden;
+mod hyperfun_properties;
+mod pieces;

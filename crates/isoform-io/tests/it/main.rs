@@ -1,0 +1,11 @@
+//! The integration tests of this crate, as one binary.
+
+mod common;
+mod corpus;
+mod formats;
+mod hostile;
+mod meshes;
+mod round_trip;
+mod solids;
+mod step;
+mod three_mf;

@@ -1,0 +1,8 @@
+//! The integration tests of this crate, as one binary.
+
+mod clouds;
+mod facets;
+mod form;
+mod parts;
+mod patterns;
+mod shafts;

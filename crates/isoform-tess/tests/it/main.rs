@@ -1,0 +1,13 @@
+//! The integration tests of this crate, as one binary.
+
+mod analysis;
+mod claims;
+mod common;
+mod control;
+mod domains;
+mod double;
+mod improper;
+mod maps;
+mod patches;
+mod surfaces;
+mod zoo;

@@ -1,0 +1,13 @@
+//! The integration tests of this crate, as one binary.
+
+mod bias;
+mod direction;
+mod exact_solids;
+mod features;
+mod fit_chunks;
+mod fit_scan;
+mod moved_maps;
+mod part_names;
+mod proposed;
+mod random_maps;
+mod support;

@@ -1,0 +1,402 @@
+//! Random maps with small coefficients through the whole façade: slow, so asked for by
+//! `ISOFORM_RANDOM_MAPS=10000 ISOFORM_RANDOM_SECONDS=0.5 cargo test --release -p isoform --test it
+//! random_maps:: -- --ignored --nocapture` (how many, and the seconds each may take;
+//! `ISOFORM_RANDOM_FIRST` says where to begin).
+
+use isoform::Control;
+use isoform::triangulate_map;
+use isoform_algebra::RBig;
+use isoform_check::{Options, certify};
+use isoform_geom::{Mesh, Point3, cross, distance_to_segment, dot, norm, sub};
+use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions};
+use std::collections::BTreeMap;
+use std::ops::Range;
+use std::panic::AssertUnwindSafe;
+use std::time::{Duration, Instant};
+
+/// A polynomial of a degree with small coefficients, most of them zero.
+fn polynomial(rng: &mut fastrand::Rng, degree: usize) -> String {
+    let mut text = String::new();
+    for i in 0..=degree {
+        for j in 0..=degree - i {
+            let c = if rng.u8(0..10) < 4 {
+                rng.i32(-3..=3)
+            } else {
+                0
+            };
+            if c != 0 {
+                text += &format!("{c:+}*s^{i}*t^{j}");
+            }
+        }
+    }
+    if text.is_empty() {
+        "1".to_owned()
+    } else {
+        text
+    }
+}
+
+/// A coarse mesh in a box.
+fn options(mode: Mode, budget: Budget) -> TriangulateOptions {
+    let mesh = MeshOptions {
+        tolerance: 0.03,
+        longest: 1.0,
+        triangles: 100_000,
+    };
+    TriangulateOptions {
+        half_width: RBig::from(HALF_WIDTH as i32),
+        domain: None,
+        mode,
+        mesh,
+        budget,
+    }
+}
+
+/// What a map may cost.
+#[derive(Clone, Copy)]
+struct Cost {
+    budget: Budget,
+    allowed: Duration,
+    /// Whether the time is the machine's affair: then maps that it stops are no failures.
+    by_clock: bool,
+}
+
+impl Cost {
+    /// Seconds for each map; what is certified depends on the machine.
+    fn seconds(seconds: f64) -> Self {
+        let budget = Budget {
+            seconds: 0.5 * seconds,
+            ..Budget::default()
+        };
+        Self {
+            budget,
+            allowed: Duration::from_secs_f64(seconds),
+            by_clock: true,
+        }
+    }
+
+    /// Steps: the degree of the implicit equation bounds the exact work and [`options`] the
+    /// triangles, so that any machine certifies the same maps. (A closure that counts how often it
+    /// is asked to stop would not do: work on several threads asks once a millisecond.) The clock
+    /// only ends what hangs.
+    fn steps(implicit_degree: usize) -> Self {
+        let budget = Budget {
+            implicit_degree,
+            ..Budget::default()
+        };
+        Self {
+            budget,
+            allowed: Duration::from_secs(600),
+            by_clock: false,
+        }
+    }
+}
+
+/// As many as asked for, 60 of four seconds each where nothing is said.
+#[test]
+#[ignore = "takes minutes"]
+fn random_maps() {
+    let asked = |name, default| {
+        std::env::var(name)
+            .ok()
+            .and_then(|n| n.parse().ok())
+            .unwrap_or(default)
+    };
+    let first = asked("ISOFORM_RANDOM_FIRST", 0.0) as u64;
+    let cost = Cost::seconds(asked("ISOFORM_RANDOM_SECONDS", 4.0));
+    let maps = asked("ISOFORM_RANDOM_MAPS", 60.0) as u64;
+    let tried = try_maps(first..first + maps, cost);
+    assert!(tried.certified > 0, "nothing is certified: {tried:?}");
+}
+
+/// Its region has walls that are closer to each other than rounding: arcs over a place next to one
+/// were asked for in the wrong slab.
+#[test]
+fn walls_closer_than_rounding() {
+    let texts = ["-s^0+t^2-3*s", "t-2*s*t", "3*t", "-t+3*s*t"];
+    let map = Map::parse(texts, Default::default()).expect("a map");
+    let (surface, _) = triangulate_map(
+        &map,
+        &options(Mode::Glued, Budget::default()),
+        &Control::default(),
+    )
+    .expect("a surface");
+    assert!(!surface.triangles.is_empty());
+}
+
+/// What a map with these polynomials is certified as, to the tolerance and with the edges that the
+/// program has by default; its faults are none.
+fn certified(texts: [&str; 4]) -> Surface {
+    let map = Map::parse(texts, Default::default()).expect("a map");
+    let mut options = options(Mode::Glued, Budget::default());
+    (options.mesh.tolerance, options.mesh.longest) = (FINE, 0.25 * HALF_WIDTH);
+    let (surface, _) = triangulate_map(&map, &options, &Control::default()).expect("a surface");
+    assert!(surface.is_certified(), "{texts:?}: {:?}", surface.findings);
+    let found = faults(surface.clone(), Mode::Glued);
+    assert!(found.is_empty(), "{texts:?}: {found:?}");
+    surface
+}
+
+/// The program's tolerance in that box.
+const FINE: f64 = 5e-4 * HALF_WIDTH;
+
+/// The distance of a point from a triangle: its foot, or the nearest point of its edges.
+fn distance_to(p: Point3, [a, b, c]: [Point3; 3]) -> f64 {
+    let to_edge = |a: Point3, b: Point3| distance_to_segment(p, [a, b]);
+    let beside = to_edge(a, b).min(to_edge(b, c)).min(to_edge(c, a));
+    let normal = cross(sub(b, a), sub(c, a));
+    let is_inside = [(a, b), (b, c), (c, a)]
+        .iter()
+        .all(|&(a, b)| dot(cross(sub(b, a), sub(p, a)), normal) >= 0.0);
+    match is_inside {
+        true => (dot(sub(p, a), normal) / norm(normal)).abs(),
+        false => beside,
+    }
+}
+
+/// Vertices that sheets get from each other keep the tolerance: once, points of the first of these
+/// surfaces were 18 tolerances from triangles that were certified, and those of the second 11.
+/// Between the middles of edges and triangles, which `tolerance` is about, a surface may leave them
+/// by half as much again.
+#[test]
+fn matched_vertices_keep_the_tolerance() {
+    type Chart = fn(f64, f64) -> [f64; 4];
+    let maps: [([&str; 4], Chart); 2] = [
+        (["t", "s^2-4*t^2", "-s*t^2+t^2-3", "1+t^2"], |s, t| {
+            [t, s * s - 4.0 * t * t, t * t * (1.0 - s) - 3.0, 1.0 + t * t]
+        }),
+        (["-t^2", "-t+s^2", "s", "-1+t-s^2"], |s, t| {
+            [-t * t, s * s - t, s, t - 1.0 - s * s]
+        }),
+    ];
+    for (texts, chart) in maps {
+        let surface = certified(texts);
+        let mut looked = 0;
+        for (i, j) in (0..60).flat_map(|i| (0..60).map(move |j| (i, j))) {
+            let [s, t] = [i, j].map(|k| (f64::from(k) * 0.052 - 1.55).tan());
+            let [x, y, z, w] = chart(s, t);
+            let p = [x / w, y / w, z / w];
+            if p.iter().any(|x| x.abs() >= HALF_WIDTH) {
+                continue;
+            }
+            looked += 1;
+            let corners = |t: &[u32; 3]| t.map(|v| surface.points[v as usize]);
+            let off = surface.triangles.iter().map(|t| distance_to(p, corners(t)));
+            let off = off.fold(f64::INFINITY, f64::min);
+            assert!(off < 1.6 * FINE, "{texts:?}: {off} at {s}, {t}");
+        }
+        assert!(looked > 500, "{looked} points in the box");
+    }
+}
+
+/// Sheets with one tangent plane all along a double curve, next to which triangles of any size
+/// cross: inside of the box, next to pinch points and at its faces. Without the vertices of both
+/// sheets in both of them, 25, 140, 33 and 66 pairs of triangles crossed.
+#[test]
+fn sheets_that_touch_along_a_curve() {
+    for texts in [
+        ["3*s^2", "1", "-2*s-s*t+2*s^2", "-t^2"],
+        ["3+t+3*t^2+3*s^2", "t^2-s^2", "-2+2*t^2-2*s^2", "3*s-3*s^2"],
+        ["-3*t^3+s^2*t", "2*s-s^2", "-2*s*t^2+3*s^2*t", "1"],
+        [
+            "3*t^2+3*s-s*t+3*s^2+2*s^2*t",
+            "3-2*t^2",
+            "-1-2*t-3*s*t^2+s^2*t",
+            "1",
+        ],
+    ] {
+        assert!(!certified(texts).double_curve.is_empty());
+    }
+}
+
+/// Two points of the double curve lie on one wall: a partner on that wall was taken for a vertex of
+/// an arc that ends in the other point.
+#[test]
+fn points_of_the_double_curve_on_one_wall() {
+    certified([
+        "2*t^2-s*t+2*s*t^2+2*s^2*t+2*s^3",
+        "2+t^3-s+s*t^2",
+        "3*t+3*t^2+2*t^3-2*s+3*s^2",
+        "-2*t^2+s*t-2*s*t^2+2*s^3",
+    ]);
+}
+
+/// Next to a base point that others are infinitely near to, a rectangle's edge was split beyond the
+/// arc on a face of the box, and certified.
+#[test]
+fn nothing_certified_is_outside_of_the_box() {
+    let tried = try_maps(2868..2869, Cost::steps(16));
+    assert_eq!(tried.certified + tried.reported, 2, "{tried:?}");
+}
+
+/// Nine maps in two modes. Of the eighteen surfaces six are above the limit of the implicit
+/// equation's degree, the three maps of degree 4, and map 6 is open along two edges in both modes;
+/// the other ten are certified.
+#[test]
+fn a_few_random_maps() {
+    let tried = try_maps(0..9, Cost::steps(9));
+    assert!(tried.certified >= 10, "{tried:?}");
+    assert_eq!(tried.certified + tried.reported, 18, "{tried:?}");
+}
+
+/// How many surfaces came out how; of an invalid map there is none.
+#[derive(Debug, Default, PartialEq)]
+struct Tried {
+    certified: usize,
+    reported: usize,
+    stopped: usize,
+    invalid: usize,
+}
+
+/// Half the edge of the box.
+const HALF_WIDTH: f64 = 3.0;
+
+/// What is wrong with a surface that is certified.
+fn faults(surface: Surface, mode: Mode) -> Vec<String> {
+    let mut faults = Vec::new();
+    let mut say = |n: usize, what: &str| {
+        if n > 0 {
+            faults.push(format!("{n} {what}"));
+        }
+    };
+    let mesh = Mesh {
+        points: surface.points,
+        triangles: surface.triangles,
+        ..Mesh::default()
+    };
+    let certificate = certify(&mesh, None, &Options::default(), &Control::default());
+    say(certificate.malformed.len(), "elements malformed");
+    if mode == Mode::Glued && !mesh.triangles.is_empty() {
+        match certificate.intersections {
+            Some(i) => say(i.pairs.count, "pairs of triangles that cross"),
+            None => say(1, "search for crossings that was not made"),
+        }
+    }
+    let outside = |x: &&f64| x.abs() > HALF_WIDTH * (1.0 + 1e-9);
+    say(
+        mesh.points.iter().flatten().filter(outside).count(),
+        "coordinates outside of the box",
+    );
+    say(open_edges(&mesh), "open edges inside of the box");
+    let is_crowded = |n: &&usize| match mode {
+        Mode::Normalised => **n > 2,
+        Mode::Glued => **n > 1 && **n % 2 == 1,
+    };
+    say(
+        edges(&mesh).values().filter(is_crowded).count(),
+        "edges with too many triangles",
+    );
+    faults
+}
+
+/// How many triangles each edge has.
+fn edges(mesh: &Mesh) -> BTreeMap<[u32; 2], usize> {
+    let mut edges = BTreeMap::new();
+    for t in &mesh.triangles {
+        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
+            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
+        }
+    }
+    edges
+}
+
+/// Edges with one triangle that do not lie in a face of the box: the surface ends nowhere else.
+fn open_edges(mesh: &Mesh) -> usize {
+    let in_face = |edge: &[u32; 2]| {
+        let [p, q] = edge.map(|v| mesh.points[v as usize]);
+        (0..3).any(|k| {
+            [-HALF_WIDTH, HALF_WIDTH]
+                .iter()
+                .any(|face| [p[k], q[k]].iter().all(|x| (x - face).abs() <= 1e-9))
+        })
+    };
+    let edges = edges(mesh);
+    let open = edges.iter().filter(|(edge, n)| **n == 1 && !in_face(edge));
+    open.count()
+}
+
+#[test]
+fn open_edges_are_seen() {
+    let far = HALF_WIDTH;
+    let on_box = |z: f64| Mesh {
+        points: vec![[far, 0.0, z], [far, 1.0, z], [0.0, 0.0, far]],
+        triangles: vec![[0, 1, 2]],
+        ..Mesh::default()
+    };
+    assert_eq!(open_edges(&on_box(0.0)), 2);
+    assert_eq!(open_edges(&on_box(far)), 0);
+}
+
+/// No panic, no more time than allowed and some, and no crossings or open edges in what is
+/// certified.
+fn try_maps(seeds: Range<u64>, cost: Cost) -> Tried {
+    let mut why: BTreeMap<String, usize> = BTreeMap::new();
+    let mut tried = Tried::default();
+    // All of them are tried before the test ends: thousands take hours.
+    let (mut slow, mut wrong) = (Vec::new(), Vec::new());
+    for seed in seeds {
+        let mut rng = fastrand::Rng::with_seed(seed);
+        let degree = 2 + (seed % 3) as usize;
+        let texts: [String; 4] = std::array::from_fn(|_| polynomial(&mut rng, degree));
+        let Ok(map) = Map::parse(texts.each_ref().map(String::as_str), Default::default()) else {
+            tried.invalid += 1;
+            continue;
+        };
+        println!("{seed} {texts:?}");
+        for mode in [Mode::Normalised, Mode::Glued] {
+            let clock = Instant::now();
+            let control = Control::default().until(clock + cost.allowed);
+            let options = options(mode, cost.budget);
+            let work = AssertUnwindSafe(|| triangulate_map(&map, &options, &control));
+            let made = std::panic::catch_unwind(work);
+            let seconds = clock.elapsed().as_secs_f64();
+            if seconds > (2.0 * cost.allowed.as_secs_f64()).max(8.0) {
+                println!("{seed} {mode:?} {seconds:.1} s, too slow: {texts:?}");
+                slow.push((seed, mode, seconds));
+            }
+            let (surface, _) = match made {
+                Ok(Ok(made)) => made,
+                Ok(Err(_)) => {
+                    tried.stopped += 1;
+                    continue;
+                }
+                Err(_) => {
+                    wrong.push((seed, mode, vec!["panicked".to_owned()]));
+                    continue;
+                }
+            };
+            println!(
+                "{seed} {mode:?} {seconds:.1} s, {} triangles: {:?}",
+                surface.triangles.len(),
+                surface.findings
+            );
+            if !surface.is_certified() {
+                tried.reported += 1;
+                for finding in &surface.findings {
+                    let sentence = finding.to_string();
+                    let letters = sentence.chars().filter(|c| !c.is_ascii_digit());
+                    *why.entry(letters.take(60).collect()).or_default() += 1;
+                }
+                continue;
+            }
+            tried.certified += 1;
+            let faults = faults(surface, mode);
+            if !faults.is_empty() {
+                wrong.push((seed, mode, faults));
+            }
+        }
+    }
+    println!("{tried:?}");
+    let mut why: Vec<_> = why.into_iter().collect();
+    why.sort_by_key(|w| std::cmp::Reverse(w.1));
+    for (sentence, n) in why {
+        println!("{n:4} {sentence}");
+    }
+    assert!(
+        wrong.is_empty(),
+        "panics, or certified and wrong: {wrong:?}"
+    );
+    assert!(slow.is_empty(), "too slow: {slow:?}");
+    assert!(cost.by_clock || tried.stopped == 0, "some hang: {tried:?}");
+    tried
+}
