@@ -1,16 +1,30 @@
+# shellcheck shell=bash
 # How test.sh counts: sourced by it and by self_test.sh, which tries the cases that must not pass.
 # Needs bash and awk. `expected_failures` names the list of failures that are expected.
+#
+# A step is a command, and a way to judge its output and exit status:
+#   check NAME COMMAND...                           its exit status
+#   tests NAME COMMAND...                           the tests of a run of cargo test
+#   accept NAME SUITE part|whole COMMAND...         the checks of an acceptance script
+#   later check|tests|accept NAME ...               the same in the background, one a core;
+#   settle                                          waits for all of these, and judges them
 
 passed=0
 failed=0
 ignored=0
 failures=()
-# What was expected to fail and did, what was not tried, and what missed times in a first run: said
-# at the end, each with its reason.
+# What was expected to fail and did, what was not tried, and what missed a limit of seconds: said at
+# the end, each with its reason.
 known=()
 skipped=()
-again=()
+slow=()
+# The steps that have ended, as `SECONDS CPU-SECONDS NAME`, and those that run in the background, as
+# `LOG KIND NAME SUITE EXTENT`, separated by tabs.
+steps=()
+running=()
 harness=$(dirname "${BASH_SOURCE[0]}")
+logs=$(mktemp -d)
+slots=$(nproc 2>/dev/null || echo 2)
 
 say() { printf '\n== %s\n' "$*"; }
 ok() { passed=$((passed + 1)); }
@@ -24,93 +38,131 @@ missing() {
     printf 'skip  %s is missing\n' "$1"
   fi
 }
-# check NAME COMMAND...: one check, its time and its outcome.
-check() {
-  local name=$1 start=$SECONDS
-  shift
+
+check() { now check "$@"; }
+tests() { now tests "$@"; }
+accept() { now accept "$@"; }
+
+# now KIND NAME [SUITE EXTENT] COMMAND...: a step, run and judged at once.
+now() {
+  local kind=$1 name=$2 suite='' extent='' log
+  shift 2
+  if [ "$kind" = accept ]; then suite=$1 extent=$2; shift 2; fi
+  log=$(mktemp "$logs/XXXXXX")
   say "$name"
-  if "$@"; then ok; printf 'ok    %s (%d s)\n' "$name" $((SECONDS - start)); else bad "$name"; fi
+  measured "$log" "$@"
+  judge "$kind" "$name" "$suite" "$extent" "$log"
 }
-# tests NAME COMMAND...: a run of cargo test, whose tests are counted one by one.
-tests() {
-  local name=$1 log start=$SECONDS status p f i line
+# later KIND NAME [SUITE EXTENT] COMMAND...: a step in the background, once a core is free.
+later() {
+  local kind=$1 name=$2 suite='' extent='' log
+  shift 2
+  if [ "$kind" = accept ]; then suite=$1 extent=$2; shift 2; fi
+  while [ "$(jobs -rp | wc -l)" -ge "$slots" ]; do wait -n; done
+  log=$(mktemp "$logs/XXXXXX")
+  printf 'begin %s\n' "$name"
+  measured "$log" "$@" &
+  running+=("$log"$'\t'"$kind"$'\t'"$name"$'\t'"${suite:--}"$'\t'"${extent:--}")
+}
+# settle: waits for the steps in the background, and judges them in their order.
+settle() {
+  local step log kind name suite extent
+  wait
+  for step in "${running[@]}"; do
+    IFS=$'\t' read -r log kind name suite extent <<<"$step"
+    say "$name"
+    judge "$kind" "$name" "$suite" "$extent" "$log"
+  done
+  running=()
+}
+# apart COMMAND...: a command in a shell of its own, which may change its folder.
+apart() ("$@")
+# measured LOG COMMAND...: runs a command; LOG holds its output, LOG.status its exit status and
+# LOG.time its seconds, of the user and of the system.
+measured() {
+  local log=$1 TIMEFORMAT='%R %U %S'
   shift
-  say "$name"
-  log=$(mktemp)
-  "$@" 2>&1 | tee "$log" | grep -vE '^test .* \.\.\. ok$|^running|^$|^ +(Doc-tests|Running)'
-  status=${PIPESTATUS[0]}
+  { time apart "$@" </dev/null >"$log" 2>&1; } 2>"$log.time"
+  echo $? >"$log.status"
+}
+# judge KIND NAME SUITE EXTENT LOG: counts what a step that has ended says.
+judge() {
+  local kind=$1 name=$2 suite=$3 extent=$4 log=$5 status wall cpu failed_before=$failed
+  status=$(cat "$log.status")
+  read -r wall cpu < <(tail -1 "$log.time" | awk '{ printf "%.1f %.1f\n", $1, $2 + $3 }')
+  steps+=("$wall $cpu $name")
+  case $kind in
+    check) if [ "$status" -eq 0 ]; then ok; else bad "$name"; fi ;;
+    tests) judge_tests "$name" "$status" "$log" ;;
+    accept) judge_accept "$name" "$suite" "$extent" "$status" "$log" ;;
+  esac
+  if [ "$failed" -eq "$failed_before" ]; then
+    printf 'ok    %s (%s s)\n' "$name" "$wall"
+  elif [ "$kind" = check ]; then
+    tail -n 200 "$log"
+  fi
+  rm -f "$log" "$log.status" "$log.time"
+}
+# judge_tests NAME STATUS LOG: the tests of a run of cargo test, one by one.
+judge_tests() {
+  local name=$1 status=$2 log=$3 p f i line
+  grep -vE '^test .* \.\.\. ok$|^running|^$|^ +(Doc-tests|Running)|^test result: ok. 0 passed' "$log"
   read -r p f i < <(awk '/^test result:/ { p += $4; f += $6; i += $8 } END { print p + 0, f + 0, i + 0 }' "$log")
   # The lines of isoform_testdata::shared_data.
   while read -r line; do skipped+=("${line#skipped  }"); done < <(grep '^skipped  ' "$log")
-  rm -f "$log"
   # A crash or an error of the compiler leaves no failed test behind; a run without tests checks nothing.
   if [ "$f" -eq 0 ] && { [ "$status" -ne 0 ] || [ "$p" -eq 0 ]; }; then f=1; fi
   passed=$((passed + p))
   failed=$((failed + f))
   ignored=$((ignored + i))
   if [ "$f" -gt 0 ]; then failures+=("$name: $f tests"); fi
-  printf '%s: %d passed, %d failed (%d s)\n' "$name" "$p" "$f" $((SECONDS - start))
+  printf '%s: %d passed, %d failed\n' "$name" "$p" "$f"
 }
-# accept NAME SUITE part|whole COMMAND...: an acceptance script, whose checks are counted one by one.
-# Its last line must be its own summary, `SUITE: N of M hold`, and its exit status must agree with
-# that. Of a whole run all the suite's expected failures must be among the checks. Where times are
-# missed, and nothing else, the script runs once more and that run counts, if it checks no less:
-# others may have used the machine.
-accept() {
-  local name=$1 verdict p f t all line
-  say "$name"
-  verdict=$(mktemp)
-  judge "$verdict" "${@:2}"
-  read -r p f t < <(counts "$verdict")
-  if [ "$f" -gt 0 ] && [ "$t" -eq "$f" ]; then
-    again+=("$name: $t times missed in the first run")
-    all=$((p + f))
-    judge "$verdict" "${@:2}"
-    read -r p f t < <(counts "$verdict")
-    if [ $((p + f)) -lt "$all" ]; then
-      printf 'FAIL  %s: %d checks, %d in the first run\n' "$name" $((p + f)) "$all"
-      f=$((f + 1))
-    fi
-  fi
+# judge_accept NAME SUITE part|whole STATUS LOG: the checks of an acceptance script, one by one. Its
+# last line must be its own summary, `SUITE: N of M hold`, and its exit status must agree with that.
+# Of a whole run all the suite's expected failures must be among the checks. Limits of seconds that
+# are missed are said, and are no failures: others may use the machine.
+judge_accept() {
+  local name=$1 suite=$2 extent=$3 status=$4 log=$5 p=0 f=1 line
+  grep -v '^ok ' "$log"
   while read -r line; do
     case $line in
-      "counts "*) ;;
-      "known "*) known+=("$2: ${line#known }"); printf '%s\n' "$line" ;;
-      *) printf '%s\n' "$line" ;;
+      "counts "*) read -r p f <<<"${line#counts }" ;;
+      "known "*) known+=("$suite: ${line#known }") ;;
+      "slow "*) slow+=("$suite: ${line#slow }") ;;
     esac
-  done <"$verdict"
-  rm -f "$verdict"
+    printf '%s\n' "$line"
+  done < <(awk -v suite="$suite" -v extent="$extent" -v status="$status" -f "$harness/judge.awk" \
+    "$expected_failures" "$log")
   passed=$((passed + p))
   failed=$((failed + f))
   if [ "$f" -gt 0 ]; then failures+=("$name: $f checks"); fi
 }
-# counts VERDICT: checks passed, failed, and those of the failed that are times. Without its last
-# line the judge itself has failed.
-counts() {
-  awk '$1 == "counts" { p = $2; f = $3; t = $4; is_there = 1 }
-    END { print p + 0, is_there ? f : 1, t + 0 }' "$1"
+# table: what each step took. A step of more than a tenth of the whole is marked.
+table() {
+  printf '%s\n' "${steps[@]}" | awk -v whole="$SECONDS" '
+    NF {
+      cpu += $2
+      mark = $1 > whole / 10 ? "  <- more than a tenth" : ""
+      name = $0; sub(/^[^ ]+ [^ ]+ /, "", name)
+      printf "%8.1f %8.1f  %s%s\n", $1, $2, name, mark
+    }
+    BEGIN { printf "%8s %8s  %s\n", "seconds", "CPU s", "step" }
+    END { printf "%8.1f %8.1f  %s\n", whole, cpu, "all" }'
 }
-# judge VERDICT SUITE part|whole COMMAND...: runs an acceptance script, and writes what judge.awk
-# says of it.
-judge() {
-  local verdict=$1 suite=$2 extent=$3 log status
-  shift 3
-  log=$(mktemp)
-  "$@" | tee "$log" | grep -v '^ok '
-  status=${PIPESTATUS[0]}
-  awk -v suite="$suite" -v extent="$extent" -v status="$status" -f "$harness/judge.awk" \
-    "$expected_failures" "$log" >"$verdict"
-  rm -f "$log"
-}
-# finish: the summary, and the exit status.
+# finish: the table of steps, the summary, and the exit status.
 finish() {
+  say "steps"
+  table
   say "summary"
   if [ "${#skipped[@]}" -gt 0 ]; then printf 'skip  %s\n' "${skipped[@]}"; fi
-  if [ "${#again[@]}" -gt 0 ]; then printf 'again %s\n' "${again[@]}"; fi
+  if [ "${#slow[@]}" -gt 0 ]; then printf 'slow  %s\n' "${slow[@]}"; fi
   if [ "${#known[@]}" -gt 0 ]; then printf 'known %s\n' "${known[@]}"; fi
   if [ "${#failures[@]}" -gt 0 ]; then printf 'FAIL  %s\n' "${failures[@]}"; fi
-  printf '%d passed, %d failed, %d expected to fail, %d skipped, %d ignored\n' \
-    "$passed" "$failed" "${#known[@]}" "${#skipped[@]}" "$ignored"
+  printf '%d expected to fail, %d ignored, %d limits of seconds missed\n' \
+    "${#known[@]}" "$ignored" "${#slow[@]}"
+  printf '%d passed, %d failed, %d skipped\n' "$passed" "$failed" "${#skipped[@]}"
+  rm -rf "$logs"
   [ "$failed" -eq 0 ] && [ "$passed" -gt 0 ]
   exit
 }
