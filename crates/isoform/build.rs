@@ -1,25 +1,35 @@
-//! Makes the table of the embedded gallery from examples/templates/*.hf: a template is one file
-//! there and nothing else.
+//! Makes the tables of what the library carries: a template of the gallery is one file in
+//! examples/templates and nothing else, and the scan lies in examples/scans.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs, io};
 
-fn main() -> io::Result<()> {
-    let folder = Path::new(&env::var("CARGO_MANIFEST_DIR").unwrap_or_default())
-        .join("../../examples/templates");
-    println!("cargo::rerun-if-changed={}", folder.display());
-    let mut files: Vec<PathBuf> = match fs::read_dir(&folder) {
-        Ok(entries) => entries
-            .filter_map(|e| Some(e.ok()?.path()))
-            .filter(|p| p.extension().is_some_and(|e| e == "hf"))
-            .collect(),
-        Err(_) => Vec::new(),
+const SCAN: &str = "ycb_065-d_cup.ply";
+
+/// A folder of examples. In the repository links lead to it, in a package it is beside this
+/// program; where a clone has no links (Windows), it is found without them.
+fn folder(root: &Path, name: &str) -> io::Result<PathBuf> {
+    let linked = root.join(name);
+    let folder = if linked.is_dir() {
+        linked
+    } else {
+        root.join("../../examples").join(name)
     };
+    fs::canonicalize(folder)
+}
+
+fn main() -> io::Result<()> {
+    let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR").unwrap_or_default());
+    let templates = folder(&root, "templates")?;
+    println!("cargo::rerun-if-changed={}", templates.display());
+    let mut files: Vec<PathBuf> = fs::read_dir(&templates)?
+        .filter_map(|e| Some(e.ok()?.path()))
+        .filter(|p| p.extension().is_some_and(|e| e == "hf"))
+        .collect();
     files.sort();
     let mut table = String::from("&[\n");
     for file in &files {
         let name = file.file_stem().unwrap_or_default().to_string_lossy();
-        let file = fs::canonicalize(file)?;
         println!("cargo::rerun-if-changed={}", file.display());
         table += &format!(
             "    ({name:?}, include_str!({:?})),\n",
@@ -27,8 +37,8 @@ fn main() -> io::Result<()> {
         );
     }
     table += "]\n";
-    fs::write(
-        Path::new(&env::var("OUT_DIR").unwrap_or_default()).join("gallery.rs"),
-        table,
-    )
+    let out = PathBuf::from(env::var("OUT_DIR").unwrap_or_default());
+    fs::write(out.join("gallery.rs"), table)?;
+    let scan = folder(&root, "scans")?.join(SCAN).display().to_string();
+    fs::write(out.join("scan.rs"), format!("include_bytes!({scan:?})\n"))
 }

@@ -8,7 +8,7 @@ use isoform_io::{ReadOptions, ReadReport, Source, read};
 static GALLERY: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/gallery.rs"));
 
 /// A scanned cup of 8190 points; see examples/scans/README.md.
-static CUP: &[u8] = include_bytes!("../../../examples/scans/ycb_065-d_cup.ply");
+static CUP: &[u8] = include!(concat!(env!("OUT_DIR"), "/scan.rs"));
 
 /// A template of the gallery: one file in examples/templates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
