@@ -1,14 +1,15 @@
 #!/usr/bin/env bash
 # Builds what a release publishes, from a clean clone of HEAD; what is not committed is not in it.
-# Two runs give the same bytes. Needs git, cargo, python3 with venv, and network for what it installs
-# in ${XDG_CACHE_HOME:-~/.cache}/isoform: nothing of it is installed elsewhere.
+# Two runs give the same bytes. Needs git, cargo and python3 with venv, and the network for tools,
+# which go to ${XDG_CACHE_HOME:-~/.cache}/isoform and nowhere else.
 set -eu
 umask 022
 export LC_ALL=C TZ=UTC
 
 usage() {
   cat <<'END'
-usage: scripts/release.sh [--output FOLDER] [--parts PART,...] [--std FROM] [--work FOLDER] [--twice]
+usage: scripts/release.sh [--output FOLDER] [--parts PART,...] [--std FROM] [--work FOLDER]
+                          [--twice]
 
   --output FOLDER  where the files go (target/release-artifacts)
   --parts LIST     of these, all without it:
@@ -181,8 +182,8 @@ build_wheel() {
     --out "$work/wheel"
   git checkout --quiet pyproject.toml && rm THIRD-PARTY.txt
   wheel=$(echo "$work"/wheel/*.whl)
-  auditwheel show "$wheel" >&2
-  auditwheel show "$wheel" | tr '\n' ' ' | grep -q "\"${tag}_x86_64\"\|\"manylinux_2_[12]\?[0-9]_x86_64\""
+  auditwheel show "$wheel" | tee /dev/stderr | tr '\n' ' ' > "$work/auditwheel"
+  grep -q "\"manylinux_2_\(5\|1.\|2[0-8]\)_x86_64\"" "$work/auditwheel"
   cp "$wheel" "$output"
 }
 
