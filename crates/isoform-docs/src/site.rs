@@ -78,6 +78,7 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
             ("docs/paper-tables.md", "Tables of the papers"),
             ("docs/background.md", "Background"),
             ("docs/architecture.md", "Architecture"),
+            ("docs/releasing.md", "Releases"),
             ("CHANGELOG.md", "Changes"),
         ],
     ),
