@@ -155,12 +155,27 @@ for archive in "$folder"/isoform-*-aarch64-linux.tar.gz; do
     printf 'skip  qemu-user-static or libc6-arm64-cross is missing\n'
   fi
 done
+# The part of Windows that Rust's standard library takes its random numbers from, and that wine
+# before 9 does not have.
+random_numbers() {
+  cat > "$scratch/random.c" <<'END'
+#include <windows.h>
+#include <ntsecapi.h>
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE data, SIZE_T size) {
+  return RtlGenRandom(data, (ULONG)size);
+}
+END
+  x86_64-w64-mingw32-gcc -shared -o "$1/bcryptprimitives.dll" "$scratch/random.c" -ladvapi32
+}
 for archive in "$folder"/isoform-*-x86_64-windows.zip; do
   [ -e "$archive" ] || continue
   say "the program for Windows"
   wine=$(command -v wine64 || command -v wine || ls /usr/lib/wine/wine64 2>/dev/null || true)
   if [ -n "$wine" ]; then
     python3 -m zipfile -e "$archive" "$scratch"
+    if command -v x86_64-w64-mingw32-gcc >/dev/null; then
+      random_numbers "$scratch/$(basename "$archive" .zip)"
+    fi
     check "isoform recover in wine" emulated wine env WINEDEBUG=-all WINEPREFIX="$scratch/prefix" \
       "$wine" "$scratch/$(basename "$archive" .zip)/isoform.exe"
   else
