@@ -82,7 +82,12 @@ else
   missing rustfmt
 fi
 # Property tests draw one set of cases, so that a change is judged by itself; --full draws new ones.
-if [ "$extent" = part ]; then export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-20261125}"; fi
+# The tests that take many seconds take few cases, but with --full.
+if [ "$extent" = part ]; then
+  export PROPTEST_RNG_SEED="${PROPTEST_RNG_SEED:-20261125}"
+else
+  export ISOFORM_FULL=1
+fi
 # Unit and property tests, the command line, who may use whom, the fuzzing corpus replayed, and the
 # examples in the documentation: all in the profile of the release, so that libraries, program and
 # Python package are compiled once. The tools of this repository apart, since they ask for other

@@ -72,6 +72,12 @@ pub fn stem(path: &Path) -> String {
         .to_owned()
 }
 
+/// True if tests take all of their cases: `ISOFORM_FULL` is set, as `./test.sh --full` does. Else
+/// those whose cases take many seconds take the ones that cover their claim.
+pub fn is_full() -> bool {
+    std::env::var_os("ISOFORM_FULL").is_some()
+}
+
 /// A file or folder of the data beside the repository. Where it is absent the test is told to
 /// return, and a line says which one did: `test.sh` counts these lines.
 ///

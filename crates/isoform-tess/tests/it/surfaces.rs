@@ -179,7 +179,9 @@ fn normalised(known: &serde_json::Value) -> [Option<i64>; 3] {
 fn surfaces_of_the_zoo() {
     let mut expected = ExpectedFailures::of("surfaces_of_the_zoo");
     let mut wrong = Vec::new();
-    for (name, known, map) in &zoo() {
+    // Of degree 8 one surface takes longer than all others.
+    let is_taken = |name: &str| isoform_testdata::is_full() || name != "dense8";
+    for (name, known, map) in zoo().iter().filter(|(name, ..)| is_taken(name)) {
         let half_width = known["box"].as_i64().expect("a number");
         let s = surface(map, half_width, Mode::Normalised);
         let (counts, t) = (normalised(known), topology(&s));
