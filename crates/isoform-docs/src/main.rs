@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! isoform-docs build FOLDER     writes the site; what is wrong with links is a failure
-//! isoform-docs run PROGRAM      runs the commands of all pages by this isoform
+//! isoform-docs run PROGRAM [PAGE...]   runs the commands of these pages, or of all, by this isoform
 //! isoform-docs draw PROGRAM     takes the pictures that they draw into docs/images
 //! ```
 //!
@@ -28,9 +28,9 @@ fn main() -> ExitCode {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let done = match args.as_slice() {
         ["build", folder] => build(&root, Path::new(folder)),
-        ["run", program] => run::all(&root, Path::new(program)),
+        ["run", program, pages @ ..] => run::all(&root, Path::new(program), pages),
         ["draw", program] => run::draw(&root, Path::new(program)),
-        _ => Err("usage: isoform-docs build FOLDER | run PROGRAM | draw PROGRAM".into()),
+        _ => Err("usage: isoform-docs build FOLDER | run PROGRAM [PAGE...] | draw PROGRAM".into()),
     };
     match done {
         Ok(true) => ExitCode::SUCCESS,

@@ -71,15 +71,24 @@ fn plain(command: &str) -> String {
     command.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// Runs the commands of all pages; whether all end well, and draw the pictures that pages show.
-pub(crate) fn all(root: &Path, program: &Path) -> Result<bool, Box<dyn Error>> {
+/// Runs the commands of some pages, or of all where none is named; true if all end well and, of all
+/// pages, draw the pictures that pages show.
+pub(crate) fn all(root: &Path, program: &Path, some: &[&str]) -> Result<bool, Box<dyn Error>> {
     let lines = read(&fs::read_to_string(root.join("tests/doc_commands.txt"))?)?;
     let runner = Runner::new(root, program)?;
     let pages = pages(root)?;
+    if let Some(page) = some.iter().find(|page| !pages.iter().any(|p| p == **page)) {
+        return Err(format!("there is no page {page}").into());
+    }
     let mut is_good = true;
     let mut seen = Vec::new();
-    for page in &pages {
+    let is_run = |page: &&String| some.is_empty() || some.contains(&page.as_str());
+    for page in pages.iter().filter(is_run) {
         is_good &= runner.page(page, &lines, &mut seen)?;
+    }
+    if !some.is_empty() {
+        fs::remove_dir_all(&runner.scratch)?;
+        return Ok(is_good);
     }
     let given: Vec<&Line> = lines.iter().filter(|l| l.kind == Kind::Given).collect();
     let names: Vec<&str> = given.iter().map(|l| l.page.as_str()).collect();
