@@ -26,8 +26,8 @@ usage: scripts/release.sh [--output FOLDER] [--parts PART,...] [--std FROM] [--w
                    is removed at the end
   --twice          builds all parts twice, in two folders, and compares the files
 
-A part that this machine cannot build is left out, with the reason; asked for by name, it is an
-error. SHA256SUMS lists the files.
+A part that this machine cannot build is left out, with the reason; where parts are named, that is
+an error. SHA256SUMS lists the files.
 END
 }
 
@@ -214,32 +214,41 @@ from_debian() {
   touch "$rust/complete"
 }
 
-# cross TARGET ARGUMENT...: cargo with the program's packages, for another kind of machine.
-cross() {
-  local target=$1 command=$2 name=${1%%.*}
-  shift 2
-  if [ "$std" != debian ] && from_rustup "$name"; then
-    CARGO_ENCODED_RUSTFLAGS=$(flags "$(rustc --print sysroot)" "$@") \
-      cargo "$command" --release --locked -p isoform-cli --target "$target"
+# std_of TARGET: where its standard library comes from, false where it does not.
+std_of() {
+  if [ "$std" != debian ] && from_rustup "$1"; then
+    echo rustup
   elif [ "$std" != rustup ] && from_debian; then
-    # cargo asks for features that are not stable; the program does not.
-    (
-      export PATH=$rust/usr/bin:$PATH LD_LIBRARY_PATH=$rust/usr/lib/x86_64-linux-gnu
-      export RUSTC=$rust/usr/bin/rustc RUSTC_BOOTSTRAP=1
-      CARGO_ENCODED_RUSTFLAGS=$(flags "$rust/usr" "$@") \
-        cargo "$command" --release --locked -p isoform-cli --target "$target" \
-        -Z build-std=std,panic_unwind
-    )
+    echo "$rust"
   else
-    say "there is no standard library for $name"
     return 1
   fi
+}
+
+# cross COMMAND TARGET [GLIBC [FLAG...]]: the program for another kind of machine.
+cross() {
+  local command=$1 target=$2 suffix=$3 from
+  shift 3
+  from=$(std_of "$target")
+  if [ "$from" = rustup ]; then
+    CARGO_ENCODED_RUSTFLAGS=$(flags "$(rustc --print sysroot)" "$@") \
+      cargo "$command" --release --locked -p isoform-cli --target "$target$suffix"
+    return
+  fi
+  # cargo asks for features that are not stable; the program does not.
+  (
+    export PATH=$from/usr/bin:$PATH LD_LIBRARY_PATH=$from/usr/lib/x86_64-linux-gnu
+    export RUSTC=$from/usr/bin/rustc RUSTC_BOOTSTRAP=1
+    CARGO_ENCODED_RUSTFLAGS=$(flags "$from/usr" "$@") \
+      cargo "$command" --release --locked -p isoform-cli --target "$target$suffix" \
+      -Z build-std=std,panic_unwind
+  )
 }
 
 build_aarch64() {
   local target=aarch64-unknown-linux-gnu
   python_tools
-  cross "$target.$glibc" zigbuild
+  cross zigbuild "$target" ".$glibc"
   pack "isoform-$version-aarch64-linux" "$target" \
     "$CARGO_TARGET_DIR/$target/release/isoform"
 }
@@ -247,7 +256,7 @@ build_aarch64() {
 build_windows() {
   local target=x86_64-pc-windows-gnu
   export CARGO_TARGET_X86_64_PC_WINDOWS_GNU_LINKER=x86_64-w64-mingw32-gcc
-  cross "$target" build -Clink-arg=-Wl,--no-insert-timestamp
+  cross build "$target" "" -Clink-arg=-Wl,--no-insert-timestamp
   pack "isoform-$version-x86_64-windows" "$target" \
     "$CARGO_TARGET_DIR/$target/release/isoform.exe"
 }
@@ -273,39 +282,47 @@ build_publish_check() {
 
 # why_not PART: why this machine cannot build it; nothing if it can.
 why_not() {
+  local no_std="neither rustup nor Debian has its standard library here (see --std)"
   case $1 in
     linux | wheel)
       [ "$(uname -sm)" = "Linux x86_64" ] || echo "it is built on x86-64 Linux"
       ;;
+    aarch64) std_of aarch64-unknown-linux-gnu >/dev/null || echo "$no_std" ;;
     windows)
+      std_of x86_64-pc-windows-gnu >/dev/null || echo "$no_std"
       command -v x86_64-w64-mingw32-gcc >/dev/null ||
         echo "x86_64-w64-mingw32-gcc is missing (Debian: gcc-mingw-w64-x86-64)"
       ;;
   esac
 }
 
-cargo fetch --locked
-left_out=()
-for part in ${parts//,/ }; do
-  say "$part"
-  start=$SECONDS
-  reason=$(why_not "$part")
-  if [ -z "$reason" ]; then
-    # In a shell of its own, which ends at the first failure (within `if` it would not).
-    set +e
-    (set -e && "build_${part/-/_}")
-    status=$?
-    set -e
-    if [ $status -ne 0 ]; then reason="it failed, see above"; fi
-  fi
-  if [ -n "$reason" ]; then left_out+=("$part: $reason"); fi
-  say "$part: $((SECONDS - start)) s"
-done
+main() {
+  local part start reason status left_out=() failed=()
+  cargo fetch --locked
+  for part in ${parts//,/ }; do
+    say "$part"
+    start=$SECONDS
+    reason=$(why_not "$part")
+    if [ -z "$reason" ]; then
+      # In a shell of its own, which ends at the first failure (within `if` it would not).
+      set +e
+      (set -e; "build_${part/-/_}")
+      status=$?
+      set -e
+      if [ $status -ne 0 ]; then failed+=("$part"); fi
+    else
+      left_out+=("$part: $reason")
+    fi
+    say "$part: $((SECONDS - start)) s"
+  done
 
-(cd "$output" && sha256sum isoform-* > "$work/SHA256SUMS" && mv "$work/SHA256SUMS" .)
-say "$output"
-cat "$output/SHA256SUMS"
-if [ ${#left_out[@]} -gt 0 ]; then
-  printf 'left out: %s\n' "${left_out[@]}" >&2
-  [ "$parts" = "$all_parts" ] || exit 1
-fi
+  (cd "$output" && sha256sum isoform-* > "$work/SHA256SUMS" && mv "$work/SHA256SUMS" .)
+  say "$output"
+  cat "$output/SHA256SUMS"
+  if [ ${#left_out[@]} -gt 0 ]; then printf 'left out: %s\n' "${left_out[@]}" >&2; fi
+  if [ ${#failed[@]} -gt 0 ]; then printf 'failed: %s\n' "${failed[@]}" >&2; fi
+  [ ${#failed[@]} -eq 0 ] || exit 1
+  [ ${#left_out[@]} -eq 0 ] || [ "$parts" = "$all_parts" ] || exit 1
+}
+# The last line that is read: a change of this file meanwhile does no harm.
+main; exit
