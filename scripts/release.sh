@@ -280,6 +280,18 @@ build_publish_check() {
   cargo publish --workspace --dry-run --locked
 }
 
+# build PART
+build() {
+  case $1 in
+    linux) build_linux ;;
+    wheel) build_wheel ;;
+    aarch64) build_aarch64 ;;
+    windows) build_windows ;;
+    sbom) build_sbom ;;
+    publish-check) build_publish_check ;;
+  esac
+}
+
 # why_not PART: why this machine cannot build it; nothing if it can.
 why_not() {
   local no_std="neither rustup nor Debian has its standard library here (see --std)"
@@ -306,7 +318,7 @@ main() {
     if [ -z "$reason" ]; then
       # In a shell of its own, which ends at the first failure (within `if` it would not).
       set +e
-      (set -e; "build_${part/-/_}")
+      (set -e; build "$part")
       status=$?
       set -e
       if [ $status -ne 0 ]; then failed+=("$part"); fi
