@@ -123,6 +123,10 @@ if [ ! -x "$binary" ]; then
 fi
 binary=$(realpath "$binary")
 
+if [ "$extent" = whole ]; then
+  debian valgrind valgrind
+  if command -v valgrind >/dev/null; then check "instructions" python3 benches/instructions.py "$binary"; else missing valgrind; fi
+fi
 # Whole programs for users of the library.
 for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
   later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
