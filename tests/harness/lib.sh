@@ -6,7 +6,7 @@
 #   check NAME COMMAND...                           its exit status
 #   tests NAME COMMAND...                           the tests of a run of cargo test
 #   accept NAME SUITE part|whole COMMAND...         the checks of an acceptance script
-#   later check|tests|accept NAME ...               the same in the background, one a core;
+#   later check|tests|accept NAME ...               the same in the background, some at a time;
 #   settle                                          waits for all of these, and judges them
 
 passed=0
@@ -24,7 +24,8 @@ steps=()
 running=()
 harness=$(dirname "${BASH_SOURCE[0]}")
 logs=$(mktemp -d)
-slots=$(nproc 2>/dev/null || echo 2)
+# One more than there are cores: those with a browser wait for half of their time.
+slots=$(($(nproc 2>/dev/null || echo 2) + 1))
 
 say() { printf '\n== %s\n' "$*"; }
 ok() { passed=$((passed + 1)); }
@@ -53,7 +54,7 @@ now() {
   measured "$log" "$@"
   judge "$kind" "$name" "$suite" "$extent" "$log"
 }
-# later KIND NAME [SUITE EXTENT] COMMAND...: a step in the background, once a core is free.
+# later KIND NAME [SUITE EXTENT] COMMAND...: a step in the background, once fewer than `slots` run.
 later() {
   local kind=$1 name=$2 suite='' extent='' log
   shift 2

@@ -78,6 +78,11 @@ pub fn is_full() -> bool {
     std::env::var_os("ISOFORM_FULL").is_some()
 }
 
+/// Number of cases that a test takes: all of them, or a few unless [`is_full`].
+pub fn cases(all: usize, few: usize) -> usize {
+    if is_full() { all } else { few }
+}
+
 /// A file or folder of the data beside the repository. Where it is absent the test is told to
 /// return, and a line says which one did: `test.sh` counts these lines.
 ///

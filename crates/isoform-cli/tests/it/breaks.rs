@@ -348,8 +348,7 @@ fn the_fit_stays_where_the_mesh_fails() {
 #[test]
 fn functions_that_jump_are_meshed_honestly() {
     let f = Folder::new("breaks-jump");
-    let n = if isoform_testdata::is_full() { 2 } else { 1 };
-    for (size, text) in JUMPING.into_iter().take(n) {
+    for (size, text) in JUMPING.into_iter().take(isoform_testdata::cases(2, 1)) {
         let o = isoform(&[
             "mesh",
             &f.file("jump.hf", text),

@@ -362,7 +362,7 @@ fn regions_at_random_are_certified() {
             .wrapping_add(1_442_695_040_888_963_407);
         lo + (hi - lo) * (state >> 11) as f64 / (1u64 << 53) as f64
     };
-    for case in 0..12 {
+    for case in 0..isoform_testdata::cases(12, 4) {
         let mut shape = |kind: usize| {
             let [x, y, z] = [(); 3].map(|()| uniform(-0.7, 0.7));
             let r = uniform(0.3, 0.6);

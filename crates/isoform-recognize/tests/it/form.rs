@@ -217,8 +217,7 @@ fn what_is_found_depends_neither_on_the_position_nor_on_the_unit() {
     let upright = recognised(block.clone(), None);
     assert_eq!(kinds(&upright), ["plane"; 6]);
     let places = [(1.1, 25.4), (0.3, 1.0), (2.5, 1e-3)];
-    let n = if isoform_testdata::is_full() { 3 } else { 1 };
-    for (angle, unit) in places.into_iter().take(n) {
+    for (angle, unit) in places.into_iter().take(isoform_testdata::cases(3, 1)) {
         let found = recognised(placed(&block, angle, unit), None);
         assert_eq!(kinds(&found), kinds(&upright));
         assert_eq!(counts(&found), counts(&upright));
