@@ -24,7 +24,7 @@ from skfem.helpers import dot, grad
 
 SHARE = 0.2  # of the volume that is balls
 CONDUCTS = {"ball": 10.0, "rest": 1.0}
-SIZE = 0.09
+SIZE = 0.12
 CELLS = {"middle": (0.5, 0.5, 0.5), "sides": (0.1, 0.95, 0.0)}
 
 
