@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds what a release publishes, from a clean clone of HEAD; what is not committed is not in it.
-# With --twice two builds are compared byte for byte. Needs git, cargo and python3 with venv, and the network for tools,
-# which go to ${XDG_CACHE_HOME:-~/.cache}/isoform and nowhere else.
+# With --twice two builds are compared byte for byte. Needs git, cargo and python3 with venv, and the
+# network for tools, which go to ${XDG_CACHE_HOME:-~/.cache}/isoform and nowhere else.
 set -eu
 umask 022
 export LC_ALL=C TZ=UTC
