@@ -127,21 +127,6 @@ if [ "$extent" = whole ]; then
   debian valgrind valgrind
   if command -v valgrind >/dev/null; then check "instructions" python3 benches/instructions.py "$binary"; else missing valgrind; fi
 fi
-# Whole programs for users of the library.
-for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
-  later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
-done
-# Two pages of pictures hold two thirds of the commands, and are drawn with --full.
-pages_run=()
-if [ "$extent" = part ]; then
-  for page in README.md docs/*.md; do
-    case $page in docs/figures.md | docs/gallery.md) ;; *) pages_run+=("$page") ;; esac
-  done
-fi
-later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
-run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover; }
-later check "recover on the built-in scan" run_recover
-
 # The Python package: a wheel as pip makes it, its tests, and the types that it tells. Ray is large,
 # and is tried with --full alone.
 python_package() {
@@ -158,16 +143,17 @@ python_package() {
       "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheel"/*.whl
   }
   check "python: wheel" make_wheel
-  later check "python: tests" "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
-  later check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
-  accept_with "$python" accept_python
+  # Alone: they press Ctrl-C, which bash makes steps in the background ignore.
+  check "python: tests" "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
+  check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
+  accept_with "$python" accept_python now
 }
 
 # ---- acceptance ---------------------------------------------------------------------------------
 
-# accept_with PYTHON SUITE: the runs of an acceptance script that tests/acceptance.txt lists.
+# accept_with PYTHON SUITE [now]: the runs of an acceptance script that tests/acceptance.txt lists.
 accept_with() {
-  local python=$1 wanted=$2 kind suite arguments name words
+  local python=$1 wanted=$2 how=${3:-later} kind suite arguments name words
   [ -d "$checks" ] || return
   while IFS='|' read -r kind suite arguments _; do
     kind=${kind// /} suite=${suite// /}
@@ -175,7 +161,7 @@ accept_with() {
     read -ra words <<<"${arguments//\{fewer\}/$scratch/fewer}"
     name=$suite
     case " $arguments " in *" --solve "* | *" --trees "*) name+=": ${words[*]/$scratch\//}" ;; esac
-    later accept "$name" "$suite" "$kind" "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
+    "$how" accept "$name" "$suite" "$kind" "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
   done <tests/acceptance.txt
 }
 acceptance() {
@@ -237,11 +223,28 @@ solvers() {
   fi
 }
 
-if ! command -v python3 >/dev/null; then
-  missing python3
-else
-  python_package
-  if [ -d "$checks" ]; then acceptance; else missing "$checks, the acceptance checks that live beside this repository,"; fi
+if command -v python3 >/dev/null; then python_package; else missing python3; fi
+
+# Steps in the background, from here on.
+# Whole programs for users of the library.
+for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
+  later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
+done
+# Two pages of pictures hold two thirds of the commands, and are drawn with --full.
+pages_run=()
+if [ "$extent" = part ]; then
+  for page in README.md docs/*.md; do
+    case $page in docs/figures.md | docs/gallery.md) ;; *) pages_run+=("$page") ;; esac
+  done
+fi
+later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
+run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover; }
+later check "recover on the built-in scan" run_recover
+
+if [ ! -d "$checks" ]; then
+  missing "$checks, the acceptance checks that live beside this repository,"
+elif command -v python3 >/dev/null; then
+  acceptance
 fi
 settle
 finish
