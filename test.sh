@@ -18,13 +18,14 @@ case "$*" in
 esac
 # shellcheck source=tests/harness/lib.sh
 . tests/harness/lib.sh
+# shellcheck source=scripts/venv.sh
+. scripts/venv.sh
 # Checks that fail and are known to, each with its reason. One that passes is a failure, so that the list shrinks.
 expected_failures=tests/expected_failures.txt
 scratch=$(mktemp -d)
 trap 'kill $(jobs -p) 2>/dev/null; rm -rf "$scratch" "$logs"' EXIT
 shared=${ISOFORM_SHARED:-../shared}
 checks=$shared/checks
-caches=${XDG_CACHE_HOME:-$HOME/.cache}/isoform
 
 # debian COMMAND PACKAGE...: installs packages where the command is missing and we may.
 debian() {
@@ -34,20 +35,6 @@ debian() {
   if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
     { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"; } >/dev/null 2>&1
   fi
-}
-# venv FILE...: the folder of the virtual environment with these requirements, outside the clone, and
-# anew whenever they change.
-venv() { printf '%s/venv-%s' "$caches" "$(cat "$@" | sha256sum | cut -c1-16)"; }
-# fill_venv FILE...: makes it, if it is not there.
-fill_venv() {
-  local folder file arguments=()
-  folder=$(venv "$@")
-  for file; do arguments+=(-r "$file"); done
-  [ -e "$folder/filled" ] && return
-  rm -rf "$folder"
-  mkdir -p "$caches" && python3 -m venv "$folder" &&
-    "$folder/bin/python" -m pip install --quiet --disable-pip-version-check "${arguments[@]}" &&
-    touch "$folder/filled"
 }
 
 # ---- the code -----------------------------------------------------------------------------------
@@ -130,14 +117,14 @@ fi
 # The Python package: a wheel as pip makes it, its tests, and the types that it tells. Ray is large,
 # and is tried with --full alone.
 python_package() {
-  local python wheel=$scratch/wheel
+  local venv python wheel=$scratch/wheel
   local requirements=(crates/isoform-py/tests/requirements.txt)
   if [ "$extent" = whole ]; then requirements+=(crates/isoform-py/tests/requirements-full.txt); fi
-  if ! fill_venv "${requirements[@]}"; then
+  if ! make_venv "${requirements[@]}"; then
     missing "a python environment with ${requirements[*]}"
     return
   fi
-  python=$(venv "${requirements[@]}")/bin/python
+  python=$venv/bin/python
   make_wheel() {
     "$python" -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir "$wheel" . &&
       "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheel"/*.whl
@@ -153,21 +140,19 @@ python_package() {
 
 # accept_with PYTHON SUITE [now]: the runs of an acceptance script that tests/acceptance.txt lists.
 accept_with() {
-  local python=$1 wanted=$2 how=${3:-later} kind suite arguments name words
+  local python=$1 wanted=$2 how=${3:-later} kind suite arguments words
   [ -d "$checks" ] || return
   while IFS='|' read -r kind suite arguments _; do
     kind=${kind// /} suite=${suite// /}
     [ "$kind" = "$extent" ] && [ "$suite" = "$wanted" ] || continue
     read -ra words <<<"${arguments//\{fewer\}/$scratch/fewer}"
-    name=$suite
-    case " $arguments " in *" --solve "* | *" --trees "*) name+=": ${words[*]/$scratch\//}" ;; esac
-    "$how" accept "$name" "$suite" "$kind" "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
+    "$how" accept "$suite ${words[*]/$scratch\//}" "$suite" "$kind" "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
   done <tests/acceptance.txt
 }
 acceptance() {
-  local python suite
-  fill_venv "$checks/requirements.txt" tests/harness/requirements.txt
-  python=$(venv "$checks/requirements.txt" tests/harness/requirements.txt)/bin/python
+  local venv python suite
+  make_venv "$checks/requirements.txt" tests/harness/requirements.txt
+  python=$venv/bin/python
   # gmsh's wheel needs libraries of a desktop; ccx is the solver that meshes are given to.
   debian ccx calculix-ccx
   "$python" -c 'import gmsh' 2>/dev/null || debian "" libglu1-mesa libxcursor1 libxft2 libxinerama1
@@ -187,15 +172,16 @@ acceptance() {
 
 # Pages in a real browser and pictures without one, with python packages of their own.
 pages() {
+  local venv
   debian chromium chromium
-  if ! fill_venv "$checks/requirements-view.txt"; then
+  if ! make_venv "$checks/requirements-view.txt"; then
     missing "a python environment with playwright"
   elif ! command -v chromium >/dev/null; then
     missing chromium
   else
     browser() { cd web && ISOFORM=$binary CHROMIUM=$(command -v chromium) npm run --silent browser; }
     if [ -d web/node_modules ]; then later check "pages in a browser" browser; else missing npm; fi
-    accept_with "$(venv "$checks/requirements-view.txt")/bin/python" accept_view
+    accept_with "$venv/bin/python" accept_view
   fi
 }
 

@@ -32,6 +32,8 @@ END
 }
 
 here=$(cd "$(dirname "$0")/.." && pwd)
+# shellcheck source=scripts/venv.sh
+. "$here/scripts/venv.sh"
 cache=${XDG_CACHE_HOME:-$HOME/.cache}/isoform
 cyclonedx=0.5.9
 glibc=2.28
@@ -111,16 +113,9 @@ flags() {
   printf '%s' "$list"
 }
 
-# Tools from PyPI, once for each list of them.
+# Tools from PyPI.
 python_tools() {
-  local list=scripts/requirements-release.txt hash
-  hash=$(sha256sum "$list" | cut -c1-16)
-  venv=$cache/venv-release-$hash
-  if [ ! -e "$venv/complete" ]; then
-    python3 -m venv "$venv"
-    "$venv/bin/python" -m pip install --quiet --disable-pip-version-check -r "$list"
-    touch "$venv/complete"
-  fi
+  make_venv scripts/requirements-release.txt
   export PATH=$venv/bin:$PATH
 }
 

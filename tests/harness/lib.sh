@@ -19,7 +19,7 @@ known=()
 skipped=()
 slow=()
 # The steps that have ended, as `SECONDS CPU-SECONDS NAME`, and those that run in the background, as
-# `LOG KIND NAME SUITE EXTENT`, separated by tabs.
+# `describe` has them.
 steps=()
 running=()
 harness=$(dirname "${BASH_SOURCE[0]}")
@@ -44,35 +44,40 @@ check() { now check "$@"; }
 tests() { now tests "$@"; }
 accept() { now accept "$@"; }
 
-# now KIND NAME [SUITE EXTENT] COMMAND...: a step, run and judged at once.
-now() {
-  local kind=$1 name=$2 suite='' extent='' log
+# describe KIND NAME [SUITE EXTENT] COMMAND...: sets `step` to what is known of a step, LOG KIND NAME
+# SUITE EXTENT between tabs, and `command`.
+describe() {
+  local kind=$1 name=$2 suite=- extent=-
   shift 2
   if [ "$kind" = accept ]; then suite=$1 extent=$2; shift 2; fi
-  log=$(mktemp "$logs/XXXXXX")
-  say "$name"
-  measured "$log" "$@"
-  judge "$kind" "$name" "$suite" "$extent" "$log"
+  step=$(mktemp "$logs/XXXXXX")$'\t'$kind$'\t'$name$'\t'$suite$'\t'$extent
+  command=("$@")
+}
+# now KIND NAME [SUITE EXTENT] COMMAND...: a step, run and judged at once.
+now() {
+  local step command
+  describe "$@"
+  say "$2"
+  measured "${step%%$'\t'*}" "${command[@]}"
+  judge "$step"
 }
 # later KIND NAME [SUITE EXTENT] COMMAND...: a step in the background, once fewer than `slots` run.
 later() {
-  local kind=$1 name=$2 suite='' extent='' log
-  shift 2
-  if [ "$kind" = accept ]; then suite=$1 extent=$2; shift 2; fi
+  local step command
+  describe "$@"
   while [ "$(jobs -rp | wc -l)" -ge "$slots" ]; do wait -n; done
-  log=$(mktemp "$logs/XXXXXX")
-  printf 'begin %s\n' "$name"
-  measured "$log" "$@" &
-  running+=("$log"$'\t'"$kind"$'\t'"$name"$'\t'"${suite:--}"$'\t'"${extent:--}")
+  printf 'begin %s\n' "$2"
+  measured "${step%%$'\t'*}" "${command[@]}" &
+  running+=("$step")
 }
 # settle: waits for the steps in the background, and judges them in their order.
 settle() {
-  local step log kind name suite extent
+  local step name
   wait
   for step in "${running[@]}"; do
-    IFS=$'\t' read -r log kind name suite extent <<<"$step"
+    IFS=$'\t' read -r _ _ name _ <<<"$step"
     say "$name"
-    judge "$kind" "$name" "$suite" "$extent" "$log"
+    judge "$step"
   done
   running=()
 }
@@ -81,14 +86,16 @@ apart() ("$@")
 # measured LOG COMMAND...: runs a command; LOG holds its output, LOG.status its exit status and
 # LOG.time its seconds, of the user and of the system.
 measured() {
-  local log=$1 TIMEFORMAT='%R %U %S'
+  local log=$1 status=0 TIMEFORMAT='%R %U %S'
   shift
-  { time apart "$@" </dev/null >"$log" 2>&1; } 2>"$log.time"
-  echo $? >"$log.status"
+  # A shell that ends at the first failure (set -e) goes on after this one.
+  { time apart "$@" </dev/null >"$log" 2>&1; } 2>"$log.time" || status=$?
+  echo "$status" >"$log.status"
 }
-# judge KIND NAME SUITE EXTENT LOG: counts what a step that has ended says.
+# judge STEP: counts what a step that has ended says.
 judge() {
-  local kind=$1 name=$2 suite=$3 extent=$4 log=$5 status wall cpu failed_before=$failed
+  local log kind name suite extent status wall cpu failed_before=$failed
+  IFS=$'\t' read -r log kind name suite extent <<<"$1"
   status=$(cat "$log.status")
   read -r wall cpu < <(tail -1 "$log.time" | awk '{ printf "%.1f %.1f\n", $1, $2 + $3 }')
   steps+=("$wall $cpu $name")

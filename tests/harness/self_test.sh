@@ -104,6 +104,9 @@ if [ "$order" != "first script third fourth steps first script third fourth all 
   printf 'the order of steps and their table:\n%s\n' "$told"
 fi
 
+ends_early() { set -e; check "false" false; check "true" true; }
+counted "a failure in a shell that ends at failures" "1 1 0 0 0" ends_early
+
 result() { printf 'test result: %s. %s passed; %s failed; 1 ignored; 0 measured; 0 filtered out' "$@"; }
 good=$(result ok 3 0)
 skip=$'\nskipped  scans: ../shared/data is not there\n'
