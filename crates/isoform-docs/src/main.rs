@@ -1,9 +1,9 @@
 //! The documentation as a site, and as a test.
 //!
 //! ```text
-//! isoform-docs build FOLDER     writes the site; what is wrong with links is a failure
-//! isoform-docs run PROGRAM [PAGE...]   runs the commands of these pages, or of all, by this isoform
-//! isoform-docs draw PROGRAM     takes the pictures that they draw into docs/images
+//! isoform-docs build FOLDER           writes the site; what is wrong with links is a failure
+//! isoform-docs run PROGRAM [PAGE...]  runs the commands of these pages, or of all, by this program
+//! isoform-docs draw PROGRAM           takes the pictures that they draw into docs/images
 //! ```
 //!
 //! A page shows as `images/NAME` what one of its commands, or of another page's, writes as NAME.

@@ -86,13 +86,25 @@ pub(crate) fn all(root: &Path, program: &Path, some: &[&str]) -> Result<bool, Bo
     for page in pages.iter().filter(is_run) {
         is_good &= runner.page(page, &lines, &mut seen)?;
     }
-    if !some.is_empty() {
-        fs::remove_dir_all(&runner.scratch)?;
-        return Ok(is_good);
+    if some.is_empty() {
+        is_good &= is_complete(&runner, &pages, &lines, seen)?;
     }
+    fs::remove_dir_all(&runner.scratch)?;
+    Ok(is_good)
+}
+
+/// Checks, once the commands of all pages were run, that these draw the pictures that pages show,
+/// and that each line of the list fits one; `seen` are the lines that do.
+fn is_complete<'a>(
+    runner: &Runner,
+    pages: &[String],
+    lines: &'a [Line],
+    mut seen: Vec<&'a Line>,
+) -> Result<bool, Box<dyn Error>> {
+    let mut is_good = true;
     let given: Vec<&Line> = lines.iter().filter(|l| l.kind == Kind::Given).collect();
     let names: Vec<&str> = given.iter().map(|l| l.page.as_str()).collect();
-    let pictures = Pictures::read(root, &pages)?;
+    let pictures = Pictures::read(&runner.root, pages)?;
     for wrong in pictures.wrong(&names, |page| runner.place(page))? {
         println!("{wrong}");
         is_good = false;
@@ -105,7 +117,6 @@ pub(crate) fn all(root: &Path, program: &Path, some: &[&str]) -> Result<bool, Bo
         );
         is_good = false;
     }
-    fs::remove_dir_all(&runner.scratch)?;
     Ok(is_good)
 }
 

@@ -12,13 +12,31 @@ pub(crate) const SPHERE: &str =
 /// The unit square.
 pub(crate) const PATCH: &str = r#"{"patches": [{"degree": [1, 1], "max_distance": 1e-6,
     "control": [[[0, 0, 0, 1], [0, 1, 0, 1]], [[1, 0, 0, 1], [1, 1, 0, 1]]]}]}"#;
+/// Four points, as a table.
+pub(crate) const POINTS: &str = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
 /// A ball of radius 3 with a void of radius 2 and a ball of radius 1 within.
 pub(crate) const NESTED: &str = "m(x[3], a[1]) { r = x[1]^2 + x[2]^2 + x[3]^2; \
     m = ((9 - r) & (r - 4)) | (1 - r); }\n";
 /// A boss of radius 1 on a plate of radius 2, joined by a parabola of width 0.3 that turns about z.
-pub(crate) const FILLET: &str = "m(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); top = -x[3]; side = 1 - r; \
-    h = max(0.3 - abs(top - side), 0); joined = max(top, side) + h*h/1.2; \
+pub(crate) const FILLET: &str = "m(x[3], a[1]) { r = sqrt(x[1]*x[1] + x[2]*x[2]); \
+    top = -x[3]; side = 1 - r; h = max(0.3 - abs(top - side), 0); \
+    joined = max(top, side) + h*h/1.2; \
     m = min(joined, min(2 - r, min(x[3] + 0.5, 1 - x[3]))); }\n";
+
+/// Points of a disc of radius 5 and height 2 about (1, 2, 3), without noise.
+pub(crate) fn disc() -> String {
+    let point = |i: u32| {
+        let (t, w) = (f64::from(i) * 2.399_963, (f64::from(i) * 0.754_878).fract());
+        let [r, z] = match i % 4 {
+            0 => [5.0, 2.0 * w],
+            1 => [5.0 * w.sqrt(), 0.0],
+            2 => [5.0 * w.sqrt(), 2.0],
+            _ => [5.0, 2.0 * (1.0 - w)],
+        };
+        format!("{} {} {}\n", 1.0 + r * t.cos(), 2.0 + r * t.sin(), 3.0 + z)
+    };
+    (0..3000).map(point).collect()
+}
 
 /// A folder of its own for each test, removed at the end.
 pub(crate) struct Folder(pub(crate) PathBuf);

@@ -2,21 +2,6 @@
 
 use crate::common::*;
 
-/// Points of a disc of radius 5 and height 2 about (1, 2, 3), without noise.
-fn disc() -> String {
-    let point = |i: u32| {
-        let (t, w) = (f64::from(i) * 2.399_963, (f64::from(i) * 0.754_878).fract());
-        let [r, z] = match i % 4 {
-            0 => [5.0, 2.0 * w],
-            1 => [5.0 * w.sqrt(), 0.0],
-            2 => [5.0 * w.sqrt(), 2.0],
-            _ => [5.0, 2.0 * (1.0 - w)],
-        };
-        format!("{} {} {}\n", 1.0 + r * t.cos(), 2.0 + r * t.sin(), 3.0 + z)
-    };
-    (0..3000).map(point).collect()
-}
-
 #[test]
 fn a_disc_is_two_planes_and_a_cylinder() {
     let f = Folder::new("recognize");

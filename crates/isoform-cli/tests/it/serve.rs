@@ -9,7 +9,6 @@ use std::net::TcpStream;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-const POINTS: &str = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
 /// Longer than anything takes that is awaited, on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(30);
 

@@ -409,18 +409,7 @@ fn recover_writes_a_solid_where_the_fit_is_accepted() {
 #[test]
 fn a_scan_without_a_template_becomes_a_solid() {
     let f = Folder::new("solids-proposed");
-    // A disc of radius 5 and height 2.
-    let point = |i: u32| {
-        let (t, w) = (f64::from(i) * 2.399_963, (f64::from(i) * 0.754_878).fract());
-        let [r, z] = match i % 4 {
-            0 => [5.0, 2.0 * w],
-            1 => [5.0 * w.sqrt(), 0.0],
-            2 => [5.0 * w.sqrt(), 2.0],
-            _ => [5.0, 2.0 * (1.0 - w)],
-        };
-        format!("{} {} {}\n", 1.0 + r * t.cos(), 2.0 + r * t.sin(), 3.0 + z)
-    };
-    let scan = f.file("disc.xyz", (0..3000).map(point).collect::<String>());
+    let scan = f.file("disc.xyz", disc());
     let own = f.path("disc.brep.json");
     let o = recover(&f, &[&scan, "-o", &own, "--json"]);
     assert_eq!(code(&o), 0, "{}", stderr(&o));

@@ -8,7 +8,6 @@ const BALL: &str = "-- @title <b>Ball</b>
 -- @param a[1] radius length min=0.5 max=2 typical=1.5
 my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfSphere(x, c, a[1]); }
 ";
-const POINTS: &str = "0 0 0\n1 0 0\n0 1 0\n0 0 1\n";
 const OBJ: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\ng face\nf 1 2 3\n";
 
 /// The document of the scene in a page.

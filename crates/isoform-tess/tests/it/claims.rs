@@ -1,6 +1,7 @@
 //! What is claimed of surfaces, and on what basis: nothing that is decided in floating point may
 //! count as proved, and nothing is claimed that had not to be decided.
 
+use crate::common::SPHERE;
 use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_tess::{
@@ -8,7 +9,6 @@ use isoform_tess::{
     Surface, TriangulateOptions, Unopened, triangulate_once,
 };
 
-const SPHERE: [&str; 4] = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
 const UMBRELLA: [&str; 4] = ["s*t", "s", "t^2", "1"];
 /// What is claimed of every mesh.
 const MESH: [Claim; 5] = [

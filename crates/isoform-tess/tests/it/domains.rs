@@ -1,13 +1,14 @@
 //! Surfaces over a part of the parameter plane: closed forms, topology, and what is said where
 //! something is left open.
 
+use crate::common::{SPHERE, area, topology};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::Control;
 use isoform_tess::{
     Budget, Domain, Finding, Kind, Map, MeshOptions, Mode, Surface, TriangulateOptions,
     triangulate_once,
 };
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 fn rational(text: &str) -> RBig {
     Poly::parse(text, &[])
@@ -58,49 +59,6 @@ fn certified(texts: [&str; 4], half_width: &str, domain: &Domain, tolerance: f64
     s
 }
 
-fn area(s: &Surface) -> f64 {
-    let of = |t: &[u32; 3]| {
-        let [a, b, c] = t.map(|i| s.points[i as usize]);
-        let (u, v): (Vec<f64>, Vec<f64>) = (0..3).map(|i| (b[i] - a[i], c[i] - a[i])).unzip();
-        let n = [
-            u[1] * v[2] - u[2] * v[1],
-            u[2] * v[0] - u[0] * v[2],
-            u[0] * v[1] - u[1] * v[0],
-        ];
-        0.5 * n.iter().map(|x| x * x).sum::<f64>().sqrt()
-    };
-    s.triangles.iter().map(of).sum()
-}
-
-/// Euler number, components, boundary loops.
-fn topology(s: &Surface) -> [i64; 3] {
-    let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    for t in &s.triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    let groups = |pairs: Vec<[u32; 2]>| {
-        let mut of: BTreeMap<u32, u32> = pairs.iter().flatten().map(|&v| (v, v)).collect();
-        fn root(of: &BTreeMap<u32, u32>, mut v: u32) -> u32 {
-            while of[&v] != v {
-                v = of[&v];
-            }
-            v
-        }
-        for [a, b] in pairs {
-            let (a, b) = (root(&of, a), root(&of, b));
-            of.insert(a.max(b), a.min(b));
-        }
-        of.iter().filter(|(v, up)| v == up).count() as i64
-    };
-    let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
-    let boundary = edges.iter().filter(|e| *e.1 == 1).map(|e| *e.0).collect();
-    let euler = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
-    [euler, groups(edges.into_keys().collect()), groups(boundary)]
-}
-
-const SPHERE: [&str; 4] = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];
 const PLANE: [&str; 4] = ["s", "t", "0", "1"];
 
 /// ∫∫ 4/(1 + s² + t²)² ds dt.

@@ -1,10 +1,9 @@
 //! Maps with several parameters for each point: every point is drawn once.
 
+use crate::common::{area, edges, topology};
 use isoform_algebra::RBig;
 use isoform_control::Control;
-use isoform_geom::{cross, norm, sub};
 use isoform_tess::{Budget, Map, MeshOptions, Mode, Surface, TriangulateOptions, triangulate_once};
-use std::collections::BTreeMap;
 use std::f64::consts::PI;
 
 fn surface(texts: [&str; 4], half_width: i64) -> Surface {
@@ -30,14 +29,6 @@ fn drawn(texts: [&str; 4], half_width: i64) -> Surface {
         .0
 }
 
-fn area(s: &Surface) -> f64 {
-    let one = |t: &[u32; 3]| {
-        let [p, q, r] = t.map(|v| s.points[v as usize]);
-        0.5 * norm(cross(sub(q, p), sub(r, p)))
-    };
-    s.triangles.iter().map(one).sum()
-}
-
 /// The area is what it should be, but for a share.
 fn assert_area(s: &Surface, expected: f64, share: f64) {
     let found = area(s);
@@ -48,21 +39,9 @@ fn assert_area(s: &Surface, expected: f64, share: f64) {
 }
 
 /// The Euler characteristic, and the number of edges with one triangle.
-fn topology(s: &Surface) -> (i64, usize) {
-    let mut edges: BTreeMap<[u32; 2], usize> = BTreeMap::new();
-    let mut used = vec![false; s.points.len()];
-    for t in &s.triangles {
-        t.iter().for_each(|&v| used[v as usize] = true);
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    let vertices = used.iter().filter(|u| **u).count() as i64;
-    let open = edges.values().filter(|n| **n == 1).count();
-    (
-        vertices - edges.len() as i64 + s.triangles.len() as i64,
-        open,
-    )
+fn euler_and_open(s: &Surface) -> (i64, usize) {
+    let open = edges(s).values().filter(|n| **n == 1).count();
+    (topology(s)[0], open)
 }
 
 /// Planes, of which quadratic maps reach a part only: its area is known.
@@ -81,7 +60,7 @@ fn planes_end_in_folds() {
         let s = surface(texts, half_width);
         assert_eq!(s.sheets, sheets, "{texts:?}");
         assert_area(&s, expected, 3e-3);
-        assert_eq!(topology(&s).0, 1, "{texts:?}");
+        assert_eq!(euler_and_open(&s).0, 1, "{texts:?}");
     }
 }
 
@@ -105,7 +84,7 @@ fn closed_surfaces_are_closed() {
         [(sphere, 2, 4.0 * PI, 2), (torus, 4, 8.0 * PI * PI, 0)]
     {
         let s = surface(texts, half_width);
-        assert_eq!(topology(&s), (euler, 0), "{texts:?}");
+        assert_eq!(euler_and_open(&s), (euler, 0), "{texts:?}");
         assert_area(&s, expected, 0.02);
     }
 }
@@ -124,7 +103,7 @@ fn surfaces_end_in_folds() {
         [(sphere, 2, 2.0 * PI, 1), (torus, 4, 4.0 * PI * PI, 0)]
     {
         let s = surface(texts, half_width);
-        let (found, open) = topology(&s);
+        let (found, open) = euler_and_open(&s);
         assert_eq!(found, euler, "{texts:?}");
         assert!(open > 10, "{texts:?}: it ends");
         assert_area(&s, expected, 0.02);
@@ -144,7 +123,7 @@ fn bands_are_twisted() {
         ],
         3,
     );
-    assert_eq!(topology(&s).0, 0);
+    assert_eq!(euler_and_open(&s).0, 0);
 }
 
 /// The Roman surface from a sphere: antipodal points have one image, and (0, 0, 0) is that of three
@@ -160,7 +139,7 @@ fn sheets_that_meet_in_a_contracted_point_stay_apart() {
         ],
         2,
     );
-    assert_eq!((topology(&s), s.sheets), ((1, 0), 1));
+    assert_eq!((euler_and_open(&s), s.sheets), ((1, 0), 1));
 }
 
 /// In other parameters, where several contracted curves have the image (0, 0, 0), it is one vertex:
@@ -176,14 +155,14 @@ fn what_may_be_of_another_sheet_is_said() {
         ],
         1,
     );
-    assert!(topology(&s) == (1, 0) || !s.findings.is_empty());
+    assert!(euler_and_open(&s) == (1, 0) || !s.findings.is_empty());
 }
 
 /// Real base points on the fold w = 0, which a quotient of linear forms does not serve.
 #[test]
 fn half_turns_are_found() {
     let s = surface(["s^2 - t^2", "s*t", "s^4 - t^4", "1"], 2);
-    assert_eq!((topology(&s).0, s.sheets), (1, 1));
+    assert_eq!((euler_and_open(&s).0, s.sheets), (1, 1));
 }
 
 /// Of (s, t) and (s, -t) one is drawn, of three parameters of s^3 all, which is said.

@@ -1,5 +1,5 @@
 //! Surfaces without base points in the box, triangulated: topology and accuracy.
-use crate::common::zoo;
+use crate::common::{self, edges, zoo};
 use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_geom::{norm, sub};
@@ -8,7 +8,7 @@ use isoform_tess::{
     TriangulateOptions, triangulate_once,
 };
 use isoform_testdata::ExpectedFailures;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::time::Instant;
 
 fn options(half_width: f64) -> MeshOptions {
@@ -35,17 +35,6 @@ fn surface_to(map: &Map, half_width: i64, mode: Mode, mesh: MeshOptions) -> Surf
         .0
 }
 
-/// How many triangles each edge has.
-fn edges(s: &Surface) -> BTreeMap<[u32; 2], usize> {
-    let mut edges = BTreeMap::new();
-    for t in &s.triangles {
-        for (a, b) in [(t[0], t[1]), (t[1], t[2]), (t[2], t[0])] {
-            *edges.entry([a.min(b), a.max(b)]).or_default() += 1;
-        }
-    }
-    edges
-}
-
 /// Euler characteristic, components, boundary loops; every edge has one or two triangles.
 fn topology(s: &Surface) -> [i64; 3] {
     let edges = edges(s);
@@ -60,30 +49,7 @@ fn topology(s: &Surface) -> [i64; 3] {
         );
         return [i64::MAX; 3];
     }
-    let groups = |pairs: &mut dyn Iterator<Item = [u32; 2]>| {
-        let mut of: BTreeMap<u32, u32> = BTreeMap::new();
-        fn root(of: &mut BTreeMap<u32, u32>, v: u32) -> u32 {
-            let up = *of.entry(v).or_insert(v);
-            if up == v {
-                return v;
-            }
-            let r = root(of, up);
-            of.insert(v, r);
-            r
-        }
-        for [a, b] in pairs {
-            let (a, b) = (root(&mut of, a), root(&mut of, b));
-            of.insert(a, b);
-        }
-        of.iter().filter(|(v, up)| v == up).count() as i64
-    };
-    let used: BTreeSet<u32> = s.triangles.iter().flatten().copied().collect();
-    let euler = used.len() as i64 - edges.len() as i64 + s.triangles.len() as i64;
-    [
-        euler,
-        groups(&mut edges.keys().copied()),
-        groups(&mut edges.iter().filter(|e| *e.1 == 1).map(|e| *e.0)),
-    ]
+    common::topology(s)
 }
 
 #[test]

@@ -31,7 +31,7 @@ const VALUES: [(&str, &[f64]); 2] = [
     ),
 ];
 
-/// Models that are meshed where not all are: a scanned form, the plate of the paper, and pieces from
+/// Models that are meshed where not all are: a scanned form, the plate of the paper, and pieces of
 /// set operations, products and a blend.
 const FEW: [&str; 5] = [
     "cup",
