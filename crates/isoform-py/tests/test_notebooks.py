@@ -10,14 +10,19 @@ FOLDER = Path(__file__).resolve().parents[3] / "examples/notebooks"
 
 
 def printed(cell):
-    """The text that a cell prints; of pictures alone that there is one."""
+    """The texts that a cell prints; a kernel may send one stream in several pieces."""
     texts = []
+    stream = None
     for output in cell.get("outputs", []):
         data = output.get("data", {})
-        if "image/png" in data:
+        name = output.get("name")
+        if name is not None and name == stream:
+            texts[-1] += output["text"]
+        elif "image/png" in data:
             texts.append("a picture")
         else:
             texts.append(output.get("text") or data.get("text/plain", ""))
+        stream = name
     return texts
 
 
