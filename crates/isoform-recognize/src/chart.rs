@@ -254,6 +254,12 @@ impl Surface {
         self.distances().normal(p)
     }
 
+    /// Returns the nearest point of the surface.
+    pub(crate) fn foot(&self, p: Point3) -> Point3 {
+        let (d, n) = (self.distance(p), self.normal(p));
+        std::array::from_fn(|k| p[k] - d * n[k])
+    }
+
     /// What the derivatives of its distances need, for many points.
     pub(crate) fn rows(&self) -> Rows<'_> {
         let (sin, cos) = self.slope();
@@ -500,8 +506,7 @@ mod tests {
                 );
             }
             let d = shape.distance(p);
-            let foot = std::array::from_fn(|k| p[k] - d * n[k]);
-            assert!(shape.distance(foot).abs() < 1e-14, "{shape:?}");
+            assert!(shape.distance(shape.foot(p)).abs() < 1e-14, "{shape:?}");
             assert!((shape.about(p).distance(p) - d).abs() < 1e-14, "{shape:?}");
         }
     }

@@ -23,9 +23,9 @@ mod seeds;
 use crate::cloud::Scaling;
 use crate::entity::Recognition;
 use crate::recognize::{Error, Options};
-use claim::claim;
+use claim::{Claims, claim};
 use flat::Flats;
-use isoform_control::Control;
+use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
 use mesh::Facets;
 use report::report;
@@ -38,10 +38,47 @@ const LEAST_COVERED: f64 = 0.2;
 /// What was recognised in a CAD mesh.
 #[derive(Clone, Debug)]
 pub struct FacetRecognition {
-    /// Points inside flat faces and on straight lines, which follow the mesh's own.
+    /// Points inside faces, on their surfaces, which follow the mesh's own.
     pub inside: Vec<Point3>,
     /// The entities, with labels of the mesh's points and those inside.
     pub recognition: Recognition,
+}
+
+/// The facets of a CAD mesh and the parts that explain them.
+struct Explained {
+    scaling: Scaling,
+    facets: Facets,
+    claims: Claims,
+}
+
+impl Explained {
+    /// Of a mesh all of whose corners are points; `None` for a mesh that is no CAD model's.
+    fn of(mesh: &PointCloud, control: &Control<'_>) -> Result<Option<Self>, Error> {
+        if !mesh.points.iter().flatten().all(|x| x.is_finite()) {
+            return Err(Error::NotFinite);
+        }
+        control.begin("facets")?;
+        let scaling = Scaling::of(&mesh.points).ok_or(Error::Line)?;
+        let facets = Facets::new(mesh, &scaling);
+        let flats = Flats::new(&facets);
+        let claims = claim(&facets, &flats, control)?;
+        let covered: f64 = claims.parts.iter().map(|p| facets.area(&p.triangles)).sum();
+        let all: f64 = facets.areas.iter().sum();
+        let is_cad = covered >= LEAST_COVERED * all && !claims.parts.is_empty();
+        Ok(is_cad.then_some(Self {
+            scaling,
+            facets,
+            claims,
+        }))
+    }
+
+    /// Points in the scaled coordinates as points of the mesh.
+    fn placed(&self, points: &[(Point3, u32)]) -> Vec<Point3> {
+        let back = |p: &(Point3, u32)| -> Point3 {
+            std::array::from_fn(|k| p.0[k] * self.scaling.unit + self.scaling.origin[k])
+        };
+        points.iter().map(back).collect()
+    }
 }
 
 /// Recognises the planes, spheres, cylinders, cones and tori of a CAD mesh, about `wanted` points
@@ -56,29 +93,45 @@ pub fn recognize_facets(
     options: &Options,
     control: &Control<'_>,
 ) -> Result<Option<FacetRecognition>, Error> {
-    if !mesh.points.iter().flatten().all(|x| x.is_finite()) {
-        return Err(Error::NotFinite);
-    }
-    control.begin("facets")?;
-    let mut scaling = Scaling::of(&mesh.points).ok_or(Error::Line)?;
-    let facets = Facets::new(mesh, &scaling);
-    let flats = Flats::new(&facets);
-    let claims = claim(&facets, &flats, control)?;
-    let covered: f64 = claims.parts.iter().map(|p| facets.area(&p.triangles)).sum();
-    let all: f64 = facets.areas.iter().sum();
-    if covered < LEAST_COVERED * all || claims.parts.is_empty() {
+    let Some(mut found) = Explained::of(mesh, control)? else {
         return Ok(None);
-    }
-    let inside = points::inside(&facets, &claims, wanted);
-    let back = |p: &(Point3, u32)| -> Point3 {
-        std::array::from_fn(|k| p.0[k] * scaling.unit + scaling.origin[k])
     };
-    let positions = inside.iter().map(back).collect();
+    let inside = points::inside(&found.facets, &found.claims, wanted, options.min_points);
+    let positions = found.placed(&inside);
     for k in 0..3 {
-        scaling.origin[k] += mesh.origin[k];
+        found.scaling.origin[k] += mesh.origin[k];
     }
+    let Explained {
+        scaling,
+        facets,
+        claims,
+    } = &found;
     Ok(Some(FacetRecognition {
         inside: positions,
-        recognition: report(&facets, &claims, &inside, options, &scaling),
+        recognition: report(facets, claims, &inside, options, scaling),
     }))
+}
+
+/// Returns about `wanted` points inside the faces of a CAD mesh, on their surfaces; none for a mesh
+/// that is no CAD model's. The corners of all triangles have to be points.
+///
+/// # Errors
+/// [`Stopped`].
+pub fn points_on_facets(
+    mesh: &PointCloud,
+    wanted: usize,
+    control: &Control<'_>,
+) -> Result<Vec<Point3>, Stopped> {
+    if mesh.triangles.is_empty() || wanted == 0 {
+        return Ok(Vec::new());
+    }
+    let found = match Explained::of(mesh, control) {
+        Ok(Some(found)) => found,
+        Err(Error::Stopped(stopped)) => return Err(stopped),
+        // Points at one place, say, are no faces.
+        Ok(None) | Err(_) => return Ok(Vec::new()),
+    };
+    let fewest = Options::default().min_points;
+    let inside = points::inside(&found.facets, &found.claims, wanted, fewest);
+    Ok(found.placed(&inside))
 }

@@ -34,7 +34,7 @@ pub use entity::{
     Blend, Deviations, Entity, Layout, Pattern, Recognition, Relation, RelationKind, Symmetry,
     SymmetryKind,
 };
-pub use facets::{FacetRecognition, recognize_facets};
+pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
 pub use recognize::{Error, Options, recognize};
 pub use snap::{Snap, snap};
 pub use template::{Gap, Proposal, ProposeError, propose};

@@ -3,7 +3,7 @@
 
 use crate::held::{HeldTemplate, ParameterError};
 use crate::template::{Here, Outline};
-use crate::{CornerError, FrepTemplate, TemplateError, points_on_faces};
+use crate::{CornerError, FacesError, FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
@@ -37,7 +37,7 @@ const WIDENINGS: usize = 2;
 /// Largest share of the points that may be left out as clutter: with more gone, the rest need not be
 /// the part.
 const MOST_LEFT_OUT: f64 = 0.6;
-/// Approximate number of points that are added on the flat faces of a CAD model.
+/// Approximate number of points that are added on the faces of a CAD model.
 const ON_FACES: usize = 6000;
 
 /// Lower and upper bounds of parameters, by name, 1-based number, or `a[number]`.
@@ -127,11 +127,20 @@ fn lead(key: &str) -> String {
     format!("{key}: ")
 }
 
+impl From<FacesError> for FitScanError {
+    fn from(error: FacesError) -> Self {
+        match error {
+            FacesError::Corner(error) => error.into(),
+            FacesError::Stopped(_) => Self::Fit(FitError::Stopped),
+        }
+    }
+}
+
 /// What a reader should know of how a scan was fitted.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FitScanWarning {
-    /// The scan is a CAD model, and got points on its flat faces and straight lines.
+    /// The scan is a CAD model, and got points on its faces.
     FacesAdded {
         /// Points added.
         added: usize,
@@ -149,7 +158,7 @@ impl fmt::Display for FitScanWarning {
         match self {
             Self::FacesAdded { added, vertices } => write!(
                 f,
-                "a CAD model: {added} points of its flat faces and straight lines were added to \
+                "a CAD model: {added} points on its faces were added to \
                  {vertices} vertices"
             ),
             Self::FarAndFixed => f.write_str(
@@ -228,7 +237,7 @@ impl ScanFit {
 /// Where the program does not fit as the scan stands, other ways to stand are tried, its box is
 /// measured along the template's own axes, and bounds that presume a whole part give way. Where a
 /// fit is in doubt and planes or other objects beside the part are seen, it is fitted without them,
-/// too. The flat faces of CAD meshes, which have no vertices inside, get points. Points far from
+/// too. The faces of CAD meshes, which have no vertices inside, get points. Points far from
 /// the origin are fitted about their centre, as files are read; values are in their coordinates.
 ///
 /// ```
@@ -258,7 +267,7 @@ pub fn fit_scan(
     let started = Instant::now();
     let mut warnings = Vec::new();
     let near = recentred(scan);
-    let mut cloud = with_faces(&near, &mut warnings)?;
+    let mut cloud = with_faces(&near, &mut warnings, control)?;
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
@@ -311,15 +320,16 @@ fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
     Cow::Owned(scan.clone().recentred())
 }
 
-/// The scan; of a CAD model with points on its flat faces and straight lines.
+/// The scan; of a CAD model with points on its faces.
 fn with_faces<'a>(
     scan: &'a PointCloud,
     warnings: &mut Vec<FitScanWarning>,
-) -> Result<Cow<'a, PointCloud>, CornerError> {
+    control: &Control<'_>,
+) -> Result<Cow<'a, PointCloud>, FacesError> {
     if scan.triangles.is_empty() {
         return Ok(Cow::Borrowed(scan));
     }
-    let (with_faces, added) = points_on_faces(scan, ON_FACES)?;
+    let (with_faces, added) = points_on_faces(scan, ON_FACES, control)?;
     if added == 0 {
         return Ok(Cow::Borrowed(scan));
     }

@@ -1,9 +1,9 @@
 //! Surfaces recognised in scans.
 
 use crate::CornerError;
-use crate::facets::check_corners;
+use crate::facets::{check_corners, with_points};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud};
+use isoform_geom::PointCloud;
 use isoform_recognize::{
     Error, Options, Proposal, ProposeError, Recognition, Snap, propose, recognize,
     recognize_facets, snap,
@@ -96,14 +96,4 @@ pub fn recognize_scan<'a>(
         scan: Cow::Borrowed(scan),
         recognition: recognize(scan, options, control)?,
     })
-}
-
-/// A mesh with further points after its own.
-fn with_points(mesh: &PointCloud, more: &[Point3]) -> PointCloud {
-    PointCloud {
-        points: [&mesh.points, more].concat(),
-        origin: mesh.origin,
-        triangles: mesh.triangles.clone(),
-        ..PointCloud::default()
-    }
 }

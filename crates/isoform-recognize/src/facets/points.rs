@@ -1,37 +1,105 @@
-//! The points of a mesh that recognition reports on: its vertices, and further ones inside flat
-//! faces and on straight lines of bent ones, which lie on the surface as vertices do.
+//! The points of a mesh that recognition reports on: its vertices, and further ones inside faces,
+//! which lie on the surface as vertices do.
+//!
+//! Facets are chords: along a curved edge they reach beyond the face, or end before it. Points
+//! between the chord and the edge are on the surface, but not on the face, and are left out: a face
+//! ends where the surface next to it begins.
 
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
 use super::part::Part;
-use crate::chart::Kind;
-use isoform_geom::{Point3, middle, norm, sub};
+use crate::chart::{Kind, Surface};
+use isoform_geom::{Point3, middle};
+use std::collections::BTreeMap;
 
-/// The most points on one straight line: a thin rod of a fine model has no more.
-const ON_LINE: f64 = 1000.0;
-
-/// Points inside faces, each with its part.
-pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize) -> Vec<(Point3, u32)> {
-    let total: f64 = claims.parts.iter().map(|p| mesh.area(&p.triangles)).sum();
-    let spacing = (total / wanted.max(1) as f64).sqrt();
+/// Returns points inside faces, each with its part: about `wanted`, and at least `fewest` inside
+/// each part, as far as its facets are not all next to a curved edge.
+pub(crate) fn inside(
+    mesh: &Facets,
+    claims: &Claims,
+    wanted: usize,
+    fewest: usize,
+) -> Vec<(Point3, u32)> {
+    let areas: Vec<f64> = claims
+        .parts
+        .iter()
+        .map(|p| mesh.area(&p.triangles))
+        .collect();
+    let spacing = (areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
     let mut points = Vec::new();
     if wanted == 0 || spacing <= 0.0 {
         return points;
     }
+    let borders = borders(mesh, claims);
     for (k, part) in claims.parts.iter().enumerate() {
-        let of = match part.surface.kind {
-            Kind::Plane => flat(mesh, part, spacing),
-            Kind::Cylinder | Kind::Cone => straight(mesh, part, spacing),
-            Kind::Sphere | Kind::Torus => Vec::new(),
-        };
+        let spacing = spacing.min((areas[k] / fewest.max(1) as f64).sqrt());
+        let near = borders.range((k as u32, 0)..=(k as u32, NONE));
+        let near: Vec<(&Surface, &Border)> = near
+            .map(|((_, other), b)| (&claims.parts[*other as usize].surface, b))
+            .collect();
+        let is_on_face = |p: &Point3| near.iter().all(|(s, b)| b.is_kept(s.distance(*p), mesh));
+        let mut of = all_over(mesh, part, spacing);
+        if part.surface.kind != Kind::Plane {
+            of.iter_mut().for_each(|p| *p = part.surface.foot(*p));
+        }
+        of.retain(is_on_face);
         points.extend(of.into_iter().map(|p| (p, k as u32)));
     }
     points
 }
 
-/// A point for each square of the spacing, by a low-discrepancy pair (Roberts, the plastic number)
-/// and the square root map.
-fn flat(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
+/// The edges that a part shares with another one.
+#[derive(Default)]
+struct Border {
+    /// How far the edges are off the two surfaces: the height of the chords.
+    height: f64,
+    /// The areas of the part's facets there on the two sides of the other surface.
+    areas: [f64; 2],
+}
+
+impl Border {
+    /// True if a point of the part at this distance from the other surface is on the part's face.
+    fn is_kept(&self, distance: f64, mesh: &Facets) -> bool {
+        let [below, above] = self.areas;
+        // A face on both sides, such as that of a plane which a pipe meets.
+        let is_two_sided = below.min(above) > 0.01 * below.max(above);
+        let is_far = distance.abs() > self.height + mesh.tolerance;
+        let inwards = if above > below { distance } else { -distance };
+        is_far || !is_two_sided && inwards > mesh.tolerance
+    }
+}
+
+/// The borders of the parts, by the part and the other one.
+fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
+    let mut borders: BTreeMap<(u32, u32), Border> = BTreeMap::new();
+    for t in 0..mesh.triangles.len() as u32 {
+        let own = claims.taken[t as usize];
+        for u in mesh.near(t) {
+            let other = claims.taken[*u as usize];
+            if own == NONE || other == NONE || own == other {
+                continue;
+            }
+            let [a, b] = [own, other].map(|k| &claims.parts[k as usize].surface);
+            let border = borders.entry((own, other)).or_default();
+            let shared = mesh.triangles[t as usize]
+                .into_iter()
+                .filter(|v| mesh.triangles[*u as usize].contains(v));
+            let ends: Vec<Point3> = shared.map(|v| mesh.points[v as usize]).collect();
+            if let [p, q] = ends[..] {
+                let chord = middle([p, q]);
+                let height = a.distance(chord).abs().max(b.distance(chord).abs());
+                border.height = border.height.max(height);
+            }
+            let side = b.distance(middle(mesh.corners(t)));
+            border.areas[usize::from(side > 0.0)] += mesh.areas[t as usize];
+        }
+    }
+    borders
+}
+
+/// Returns a point for each square of the spacing, by a low-discrepancy pair (Roberts, the plastic
+/// number) and the square root map.
+fn all_over(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
     let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0.0_f64);
     for t in &part.triangles {
         owed += mesh.areas[*t as usize] / (spacing * spacing);
@@ -45,31 +113,6 @@ fn flat(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
             points.push(std::array::from_fn(|i| {
                 w[0] * a[i] + w[1] * b[i] + w[2] * c[i]
             }));
-        }
-    }
-    points
-}
-
-/// Points on edges that are straight lines of the surface, no farther apart than the spacing.
-fn straight(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
-    let sides = |t: &u32| {
-        let [a, b, c] = mesh.triangles[*t as usize];
-        [[a, b], [b, c], [c, a]].map(|[a, b]| [a.min(b), a.max(b)])
-    };
-    let mut edges: Vec<[u32; 2]> = part.triangles.iter().flat_map(sides).collect();
-    edges.sort_unstable();
-    edges.dedup();
-    let mut points = Vec::new();
-    for edge in edges {
-        let [p, q] = edge.map(|v| mesh.points[v as usize]);
-        let off = part.surface.distance(middle([p, q])).abs();
-        if off <= mesh.tolerance {
-            let pieces = (norm(sub(q, p)) / spacing).ceil().min(ON_LINE) as usize;
-            let at = |j: usize| j as f64 / pieces as f64;
-            points.extend(
-                (1..pieces)
-                    .map(|j| -> Point3 { std::array::from_fn(|i| p[i] + (q[i] - p[i]) * at(j)) }),
-            );
         }
     }
     points

@@ -34,7 +34,9 @@ pub(crate) fn report(
     let known = labels.iter().filter(|l| **l != NONE);
     known.for_each(|l| counts[*l as usize] += 1);
     let mut order: Vec<usize> = (0..counts.len()).collect();
-    order.retain(|k| counts[*k] >= options.min_points);
+    // Scraps are evidence of a face where no facet is left over that they may be scraps of.
+    let is_whole = claims.taken.iter().all(|k| *k != NONE);
+    order.retain(|k| is_whole || counts[*k] >= options.min_points);
     order.sort_by_key(|k| (std::cmp::Reverse(counts[*k]), *k));
     let mut rank = vec![None; counts.len()];
     for (new, old) in order.iter().enumerate() {
