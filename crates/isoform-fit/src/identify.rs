@@ -79,6 +79,8 @@ pub(crate) struct At<'a> {
     pub(crate) scale: f64,
     /// Smallest deviation worth the name: below it data are exact.
     pub(crate) least_scale: f64,
+    /// Largest rounding error of a coordinate.
+    pub(crate) rounding: f64,
     /// Points that stand for all where a variable is moved: that many, spread over them.
     pub(crate) tested: usize,
     pub(crate) control: &'a Control<'a>,

@@ -81,6 +81,9 @@ pub struct Options {
     pub bounds: Vec<Option<(f64, f64)>>,
     /// Seed of everything random: one seed, one result, for any number of threads.
     pub seed: u64,
+    /// Largest rounding error of a coordinate, 0 if none is known: deviations below it say nothing
+    /// against a model, and no length is known better.
+    pub rounding: f64,
     /// Points of the search. Fewer make minima of noise, more only cost time (512: 3 to 13 % of
     /// informed starts end elsewhere).
     pub search_points: usize,
@@ -115,6 +118,7 @@ impl Default for Options {
             start: None,
             bounds: Vec::new(),
             seed: 1,
+            rounding: 0.0,
             search_points: 512,
             confirm_points: 2048,
             least_starts: 4,

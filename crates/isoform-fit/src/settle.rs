@@ -437,6 +437,7 @@ impl<'t> Task<'t> {
             loss: found.loss,
             scale: state.noise,
             least_scale: self.rounding(),
+            rounding: self.options.rounding,
             tested: TESTED,
             control: self.control,
         }

@@ -68,7 +68,7 @@ impl<'a> Task<'a> {
 
     /// Noise below this is rounding.
     pub(crate) fn rounding(&self) -> f64 {
-        EXACT * self.size()
+        (EXACT * self.size()).max(self.options.rounding)
     }
 
     /// The first points in the random order.

@@ -11,6 +11,7 @@ mod gram;
 mod kdtree;
 mod mesh;
 mod normals;
+mod rounding;
 mod pairs;
 mod parts;
 mod patch;
@@ -31,6 +32,7 @@ pub use kdtree::KdTree;
 pub use mesh::{
     Curve, Mesh, Opposite, TET_EDGES, TET_FACES, TRIANGLE_EDGES, WEDGE_QUADS, WEDGE_TRIANGLES,
 };
+pub use rounding::rounding;
 pub use normals::{Agreement, agreement, estimate_normals, orient_normals, vertex_normals};
 pub use pairs::near_pairs;
 pub use parts::{Parts, SmoothPart};

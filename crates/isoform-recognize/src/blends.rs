@@ -22,22 +22,23 @@ const WITHIN: f64 = 4.0;
 const OFF: f64 = 0.05;
 /// The least deviation, in diagonals: what rounding leaves.
 const ROUNDING: f64 = 1e-8;
-/// Places where two entities lie beside each other for them to be neighbours: a corner is one or
-/// two.
-const PAIRS: usize = 4;
+/// Pairs of points next to each other that two entities of a cloud have at least as neighbours: a
+/// corner has one or two.
+pub(crate) const PAIRS: usize = 4;
 /// |cosine| of the normals at the two contacts above which the entity is no rounded edge but the
 /// round end of a slot.
 const OPPOSITE: f64 = 0.99;
 
 /// The blends among entities, in their order, with lengths in units of `unit`: given their points,
-/// and the pairs of entities that lie beside each other, once for each place where they do.
+/// and the pairs of entities next to each other, once for each place where they are; neighbours
+/// have `fewest` of them.
 pub(crate) fn blends(
     known: &[Known],
     points: &[Vec<Point3>],
-    pairs: impl Iterator<Item = (usize, usize)>,
+    (pairs, fewest): (impl Iterator<Item = (usize, usize)>, usize),
     unit: f64,
 ) -> Vec<Blend> {
-    let beside = neighbours(pairs);
+    let beside = neighbours(pairs, fewest);
     let mut blends = Vec::new();
     for (i, Known { surface: s, .. }) in known.iter().enumerate() {
         let radius = match s.kind {
@@ -77,13 +78,7 @@ fn has_angle(known: &[Known], between: &[usize], p: Point3) -> bool {
 /// The deviation of a surface's places and sizes: the largest along a length.
 fn deviation(known: &Known) -> f64 {
     let of = |k: usize| known.covariance[k][k].sqrt();
-    let lengths = match known.surface.kind {
-        Kind::Plane => 2..3,
-        Kind::Sphere => 0..4,
-        Kind::Cylinder | Kind::Cone => 2..5,
-        Kind::Torus => 2..7,
-    };
-    lengths.map(of).fold(0.0, f64::max)
+    known.surface.kind.lengths().map(of).fold(0.0, f64::max)
 }
 
 /// Places of the middle curve: where the points begin and end along a cylinder's axis.
@@ -105,15 +100,18 @@ fn middle(s: &Surface, points: &[Point3]) -> Vec<Point3> {
     }
 }
 
-/// For each entity those beside it.
-fn neighbours(pairs: impl Iterator<Item = (usize, usize)>) -> BTreeMap<usize, Vec<usize>> {
+/// Returns the neighbours of each entity.
+fn neighbours(
+    pairs: impl Iterator<Item = (usize, usize)>,
+    fewest: usize,
+) -> BTreeMap<usize, Vec<usize>> {
     let mut counts: BTreeMap<(usize, usize), usize> = BTreeMap::new();
     for (a, b) in pairs {
         *counts.entry((a, b)).or_default() += 1;
         *counts.entry((b, a)).or_default() += 1;
     }
     let mut beside: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
-    for ((a, b), _) in counts.into_iter().filter(|p| p.1 >= PAIRS) {
+    for ((a, b), _) in counts.into_iter().filter(|p| p.1 >= fewest) {
         beside.entry(a).or_default().push(b);
     }
     beside

@@ -41,6 +41,16 @@ impl Kind {
         &Self::ALL[..self as usize]
     }
 
+    /// Returns which of its minimal parameters are lengths.
+    pub(crate) fn lengths(self) -> std::ops::Range<usize> {
+        match self {
+            Self::Plane => 2..3,
+            Self::Sphere => 0..4,
+            Self::Cylinder | Self::Cone => 2..5,
+            Self::Torus => 2..7,
+        }
+    }
+
     /// How many parameters determine it.
     pub(crate) fn parameters(self) -> usize {
         match self {

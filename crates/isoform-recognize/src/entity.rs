@@ -37,6 +37,16 @@ pub struct Deviations {
     pub minor: f64,
 }
 
+impl Deviations {
+    /// Of a surface that its points do not determine.
+    pub(crate) const OPEN: Self = Self {
+        direction: [f64::INFINITY; 3],
+        place: [f64::INFINITY; 3],
+        size: f64::INFINITY,
+        minor: f64::INFINITY,
+    };
+}
+
 /// How two entities lie to one another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RelationKind {

@@ -17,7 +17,6 @@ mod mesh;
 mod part;
 mod points;
 mod report;
-mod rounding;
 mod seeds;
 
 use crate::cloud::Scaling;

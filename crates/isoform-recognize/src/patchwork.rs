@@ -1,6 +1,6 @@
 //! Surfaces that meet others without an edge where none was designed: patches of a bent form.
 
-use crate::blends::blends;
+use crate::blends::{PAIRS, blends};
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
 use crate::fit::squares;
@@ -94,7 +94,8 @@ fn blends_of(cloud: &Cloud, found: &Segmentation, members: &[Vec<u32>]) -> Vec<b
         .collect();
     let points: Vec<Vec<Point3>> = members.iter().map(|of| cloud.at(of)).collect();
     let mut is_blend = vec![false; members.len()];
-    for blend in blends(&known, &points, found.neighbours(cloud), 1.0) {
+    let pairs = (found.neighbours(cloud), PAIRS);
+    for blend in blends(&known, &points, pairs, 1.0) {
         is_blend[blend.entity] = true;
     }
     is_blend

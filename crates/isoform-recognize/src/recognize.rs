@@ -1,6 +1,6 @@
 //! Recognition of a scan.
 
-use crate::blends::blends;
+use crate::blends::{PAIRS, blends};
 use crate::chart::{Kind, MOST, Row, Surface, unit};
 use crate::choose::EXACT;
 use crate::cloud::{Cloud, Scaling, sorted};
@@ -223,7 +223,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         patterns,
         labels: index.iter().map(label).collect(),
         normals: index.iter().map(|i| cloud.normals[*i as usize]).collect(),
-        blends: blends(&known, &points, pairs, scaling.unit),
+        blends: blends(&known, &points, (pairs, PAIRS), scaling.unit),
         relations: relations(&known, found.noise, scaling.unit),
         noise,
         is_form: found.is_form,
@@ -313,12 +313,7 @@ pub(crate) fn deviations(
     scaling: &Scaling,
 ) -> Deviations {
     let Some(covariance) = covariance(surface, points) else {
-        return Deviations {
-            direction: [f64::INFINITY; 3],
-            place: [f64::INFINITY; 3],
-            size: f64::INFINITY,
-            minor: f64::INFINITY,
-        };
+        return Deviations::OPEN;
     };
     let covariance = covariance.map(|row| row.map(|x| x * sigma * sigma));
     deviations_of(surface, &covariance, scaling)

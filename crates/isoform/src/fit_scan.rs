@@ -10,7 +10,7 @@ use isoform_fit::{
     Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning,
     fit_to, search, settle,
 };
-use isoform_geom::{Aabb, Point3, PointCloud, far_center};
+use isoform_geom::{Aabb, Point3, PointCloud, far_center, rounding};
 use std::borrow::Cow;
 use std::fmt;
 use std::time::Instant;
@@ -284,7 +284,10 @@ pub fn fit_scan(
     hold(&mut template, options)?;
     let task = Task {
         options,
-        inner: inner_options(&template, options)?,
+        inner: Options {
+            rounding: rounding(scan),
+            ..inner_options(&template, options)?
+        },
         control,
         origin: cloud.origin,
         posed: &posed,

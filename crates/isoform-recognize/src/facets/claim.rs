@@ -95,6 +95,7 @@ impl Claims {
                     mesh,
                     flats,
                     taken: &self.taken,
+                    parts: &self.parts,
                 };
                 match free.best(*piece) {
                     Some(part) => {
@@ -181,7 +182,7 @@ impl Claims {
         (0..flats.pieces.len() as u32).for_each(|k| sizes[rows.root(k) as usize] += 1);
         let pieces = (0..flats.pieces.len() as u32).filter(|k| {
             let of = &flats.pieces[*k as usize].triangles;
-            is_left(*k) && sizes[rows.root(*k) as usize] <= FEW && is_face(mesh, of)
+            is_left(*k) && sizes[rows.root(*k) as usize] <= FEW && is_face(mesh, flats, of)
         });
         let new: Vec<Part> = pieces.map(|k| flats.pieces[k as usize].clone()).collect();
         for mut part in new {
@@ -218,9 +219,13 @@ impl Claims {
     }
 }
 
-/// Whether triangles in one plane show it: four vertices do, and a triangle with others around it.
-fn is_face(mesh: &Facets, of: &[u32]) -> bool {
-    mesh.vertices(of).len() > 3 || mesh.near(of[0]).len() >= 3
+/// True if triangles in one plane show it: four vertices do, and a triangle with others around it
+/// of which one meets it at an edge. A triangle that goes over into all of them is a scrap of what
+/// they stand for.
+fn is_face(mesh: &Facets, flats: &Flats, of: &[u32]) -> bool {
+    let near = mesh.near(of[0]);
+    let is_sharp = |u: &u32| !flats.are_alike(mesh, [of[0], *u]);
+    mesh.vertices(of).len() > 3 || near.len() >= 3 && near.iter().any(is_sharp)
 }
 
 /// Whether a flat piece may be a facet of something bent.

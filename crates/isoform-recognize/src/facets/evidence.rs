@@ -3,13 +3,16 @@
 //!
 //! Vertices of a mesh stand in rows. Any three parallel lines lie on a cylinder, any three coaxial
 //! circles on a torus: a fourth row on it is no coincidence, as it is met within the tolerance. Any
-//! two coaxial circles lie on a sphere: it needs a vertex with facets all around it.
+//! two coaxial circles lie on a sphere: it needs a vertex with facets all around it. A surface that
+//! goes over into its neighbours without an edge is met by their tangent planes, too: it takes the
+//! place of a row.
 
 use super::mesh::Facets;
 use super::part::{Part, ends_clearly};
 use crate::chart::{Kind, Surface};
 use crate::start::plane;
 use isoform_geom::{Point3, cross, dot, norm, sub};
+use std::collections::BTreeMap;
 
 /// Rows that a cylinder and each circle of a torus take: one more than determines them.
 const ROWS: usize = 4;
@@ -21,11 +24,17 @@ const SPHERE: usize = 9;
 const TORUS: usize = 14;
 /// Angles nearer than this, in radians, are one row: 60 000 to a circle.
 const ROW: f64 = 1e-4;
+/// The largest angle between tangent planes, in radians: what rounding leaves on faces of a
+/// thousandth of the size.
+const TANGENT: f64 = 2e-3;
 /// A bent part leaves its plane by this many tolerances.
 const BENT: f64 = 10.0;
 
-/// Whether the vertices of a part show its surface.
-pub(crate) fn shows(mesh: &Facets, part: &Part) -> bool {
+/// The surfaces next to a part, by their parts, with the vertices at which they meet it.
+pub(crate) type Contacts = BTreeMap<u32, (Surface, Vec<u32>)>;
+
+/// True if the vertices of a part and the surfaces next to it show its surface.
+pub(crate) fn shows(mesh: &Facets, part: &Part, contacts: &Contacts) -> bool {
     let surface = &part.surface;
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
@@ -33,17 +42,30 @@ pub(crate) fn shows(mesh: &Facets, part: &Part) -> bool {
     if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part) {
         return false;
     }
+    let tangent = contacts.values().filter(|c| is_tangent(mesh, surface, c));
+    let is_blend = tangent.count() >= 2;
+    let fewer = usize::from(is_blend);
     let around = |rows: usize| has_rows(points.iter().map(|p| around(surface, *p)), rows);
     match surface.kind {
         Kind::Plane => true,
-        Kind::Cylinder => around(ROWS),
+        Kind::Cylinder => around(ROWS - fewer),
         Kind::Cone => around(CONE_ROWS),
+        Kind::Sphere if is_blend => points.len() > SPHERE / 2,
         Kind::Sphere => points.len() >= SPHERE && mesh.surround_a_vertex(&part.triangles),
         Kind::Torus => {
             let tube = points.iter().map(|p| section(surface, *p));
-            points.len() >= TORUS && around(ROWS) && has_rows(tube, ROWS)
+            points.len() >= TORUS && around(ROWS) && has_rows(tube, ROWS - fewer)
         }
     }
+}
+
+/// True if a surface goes over into another one without an edge where they meet.
+fn is_tangent(mesh: &Facets, surface: &Surface, (other, at): &(Surface, Vec<u32>)) -> bool {
+    at.iter().all(|v| {
+        let p = mesh.points[*v as usize];
+        let [m, n] = [surface, other].map(|s| s.normal(p));
+        norm(cross(m, n)) <= TANGENT
+    })
 }
 
 /// The angle of a point about the axis.

@@ -1,10 +1,9 @@
 //! The triangles as recognition sees them: each vertex and each triangle once, scaled, with their
 //! neighbours, and turned alike.
 
-use super::rounding::rounding;
 use crate::chart::unit;
 use crate::cloud::{Scaling, sorted};
-use isoform_geom::{KdTree, Point3, PointCloud, UnionFind, cross, dot, norm, sub};
+use isoform_geom::{KdTree, Point3, PointCloud, UnionFind, cross, dot, norm, rounding, sub};
 use rayon::prelude::*;
 use std::collections::VecDeque;
 
@@ -48,7 +47,7 @@ type Side = ([u32; 2], u32, bool);
 impl Facets {
     /// Of a mesh whose corners are points; triangles without area are left out.
     pub(crate) fn new(scan: &PointCloud, scaling: &Scaling) -> Self {
-        let rounding = rounding(scan, scaling.unit) / scaling.unit;
+        let rounding = rounding(scan) / scaling.unit;
         let tolerance = (WITHIN * rounding).max(LEAST);
         let (places, mut index) = sorted(&scan.points);
         let points: Vec<Point3> = places.iter().map(|p| scaling.apply(*p)).collect();

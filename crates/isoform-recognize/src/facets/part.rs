@@ -1,14 +1,15 @@
 //! Parts of a mesh that one surface explains: which triangles follow a surface, and how a part
 //! grows along edges.
 //!
-//! Vertices lie on the surface up to rounding, facets are its chords: the normal of a facet is that
-//! of the surface somewhere over it, so it is no farther from those at its corners than these are
-//! from one another.
+//! Vertices lie on the surface up to rounding, facets are its chords. The normal of a facet differs
+//! from that of the surface by the curvature times the circumradius at most, to first order (K.
+//! Kobayashi and T. Tsuchiya, A Babuška–Aziz type proof of the circumradius condition, Japan J.
+//! Indust. Appl. Math. 31, 2014); its corners tell the curvature times the longest side.
 
 use super::mesh::Facets;
 use crate::chart::{Kind, Surface, unit};
 use crate::fit::{Precision, fit};
-use isoform_geom::{Point3, dot};
+use isoform_geom::{Point3, cross, dot, middle, norm, sub};
 
 /// The cosine of the most that a surface turns over one of its facets, 40°. A circle of 9 sides
 /// turns by 40° from side to side and one of 10 by 36°: fewer than 10 sides are planes. Modellers
@@ -60,6 +61,9 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
     }
     let height = mesh.heights[t as usize];
     let turn = turn(surface, corners);
+    if !is_chord(surface, corners, angle(turn), tolerance) {
+        return false;
+    }
     let most = match surface.kind {
         Kind::Sphere | Kind::Torus => BOTH_WAYS,
         _ => TURN,
@@ -73,7 +77,7 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
     let n = corners.map(|p| surface.normal(p));
     let mean = unit(std::array::from_fn(|k| n[0][k] + n[1][k] + n[2][k]));
     let off = dot(mean, mesh.normals[t as usize]).abs();
-    let allowed = || angle(turn) + OFF.0 + OFF.1 * tolerance / height;
+    let allowed = || roundness(corners) * angle(turn) + OFF.0 + OFF.1 * tolerance / height;
     off >= turn || off >= most && angle(off) <= allowed()
 }
 
@@ -84,6 +88,26 @@ pub(crate) fn turn(surface: &Surface, corners: [Point3; 3]) -> f64 {
     }
     let [a, b, c] = corners.map(|p| surface.normal(p));
     dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
+}
+
+/// True if the surface is no farther from a facet than a chord along which it turns by an angle may
+/// be: a side times an eighth of the angle on circles, twice that elsewhere. Three points on the
+/// circle where a plane touches a torus have one normal, but their plane leaves the torus.
+fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64) -> bool {
+    let sides = [[a, b], [b, c], [c, a]];
+    let longest = sides.map(|[p, q]| norm(sub(p, q))).into_iter().fold(0.0, f64::max);
+    let most = longest * turn / 4.0 + 2.0 * tolerance;
+    let middles = sides.map(|ends| middle(ends));
+    let places = middles.into_iter().chain([middle([a, b, c])]);
+    surface.kind == Kind::Plane || places.into_iter().all(|p| surface.distance(p).abs() <= most)
+}
+
+/// The circumradius of a triangle over its longest side; 1 at least.
+fn roundness([a, b, c]: [Point3; 3]) -> f64 {
+    let sides = [sub(b, a), sub(c, b), sub(a, c)];
+    let [p, q, r] = sides.map(norm);
+    let double = norm(cross(sides[0], sides[1]));
+    (p * q * r / (2.0 * double * p.max(q).max(r))).max(1.0)
 }
 
 fn angle(cosine: f64) -> f64 {

@@ -7,10 +7,10 @@ use super::points::at_vertices;
 use crate::blends::blends;
 use crate::chart::{Kind, MOST, Surface};
 use crate::cloud::Scaling;
-use crate::entity::{Entity, Recognition};
+use crate::entity::{Deviations, Entity, Recognition};
 use crate::fit::{Precision, covariance, fit, mean, squares};
 use crate::patterns::patterns;
-use crate::recognize::{Options, deviations};
+use crate::recognize::{Options, deviations_of};
 use crate::relations::{Known, relations};
 use crate::symmetry::{Set, symmetries};
 use isoform_geom::{Point3, dot};
@@ -34,9 +34,7 @@ pub(crate) fn report(
     let known = labels.iter().filter(|l| **l != NONE);
     known.for_each(|l| counts[*l as usize] += 1);
     let mut order: Vec<usize> = (0..counts.len()).collect();
-    // Scraps are evidence of a face where no facet is left over that they may be scraps of.
-    let is_whole = claims.taken.iter().all(|k| *k != NONE);
-    order.retain(|k| is_whole || counts[*k] >= options.min_points);
+    order.retain(|k| counts[*k] >= options.min_points);
     order.sort_by_key(|k| (std::cmp::Reverse(counts[*k]), *k));
     let mut rank = vec![None; counts.len()];
     for (new, old) in order.iter().enumerate() {
@@ -70,7 +68,8 @@ pub(crate) fn report(
     Recognition {
         symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
         patterns,
-        blends: blends(&known, &points, pairs, scaling.unit),
+        // An edge of the mesh is an edge of both faces.
+        blends: blends(&known, &points, (pairs, 1), scaling.unit),
         relations: relations(&known, noise, scaling.unit),
         entities,
         normals: normals(mesh, claims, inside),
@@ -103,13 +102,21 @@ fn said(
     let squares = squares(&surface, &points);
     // Few vertices may meet by chance more exactly than they were rounded.
     let sigma = (squares / free).sqrt().max(noise / 3.0_f64.sqrt());
-    let open = [[f64::INFINITY; MOST]; MOST];
     let variance = sigma * sigma;
-    let covariance =
-        covariance(&surface, &points).map_or(open, |c| c.map(|row| row.map(|x| x * variance)));
+    let covariance = covariance(&surface, &points).map(|c| {
+        let mut c = c.map(|row| row.map(|x| x * variance));
+        // Coordinates of one face may all be rounded the same way, which no average takes away.
+        for k in surface.kind.lengths() {
+            c[k][k] += mesh.rounding * mesh.rounding / 3.0;
+        }
+        c
+    });
+    let deviations = covariance.as_ref().map_or(Deviations::OPEN, |c| {
+        deviations_of(&surface, c, scaling)
+    });
     let entity = Entity {
         surface: surface.quadric(scaling.unit, scaling.origin),
-        deviations: deviations(&surface, &points, sigma, scaling),
+        deviations,
         outward: outward(mesh, part, &surface),
         points: count,
         rms: (squares / points.len() as f64).sqrt() * scaling.unit,
@@ -119,7 +126,7 @@ fn said(
         entity,
         Known {
             surface,
-            covariance,
+            covariance: covariance.unwrap_or([[f64::INFINITY; MOST]; MOST]),
         },
     )
 }

@@ -490,10 +490,7 @@ fn are_alike(found: &Recognition, first: &Blend, second: &Blend) -> bool {
         if d.minor > 0.0 { d.minor } else { d.size }
     };
     let off = (first.radius - second.radius).abs();
-    let same_kind =
-        found.entities[first.entity].surface.name() == found.entities[second.entity].surface.name();
-    same_kind
-        && off <= (WITHIN * sd(first).hypot(sd(second))).max(ROUNDING * first.radius)
+    off <= (WITHIN * sd(first).hypot(sd(second))).max(ROUNDING * first.radius)
         && off <= ALIKE * first.radius.min(second.radius)
 }
 

@@ -1,6 +1,7 @@
 //! Half spaces: one for each entity, and those that tell apart what the entities' surfaces do not.
 //! All is in the coordinates of the part's frame.
 
+use super::corner::Wall;
 use crate::chart::{Kind, Surface};
 use isoform_geom::{Aabb, Point3};
 
@@ -9,6 +10,8 @@ use isoform_geom::{Aabb, Point3};
 pub(super) enum Source {
     /// An entity of this number.
     Entity(usize),
+    /// The corner that an entity of this number rounds.
+    Corner(usize),
     /// The plane through the centre or axis of an entity (its number), normal to an axis of the
     /// frame.
     Through(usize, usize),
@@ -19,19 +22,31 @@ pub(super) enum Source {
     Side(usize, bool),
 }
 
-/// A half space bounded by a surface.
-#[derive(Clone, Copy, Debug)]
+/// A half space bounded by a surface, or what of it lies within walls.
+#[derive(Clone, Debug)]
 pub(super) struct Half {
     pub(super) surface: Surface,
     /// 1 where it lies on the side of the surface's normal, −1 on the other.
     pub(super) sign: f64,
     pub(super) source: Source,
+    pub(super) walls: Vec<Wall>,
 }
 
 impl Half {
-    /// The distance from its surface, positive inside.
+    /// The distance from its surface or a wall, positive inside.
     pub(super) fn value(&self, p: Point3) -> f64 {
-        self.sign * self.surface.distance(p)
+        let own = self.sign * self.surface.distance(p);
+        self.walls.iter().fold(own, |least, w| least.min(w.value(p)))
+    }
+
+    /// The corner within walls that an entity rounds.
+    pub(super) fn corner(surface: &Surface, number: usize, walls: Vec<Wall>) -> Self {
+        Self {
+            surface: *surface,
+            sign: 1.0,
+            source: Source::Corner(number),
+            walls,
+        }
     }
 
     /// The half space of an entity: of a plane the side of the material, of other surfaces that of
@@ -42,6 +57,7 @@ impl Half {
             surface: *surface,
             sign: if is_along { 1.0 } else { -1.0 },
             source: Source::Entity(number),
+            walls: Vec::new(),
         }
     }
 
@@ -59,6 +75,7 @@ impl Half {
             },
             sign: -1.0,
             source,
+            walls: Vec::new(),
         }
     }
 }
@@ -80,6 +97,7 @@ pub(super) fn separators(surfaces: &[Surface], bounds: &Aabb) -> Vec<Half> {
                 },
                 sign: -1.0,
                 source: Source::Around(i),
+                walls: Vec::new(),
             });
         }
         for k in 0..3 {

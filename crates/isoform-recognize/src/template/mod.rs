@@ -2,6 +2,7 @@
 //! operations to the solid that the points bound, with named parameters.
 
 mod cells;
+mod corner;
 mod dimensions;
 mod frame;
 mod half;
@@ -167,6 +168,12 @@ pub fn propose(
         noise: found.noise,
     };
     let places = places(&cloud, &halves, control)?;
+    for blend in &found.blends {
+        let walls = corner::walls(blend, &found.blends, &frame);
+        let i = blend.entity;
+        halves.extend(walls.map(|w| Half::corner(&frame.surfaces[i], i, w)));
+    }
+    halves.truncate(MOST_HALVES - MOST_ADDED);
     let mut sides = sides(&halves, &places);
     separate(
         &mut halves,
@@ -256,7 +263,7 @@ fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], pla
         for (bits, place) in sides.iter_mut().zip(places) {
             *bits |= bit(best, k, place);
         }
-        halves.push(*best);
+        halves.push(best.clone());
     }
 }
 

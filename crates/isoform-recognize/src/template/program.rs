@@ -1,5 +1,6 @@
 //! The template as a HyperFun program.
 
+use super::corner::Role;
 use super::dimensions::{Dimensions, LETTERS, Measure, Term};
 use super::frame::{Frame, System, Turn};
 use super::half::{Half, Source};
@@ -58,7 +59,10 @@ impl Part<'_> {
         let mut used = vec![false; self.found.entities.len()];
         for k in ones(self.solid.halves()) {
             match self.halves[k].source {
-                Source::Entity(i) | Source::Through(i, _) | Source::Around(i) => used[i] = true,
+                Source::Entity(i)
+                | Source::Corner(i)
+                | Source::Through(i, _)
+                | Source::Around(i) => used[i] = true,
                 Source::Side(..) => {}
             }
         }
@@ -158,15 +162,18 @@ impl Writer<'_> {
         let mut order: Vec<usize> = ones(self.part.solid.halves()).collect();
         let key = |k: &usize| {
             let half = &self.part.halves[*k];
-            let Source::Entity(i) = half.source else {
-                return (9, 0, 0, 0.0);
-            };
             let s = &half.surface;
+            // Balls lie where the tubes that they join are.
+            let (i, is_corner) = match half.source {
+                Source::Entity(i) => (i, 0),
+                Source::Corner(i) => (i, 1 + usize::from(s.kind == Kind::Sphere)),
+                _ => return (9, 0, 0, 0.0),
+            };
             let (system, axis) = self.part.frame.along[i].unwrap_or((0, 0));
             match s.kind {
                 Kind::Plane => (0, system, axis, s.place[axis]),
                 _ => (
-                    1,
+                    1 + is_corner,
                     s.kind as usize,
                     0,
                     -(self.part.found.entities[i].points as f64),
@@ -185,9 +192,10 @@ impl Writer<'_> {
 
     /// The statement of a half space, and the parameters that it needs.
     fn half(&mut self, k: usize) {
-        let half = self.part.halves[k];
+        let half = self.part.halves[k].clone();
         let value = match half.source {
             Source::Entity(i) => self.entity(k, i, &half),
+            Source::Corner(i) => self.corner(k, i, &half),
             Source::Through(i, axis) => self.through(k, i, axis),
             Source::Around(i) => self.around(k, i),
             Source::Side(axis, is_upper) => self.side(k, axis, is_upper),
@@ -259,6 +267,80 @@ impl Writer<'_> {
                 };
                 format!("{call}({p}, c, {radius})/(2*{radius})")
             }
+        }
+    }
+
+    /// What lies between the walls of a corner and the blend that rounds it.
+    fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
+        let base = self.dimensions.name_of(i);
+        let ball = self.entity(k, i, half);
+        let walls: Vec<String> = half
+            .walls
+            .iter()
+            .filter(|w| !self.is_bound_by(w.role))
+            .map(|w| w.role)
+            .collect::<Vec<_>>()
+            .into_iter()
+            .map(|role| self.wall(i, &base, role))
+            .collect();
+        self.names[k] = format!("{base}_corner");
+        // The ball is positive inside.
+        format!("({}) \\ ({ball})", walls.join(" & "))
+    }
+
+    /// True if all of the solid lies on the inner side of what a wall stands before: then nothing
+    /// beyond it can be taken away.
+    fn is_bound_by(&self, role: Role) -> bool {
+        let (Role::Before(of, ..) | Role::Within(of, _)) = role else {
+            return false;
+        };
+        let Solid::All(operands) = self.part.solid else {
+            return false;
+        };
+        let is_its = |k: usize| self.part.halves[k].source == Source::Entity(of);
+        operands.iter().any(|s| match s {
+            Solid::Half(k) => is_its(*k),
+            _ => false,
+        })
+    }
+
+    /// The text of a wall of a corner.
+    fn wall(&mut self, i: usize, base: &str, role: Role) -> String {
+        let (at, way, is_low) = match role {
+            Role::Beyond(of, way, is_up) => {
+                let name = format!("{}_{}", self.dimensions.name_of(of), LETTERS[way[1]]);
+                (self.dimensions.position(of, way, &name, ""), way, is_up)
+            }
+            Role::Before(plane, way, is_up) => {
+                let [name, _] = self.plane_names(plane, way, !is_up);
+                (self.dimensions.position(plane, way, &name, ""), way, !is_up)
+            }
+            Role::Around(is_wider) => {
+                let radius = self.circle_radius(i, base);
+                return self.around_axis(i, &radius, is_wider);
+            }
+            Role::Within(cylinder, is_wider) => {
+                let name = self.dimensions.radius_name(cylinder);
+                let radius = self.dimensions.radius(cylinder, &name);
+                let radius = self.term(radius);
+                return self.around_axis(i, &radius, !is_wider);
+            }
+        };
+        let (x, at) = (format!("{}[{}]", array(way[0]), way[1] + 1), self.term(at));
+        match is_low {
+            true => format!("({x} - {at})"),
+            false => format!("({at} - {x})"),
+        }
+    }
+
+    /// The outside or inside of the cylinder of a radius about the axis of an entity.
+    fn around_axis(&self, i: usize, radius: &str, is_outside: bool) -> String {
+        let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
+        let letter = LETTERS[axis].to_ascii_uppercase();
+        let inside = format!("hfCylinder{letter}({}, c, {radius})/(2*{radius})", array(system));
+        match is_outside {
+            true => format!("(0 - {inside})"),
+            false => inside,
         }
     }
 

@@ -1,6 +1,6 @@
 //! To how many digits the coordinates of a mesh were rounded.
 
-use isoform_geom::PointCloud;
+use crate::PointCloud;
 
 /// About how many coordinates are looked at. Fewer may all be round numbers by chance.
 const SAMPLE: usize = 12_000;
@@ -18,9 +18,10 @@ const UNROUNDED: i32 = 13;
 /// take a part that is measured in whole millimetres for a rounded one.
 const COARSEST: f64 = 2e-5;
 
-/// The largest error that rounding made in a coordinate: that of single precision, or of decimals,
+/// Returns the largest error that rounding made in a coordinate: that of single precision, or of decimals,
 /// where the coordinates show one of them, else that of double precision.
-pub(crate) fn rounding(scan: &PointCloud, diagonal: f64) -> f64 {
+pub fn rounding(scan: &PointCloud) -> f64 {
+    let diagonal = scan.bounds().diagonal();
     let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);
     let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
     let numbers = (0..3 * scan.points.len()).step_by(step).map(absolute);
@@ -84,25 +85,25 @@ mod tests {
 
     #[test]
     fn single_precision_is_told_also_from_decimals_of_it() {
-        let exact = rounding(&sphere(|x| f64::from(x as f32)), 69.0);
+        let exact = rounding(&sphere(|x| f64::from(x as f32)));
         assert!((0.9..=1.0).contains(&(exact / (20.0 * SINGLE))), "{exact}");
         let nine = |x: f64| format!("{:.8e}", x as f32).parse().unwrap_or(x);
-        assert!((rounding(&sphere(nine), 69.0) / exact - 1.0).abs() < 0.1);
+        assert!((rounding(&sphere(nine)) / exact - 1.0).abs() < 0.1);
     }
 
     #[test]
     fn decimals_are_told() {
-        let fixed = rounding(&sphere(|x| (x * 1e4).round() / 1e4), 69.0);
+        let fixed = rounding(&sphere(|x| (x * 1e4).round() / 1e4));
         assert!((fixed / 0.5e-4 - 1.0).abs() < 1e-9, "{fixed}");
         let seven = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
-        let digits = rounding(&sphere(seven), 69.0);
+        let digits = rounding(&sphere(seven));
         assert!((digits / 0.5e-5 - 1.0).abs() < 1e-9, "{digits}");
     }
 
     #[test]
     fn doubles_and_whole_numbers_are_not_rounded() {
-        assert!(rounding(&sphere(|x| x), 69.0) < 1e-14);
+        assert!(rounding(&sphere(|x| x)) < 1e-14);
         let cube = PointCloud::from_points(vec![[0.0; 3], [10.0, 20.0, 7.5]]);
-        assert!(rounding(&cube, 23.0) < 2e-6);
+        assert!(rounding(&cube) < 2e-6);
     }
 }
