@@ -34,12 +34,18 @@ const BENT: f64 = 10.0;
 pub(crate) type Contacts = BTreeMap<u32, (Surface, Vec<u32>)>;
 
 /// True if the vertices of a part and the surfaces next to it show its surface.
-pub(crate) fn shows(mesh: &Facets, part: &Part, contacts: &Contacts) -> bool {
+pub(crate) fn shows(
+    mesh: &Facets,
+    part: &Part,
+    contacts: &Contacts,
+    is_free: impl Fn(u32) -> bool,
+) -> bool {
     let surface = &part.surface;
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
     let bend = points.iter().map(|p| flat.distance(*p).abs());
-    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part) {
+    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part, is_free)
+    {
         return false;
     }
     let tangent = contacts.values().filter(|c| is_tangent(mesh, surface, c));

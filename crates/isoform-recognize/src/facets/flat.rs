@@ -103,7 +103,7 @@ impl Flats {
         }
         let points = mesh.at(&mesh.vertices(&part.triangles));
         let corners = hull(points.iter().map(flat).collect(), mesh.tolerance);
-        corners.len() >= MANY_CORNERS && ends_clearly(mesh, part)
+        corners.len() >= MANY_CORNERS && ends_clearly(mesh, part, |_| true)
     }
 }
 

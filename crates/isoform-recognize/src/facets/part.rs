@@ -152,8 +152,9 @@ pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surfac
     points.iter().all(is_on).then_some(surface)
 }
 
-/// Whether few triangles beyond the border of a part leave its surface little by little.
-pub(crate) fn ends_clearly(mesh: &Facets, part: &Part) -> bool {
+/// True if few free triangles beyond the border of a part leave its surface little by little. Those
+/// of other parts lie on surfaces of their own.
+pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> bool) -> bool {
     let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
     let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
     let nearly = |t: u32| follows(t, LEAVES * mesh.tolerance) && !follows(t, mesh.tolerance);
@@ -161,7 +162,7 @@ pub(crate) fn ends_clearly(mesh: &Facets, part: &Part) -> bool {
     let (mut vague, mut all) = (0.0, 0.0);
     for t in near.filter(|t| is_outside(t)) {
         all += 1.0;
-        vague += f64::from(u8::from(nearly(*t)));
+        vague += f64::from(u8::from(is_free(*t) && nearly(*t)));
     }
     vague <= (1.0 - MOSTLY) * all
 }

@@ -157,7 +157,8 @@ impl Free<'_> {
                     continue;
                 };
                 let is_larger = |b: &Part| part.triangles.len() > b.triangles.len();
-                if best.as_ref().is_none_or(is_larger) && shows(self.mesh, &part, &self.contacts(&part)) {
+                let shows = |p| shows(self.mesh, p, &self.contacts(p), |t| self.is_free(t));
+                if best.as_ref().is_none_or(is_larger) && shows(&part) {
                     best = Some(part);
                 }
             }
