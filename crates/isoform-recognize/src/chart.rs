@@ -264,6 +264,17 @@ impl Surface {
         self.distances().normal(p)
     }
 
+    /// Returns the largest curvature next to a point.
+    pub(crate) fn curvature(&self, p: Point3) -> f64 {
+        let radius = match self.kind {
+            Kind::Plane => return 0.0,
+            Kind::Sphere | Kind::Cylinder => self.size,
+            Kind::Cone => self.around(p).radius / self.other.cos(),
+            Kind::Torus => self.other,
+        };
+        radius.abs().recip()
+    }
+
     /// Returns the nearest point of the surface.
     pub(crate) fn foot(&self, p: Point3) -> Point3 {
         let (d, n) = (self.distance(p), self.normal(p));

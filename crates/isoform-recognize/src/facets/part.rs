@@ -157,7 +157,11 @@ pub(crate) fn exact(mesh: &Facets, start: &Surface, of: &[u32]) -> Option<Surfac
 pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> bool) -> bool {
     let is_outside = |t: &u32| part.triangles.binary_search(t).is_err();
     let follows = |t: u32, tolerance| follows_within(mesh, &part.surface, t, tolerance);
-    let nearly = |t: u32| follows(t, LEAVES * mesh.tolerance) && !follows(t, mesh.tolerance);
+    let nearly = |t: u32| {
+        follows(t, LEAVES * mesh.tolerance)
+            && !follows(t, mesh.tolerance)
+            && !bends_away(&part.surface, mesh.corners(t))
+    };
     let near = part.triangles.iter().flat_map(|t| mesh.near(*t));
     let (mut vague, mut all) = (0.0, 0.0);
     for t in near.filter(|t| is_outside(t)) {
@@ -165,6 +169,18 @@ pub(crate) fn ends_clearly(mesh: &Facets, part: &Part, is_free: impl Fn(u32) -> 
         vague += f64::from(u8::from(is_free(*t) && nearly(*t)));
     }
     vague <= (1.0 - MOSTLY) * all
+}
+
+/// True if a facet beyond the border leaves a bent surface as one of another curvature does: by
+/// more than a quarter of what the surface's own tangent planes do over its height.
+fn bends_away(surface: &Surface, corners: [Point3; 3]) -> bool {
+    let distances = corners.map(|p| surface.distance(p).abs());
+    let far = (0..3).fold(0, |m, k| if distances[k] > distances[m] { k } else { m });
+    let [p, a, b] = [0, 1, 2].map(|k| corners[(far + k) % 3]);
+    let (side, way) = (sub(b, a), sub(p, a));
+    let height = norm(cross(side, way)) / norm(side);
+    let curvature = surface.curvature(p);
+    curvature > 0.0 && distances[far] > curvature * height * height / 8.0
 }
 
 /// The corners of at most [`SAMPLE`] of some triangles.
