@@ -26,7 +26,8 @@ use claim::{Claims, claim};
 use flat::Flats;
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Point3, PointCloud};
-use mesh::Facets;
+use mesh::{Facets, NONE};
+use points::Inside;
 use report::report;
 
 /// The share of the area of a CAD mesh that its parts cover at least: scans have less than a
@@ -72,9 +73,9 @@ impl Explained {
     }
 
     /// Points in the scaled coordinates as points of the mesh.
-    fn placed(&self, points: &[(Point3, u32)]) -> Vec<Point3> {
-        let back = |p: &(Point3, u32)| -> Point3 {
-            std::array::from_fn(|k| p.0[k] * self.scaling.unit + self.scaling.origin[k])
+    fn placed(&self, points: &[Inside]) -> Vec<Point3> {
+        let back = |p: &Inside| -> Point3 {
+            std::array::from_fn(|k| p.at[k] * self.scaling.unit + self.scaling.origin[k])
         };
         points.iter().map(back).collect()
     }
@@ -131,6 +132,7 @@ pub fn points_on_facets(
         Ok(None) | Err(_) => return Ok(Vec::new()),
     };
     let fewest = Options::default().min_points;
-    let inside = points::inside(&found.facets, &found.claims, wanted, fewest);
+    let mut inside = points::inside(&found.facets, &found.claims, wanted, fewest);
+    inside.retain(|p| p.part != NONE);
     Ok(found.placed(&inside))
 }

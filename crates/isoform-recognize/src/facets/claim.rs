@@ -118,8 +118,9 @@ impl Claims {
         surfaces.filter(|s| s.1.kind != Kind::Plane).collect()
     }
 
-    /// Gives parts all of whose facets are those of a larger bent part to that, the smallest first:
-    /// planes such as the top ring of a torus, and rings that were found before their torus.
+    /// Gives parts all of whose facets are those of larger bent parts to these, the smallest first:
+    /// planes such as the middle facets of a round and of the balls at its ends, and rings that were
+    /// found before their torus.
     fn give_rings(&mut self, mesh: &Facets) {
         let bent = self.bent();
         let mut order: Vec<usize> = (0..self.parts.len()).collect();
@@ -127,19 +128,24 @@ impl Claims {
         order.sort_by_key(|k| (size(&self.parts, *k), *k));
         for old in order {
             let part = &self.parts[old];
-            let mut larger = bent.iter().filter(|(k, _)| {
-                let is_plane = part.surface.kind == Kind::Plane;
-                *k != old && (is_plane || size(&self.parts, *k) > part.triangles.len())
-            });
-            let all_follow = |s: &Surface| part.triangles.iter().all(|t| follows(mesh, s, *t));
-            let Some((new, _)) = larger.find(|(_, surface)| all_follow(surface)) else {
-                continue;
+            let larger: Vec<&(usize, Surface)> = bent
+                .iter()
+                .filter(|(k, _)| {
+                    let is_plane = part.surface.kind == Kind::Plane;
+                    *k != old && (is_plane || size(&self.parts, *k) > part.triangles.len())
+                })
+                .collect();
+            let of = |t: &u32| {
+                let mut all = larger.iter();
+                all.find(|s| follows(mesh, &s.1, *t)).map(|s| s.0)
             };
+            let new: Option<Vec<usize>> = part.triangles.iter().map(of).collect();
+            let Some(new) = new else { continue };
             let moved = std::mem::take(&mut self.parts[old].triangles);
-            for t in &moved {
-                self.taken[*t as usize] = *new as u32;
+            for (t, k) in moved.into_iter().zip(new) {
+                self.taken[t as usize] = k as u32;
+                self.parts[k].triangles.push(t);
             }
-            self.parts[*new].triangles.extend(moved);
         }
     }
 

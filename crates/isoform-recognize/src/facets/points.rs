@@ -7,44 +7,66 @@
 
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
-use super::part::Part;
 use crate::chart::{Kind, Surface};
-use isoform_geom::{Point3, middle};
+use isoform_geom::{Point3, dot, middle};
 use std::collections::BTreeMap;
 
-/// Returns points inside faces, each with its part: about `wanted`, and at least `fewest` inside
-/// each part, as far as its facets are not all next to a curved edge.
+/// A point inside a facet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Inside {
+    pub(crate) at: Point3,
+    /// The outward normal there.
+    pub(crate) normal: Point3,
+    /// The part on whose surface it is; [`NONE`] for points of facets without a part, which lie on
+    /// the facet.
+    pub(crate) part: u32,
+}
+
+/// Returns points inside facets: about `wanted`, and at least `fewest` inside each part, as far as
+/// its facets are not all next to a curved edge.
 pub(crate) fn inside(
     mesh: &Facets,
     claims: &Claims,
     wanted: usize,
     fewest: usize,
-) -> Vec<(Point3, u32)> {
-    let areas: Vec<f64> = claims
-        .parts
-        .iter()
-        .map(|p| mesh.area(&p.triangles))
-        .collect();
-    let spacing = (areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
+) -> Vec<Inside> {
+    let spacing = (mesh.areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
     let mut points = Vec::new();
     if wanted == 0 || spacing <= 0.0 {
         return points;
     }
     let borders = borders(mesh, claims);
     for (k, part) in claims.parts.iter().enumerate() {
-        let spacing = spacing.min((areas[k] / fewest.max(1) as f64).sqrt());
+        let area = mesh.area(&part.triangles);
+        let spacing = spacing.min((area / fewest.max(1) as f64).sqrt());
         let near = borders.range((k as u32, 0)..=(k as u32, NONE));
         let near: Vec<(&Surface, &Border)> = near
             .map(|((_, other), b)| (&claims.parts[*other as usize].surface, b))
             .collect();
         let is_on_face = |p: &Point3| near.iter().all(|(s, b)| b.is_kept(s.distance(*p), mesh));
-        let mut of = all_over(mesh, part, spacing);
-        if part.surface.kind != Kind::Plane {
-            of.iter_mut().for_each(|p| *p = part.surface.foot(*p));
-        }
-        of.retain(is_on_face);
-        points.extend(of.into_iter().map(|p| (p, k as u32)));
+        let on_surface = |(p, facet): (Point3, Point3)| {
+            let at = match part.surface.kind {
+                Kind::Plane => p,
+                _ => part.surface.foot(p),
+            };
+            let normal = part.surface.normal(at);
+            let sign = dot(normal, facet).signum();
+            Inside {
+                at,
+                normal: normal.map(|x| sign * x),
+                part: k as u32,
+            }
+        };
+        let of = all_over(mesh, &part.triangles, spacing).into_iter();
+        points.extend(of.map(on_surface).filter(|p| is_on_face(&p.at)));
     }
+    let left = (0..mesh.triangles.len() as u32).filter(|t| claims.taken[*t as usize] == NONE);
+    let left = all_over(mesh, &left.collect::<Vec<_>>(), spacing).into_iter();
+    points.extend(left.map(|(at, normal)| Inside {
+        at,
+        normal,
+        part: NONE,
+    }));
     points
 }
 
@@ -97,11 +119,11 @@ fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
     borders
 }
 
-/// Returns a point for each square of the spacing, by a low-discrepancy pair (Roberts, the plastic
-/// number) and the square root map.
-fn all_over(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
+/// Returns a point of triangles for each square of the spacing, with the normal of its triangle, by
+/// a low-discrepancy pair (Roberts, the plastic number) and the square root map.
+fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(Point3, Point3)> {
     let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0.0_f64);
-    for t in &part.triangles {
+    for t in of {
         owed += mesh.areas[*t as usize] / (spacing * spacing);
         let [a, b, c] = mesh.corners(*t);
         while owed >= 1.0 {
@@ -110,9 +132,8 @@ fn all_over(mesh: &Facets, part: &Part, spacing: f64) -> Vec<Point3> {
             let r: f64 = (0.5 + 0.754_877_666_246_693 * k).fract();
             let (r, s) = (r.sqrt(), (0.5_f64 + 0.569_840_290_998_053 * k).fract());
             let w = [1.0 - r, r * (1.0 - s), r * s];
-            points.push(std::array::from_fn(|i| {
-                w[0] * a[i] + w[1] * b[i] + w[2] * c[i]
-            }));
+            let at = std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i]);
+            points.push((at, mesh.normals[*t as usize]));
         }
     }
     points

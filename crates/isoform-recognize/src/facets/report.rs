@@ -3,7 +3,7 @@
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
 use super::part::Part;
-use super::points::at_vertices;
+use super::points::{Inside, at_vertices};
 use crate::blends::blends;
 use crate::chart::{Kind, MOST, Surface};
 use crate::cloud::Scaling;
@@ -23,13 +23,13 @@ const CLEARLY: f64 = 0.5;
 pub(crate) fn report(
     mesh: &Facets,
     claims: &Claims,
-    inside: &[(Point3, u32)],
+    inside: &[Inside],
     options: &Options,
     scaling: &Scaling,
 ) -> Recognition {
     let at_vertices = at_vertices(mesh, claims);
     let vertices = mesh.index.iter().map(|v| at_vertices[*v as usize]);
-    let labels: Vec<u32> = vertices.chain(inside.iter().map(|p| p.1)).collect();
+    let labels: Vec<u32> = vertices.chain(inside.iter().map(|p| p.part)).collect();
     let mut counts = vec![0; claims.parts.len()];
     let known = labels.iter().filter(|l| **l != NONE);
     known.for_each(|l| counts[*l as usize] += 1);
@@ -72,7 +72,7 @@ pub(crate) fn report(
         blends: blends(&known, &points, (pairs, 1), scaling.unit),
         relations: relations(&known, noise, scaling.unit),
         entities,
-        normals: normals(mesh, claims, inside),
+        normals: normals(mesh, inside),
         labels: labels.iter().map(rank).collect(),
         noise: noise * scaling.unit,
         is_form: false,
@@ -147,7 +147,7 @@ fn middle_of(mesh: &Facets, t: u32) -> Point3 {
 }
 
 /// Unit normals of the mesh's points, the mean of the facets there, and of those inside faces.
-fn normals(mesh: &Facets, claims: &Claims, inside: &[(Point3, u32)]) -> Vec<Point3> {
+fn normals(mesh: &Facets, inside: &[Inside]) -> Vec<Point3> {
     let mut sums = vec![[0.0; 3]; mesh.points.len()];
     for (t, corners) in mesh.triangles.iter().enumerate() {
         for v in corners {
@@ -156,21 +156,9 @@ fn normals(mesh: &Facets, claims: &Claims, inside: &[(Point3, u32)]) -> Vec<Poin
             }
         }
     }
-    let sides: Vec<f64> = claims
-        .parts
-        .iter()
-        .map(|p| f64::from(outward(mesh, p, &p.surface)))
-        .collect();
-    let of_face = |(p, k): &(Point3, u32)| {
-        let sign = if sides[*k as usize] < 0.0 { -1.0 } else { 1.0 };
-        claims.parts[*k as usize]
-            .surface
-            .normal(*p)
-            .map(|x| sign * x)
-    };
     let at_vertices = mesh.index.iter();
     at_vertices
         .map(|v| crate::chart::unit(sums[*v as usize]))
-        .chain(inside.iter().map(of_face))
+        .chain(inside.iter().map(|p| p.normal))
         .collect()
 }
