@@ -179,7 +179,7 @@ fn no_template(error: &ProposeError, scan: &Path) -> Failure {
         .hint("isoform implicitize, which needs no entities")
 }
 
-fn failure(error: RecognizeError, scan: &Path) -> Failure {
+pub(crate) fn failure(error: RecognizeError, scan: &Path) -> Failure {
     let message = format!("{}: {error}", scan.display());
     match error {
         RecognizeError::Stage(Error::Line) => Failure::new(NO_RESULT, "no-surface", message),

@@ -10,7 +10,9 @@ use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::recognize;
 use crate::solids;
 use isoform::field::hyperfun::Model;
-use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
+use isoform::fit::{Beside, Finding};
+use isoform::geom::{Point3, PointCloud};
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions, Standing};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -19,6 +21,9 @@ use std::time::Instant;
 const TEMPLATE: &str = "cup";
 /// What a template is called that is made from the scan.
 const PROPOSED: &str = "proposed template";
+/// Points in which entities are recognised at most: all are fitted. More find smaller faces, and
+/// take longer.
+const RECOGNIZED: usize = 100_000;
 /// The folder that results go to without -o.
 const FOLDER: &str = "isoform-recover";
 
@@ -71,14 +76,23 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded(),
     };
-    let (model, proposal) = match model {
-        Some(model) => (model, None),
+    let (scan, model, proposal) = match model {
+        Some(model) => (scan, model, None),
         None => {
-            let (model, proposal) = proposed(&scan, &request.language, context)?;
-            (model, Some(proposal))
+            let standing = part_of(&scan, &request.keep, context)?;
+            let supports = standing.as_ref().map_or(&[][..], |s| &s.supports);
+            let cloud = standing.as_ref().map_or(&scan.cloud, |s| &s.part);
+            let (model, proposal) =
+                proposed(&scan.name, cloud, supports, &request.language, context)?;
+            let cloud = standing.map(|s| s.part);
+            (scan.with(cloud), model, Some(proposal))
         }
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
+    for gap in proposal.iter().flat_map(Proposal::faults) {
+        let what = format!("template: {gap}");
+        job.found.fit.add_finding(Finding::Incomplete { what });
+    }
     let written = files::write(&mut job, &outputs.results, context)?;
     if !context.global.json {
         job.warnings.iter().for_each(|w| context.warn(w));
@@ -116,15 +130,42 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(told.outcome())
 }
 
-/// A template made of what is recognised in a scan.
-fn proposed(
+/// The scan without the planes that its part stands at, if there are any and they are not kept.
+fn part_of(
     scan: &job::Scan,
+    keep: &[Beside],
+    context: &Context,
+) -> Result<Option<Standing>, Failure> {
+    if keep.contains(&Beside::Plane) {
+        return Ok(None);
+    }
+    let standing = isoform::without_supports(&scan.cloud, &context.control())
+        .map_err(|e| recognize::failure(e.into(), Path::new(&scan.name)))?;
+    if let Some(standing) = &standing {
+        context.warn(format_args!(
+            "{}: {:.1} % of the points lie on planes that reach beyond the part, such as a table, and \
+             are left out; --keep-planes keeps them",
+            scan.name,
+            100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
+        ));
+    }
+    Ok(standing)
+}
+
+/// A template made of what is recognised in a scan, or in some of its points.
+fn proposed(
+    name: &str,
+    cloud: &PointCloud,
+    supports: &[(Point3, Point3)],
     language: &Language,
     context: &Context,
 ) -> Result<(Model, Proposal), Failure> {
-    let path = Path::new(&scan.name);
+    let path = Path::new(name);
     let options = RecognizeOptions::default();
-    let found = recognize::recognised(&scan.cloud, path, &options, context)?;
+    let sample = isoform::sample_of(cloud, RECOGNIZED);
+    let cloud = sample.as_ref().unwrap_or(cloud);
+    let mut found = recognize::recognised(cloud, path, &options, context)?;
+    found.supports = supports.to_vec();
     let proposal = recognize::proposal(&found, path, context)?;
     let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
     Ok((model, proposal))
@@ -210,9 +251,6 @@ impl Told {
             100.0 * proposal.explained,
             self.text
         );
-        if self.exit == DONE {
-            self.exit = output::exit(proposal.is_complete());
-        }
         self.json["proposal"] = json!({
             "entities": proposal.used.len(),
             "entities_used": used,

@@ -85,6 +85,12 @@ impl Fit {
         self.reasons = self.findings.iter().map(ToString::to_string).collect();
     }
 
+    /// Adds a finding, and decides anew.
+    pub fn add_finding(&mut self, finding: Finding) {
+        self.findings.push(finding);
+        self.decide();
+    }
+
     /// Takes findings back.
     pub(crate) fn drop_findings(&mut self, is_dropped: impl Fn(&Finding) -> bool) {
         self.findings.retain(|f| !is_dropped(f));

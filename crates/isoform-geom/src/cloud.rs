@@ -82,6 +82,28 @@ impl PointCloud {
             ..Self::default()
         }
     }
+    /// Returns some of the points, in this order, with all that belongs to them but triangles.
+    #[must_use]
+    pub fn select(&self, which: &[u32]) -> Self {
+        fn of<T: Clone>(values: &[T], which: &[u32]) -> Vec<T> {
+            match values.is_empty() {
+                true => Vec::new(),
+                false => which.iter().map(|i| values[*i as usize].clone()).collect(),
+            }
+        }
+        let column = |c: &Column| Column {
+            name: c.name.clone(),
+            values: of(&c.values, which),
+        };
+        Self {
+            points: of(&self.points, which),
+            origin: self.origin,
+            normals: of(&self.normals, which),
+            colors: of(&self.colors, which),
+            triangles: Vec::new(),
+            columns: self.columns.iter().map(column).collect(),
+        }
+    }
     /// Smallest box around the points (relative to `origin`).
     pub fn bounds(&self) -> Aabb {
         Aabb::of(&self.points)

@@ -36,7 +36,7 @@ const BESIDE_BOUND: f64 = 0.05;
 const WIDENINGS: usize = 2;
 /// Largest share of the points that may be left out as clutter: with more gone, the rest need not be
 /// the part.
-const MOST_LEFT_OUT: f64 = 0.6;
+pub(crate) const MOST_LEFT_OUT: f64 = 0.6;
 /// Approximate number of points that are added on the faces of a CAD model.
 const ON_FACES: usize = 6000;
 

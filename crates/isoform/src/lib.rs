@@ -179,7 +179,9 @@ pub use patches::{
 pub use rational_surface::{
     RationalSurface, RationalSurfaceError, TriangulatedSurface, exact_number,
 };
-pub use recognize_scan::{RecognizeError, Recognized, recognize_scan};
+pub use recognize_scan::{
+    RecognizeError, Recognized, Standing, recognize_scan, sample_of, without_supports,
+};
 pub use spline_distance::SplineDistance;
 pub use template::{FrepTemplate, TemplateError};
 pub use topology::{Topology, topology};

@@ -1,9 +1,12 @@
 //! Surfaces recognised in scans.
 
 use crate::CornerError;
-use crate::facets::{check_corners, with_points};
+use crate::facets::{FacesError, check_corners, points_on_faces, with_points};
+use crate::fit_scan::MOST_LEFT_OUT;
 use isoform_control::{Control, Stopped};
-use isoform_geom::PointCloud;
+use isoform_fit::{Beside, FitError, Scan};
+use isoform_geom::{Point3, PointCloud};
+use isoform_num::Random;
 use isoform_recognize::{
     Error, Options, Proposal, ProposeError, Recognition, Snap, propose, recognize,
     recognize_facets, snap,
@@ -26,6 +29,15 @@ pub enum RecognizeError {
     Stage(#[from] Error),
 }
 
+impl From<FacesError> for RecognizeError {
+    fn from(error: FacesError) -> Self {
+        match error {
+            FacesError::Corner(error) => error.into(),
+            FacesError::Stopped(stopped) => Error::from(stopped).into(),
+        }
+    }
+}
+
 /// What was recognised, and in which points.
 #[derive(Clone, Debug)]
 pub struct Recognized<'a> {
@@ -33,6 +45,9 @@ pub struct Recognized<'a> {
     pub scan: Cow<'a, PointCloud>,
     /// The entities, and the labels of these points.
     pub recognition: Recognition,
+    /// Planes at which the part stands, whose points were left out: a point and the unit normal of
+    /// each. They close a template where no face was seen.
+    pub supports: Vec<(Point3, Point3)>,
 }
 
 impl Recognized<'_> {
@@ -41,7 +56,13 @@ impl Recognized<'_> {
     /// # Errors
     /// [`ProposeError`].
     pub fn template(&self, title: &str, control: &Control<'_>) -> Result<Proposal, ProposeError> {
-        propose(&self.scan, &self.recognition, title, control)
+        propose(
+            &self.scan,
+            &self.recognition,
+            &self.supports,
+            title,
+            control,
+        )
     }
 
     /// Refits all entities together so that their relations hold exactly; says what that changed.
@@ -90,10 +111,70 @@ pub fn recognize_scan<'a>(
         return Ok(Recognized {
             scan: Cow::Owned(with_points(scan, &found.inside)),
             recognition: found.recognition,
+            supports: Vec::new(),
         });
     }
     Ok(Recognized {
         scan: Cow::Borrowed(scan),
         recognition: recognize(scan, options, control)?,
+        supports: Vec::new(),
     })
+}
+
+/// A scan without the planes that its part stands at.
+#[derive(Clone, Debug)]
+pub struct Standing {
+    /// The points that are left.
+    pub part: PointCloud,
+    /// The planes: a point and the unit normal of each, in the coordinates of the file.
+    pub supports: Vec<(Point3, Point3)>,
+    /// How many points were left out.
+    pub left_out: usize,
+}
+
+/// Takes planes off that have the other points on one side and reach beyond them, such as the table
+/// under a part; `None` where there is none, or hardly anything else. A CAD mesh stands nowhere.
+///
+/// # Errors
+/// [`FacesError`].
+pub fn without_supports(
+    scan: &PointCloud,
+    control: &Control<'_>,
+) -> Result<Option<Standing>, FacesError> {
+    if points_on_faces(scan, ON_FACES, control)?.1 > 0 {
+        return Ok(None);
+    }
+    let ready = match Scan::new(&scan.points, &isoform_fit::Options::default(), control) {
+        Ok(ready) => ready,
+        Err(FitError::Stopped) => return Err(FacesError::Stopped(Stopped)),
+        Err(_) => return Ok(None),
+    };
+    let clutter = ready.clutter();
+    let is_part = |i: &u32| !clutter.is_level(scan.points[*i as usize]);
+    let kept: Vec<u32> = (0..scan.points.len() as u32).filter(is_part).collect();
+    let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * scan.points.len() as f64;
+    if clutter.share(Beside::Plane) == 0.0 || !is_most {
+        return Ok(None);
+    }
+    let absolute = |(at, normal): (Point3, Point3)| {
+        (std::array::from_fn(|k| at[k] + scan.origin[k]), normal)
+    };
+    Ok(Some(Standing {
+        left_out: scan.points.len() - kept.len(),
+        part: scan.select(&kept),
+        supports: clutter.planes().map(absolute).collect(),
+    }))
+}
+
+/// Returns about `wanted` points of a scan, drawn at random with a fixed seed; `None` where it has
+/// no more.
+pub fn sample_of(scan: &PointCloud, wanted: usize) -> Option<PointCloud> {
+    let count = scan.points.len();
+    if count <= wanted {
+        return None;
+    }
+    let mut random = Random::new(1);
+    let share = wanted as f64 / count as f64;
+    let drawn: Vec<u32> = (0..count as u32).filter(|_| random.unit() < share).collect();
+    Some(scan.select(&drawn))
 }

@@ -28,8 +28,8 @@ type Point2 = [f64; 2];
 
 /// A plane with the outline of what stands on it.
 pub(super) struct Plane {
-    at: Point3,
-    normal: Point3,
+    pub(super) at: Point3,
+    pub(super) normal: Point3,
     thick: f64,
     /// Two unit directions in the plane.
     axes: [Point3; 2],

@@ -47,6 +47,11 @@ impl Verdict {
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum Finding {
+    /// The template was made of the scan and lacks something.
+    Incomplete {
+        /// What it lacks.
+        what: String,
+    },
     /// The points lie far off the model.
     FarOff {
         /// Root mean square distance.
@@ -188,6 +193,7 @@ impl Finding {
 impl fmt::Display for Finding {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Incomplete { what } => f.write_str(what),
             Self::FarOff { rms, size } => write!(
                 f,
                 "the points lie {} off the model (rms), {:.1} % of their size",

@@ -51,12 +51,17 @@ pub struct Proposal {
 const COMPLETE: f64 = 0.02;
 
 impl Proposal {
-    /// Whether it closes with faces that were seen and explains all but a fiftieth of the points.
+    /// True if it closes with faces that were seen and explains all but a fiftieth of the points.
     pub fn is_complete(&self) -> bool {
-        self.gaps.iter().all(|gap| match gap {
-            Gap::Unassigned(share) => *share <= COMPLETE,
-            Gap::Unused(_) => true,
-            Gap::Unseen(..) | Gap::Open(_) => false,
+        self.faults().next().is_none()
+    }
+
+    /// Returns the gaps for which it is not complete.
+    pub fn faults(&self) -> impl Iterator<Item = &Gap> {
+        let is_explained = self.explained >= 1.0 - COMPLETE;
+        self.gaps.iter().filter(move |gap| match gap {
+            Gap::Unassigned(_) | Gap::Unused { .. } => !is_explained,
+            Gap::Unseen(..) | Gap::Open(_) => true,
         })
     }
 }
@@ -72,8 +77,13 @@ pub enum Gap {
     Unseen(usize, bool),
     /// This share of the places near the surface cannot be told apart by the entities.
     Open(f64),
-    /// This many entities do not bound the solid.
-    Unused(usize),
+    /// Entities do not bound the solid.
+    Unused {
+        /// How many.
+        count: usize,
+        /// The share of the points that lie on them.
+        share: f64,
+    },
 }
 
 impl std::fmt::Display for Gap {
@@ -100,7 +110,11 @@ impl std::fmt::Display for Gap {
                 "the entities do not close: {:.1} % of the places looked at lie on the wrong side",
                 100.0 * share
             ),
-            Self::Unused(count) => write!(f, "{count} entities do not bound the solid"),
+            Self::Unused { count, share } => write!(
+                f,
+                "{count} entities with {:.1} % of the points do not bound the solid",
+                100.0 * share
+            ),
         }
     }
 }
@@ -123,13 +137,15 @@ pub enum ProposeError {
     Stopped(#[from] Stopped),
 }
 
-/// Proposes a template for the points of which something was recognised.
+/// Proposes a template for the points of which something was recognised. Where no face was seen, a
+/// plane at which the part stands (a point in the scan's coordinates and a unit normal) closes it.
 ///
 /// # Errors
 /// [`ProposeError`].
 pub fn propose(
     scan: &PointCloud,
     found: &Recognition,
+    supports: &[(Point3, Point3)],
     title: &str,
     control: &Control<'_>,
 ) -> Result<Proposal, ProposeError> {
@@ -154,7 +170,12 @@ pub fn propose(
         .iter()
         .map(|n| frame.rows.map(|r| dot(r, *n)))
         .collect();
-    let bounds = Aabb::of(&points);
+    let mut bounds = Aabb::of(&points);
+    for (at, normal) in supports {
+        let at: Point3 = std::array::from_fn(|k| at[k] - scan.origin[k]);
+        let normal = frame.rows.map(|r| dot(r, *normal));
+        stand_on(&mut bounds, frame.apply(at, center), normal);
+    }
     let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
     orient(&points, &mut normals, &of, &frame.surfaces);
     let outward = outward(&points, &normals, &of, &frame.surfaces);
@@ -209,6 +230,20 @@ pub fn propose(
         gaps: gaps(found, &halves, &solid, &used, open),
         used,
     })
+}
+
+/// Moves the end of a box to a plane that it stands at, along the axis which is nearest to the
+/// plane's normal.
+fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) {
+    let k = (0..3).fold(0, |m, k| if normal[k].abs() > normal[m].abs() { k } else { m });
+    let mut middle = bounds.center();
+    middle[k] = at[k];
+    let height = at[k] + dot(normal, std::array::from_fn(|i| at[i] - middle[i])) / normal[k];
+    if height < bounds.center()[k] {
+        bounds.lo[k] = height;
+    } else {
+        bounds.hi[k] = height;
+    }
 }
 
 /// On which side of their surfaces most of the outward normals lie: 1 or −1.
@@ -283,7 +318,9 @@ fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open
     }
     let unused = used.iter().filter(|u| !**u).count();
     if unused > 0 {
-        gaps.push(Gap::Unused(unused));
+        let share = share(&found.labels, |l| l.is_some_and(|l| !used[l as usize]));
+        let count = unused;
+        gaps.push(Gap::Unused { count, share });
     }
     gaps
 }

@@ -270,77 +270,42 @@ impl Writer<'_> {
         }
     }
 
-    /// What lies between the walls of a corner and the blend that rounds it.
+    /// What lies between the walls of a corner and outside of the blend that rounds it.
     fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
         let base = self.dimensions.name_of(i);
         let ball = self.entity(k, i, half);
         let walls: Vec<String> = half
             .walls
             .iter()
-            .filter(|w| !self.is_bound_by(w.role))
-            .map(|w| w.role)
-            .collect::<Vec<_>>()
-            .into_iter()
-            .map(|role| self.wall(i, &base, role))
+            .map(|w| self.wall(i, &base, w.role))
             .collect();
         self.names[k] = format!("{base}_corner");
-        // The ball is positive inside.
         format!("({}) \\ ({ball})", walls.join(" & "))
-    }
-
-    /// True if all of the solid lies on the inner side of what a wall stands before: then nothing
-    /// beyond it can be taken away.
-    fn is_bound_by(&self, role: Role) -> bool {
-        let (Role::Before(of, ..) | Role::Within(of, _)) = role else {
-            return false;
-        };
-        let Solid::All(operands) = self.part.solid else {
-            return false;
-        };
-        let is_its = |k: usize| self.part.halves[k].source == Source::Entity(of);
-        operands.iter().any(|s| match s {
-            Solid::Half(k) => is_its(*k),
-            _ => false,
-        })
     }
 
     /// The text of a wall of a corner.
     fn wall(&mut self, i: usize, base: &str, role: Role) -> String {
-        let (at, way, is_low) = match role {
+        match role {
             Role::Beyond(of, way, is_up) => {
                 let name = format!("{}_{}", self.dimensions.name_of(of), LETTERS[way[1]]);
-                (self.dimensions.position(of, way, &name, ""), way, is_up)
+                let at = self.dimensions.position(of, way, &name, "");
+                let (x, at) = (format!("{}[{}]", array(way[0]), way[1] + 1), self.term(at));
+                match is_up {
+                    true => format!("({x} - {at})"),
+                    false => format!("({at} - {x})"),
+                }
             }
-            Role::Before(plane, way, is_up) => {
-                let [name, _] = self.plane_names(plane, way, !is_up);
-                (self.dimensions.position(plane, way, &name, ""), way, !is_up)
-            }
-            Role::Around(is_wider) => {
+            Role::Around(is_outside) => {
                 let radius = self.circle_radius(i, base);
-                return self.around_axis(i, &radius, is_wider);
+                let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
+                let letter = LETTERS[axis].to_ascii_uppercase();
+                let p = array(system);
+                let inside = format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})");
+                match is_outside {
+                    true => format!("(0 - {inside})"),
+                    false => inside,
+                }
             }
-            Role::Within(cylinder, is_wider) => {
-                let name = self.dimensions.radius_name(cylinder);
-                let radius = self.dimensions.radius(cylinder, &name);
-                let radius = self.term(radius);
-                return self.around_axis(i, &radius, !is_wider);
-            }
-        };
-        let (x, at) = (format!("{}[{}]", array(way[0]), way[1] + 1), self.term(at));
-        match is_low {
-            true => format!("({x} - {at})"),
-            false => format!("({at} - {x})"),
-        }
-    }
-
-    /// The outside or inside of the cylinder of a radius about the axis of an entity.
-    fn around_axis(&self, i: usize, radius: &str, is_outside: bool) -> String {
-        let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
-        let letter = LETTERS[axis].to_ascii_uppercase();
-        let inside = format!("hfCylinder{letter}({}, c, {radius})/(2*{radius})", array(system));
-        match is_outside {
-            true => format!("(0 - {inside})"),
-            false => inside,
         }
     }
 

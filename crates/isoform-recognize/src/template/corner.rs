@@ -1,0 +1,176 @@
+//! The corners that blends round: what a blend takes away from a sharp convex edge, or adds to a
+//! sharp concave one.
+//!
+//! A ball that rolls along an edge touches its faces on rays from its centre. What lies between
+//! these rays and outside of the ball is the sliver between the blend and the sharp edge, with what
+//! is beyond the faces. It is one region for each blend, which no half spaces of the other entities
+//! need to cut out. It does not end at the faces: two regions that end on one plane leave a sheet
+//! there.
+
+use super::frame::Frame;
+use crate::chart::{Kind, Surface};
+use crate::entity::Blend;
+use isoform_geom::{Point3, dot};
+
+/// A touched surface is off the blend's radius by at most this share of it.
+const OFF: f64 = 0.05;
+
+/// A half space that bounds a corner.
+#[derive(Clone, Debug)]
+pub(super) struct Wall {
+    surface: Surface,
+    /// 1 where it lies on the side of the surface's normal, −1 on the other.
+    sign: f64,
+    pub(super) role: Role,
+}
+
+/// What a wall is in the template.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Role {
+    /// Beyond the centre of a blend (its number) along an axis of a system, upwards or downwards.
+    Beyond(usize, [usize; 2], bool),
+    /// Beyond the circle of a torus, outwards or inwards.
+    Around(bool),
+}
+
+impl Wall {
+    /// The distance from its surface, positive inside.
+    pub(super) fn value(&self, p: Point3) -> f64 {
+        self.sign * self.surface.distance(p)
+    }
+
+    fn plane(place: Point3, row: Point3, is_above: bool, role: Role) -> Self {
+        Self {
+            surface: Surface {
+                kind: Kind::Plane,
+                place,
+                axis: row,
+                size: 0.0,
+                other: 0.0,
+            },
+            sign: if is_above { 1.0 } else { -1.0 },
+            role,
+        }
+    }
+
+    /// The outside or inside of the cylinder through the circle of a torus.
+    fn around(torus: &Surface, is_outside: bool) -> Self {
+        Self {
+            surface: Surface {
+                kind: Kind::Cylinder,
+                ..*torus
+            },
+            sign: if is_outside { 1.0 } else { -1.0 },
+            role: Role::Around(is_outside),
+        }
+    }
+}
+
+/// The walls of the corner that a blend rounds; `None` where what it touches is not along the axes
+/// of one system of coordinates.
+pub(super) fn walls(blend: &Blend, blends: &[Blend], frame: &Frame) -> Option<Vec<Wall>> {
+    let corner = Corner {
+        blend,
+        blends,
+        frame,
+        surface: &frame.surfaces[blend.entity],
+    };
+    match corner.surface.kind {
+        Kind::Cylinder => corner.between_planes(2),
+        Kind::Sphere => corner.between_planes(3),
+        Kind::Torus => corner.about_axis(),
+        Kind::Plane | Kind::Cone => None,
+    }
+}
+
+/// A blend with what it may touch.
+struct Corner<'a> {
+    blend: &'a Blend,
+    blends: &'a [Blend],
+    frame: &'a Frame,
+    surface: &'a Surface,
+}
+
+impl Corner<'_> {
+    /// The planes that it touches, with their ways: its neighbours, and those of blends next to it.
+    fn planes(&self) -> Vec<(usize, [usize; 2])> {
+        let of_next = self
+            .blends
+            .iter()
+            .filter(|b| self.blend.between.contains(&b.entity))
+            .flat_map(|b| &b.between);
+        let mut all: Vec<usize> = self.blend.between.iter().chain(of_next).copied().collect();
+        all.sort_unstable();
+        all.dedup();
+        let touches = |i: &usize| {
+            let s = &self.frame.surfaces[*i];
+            let off = (s.distance(self.surface.place).abs() - self.blend.radius).abs();
+            s.kind == Kind::Plane && off <= OFF * self.blend.radius
+        };
+        let along = |i: usize| self.frame.along[i].map(|(system, axis)| (i, [system, axis]));
+        all.into_iter().filter(touches).filter_map(along).collect()
+    }
+
+    /// The walls between planes along `count` axes of one system.
+    fn between_planes(&self, count: usize) -> Option<Vec<Wall>> {
+        let planes = self.planes();
+        let (system, own) = match self.surface.kind {
+            Kind::Cylinder => self.frame.along[self.blend.entity]?,
+            _ => (planes.first()?.1[0], 3),
+        };
+        let mut used = Vec::new();
+        let mut walls = Vec::new();
+        for (plane, way) in planes {
+            if way[0] != system || way[1] == own {
+                continue;
+            }
+            if used.contains(&way[1]) {
+                return None;
+            }
+            used.push(way[1]);
+            walls.push(self.towards(plane, way));
+        }
+        (used.len() == count).then_some(walls)
+    }
+
+    /// The wall beyond the centre towards a plane.
+    fn towards(&self, plane: usize, way: [usize; 2]) -> Wall {
+        let row = self.frame.systems[way[0]].rows[way[1]];
+        let place = self.frame.surfaces[plane].place;
+        let is_up = dot(row, place) > dot(row, self.surface.place);
+        let role = Role::Beyond(self.blend.entity, way, is_up);
+        Wall::plane(self.surface.place, row, is_up, role)
+    }
+
+    /// The walls of a torus between a plane across its axis and a cylinder about it.
+    fn about_axis(&self) -> Option<Vec<Wall>> {
+        let (surfaces, torus) = (&self.frame.surfaces, self.surface);
+        let (system, axis) = self.frame.along[self.blend.entity]?;
+        let row = self.frame.systems[system].rows[axis];
+        let is_across = |i: &&usize| {
+            surfaces[**i].kind == Kind::Plane && self.frame.along[**i] == Some((system, axis))
+        };
+        let plane = *self.blend.between.iter().find(is_across)?;
+        let is_coaxial = |i: &&usize| {
+            let s = &surfaces[**i];
+            let off: Point3 = std::array::from_fn(|k| s.place[k] - torus.place[k]);
+            let along = dot(off, row);
+            let beside = (dot(off, off) - along * along).max(0.0).sqrt();
+            s.kind == Kind::Cylinder
+                && self.frame.along[**i] == Some((system, axis))
+                && beside <= OFF * self.blend.radius
+        };
+        let cylinder = *self.blend.between.iter().find(is_coaxial)?;
+        let is_wider = surfaces[cylinder].size > torus.size;
+        let mut walls = vec![
+            Wall::around(torus, is_wider),
+            self.towards(plane, [system, axis]),
+        ];
+        // The edge of a rounded edge ends where that does.
+        if let Some(edge) = self.blends.iter().find(|b| b.entity == cylinder) {
+            let of_edge = self::walls(edge, self.blends, self.frame)?;
+            walls.extend(of_edge);
+        }
+        Some(walls)
+    }
+}
