@@ -6,7 +6,7 @@
 
 use crate::chart::Surface;
 use crate::cloud::thinned;
-use isoform_geom::{Aabb, KdTree, Point3, dot};
+use isoform_geom::{Aabb, KdTree, Point3, dot, sub};
 use rayon::prelude::*;
 
 /// Rays of a group of points, at most.
@@ -23,21 +23,23 @@ const NEAR: f64 = 3.0;
 /// A group of points is turned where the votes for that are this many times those against.
 const CLEAR: f64 = 2.0;
 
-/// Turns normals outwards; those of one entity that face one way are turned together.
+/// Turns normals outwards; those of one entity that face one way are turned together. Planes at
+/// which the part stands (a point and the normal of each) close it.
 pub(crate) fn orient(
     points: &[Point3],
     normals: &mut [Point3],
     labels: &[Option<usize>],
     surfaces: &[Surface],
+    supports: &[(Point3, Point3)],
 ) {
     let rays = Rays {
-        points,
         labels,
         surfaces,
+        supports,
         tree: KdTree::new(points),
         size: Aabb::of(points).diagonal(),
     };
-    let spacing = rays.spacing();
+    let spacing = spacing(points, &rays.tree);
     let group = |i: usize| {
         labels[i].map(|l| 2 * l + usize::from(dot(surfaces[l].normal(points[i]), normals[i]) > 0.0))
     };
@@ -72,33 +74,35 @@ pub(crate) fn orient(
     }
 }
 
+/// Returns the median distance of a point from its nearest.
+pub(crate) fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
+    let mut found = Vec::new();
+    let mut distances: Vec<f64> = thinned(points.len(), 1000)
+        .map(|i| {
+            tree.nearest_k(points[i], 2, &mut found);
+            found.last().map_or(0.0, |f| f.0.sqrt())
+        })
+        .collect();
+    let half = distances.len() / 2;
+    *distances.select_nth_unstable_by(half, f64::total_cmp).1
+}
+
 /// What rays meet.
 struct Rays<'a> {
-    points: &'a [Point3],
     labels: &'a [Option<usize>],
     surfaces: &'a [Surface],
+    supports: &'a [(Point3, Point3)],
     tree: KdTree,
     size: f64,
 }
 
 impl Rays<'_> {
-    /// The median distance of a point from its nearest.
-    fn spacing(&self) -> f64 {
-        let mut found = Vec::new();
-        let mut distances: Vec<f64> = thinned(self.points.len(), 1000)
-            .map(|i| {
-                self.tree.nearest_k(self.points[i], 2, &mut found);
-                found.last().map_or(0.0, |f| f.0.sqrt())
-            })
-            .collect();
-        let half = distances.len() / 2;
-        *distances.select_nth_unstable_by(half, f64::total_cmp).1
-    }
-
     /// How often a ray meets the surface of an entity where it has points.
     fn crossings(&self, from: Point3, way: Point3, spacing: f64) -> usize {
         let of = |s: usize| self.crossings_of(s, from, way, spacing);
-        (0..self.surfaces.len()).map(of).sum()
+        let is_met = |(at, n): &&(Point3, Point3)| dot(sub(*at, from), *n) * dot(way, *n) > 0.0;
+        let supports = self.supports.iter().filter(is_met).count();
+        (0..self.surfaces.len()).map(of).sum::<usize>() + supports
     }
 
     /// Along a ray the distance changes no faster than the ray goes: steps of its size pass no

@@ -163,7 +163,8 @@ impl Placed {
 fn turn_outwards(cloud: &mut Cloud, found: &Segmentation) {
     let label = |l: &u32| (*l != NONE).then_some(*l as usize);
     let labels: Vec<Option<usize>> = found.labels.iter().map(label).collect();
-    orient(&cloud.points, &mut cloud.normals, &labels, &found.surfaces);
+    let normals = &mut cloud.normals;
+    orient(&cloud.points, normals, &labels, &found.surfaces, &[]);
 }
 
 /// Whether sorted points lie on one line: that through the first and the last.

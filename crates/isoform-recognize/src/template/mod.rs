@@ -4,6 +4,7 @@
 mod cells;
 mod corner;
 mod dimensions;
+mod footprint;
 mod frame;
 mod half;
 mod program;
@@ -12,6 +13,7 @@ mod solid;
 use crate::chart::Surface;
 use crate::entity::Recognition;
 use crate::orient::orient;
+use footprint::footprint;
 use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
 use frame::Frame;
 use half::{Half, Source, separators};
@@ -61,6 +63,7 @@ impl Proposal {
         let is_explained = self.explained >= 1.0 - COMPLETE;
         self.gaps.iter().filter(move |gap| match gap {
             Gap::Unassigned(_) | Gap::Unused { .. } => !is_explained,
+            Gap::Standing(..) => false,
             Gap::Unseen(..) | Gap::Open(_) => true,
         })
     }
@@ -75,6 +78,9 @@ pub enum Gap {
     /// No face was seen on this side of the box (axis of the part's frame, and whether it is the
     /// upper one); the box of the data closes the solid there.
     Unseen(usize, bool),
+    /// The part stands on a plane on this side (axis of the part's frame, and true for the upper
+    /// one), which closes the solid there.
+    Standing(usize, bool),
     /// This share of the places near the surface cannot be told apart by the entities.
     Open(f64),
     /// Entities do not bound the solid.
@@ -95,15 +101,12 @@ impl std::fmt::Display for Gap {
                 100.0 * share
             ),
             Self::Unseen(axis, is_upper) => {
-                let (axis, side) = (
-                    ['x', 'y', 'z'][*axis],
-                    if *is_upper { "upper" } else { "lower" },
-                );
-                write!(
-                    f,
-                    "no face closes the {side} end along the part's {axis} axis: the end of the data \
-                     stands for it"
-                )
+                let end = end_of(*axis, *is_upper);
+                write!(f, "no face closes {end}: the end of the data stands for it")
+            }
+            Self::Standing(axis, is_upper) => {
+                let end = end_of(*axis, *is_upper);
+                write!(f, "{end} was not seen: the plane on which the part stands closes it")
             }
             Self::Open(share) => write!(
                 f,
@@ -117,6 +120,12 @@ impl std::fmt::Display for Gap {
             ),
         }
     }
+}
+
+/// Names an end of the part.
+fn end_of(axis: usize, is_upper: bool) -> String {
+    let side = if is_upper { "upper" } else { "lower" };
+    format!("the {side} end along the part's {} axis", ['x', 'y', 'z'][axis])
 }
 
 /// Why no template is proposed.
@@ -160,7 +169,7 @@ pub fn propose(
     let center = Aabb::of(&scan.points).center();
     let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
     let frame = Frame::of(found, middle);
-    let points: Vec<Point3> = scan
+    let mut points: Vec<Point3> = scan
         .points
         .iter()
         .map(|p| frame.apply(*p, center))
@@ -171,13 +180,23 @@ pub fn propose(
         .map(|n| frame.rows.map(|r| dot(r, *n)))
         .collect();
     let mut bounds = Aabb::of(&points);
-    for (at, normal) in supports {
+    let mut of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
+    let in_frame = |(at, normal): &(Point3, Point3)| {
         let at: Point3 = std::array::from_fn(|k| at[k] - scan.origin[k]);
-        let normal = frame.rows.map(|r| dot(r, *normal));
-        stand_on(&mut bounds, frame.apply(at, center), normal);
+        let normal: Point3 = frame.rows.map(|r| dot(r, *normal));
+        (frame.apply(at, center), normal)
+    };
+    let supports: Vec<(Point3, Point3)> = supports.iter().map(in_frame).collect();
+    orient(&points, &mut normals, &of, &frame.surfaces, &supports);
+    let mut stands = Vec::new();
+    for (at, normal) in supports {
+        let end = stand_on(&mut bounds, at, normal);
+        let (face, normal) = footprint(&points, &normals, &bounds, end);
+        normals.extend(std::iter::repeat_n(normal, face.len()));
+        of.extend(std::iter::repeat_n(None, face.len()));
+        points.extend(face);
+        stands.push(end);
     }
-    let of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
-    orient(&points, &mut normals, &of, &frame.surfaces);
     let outward = outward(&points, &normals, &of, &frame.surfaces);
     let mut halves: Vec<Half> = (0..count)
         .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
@@ -227,23 +246,25 @@ pub fn propose(
     Ok(Proposal {
         program: part.program(title),
         explained: share(&found.labels, |l| l.is_some_and(|l| used[l as usize])),
-        gaps: gaps(found, &halves, &solid, &used, open),
+        gaps: gaps(found, (&halves, &solid), &used, open, &stands),
         used,
     })
 }
 
 /// Moves the end of a box to a plane that it stands at, along the axis which is nearest to the
-/// plane's normal.
-fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) {
+/// plane's normal; returns the axis, and true for the upper end.
+fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
     let k = (0..3).fold(0, |m, k| if normal[k].abs() > normal[m].abs() { k } else { m });
     let mut middle = bounds.center();
     middle[k] = at[k];
     let height = at[k] + dot(normal, std::array::from_fn(|i| at[i] - middle[i])) / normal[k];
-    if height < bounds.center()[k] {
-        bounds.lo[k] = height;
-    } else {
+    let is_upper = height > bounds.center()[k];
+    if is_upper {
         bounds.hi[k] = height;
+    } else {
+        bounds.lo[k] = height;
     }
+    (k, is_upper)
 }
 
 /// On which side of their surfaces most of the outward normals lie: 1 or −1.
@@ -302,7 +323,13 @@ fn separate(halves: &mut Vec<Half>, sides: &mut [Bits], candidates: &[Half], pla
     }
 }
 
-fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open: f64) -> Vec<Gap> {
+fn gaps(
+    found: &Recognition,
+    (halves, solid): (&[Half], &Solid),
+    used: &[bool],
+    open: f64,
+    stands: &[(usize, bool)],
+) -> Vec<Gap> {
     let mut gaps = Vec::new();
     let unassigned = share(&found.labels, Option::is_none);
     if unassigned > 0.0 {
@@ -310,7 +337,10 @@ fn gaps(found: &Recognition, halves: &[Half], solid: &Solid, used: &[bool], open
     }
     for k in ones(solid.halves()) {
         if let Source::Side(axis, is_upper) = halves[k].source {
-            gaps.push(Gap::Unseen(axis, is_upper));
+            gaps.push(match stands.contains(&(axis, is_upper)) {
+                true => Gap::Standing(axis, is_upper),
+                false => Gap::Unseen(axis, is_upper),
+            });
         }
     }
     if open > OPEN {

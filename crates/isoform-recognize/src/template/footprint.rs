@@ -1,0 +1,60 @@
+//! Where a part stands: the face that the table hides.
+//!
+//! Points of the side faces just above the table, with their outward normals, are the border of the
+//! footprint. Its indicator is the winding number in the plane, by Gauss's formula
+//! w(q) = 1/2π ∫ n·(p − q)/|p − q|² ds, averaged over the height of these points.
+
+use crate::orient::spacing;
+use isoform_geom::{Aabb, KdTree, Point3};
+
+/// Height of the border, in spacings of the points: some rows of them.
+const HEIGHT: f64 = 6.0;
+/// Places of the footprint along the longer side of its box.
+const PLACES: usize = 64;
+
+/// Returns points of the hidden face, and its outward normal: `axis` is across the table, which the
+/// end of the box lies on.
+pub(super) fn footprint(
+    points: &[Point3],
+    normals: &[Point3],
+    bounds: &Aabb,
+    (axis, is_upper): (usize, bool),
+) -> (Vec<Point3>, Point3) {
+    let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
+    let end = if is_upper { bounds.hi } else { bounds.lo }[axis];
+    let step = spacing(points, &KdTree::new(points));
+    let heights = points.iter().map(|p| (p[axis] - end).abs());
+    let lowest = heights.fold(f64::INFINITY, f64::min);
+    let height = HEIGHT * step;
+    let is_border = |k: &usize| (points[*k][axis] - end).abs() <= lowest + height;
+    let border: Vec<usize> = (0..points.len()).filter(is_border).collect();
+    let area = step * step / (std::f64::consts::TAU * height);
+    let winding = |q: [f64; 2]| -> f64 {
+        let of = |k: &usize| {
+            let d = [points[*k][i] - q[0], points[*k][j] - q[1]];
+            let across = normals[*k][i] * d[0] + normals[*k][j] * d[1];
+            area * across / (d[0] * d[0] + d[1] * d[1]).max(step * step)
+        };
+        border.iter().map(of).sum()
+    };
+    let extent = [bounds.hi[i] - bounds.lo[i], bounds.hi[j] - bounds.lo[j]];
+    let cell = extent[0].max(extent[1]) / PLACES as f64;
+    let counts = extent.map(|e| (e / cell).ceil() as usize);
+    let mut face = Vec::new();
+    for u in 0..counts[0] {
+        for v in 0..counts[1] {
+            let q = [
+                bounds.lo[i] + (u as f64 + 0.5) * cell,
+                bounds.lo[j] + (v as f64 + 0.5) * cell,
+            ];
+            if winding(q) > 0.5 {
+                let mut p = [0.0; 3];
+                (p[axis], p[i], p[j]) = (end, q[0], q[1]);
+                face.push(p);
+            }
+        }
+    }
+    let mut normal = [0.0; 3];
+    normal[axis] = if is_upper { 1.0 } else { -1.0 };
+    (face, normal)
+}
