@@ -94,14 +94,16 @@ impl<'a> Clutter<'a> {
         count as f64 / self.looked_at.max(1) as f64
     }
 
-    /// Returns the planes that the part stands at: a point and the unit normal of each.
-    pub fn planes(&self) -> impl Iterator<Item = (Point3, Point3)> + '_ {
-        self.planes.iter().map(|plane| (plane.at, plane.normal))
+    /// Returns the planes that go all round the part: a point and the unit normal of each.
+    pub fn supports(&self) -> impl Iterator<Item = (Point3, Point3)> + '_ {
+        let around = self.planes.iter().filter(|plane| plane.is_around);
+        around.map(|plane| (plane.at, plane.normal))
     }
 
-    /// True if a point lies on a plane that the part stands at, within its outline or beyond.
-    pub fn is_level(&self, p: Point3) -> bool {
-        self.planes.iter().any(|plane| plane.is_level(p))
+    /// True if a point lies on a plane that goes all round the part, within its outline or beyond.
+    pub fn is_on_support(&self, p: Point3) -> bool {
+        let mut around = self.planes.iter().filter(|plane| plane.is_around);
+        around.any(|plane| plane.is_level(p))
     }
 
     /// Whether a point is beside the part, and why.
@@ -123,8 +125,9 @@ impl Clutter<'_> {
     /// were fitted lie on such a plane and far off the model.
     pub fn fringe(&self, fit: &Fit, points: &[Point3]) -> Vec<bool> {
         let limit = FAR * Polish::scale(&fit.residuals);
+        let is_level = |p: &Point3| self.planes.iter().any(|plane| plane.is_level(*p));
         let all = points.iter().zip(&fit.residuals);
-        all.map(|(p, r)| (r.is_nan() || r.abs() > limit) && self.is_level(*p))
+        all.map(|(p, r)| (r.is_nan() || r.abs() > limit) && is_level(p))
             .collect()
     }
 }

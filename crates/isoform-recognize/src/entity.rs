@@ -183,6 +183,8 @@ pub struct Recognition {
     /// The standard deviation of the points along the normal, as they show it; the tolerance where
     /// [`is_form`](Self::is_form) says so.
     pub noise: f64,
+    /// True if the scan gives the sides of the normals, or is a mesh: else rays tell them.
+    pub is_oriented: bool,
     /// Whether the form of the object deviates from its entities by more than the noise, and
     /// `noise` is the tolerance within which they were found.
     pub is_form: bool,

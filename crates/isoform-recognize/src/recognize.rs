@@ -108,11 +108,73 @@ pub fn recognize(
     };
     control.check()?;
     turn_outwards(&mut cloud, &found);
+    let given = given_normals(scan, &index, cloud.points.len(), &pose);
+    let is_oriented = given.is_some_and(|given| turn_as_given(&mut cloud, &found, &given));
     cloud.turn_back(&pose);
     let back = |s: &mut Surface| *s = pose.surface_back(s);
     found.surfaces.iter_mut().for_each(back);
-    Ok(report(&cloud, &found, &index, &scaling))
+    Ok(Recognition {
+        is_oriented,
+        ..report(&cloud, &found, &index, &scaling)
+    })
 }
+
+/// Returns the normals that a scan gives, by place and turned; `None` if it gives none.
+fn given_normals(
+    scan: &PointCloud,
+    index: &[u32],
+    places: usize,
+    pose: &Pose,
+) -> Option<Vec<Point3>> {
+    if scan.normals.len() != index.len() {
+        return None;
+    }
+    let mut given = vec![[0.0; 3]; places];
+    for (place, normal) in index.iter().zip(&scan.normals) {
+        given[*place as usize] = pose.turn(*normal);
+    }
+    Some(given)
+}
+
+/// Turns the normals to the sides of given ones, if these agree with one another: then nearly all
+/// points of a surface face one way. Returns true if they do.
+///
+/// Normals of a closed surface that face inwards on the whole are turned: the mean over a closed
+/// surface is zero, and that of p·n is three volumes over the area.
+fn turn_as_given(cloud: &mut Cloud, found: &Segmentation, given: &[Point3]) -> bool {
+    let (mut agreeing, mut all) = (0, 0);
+    for (label, members) in found.members().iter().enumerate() {
+        let surface = &found.surfaces[label];
+        let side = |i: &&u32| {
+            let i = **i as usize;
+            dot(surface.normal(cloud.points[i]), given[i]) > 0.0
+        };
+        let ahead = members.iter().filter(side).count();
+        agreeing += ahead.max(members.len() - ahead);
+        all += members.len();
+    }
+    if all == 0 || (agreeing as f64) < AGREE * all as f64 {
+        return false;
+    }
+    let sum = |of: &dyn Fn(usize) -> f64| (0..given.len()).map(of).sum::<f64>();
+    let count = given.len() as f64;
+    let mean: Point3 = std::array::from_fn(|k| sum(&|i| given[i][k]) / count);
+    let volume = sum(&|i| dot(cloud.points[i], given[i]));
+    let sign = if norm(mean) < CLOSED && volume < 0.0 { -1.0 } else { 1.0 };
+    for (n, g) in cloud.normals.iter_mut().zip(given) {
+        if sign * dot(*n, *g) < 0.0 {
+            *n = n.map(|x| -x);
+        }
+    }
+    true
+}
+
+/// The share of points whose given normals face the way of most on their surface, at least: normals
+/// without a side have half.
+const AGREE: f64 = 0.9;
+/// The length of the mean normal below which a surface counts as closed: seen from one side, a
+/// sphere has 1/2.
+const CLOSED: f64 = 0.1;
 
 /// A scan in a place, a position, a unit and an order of its own.
 struct Placed {
@@ -229,6 +291,7 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         noise,
         is_form: found.is_form,
         free: free_share(cloud, found),
+        is_oriented: false,
     }
 }
 

@@ -4,7 +4,7 @@ use crate::CornerError;
 use crate::facets::{FacesError, check_corners, points_on_faces, with_points};
 use crate::fit_scan::MOST_LEFT_OUT;
 use isoform_control::{Control, Stopped};
-use isoform_fit::{Beside, FitError, Scan};
+use isoform_fit::{FitError, Scan};
 use isoform_geom::{Point3, PointCloud};
 use isoform_num::Random;
 use isoform_recognize::{
@@ -132,8 +132,8 @@ pub struct Standing {
     pub left_out: usize,
 }
 
-/// Takes planes off that have the other points on one side and reach beyond them, such as the table
-/// under a part; `None` where there is none, or hardly anything else. A CAD mesh stands nowhere.
+/// Takes planes off that have the other points on one side and reach beyond them all round, such as
+/// the table under a part; `None` where there is none, or hardly anything else. A CAD mesh stands nowhere.
 ///
 /// # Errors
 /// [`FacesError`].
@@ -150,10 +150,10 @@ pub fn without_supports(
         Err(_) => return Ok(None),
     };
     let clutter = ready.clutter();
-    let is_part = |i: &u32| !clutter.is_level(scan.points[*i as usize]);
+    let is_part = |i: &u32| !clutter.is_on_support(scan.points[*i as usize]);
     let kept: Vec<u32> = (0..scan.points.len() as u32).filter(is_part).collect();
     let is_most = kept.len() as f64 >= (1.0 - MOST_LEFT_OUT) * scan.points.len() as f64;
-    if clutter.share(Beside::Plane) == 0.0 || !is_most {
+    if kept.len() == scan.points.len() || !is_most {
         return Ok(None);
     }
     let absolute = |(at, normal): (Point3, Point3)| {
@@ -162,7 +162,7 @@ pub fn without_supports(
     Ok(Some(Standing {
         left_out: scan.points.len() - kept.len(),
         part: scan.select(&kept),
-        supports: clutter.planes().map(absolute).collect(),
+        supports: clutter.supports().map(absolute).collect(),
     }))
 }
 

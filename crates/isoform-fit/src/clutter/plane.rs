@@ -37,6 +37,9 @@ pub(super) struct Plane {
     outline: Vec<Point2>,
     /// How far beyond the outline a point must be.
     beyond: f64,
+    /// True if its points beyond the outline go all round it: a face of the part that is seen from
+    /// one side reaches beyond the others, too, but not all round.
+    pub(super) is_around: bool,
 }
 
 impl Plane {
@@ -93,10 +96,16 @@ impl Plane {
             axes: across(normal),
             outline: Vec::new(),
             beyond: 0.0,
+            is_around: false,
         };
         let off = points.iter().filter(|p| side * height(p) > thick);
         this.outline = hull(off.map(|p| this.flat(*p)).collect());
         this.beyond = BEYOND * diagonal(&this.outline);
+        let held = points.iter().filter(|p| this.holds(**p));
+        let around = hull(held.map(|p| this.flat(*p)).collect());
+        let n = around.len();
+        let is_within = |q: &Point2| (0..n).all(|i| turn(around[i], around[(i + 1) % n], *q) >= 0.0);
+        this.is_around = n > 2 && this.outline.iter().all(is_within);
         Some(this)
     }
 

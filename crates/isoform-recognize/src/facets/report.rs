@@ -77,6 +77,7 @@ pub(crate) fn report(
         noise: noise * scaling.unit,
         is_form: false,
         free: 0.0,
+        is_oriented: true,
     }
 }
 

@@ -187,7 +187,9 @@ pub fn propose(
         (frame.apply(at, center), normal)
     };
     let supports: Vec<(Point3, Point3)> = supports.iter().map(in_frame).collect();
-    orient(&points, &mut normals, &of, &frame.surfaces, &supports);
+    if !found.is_oriented {
+        orient(&points, &mut normals, &of, &frame.surfaces, &supports);
+    }
     let mut stands = Vec::new();
     for (at, normal) in supports {
         let end = stand_on(&mut bounds, at, normal);
