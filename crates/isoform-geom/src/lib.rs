@@ -11,13 +11,13 @@ mod gram;
 mod kdtree;
 mod mesh;
 mod normals;
-mod rounding;
 mod pairs;
 mod parts;
 mod patch;
 pub mod plane;
 mod point;
 mod quadric;
+mod rounding;
 mod solid;
 mod spline;
 mod union_find;
@@ -32,7 +32,6 @@ pub use kdtree::KdTree;
 pub use mesh::{
     Curve, Mesh, Opposite, TET_EDGES, TET_FACES, TRIANGLE_EDGES, WEDGE_QUADS, WEDGE_TRIANGLES,
 };
-pub use rounding::rounding;
 pub use normals::{Agreement, agreement, estimate_normals, orient_normals, vertex_normals};
 pub use pairs::near_pairs;
 pub use parts::{Parts, SmoothPart};
@@ -42,6 +41,7 @@ pub use point::{
     Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
+pub use rounding::rounding;
 pub use solid::{Csg, OnePiece, Solid};
 pub use spline::{LevelData, PolynomialData, SplineData};
 pub use union_find::UnionFind;

@@ -112,8 +112,9 @@ pub fn recognize_facets(
     }))
 }
 
-/// Returns about `wanted` points inside the faces of a CAD mesh, on their surfaces; none for a mesh
-/// that is no CAD model's. The corners of all triangles have to be points.
+/// Returns about `wanted` points inside the faces of a CAD mesh, on their surfaces, and how exact
+/// its points are: the rounding of their coordinates, or of the modeller where that is more. `None`
+/// for a mesh that is no CAD model's. The corners of all triangles have to be points.
 ///
 /// # Errors
 /// [`Stopped`].
@@ -121,18 +122,19 @@ pub fn points_on_facets(
     mesh: &PointCloud,
     wanted: usize,
     control: &Control<'_>,
-) -> Result<Vec<Point3>, Stopped> {
+) -> Result<Option<(Vec<Point3>, f64)>, Stopped> {
     if mesh.triangles.is_empty() || wanted == 0 {
-        return Ok(Vec::new());
+        return Ok(None);
     }
     let found = match Explained::of(mesh, control) {
         Ok(Some(found)) => found,
         Err(Error::Stopped(stopped)) => return Err(stopped),
         // Points at one place, say, are no faces.
-        Ok(None) | Err(_) => return Ok(Vec::new()),
+        Ok(None) | Err(_) => return Ok(None),
     };
     let fewest = Options::default().min_points;
     let mut inside = points::inside(&found.facets, &found.claims, wanted, fewest);
     inside.retain(|p| p.part != NONE);
-    Ok(found.placed(&inside))
+    let exactness = found.facets.exactness() * found.scaling.unit;
+    Ok(Some((found.placed(&inside), exactness)))
 }

@@ -160,7 +160,11 @@ fn turn_as_given(cloud: &mut Cloud, found: &Segmentation, given: &[Point3]) -> b
     let count = given.len() as f64;
     let mean: Point3 = std::array::from_fn(|k| sum(&|i| given[i][k]) / count);
     let volume = sum(&|i| dot(cloud.points[i], given[i]));
-    let sign = if norm(mean) < CLOSED && volume < 0.0 { -1.0 } else { 1.0 };
+    let sign = if norm(mean) < CLOSED && volume < 0.0 {
+        -1.0
+    } else {
+        1.0
+    };
     for (n, g) in cloud.normals.iter_mut().zip(given) {
         if sign * dot(*n, *g) < 0.0 {
             *n = n.map(|x| -x);

@@ -49,8 +49,19 @@ pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
     })
 }
 
+/// The points of the faces of a CAD model.
+#[derive(Clone, Debug)]
+pub struct OnFaces {
+    /// The points of the mesh and, after them, those inside faces.
+    pub cloud: PointCloud,
+    /// How many points were added.
+    pub added: usize,
+    /// How far points lie off the model by rounding.
+    pub exactness: f64,
+}
+
 /// The points of the mesh, with about `wanted` further ones (two million at most) on the faces of
-/// a CAD model; and how many were added.
+/// a CAD model; `None` for other meshes and points.
 ///
 /// # Errors
 /// [`FacesError`].
@@ -58,11 +69,14 @@ pub fn points_on_faces(
     mesh: &PointCloud,
     wanted: usize,
     control: &Control<'_>,
-) -> Result<(PointCloud, usize), FacesError> {
+) -> Result<Option<OnFaces>, FacesError> {
     check_corners(mesh)?;
-    let more = points_on_facets(mesh, wanted.min(MOST_ADDED), control)?;
-    let added = more.len();
-    Ok((with_points(mesh, &more), added))
+    let found = points_on_facets(mesh, wanted.min(MOST_ADDED), control)?;
+    Ok(found.map(|(more, exactness)| OnFaces {
+        cloud: with_points(mesh, &more),
+        added: more.len(),
+        exactness,
+    }))
 }
 
 /// Returns a mesh with further points after its own.
@@ -118,14 +132,14 @@ mod tests {
         }
     }
 
-    fn on_faces(mesh: &PointCloud, wanted: usize) -> (PointCloud, usize) {
+    fn on_faces(mesh: &PointCloud, wanted: usize) -> Option<OnFaces> {
         points_on_faces(mesh, wanted, &Control::default()).expect("corners are points")
     }
 
     #[test]
     fn added_points_lie_on_the_cylinder() {
         let mesh = prism(36);
-        let (cloud, added) = on_faces(&mesh, 500);
+        let OnFaces { cloud, added, .. } = on_faces(&mesh, 500).expect("faces");
         assert_eq!(cloud.points.len(), mesh.points.len() + added);
         let (mut caps, mut lines) = (0, 0);
         for p in &cloud.points[mesh.points.len()..] {
@@ -143,7 +157,7 @@ mod tests {
 
     #[test]
     fn all_faces_of_a_box_are_flat() {
-        let (_, added) = on_faces(&prism(4), 1000);
+        let added = on_faces(&prism(4), 1000).expect("faces").added;
         assert!((990..=1010).contains(&added), "{added}");
     }
 
@@ -155,7 +169,7 @@ mod tests {
                 v * (1.0 + 0.05 * (7.0 * k as f64).sin()) + 0.01 * (11.0 * k as f64).cos()
             });
         }
-        assert_eq!(on_faces(&mesh, 500).1, 0);
+        assert!(on_faces(&mesh, 500).is_none());
     }
 
     #[test]

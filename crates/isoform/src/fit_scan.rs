@@ -267,7 +267,8 @@ pub fn fit_scan(
     let started = Instant::now();
     let mut warnings = Vec::new();
     let near = recentred(scan);
-    let mut cloud = with_faces(&near, &mut warnings, control)?;
+    let mut rounding = rounding(scan);
+    let mut cloud = with_faces(&near, &mut warnings, &mut rounding, control)?;
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
@@ -285,7 +286,7 @@ pub fn fit_scan(
     let task = Task {
         options,
         inner: Options {
-            rounding: rounding(scan),
+            rounding,
             ..inner_options(&template, options)?
         },
         control,
@@ -323,22 +324,20 @@ fn recentred(scan: &PointCloud) -> Cow<'_, PointCloud> {
     Cow::Owned(scan.clone().recentred())
 }
 
-/// The scan; of a CAD model with points on its faces.
+/// The scan; of a CAD model with points on its faces, and no more exact than it.
 fn with_faces<'a>(
     scan: &'a PointCloud,
     warnings: &mut Vec<FitScanWarning>,
+    rounding: &mut f64,
     control: &Control<'_>,
 ) -> Result<Cow<'a, PointCloud>, FacesError> {
-    if scan.triangles.is_empty() {
+    let Some(found) = points_on_faces(scan, ON_FACES, control)? else {
         return Ok(Cow::Borrowed(scan));
-    }
-    let (with_faces, added) = points_on_faces(scan, ON_FACES, control)?;
-    if added == 0 {
-        return Ok(Cow::Borrowed(scan));
-    }
-    let vertices = scan.points.len();
+    };
+    let (added, vertices) = (found.added, scan.points.len());
     warnings.push(FitScanWarning::FacesAdded { added, vertices });
-    Ok(Cow::Owned(with_faces))
+    *rounding = rounding.max(found.exactness);
+    Ok(Cow::Owned(found.cloud))
 }
 
 /// Holds the parameters that the caller holds.

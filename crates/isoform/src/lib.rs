@@ -131,7 +131,7 @@ pub use blocks::{
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
 pub use compare::{CompareError, Distances, Side, compare};
 pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
-pub use facets::{CornerError, FacesError, points_on_faces};
+pub use facets::{CornerError, FacesError, OnFaces, points_on_faces};
 pub use fit_chunks::{AnswerError, ChunkReader, ChunkSource, fit_chunks};
 pub use fit_scan::{FitOptions, FitScanError, FitScanWarning, NamedBounds, ScanFit, fit_scan};
 pub use gallery::{EXAMPLE_SCAN, GalleryTemplate, example_scan, template, templates};

@@ -141,7 +141,7 @@ pub fn without_supports(
     scan: &PointCloud,
     control: &Control<'_>,
 ) -> Result<Option<Standing>, FacesError> {
-    if points_on_faces(scan, ON_FACES, control)?.1 > 0 {
+    if points_on_faces(scan, ON_FACES, control)?.is_some() {
         return Ok(None);
     }
     let ready = match Scan::new(&scan.points, &isoform_fit::Options::default(), control) {
@@ -156,9 +156,8 @@ pub fn without_supports(
     if kept.len() == scan.points.len() || !is_most {
         return Ok(None);
     }
-    let absolute = |(at, normal): (Point3, Point3)| {
-        (std::array::from_fn(|k| at[k] + scan.origin[k]), normal)
-    };
+    let absolute =
+        |(at, normal): (Point3, Point3)| (std::array::from_fn(|k| at[k] + scan.origin[k]), normal);
     Ok(Some(Standing {
         left_out: scan.points.len() - kept.len(),
         part: scan.select(&kept),
@@ -175,6 +174,8 @@ pub fn sample_of(scan: &PointCloud, wanted: usize) -> Option<PointCloud> {
     }
     let mut random = Random::new(1);
     let share = wanted as f64 / count as f64;
-    let drawn: Vec<u32> = (0..count as u32).filter(|_| random.unit() < share).collect();
+    let drawn: Vec<u32> = (0..count as u32)
+        .filter(|_| random.unit() < share)
+        .collect();
     Some(scan.select(&drawn))
 }

@@ -104,7 +104,8 @@ impl Plane {
         let held = points.iter().filter(|p| this.holds(**p));
         let around = hull(held.map(|p| this.flat(*p)).collect());
         let n = around.len();
-        let is_within = |q: &Point2| (0..n).all(|i| turn(around[i], around[(i + 1) % n], *q) >= 0.0);
+        let is_within =
+            |q: &Point2| (0..n).all(|i| turn(around[i], around[(i + 1) % n], *q) >= 0.0);
         this.is_around = n > 2 && this.outline.iter().all(is_within);
         Some(this)
     }

@@ -1,7 +1,7 @@
 //! Which triangles belong to which surface: plain planes first, then bent surfaces, what is left
 //! that is flat, and pieces of one surface joined.
 
-use super::flat::Flats;
+use super::flat::{Flats, has_many_corners};
 use super::mesh::{Facets, NONE};
 use super::part::{Part, exact, follows, turn};
 use super::seeds::Free;
@@ -140,7 +140,20 @@ impl Claims {
                 all.find(|s| follows(mesh, &s.1, *t)).map(|s| s.0)
             };
             let new: Option<Vec<usize>> = part.triangles.iter().map(of).collect();
-            let Some(new) = new else { continue };
+            let Some(new) = new.filter(|new| !new.is_empty()) else {
+                continue;
+            };
+            // The top ring of a torus is flat, a flat of a ball is none of its facets.
+            let is_one = new.iter().all(|k| *k == new[0]);
+            let is_torus = self.parts[new[0]].surface.kind == Kind::Torus;
+            let is_plane = part.surface.kind == Kind::Plane;
+            if is_plane
+                && is_one
+                && !is_torus
+                && has_many_corners(mesh, &part.surface, &part.triangles)
+            {
+                continue;
+            }
             let moved = std::mem::take(&mut self.parts[old].triangles);
             for (t, k) in moved.into_iter().zip(new) {
                 self.taken[t as usize] = k as u32;

@@ -44,8 +44,7 @@ pub(crate) fn shows(
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
     let bend = points.iter().map(|p| flat.distance(*p).abs());
-    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part, is_free)
-    {
+    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part, is_free) {
         return false;
     }
     let tangent = contacts.values().filter(|c| is_tangent(mesh, surface, c));

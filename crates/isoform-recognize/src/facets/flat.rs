@@ -93,18 +93,22 @@ impl Flats {
         a.max(b) <= factor * a.min(b) && mesh.cosine(t, u) >= TURN
     }
 
-    /// Whether a piece cannot be a facet of something bent.
+    /// True if a piece cannot be a facet of something bent.
     pub(crate) fn is_plain(&self, mesh: &Facets, piece: u32) -> bool {
         let part = &self.pieces[piece as usize];
-        let [e, f] = part.surface.frame();
-        let flat = |p: &Point3| [dot(*p, e), dot(*p, f)];
-        if part.triangles.len() + 2 < MANY_CORNERS {
-            return false;
-        }
-        let points = mesh.at(&mesh.vertices(&part.triangles));
-        let corners = hull(points.iter().map(flat).collect(), mesh.tolerance);
-        corners.len() >= MANY_CORNERS && ends_clearly(mesh, part, |_| true)
+        has_many_corners(mesh, &part.surface, &part.triangles) && ends_clearly(mesh, part, |_| true)
     }
+}
+
+/// True if triangles in a plane have more corners than a facet of something bent.
+pub(crate) fn has_many_corners(mesh: &Facets, plane: &Surface, of: &[u32]) -> bool {
+    if of.len() + 2 < MANY_CORNERS {
+        return false;
+    }
+    let [e, f] = plane.frame();
+    let flat = |p: &Point3| [dot(*p, e), dot(*p, f)];
+    let points = mesh.at(&mesh.vertices(of));
+    hull(points.iter().map(flat).collect(), mesh.tolerance).len() >= MANY_CORNERS
 }
 
 /// Whether a triangle lies in a plane.

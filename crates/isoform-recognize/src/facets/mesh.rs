@@ -83,6 +83,11 @@ impl Facets {
         }
     }
 
+    /// How far vertices lie off their surface by rounding, and by what modellers compute with.
+    pub(crate) fn exactness(&self) -> f64 {
+        self.tolerance / WITHIN
+    }
+
     /// The triangles beyond the edges of one.
     pub(crate) fn near(&self, t: u32) -> &[u32] {
         let [from, to] = [t as usize, t as usize + 1].map(|k| self.first[k] as usize);

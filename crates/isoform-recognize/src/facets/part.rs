@@ -95,11 +95,17 @@ pub(crate) fn turn(surface: &Surface, corners: [Point3; 3]) -> f64 {
 /// circle where a plane touches a torus have one normal, but their plane leaves the torus.
 fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64) -> bool {
     let sides = [[a, b], [b, c], [c, a]];
-    let longest = sides.map(|[p, q]| norm(sub(p, q))).into_iter().fold(0.0, f64::max);
+    let longest = sides
+        .map(|[p, q]| norm(sub(p, q)))
+        .into_iter()
+        .fold(0.0, f64::max);
     let most = longest * turn / 4.0 + 2.0 * tolerance;
     let middles = sides.map(|ends| middle(ends));
     let places = middles.into_iter().chain([middle([a, b, c])]);
-    surface.kind == Kind::Plane || places.into_iter().all(|p| surface.distance(p).abs() <= most)
+    surface.kind == Kind::Plane
+        || places
+            .into_iter()
+            .all(|p| surface.distance(p).abs() <= most)
 }
 
 /// The circumradius of a triangle over its longest side; 1 at least.

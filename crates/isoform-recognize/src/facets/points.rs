@@ -24,12 +24,7 @@ pub(crate) struct Inside {
 
 /// Returns points inside facets: about `wanted`, and at least `fewest` inside each part, as far as
 /// its facets are not all next to a curved edge.
-pub(crate) fn inside(
-    mesh: &Facets,
-    claims: &Claims,
-    wanted: usize,
-    fewest: usize,
-) -> Vec<Inside> {
+pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usize) -> Vec<Inside> {
     let spacing = (mesh.areas.iter().sum::<f64>() / wanted.max(1) as f64).sqrt();
     let mut points = Vec::new();
     if wanted == 0 || spacing <= 0.0 {

@@ -112,9 +112,9 @@ fn said(
         }
         c
     });
-    let deviations = covariance.as_ref().map_or(Deviations::OPEN, |c| {
-        deviations_of(&surface, c, scaling)
-    });
+    let deviations = covariance
+        .as_ref()
+        .map_or(Deviations::OPEN, |c| deviations_of(&surface, c, scaling));
     let entity = Entity {
         surface: surface.quadric(scaling.unit, scaling.origin),
         deviations,

@@ -117,7 +117,10 @@ fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
     // The vector area of a closed surface is zero; where much is missing, winding numbers between
     // the points tell nothing.
     let vector: Point3 = std::array::from_fn(|k| {
-        let of = some.iter().zip(&areas).map(|(i, a)| a * cloud.normals[*i][k]);
+        let of = some
+            .iter()
+            .zip(&areas)
+            .map(|(i, a)| a * cloud.normals[*i][k]);
         of.sum()
     });
     let is_open = norm(vector) > OPEN * all;

@@ -36,7 +36,9 @@ impl Half {
     /// The distance from its surface or a wall, positive inside.
     pub(super) fn value(&self, p: Point3) -> f64 {
         let own = self.sign * self.surface.distance(p);
-        self.walls.iter().fold(own, |least, w| least.min(w.value(p)))
+        self.walls
+            .iter()
+            .fold(own, |least, w| least.min(w.value(p)))
     }
 
     /// The corner within walls that an entity rounds.

@@ -13,8 +13,8 @@ mod solid;
 use crate::chart::Surface;
 use crate::entity::Recognition;
 use crate::orient::orient;
-use footprint::footprint;
 use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
+use footprint::footprint;
 use frame::Frame;
 use half::{Half, Source, separators};
 use isoform_control::{Control, Stopped};
@@ -106,7 +106,10 @@ impl std::fmt::Display for Gap {
             }
             Self::Standing(axis, is_upper) => {
                 let end = end_of(*axis, *is_upper);
-                write!(f, "{end} was not seen: the plane on which the part stands closes it")
+                write!(
+                    f,
+                    "{end} was not seen: the plane on which the part stands closes it"
+                )
             }
             Self::Open(share) => write!(
                 f,
@@ -125,7 +128,10 @@ impl std::fmt::Display for Gap {
 /// Names an end of the part.
 fn end_of(axis: usize, is_upper: bool) -> String {
     let side = if is_upper { "upper" } else { "lower" };
-    format!("the {side} end along the part's {} axis", ['x', 'y', 'z'][axis])
+    format!(
+        "the {side} end along the part's {} axis",
+        ['x', 'y', 'z'][axis]
+    )
 }
 
 /// Why no template is proposed.
@@ -256,7 +262,13 @@ pub fn propose(
 /// Moves the end of a box to a plane that it stands at, along the axis which is nearest to the
 /// plane's normal; returns the axis, and true for the upper end.
 fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
-    let k = (0..3).fold(0, |m, k| if normal[k].abs() > normal[m].abs() { k } else { m });
+    let k = (0..3).fold(0, |m, k| {
+        if normal[k].abs() > normal[m].abs() {
+            k
+        } else {
+            m
+        }
+    });
     let mut middle = bounds.center();
     middle[k] = at[k];
     let height = at[k] + dot(normal, std::array::from_fn(|i| at[i] - middle[i])) / normal[k];

@@ -24,6 +24,14 @@ fn mesh(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
     }
 }
 
+/// A point of a mesh back in the axes.
+fn upright([x, y, z]: Point3) -> Point3 {
+    let (s, c) = 0.7_f64.sin_cos();
+    let [x, y] = [x - 3.0, y + 1.0];
+    let [x, y] = [c * x + s * y, c * y - s * x];
+    [x, c * y + s * z, c * z - s * y]
+}
+
 /// The surface that a profile of (radius, height) sweeps about an axis, in `sides`; closed profiles
 /// join their ends, open ones get flat caps.
 fn turned(profile: &[[f64; 2]], sides: u32, is_closed: bool) -> PointCloud {
@@ -135,6 +143,68 @@ fn a_torus_is_one_face_although_its_top_is_flat() {
         panic!("{:?}", found.recognition.entities);
     };
     assert!((major - 5.0).abs() < 1e-6 && (minor - 2.0).abs() < 1e-6);
+}
+
+/// A pin of radius 5 and height 8 whose upper edge is rounded by 2, in `steps` steps.
+fn pin(steps: u32, sides: u32) -> PointCloud {
+    let at = |k: u32| {
+        let (s, c) = (0.25 * TAU * f64::from(k) / f64::from(steps)).sin_cos();
+        [3.0 + 2.0 * c, 6.0 + 2.0 * s]
+    };
+    let profile: Vec<[f64; 2]> = std::iter::once([5.0, 0.0])
+        .chain((0..=steps).map(at))
+        .collect();
+    turned(&profile, sides, false)
+}
+
+#[test]
+fn a_round_and_the_plane_that_it_touches_are_two_faces() {
+    // The plane's facets have all corners on the torus, whose normal is the same there.
+    for (steps, sides) in [(12, 60), (6, 48), (3, 24)] {
+        let found = found(&pin(steps, sides));
+        let counts = ["plane", "cylinder", "torus"].map(|kind| count(&found, kind));
+        assert_eq!(counts, [2, 1, 1], "{steps} steps, {sides} sides");
+        assert_eq!(found.recognition.blends.len(), 1, "{steps} steps");
+    }
+}
+
+#[test]
+fn two_steps_of_a_round_are_enough_between_the_faces_that_it_touches() {
+    let at = |degrees: f64, along: f64| {
+        let (s, c) = degrees.to_radians().sin_cos();
+        [3.0 + 2.0 * c - along * s, 6.0 + 2.0 * s + along * c]
+    };
+    let foot = [5.0, 0.0];
+    let round = [at(0.0, 0.0), at(30.0, 0.0), at(60.0, 0.0)];
+    let of = |last: [f64; 2]| {
+        let found = found(&turned(&[&[foot], &round[..], &[last]].concat(), 32, false));
+        ["plane", "cylinder", "torus", "cone"].map(|kind| count(&found, kind))
+    };
+    assert_eq!(of(at(60.0, 2.0)), [2, 1, 1, 1]);
+    // Any three circles lie on a torus: one that meets the next face at an edge may be two cones.
+    assert_eq!(of([1.0, 9.0]), [2, 1, 0, 3]);
+}
+
+#[test]
+fn points_inside_faces_are_on_them() {
+    let found = found(&tube());
+    let (mut flat, mut bent) = (0, 0);
+    for p in found.inside.iter().map(|p| upright(*p)) {
+        let radius = p[0].hypot(p[1]);
+        if p[2].abs() < 1e-6 || (p[2] - 5.0).abs() < 1e-6 {
+            // The chords of the bore reach into it.
+            assert!(
+                (1.0 - 1e-6..=3.0 + 1e-6).contains(&radius),
+                "{p:?} {radius}"
+            );
+            flat += 1;
+        } else {
+            let off = (radius - 1.0).abs().min((radius - 3.0).abs());
+            assert!(off < 1e-6, "{p:?}");
+            bent += 1;
+        }
+    }
+    assert!(flat > 100 && bent > 100, "{flat} {bent}");
 }
 
 /// A tube: a bore in a cylinder, with flat rings between them.

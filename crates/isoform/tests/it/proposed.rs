@@ -1,9 +1,13 @@
 //! Templates proposed for scans of parts whose dimensions are known.
 
 use isoform::field::hyperfun::{Mode, Model};
-use isoform::geom::{Point3, PointCloud};
+use isoform::geom::{Point3, PointCloud, dot};
 use isoform::num::Random;
-use isoform::{Control, FitOptions, Proposal, RecognizeOptions, ScanFit, fit_scan, recognize_scan};
+use isoform::recognize::Gap;
+use isoform::{
+    Control, FitOptions, Proposal, RecognizeOptions, ScanFit, fit_scan, recognize_scan,
+    without_supports,
+};
 
 /// Points of a plate of 40 × 30 × 10 about its corner with a bore of radius 6 at (15, 12) and a
 /// counterbore of radius 9 down to z = 7, turned and moved; noise along the normals.
@@ -126,13 +130,191 @@ fn a_face_that_is_missing_is_said() {
     scan.points.retain(|p| !bottom(p));
     let open = proposed(&scan);
     assert_eq!(open.used.len() + 1, whole.used.len());
-    let is_unseen = |g: &isoform::recognize::Gap| {
-        matches!(
-            g,
-            isoform::recognize::Gap::Unseen(..) | isoform::recognize::Gap::Open(_)
-        )
-    };
+    let is_unseen = |g: &Gap| matches!(g, Gap::Unseen(..) | Gap::Open(_));
     assert!(open.gaps.iter().any(is_unseen), "{:?}", open.gaps);
+}
+
+/// A plate on a table: the plane goes all round it, is taken off, and closes what it hides.
+#[test]
+fn a_table_is_taken_off_and_closes_the_part() {
+    let mut random = Random::new(9);
+    // Without the face on the table, and in the table's frame.
+    let mut points: Vec<Point3> = (0..30_000)
+        .filter_map(|_| on_plate(&mut random))
+        .filter(|(p, normal)| !(normal[2] > 0.5 && p[2] < 1e-9))
+        .map(|(p, _)| p)
+        .take(6000)
+        .collect();
+    let part = points.len();
+    while points.len() < part + 4000 {
+        let p = [
+            120.0 * random.unit() - 40.0,
+            100.0 * random.unit() - 35.0,
+            0.0,
+        ];
+        let is_under = (0.0..=40.0).contains(&p[0]) && (0.0..=30.0).contains(&p[1]);
+        points.extend((!is_under).then_some(p));
+    }
+    for p in &mut points {
+        *p = posed(p.map(|x| x + 0.02 * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0)));
+    }
+    let scan = PointCloud::from_points(points);
+    let control = Control::default();
+    let standing = without_supports(&scan, &control)
+        .expect("in time")
+        .expect("a table");
+    assert_eq!(standing.supports.len(), 1);
+    assert!(standing.part.points.len() <= part);
+    let options = RecognizeOptions::default();
+    let mut found = recognize_scan(&standing.part, &options, &control).expect("entities");
+    found.supports = standing.supports.clone();
+    let proposal = found.template("a plate", &control).expect("a template");
+    assert!(proposal.is_complete(), "{:?}", proposal.gaps);
+    let is_standing = |g: &Gap| matches!(g, Gap::Standing(..));
+    assert!(proposal.gaps.iter().any(is_standing), "{:?}", proposal.gaps);
+    let fit = fitted(&standing.part, &proposal);
+    for dimension in [40.0, 30.0, 6.0, 9.0] {
+        assert!(
+            is_there(&fit, dimension, 0.03),
+            "{dimension}: {:?}",
+            fit.values()
+        );
+    }
+    // The bottom lies where the table is.
+    assert!(
+        is_there(&fit, 10.0, 0.03) || is_there(&fit, 7.0, 0.03),
+        "{:?}",
+        fit.values()
+    );
+}
+
+/// A part in the air has no table, from whatever side it was seen.
+#[test]
+fn faces_of_a_part_are_no_tables() {
+    let whole = plate(6000, 0.02);
+    let control = Control::default();
+    assert!(
+        without_supports(&whole, &control)
+            .expect("in time")
+            .is_none()
+    );
+    let mut seen = whole.clone();
+    let middle = posed([20.0, 15.0, 10.0]);
+    seen.points
+        .retain(|p| p[0] + p[1] + p[2] > middle[0] + middle[1] + middle[2]);
+    assert!(
+        without_supports(&seen, &control)
+            .expect("in time")
+            .is_none()
+    );
+}
+
+/// Of a scan from one side rays tell nothing of bores: given normals do.
+#[test]
+fn given_normals_decide_what_is_outside() {
+    let mut random = Random::new(3);
+    let (mut points, mut normals) = (Vec::new(), Vec::new());
+    while points.len() < 6000 {
+        let Some((p, n)) = on_plate(&mut random) else {
+            continue;
+        };
+        // Faces of the plate face away from its middle, bores towards their axis.
+        let is_bore = n[2] == 0.0 && (p[0] - 15.0).hypot(p[1] - 12.0) < 9.1;
+        let is_out = [20.0, 15.0, 5.0]
+            .iter()
+            .zip(&p)
+            .zip(&n)
+            .map(|((m, x), n)| (x - m) * n);
+        let out = if is_bore {
+            -1.0
+        } else {
+            is_out.sum::<f64>().signum()
+        };
+        let out: Point3 = n.map(|x| out * x);
+        if out[2] > 0.5 || out[0] > 0.5 || out[1] > 0.5 || is_bore && dot(out, [1.0; 3]) > 0.0 {
+            points.push(p);
+            normals.push(out);
+        }
+    }
+    for flip in [1.0, -1.0] {
+        let scan = PointCloud {
+            normals: normals.iter().map(|n| n.map(|x| flip * x)).collect(),
+            ..PointCloud::from_points(points.clone())
+        };
+        let options = RecognizeOptions::default();
+        let found = recognize_scan(&scan, &options, &Control::default()).expect("entities");
+        for (label, i) in found.recognition.labels.iter().zip(0..) {
+            let Some(entity) = label.map(|l| &found.recognition.entities[l as usize]) else {
+                continue;
+            };
+            let side = dot(found.recognition.normals[i], scan.normals[i]);
+            assert!(side > 0.0, "{entity:?}");
+        }
+        let bores = found.recognition.entities.iter();
+        let bores: Vec<i8> = bores
+            .filter(|e| e.surface.name() == "cylinder")
+            .map(|e| e.outward)
+            .collect();
+        assert!(!bores.is_empty() && bores.iter().all(|o| f64::from(*o) == -flip));
+    }
+}
+
+/// A box of 30 × 20 × 12 with its upright edges rounded by 3, in a mesh of few facets.
+fn rounded_box(steps: u32) -> PointCloud {
+    let centres = [[27.0, 17.0], [3.0, 17.0], [3.0, 3.0], [27.0, 3.0]];
+    let mut outline: Vec<[f64; 2]> = Vec::new();
+    for (k, [x, y]) in (0..).zip(centres) {
+        outline.extend((0..=steps).map(|j| {
+            let turn = f64::from(k) + f64::from(j) / f64::from(steps);
+            let (s, c) = (turn * std::f64::consts::FRAC_PI_2).sin_cos();
+            [x + 3.0 * c, y + 3.0 * s]
+        }));
+    }
+    let n = outline.len() as u32;
+    let ring = |z: f64| outline.iter().map(move |[x, y]| [*x, *y, z]);
+    let mut triangles = Vec::new();
+    for k in 0..n {
+        let next = (k + 1) % n;
+        triangles.extend([[k, next, n + next], [k, n + next, n + k]]);
+    }
+    for k in 1..n - 1 {
+        triangles.extend([[0, k + 1, k], [n, n + k, n + k + 1]]);
+    }
+    let points = ring(0.0).chain(ring(12.0)).map(posed);
+    PointCloud {
+        points: points.map(|p| p.map(|x| f64::from(x as f32))).collect(),
+        triangles,
+        ..PointCloud::default()
+    }
+}
+
+/// Rounds of a coarse CAD mesh, whose vertices all lie on edges, bound the solid and are tied.
+#[test]
+fn rounds_of_a_mesh_are_tied_to_their_faces() {
+    for steps in [3, 6, 24] {
+        let scan = rounded_box(steps);
+        let control = Control::default();
+        let found = recognize_scan(&scan, &RecognizeOptions::default(), &control);
+        let proposal = found
+            .expect("entities")
+            .template("a box", &control)
+            .expect("a template");
+        assert!(
+            proposal.is_complete() && proposal.used.iter().all(|u| *u),
+            "{steps}"
+        );
+        assert_eq!(proposal.used.len(), 10);
+        assert!(proposal.program.contains("tie="), "{}", proposal.program);
+        let fit = fitted(&scan, &proposal);
+        assert!(fit.fit.acceptable, "{steps}: {:?}", fit.fit.reasons);
+        // Single precision is told from the coordinates: the interval holds the radius.
+        let radius = fit.template.index("round_1_radius").expect("a radius");
+        let (low, high) = fit.fit.parameters[radius].ci95.expect("an interval");
+        assert!(
+            low <= 3.0 && 3.0 <= high && high - low < 1e-3,
+            "{steps}: {low} {high}"
+        );
+    }
 }
 
 #[test]
