@@ -49,6 +49,7 @@ mod surface_box;
 mod tangents;
 mod triangulate;
 mod univariate;
+mod winding;
 mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
@@ -73,4 +74,5 @@ pub use surface::{
 };
 pub use surface_box::SurfaceBox;
 pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};
+pub use winding::{CutCurve, CutEdge, Winding};
 pub use zeros::Chart;

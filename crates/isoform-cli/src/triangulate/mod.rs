@@ -197,6 +197,17 @@ impl Made {
             ));
         }
     }
+    /// Warns of patches that have no area.
+    fn warn_of_collapsed(&self, context: &Context) {
+        let name = |&k: &u32| &*self.drawn.patches[k as usize];
+        let names: Vec<&str> = self.drawn.surface.collapsed.iter().map(name).collect();
+        if !names.is_empty() {
+            context.warn(format_args!(
+                "left out, since their image is a curve or a point and has no area: {}",
+                names.join(", ")
+            ));
+        }
+    }
     /// Writes the mesh, then the sidecar, the drawing of the parameters and the report; the bytes
     /// of the mesh that is for stdout.
     fn write(&mut self, targets: &[Target], args: &Args) -> Result<Vec<u8>, Failure> {
@@ -227,6 +238,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = read(&args.map, args.reduce)?;
     let mut made = make(args, subject, context)?;
     made.warn_of_factors(context);
+    made.warn_of_collapsed(context);
 
     let clock = Instant::now();
     let file = made.write(&targets, args)?;

@@ -4,7 +4,7 @@ use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
 use isoform::report::{brief, contracted, mode_name};
-use isoform::tess::{BasePoint, Basis, Domain, Mode, Surface};
+use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, Surface};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -41,7 +41,32 @@ fn mesh(made: &Made) -> String {
     ];
     let triangles = count(surface.triangles.len(), "triangle");
     let vertices = surface.points.len();
-    line("topology", parts.join(", ")) + &line("mesh", format!("{triangles}, {vertices} vertices"))
+    line("topology", parts.join(", "))
+        + &line("winding", winding(surface))
+        + &line("mesh", format!("{triangles}, {vertices} vertices"))
+}
+
+/// How triangles are turned against their neighbours, and in space.
+fn winding(surface: &Surface) -> String {
+    let winding = &surface.winding;
+    if !surface.holds(Claim::Winding) {
+        return "not consistent".to_owned();
+    }
+    if !winding.is_orientable() {
+        let cut = winding.cut_lines().into_iter().map(|(along, lines)| {
+            let edges = lines.iter().map(|l| l.len() - 1).sum();
+            format!("{} along {along}", count(edges, "edge"))
+        });
+        let cut: Vec<String> = cut.collect();
+        let cut = cut.join(", ");
+        return format!("not orientable: consistent but for a cut of {cut}");
+    }
+    let sides = match winding.outward {
+        0 => "normals as \u{2202}/\u{2202}s \u{d7} \u{2202}/\u{2202}t".to_owned(),
+        n if n == winding.pieces => "normals outward".to_owned(),
+        n => format!("normals of {n} of {} pieces outward", winding.pieces),
+    };
+    format!("consistent, {sides}")
 }
 
 /// Whether the surface is certified, each finding that stands against it, and the claims.

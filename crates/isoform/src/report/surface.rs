@@ -5,8 +5,8 @@ use crate::Topology;
 use isoform_algebra::CurveTopology;
 use isoform_geom::Point3;
 use isoform_tess::{
-    Analysis, BasePoint, CurveKind, DoubleArc, Grade, Kind, Map, Mode, RealPart, Surface,
-    TriangulateOptions, VARIABLES,
+    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, Grade, Kind, Map, Mode, RealPart,
+    Surface, TriangulateOptions, VARIABLES,
 };
 use serde::Serialize;
 
@@ -97,6 +97,11 @@ pub struct SurfaceReport {
     /// Of improper maps, how many parameters of each point are drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters_drawn: Option<usize>,
+    /// How the triangles are wound.
+    pub winding: WindingReport,
+    /// The numbers, from 0, of patches that are a curve or a point, and are left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub collapsed_patches: Vec<u32>,
     /// Points at which X, Y, Z and W vanish.
     pub base_points: Vec<BasePointReport>,
     /// The curve W = 0.
@@ -124,6 +129,32 @@ pub struct ClaimReport {
     pub holds: bool,
     /// What holds, or what is open, in words.
     pub text: String,
+}
+
+/// The winding of triangles.
+#[derive(Clone, Debug, Serialize)]
+pub struct WindingReport {
+    /// Whether neighbours run opposite ways along every common edge.
+    pub oriented: bool,
+    /// Whether all pieces are orientable: else neighbours run the same way along the cut.
+    pub orientable: bool,
+    /// Pieces: triangles that are connected by neighbours on one sheet.
+    pub pieces: usize,
+    /// Those whose normals point outward; others that are orientable have ∂φ/∂s × ∂φ/∂t.
+    pub outward: usize,
+    /// The cut through pieces that are not orientable.
+    pub cut: Vec<CutReport>,
+}
+
+/// A part of the cut.
+#[derive(Clone, Debug, Serialize)]
+pub struct CutReport {
+    /// The curve that it belongs to.
+    pub along: String,
+    /// The number of its edges.
+    pub edges: usize,
+    /// Its points, line by line.
+    pub lines: Vec<Vec<Point3>>,
 }
 
 /// A base point.
@@ -275,6 +306,8 @@ impl SurfaceReport {
             map_degree,
             improper: is_improper.then_some(true),
             parameters_drawn: is_improper.then_some(surface.sheets),
+            winding: WindingReport::new(surface),
+            collapsed_patches: surface.collapsed.clone(),
             base_points: all()
                 .filter_map(|a| a.base_points.as_ref())
                 .flatten()
@@ -314,6 +347,25 @@ impl ClaimReport {
                 [] => claim.statement().to_owned(),
                 open => open.join("; "),
             },
+        }
+    }
+}
+
+impl WindingReport {
+    fn new(surface: &Surface) -> Self {
+        let winding = &surface.winding;
+        let at = |line: &Vec<u32>| line.iter().map(|&v| surface.points[v as usize]).collect();
+        let part = |(along, lines): (CutCurve, Vec<Vec<u32>>)| CutReport {
+            along: along.to_string(),
+            edges: lines.iter().map(|l| l.len() - 1).sum(),
+            lines: lines.iter().map(at).collect(),
+        };
+        Self {
+            oriented: winding.cut.is_empty() && surface.holds(Claim::Winding),
+            orientable: winding.is_orientable(),
+            pieces: winding.pieces,
+            outward: winding.outward,
+            cut: winding.cut_lines().into_iter().map(part).collect(),
         }
     }
 }
