@@ -161,6 +161,7 @@ pub fn triangulate(
     };
     let (mut surface, analysis) = in_place(&frame.map(map), &inner, control)?;
     surface.frame = Some(frame.matrix());
+    frame.curves(&mut surface.real_border.folds);
     Ok((surface, frame.analysis(analysis)))
 }
 

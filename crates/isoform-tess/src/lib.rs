@@ -41,6 +41,7 @@ mod map;
 mod mesh;
 mod pairs;
 mod patch;
+mod real_border;
 mod region;
 mod residues;
 mod singular;
@@ -65,6 +66,7 @@ pub use frame::Frame;
 pub use isoform_control::{Control, Stopped};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use patch::{ControlPoint, Patch, patch_bounds};
+pub use real_border::RealBorder;
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,

@@ -4,6 +4,7 @@ use crate::analysis::Budget;
 use crate::claim::{Claim, Grade, graded};
 use crate::domain::Domain;
 use crate::finding::Finding;
+use crate::real_border::RealBorder;
 use crate::surface_box::SurfaceBox;
 use crate::winding::Winding;
 use isoform_algebra::RBig;
@@ -214,6 +215,8 @@ pub struct Surface {
     pub winding: Winding,
     /// Patches whose image is a curve or a point: they have no triangles.
     pub collapsed: Vec<u32>,
+    /// Where the real image of an improper map ends.
+    pub real_border: RealBorder,
     /// Arcs in which real sheets meet.
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.

@@ -3,7 +3,7 @@
 use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
-use isoform::report::{brief, contracted, mode_name};
+use isoform::report::{brief, contracted, folds, mode_name};
 use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, Surface};
 use std::path::PathBuf;
 
@@ -21,6 +21,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("double curve", double_curve(made));
     }
     text += &contracted_curves(made);
+    text += &real_border(made);
     text += &mesh(made);
     text += &certificate(made);
     text += &line("time", format!("{} s", brief(seconds)));
@@ -80,6 +81,9 @@ fn certificate(made: &Made) -> String {
     for finding in &made.drawn.surface.findings {
         text += &line("", finding.to_string());
     }
+    for finding in made.drawn.beyond.iter().flat_map(|s| &s.findings) {
+        text += &line("", format!("complex parameters: {finding}"));
+    }
     text + &line("claims", claims(&made.drawn.surface))
 }
 
@@ -138,6 +142,25 @@ fn contracted_curves(made: &Made) -> String {
         .collect()
 }
 
+/// The border of the real image of an improper map.
+fn real_border(made: &Made) -> String {
+    let border = &made.drawn.surface.real_border;
+    if border.is_empty() {
+        return String::new();
+    }
+    let folds: Vec<String> = folds(border).iter().map(|f| format!("{f} = 0")).collect();
+    let mut text = format!("of the real image: {}", count(border.lines.len(), "line"));
+    if !folds.is_empty() {
+        text += &format!(" ({})", folds.join(", "));
+    }
+    text += "; beyond are complex parameters";
+    let triangles: usize = made.drawn.beyond.iter().map(|s| s.triangles.len()).sum();
+    if !made.drawn.beyond.is_empty() {
+        text += &format!(": {}", count(triangles, "triangle"));
+    }
+    line("border", text)
+}
+
 /// A point for people; contracted curves may go to infinity.
 fn point(at: Option<[f64; 3]>) -> String {
     match at {
@@ -181,7 +204,7 @@ fn in_words(basis: Basis) -> &'static str {
 }
 
 /// `no boundary loops`, `1 triangle`, `2 triangles`.
-fn count(n: usize, what: &str) -> String {
+pub(super) fn count(n: usize, what: &str) -> String {
     match n {
         0 => format!("no {what}s"),
         1 => format!("1 {what}"),

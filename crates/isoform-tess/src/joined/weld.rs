@@ -174,8 +174,9 @@ pub(super) fn weld(
     if patches.len() > 1 {
         joined.grades.push(Claim::Sides.into());
     }
-    wind(&mut joined);
     check(&mut joined, &unshared, seams.most);
+    wind(&mut joined);
+    joined.check_winding();
     joined
 }
 
@@ -211,8 +212,8 @@ fn wind(s: &mut Surface) {
     s.wind(&relative);
 }
 
-/// Looks whether the mesh ends on the box and on sides of one patch only, and neighbours run
-/// opposite ways; `most` sides are one curve at most.
+/// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one
+/// curve at most.
 fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     let uses = s.edges(unshared);
     let open = s.open_edges(&uses);
@@ -226,5 +227,4 @@ fn check(s: &mut Surface, unshared: &[[u64; 3]], most: usize) {
     if crowded > 0 {
         s.findings.push(Finding::SidesCrowded(crowded));
     }
-    s.check_winding();
 }
