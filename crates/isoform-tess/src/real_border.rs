@@ -10,16 +10,18 @@
 use crate::deck::Deck;
 use crate::map::{Map, Options};
 use crate::region::FOLD;
+use crate::singular::{RealPart, real_part};
 use crate::surface::{Point3, Surface};
 use crate::winding::polylines;
 use isoform_algebra::{Poly, RBig};
+use isoform_control::Control;
 use std::collections::BTreeSet;
 
 /// The border of the real image of an improper map, and what is beyond it.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RealBorder {
-    /// The curves of parameters, in s, t and w, along which the map folds the plane, but for those
-    /// with images at infinity.
+    /// The curves of parameters, in s, t and w, along which the map folds the plane: those with real
+    /// arcs, and images that are not at infinity.
     pub folds: Vec<Poly>,
     /// Their images in the box, and those of base points that are blown up to folds.
     pub lines: Vec<Vec<Point3>>,
@@ -30,13 +32,14 @@ pub struct RealBorder {
 
 impl RealBorder {
     /// The border of a map with deck transformations, and the edges of it that a surface has.
-    pub(crate) fn new(map: &Map, deck: &Deck, surface: &Surface) -> Self {
+    pub(crate) fn new(map: &Map, deck: &Deck, surface: &Surface, control: &Control<'_>) -> Self {
         let sides = (0..3).filter(|&k| deck.folds.sides[k]).map(Poly::var);
         // Where W vanishes, the surface ends at infinity.
         let is_finite = |f: &Poly| !map.forms()[3].is_multiple_of(f);
+        let is_real = |f: &Poly| matches!(real_part(f, control), Ok(RealPart::Curve));
         let folds = sides.chain(deck.folds.curves.iter().cloned());
         Self {
-            folds: folds.filter(is_finite).collect(),
+            folds: folds.filter(|f| is_finite(f) && is_real(f)).collect(),
             lines: surface.fold_lines(),
             beyond: deck.linear().filter_map(|m| beyond(map, &m)).collect(),
         }

@@ -170,7 +170,7 @@ impl<'a> Prepared<'a> {
         self.analysis.took(running);
         surface.solitary_arcs.clone_from(&self.solitary);
         if let Some(deck) = &self.region.deck {
-            surface.real_border = RealBorder::new(self.map, deck, &surface);
+            surface.real_border = RealBorder::new(self.map, deck, &surface, control);
         }
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.sheets = self.sheets;

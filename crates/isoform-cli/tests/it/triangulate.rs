@@ -20,7 +20,7 @@ impl Folder {
 }
 
 /// Points and triangles of an OBJ, as they stand there.
-fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
+pub(crate) fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for line in std::str::from_utf8(bytes).expect("text").lines() {
         let mut words = line.split(' ');
@@ -29,7 +29,9 @@ fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
         match kind {
             Some("v") => points.push([0, 1, 2].map(|k| words[k].parse().expect("a number"))),
             Some("f") => {
-                triangles.push([0, 1, 2].map(|k| words[k].parse::<usize>().expect("an index") - 1))
+                let first = |k: usize| words[k].split('/').next().unwrap_or_default();
+                let index = |k| first(k).parse::<usize>().expect("an index") - 1;
+                triangles.push([0, 1, 2].map(index))
             }
             _ => {}
         }

@@ -259,7 +259,9 @@ fn the_border_of_the_real_image_is_listed() {
         "2*t*(1 + s^2)",
         "(1 + s^2)*(1 + t^2)",
     ];
-    for texts in [SPHERE, half_turns] {
+    // From (s, t) to (−1/s, t): the curve of points that stay, s² + w² = 0, has no real arc.
+    let inverses = ["s^2 - 1", "s*t", "0", "s"];
+    for texts in [SPHERE, half_turns, inverses] {
         assert!(drawn(texts, 2, Mode::Glued).real_border.is_empty());
     }
     // Half of a cone, up to its apex: the other half has imaginary parameters.
