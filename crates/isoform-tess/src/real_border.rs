@@ -1,4 +1,4 @@
-//! Where the real image of an improper map ends.
+//! The border of the real image of an improper map.
 //!
 //! Along a curve that a deck transformation σ leaves pointwise as it is, φ folds the plane of
 //! parameters: it looks like (x, y) ↦ (x², y), whose real image ends in x = 0. The surface goes on
@@ -44,7 +44,7 @@ impl RealBorder {
             beyond: deck.linear().filter_map(|m| beyond(map, &m)).collect(),
         }
     }
-    /// Whether nothing is known to be beyond the real image.
+    /// True if nothing is known to be beyond the real image.
     pub fn is_empty(&self) -> bool {
         self.folds.is_empty() && self.lines.is_empty() && self.beyond.is_empty()
     }

@@ -211,11 +211,11 @@ pub struct Surface {
     pub frame: Option<[[f64; 3]; 3]>,
     /// The patch that each triangle is of, where patches were joined.
     pub patches: Vec<u32>,
-    /// How the triangles are wound.
+    /// The winding of the triangles.
     pub winding: Winding,
     /// Patches whose image is a curve or a point: they have no triangles.
     pub collapsed: Vec<u32>,
-    /// Where the real image of an improper map ends.
+    /// The border of the real image of an improper map.
     pub real_border: RealBorder,
     /// Arcs in which real sheets meet.
     pub double_curve: Vec<DoubleArc>,

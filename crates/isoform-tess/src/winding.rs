@@ -66,7 +66,7 @@ pub struct Winding {
 }
 
 impl Winding {
-    /// Whether all pieces are orientable.
+    /// True if all pieces are orientable.
     pub fn is_orientable(&self) -> bool {
         self.unorientable == 0
     }
@@ -161,7 +161,7 @@ pub(crate) struct Neighbours {
     pub(crate) along: CutCurve,
     pub(crate) edge: [u32; 2],
     pub(crate) of: [u32; 2],
-    /// Whether they run the same way along the edge.
+    /// True if they run the same way along the edge.
     pub(crate) same_way: bool,
 }
 
@@ -206,11 +206,11 @@ impl Turns {
 
 /// The relative turns of triangles, or of sets of triangles.
 pub(crate) struct Relative {
-    /// Of each its piece, by number.
+    /// The piece of each, by number.
     pub(crate) pieces: Vec<u32>,
-    /// Of each whether it is to be turned.
+    /// True for those that are to be turned.
     pub(crate) turned: Vec<bool>,
-    /// Of each piece whether it is not orientable.
+    /// True for pieces that are not orientable.
     pub(crate) unorientable: Vec<bool>,
     pub(crate) cut: Vec<CutEdge>,
 }

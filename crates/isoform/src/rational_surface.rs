@@ -183,7 +183,7 @@ impl TriangulatedSurface {
         Ok(())
     }
 
-    /// Whether nothing was found against any claim.
+    /// True if nothing was found against any claim.
     pub fn is_certified(&self) -> bool {
         self.surface.is_certified() && self.beyond.iter().all(Surface::is_certified)
     }

@@ -74,8 +74,8 @@ pub(crate) struct Args {
     /// Whether sheets that cross are joined [default: glued; for patches normalised]
     #[arg(long, value_enum)]
     mode: Option<Sheets>,
-    /// Of improper maps, draw real points that only complex parameters reach, too, as a part with a
-    /// colour of its own
+    /// Draw real points that only complex parameters of an improper map reach, too, as a part with
+    /// a colour of its own
     #[arg(long, conflicts_with = "sidecar")]
     complex: bool,
     /// Divide X, Y, Z and W by their common factor instead of refusing the map

@@ -47,7 +47,7 @@ fn mesh(made: &Made) -> String {
         + &line("mesh", format!("{triangles}, {vertices} vertices"))
 }
 
-/// How triangles are turned against their neighbours, and in space.
+/// Returns how triangles are turned against their neighbours, and in space.
 fn winding(surface: &Surface) -> String {
     let winding = &surface.winding;
     if !surface.holds(Claim::Winding) {

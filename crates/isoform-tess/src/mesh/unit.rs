@@ -47,9 +47,9 @@ pub(super) struct Joined<'a> {
     places: BTreeMap<FullName, u32>,
     /// The first place of each vertex that sheets share.
     vertices: BTreeMap<FullName, u32>,
-    /// Of each place the first one with the same vertex.
+    /// The first place with the same vertex, by place.
     pub(super) first: Vec<u32>,
-    /// Of each place whether it is on the seam of a base point.
+    /// True if a place is on the seam of a base point, by place.
     pub(super) on_seam: Vec<bool>,
 }
 
@@ -118,7 +118,7 @@ impl<'a> Joined<'a> {
         let image = gluing.image(class);
         self.shared([place, Name::Double(class)], image, 0, kind)
     }
-    /// Whether two places have one vertex.
+    /// True if two places have one vertex.
     pub(super) fn are_one(&self, a: u32, b: u32) -> bool {
         self.first[a as usize] == self.first[b as usize]
     }

@@ -225,7 +225,7 @@ fn patches_without_area_are_left_out() {
 }
 
 /// The real image of (s², t, s⁴ + t²) is the half of a paraboloid where x ≥ 0: it ends in the
-/// parabola z = y² over the box. Where nothing is folded, there is no border.
+/// parabola z = y² over the box. Maps that fold nothing have no border.
 #[test]
 fn the_border_of_the_real_image_is_listed() {
     let s = drawn(["s^2", "t", "s^4 + t^2", "1"], 2, Mode::Glued);

@@ -98,9 +98,9 @@ pub struct SurfaceReport {
     /// Of improper maps, how many parameters of each point are drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters_drawn: Option<usize>,
-    /// How the triangles are wound.
+    /// The winding of the triangles.
     pub winding: WindingReport,
-    /// Where the real image of an improper map ends, if it is known to.
+    /// The border of the real image of an improper map, if there is one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub real_border: Option<RealBorderReport>,
     /// The numbers, from 0, of patches that are a curve or a point, and are left out.
@@ -138,9 +138,9 @@ pub struct ClaimReport {
 /// The winding of triangles.
 #[derive(Clone, Debug, Serialize)]
 pub struct WindingReport {
-    /// Whether neighbours run opposite ways along every common edge.
+    /// True if neighbours run opposite ways along every common edge.
     pub oriented: bool,
-    /// Whether all pieces are orientable: else neighbours run the same way along the cut.
+    /// True if all pieces are orientable: else neighbours run the same way along the cut.
     pub orientable: bool,
     /// Pieces: triangles that are connected by neighbours on one sheet.
     pub pieces: usize,
