@@ -80,6 +80,8 @@ pub enum Claim {
     Shapes,
     /// Where the mesh ends, and how many triangles its edges have.
     Edges,
+    /// Neighbouring triangles run opposite ways along their common edge.
+    Winding,
     /// Sides that patches have in common are joined.
     Sides,
     /// No triangles cross.
@@ -108,7 +110,7 @@ struct Row {
 /// - *Floating* are sections and paths in doubles; Newton's method to a tolerance; samples; base
 ///   points rounded to doubles, with thresholds for what is zero; and that sheets upon each other
 ///   have triangles that cross, which is so as a rule only.
-const ROWS: [Row; 26] = [
+const ROWS: [Row; 27] = [
     Row {
         claim: Claim::BasePoints,
         basis: Basis::Exact,
@@ -259,6 +261,13 @@ const ROWS: [Row; 26] = [
                     double curves have more than two triangles",
     },
     Row {
+        claim: Claim::Winding,
+        basis: Basis::Exact,
+        name: "winding",
+        statement: "neighbouring triangles run opposite ways along their common edge, but for a \
+                    cut through surfaces that are not orientable",
+    },
+    Row {
         claim: Claim::Sides,
         basis: Basis::Exact,
         name: "sides of patches",
@@ -280,8 +289,8 @@ const ROWS: [Row; 26] = [
 
 impl Claim {
     /// All of them, in their order.
-    pub const ALL: [Self; 26] = {
-        let mut all = [Self::BasePoints; 26];
+    pub const ALL: [Self; 27] = {
+        let mut all = [Self::BasePoints; 27];
         let mut k = 0;
         while k < all.len() {
             all[k] = ROWS[k].claim;

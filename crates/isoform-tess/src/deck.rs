@@ -153,6 +153,14 @@ impl Deck {
         }
         Ok(best.map(|b| b.1))
     }
+    /// The matrices of the transformations that are linear.
+    pub(crate) fn linear(&self) -> impl Iterator<Item = [[RBig; 3]; 3]> {
+        let is_linear = |t: &&Transformation| t.iter().all(|f| f.total_degree() <= 1);
+        let row =
+            |f: &Poly| [0, 1, 2].map(|v| f.coefficient(std::array::from_fn(|k| u16::from(k == v))));
+        let linear = self.transformations.iter().filter(is_linear);
+        linear.map(move |t| t.each_ref().map(row))
+    }
     /// The number of parameters that are exchanged.
     pub(crate) fn order(&self) -> usize {
         self.transformations.len() + 1

@@ -161,6 +161,7 @@ pub fn triangulate(
     };
     let (mut surface, analysis) = in_place(&frame.map(map), &inner, control)?;
     surface.frame = Some(frame.matrix());
+    frame.curves(&mut surface.real_border.folds);
     Ok((surface, frame.analysis(analysis)))
 }
 
@@ -376,7 +377,8 @@ fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
 /// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined along the
 /// sides that they have in common. The domain of the options is not looked at. Of a patch that is
 /// proved to have no pole and to lie in the box only contracted curves are looked for, unless its
-/// sheets are to be joined. [`TriangulateOptions::of_patches`] are those of the program.
+/// sheets are to be joined. Patches whose image is a curve or a point are left out
+/// ([`Surface::collapsed`]), if there are others; maps and analyses are of the others. [`TriangulateOptions::of_patches`] are those of the program.
 ///
 /// The control hears of the phases in `seconds` of the analyses: each patch is as much of them.
 ///
@@ -410,11 +412,21 @@ pub fn triangulate_patches(
     let is_normalised = options.mode == Mode::Normalised;
     let mut options = of_one_patch(options);
     let (mut surfaces, mut known) = (Vec::new(), Vec::new());
+    let (mut drawn, mut collapsed) = (Vec::new(), Vec::new());
     for (k, patch) in patches.iter().enumerate() {
-        let map = patch.map().map_err(|error| PatchesError::Map {
-            name: patch.name.clone(),
-            error,
-        })?;
+        let map = match patch.map() {
+            Ok(map) => map,
+            // A span of zero width in space: the surface is complete without it.
+            Err(MapError::NotASurface { .. }) if drawn.len() + patches.len() > k + 1 => {
+                collapsed.push(k as u32);
+                continue;
+            }
+            Err(error) => {
+                let name = patch.name.clone();
+                return Err(PatchesError::Map { name, error });
+            }
+        };
+        drawn.push(k as u32);
         let share = |phase: &str, done: f64| {
             control.report(phase, (k as f64 + done) / patches.len() as f64);
         };
@@ -428,8 +440,21 @@ pub fn triangulate_patches(
         surfaces.push(surface);
         known.push((map, analysis));
     }
-    let mut joined = join_patches(patches, surfaces, options.half_width.to_f64().value());
-    if patches.len() > 1 && !is_normalised {
+    let half_width = options.half_width.to_f64().value();
+    let mut joined = if collapsed.is_empty() {
+        join_patches(patches, surfaces, half_width)
+    } else {
+        // Sides of what has no triangles are no sides that others have in common.
+        let kept = drawn.iter().map(|&k| patches[k as usize].clone());
+        let mut joined = join_patches(&kept.collect::<Vec<_>>(), surfaces, half_width);
+        joined
+            .patches
+            .iter_mut()
+            .for_each(|k| *k = drawn[*k as usize]);
+        joined.collapsed = collapsed;
+        joined
+    };
+    if drawn.len() > 1 && !is_normalised {
         joined.findings.push(Finding::PatchesNotCut);
     }
     if joined.findings.is_empty() {

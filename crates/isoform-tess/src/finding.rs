@@ -239,6 +239,12 @@ pub enum Finding {
          number of them"
     )]
     CrowdedEdges(usize),
+    /// Edges with neighbours that run the same way.
+    #[error("neighbouring triangles run the same way along {0} edges")]
+    Winding(usize),
+    /// Edges with sheets that are not told apart.
+    #[error("{0} edges have several sheets, and which triangles are neighbours is not decided")]
+    NeighboursUnknown(usize),
     /// Vertices whose triangles are connected by that vertex only.
     #[error("{0} vertices may join sheets that are to stay apart")]
     PinchedVertices(usize),
@@ -310,6 +316,7 @@ impl Finding {
             | Self::UponEachOther(_)
             | Self::OutsideBox(_)
             | Self::NoArea(_) => Claim::Shapes,
+            Self::Winding(_) | Self::NeighboursUnknown(_) => Claim::Winding,
             Self::EdgesClash | Self::OpenEdges(_) | Self::CrowdedEdges(_) => Claim::Edges,
             Self::SidesApart(_) | Self::SidesCrowded(_) => Claim::Sides,
             Self::Crossings(_)

@@ -283,7 +283,7 @@ impl Frame {
     /// keep the coordinates of the frame.
     pub fn analysis(&self, mut found: Analysis) -> Analysis {
         let back = self.inverse().each_ref().map(linear);
-        let curve = |f: &mut Poly| *f = f.compose(&back).primitive();
+        let curve = |f: &mut Poly| Self::moved_back(f, &back);
         for p in found.base_points.iter_mut().flatten() {
             (p.chart, p.point) = self.point(&p.point);
         }
@@ -305,6 +305,14 @@ impl Frame {
             }
         }
         found
+    }
+    /// Curves of parameters that were moved, as curves of the map's own.
+    pub(crate) fn curves(&self, curves: &mut [Poly]) {
+        let back = self.inverse().each_ref().map(linear);
+        curves.iter_mut().for_each(|f| Self::moved_back(f, &back));
+    }
+    fn moved_back(f: &mut Poly, back: &[Poly; 3]) {
+        *f = f.compose(back).primitive();
     }
     /// The product of the matrix and a column.
     fn moved(&self, p: &[Algebraic; 3]) -> [Element; 3] {

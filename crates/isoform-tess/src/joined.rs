@@ -189,6 +189,7 @@ impl Surface {
             self.corners.push(corners);
             self.borders.push(borders);
             self.charts.push(self.charts[old]);
+            self.pieces.push(self.pieces[old]);
         }
     }
 }

@@ -41,6 +41,7 @@ mod map;
 mod mesh;
 mod pairs;
 mod patch;
+mod real_border;
 mod region;
 mod residues;
 mod singular;
@@ -49,6 +50,7 @@ mod surface_box;
 mod tangents;
 mod triangulate;
 mod univariate;
+mod winding;
 mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
@@ -64,6 +66,7 @@ pub use frame::Frame;
 pub use isoform_control::{Control, Stopped};
 pub use map::{KEYS, MAX_DEGREE, Map, MapError, Options, VARIABLES};
 pub use patch::{ControlPoint, Patch, patch_bounds};
+pub use real_border::RealBorder;
 pub use region::{Region, RegionTopology, Triangle};
 pub use singular::{
     Contraction, CurveKind, POINTS_DEGREE, RealPart, Singular, SingularCurve, real_part, singular,
@@ -73,4 +76,5 @@ pub use surface::{
 };
 pub use surface_box::SurfaceBox;
 pub use triangulate::{Crossing, Prepared, join_patches, triangulate_once};
+pub use winding::{CutCurve, CutEdge, Winding};
 pub use zeros::Chart;

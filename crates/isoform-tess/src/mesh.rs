@@ -57,6 +57,7 @@ mod gluing;
 mod in_chart;
 pub(crate) mod matching;
 mod names;
+mod neighbours;
 mod opening;
 mod places;
 mod plane;

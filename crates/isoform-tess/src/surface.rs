@@ -4,7 +4,9 @@ use crate::analysis::Budget;
 use crate::claim::{Claim, Grade, graded};
 use crate::domain::Domain;
 use crate::finding::Finding;
+use crate::real_border::RealBorder;
 use crate::surface_box::SurfaceBox;
+use crate::winding::Winding;
 use isoform_algebra::RBig;
 use isoform_control::Stopped;
 pub use isoform_geom::Point3;
@@ -209,6 +211,12 @@ pub struct Surface {
     pub frame: Option<[[f64; 3]; 3]>,
     /// The patch that each triangle is of, where patches were joined.
     pub patches: Vec<u32>,
+    /// The winding of the triangles.
+    pub winding: Winding,
+    /// Patches whose image is a curve or a point: they have no triangles.
+    pub collapsed: Vec<u32>,
+    /// The border of the real image of an improper map.
+    pub real_border: RealBorder,
     /// Arcs in which real sheets meet.
     pub double_curve: Vec<DoubleArc>,
     /// Real points of the surface that only conjugate parameters reach, as polylines.
@@ -227,6 +235,10 @@ pub struct Surface {
     /// included: 1 for a proper map, and for an improper one of which a fundamental domain is
     /// drawn; 0 if it is unknown.
     pub sheets: usize,
+    /// The piece that each triangle belongs to, see [`Winding::pieces`].
+    pub(crate) pieces: Vec<u32>,
+    /// The largest distance of triangles from the surface that was asked for.
+    pub(crate) tolerance: f64,
     /// The faces of the box that each vertex is on, as bits.
     pub(crate) faces: Vec<u8>,
     /// The sides of the domain that the corners of the triangles are on, as bits; a fold counts as

@@ -13,6 +13,7 @@ pub use crate::mesh::matching::Crossing;
 use crate::mesh::matching::matching;
 use crate::mesh::{Changes, Curves, TRIANGLES, mesh};
 use crate::patch::Patch;
+use crate::real_border::RealBorder;
 use crate::region::{Region, Triangle, is_clear};
 use crate::surface::{Mode, Point3, Surface, TriangulateError, TriangulateOptions};
 use isoform_algebra::ArrangementError;
@@ -168,6 +169,9 @@ impl<'a> Prepared<'a> {
         );
         self.analysis.took(running);
         surface.solitary_arcs.clone_from(&self.solitary);
+        if let Some(deck) = &self.region.deck {
+            surface.real_border = RealBorder::new(self.map, deck, &surface, control);
+        }
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.sheets = self.sheets;
         surface.is_outside = !self.region.triangles.iter().any(is_inside);

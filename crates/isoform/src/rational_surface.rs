@@ -127,6 +127,7 @@ impl RationalSurface {
             is_box_chosen,
             options,
             surface,
+            beyond: Vec::new(),
             topology,
             seconds,
         })
@@ -160,6 +161,8 @@ pub struct TriangulatedSurface {
     pub options: TriangulateOptions,
     /// Triangles, with what is claimed of them.
     pub surface: Surface,
+    /// Those of points that only complex parameters reach, where they were asked for.
+    pub beyond: Vec<Surface>,
     /// Topology of the triangles.
     pub topology: Topology,
     /// Seconds by phase.
@@ -167,12 +170,44 @@ pub struct TriangulatedSurface {
 }
 
 impl TriangulatedSurface {
-    /// The triangles as a mesh, a part for each patch.
+    /// Triangulates what lies beyond the border of the real image, with the same options, where
+    /// linear deck transformations tell its parameters: see [`isoform_tess::RealBorder`].
+    ///
+    /// # Errors
+    /// [`PatchesError::Stopped`].
+    pub fn draw_complex(&mut self, control: &Control<'_>) -> Result<(), PatchesError> {
+        for map in &self.surface.real_border.beyond {
+            self.beyond
+                .push(triangulate(map, &self.options, control)?.0);
+        }
+        Ok(())
+    }
+
+    /// True if nothing was found against any claim.
+    pub fn is_certified(&self) -> bool {
+        self.surface.is_certified() && self.beyond.iter().all(Surface::is_certified)
+    }
+
+    /// The triangles as a mesh, a part for each patch, or for points that real parameters reach and
+    /// those that only complex ones do.
     pub fn mesh(&self) -> Mesh {
         let surface = &self.surface;
         let mut mesh = Mesh::from_triangles(surface.points.clone(), surface.triangles.clone());
         mesh.triangle_parts.clone_from(&surface.patches);
         mesh.parts.clone_from(&self.patches);
+        if !self.beyond.is_empty() {
+            mesh.triangle_parts = vec![0; mesh.triangles.len()];
+            mesh.parts = ["real parameters", "complex parameters"]
+                .map(String::from)
+                .into();
+        }
+        for more in &self.beyond {
+            let before = mesh.points.len() as u32;
+            mesh.points.extend(&more.points);
+            let moved = more.triangles.iter().map(|t| t.map(|v| v + before));
+            mesh.triangles.extend(moved);
+            mesh.triangle_parts.resize(mesh.triangles.len(), 1);
+        }
         mesh
     }
 
@@ -186,6 +221,7 @@ impl TriangulatedSurface {
             options: &self.options,
             is_box_chosen: self.is_box_chosen,
             surface: &self.surface,
+            beyond: &self.beyond,
             topology: &self.topology,
             seconds: &self.seconds,
         }

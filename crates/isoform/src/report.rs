@@ -40,9 +40,9 @@ pub use recognize::{
 };
 pub use solid::{SolidFaceReport, SolidReport, StatedReport};
 pub use surface::{
-    AboutSurface, BasePointReport, ClaimReport, ContractedReport, DoubleArcReport, MapReport,
-    PoleReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport, TriangulateReport,
-    contracted, map_degree, mode_name,
+    AboutSurface, BasePointReport, ClaimReport, ContractedReport, CutReport, DoubleArcReport,
+    MapReport, PoleReport, RealBorderReport, Sidecar, SurfaceCounts, SurfaceReport, TopologyReport,
+    TriangulateReport, WindingReport, contracted, folds, map_degree, mode_name,
 };
 
 use serde::ser::{Serialize, SerializeMap, Serializer};

@@ -15,6 +15,7 @@ use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use isoform::algebra::RBig;
 use isoform::io::MapFileError;
+use isoform::report::folds;
 use isoform::tess::{
     Domain, Finding, Map, MapError, MeshOptions, Mode, Surface, TriangulateOptions, VARIABLES,
 };
@@ -73,6 +74,10 @@ pub(crate) struct Args {
     /// Whether sheets that cross are joined [default: glued; for patches normalised]
     #[arg(long, value_enum)]
     mode: Option<Sheets>,
+    /// Draw real points that only complex parameters of an improper map reach, too, as a part with
+    /// a colour of its own
+    #[arg(long, conflicts_with = "sidecar")]
+    complex: bool,
     /// Divide X, Y, Z and W by their common factor instead of refusing the map
     #[arg(long)]
     reduce: bool,
@@ -183,7 +188,7 @@ struct Made {
 impl Made {
     /// Whether every claim about the surface holds.
     fn is_certified(&self) -> bool {
-        self.drawn.surface.is_certified()
+        self.drawn.is_certified()
     }
     /// Warns of the common factor that a map was divided by.
     fn warn_of_factors(&self, context: &Context) {
@@ -194,6 +199,42 @@ impl Made {
             context.warn(format_args!(
                 "X, Y, Z and W were divided by their common factor {}",
                 factor.display(&VARIABLES)
+            ));
+        }
+    }
+    /// Warns of the border of the real image.
+    fn warn_of_border(&self, context: &Context) {
+        let border = &self.drawn.surface.real_border;
+        if border.is_empty() {
+            return;
+        }
+        let folds: Vec<String> = folds(border).iter().map(|f| format!("{f} = 0")).collect();
+        let ends = match (border.lines.len(), folds.is_empty()) {
+            (0, _) => "the real image is not all of the surface".to_owned(),
+            (n, true) => format!("the real image ends along {}", table::count(n, "line")),
+            (n, false) => format!(
+                "the real image ends along {}, at {}",
+                table::count(n, "line"),
+                folds.join(" and ")
+            ),
+        };
+        let beyond = match (&border.beyond[..], &self.drawn.beyond[..]) {
+            ([], _) => ", and is not drawn",
+            (_, []) => ", and is drawn with --complex",
+            _ => ", and is a part of its own",
+        };
+        context.warn(format_args!(
+            "{ends}: what is beyond has complex parameters, a two-dimensional family{beyond}"
+        ));
+    }
+    /// Warns of patches that have no area.
+    fn warn_of_collapsed(&self, context: &Context) {
+        let name = |&k: &u32| &*self.drawn.patches[k as usize];
+        let names: Vec<&str> = self.drawn.surface.collapsed.iter().map(name).collect();
+        if !names.is_empty() {
+            context.warn(format_args!(
+                "left out, since their image is a curve or a point and has no area: {}",
+                names.join(", ")
             ));
         }
     }
@@ -227,6 +268,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let subject = read(&args.map, args.reduce)?;
     let mut made = make(args, subject, context)?;
     made.warn_of_factors(context);
+    made.warn_of_collapsed(context);
+    made.warn_of_border(context);
 
     let clock = Instant::now();
     let file = made.write(&targets, args)?;
@@ -384,7 +427,11 @@ fn make(args: &Args, subject: RationalSurface, context: &Context) -> Result<Made
     let progress = Progress::new(context);
     let drawn = progress
         .during("triangulation", time_limit, || {
-            subject.triangulate(options, in_box.is_chosen, &control)
+            let mut drawn = subject.triangulate(options, in_box.is_chosen, &control)?;
+            if args.complex {
+                drawn.draw_complex(&control)?;
+            }
+            Ok(drawn)
         })
         .map_err(|e| match e {
             PatchesError::Map { name: which, error } => {

@@ -3,8 +3,8 @@
 use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
-use isoform::report::{brief, contracted, mode_name};
-use isoform::tess::{BasePoint, Basis, Domain, Mode, Surface};
+use isoform::report::{brief, contracted, folds, mode_name};
+use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, Surface};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -21,6 +21,7 @@ pub(super) fn text(made: &Made, beside: &[&Option<PathBuf>]) -> String {
         text += &line("double curve", double_curve(made));
     }
     text += &contracted_curves(made);
+    text += &real_border(made);
     text += &mesh(made);
     text += &certificate(made);
     text += &line("time", format!("{} s", brief(seconds)));
@@ -41,7 +42,32 @@ fn mesh(made: &Made) -> String {
     ];
     let triangles = count(surface.triangles.len(), "triangle");
     let vertices = surface.points.len();
-    line("topology", parts.join(", ")) + &line("mesh", format!("{triangles}, {vertices} vertices"))
+    line("topology", parts.join(", "))
+        + &line("winding", winding(surface))
+        + &line("mesh", format!("{triangles}, {vertices} vertices"))
+}
+
+/// Returns how triangles are turned against their neighbours, and in space.
+fn winding(surface: &Surface) -> String {
+    let winding = &surface.winding;
+    if !surface.holds(Claim::Winding) {
+        return "not consistent".to_owned();
+    }
+    if !winding.is_orientable() {
+        let cut = winding.cut_lines().into_iter().map(|(along, lines)| {
+            let edges = lines.iter().map(|l| l.len() - 1).sum();
+            format!("{} along {along}", count(edges, "edge"))
+        });
+        let cut: Vec<String> = cut.collect();
+        let cut = cut.join(", ");
+        return format!("not orientable: consistent but for a cut of {cut}");
+    }
+    let sides = match winding.outward {
+        0 => "normals as \u{2202}/\u{2202}s \u{d7} \u{2202}/\u{2202}t".to_owned(),
+        n if n == winding.pieces => "normals outward".to_owned(),
+        n => format!("normals of {n} of {} pieces outward", winding.pieces),
+    };
+    format!("consistent, {sides}")
 }
 
 /// Whether the surface is certified, each finding that stands against it, and the claims.
@@ -54,6 +80,9 @@ fn certificate(made: &Made) -> String {
     let mut text = line("certificate", verdict.to_owned());
     for finding in &made.drawn.surface.findings {
         text += &line("", finding.to_string());
+    }
+    for finding in made.drawn.beyond.iter().flat_map(|s| &s.findings) {
+        text += &line("", format!("complex parameters: {finding}"));
     }
     text + &line("claims", claims(&made.drawn.surface))
 }
@@ -113,6 +142,25 @@ fn contracted_curves(made: &Made) -> String {
         .collect()
 }
 
+/// The border of the real image of an improper map.
+fn real_border(made: &Made) -> String {
+    let border = &made.drawn.surface.real_border;
+    if border.is_empty() {
+        return String::new();
+    }
+    let folds: Vec<String> = folds(border).iter().map(|f| format!("{f} = 0")).collect();
+    let mut text = format!("of the real image: {}", count(border.lines.len(), "line"));
+    if !folds.is_empty() {
+        text += &format!(" ({})", folds.join(", "));
+    }
+    text += "; beyond are complex parameters";
+    let triangles: usize = made.drawn.beyond.iter().map(|s| s.triangles.len()).sum();
+    if !made.drawn.beyond.is_empty() {
+        text += &format!(": {}", count(triangles, "triangle"));
+    }
+    line("border", text)
+}
+
 /// A point for people; contracted curves may go to infinity.
 fn point(at: Option<[f64; 3]>) -> String {
     match at {
@@ -156,7 +204,7 @@ fn in_words(basis: Basis) -> &'static str {
 }
 
 /// `no boundary loops`, `1 triangle`, `2 triangles`.
-fn count(n: usize, what: &str) -> String {
+pub(super) fn count(n: usize, what: &str) -> String {
     match n {
         0 => format!("no {what}s"),
         1 => format!("1 {what}"),

@@ -1,6 +1,7 @@
 //! `parameterize` as a user runs it.
 
 use crate::common::{Folder, code, document, isoform};
+use crate::triangulate::obj;
 use serde_json::{Value, json};
 use std::fs;
 
@@ -136,6 +137,33 @@ fn covers_do_not_depend_on_threads() {
         document["coverage"]["covered"],
         document["coverage"]["samples"]
     );
+}
+
+/// The triangles of all patches are turned to where the function falls: outward for a ball, and
+/// inward for F, which is positive outside of the sphere.
+#[test]
+fn patches_are_turned_alike() {
+    let folder = Folder::new("parameterize-turned");
+    for (name, text, is_outward) in [("ball.hf", BALL, true), ("sphere.json", SPHERE, false)] {
+        let model = folder.file(name, text);
+        let cover = [
+            "--degree", "2,2", "--box", "0.6", "--cover", "--tol", "1e-3", "-o",
+        ];
+        let to = folder.path("cover.obj");
+        let (code, document) = parameterize(&model, &[&cover[..], &[&to, "--force"]].concat());
+        assert_eq!(code, 0, "{name}: {document}");
+        let (points, triangles) = obj(&folder.bytes("cover.obj"));
+        assert!(triangles.len() > 1000, "{name}");
+        for t in triangles {
+            let [p, q, r] = t.map(|v| points[v]);
+            // Six times the volume between the triangle and the centre.
+            let turned = (0..3).map(|k| {
+                let [i, j] = [(k + 1) % 3, (k + 2) % 3];
+                p[k] * (q[i] * r[j] - q[j] * r[i])
+            });
+            assert_eq!(turned.sum::<f64>() > 0.0, is_outward, "{name}: {t:?}");
+        }
+    }
 }
 
 #[test]

@@ -20,7 +20,7 @@ impl Folder {
 }
 
 /// Points and triangles of an OBJ, as they stand there.
-fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
+pub(crate) fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
     let (mut points, mut triangles) = (Vec::new(), Vec::new());
     for line in std::str::from_utf8(bytes).expect("text").lines() {
         let mut words = line.split(' ');
@@ -29,7 +29,9 @@ fn obj(bytes: &[u8]) -> (Vec<[f64; 3]>, Vec<[usize; 3]>) {
         match kind {
             Some("v") => points.push([0, 1, 2].map(|k| words[k].parse().expect("a number"))),
             Some("f") => {
-                triangles.push([0, 1, 2].map(|k| words[k].parse::<usize>().expect("an index") - 1))
+                let first = |k: usize| words[k].split('/').next().unwrap_or_default();
+                let index = |k| first(k).parse::<usize>().expect("an index") - 1;
+                triangles.push([0, 1, 2].map(index))
             }
             _ => {}
         }
@@ -105,6 +107,7 @@ fn a_sphere_is_certified() {
         "certificate  certified",
         "2 checked in floating point, not proved (distances, shapes)",
         "Euler number 2, 1 component, no boundary loops",
+        "winding      consistent, normals outward",
         "proper, onto a surface of degree 2",
         "w = 0 to (0, 0, 1)",
     ] {
@@ -132,6 +135,7 @@ fn a_sphere_is_certified() {
         "unproven",
         "claims",
         "map_degree",
+        "winding",
         "base_points",
         "pole_components",
         "double_curve_complete",
@@ -292,6 +296,104 @@ fn maps_that_cover_the_surface_twice_say_so() {
         "{}",
         stdout(&o)
     );
+}
+
+/// The border of the real image is told, and the other half of the paraboloid is drawn if it is
+/// asked for: x has both signs then, and a part for each.
+#[test]
+fn the_real_image_ends() {
+    let f = Folder::new("triangulate-real-border");
+    let map = f.map(TWICE);
+    let run = |more: &[&str]| {
+        let args = [
+            "triangulate",
+            &map,
+            "--box",
+            "1",
+            "--tol",
+            "0.01",
+            "--force",
+            "-o",
+        ];
+        let o = isoform(
+            &[
+                &args[..],
+                &[&f.path("m.obj"), "--report", &f.path("r.json")],
+                more,
+            ]
+            .concat(),
+        );
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        assert!(
+            stderr(&o).contains("the real image ends along 1 line, at s = 0"),
+            "{}",
+            stderr(&o)
+        );
+        let text = String::from_utf8(f.bytes("m.obj")).expect("text");
+        let parts = text.lines().filter(|l| l.starts_with("g ")).count();
+        let xs = obj(text.as_bytes())
+            .0
+            .iter()
+            .map(|p| p[0])
+            .collect::<Vec<f64>>();
+        (parts, xs.iter().copied().fold(f64::INFINITY, f64::min))
+    };
+    assert_eq!(run(&[]), (0, 0.0));
+    let report = f.json("r.json");
+    assert_eq!(report["real_border"]["folds"], json!(["s"]));
+    assert_eq!(report["real_border"]["complex_dimension"], 2);
+    let (parts, least) = run(&["--complex"]);
+    assert!(parts == 2 && (least + 1.0).abs() < 1e-9, "{parts} {least}");
+}
+
+/// A cap and a span that is a line: the cap is drawn, and the span is named.
+#[test]
+fn spans_without_area_are_left_out() {
+    let f = Folder::new("triangulate-collapsed");
+    let nurbs = r#"{"degree": [1, 1], "knots_u": [0, 0, 1, 2, 2], "knots_v": [0, 0, 1, 1],
+        "points": [[[0, 0, 0], [0, 1, 0]], [[1, 0, 0], [1, 1, 0]], [[1, 0, 0], [1, 1, 0]]]}"#;
+    let o = isoform(&["triangulate", &f.map(nurbs), "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    assert!(
+        stderr(&o).contains("left out, since their image is a curve"),
+        "{}",
+        stderr(&o)
+    );
+    let j: Value = serde_json::from_str(&stdout(&o)).expect("JSON");
+    assert_eq!(j["collapsed_patches"], json!([1]));
+    assert_eq!(j["topology"]["euler"], 1);
+}
+
+/// Files that can be read again have the triangles of a sphere outward.
+#[test]
+fn all_formats_are_wound() {
+    let f = Folder::new("triangulate-winding");
+    let map = f.map(SPHERE);
+    for name in ["m.ply", "m.obj", "m.stl", "m.off", "m.3mf", "m.msh"] {
+        let (exit, j) = triangulate(&map, &["--box", "2", "--tol", "0.02", "-o", &f.path(name)]);
+        assert_eq!(
+            (exit, &j["winding"]["oriented"]),
+            (0, &json!(true)),
+            "{name}"
+        );
+        let msh = f.path("again.msh");
+        let o = isoform(&["convert", &f.path(name), "-o", &msh, "--force"]);
+        assert_eq!(code(&o), 0, "{name}: {}", stderr(&o));
+        let o = isoform(&["inspect", &msh, "--json"]);
+        let j: Value = serde_json::from_str(&stdout(&o)).expect("JSON");
+        let [oriented, volume] = ["oriented", "volume"].map(|key| found(&j, key).cloned());
+        assert_eq!(oriented, Some(json!(true)), "{name}");
+        let volume = volume.and_then(|v| v.as_f64()).expect("a volume");
+        assert!((volume / 4.18879 - 1.0).abs() < 0.05, "{name}: {volume}");
+    }
+}
+
+/// The first value of a key at any depth.
+fn found<'a>(json: &'a Value, key: &str) -> Option<&'a Value> {
+    let object = json.as_object()?;
+    object
+        .get(key)
+        .or_else(|| object.values().find_map(|v| found(v, key)))
 }
 
 #[test]

@@ -5,9 +5,10 @@ use crate::claim::Claim;
 use crate::finding::Finding;
 use crate::patch::Patch;
 use crate::surface::Surface;
+use crate::winding::{CutCurve, Neighbours, Relative};
 use isoform_algebra::RBig;
 use isoform_geom::{UnionFind, sub};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 /// A vertex of the surface of a patch.
 #[derive(Clone, Copy, Debug)]
@@ -106,6 +107,9 @@ impl Welding {
     }
     /// Adds the triangles of a patch that still have three corners.
     fn add(&mut self, patch: usize, s: &Surface, shared: u64) {
+        // Pieces of different patches are different ones until they are wound together.
+        let before = self.joined.winding.pieces as u32;
+        self.joined.winding.pieces += s.winding.pieces;
         for (i, t) in s.triangles.iter().enumerate() {
             let v = t.map(|vertex| self.vertex(s, PatchVertex { patch, vertex }));
             if v[0] == v[1] || v[1] == v[2] || v[2] == v[0] {
@@ -116,8 +120,15 @@ impl Welding {
             self.joined.corners.push(s.corners[i]);
             self.joined.borders.push(s.borders[i]);
             self.joined.patches.push(patch as u32);
+            self.joined.pieces.push(before + s.pieces[i]);
             self.unshared.push(s.borders[i].map(|b| b & !shared));
         }
+        let mut winding = s.winding.clone();
+        winding.renumber(|vertex| {
+            let root = self.vertices.root(PatchVertex { patch, vertex });
+            self.numbers.get(&root).copied()
+        });
+        self.joined.winding.cut.extend(winding.cut);
     }
 }
 
@@ -139,6 +150,7 @@ pub(super) fn weld(
             is_double_curve_known: surfaces.iter().all(|s| s.is_double_curve_known),
             is_outside: !surfaces.is_empty() && surfaces.iter().all(|s| s.is_outside),
             sheets: surfaces.iter().map(|s| s.sheets).max().unwrap_or(0),
+            tolerance: surfaces.iter().map(|s| s.tolerance).fold(0.0, f64::max),
             ..Surface::default()
         },
         vertices,
@@ -163,7 +175,41 @@ pub(super) fn weld(
         joined.grades.push(Claim::Sides.into());
     }
     check(&mut joined, &unshared, seams.most);
+    wind(&mut joined);
+    joined.check_winding();
     joined
+}
+
+/// Turns the pieces of patches against each other along the sides that they have in common. Where
+/// more than two triangles meet, none are neighbours but those within one patch.
+fn wind(s: &mut Surface) {
+    let uses = s.uses();
+    let cut = std::mem::take(&mut s.winding.cut);
+    let is_cut: BTreeSet<[u32; 2]> = cut.iter().map(|e| e.vertices).collect();
+    let piece = |s: &Surface, k: u32| s.pieces[k as usize];
+    let at_edge = |(edge, u): (&[u32; 2], &Vec<(u32, bool)>)| match u[..] {
+        [a, b] if !is_cut.contains(edge) => Some(Neighbours {
+            along: CutCurve::Sides,
+            edge: *edge,
+            of: [piece(s, a.0), piece(s, b.0)],
+            same_way: a.1 == b.1,
+        }),
+        _ => None,
+    };
+    let neighbours: Vec<Neighbours> = uses.iter().filter_map(at_edge).collect();
+    let mut of_pieces = Relative::new(s.winding.pieces, neighbours);
+    for k in cut.iter().flat_map(|e| uses.get(&e.vertices)).flatten() {
+        let joined = of_pieces.pieces[piece(s, k.0) as usize];
+        of_pieces.unorientable[joined as usize] = true;
+    }
+    let pieces = s.pieces.iter().map(|&p| p as usize);
+    let relative = Relative {
+        pieces: pieces.clone().map(|p| of_pieces.pieces[p]).collect(),
+        turned: pieces.map(|p| of_pieces.turned[p]).collect(),
+        unorientable: of_pieces.unorientable,
+        cut: cut.into_iter().chain(of_pieces.cut).collect(),
+    };
+    s.wind(&relative);
 }
 
 /// Looks whether the mesh ends on the box and on sides of one patch only; `most` sides are one

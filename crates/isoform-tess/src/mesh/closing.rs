@@ -28,8 +28,8 @@ pub(super) fn is_flat(at: [Point3; 3], half_width: f64) -> bool {
     norm(normal(at)) < FLAT * half_width * half_width
 }
 
-/// Looks whether the surface stays in the box and ends on its faces only, and no edge outside of
-/// the double curve has more than two triangles.
+/// Looks whether the surface stays in the box and ends on its faces only, no edge outside of the
+/// double curve has more than two triangles, and neighbours run opposite ways.
 fn check(s: &mut Surface, half_width: f64, glued: bool) {
     let uses = s.edges(&s.borders);
     let open = s.open_edges(&uses);
@@ -53,6 +53,7 @@ fn check(s: &mut Surface, half_width: f64, glued: bool) {
     ];
     let found = counts.into_iter().filter(|c| c.0 > 0);
     s.findings.extend(found.map(|c| c.1));
+    s.check_winding();
 }
 
 /// The number of pairs of vertices that are nearer to each other than a distance.
@@ -104,6 +105,7 @@ pub(super) fn keep(s: &mut Surface, is_kept: impl Fn(&Surface, &[u32; 3]) -> boo
     s.charts = kept.iter().map(|&k| s.charts[k]).collect();
     s.corners = kept.iter().map(|&k| s.corners[k]).collect();
     s.borders = kept.iter().map(|&k| s.borders[k]).collect();
+    s.pieces = kept.iter().map(|&k| s.pieces[k]).collect();
 }
 
 /// Leaves out vertices without a position, and the triangles at them, which is said to be unproven.
@@ -172,6 +174,8 @@ pub(super) fn leave_out(s: &mut Surface, left_out: &[bool]) {
     }
     let corners = s.triangles.iter_mut().flatten();
     corners.for_each(|v| *v = new[*v as usize]);
+    s.winding
+        .renumber(|v| (!left_out[v as usize]).then(|| new[v as usize]));
     s.points = vertices.iter().map(|&v| s.points[v]).collect();
     s.kinds = vertices.iter().map(|&v| s.kinds[v]).collect();
     s.faces = vertices.iter().map(|&v| s.faces[v]).collect();
@@ -190,6 +194,7 @@ pub(super) fn finish(
     keep(&mut s, |_, t| !is_closed_up(t));
     leave_out_lost(&mut s);
     contract_flat(&mut s, half_width, tolerance);
+    s.count_pieces();
     check(&mut s, half_width, glued);
     // A finding that several places have is said once, in an order that no place decides.
     s.findings.sort_by_cached_key(ToString::to_string);

@@ -140,6 +140,7 @@ fn move_onto(
     stars: &mut Stars,
     dead: &mut BTreeSet<usize>,
 ) -> Vec<(u32, u64)> {
+    s.winding.contract(from, to);
     let moved = std::mem::take(&mut stars.of[from as usize]);
     let mut borders: Vec<(u32, u64)> = Vec::new();
     for k in moved {
@@ -244,6 +245,7 @@ mod tests {
             charts: vec![0; count],
             corners: vec![[[0.0; 2]; 3]; count],
             borders: vec![[0; 3]; count],
+            pieces: vec![0; count],
             points,
             triangles,
             ..Surface::default()

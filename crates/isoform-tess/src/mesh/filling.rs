@@ -49,7 +49,8 @@ pub(super) fn fill(q: usize, strip: &Strip, joined: &mut Joined<'_>) -> Vec<Made
     let chart = &glued.atlas.charts[q];
     let is_straight = !fan.is_tree() || chart.keeps_sign([apex, a, b], fan.multiplicity);
     let folded = folded(strip, &paths, joined);
-    let border = |v: PathVertex| if folded.contains(&v.0) { FOLD } else { 0 };
+    let is_folded = |v: PathVertex| folded.iter().any(|&f| joined.are_one(f, v.0));
+    let border = |v: PathVertex| if is_folded(v) { FOLD } else { 0 };
     let made = |t: [PathVertex; 3]| Made {
         vertices: t.map(|v| v.0),
         corners: t.map(|v| if is_straight { v.1 } else { apex }),
@@ -95,7 +96,7 @@ fn on_ray(
     let names = (0..).map(|k| Name::Ray(strip.fan, ray, k));
     let named = names.zip(points);
     named
-        .map(|(name, x)| (joined.shared(name, x, faces, kind), strip.apex))
+        .map(|(name, x)| (joined.shared([name; 2], x, faces, kind), strip.apex))
         .collect()
 }
 
@@ -104,8 +105,9 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
     let glued = joined.glued;
     let (ray, (vertex, at)) = (strip.rays[i], strip.ends[i]);
     let mut path = vec![strip.ends[i]];
-    for &(class, at) in glued.gluing.spoke(strip.fan, ray, at) {
-        path.push((joined.class_vertex(class), at));
+    for (k, &(class, at)) in glued.gluing.spoke(strip.fan, ray, at).iter().enumerate() {
+        let place = Name::Ray(strip.fan, ray, k);
+        path.push((joined.class_vertex(place, class), at));
     }
     let mut directions = glued.openings.fans[strip.fan].directions.iter();
     let d = directions
@@ -121,8 +123,8 @@ fn path(q: usize, strip: &Strip, i: usize, joined: &mut Joined<'_>) -> Vec<PathV
 /// The vertex of the seam in a direction.
 fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>) -> PathVertex {
     let glued = joined.glued;
-    let (name, point, faces) = glued.openings.seam_vertex(strip.fan, d);
-    let name = glued.gluing.name(&key(name, 0, at)).unwrap_or(name);
+    let (place, point, faces) = glued.openings.seam_vertex(strip.fan, d);
+    let name = glued.gluing.name(&key(place, 0, at)).unwrap_or(place);
     let kind = match (name, faces) {
         (Name::Image(_), _) => Kind::Contracted,
         (_, 1..) => Kind::Box,
@@ -134,7 +136,7 @@ fn seam_end(strip: &Strip, d: &Direction, at: [f64; 2], joined: &mut Joined<'_>)
         Name::Double(k) => glued.gluing.image(k),
         _ => point,
     };
-    (joined.shared(name, point, faces, kind), strip.apex)
+    (joined.shared([place, name], point, faces, kind), strip.apex)
 }
 
 /// The vertices of a strip in which the surface ends: on seams and rays along which it is folded.

@@ -65,12 +65,13 @@ impl Glued<'_> {
             Claim::Distances,
             Claim::Shapes,
             Claim::Edges,
+            Claim::Winding,
         ];
         asked.chain(always).map(Grade::from).collect()
     }
 
-    /// The name of a vertex: the name of the image if it is on a contracted curve.
-    pub(super) fn merged(&self, q: usize, node: &Node) -> Name {
+    /// The names of a place and of its vertex: that of the image if it is on a contracted curve.
+    pub(super) fn names(&self, q: usize, node: &Node) -> [Name; 2] {
         /// The sides that meet in each corner of the unit triangle.
         const SIDES: [[usize; 2]; 3] = [[0, 1], [1, 2], [0, 2]];
         let first = |sides: &[usize]| sides.iter().find_map(|&s| self.curves.on_side[s]);
@@ -80,11 +81,11 @@ impl Glued<'_> {
             _ => None,
         });
         match image {
-            Some(k) => Name::Image(k),
-            None => self
-                .gluing
-                .name(&key(node.name, q, node.at))
-                .unwrap_or(node.name),
+            Some(k) => [Name::Image(k); 2],
+            None => {
+                let shared = self.gluing.name(&key(node.name, q, node.at));
+                [node.name, shared.unwrap_or(node.name)]
+            }
         }
     }
 }

@@ -13,14 +13,14 @@ pub(super) struct InChart<'a, 'b> {
 
 impl Measure for InChart<'_, '_> {
     fn image(&self, node: &Node) -> Point3 {
-        match self.glued.merged(self.q, node) {
+        match self.glued.names(self.q, node)[1] {
             Name::Image(k) => self.glued.curves.image(k),
             Name::Double(k) => self.glued.gluing.image(k),
             _ => self.glued.atlas.image(self.q, node.at, node.faces),
         }
     }
     fn shared(&self, node: &Node) -> Option<Shared> {
-        match self.glued.merged(self.q, node) {
+        match self.glued.names(self.q, node)[1] {
             Name::Image(k) => Some(Shared::Contracted(k)),
             Name::Double(k) => Some(Shared::Double(k)),
             _ => None,

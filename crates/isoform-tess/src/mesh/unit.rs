@@ -35,12 +35,22 @@ pub(super) struct Made {
     pub(super) borders: [u64; 3],
 }
 
-/// The surface as far as it is made, and its vertices by name; those that no other unit triangle
-/// has by the quadrant and their place in it, too.
+/// The name of a vertex; that of a vertex of one unit triangle only has its quadrant and place
+/// there, too.
+type FullName = (Name, usize, usize);
+
+/// The surface as far as it is made. Its vertices are places of the parameters, by name: those of
+/// different sheets are different ones until [`Joined::glued`].
 pub(super) struct Joined<'a> {
     pub(super) surface: Surface,
     pub(super) glued: &'a Glued<'a>,
-    vertices: BTreeMap<(Name, usize, usize), u32>,
+    places: BTreeMap<FullName, u32>,
+    /// The first place of each vertex that sheets share.
+    vertices: BTreeMap<FullName, u32>,
+    /// The first place with the same vertex, by place.
+    pub(super) first: Vec<u32>,
+    /// True if a place is on the seam of a base point, by place.
+    pub(super) on_seam: Vec<bool>,
 }
 
 impl<'a> Joined<'a> {
@@ -48,54 +58,80 @@ impl<'a> Joined<'a> {
         Self {
             surface: Surface {
                 findings: glued.openings.findings.clone(),
+                tolerance: glued.atlas.options.tolerance,
                 ..Surface::default()
             },
             glued,
+            places: BTreeMap::new(),
             vertices: BTreeMap::new(),
+            first: Vec::new(),
+            on_seam: Vec::new(),
         }
     }
     fn gluing(&self) -> &'a Gluing {
         &self.glued.gluing
     }
+    /// The place of a name, with the vertex that it has in space.
     fn vertex(
         &mut self,
-        key: (Name, usize, usize),
+        place: FullName,
+        vertex: FullName,
         make: impl FnOnce() -> (Point3, u8, Kind),
     ) -> u32 {
+        if let Some(&known) = self.places.get(&place) {
+            return known;
+        }
         let (surface, gluing) = (&mut self.surface, &self.glued.gluing);
-        *self.vertices.entry(key).or_insert_with(|| {
-            let (point, faces, kind) = make();
-            surface.points.push(point);
-            surface.faces.push(faces);
-            let is_double = matches!(key.0, Name::Double(k) if gluing.is_double(k));
-            surface.double.push(is_double);
-            surface.kinds.push(kind);
-            surface.points.len() as u32 - 1
-        })
+        let new = surface.points.len() as u32;
+        let first = *self.vertices.entry(vertex).or_insert(new);
+        let (point, faces, kind) = match first as usize {
+            f if first < new => (surface.points[f], surface.faces[f], surface.kinds[f]),
+            _ => make(),
+        };
+        surface.points.push(point);
+        surface.faces.push(faces);
+        let is_double = matches!(vertex.0, Name::Double(k) if gluing.is_double(k));
+        surface.double.push(is_double);
+        surface.kinds.push(kind);
+        self.first.push(first);
+        self.on_seam.push(matches!(place.0, Name::Seam(..)));
+        self.places.insert(place, new);
+        new
     }
-    /// The vertex of a name that all unit triangles share.
-    pub(super) fn shared(&mut self, name: Name, point: Point3, faces: u8, kind: Kind) -> u32 {
-        self.vertex((name, 0, 0), || (point, faces, kind))
+    /// The place of a name, with the vertex of another one, that all unit triangles share.
+    pub(super) fn shared(
+        &mut self,
+        [place, vertex]: [Name; 2],
+        point: Point3,
+        faces: u8,
+        kind: Kind,
+    ) -> u32 {
+        self.vertex((place, 0, 0), (vertex, 0, 0), || (point, faces, kind))
     }
-    /// The vertex of a class of parameters with one image.
-    pub(super) fn class_vertex(&mut self, class: ClassId) -> u32 {
+    /// The place of a name, with the vertex of a class of parameters with one image.
+    pub(super) fn class_vertex(&mut self, place: Name, class: ClassId) -> u32 {
         let gluing = self.gluing();
         let kind = match gluing.is_double(class) {
             true => Kind::Double,
             false => Kind::Ordinary,
         };
         let image = gluing.image(class);
-        self.shared(Name::Double(class), image, 0, kind)
+        self.shared([place, Name::Double(class)], image, 0, kind)
     }
-    /// The vertex of a node of a unit triangle.
+    /// True if two places have one vertex.
+    pub(super) fn are_one(&self, a: u32, b: u32) -> bool {
+        self.first[a as usize] == self.first[b as usize]
+    }
+    /// The place of a node of a unit triangle.
     fn node_vertex(&mut self, measure: &InChart<'_, '_>, k: u32, node: &Node) -> u32 {
-        let key = match self.glued.merged(measure.q, node) {
+        let full = |name| match name {
             Name::Inner => (Name::Inner, measure.q, k as usize),
             name => (name, 0, 0),
         };
+        let [place, vertex] = self.glued.names(measure.q, node);
         let gluing = self.gluing();
-        self.vertex(key, || {
-            let kind = match key.0 {
+        self.vertex(full(place), full(vertex), || {
+            let kind = match vertex {
                 Name::Image(_) => Kind::Contracted,
                 _ if node.faces > 0 => Kind::Box,
                 Name::Double(k) if gluing.is_double(k) => Kind::Double,
@@ -209,7 +245,7 @@ impl Refined {
         for unit in &self.units {
             joined.add(unit);
         }
-        joined.surface
+        joined.wound()
     }
 }
 

@@ -11,12 +11,13 @@ use isoform_tess::{
 
 const UMBRELLA: [&str; 4] = ["s*t", "s", "t^2", "1"];
 /// What is claimed of every mesh.
-const MESH: [Claim; 5] = [
+const MESH: [Claim; 6] = [
     Claim::Drawing,
     Claim::SignOfW,
     Claim::Distances,
     Claim::Shapes,
     Claim::Edges,
+    Claim::Winding,
 ];
 /// What is claimed of every map of which the whole plane is analysed.
 const MAP: [Claim; 7] = [

@@ -10,4 +10,5 @@ mod improper;
 mod maps;
 mod patches;
 mod surfaces;
+mod winding;
 mod zoo;

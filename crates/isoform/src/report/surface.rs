@@ -5,10 +5,11 @@ use crate::Topology;
 use isoform_algebra::CurveTopology;
 use isoform_geom::Point3;
 use isoform_tess::{
-    Analysis, BasePoint, CurveKind, DoubleArc, Grade, Kind, Map, Mode, RealPart, Surface,
-    TriangulateOptions, VARIABLES,
+    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, Grade, KEYS, Kind, Map, Mode,
+    RealBorder, RealPart, Surface, TriangulateOptions, VARIABLES,
 };
 use serde::Serialize;
+use std::collections::BTreeMap;
 
 /// What was asked for and made of a rational surface, and what is known of it.
 #[derive(Clone, Debug, Serialize)]
@@ -97,6 +98,14 @@ pub struct SurfaceReport {
     /// Of improper maps, how many parameters of each point are drawn.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters_drawn: Option<usize>,
+    /// The winding of the triangles.
+    pub winding: WindingReport,
+    /// The border of the real image of an improper map, if there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub real_border: Option<RealBorderReport>,
+    /// The numbers, from 0, of patches that are a curve or a point, and are left out.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub collapsed_patches: Vec<u32>,
     /// Points at which X, Y, Z and W vanish.
     pub base_points: Vec<BasePointReport>,
     /// The curve W = 0.
@@ -124,6 +133,46 @@ pub struct ClaimReport {
     pub holds: bool,
     /// What holds, or what is open, in words.
     pub text: String,
+}
+
+/// The winding of triangles.
+#[derive(Clone, Debug, Serialize)]
+pub struct WindingReport {
+    /// True if neighbours run opposite ways along every common edge.
+    pub oriented: bool,
+    /// True if all pieces are orientable: else neighbours run the same way along the cut.
+    pub orientable: bool,
+    /// Pieces: triangles that are connected by neighbours on one sheet.
+    pub pieces: usize,
+    /// Those whose normals point outward; others that are orientable have ∂φ/∂s × ∂φ/∂t.
+    pub outward: usize,
+    /// The cut through pieces that are not orientable.
+    pub cut: Vec<CutReport>,
+}
+
+/// The border of the real image of an improper map.
+#[derive(Clone, Debug, Serialize)]
+pub struct RealBorderReport {
+    /// The curves of parameters along which the map folds the plane: the forms are zero there.
+    pub folds: Vec<String>,
+    /// Their images in the box.
+    pub lines: Vec<Vec<Point3>>,
+    /// Beyond the border real points are reached by a family of complex parameters of this
+    /// dimension.
+    pub complex_dimension: usize,
+    /// Maps onto these points with real parameters, as far as they are known.
+    pub beyond: Vec<BTreeMap<&'static str, String>>,
+}
+
+/// A part of the cut.
+#[derive(Clone, Debug, Serialize)]
+pub struct CutReport {
+    /// The curve that it belongs to.
+    pub along: String,
+    /// The number of its edges.
+    pub edges: usize,
+    /// Its points, line by line.
+    pub lines: Vec<Vec<Point3>>,
 }
 
 /// A base point.
@@ -206,6 +255,8 @@ pub struct AboutSurface<'a> {
     pub is_box_chosen: bool,
     /// The triangles.
     pub surface: &'a Surface,
+    /// Those of points that only complex parameters reach.
+    pub beyond: &'a [Surface],
     /// What they consist of.
     pub topology: &'a Topology,
     /// Seconds by phase.
@@ -216,6 +267,8 @@ impl TriangulateReport {
     /// The report of a surface and of the files that were written.
     pub fn new(about: &AboutSurface<'_>, files: Vec<WrittenFile>) -> Self {
         let (options, topology) = (about.options, about.topology);
+        let surface = SurfaceReport::new(about);
+        let all = || about.beyond.iter().chain([about.surface]);
         let removed = about.maps.first().and_then(Map::removed);
         let degrees = about.analyses.iter().filter_map(|a| a.degrees);
         let corners = |d: &isoform_tess::Domain| {
@@ -226,7 +279,7 @@ impl TriangulateReport {
             texts.collect()
         };
         Self {
-            ok: about.surface.is_certified(),
+            ok: surface.certified,
             verb: "triangulate",
             map: MapReport {
                 file: about.file.to_owned(),
@@ -248,11 +301,11 @@ impl TriangulateReport {
                 edges_of_more_than_two: topology.crowded_edges,
             },
             counts: SurfaceCounts {
-                points: about.surface.points.len(),
-                triangles: about.surface.triangles.len(),
+                points: all().map(|s| s.points.len()).sum(),
+                triangles: all().map(|s| s.triangles.len()).sum(),
             },
             files,
-            surface: SurfaceReport::new(about),
+            surface,
         }
     }
 }
@@ -265,9 +318,12 @@ impl SurfaceReport {
         let map_degree = map_degree(about.analyses);
         let is_improper = map_degree > 1;
         let claims = surface.claims();
+        let unproven = surface.findings.iter().map(ToString::to_string);
+        let beyond = about.beyond.iter().flat_map(|s| &s.findings);
+        let beyond = beyond.map(|f| format!("complex parameters: {f}"));
         Self {
-            certified: surface.is_certified(),
-            unproven: surface.findings.iter().map(ToString::to_string).collect(),
+            certified: surface.is_certified() && about.beyond.iter().all(Surface::is_certified),
+            unproven: unproven.chain(beyond).collect(),
             claims: claims
                 .iter()
                 .map(|g| ClaimReport::new(surface, *g))
@@ -275,6 +331,9 @@ impl SurfaceReport {
             map_degree,
             improper: is_improper.then_some(true),
             parameters_drawn: is_improper.then_some(surface.sheets),
+            winding: WindingReport::new(surface),
+            real_border: RealBorderReport::new(surface),
+            collapsed_patches: surface.collapsed.clone(),
             base_points: all()
                 .filter_map(|a| a.base_points.as_ref())
                 .flatten()
@@ -314,6 +373,50 @@ impl ClaimReport {
                 [] => claim.statement().to_owned(),
                 open => open.join("; "),
             },
+        }
+    }
+}
+
+impl RealBorderReport {
+    fn new(surface: &Surface) -> Option<Self> {
+        let border = &surface.real_border;
+        let map = |m: &Map| {
+            let texts = m
+                .affine()
+                .each_ref()
+                .map(|p| p.display(&VARIABLES).to_string());
+            KEYS.into_iter().zip(texts).collect()
+        };
+        (!border.is_empty()).then(|| Self {
+            folds: folds(border),
+            lines: border.lines.clone(),
+            complex_dimension: 2,
+            beyond: border.beyond.iter().map(map).collect(),
+        })
+    }
+}
+
+/// The curves of parameters along which an improper map folds the plane.
+pub fn folds(border: &RealBorder) -> Vec<String> {
+    let text = |f: &isoform_algebra::Poly| f.display(&VARIABLES).to_string();
+    border.folds.iter().map(text).collect()
+}
+
+impl WindingReport {
+    fn new(surface: &Surface) -> Self {
+        let winding = &surface.winding;
+        let at = |line: &Vec<u32>| line.iter().map(|&v| surface.points[v as usize]).collect();
+        let part = |(along, lines): (CutCurve, Vec<Vec<u32>>)| CutReport {
+            along: along.to_string(),
+            edges: lines.iter().map(|l| l.len() - 1).sum(),
+            lines: lines.iter().map(at).collect(),
+        };
+        Self {
+            oriented: winding.cut.is_empty() && surface.holds(Claim::Winding),
+            orientable: winding.is_orientable(),
+            pieces: winding.pieces,
+            outward: winding.outward,
+            cut: winding.cut_lines().into_iter().map(part).collect(),
         }
     }
 }
