@@ -130,9 +130,10 @@ pub struct Features {
 }
 
 impl Features {
-    /// Corners that are tips of cones.
+    /// Corners that cutting does not find: tips of cones, and points at which a piece touches the
+    /// curve of two others.
     pub(crate) fn apexes(&self) -> Vec<Corner> {
-        let is_apex = |c: &&Corner| c.kind == CornerKind::Apex;
+        let is_apex = |c: &&Corner| matches!(c.kind, CornerKind::Apex | CornerKind::Tangent);
         self.corners.iter().filter(is_apex).cloned().collect()
     }
 }
