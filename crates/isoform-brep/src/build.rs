@@ -65,6 +65,8 @@ pub struct Built {
     pub part_names: Vec<String>,
     /// The largest side of the box of the model.
     pub size: f64,
+    /// Points of contact for which the mesh had a border, and how far its nodes were away.
+    pub contacts: Vec<(Point3, f64)>,
 }
 
 /// The boundary representation of the solid whose surface the pieces are. Faces on splines are no
@@ -93,6 +95,7 @@ pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Bui
         apexes: BTreeSet::new(),
         revolved: BTreeMap::new(),
         graphs: Vec::new(),
+        contacts: Vec::new(),
         tolerance,
         size,
     };
@@ -216,6 +219,8 @@ struct Builder<'a> {
     revolved: BTreeMap<u32, Surface>,
     /// Splines of charts, each with a triangle of its chart.
     graphs: Vec<(u32, Arc<Graph>)>,
+    /// Points for which the mesh had a border, and how far its nodes were away.
+    contacts: Vec<(Point3, f64)>,
     /// How far splines may be away from functions.
     tolerance: f64,
     size: f64,
@@ -230,6 +235,7 @@ impl Builder<'_> {
             let Some(found) = collapse::find(mesh, &self.across, &chains, loci, self.size) else {
                 return Ok(());
             };
+            self.contacts.push(found.extent(mesh));
             collapse::contract(&mut self.mesh, &self.across, &found, loci);
             self.across = across_sides(&self.mesh.triangles)?;
         }
@@ -279,12 +285,18 @@ impl Builder<'_> {
         let mut nearest = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
             let tips = self.surface_of(t).map_or_else(Vec::new, Surface::tips);
-            for ((tip, apex), k) in tips.into_iter().enumerate().flat_map(|a| (0..3).map(move |k| (a, k))) {
+            for ((tip, apex), k) in tips
+                .into_iter()
+                .enumerate()
+                .flat_map(|a| (0..3).map(move |k| (a, k)))
+            {
                 let [p, q] = ends_of(corners, k).map(|v| self.mesh.points[v as usize]);
                 let (far, edge) = (norm(sub(p, apex)), norm(sub(p, q)));
                 let v = corners[k as usize];
                 let first = (apex, far, v, edge);
-                let best = nearest.entry((self.mesh.components[t], tip)).or_insert(first);
+                let best = nearest
+                    .entry((self.mesh.components[t], tip))
+                    .or_insert(first);
                 if far < best.1 {
                     *best = first;
                 } else if v == best.2 {
@@ -487,6 +499,7 @@ impl Builder<'_> {
             part_of: mesh.parts.clone(),
             part_names: self.part_names.to_vec(),
             size: self.size,
+            contacts: self.contacts.clone(),
         })
     }
 

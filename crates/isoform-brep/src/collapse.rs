@@ -23,6 +23,15 @@ pub(crate) struct Collapsed {
     at: Point3,
 }
 
+impl Collapsed {
+    /// The point, and how far the nodes of the border are away.
+    pub(crate) fn extent(&self, mesh: &Labelled) -> (Point3, f64) {
+        let nodes = self.nodes.iter().map(|v| mesh.points[*v as usize]);
+        let reach = nodes.map(|p| norm(sub(p, self.at))).fold(0.0, f64::max);
+        (self.at, reach)
+    }
+}
+
 /// The chain that stands for a point, if there is one; `loci` are those of the sheets.
 pub(crate) fn find(
     mesh: &Labelled,
@@ -53,7 +62,10 @@ pub(crate) fn find(
             return None;
         }
         let contact = |v: u32| {
-            let of: Vec<Locus> = around[&v].iter().map(|s| loci[*s as usize].clone()).collect();
+            let of: Vec<Locus> = around[&v]
+                .iter()
+                .map(|s| loci[*s as usize].clone())
+                .collect();
             let (p, is_contact) = vertex(&of, mesh.points[v as usize], size);
             is_contact.then_some(p)
         };
@@ -88,7 +100,13 @@ pub(crate) fn contract(
             if own.contains(&a) == own.contains(&b) || middles.contains_key(&key) {
                 continue;
             }
-            let from = |v: u32| if own.contains(&v) { border.at } else { mesh.points[v as usize] };
+            let from = |v: u32| {
+                if own.contains(&v) {
+                    border.at
+                } else {
+                    mesh.points[v as usize]
+                }
+            };
             let [p, q] = [from(a), from(b)];
             let half: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
             let other = across[t][k as usize].0 as usize;
@@ -104,7 +122,8 @@ pub(crate) fn contract(
         let mut inner = vec![node];
         let mut outer = Vec::new();
         // Counterclockwise from the first of the corners on the border.
-        let first = (0..3).find(|k| own.contains(&corners[*k]) && !own.contains(&corners[(*k + 2) % 3]));
+        let first =
+            (0..3).find(|k| own.contains(&corners[*k]) && !own.contains(&corners[(*k + 2) % 3]));
         let Some(first) = first else { continue };
         for n in 0..3 {
             let [a, b] = ends_of(&corners, ((first + n) % 3) as u8);

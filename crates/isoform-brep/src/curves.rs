@@ -29,6 +29,9 @@ const DEPTH: usize = 12;
 /// Distance from an end without a direction, in sizes of the model, at which the curve has one:
 /// what its curvature misses on the way is of the third power.
 const BESIDE: f64 = 1e-6;
+/// Tangents at an end and beside it, moved back, that differ by more than this are of a tip: else
+/// they differ by what curvatures change on the way.
+const TURNED: f64 = 1e-4;
 /// Sines of the angle between two surfaces below this leave the direction of the curve open.
 const TANGENT: f64 = 1e-6;
 
@@ -369,11 +372,17 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
             let direction = sub(points[(i + 1).min(last)], points[i.max(1) - 1]);
             let found = jet(wanted.surfaces, points[i], direction);
             // At an end no more than one side of it needs to have a direction.
-            found.or_else(|| match i {
+            let other = match i {
                 0 => beside(wanted, points[0], direction),
-                _ if i == last => Some(beside(wanted, points[last], direction.map(|v| -v))?.turned()),
-                _ => None,
-            })
+                _ if i == last => beside(wanted, points[last], direction.map(|v| -v)),
+                _ => return found,
+            };
+            let other = other.map(|jet| if i == 0 { jet } else { jet.turned() });
+            match (found, other) {
+                (Some(a), Some(b)) if norm(sub(a.t, b.t)) <= TURNED => Some(a),
+                (_, Some(b)) => Some(b),
+                (a, None) => a,
+            }
         })
         .collect();
     let jets = jets?;

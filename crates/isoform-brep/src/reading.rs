@@ -30,7 +30,11 @@ pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
         for coedge in face.loops.iter().flatten() {
             let off = deviation(brep, coedge.edge, &face.surface);
             let worst = &mut worst[coedge.edge as usize];
-            *worst = if off.is_nan() { f64::INFINITY } else { worst.max(off) };
+            *worst = if off.is_nan() {
+                f64::INFINITY
+            } else {
+                worst.max(off)
+            };
         }
     }
     worst
@@ -110,14 +114,21 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
     for i in 0..steps {
         for n in 1..PLACES {
             let x = n as f64 / PLACES as f64;
-            let seen = point(surface, [0, 1].map(|k| {
-                let ends = [parameters[i][k], parameters[i + 1][k]];
-                hermite(ends, [slopes[k][i], slopes[k][i + 1]], x)
-            }));
+            let seen = point(
+                surface,
+                [0, 1].map(|k| {
+                    let ends = [parameters[i][k], parameters[i + 1][k]];
+                    hermite(ends, [slopes[k][i], slopes[k][i + 1]], x)
+                }),
+            );
             let (p, velocity) = at(i as f64 + x);
             // To be ahead on the edge or behind changes nothing of the face.
             let beside = norm(cross(sub(seen, p), velocity)) / norm(velocity);
-            worst = if beside.is_nan() { f64::INFINITY } else { worst.max(beside) };
+            worst = if beside.is_nan() {
+                f64::INFINITY
+            } else {
+                worst.max(beside)
+            };
         }
     }
     worst
@@ -178,7 +189,12 @@ fn slopes(values: &[f64]) -> Vec<f64> {
     let end = |v: [f64; 4]| -11.0 / 6.0 * v[0] + 3.0 * v[1] - 1.5 * v[2] + v[3] / 3.0;
     let mut m = vec![0.0; last + 1];
     m[0] = end([values[0], values[1], values[2], values[3]]);
-    m[last] = -end([values[last], values[last - 1], values[last - 2], values[last - 3]]);
+    m[last] = -end([
+        values[last],
+        values[last - 1],
+        values[last - 2],
+        values[last - 3],
+    ]);
     // m(i−1) + 4 m(i) + m(i+1) = 3 (v(i+1) − v(i−1)), by elimination.
     let mut pivot = vec![4.0; last];
     for i in 1..last {

@@ -41,8 +41,11 @@ const LAST: f64 = 10.0;
 /// Distance from the axis, in sizes of the model, at which a profile is taken to go on as the
 /// polynomial that it is by then: what this misses is of its third power.
 const TIP: f64 = 1e-6;
+/// The point there is this near to the surface, in sizes: a function that vanishes twice at its tip
+/// is good to half of the digits beside it.
+const ON: f64 = 1e-9;
 /// Profiles that reach the axis within this of a right angle (its sine) have a smooth pole there,
-/// and no tip.
+/// and no tip; those within this of the axis have a cusp.
 const SMOOTH: f64 = 0.02;
 
 /// A piece of a smooth surface.
@@ -140,10 +143,10 @@ impl Piece<'_> {
         };
         let mut pieces = pieces(&wanted, &points)?;
         let last = pieces.len() - 1;
-        if ends[0] == End::OnAxis {
+        if ends[0].is_on_axis() {
             pieces[0] = to_axis(&pieces[0].reversed(), axes)?.reversed();
         }
-        if ends[1] == End::OnAxis {
+        if ends[1].is_on_axis() {
             pieces[last] = to_axis(&pieces[last], axes)?;
         }
         let spline = joined(&pieces);
@@ -151,7 +154,7 @@ impl Piece<'_> {
         let mut control: Vec<[f64; 2]> = control.map(|[r, _, z]| [r, z]).collect();
         let last = control.len() - 1;
         for (end, i) in ends.into_iter().zip([0, last]) {
-            if end == End::OnAxis {
+            if end.is_on_axis() {
                 control[i][0] = 0.0;
             }
         }
@@ -180,8 +183,16 @@ fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
 enum End {
     /// It goes on beyond the piece.
     Beyond,
-    /// It is followed up to beside the axis, which it reaches.
-    OnAxis,
+    /// It reaches the axis at an angle, and is followed up to beside it.
+    Tip,
+    /// It reaches the axis at a right angle.
+    Pole,
+}
+
+impl End {
+    fn is_on_axis(self) -> bool {
+        self != Self::Beyond
+    }
 }
 
 /// Points of a profile in order, and what ends it at its first and at its last.
@@ -210,8 +221,8 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// The profile past all nodes, and a step beyond or up to a tip; none if it is closed, has a
-    /// smooth pole, or does not pass all nodes.
+    /// The profile past all nodes, and a step beyond or up to the axis; none if it is closed, has
+    /// smooth poles and no tip, or does not pass all nodes.
     fn path(&self) -> Option<Path> {
         let is_off = |q: &&[f64; 2]| q[0] > self.step;
         let (start, tangent) = self.onto(*self.places.iter().find(is_off)?)?;
@@ -221,6 +232,9 @@ impl<'a> Walk<'a> {
         let (behind, last) = self.half(start, tangent, &mut passed)?;
         points.extend(behind.into_iter().skip(1));
         let ends = [first, last];
+        if ends.contains(&End::Pole) && !ends.contains(&End::Tip) {
+            return None;
+        }
         (points.len() > 2 && passed.into_iter().all(|p| p)).then_some(Path { points, ends })
     }
 
@@ -238,12 +252,12 @@ impl<'a> Walk<'a> {
             let from = path[path.len() - 1];
             let ahead = std::array::from_fn(|k| from[k] + self.step * tangent[k]);
             let Some((to, new)) = self.onto(ahead) else {
-                if let Some((end, tip)) = self.tip(from, tangent) {
+                if let Some((beside, tip, end)) = self.tip(from, tangent) {
                     let near = |q: &[f64; 2]| to_segment(*q, [from, tip]) <= PASSED * self.step;
                     let pass = self.places.iter().zip(passed.iter_mut());
                     pass.for_each(|(q, passed)| *passed |= near(q));
-                    path.push(end);
-                    return Some((path, End::OnAxis));
+                    path.push(beside);
+                    return Some((path, end));
                 }
                 break;
             };
@@ -270,9 +284,9 @@ impl<'a> Walk<'a> {
         Some((path, End::Beyond))
     }
 
-    /// The point of the profile beside its tip, and the tip, in the direction of a tangent; none
-    /// if there is no tip, or no node near it.
-    fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2])> {
+    /// The point of the profile beside the axis, the point on it, and what is there, in the
+    /// direction of a tangent; none if the axis is not reached, or no node is near.
+    fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], End)> {
         let out = TIP * self.piece.size;
         let steps = (out - from[0]) / tangent[0];
         if !(0.0 < steps && steps <= LAST * self.step) {
@@ -291,13 +305,17 @@ impl<'a> Walk<'a> {
         let [nr, nz] = [dot(n, self.axes.x), dot(n, self.axes.z)];
         let tip = [0.0, z + nr / nz * r];
         let longest = longest_side(self.piece.triangles.iter().copied());
-        let is_reached = gap(all, p) <= CLOSE * TIP * self.piece.size
+        let is_reached = gap(all, p) <= ON * self.piece.size
             && r > 0.0
             && apart([r, z], from) <= 2.0 * LAST * self.step
-            && nr.abs() > SMOOTH
             && nz.abs() > SMOOTH
             && self.places.iter().any(|q| apart(*q, tip) <= 2.0 * longest);
-        is_reached.then_some(([r, z], tip))
+        let end = if nr.abs() > SMOOTH {
+            End::Tip
+        } else {
+            End::Pole
+        };
+        is_reached.then_some(([r, z], tip, end))
     }
 
     /// A point of the profile near a place, and its tangent.

@@ -367,7 +367,11 @@ fn arcs_that_end_on_the_axis_have_tips_there() {
     let outer = spindle(-1.0, r, [-r, r]);
     let dimple = spindle(1.0, r, [tip, r]);
     let cases = [
-        ("m = 25 - (q + 3)^2 - x[3]^2;", spindle(3.0, 5.0, [-4.0, 4.0]), 2),
+        (
+            "m = 25 - (q + 3)^2 - x[3]^2;",
+            spindle(3.0, 5.0, [-4.0, 4.0]),
+            2,
+        ),
         (ogive, spindle(37.5, 42.5, [0.0, 20.0]), 2),
         (reuleaux, (2.0 / 3.0 - PI / 6.0) * PI * 27f64.sqrt(), 2),
         (apple, outer - 2.0 * dimple, 2),
@@ -381,7 +385,11 @@ fn arcs_that_end_on_the_axis_have_tips_there() {
         assert!((found / volume - 1.0).abs() < 1e-7, "{n}: {found} {volume}");
         // As triangles, too.
         let stl = f.path(&format!("{n}.stl"));
-        assert_eq!(code(&isoform(&["mesh", &target, "-q", "-o", &stl])), 0, "{n}");
+        assert_eq!(
+            code(&isoform(&["mesh", &target, "-q", "-o", &stl])),
+            0,
+            "{n}"
+        );
     }
 }
 
@@ -395,7 +403,10 @@ fn what_touches_in_a_point_has_a_vertex_there() {
     let post = "array o[3], p[3]; o = [0, 0, 0]; p = [2.5, 0, 0];
         m = (hfCylinderZ(x, o, 5) & x[3] & (10 - x[3]))
             | (hfCylinderZ(x, p, 2.5) & x[3] & (12 - x[3]));";
-    let cases = [(boss, 800.0 + 36.0 * PI, [7, 2]), (post, 262.5 * PI, [3, 4])];
+    let cases = [
+        (boss, 800.0 + 36.0 * PI, [7, 2]),
+        (post, 262.5 * PI, [3, 4]),
+    ];
     for (n, (body, volume, counts)) in cases.into_iter().enumerate() {
         let text = format!("m(x[3], a[1]) {{ {body} }}\n");
         let (exit, j) = brep(&f.file(&format!("{n}.hf"), &text), &[]);

@@ -38,7 +38,9 @@ impl BSpline {
     /// Inserts a knot where there is none (Boehm 1980).
     fn insert(&mut self, t: f64) {
         let (p, flat) = (self.degree, self.flat_knots());
-        let span = (p..self.control.len()).rfind(|k| flat[*k] <= t).unwrap_or(p);
+        let span = (p..self.control.len())
+            .rfind(|k| flat[*k] <= t)
+            .unwrap_or(p);
         let before = self.control.clone();
         self.control = (0..=before.len())
             .map(|i| {
