@@ -110,8 +110,8 @@ pub(crate) fn contract(
             let [p, q] = [from(a), from(b)];
             let half: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
             let other = across[t][k as usize].0 as usize;
-            let beside = [t, other].map(|t| &loci[mesh.sheets[t] as usize]);
-            let on = meet(beside, half);
+            let both = [t, other].map(|t| &loci[mesh.sheets[t] as usize]);
+            let on = meet(both, half);
             let is_near = norm(sub(on, half)) <= 0.5 * norm(sub(p, q));
             middles.insert(key, mesh.points.len() as u32);
             mesh.points.push(if is_near { on } else { half });

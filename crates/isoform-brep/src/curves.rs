@@ -28,8 +28,8 @@ const TURN: f64 = 0.866;
 const DEPTH: usize = 12;
 /// Distance from an end without a direction, in sizes of the model, at which the curve has one:
 /// what its curvature misses on the way is of the third power.
-const BESIDE: f64 = 1e-6;
-/// Tangents at an end and beside it, moved back, that differ by more than this are of a tip: else
+const NEAR: f64 = 1e-6;
+/// Tangents at an end and near it, moved back, that differ by more than this are of a tip: else
 /// they differ by what curvatures change on the way.
 const TURNED: f64 = 1e-4;
 /// Sines of the angle between two surfaces below this leave the direction of the curve open.
@@ -373,8 +373,8 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
             let found = jet(wanted.surfaces, points[i], direction);
             // At an end no more than one side of it needs to have a direction.
             let other = match i {
-                0 => beside(wanted, points[0], direction),
-                _ if i == last => beside(wanted, points[last], direction.map(|v| -v)),
+                0 => near_end(wanted, points[0], direction),
+                _ if i == last => near_end(wanted, points[last], direction.map(|v| -v)),
                 _ => return found,
             };
             let other = other.map(|jet| if i == 0 { jet } else { jet.turned() });
@@ -396,10 +396,10 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     Some(kept)
 }
 
-/// The jet at an end of the curve where a surface has no normal, as at a tip: that of a point just
-/// beside it in a direction, moved back.
-fn beside(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> {
-    let by = BESIDE * wanted.size / norm(direction);
+/// The jet at an end of the curve where a surface has no normal, as at a tip: that of a point near
+/// it in a direction, moved back.
+fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> {
+    let by = NEAR * wanted.size / norm(direction);
     let near = std::array::from_fn(|k| end[k] + by * direction[k]);
     let Jet { p, t, k } = jet(wanted.surfaces, meet(wanted.surfaces, near), direction)?;
     let way = norm(sub(p, end));

@@ -2,7 +2,8 @@
 //!
 //! Planes and graphs are seen from above, cylinders and cones are unrolled, tori and revolved
 //! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic
-//! projection from the far side; revolved surfaces with tips by the lengths of their parallels. Distances in space are no longer than about those in the chart
+//! projection from the far side; revolved surfaces with tips by the lengths of their parallels.
+//! Distances in space are no longer than about those in the chart
 //! ([`STEEP`] times on graphs).
 
 use crate::arcs::Arcs;
@@ -141,6 +142,11 @@ fn on_ball(ball: &Ellipsoid, at: [f64; 2]) -> Point3 {
 
 /// An angle that a face leaves free, the first or second parameter.
 fn free_angle(surface: &Surface, loops: &[Vec<Point3>], k: usize) -> Option<f64> {
+    // Meridians from tip to tip leave open which side of them the face is on; the frame of a face
+    // is placed with its x where the face is not.
+    if k == 0 && surface.tips().len() == 2 {
+        return Some(0.0);
+    }
     let mut arcs = Arcs::default();
     let out = |p: &Point3| {
         let [x, y, _] = surface.axes().local(*p);

@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 const NODES: [usize; 2] = [10, 20];
 /// Parts of a piece of an edge on a spline, at most.
 const MOST_PARTS: f64 = 200.0;
-/// Share of an edge beside a tip at which its angle is taken.
-const BESIDE: f64 = 1e-5;
+/// Share of an edge from a tip to where its angle is taken.
+const NEAR: f64 = 1e-5;
 /// Nodes from knot to knot of a spline.
 const SPAN_NODES: usize = 6;
 
@@ -122,9 +122,9 @@ impl<'a> Work<'a> {
                 let s = if c.forward { share } else { 1.0 - share };
                 surface.parameters(self.brep.along(c.edge, s).0)[0]
             };
-            // Beside the tip, where there is an angle.
-            let before = angle(coedge, 1.0 - BESIDE);
-            let turn = angle(&around[(i + 1) % around.len()], BESIDE) - before;
+            // Near the tip, where there is an angle.
+            let before = angle(coedge, 1.0 - NEAR);
+            let turn = angle(&around[(i + 1) % around.len()], NEAR) - before;
             for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
                 sum.add(&self.up_to([before + turn * x, v]), -turn * weight);
             }

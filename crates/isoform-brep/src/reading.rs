@@ -122,12 +122,12 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
                 }),
             );
             let (p, velocity) = at(i as f64 + x);
-            // To be ahead on the edge or behind changes nothing of the face.
-            let beside = norm(cross(sub(seen, p), velocity)) / norm(velocity);
-            worst = if beside.is_nan() {
+            // A shift along the edge changes nothing of the face.
+            let across = norm(cross(sub(seen, p), velocity)) / norm(velocity);
+            worst = if across.is_nan() {
                 f64::INFINITY
             } else {
-                worst.max(beside)
+                worst.max(across)
             };
         }
     }

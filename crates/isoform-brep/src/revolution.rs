@@ -42,7 +42,7 @@ const LAST: f64 = 10.0;
 /// polynomial that it is by then: what this misses is of its third power.
 const TIP: f64 = 1e-6;
 /// The point there is this near to the surface, in sizes: a function that vanishes twice at its tip
-/// is good to half of the digits beside it.
+/// is good to half of the digits near it.
 const ON: f64 = 1e-9;
 /// Profiles that reach the axis within this of a right angle (its sine) have a smooth pole there,
 /// and no tip; those within this of the axis have a cusp.
@@ -167,7 +167,7 @@ impl Piece<'_> {
     }
 }
 
-/// A piece of a profile that ends beside the axis, up to the axis.
+/// A piece of a profile that ends near the axis, up to the axis.
 fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
     let mut s = 1.0;
     for _ in 0..8 {
@@ -183,7 +183,7 @@ fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
 enum End {
     /// It goes on beyond the piece.
     Beyond,
-    /// It reaches the axis at an angle, and is followed up to beside it.
+    /// It reaches the axis at an angle, and is followed up to a place near it.
     Tip,
     /// It reaches the axis at a right angle.
     Pole,
@@ -252,11 +252,11 @@ impl<'a> Walk<'a> {
             let from = path[path.len() - 1];
             let ahead = std::array::from_fn(|k| from[k] + self.step * tangent[k]);
             let Some((to, new)) = self.onto(ahead) else {
-                if let Some((beside, tip, end)) = self.tip(from, tangent) {
+                if let Some((last, tip, end)) = self.tip(from, tangent) {
                     let near = |q: &[f64; 2]| to_segment(*q, [from, tip]) <= PASSED * self.step;
                     let pass = self.places.iter().zip(passed.iter_mut());
                     pass.for_each(|(q, passed)| *passed |= near(q));
-                    path.push(beside);
+                    path.push(last);
                     return Some((path, end));
                 }
                 break;
@@ -284,7 +284,7 @@ impl<'a> Walk<'a> {
         Some((path, End::Beyond))
     }
 
-    /// The point of the profile beside the axis, the point on it, and what is there, in the
+    /// The point of the profile near the axis, the point on it, and what is there, in the
     /// direction of a tangent; none if the axis is not reached, or no node is near.
     fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], End)> {
         let out = TIP * self.piece.size;
@@ -296,8 +296,8 @@ impl<'a> Walk<'a> {
             Surface::Plane(Axes::along(self.axes.origin, self.axes.y())),
             Surface::Cylinder(*self.axes, out),
         ];
-        let [half_plane, beside] = exact.map(Locus::Exact);
-        let all = [self.piece.locus, &half_plane, &beside];
+        let [half_plane, around] = exact.map(Locus::Exact);
+        let all = [self.piece.locus, &half_plane, &around];
         let start = self.axes.point([out, 0.0, from[1] + steps * tangent[1]]);
         let p = meet(all, start);
         let [r, _, z] = self.axes.local(p);
