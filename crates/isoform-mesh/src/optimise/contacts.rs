@@ -32,6 +32,10 @@ impl Optimiser<'_> {
     /// Contracts the borders that stand for points of contact, and moves the vertices that are left
     /// there.
     pub(super) fn take_contacts(&mut self, goal: f64) {
+        // Walls and sides of unit cells touch what they like.
+        if self.complex.is_divided() || self.complex.torus.is_some() {
+            return;
+        }
         let mut made = Vec::new();
         for contact in self.contacts() {
             if self.control.is_stopped() {
