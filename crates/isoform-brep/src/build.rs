@@ -14,7 +14,7 @@ use crate::seams::{largest_angle, seam};
 use crate::shells::solids;
 use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, sides_of};
 use crate::vertices::{open_contacts, vertex};
-use crate::{BrepError, Control, revolution};
+use crate::{BrepError, Control, collapse, reading, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
 use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
@@ -65,6 +65,8 @@ pub struct Built {
     pub part_names: Vec<String>,
     /// The largest side of the box of the model.
     pub size: f64,
+    /// Points of contact for which the mesh had a border, and how far its nodes were away.
+    pub contacts: Vec<(Point3, f64)>,
 }
 
 /// The boundary representation of the solid whose surface the pieces are. Faces on splines are no
@@ -93,9 +95,12 @@ pub fn brep(pieces: Pieces, tolerance: f64, control: &Control<'_>) -> Result<Bui
         apexes: BTreeSet::new(),
         revolved: BTreeMap::new(),
         graphs: Vec::new(),
+        contacts: Vec::new(),
         tolerance,
         size,
     };
+    builder.collapse()?;
+    builder.find_revolved();
     builder.find_apexes();
     control.begin("cuts")?;
     builder.cut(control)?;
@@ -214,21 +219,59 @@ struct Builder<'a> {
     revolved: BTreeMap<u32, Surface>,
     /// Splines of charts, each with a triangle of its chart.
     graphs: Vec<(u32, Arc<Graph>)>,
+    /// Points for which the mesh had a border, and how far its nodes were away.
+    contacts: Vec<(Point3, f64)>,
     /// How far splines may be away from functions.
     tolerance: f64,
     size: f64,
 }
 
 impl Builder<'_> {
-    /// Nodes at the apex of the cone that they lie on are moved there, and so is the node of a face
-    /// that is nearest to an apex no more than some edges away, if all that meets in it does so at
-    /// the apex: a mesh may cut off the tip.
+    /// Contracts borders that stand for one point.
+    fn collapse(&mut self) -> Result<(), BrepError> {
+        loop {
+            let (mesh, loci) = (&self.mesh, &self.sheets.loci);
+            let chains = self.topology().chains;
+            let Some(found) = collapse::find(mesh, &self.across, &chains, loci, self.size) else {
+                return Ok(());
+            };
+            self.contacts.push(found.extent(mesh));
+            collapse::contract(&mut self.mesh, &self.across, &found, loci);
+            self.across = across_sides(&self.mesh.triangles)?;
+        }
+    }
+
+    /// Finds the smooth components that are surfaces of revolution.
+    fn find_revolved(&mut self) {
+        for component in 0..self.mesh.cuts.len() as u32 {
+            let of = &self.mesh.components;
+            let Some(first) = of.iter().position(|c| *c == component) else {
+                continue;
+            };
+            let locus = &self.sheets.loci[self.mesh.sheets[first] as usize];
+            if locus.surface().is_none()
+                && let Some(surface) = self.as_revolved(component, locus)
+            {
+                self.revolved.insert(component, surface);
+            }
+        }
+    }
+
+    /// The surface of a triangle, if it is exact or one of revolution.
+    fn surface_of(&self, t: usize) -> Option<&Surface> {
+        let revolved = self.revolved.get(&self.mesh.components[t]);
+        revolved.or_else(|| self.sheets.loci[self.mesh.sheets[t] as usize].surface())
+    }
+
+    /// Nodes at a tip of the surface that they lie on are moved there, and so is the node of a face
+    /// that is nearest to a tip no more than some edges away, if all that meets in it does so at
+    /// the tip: a mesh may cut it off.
     fn find_apexes(&mut self) {
         for (apex, far, v, edge) in self.nearest_to_apexes().into_values() {
-            let corners = self.mesh.triangles.iter().zip(&self.mesh.sheets);
-            let mut around = corners.filter(|(c, _)| c.contains(&v)).map(|c| *c.1);
+            let corners = self.mesh.triangles.iter().enumerate();
+            let mut around = corners.filter(|(_, c)| c.contains(&v)).map(|c| c.0);
             let near = APEX * self.size;
-            let meets = |s: u32| gap([&self.sheets.loci[s as usize]], apex) <= near;
+            let meets = |t: usize| self.surface_of(t).is_some_and(|s| gap([s], apex) <= near);
             if far <= near || (far <= TIP * edge && around.all(meets)) {
                 self.mesh.points[v as usize] = apex;
                 self.apexes.insert(v);
@@ -236,21 +279,24 @@ impl Builder<'_> {
         }
     }
 
-    /// By component on a cone: the apex, the distance of the nearest node, this node, and the
-    /// longest edge there.
-    fn nearest_to_apexes(&self) -> BTreeMap<u32, (Point3, f64, u32, f64)> {
+    /// By component and tip of its surface: the tip, the distance of the nearest node, this node,
+    /// and the longest edge there.
+    fn nearest_to_apexes(&self) -> BTreeMap<(u32, usize), (Point3, f64, u32, f64)> {
         let mut nearest = BTreeMap::new();
         for (t, corners) in self.mesh.triangles.iter().enumerate() {
-            let locus = &self.sheets.loci[self.mesh.sheets[t] as usize];
-            let Some(apex) = locus.surface().and_then(Surface::apex) else {
-                continue;
-            };
-            for k in 0..3u8 {
+            let tips = self.surface_of(t).map_or_else(Vec::new, Surface::tips);
+            for ((tip, apex), k) in tips
+                .into_iter()
+                .enumerate()
+                .flat_map(|a| (0..3).map(move |k| (a, k)))
+            {
                 let [p, q] = ends_of(corners, k).map(|v| self.mesh.points[v as usize]);
                 let (far, edge) = (norm(sub(p, apex)), norm(sub(p, q)));
                 let v = corners[k as usize];
                 let first = (apex, far, v, edge);
-                let best = nearest.entry(self.mesh.components[t]).or_insert(first);
+                let best = nearest
+                    .entry((self.mesh.components[t], tip))
+                    .or_insert(first);
                 if far < best.1 {
                     *best = first;
                 } else if v == best.2 {
@@ -293,10 +339,9 @@ impl Builder<'_> {
                         topology = self.topology();
                     }
                 }
-                locus @ Locus::Zero(field) => {
-                    if let Some(surface) = self.revolved(component, locus) {
+                Locus::Zero(field) => {
+                    if let Some(surface) = self.revolved.get(&component).cloned() {
                         self.cut_exact(component, first, &surface, &topology)?;
-                        self.revolved.insert(component, surface);
                         topology = self.topology();
                         continue;
                     }
@@ -320,7 +365,7 @@ impl Builder<'_> {
     }
 
     /// The surface of revolution that a smooth component is, if it is one.
-    fn revolved(&self, component: u32, locus: &Locus) -> Option<Surface> {
+    fn as_revolved(&self, component: u32, locus: &Locus) -> Option<Surface> {
         let own = self.triangles_of(component);
         let triangles = own.into_iter().map(|t| self.mesh.corners(t));
         let triangles: Vec<[Point3; 3]> = triangles.collect();
@@ -419,11 +464,23 @@ impl Builder<'_> {
             let edge = self.edge(chain, surfaces, &placed.number, &brep.vertices)?;
             brep.edges.push(edge);
         }
+        for (chain, surfaces) in topology.chains.iter().zip(&mut meeting) {
+            let [t, other] = self.beside(chain).map(|t| self.mesh.components[t as usize]);
+            if let Some(surface) = self.revolved.get(&t)
+                && t == other
+            {
+                surfaces[0] = Locus::Exact(surface.clone());
+            }
+        }
         self.add_faces(&topology, &mut brep);
         let mut beside: Vec<[Locus; 2]> = topology.chains.iter().map(|c| self.loci(c)).collect();
         for parted in open_contacts(&placed.contacts, &mut brep, &meeting, self.size) {
             meeting.push(meeting[parted].clone());
             beside.push(beside[parted].clone());
+        }
+        for divided in reading::divide(&mut brep, self.size) {
+            meeting.push(meeting[divided].clone());
+            beside.push(beside[divided].clone());
         }
         let mesh = &self.mesh;
         brep.solids = solids(
@@ -442,6 +499,7 @@ impl Builder<'_> {
             part_of: mesh.parts.clone(),
             part_names: self.part_names.to_vec(),
             size: self.size,
+            contacts: self.contacts.clone(),
         })
     }
 
@@ -527,7 +585,12 @@ impl Builder<'_> {
                 vertex(&surfaces, at, self.size)
             };
             let reach = 0.05 * self.size;
-            if gap(&surfaces, p) > ON * self.size || norm(sub(p, at)) > reach {
+            // At a tip a function has no gradient; its surface has been asked.
+            let is_off = |s: &Locus| {
+                let by = gap([s], p);
+                by > ON * self.size && !(self.apexes.contains(&v) && s.surface().is_none())
+            };
+            if surfaces.iter().any(is_off) || norm(sub(p, at)) > reach {
                 return Err(BrepError::NoVertex { at });
             }
             let number = placed.vertices.len() as u32;

@@ -6,6 +6,7 @@ use crate::build::Built;
 use crate::locus::{Distance, Locus};
 use crate::measure::{Measure, of_face, total};
 use crate::newton::meet;
+use crate::reading::deviations;
 use crate::shells::volume;
 use crate::topology::ends_of;
 use crate::whole::Boundary;
@@ -67,6 +68,13 @@ pub enum Finding {
     },
     /// Normals differ along an edge that is to be smooth (degrees).
     Kink(f64),
+    /// The image of an edge in the parameters of a face, which readers interpolate, leaves it.
+    Reading {
+        /// By how much.
+        by: f64,
+        /// Where the edge begins.
+        at: Point3,
+    },
     /// The volume differs from the limit of the meshes.
     Volume {
         /// Of the faces.
@@ -130,6 +138,12 @@ impl fmt::Display for Finding {
                 write!(f, "the face {face} is {by:.2e} away from the model")
             }
             Self::Kink(angle) => write!(f, "a smooth edge has a kink of {angle:.2e} degrees"),
+            Self::Reading { by, at } => write!(
+                f,
+                "readers see the edge at ({}, {}, {}) up to {by:.2e} away: they interpolate it in \
+                 the parameters of its faces",
+                at[0], at[1], at[2]
+            ),
             Self::Volume { found, limit } => {
                 write!(
                     f,
@@ -305,7 +319,10 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
             Surface::Revolved(turned) => {
                 let [first, last] = turned.domain();
                 let at = turned.parameters(p)[1];
-                first < at && at < last
+                // Beyond a tip there is nothing.
+                let is_tip = |c: Option<&[f64; 2]>| c.is_some_and(|c| c[0] == 0.0);
+                let ends = [turned.control.first(), turned.control.last()].map(is_tip);
+                (ends[0] || first < at) && (ends[1] || at < last)
             }
             Surface::Ellipsoid(ball) => {
                 let at = ball.in_chart(p);
@@ -395,6 +412,13 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     }
     if made.smooth_angle > largest_kink(limits[1], size) {
         made.failures.push(Finding::Kink(made.smooth_angle));
+    }
+    let seen = deviations(brep).into_iter().enumerate();
+    if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1))
+        && by > TOLERANCE * size
+    {
+        let at = brep.ends(e as u32)[0];
+        made.failures.push(Finding::Reading { by, at });
     }
 }
 

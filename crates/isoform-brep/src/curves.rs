@@ -26,6 +26,12 @@ const FEWEST: usize = 8;
 const TURN: f64 = 0.866;
 /// How often a piece of a spline is halved at most.
 const DEPTH: usize = 12;
+/// Distance from an end without a direction, in sizes of the model, at which the curve has one:
+/// what its curvature misses on the way is of the third power.
+const NEAR: f64 = 1e-6;
+/// Tangents at an end and near it, moved back, that differ by more than this are of a tip: else
+/// they differ by what curvatures change on the way.
+const TURNED: f64 = 1e-4;
 /// Sines of the angle between two surfaces below this leave the direction of the curve open.
 const TANGENT: f64 = 1e-6;
 
@@ -243,12 +249,20 @@ pub(crate) struct Jet {
     pub(crate) k: Point3,
 }
 
+impl Jet {
+    /// The jet of the curve run through the other way.
+    fn turned(self) -> Self {
+        let t = self.t.map(|v| -v);
+        Self { t, ..self }
+    }
+}
+
 /// The tangent and curvature of the curve of two surfaces, its tangent along `direction`.
 pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option<Jet> {
     let [a, b] = surfaces.map(|s| s.distance(p).1);
     let c = cross(a, b);
     let sin = norm(c);
-    if sin < TANGENT {
+    if sin.is_nan() || sin < TANGENT {
         return None;
     }
     let sign = if dot(c, direction) < 0.0 { -1.0 } else { 1.0 };
@@ -259,6 +273,38 @@ pub(crate) fn jet(surfaces: [&Locus; 2], p: Point3, direction: Point3) -> Option
     let (fa, fb) = ((ra - cos * rb) / (sin * sin), (rb - cos * ra) / (sin * sin));
     let k = std::array::from_fn(|i| fa * a[i] + fb * b[i]);
     Some(Jet { p, t, k })
+}
+
+/// A quintic over an arc of a length: its Bézier points.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Bezier {
+    control: [Point3; 6],
+    length: f64,
+}
+
+impl Bezier {
+    /// The point and the derivative at a parameter, 1 at the end.
+    pub(crate) fn at(&self, s: f64) -> (Point3, Point3) {
+        bezier(&self.control, s)
+    }
+    /// The same polynomial from its beginning to a parameter, which may lie beyond the end.
+    pub(crate) fn up_to(&self, s: f64) -> Self {
+        let mut d = self.control;
+        let mut control = self.control;
+        for r in 1..6 {
+            for j in 0..6 - r {
+                d[j] = std::array::from_fn(|k| (1.0 - s) * d[j][k] + s * d[j + 1][k]);
+            }
+            control[r] = d[0];
+        }
+        let length = s * self.length;
+        Self { control, length }
+    }
+    /// The curve run through the other way.
+    pub(crate) fn reversed(mut self) -> Self {
+        self.control.reverse();
+        self
+    }
 }
 
 /// The Bézier points of the quintic between two jets over an arc of a length.
@@ -291,7 +337,7 @@ fn bezier(control: &[Point3; 6], s: f64) -> (Point3, Point3) {
 }
 
 /// The quintic between two jets with its own length.
-fn piece(a: &Jet, b: &Jet) -> ([Point3; 6], f64) {
+fn piece(a: &Jet, b: &Jet) -> Bezier {
     let (nodes, weights) = gauss_legendre(8);
     let mut length = norm(sub(b.p, a.p));
     for _ in 0..6 {
@@ -299,17 +345,23 @@ fn piece(a: &Jet, b: &Jet) -> ([Point3; 6], f64) {
         let speed = |x: &f64| norm(bezier(&control, *x).1);
         length = nodes.iter().zip(&weights).map(|(x, w)| w * speed(x)).sum();
     }
-    (quintic(a, b, length), length)
+    let control = quintic(a, b, length);
+    Bezier { control, length }
 }
 
 /// The spline through points of a curve, ends included, that lies on both surfaces.
-pub(crate) fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
+fn spline(wanted: &Wanted<'_>, points: &[Point3]) -> Option<BSpline> {
+    Some(joined(&pieces(wanted, points)?))
+}
+
+/// The pieces of that spline.
+pub(crate) fn pieces(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Bezier>> {
     let start = starts(wanted, points)?;
     let mut pieces = Vec::new();
     for pair in start.windows(2) {
         refine(wanted, [pair[0], pair[1]], DEPTH, &mut pieces)?;
     }
-    Some(joined(&pieces))
+    Some(pieces)
 }
 
 /// Points of the curve between which tangents turn little.
@@ -318,7 +370,19 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     let jets: Option<Vec<Jet>> = (0..=last)
         .map(|i| {
             let direction = sub(points[(i + 1).min(last)], points[i.max(1) - 1]);
-            jet(wanted.surfaces, points[i], direction)
+            let found = jet(wanted.surfaces, points[i], direction);
+            // At an end no more than one side of it needs to have a direction.
+            let other = match i {
+                0 => near_end(wanted, points[0], direction),
+                _ if i == last => near_end(wanted, points[last], direction.map(|v| -v)),
+                _ => return found,
+            };
+            let other = other.map(|jet| if i == 0 { jet } else { jet.turned() });
+            match (found, other) {
+                (Some(a), Some(b)) if norm(sub(a.t, b.t)) <= TURNED => Some(a),
+                (_, Some(b)) => Some(b),
+                (a, None) => a,
+            }
         })
         .collect();
     let jets = jets?;
@@ -330,6 +394,17 @@ fn starts(wanted: &Wanted<'_>, points: &[Point3]) -> Option<Vec<Jet>> {
     }
     kept.push(jets[last]);
     Some(kept)
+}
+
+/// The jet at an end of the curve where a surface has no normal, as at a tip: that of a point near
+/// it in a direction, moved back.
+fn near_end(wanted: &Wanted<'_>, end: Point3, direction: Point3) -> Option<Jet> {
+    let by = NEAR * wanted.size / norm(direction);
+    let near = std::array::from_fn(|k| end[k] + by * direction[k]);
+    let Jet { p, t, k } = jet(wanted.surfaces, meet(wanted.surfaces, near), direction)?;
+    let way = norm(sub(p, end));
+    let t = std::array::from_fn(|i| t[i] - way * k[i]);
+    Some(Jet { p: end, t, k })
 }
 
 /// How far a spline may be from its surfaces, in sizes of the model.
@@ -346,36 +421,36 @@ fn refine(
     wanted: &Wanted<'_>,
     [a, b]: [Jet; 2],
     depth: usize,
-    pieces: &mut Vec<([Point3; 6], f64)>,
+    pieces: &mut Vec<Bezier>,
 ) -> Option<()> {
-    let (control, length) = piece(&a, &b);
-    let off = (1..8).map(|i| gap(wanted.surfaces, bezier(&control, f64::from(i) / 8.0).0));
+    let made = piece(&a, &b);
+    let off = (1..8).map(|i| gap(wanted.surfaces, made.at(f64::from(i) / 8.0).0));
     if off.fold(0.0, f64::max) <= spline_gap(wanted) * wanted.size {
-        pieces.push((control, length));
+        pieces.push(made);
         return Some(());
     }
     if depth == 0 {
         return None;
     }
-    let (near, direction) = bezier(&control, 0.5);
+    let (near, direction) = made.at(0.5);
     let middle = jet(wanted.surfaces, meet(wanted.surfaces, near), direction)?;
     refine(wanted, [a, middle], depth - 1, pieces)?;
     refine(wanted, [middle, b], depth - 1, pieces)
 }
 
 /// Pieces that join with two derivatives as one spline with triple knots.
-fn joined(pieces: &[([Point3; 6], f64)]) -> BSpline {
+pub(crate) fn joined(pieces: &[Bezier]) -> BSpline {
     let mut knots = vec![0.0];
-    for (_, length) in pieces {
+    for Bezier { length, .. } in pieces {
         knots.push(knots[knots.len() - 1] + length);
     }
     let n = pieces.len();
     let mut multiplicities = vec![3; n + 1];
     (multiplicities[0], multiplicities[n]) = (6, 6);
-    let mut control = pieces[0].0[..3].to_vec();
-    for (i, (b, length)) in pieces.iter().enumerate() {
+    let mut control = pieces[0].control[..3].to_vec();
+    for (i, Bezier { control: b, length }) in pieces.iter().enumerate() {
         control.push(b[3]);
-        let Some((next, _)) = pieces.get(i + 1) else {
+        let Some(Bezier { control: next, .. }) = pieces.get(i + 1) else {
             control.extend_from_slice(&b[4..]);
             break;
         };

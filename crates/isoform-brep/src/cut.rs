@@ -249,9 +249,9 @@ impl<'a> Chooser<'a> {
     /// How far a cut is from vertices and from touching the border, in lengths.
     fn score(&self, cut: &Surface) -> f64 {
         let on_all = |v: u32| {
-            self.surface
-                .apex()
-                .is_some_and(|a| norm(sub(a, self.point(v))) <= 1e-9 * self.size)
+            let tips = self.surface.tips();
+            let is_at = |a: &Point3| norm(sub(*a, self.point(v))) <= 1e-9 * self.size;
+            tips.iter().any(is_at)
         };
         let at = |v: u32| cut.distance(self.point(v)).0;
         let vertices = self.outline.vertices.iter().filter(|v| !on_all(**v));
@@ -415,7 +415,7 @@ fn divide(
 }
 
 /// Puts convex polygons, as fans, with their charts in the place of triangle t.
-fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
+pub(crate) fn replace(mesh: &mut Labelled, t: usize, polygons: &[(Vec<u32>, u128)]) {
     let (part, sheet, component) = (mesh.parts[t], mesh.sheets[t], mesh.components[t]);
     let mut is_first = true;
     for (nodes, chart) in polygons {

@@ -246,7 +246,8 @@ fn step_of<'p>(
     border: impl Iterator<Item = &'p Point3>,
     options: &FacetOptions,
 ) -> f64 {
-    let steep = if matches!(surface, Surface::Graph(_)) {
+    let has_tips = matches!(surface, Surface::Revolved(_)) && !surface.tips().is_empty();
+    let steep = if has_tips || matches!(surface, Surface::Graph(_)) {
         STEEP
     } else {
         1.0

@@ -2,13 +2,14 @@
 //!
 //! Planes and graphs are seen from above, cylinders and cones are unrolled, tori and revolved
 //! surfaces are taken by their two parameters, spheres and ellipsoids by the stereographic
-//! projection from the far side. Distances in space are no longer than about those in the chart
+//! projection from the far side; revolved surfaces with tips by the lengths of their parallels.
+//! Distances in space are no longer than about those in the chart
 //! ([`STEEP`] times on graphs).
 
 use crate::arcs::Arcs;
 use isoform_geom::Point3;
 use isoform_geom::brep::{Axes, Ellipsoid, Revolved, Surface};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// How much longer than in the chart a way on a graph may be: normals are within 50° of its z.
 pub(crate) const STEEP: f64 = 1.6;
@@ -20,6 +21,8 @@ pub(crate) struct Flat {
     surface: Surface,
     /// Where the two angles are counted from.
     starts: [f64; 2],
+    /// True if the surface ends on its axis.
+    has_tips: bool,
     /// 1, or −1 where the surface's own normal points inward.
     side: f64,
     /// A sphere as an ellipsoid.
@@ -54,6 +57,7 @@ impl Flat {
         Some(Self {
             surface: surface.clone(),
             starts,
+            has_tips: !surface.tips().is_empty(),
             side: if agrees { 1.0 } else { -1.0 },
             ball,
         })
@@ -70,6 +74,10 @@ impl Flat {
         let [x, y] = match self.surface {
             Surface::Plane(_) | Surface::Graph(_) => [a, b],
             Surface::Cylinder(_, radius) => [radius * self.turned(a, 0), b],
+            // Parallels in their own lengths: they meet in the tips.
+            Surface::Revolved(ref turned) if self.has_tips => {
+                [turned.profile(b)[0][0] * (self.turned(a, 0) - PI), b]
+            }
             Surface::Revolved(ref turned) => [widest(turned) * self.turned(a, 0), b],
             Surface::Cone(_, _, half_angle) => {
                 // Unrolled: the angle about the apex is that about the axis times sin(half angle),
@@ -96,6 +104,11 @@ impl Flat {
         let at = match self.surface {
             Surface::Plane(_) | Surface::Graph(_) => [x, y],
             Surface::Cylinder(_, radius) => [x / radius + self.starts[0], y],
+            Surface::Revolved(ref turned) if self.has_tips => {
+                let out = turned.profile(y)[0][0];
+                let turn = if out > 0.0 { x / out } else { 0.0 };
+                [turn + PI + self.starts[0], y]
+            }
             Surface::Revolved(ref turned) => [x / widest(turned) + self.starts[0], y],
             Surface::Cone(_, _, half_angle) => {
                 let out = x.hypot(y) * half_angle.cos();
@@ -124,18 +137,16 @@ fn widest(turned: &Revolved) -> f64 {
 /// The point of an ellipsoid at a scaled place of its stereographic chart ([`Ellipsoid::chart`]).
 fn on_ball(ball: &Ellipsoid, at: [f64; 2]) -> Point3 {
     let scale = 2.0 * ball.half.into_iter().fold(0.0, f64::max);
-    let [s, t] = at.map(|v| v / scale);
-    let (square, sphere) = (s * s + t * t, &ball.sphere);
-    let (e, f, g) = (sphere.x.map(|v| -v), sphere.z, sphere.y());
-    let unit = std::array::from_fn(|k| {
-        ((1.0 - square) * e[k] + 2.0 * (s * f[k] + t * g[k])) / (1.0 + square)
-    });
-    let q = ball.stretched(unit);
-    std::array::from_fn(|k| ball.axes.origin[k] + q[k])
+    ball.from_chart(at.map(|v| v / scale))
 }
 
 /// An angle that a face leaves free, the first or second parameter.
 fn free_angle(surface: &Surface, loops: &[Vec<Point3>], k: usize) -> Option<f64> {
+    // Meridians from tip to tip leave open which side of them the face is on; the frame of a face
+    // is placed with its x where the face is not.
+    if k == 0 && surface.tips().len() == 2 {
+        return Some(0.0);
+    }
     let mut arcs = Arcs::default();
     let out = |p: &Point3| {
         let [x, y, _] = surface.axes().local(*p);

@@ -15,6 +15,8 @@ use std::f64::consts::TAU;
 const NODES: [usize; 2] = [10, 20];
 /// Parts of a piece of an edge on a spline, at most.
 const MOST_PARTS: f64 = 200.0;
+/// Share of an edge from a tip to where its angle is taken.
+const NEAR: f64 = 1e-5;
 /// Nodes from knot to knot of a spline.
 const SPAN_NODES: usize = 6;
 
@@ -92,12 +94,41 @@ impl<'a> Work<'a> {
                     let (p, velocity) = self.brep.along(coedge.edge, s);
                     let rate = self.face.surface.rate_of_u(p, velocity);
                     if rate != 0.0 {
-                        sum.add(&self.up_to(p), sense * rate * weight * width);
+                        let up = self.up_to(self.face.surface.parameters(p));
+                        sum.add(&up, sense * rate * weight * width);
                     }
                 }
             }
         }
+        for tip in self.face.surface.tips() {
+            self.add_tip(tip, around, &mut sum);
+        }
         sum
+    }
+
+    /// Adds the integral along a tip of the surface, which the loop passes in one point, and the
+    /// parameters along a line.
+    fn add_tip(&self, tip: Point3, around: &[Coedge], sum: &mut Measure) {
+        let surface = &self.face.surface;
+        let v = surface.parameters(tip)[1];
+        let widest = self.brep.vertices.iter().map(|p| norm(sub(*p, tip)));
+        let near = 1e-9 * widest.fold(0.0, f64::max);
+        for (i, coedge) in around.iter().enumerate() {
+            let [_, end] = self.brep.ends_of(coedge);
+            if norm(sub(self.brep.vertices[end as usize], tip)) > near {
+                continue;
+            }
+            let angle = |c: &Coedge, share: f64| {
+                let s = if c.forward { share } else { 1.0 - share };
+                surface.parameters(self.brep.along(c.edge, s).0)[0]
+            };
+            // Near the tip, where there is an angle.
+            let before = angle(coedge, 1.0 - NEAR);
+            let turn = angle(&around[(i + 1) % around.len()], NEAR) - before;
+            for (x, weight) in self.outer.0.iter().zip(&self.outer.1) {
+                sum.add(&self.up_to([before + turn * x, v]), -turn * weight);
+            }
+        }
     }
 
     /// Parameters between which the integrand along an edge is smooth, or nearly so: on a spline
@@ -121,10 +152,9 @@ impl<'a> Work<'a> {
         finer
     }
 
-    /// The integrals along v from its base to a point.
-    fn up_to(&self, p: Point3) -> Measure {
+    /// The integrals along v from its base to a point with given parameters.
+    fn up_to(&self, [u, mut v]: [f64; 2]) -> Measure {
         let surface = &self.face.surface;
-        let [u, mut v] = surface.parameters(p);
         let mut base = surface.base_of_v();
         if matches!(surface, Surface::Torus(..)) {
             v = self.start_of_v + (v - self.start_of_v).rem_euclid(TAU);

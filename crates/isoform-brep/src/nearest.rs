@@ -163,6 +163,12 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
                 _ => direct,
             }
         }
+        Surface::Revolved(turned) => {
+            // Beyond a tip the curve would go on to the other side.
+            let [first, last] = turned.domain();
+            let [u, v] = turned.parameters(p);
+            turned.point([u, v.clamp(first, last)])
+        }
         _ => direct,
     }
 }

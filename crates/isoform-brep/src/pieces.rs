@@ -233,9 +233,7 @@ impl Found<'_> {
         let surface = self.surface(&nodes, name, bounds, solid, recognize);
         let locus = match (surface, smooth) {
             (Ok(surface), _) => Locus::Exact(surface),
-            (Err(error @ BrepError::Spindle { .. }), _) | (Err(error), None) => {
-                return Err(error);
-            }
+            (Err(error), None) => return Err(error),
             (Err(_), Some(smooth)) => Locus::Zero(smooth.field.clone()),
         };
         let limits = self.branches.iter().flat_map(|b| b.limits.iter().cloned());

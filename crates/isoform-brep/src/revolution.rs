@@ -5,9 +5,9 @@
 //! Computational Line Geometry, 2001, section 4.1), or is that of a neighbour, and the function
 //! itself says whether it is one. The profile is followed in a half-plane about the axis.
 
-use crate::curves::{Wanted, spline};
+use crate::curves::{Bezier, Wanted, joined, pieces};
 use crate::locus::{Distance, Locus};
-use crate::newton::meet;
+use crate::newton::{gap, meet};
 use crate::topology::longest_side;
 use isoform_geom::brep::{Axes, Revolved, Surface};
 use isoform_geom::{Aabb, Point3, cross, dot, sub};
@@ -32,8 +32,21 @@ const CLOSE: f64 = 1e-7;
 const PASSED: f64 = 0.3;
 /// Steps for the longest edge of the mesh after which the walk ends where no node was passed.
 const EMPTY: f64 = 2.0;
-/// Points nearer to the axis than this, in steps, are poles, which are left to other splines.
-const POLE: f64 = 1.0;
+/// Functions are followed up to this distance from the axis, in steps: nearer to it they may have
+/// no gradient.
+const POLE: f64 = 0.05;
+/// Steps to the axis from the last point that is followed, at most: of profiles that meet it at
+/// more than six degrees.
+const LAST: f64 = 10.0;
+/// Distance from the axis, in sizes of the model, at which a profile is taken to go on as the
+/// polynomial that it is by then: what this misses is of its third power.
+const TIP: f64 = 1e-6;
+/// The point there is this near to the surface, in sizes: a function that vanishes twice at its tip
+/// is good to half of the digits near it.
+const ON: f64 = 1e-9;
+/// Profiles that reach the axis within this of a right angle (its sine) have a smooth pole there,
+/// and no tip; those within this of the axis have a cusp.
+const SMOOTH: f64 = 0.02;
 
 /// A piece of a smooth surface.
 pub(crate) struct Piece<'a> {
@@ -54,7 +67,10 @@ impl Piece<'_> {
     pub(crate) fn revolved(&self) -> Option<Surface> {
         let all = self.triangles.as_flattened();
         let every = all.len().div_ceil(SAMPLES).max(1);
-        let nodes: Vec<Point3> = all.iter().step_by(every).copied().collect();
+        let nodes = all.iter().step_by(every).copied();
+        // At a tip there is no normal.
+        let has_normal = |p: &Point3| self.locus.distance(*p).1.iter().all(|v| v.is_finite());
+        let nodes: Vec<Point3> = nodes.filter(has_normal).collect();
         let is_round = |a: &Axes| self.is_round(a, &nodes);
         let known = self.axes.iter().copied().find(is_round);
         let axes = known.or_else(|| self.axis(&nodes).filter(is_round))?;
@@ -114,9 +130,9 @@ impl Piece<'_> {
                 [x.hypot(y), z]
             })
             .collect();
-        let path = Walk::new(self, axes, &places).path()?;
+        let Path { points, ends } = Walk::new(self, axes, &places).path()?;
         let in_space = |q: &[f64; 2]| axes.point([q[0], 0.0, q[1]]);
-        let points: Vec<Point3> = path.iter().map(in_space).collect();
+        let points: Vec<Point3> = points.iter().map(in_space).collect();
         let half_plane = Locus::Exact(Surface::Plane(Axes::along(axes.origin, axes.y())));
         let last = points.len() - 1;
         let wanted = Wanted {
@@ -125,15 +141,64 @@ impl Piece<'_> {
             between: &points[1..last],
             size: self.size,
         };
-        let spline = spline(&wanted, &points)?;
+        let mut pieces = pieces(&wanted, &points)?;
+        let last = pieces.len() - 1;
+        if ends[0].is_on_axis() {
+            pieces[0] = to_axis(&pieces[0].reversed(), axes)?.reversed();
+        }
+        if ends[1].is_on_axis() {
+            pieces[last] = to_axis(&pieces[last], axes)?;
+        }
+        let spline = joined(&pieces);
         let control = spline.control.iter().map(|p| axes.local(*p));
+        let mut control: Vec<[f64; 2]> = control.map(|[r, _, z]| [r, z]).collect();
+        let last = control.len() - 1;
+        for (end, i) in ends.into_iter().zip([0, last]) {
+            if end.is_on_axis() {
+                control[i][0] = 0.0;
+            }
+        }
         Some(Revolved {
             axes: *axes,
             degree: spline.degree,
             knots: spline.flat_knots(),
-            control: control.map(|[r, _, z]| [r, z]).collect(),
+            control,
         })
     }
+}
+
+/// A piece of a profile that ends near the axis, up to the axis.
+fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
+    let mut s = 1.0;
+    for _ in 0..8 {
+        let (p, velocity) = piece.at(s);
+        s -= axes.local(p)[0] / dot(velocity, axes.x);
+    }
+    // The rest is as short as the distance from the axis at which the piece ends.
+    ((s - 1.0).abs() < 0.5).then(|| piece.up_to(s))
+}
+
+/// What ends a profile.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum End {
+    /// It goes on beyond the piece.
+    Beyond,
+    /// It reaches the axis at an angle, and is followed up to a place near it.
+    Tip,
+    /// It reaches the axis at a right angle.
+    Pole,
+}
+
+impl End {
+    fn is_on_axis(self) -> bool {
+        self != Self::Beyond
+    }
+}
+
+/// Points of a profile in order, and what ends it at its first and at its last.
+struct Path {
+    points: Vec<[f64; 2]>,
+    ends: [End; 2],
 }
 
 /// The way along the profile of a surface of revolution.
@@ -156,15 +221,21 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Points of the profile in order, past all nodes and a step beyond; none if it is closed,
-    /// reaches the axis, or does not pass all nodes.
-    fn path(&self) -> Option<Vec<[f64; 2]>> {
-        let (start, tangent) = self.onto(*self.places.first()?)?;
+    /// The profile past all nodes, and a step beyond or up to the axis; none if it is closed, has
+    /// smooth poles and no tip, or does not pass all nodes.
+    fn path(&self) -> Option<Path> {
+        let is_off = |q: &&[f64; 2]| q[0] > self.step;
+        let (start, tangent) = self.onto(*self.places.iter().find(is_off)?)?;
         let mut passed = vec![false; self.places.len()];
-        let mut path = self.half(start, tangent.map(|v| -v), &mut passed)?;
-        path.reverse();
-        path.extend(self.half(start, tangent, &mut passed)?.into_iter().skip(1));
-        (path.len() > 2 && passed.into_iter().all(|p| p)).then_some(path)
+        let (mut points, first) = self.half(start, tangent.map(|v| -v), &mut passed)?;
+        points.reverse();
+        let (behind, last) = self.half(start, tangent, &mut passed)?;
+        points.extend(behind.into_iter().skip(1));
+        let ends = [first, last];
+        if ends.contains(&End::Pole) && !ends.contains(&End::Tip) {
+            return None;
+        }
+        (points.len() > 2 && passed.into_iter().all(|p| p)).then_some(Path { points, ends })
     }
 
     /// The way in one direction, with its start.
@@ -173,7 +244,7 @@ impl<'a> Walk<'a> {
         start: [f64; 2],
         mut tangent: [f64; 2],
         passed: &mut [bool],
-    ) -> Option<Vec<[f64; 2]>> {
+    ) -> Option<(Vec<[f64; 2]>, End)> {
         let empty =
             1 + (EMPTY * longest_side(self.piece.triangles.iter().copied()) / self.step) as usize;
         let (mut path, mut last_passed) = (vec![start], 0);
@@ -181,6 +252,13 @@ impl<'a> Walk<'a> {
             let from = path[path.len() - 1];
             let ahead = std::array::from_fn(|k| from[k] + self.step * tangent[k]);
             let Some((to, new)) = self.onto(ahead) else {
+                if let Some((last, tip, end)) = self.tip(from, tangent) {
+                    let near = |q: &[f64; 2]| to_segment(*q, [from, tip]) <= PASSED * self.step;
+                    let pass = self.places.iter().zip(passed.iter_mut());
+                    pass.for_each(|(q, passed)| *passed |= near(q));
+                    path.push(last);
+                    return Some((path, end));
+                }
                 break;
             };
             let side = if new[0] * tangent[0] + new[1] * tangent[1] < 0.0 {
@@ -203,7 +281,41 @@ impl<'a> Walk<'a> {
         }
         // One step beyond the last node: what is trimmed lies inside of the surface.
         path.truncate(last_passed + 2);
-        Some(path)
+        Some((path, End::Beyond))
+    }
+
+    /// The point of the profile near the axis, the point on it, and what is there, in the
+    /// direction of a tangent; none if the axis is not reached, or no node is near.
+    fn tip(&self, from: [f64; 2], tangent: [f64; 2]) -> Option<([f64; 2], [f64; 2], End)> {
+        let out = TIP * self.piece.size;
+        let steps = (out - from[0]) / tangent[0];
+        if !(0.0 < steps && steps <= LAST * self.step) {
+            return None;
+        }
+        let exact = [
+            Surface::Plane(Axes::along(self.axes.origin, self.axes.y())),
+            Surface::Cylinder(*self.axes, out),
+        ];
+        let [half_plane, around] = exact.map(Locus::Exact);
+        let all = [self.piece.locus, &half_plane, &around];
+        let start = self.axes.point([out, 0.0, from[1] + steps * tangent[1]]);
+        let p = meet(all, start);
+        let [r, _, z] = self.axes.local(p);
+        let n = self.piece.locus.distance(p).1;
+        let [nr, nz] = [dot(n, self.axes.x), dot(n, self.axes.z)];
+        let tip = [0.0, z + nr / nz * r];
+        let longest = longest_side(self.piece.triangles.iter().copied());
+        let is_reached = gap(all, p) <= ON * self.piece.size
+            && r > 0.0
+            && apart([r, z], from) <= 2.0 * LAST * self.step
+            && nz.abs() > SMOOTH
+            && self.places.iter().any(|q| apart(*q, tip) <= 2.0 * longest);
+        let end = if nr.abs() > SMOOTH {
+            End::Tip
+        } else {
+            End::Pole
+        };
+        is_reached.then_some(([r, z], tip, end))
     }
 
     /// A point of the profile near a place, and its tangent.

@@ -204,7 +204,7 @@ fn halves(
 }
 
 /// Loops pass the edge `added` where they have passed `edge`.
-fn follow(brep: &mut Brep, edge: u32, added: u32) {
+pub(crate) fn follow(brep: &mut Brep, edge: u32, added: u32) {
     for edges in brep.faces.iter_mut().flat_map(|face| &mut face.loops) {
         if let Some(k) = edges.iter().position(|c| c.edge == edge) {
             let forward = edges[k].forward;

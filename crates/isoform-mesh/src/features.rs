@@ -132,8 +132,15 @@ pub struct Features {
 impl Features {
     /// Corners that are tips of cones.
     pub(crate) fn apexes(&self) -> Vec<Corner> {
-        let is_apex = |c: &&Corner| c.kind == CornerKind::Apex;
-        self.corners.iter().filter(is_apex).cloned().collect()
+        self.of_kind(CornerKind::Apex)
+    }
+    /// Corners in which a piece touches the curve of two others.
+    pub(crate) fn contacts(&self) -> Vec<Corner> {
+        self.of_kind(CornerKind::Tangent)
+    }
+    fn of_kind(&self, kind: CornerKind) -> Vec<Corner> {
+        let is_one = |c: &&Corner| c.kind == kind;
+        self.corners.iter().filter(is_one).cloned().collect()
     }
 }
 

@@ -488,6 +488,9 @@ impl Ground<'_> {
         let region = self.extent.bounds;
         let mut apexes = self.features.apexes();
         apexes.extend(self.regions.apexes());
+        if self.regions.features.is_empty() && self.torus.is_none() {
+            apexes.extend(self.features.contacts());
+        }
         let dividers = self.regions.features.len().max(1) - 1;
         let in_focus = |focus: usize| Surface {
             seams: course.seams,

@@ -14,9 +14,11 @@
 //! - `mending`: all of these on the worst tetrahedra, in rounds;
 //! - `settling`: vertices that are off the surface are brought onto it;
 //! - `apexes`: the tips of cones get vertices.
+//! - `contacts`: borders that stand for a point of contact are contracted.
 
 mod apexes;
 mod collapses;
+mod contacts;
 mod flips;
 mod holds;
 mod insertions;
@@ -129,6 +131,7 @@ impl Optimiser<'_> {
         let goal = options.goal();
         self.turn = TURN[usize::from(options.order > 1)];
         self.run(goal);
+        self.take_contacts(goal);
         let off = self.settle(goal);
         self.take_apexes(goal);
         self.refine_surface(options.grade.unwrap_or(f64::INFINITY), goal);

@@ -3,7 +3,7 @@
 use crate::mesh_model::mesh_solid;
 use crate::{MeshModelError, MeshModelOptions, ModelMesh, solid_of};
 use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces};
-use isoform_check::Capped;
+use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
 use isoform_field::{RunField, parts_up_to};
@@ -22,6 +22,13 @@ const MOST_PARTS: usize = 1024;
 const FINER: usize = 2;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
+/// Failures of a mesh that say where its nodes are, and nothing of the solid elsewhere.
+const OF_NODES: [&str; 4] = [
+    "node-off-surface",
+    "misclassified-node",
+    "uncovered-curve",
+    "missed-corner",
+];
 
 /// Why a model has no boundary representation.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -228,8 +235,20 @@ fn left_open(mesh: &ModelMesh, built: &Built) -> Vec<String> {
         let places = &c.missed_corners.places;
         places.len() == c.missed_corners.count && places.iter().all(|p| has_vertex(p.at))
     });
+    // A border of the mesh that stands for a point has nodes on surfaces that meet there only.
+    let is_in_contact = |at: Point3| {
+        let near = |(p, reach): &(Point3, f64)| distance_squared(*p, at).sqrt() <= 2.0 * reach;
+        built.contacts.iter().any(near)
+    };
+    let is_of_contacts = |f: &Failure| {
+        let places: Vec<&Place> = f.place.iter().chain(&f.others).collect();
+        OF_NODES.contains(&f.code)
+            && places.len() >= f.count
+            && places.iter().all(|p| is_in_contact(p.at))
+    };
     let failures = mesh.certificate.failures().into_iter();
-    let open = failures.filter(|f| !(f.code == "missed-corner" && are_vertices));
+    let open =
+        failures.filter(|f| !(f.code == "missed-corner" && are_vertices) && !is_of_contacts(f));
     let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
     open.map(|f| f.to_string()).chain(warnings).collect()
 }

@@ -25,6 +25,39 @@ impl BSpline {
         }
         (d[p], velocity)
     }
+    /// Divides each span into equal ones by knots: the curve stays what it is.
+    pub fn divide(&mut self, parts: usize) {
+        let spans: Vec<[f64; 2]> = self.knots.windows(2).map(|w| [w[0], w[1]]).collect();
+        for [from, to] in spans {
+            for k in 1..parts {
+                let t = from + (to - from) * k as f64 / parts as f64;
+                self.insert(t);
+            }
+        }
+    }
+    /// Inserts a knot where there is none (Boehm 1980).
+    fn insert(&mut self, t: f64) {
+        let (p, flat) = (self.degree, self.flat_knots());
+        let span = (p..self.control.len())
+            .rfind(|k| flat[*k] <= t)
+            .unwrap_or(p);
+        let before = self.control.clone();
+        self.control = (0..=before.len())
+            .map(|i| {
+                if i + p <= span {
+                    return before[i];
+                }
+                if i > span {
+                    return before[i - 1];
+                }
+                let share = (t - flat[i]) / (flat[i + p] - flat[i]);
+                std::array::from_fn(|k| (1.0 - share) * before[i - 1][k] + share * before[i][k])
+            })
+            .collect();
+        let at = self.knots.partition_point(|k| *k < t);
+        self.knots.insert(at, t);
+        self.multiplicities.insert(at, 1);
+    }
     /// The knots, each as often as it counts.
     pub fn flat_knots(&self) -> Vec<f64> {
         let each = self.knots.iter().zip(&self.multiplicities);
@@ -116,10 +149,15 @@ mod tests {
             multiplicities: vec![4, 1, 4],
             control,
         };
-        for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
-            let (p, v) = spline.evaluate(t);
-            assert!((p[0] - t * t * t).abs() < 1e-14, "{t} {p:?}");
-            assert!(norm(sub(v, [3.0 * t * t, 0.0, 0.0])) < 1e-13, "{t} {v:?}");
+        let mut divided = spline.clone();
+        divided.divide(3);
+        assert_eq!((divided.knots.len(), divided.control.len()), (7, 9));
+        for spline in [spline, divided] {
+            for t in [0.0, 0.3, 1.0, 1.7, 2.0] {
+                let (p, v) = spline.evaluate(t);
+                assert!((p[0] - t * t * t).abs() < 1e-14, "{t} {p:?}");
+                assert!(norm(sub(v, [3.0 * t * t, 0.0, 0.0])) < 1e-13, "{t} {v:?}");
+            }
         }
     }
 }

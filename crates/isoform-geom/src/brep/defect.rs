@@ -241,9 +241,11 @@ fn check_revolved(turned: &Revolved) -> Checked {
     knots.iter().try_for_each(|t| number(*t))?;
     clamped(knots, *degree)?;
     control.iter().flatten().try_for_each(|v| number(*v))?;
+    let last = control.len().saturating_sub(1);
+    let is_off = |(i, c): (usize, &[f64; 2])| c[0] > 0.0 || (c[0] == 0.0 && (i == 0 || i == last));
     need(
-        control.iter().all(|c| c[0] > 0.0),
-        "a curve that is revolved reaches its axis",
+        control.iter().enumerate().all(is_off),
+        "a curve that is revolved reaches its axis between its ends",
     )?;
     need(
         knots.len() == control.len() + degree + 1,

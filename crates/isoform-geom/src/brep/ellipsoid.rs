@@ -28,6 +28,15 @@ impl Ellipsoid {
         let [x, y, z] = self.sphere.local(self.shrunk(p));
         [z, y].map(|v| v / (1.0 - x).max(1e-9))
     }
+    /// The point with the given parameters in that chart.
+    pub fn from_chart(&self, [s, t]: [f64; 2]) -> Point3 {
+        let (square, sphere) = (s * s + t * t, &self.sphere);
+        let (e, f, g) = (sphere.x.map(|v| -v), sphere.z, sphere.y());
+        let unit =
+            from_fn(|k| ((1.0 - square) * e[k] + 2.0 * (s * f[k] + t * g[k])) / (1.0 + square));
+        let q = self.stretched(unit);
+        from_fn(|k| self.axes.origin[k] + q[k])
+    }
     /// With the frame of the sphere along the half axes.
     pub fn new(axes: Axes, half: [f64; 3]) -> Self {
         let sphere = Axes {

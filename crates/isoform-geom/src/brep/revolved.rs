@@ -5,7 +5,7 @@ use super::{Axes, Basis};
 use crate::{Point3, cross, dot};
 use std::array::from_fn;
 
-/// A curve in the half-plane about z, turned about z. Its parameters are the angle, in radians, and
+/// A curve in the half-plane about z, turned about z; only its ends may lie on z. Its parameters are the angle, in radians, and
 /// that of the curve.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Revolved {

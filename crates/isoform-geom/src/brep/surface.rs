@@ -190,6 +190,20 @@ impl Surface {
         }
     }
 
+    /// Where a surface about an axis ends on it: the apex of a cone, the ends of a revolved curve
+    /// that lie on the axis.
+    pub fn tips(&self) -> Vec<Point3> {
+        match self {
+            Self::Revolved(turned) => {
+                let ends = [turned.control.first(), turned.control.last()];
+                let on_axis = ends.into_iter().flatten().filter(|c| c[0] == 0.0);
+                let at = |c: &[f64; 2]| turned.axes.point([0.0, 0.0, c[1]]);
+                on_axis.map(at).collect()
+            }
+            _ => self.apex().into_iter().collect(),
+        }
+    }
+
     /// The apex of a cone.
     pub fn apex(&self) -> Option<Point3> {
         match *self {
@@ -271,6 +285,19 @@ mod tests {
             assert!((surface.rate_of_u(p, along(0)) - 1.0).abs() < 1e-9);
             assert!(surface.rate_of_u(p, along(1)).abs() < 1e-9);
         }
+    }
+
+    #[test]
+    fn tips_lie_on_the_axis() {
+        let axes = Axes::along([0.3, -0.2, 0.1], [0.6, 0.0, 0.8]);
+        let mut drop = vase(axes);
+        assert!(Surface::Revolved(Arc::new(drop.clone())).tips().is_empty());
+        drop.control[0][0] = 0.0;
+        let drop = Surface::Revolved(Arc::new(drop));
+        assert_eq!(drop.tips(), [axes.origin]);
+        assert!(drop.distance(axes.origin).0.abs() < 1e-15);
+        let cone = Surface::Cone(axes, 0.0, 0.4);
+        assert_eq!(cone.tips(), [axes.origin]);
     }
 
     #[test]

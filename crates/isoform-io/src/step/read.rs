@@ -277,6 +277,7 @@ impl<'f> Reader<'f> {
         let all = spline.control.iter();
         let farthest = all.max_by(|p, q| out(p).total_cmp(&out(q)));
         let farthest = farthest.ok_or_else(other)?;
+        let rounding = 16.0 * f64::EPSILON * (out(farthest) + norm(origin));
         let axes = Axes {
             origin,
             z,
@@ -286,7 +287,9 @@ impl<'f> Reader<'f> {
         let control = spline
             .control
             .iter()
-            .map(|p| [axes.local(*p)[0], axes.local(*p)[2]]);
+            .map(|p| axes.local(*p))
+            // An end on the axis is there to rounding.
+            .map(|[r, _, z]| [if r.abs() <= rounding { 0.0 } else { r }, z]);
         let turned = Revolved {
             axes,
             degree: spline.degree,

@@ -33,8 +33,9 @@ const FARTHER: [f64; 4] = [1.0, 4.0, 16.0, 48.0];
 /// Part of the way to a probe by which a curve may miss its tangent there.
 const MISS: f64 = 0.3;
 /// Part of the way to the nearest probe within which a branch point is the point itself, and within
-/// which two probes are one.
-const SAME: [f64; 2] = [0.01, 1e-3];
+/// which two probes are one: they are exact to rounding, and curves that touch are apart there by
+/// the way times half of the difference of their curvatures.
+const SAME: [f64; 2] = [0.01, 1e-6];
 /// Cosine, but for this, above which two half-lines are one.
 const ONE_LINE: f64 = 1e-9;
 

@@ -33,23 +33,30 @@ impl Optimiser<'_> {
         if self.surface.apexes.is_empty() {
             return;
         }
-        for near in self.near_apexes() {
+        for near in self.near_apexes(&self.surface.apexes) {
             if let Some(&(_, v)) = near.first().filter(|n| n.0 == 0.0) {
                 self.hold[v as usize] = Hold::Fixed;
             }
         }
     }
 
-    /// Moves vertices onto the tips of cones, and mends what is around them; step by step where
-    /// that does not allow the whole way yet.
+    /// Moves vertices onto the tips of cones, and onto points of contact where there is none yet.
     pub(super) fn take_apexes(&mut self, goal: f64) {
-        let apexes = &self.surface.apexes;
-        let mut on_the_way: Vec<Option<u32>> = vec![None; apexes.len()];
+        let corners = self.surface.apexes.iter();
+        self.take(corners.map(|c| (c.clone(), None)).collect(), goal);
+        let across = self.contract_across();
+        self.take(across, goal);
+    }
+
+    /// Moves vertices onto corners, those given with them or any that may go there, and mends what
+    /// is around them; step by step where that does not allow the whole way yet.
+    pub(super) fn take(&mut self, corners: Vec<(Corner, Option<u32>)>, goal: f64) {
+        let (apexes, mut on_the_way): (Vec<Corner>, Vec<Option<u32>>) = corners.into_iter().unzip();
         for _ in 0..STEPS {
             if apexes.is_empty() || self.control.is_stopped() {
                 break;
             }
-            let near = self.near_apexes();
+            let near = self.near_apexes(&apexes);
             let mut moved = Vec::new();
             for ((apex, near), v) in apexes.iter().zip(near).zip(&mut on_the_way) {
                 if let Some(next) = self.approach(apex, &near, *v) {
@@ -72,8 +79,7 @@ impl Optimiser<'_> {
     }
 
     /// The vertices of the surface around each tip with their distances, nearest first.
-    fn near_apexes(&self) -> Vec<Vec<(f64, u32)>> {
-        let apexes = &self.surface.apexes;
+    pub(super) fn near_apexes(&self, apexes: &[Corner]) -> Vec<Vec<(f64, u32)>> {
         let reach = REACH * self.size;
         let bin = |p: Point3| p.map(|v| (v / reach).floor() as i64);
         let mut bins: HashMap<[i64; 3], Vec<usize>> = HashMap::new();

@@ -113,6 +113,24 @@ impl Optimiser<'_> {
         Some(left.worst)
     }
 
+    /// Pulls `u` onto `w` whatever holds them, if all tetrahedra stay upright and the complex a
+    /// manifold; `ring` is that of their edge. True if that is done.
+    pub(super) fn contract(&mut self, pull: Pull, ring: &Ring) -> bool {
+        let (mut star, mut other) = (Vec::new(), Vec::new());
+        self.complex.star(pull.u, &mut star);
+        self.complex.star(pull.w, &mut other);
+        let Some(mut left) = self.collapsed(&star, pull, 0.0) else {
+            return false;
+        };
+        let faces = self.faces_at(&star, pull.u);
+        let is_fit = self.collapse_faces(&faces, pull, 0.0, &mut left).is_some()
+            && keeps_topology(&self.complex, [(pull.u, &star), (pull.w, &other)], ring);
+        if is_fit {
+            self.apply_collapse(pull, &star, &left);
+        }
+        is_fit
+    }
+
     /// The tetrahedra that a collapse would leave of the star of `u`; none if any of them is not
     /// better than `bound`.
     fn collapsed(&self, star: &[u32], pull: Pull, bound: f64) -> Option<Collapsed> {

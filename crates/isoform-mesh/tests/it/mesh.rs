@@ -54,6 +54,28 @@ fn sagitta(mesh: &Mesh) -> f64 {
     mesh.triangles.iter().map(off).fold(0.0, f64::max)
 }
 
+/// A boss that is flush with the side of its block, and a post inside of its base.
+#[test]
+fn a_face_that_runs_out_in_two_cusps_has_a_node_between_them() {
+    let boss = "m(x[3], a[1]) { array v[3], p[3]; v = [-10, -5, 0]; p = [7, 0, 0];
+        m = hfBlock(x, v, 20, 10, 4) | (hfCylinderZ(x, p, 3) & x[3] & (8 - x[3])); }";
+    let post = "m(x[3], a[1]) { array o[3], p[3]; o = [0, 0, 0]; p = [2.4, 1.8, 0];
+        m = (hfCylinderZ(x, o, 5) & x[3] & (10 - x[3]))
+            | (hfCylinderZ(x, p, 2) & x[3] & (12 - x[3])); }";
+    for (text, at) in [(boss, [10.0, 0.0, 4.0]), (post, [4.0, 3.0, 10.0])] {
+        let options = Options {
+            size: 0.6,
+            ..Options::default()
+        };
+        let (meshed, _) = meshed(text, &options);
+        let nodes = meshed.mesh.points.iter();
+        let nearest = nodes
+            .map(|p| norm(sub(*p, at)))
+            .fold(f64::INFINITY, f64::min);
+        assert!(nearest < 1e-12, "{text}: {nearest}");
+    }
+}
+
 #[test]
 fn the_part_has_its_faces_edges_corners_and_volume() {
     let (meshed, certificate) = meshed(

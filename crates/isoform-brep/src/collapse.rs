@@ -1,0 +1,142 @@
+//! Edges of the mesh that stand for one point.
+//!
+//! Where a boss is flush with the side of its block the face between them runs out in two cusps at
+//! the point of contact. A mesh does not resolve them: there boss and side have a short border in
+//! common, both ends of which are the point of contact. It is contracted.
+
+use crate::cut::{Labelled, replace};
+use crate::locus::{Distance, Locus};
+use crate::newton::meet;
+use crate::topology::{Chain, Side, ends_of};
+use crate::vertices::vertex;
+use isoform_geom::{Point3, cross, norm, sub};
+use std::collections::{BTreeMap, BTreeSet};
+
+/// Ends of a border this near to one another, in sizes of the model, are one point.
+const SAME: f64 = 1e-9;
+/// Sine of the angle below which two surfaces touch in a point.
+const TOUCHING: f64 = 1e-6;
+
+/// A border that stands for a point.
+pub(crate) struct Collapsed {
+    nodes: Vec<u32>,
+    at: Point3,
+}
+
+impl Collapsed {
+    /// The point, and how far the nodes of the border are away.
+    pub(crate) fn extent(&self, mesh: &Labelled) -> (Point3, f64) {
+        let nodes = self.nodes.iter().map(|v| mesh.points[*v as usize]);
+        let reach = nodes.map(|p| norm(sub(p, self.at))).fold(0.0, f64::max);
+        (self.at, reach)
+    }
+}
+
+/// The chain that stands for a point, if there is one; `loci` are those of the sheets.
+pub(crate) fn find(
+    mesh: &Labelled,
+    across: &[[Side; 3]],
+    chains: &[Chain],
+    loci: &[Locus],
+    size: f64,
+) -> Option<Collapsed> {
+    let mut around: BTreeMap<u32, BTreeSet<u32>> = BTreeMap::new();
+    for chain in chains {
+        for v in [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]] {
+            around.entry(v).or_default();
+        }
+    }
+    for (corners, sheet) in mesh.triangles.iter().zip(&mesh.sheets) {
+        for v in corners {
+            if let Some(sheets) = around.get_mut(v) {
+                sheets.insert(*sheet);
+            }
+        }
+    }
+    chains.iter().find_map(|chain| {
+        let (t, k) = chain.sides[0];
+        let sheets = [t, across[t as usize][k as usize].0].map(|t| mesh.sheets[t as usize]);
+        let [a, b] = sheets.map(|s| &loci[s as usize]);
+        let ends = [chain.nodes[0], chain.nodes[chain.nodes.len() - 1]];
+        if sheets[0] == sheets[1] || ends[0] == ends[1] {
+            return None;
+        }
+        let contact = |v: u32| {
+            let of: Vec<Locus> = around[&v]
+                .iter()
+                .map(|s| loci[*s as usize].clone())
+                .collect();
+            let (p, is_contact) = vertex(&of, mesh.points[v as usize], size);
+            is_contact.then_some(p)
+        };
+        let [at, other] = [contact(ends[0])?, contact(ends[1])?];
+        let sine = norm(cross(a.distance(at).1, b.distance(at).1));
+        let is_point = norm(sub(at, other)) <= SAME * size && sine <= TOUCHING;
+        let nodes = chain.nodes.clone();
+        is_point.then_some(Collapsed { nodes, at })
+    })
+}
+
+/// Contracts the border to a node. The edges that lead to it are divided first: then no two of them
+/// become one.
+pub(crate) fn contract(
+    mesh: &mut Labelled,
+    across: &[[Side; 3]],
+    border: &Collapsed,
+    loci: &[Locus],
+) {
+    let own: BTreeSet<u32> = border.nodes.iter().copied().collect();
+    let node = border.nodes[0];
+    let star = |corners: &[u32; 3]| corners.iter().any(|v| own.contains(v));
+    let star: Vec<usize> = (0..mesh.triangles.len())
+        .filter(|t| star(&mesh.triangles[*t]))
+        .collect();
+    mesh.points[node as usize] = border.at;
+    let mut middles: BTreeMap<[u32; 2], u32> = BTreeMap::new();
+    for &t in &star {
+        for k in 0..3u8 {
+            let [a, b] = ends_of(&mesh.triangles[t], k);
+            let key = [a.min(b), a.max(b)];
+            if own.contains(&a) == own.contains(&b) || middles.contains_key(&key) {
+                continue;
+            }
+            let from = |v: u32| {
+                if own.contains(&v) {
+                    border.at
+                } else {
+                    mesh.points[v as usize]
+                }
+            };
+            let [p, q] = [from(a), from(b)];
+            let half: Point3 = std::array::from_fn(|i| 0.5 * (p[i] + q[i]));
+            let other = across[t][k as usize].0 as usize;
+            let both = [t, other].map(|t| &loci[mesh.sheets[t] as usize]);
+            let on = meet(both, half);
+            let is_near = norm(sub(on, half)) <= 0.5 * norm(sub(p, q));
+            middles.insert(key, mesh.points.len() as u32);
+            mesh.points.push(if is_near { on } else { half });
+        }
+    }
+    for t in star {
+        let corners = mesh.triangles[t];
+        let mut inner = vec![node];
+        let mut outer = Vec::new();
+        // Counterclockwise from the first of the corners on the border.
+        let first =
+            (0..3).find(|k| own.contains(&corners[*k]) && !own.contains(&corners[(*k + 2) % 3]));
+        let Some(first) = first else { continue };
+        for n in 0..3 {
+            let [a, b] = ends_of(&corners, ((first + n) % 3) as u8);
+            let middle = middles.get(&[a.min(b), a.max(b)]);
+            if !own.contains(&a) {
+                outer.push(a);
+            }
+            if let Some(middle) = middle {
+                inner.push(*middle);
+                outer.push(*middle);
+            }
+        }
+        let chart = mesh.charts[t];
+        replace(mesh, t, &[(inner, chart), (outer, chart)]);
+    }
+}
