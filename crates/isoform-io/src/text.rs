@@ -44,9 +44,12 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
         .take(3)
         .collect();
     let numbers = |l: &&str, most: usize| {
-        let (separator, _) = Separator::of(l);
+        let (separator, decimal) = Separator::of(l);
         let fields = separator.split(l).take(most);
-        fields.filter(|(_, f)| parse_number(f).is_some()).count()
+        let mut scratch = String::new();
+        fields
+            .filter(|(_, f)| number(f, decimal, &mut scratch).is_some())
+            .count()
     };
     let is_table = lines.iter().any(|l| header(l).is_some_and(|h| h.1))
         && lines.iter().any(|l| numbers(l, MAX_COLUMNS) >= 3);
@@ -423,7 +426,10 @@ impl Reader<'_, '_> {
         let (separator, decimal) = *self.separator.get_or_insert_with(|| Separator::of(line));
         self.values.clear();
         if is_first {
-            self.take_names(separator.split(line).count());
+            let fields = separator.split(line).count();
+            let is_open = matches!(separator, Separator::Char(c) if line.ends_with(c));
+            let is_one_short = self.names.as_ref().is_some_and(|n| n.len() == fields + 1);
+            self.take_names(fields + usize::from(is_open && is_one_short));
         }
         let mut commas = String::new();
         for (at, field) in separator.split(line) {
@@ -650,6 +656,20 @@ mod tests {
     }
 
     #[test]
+    fn tables_are_known_by_their_content() {
+        for (text, is_table) in [
+            ("X;Y;Z\n1,5;2,5;3,5\n", true),
+            ("1,5;2,5;3,5\n", true),
+            ("name,x,y,z\nP1,1,2,3\n", true),
+            ("\"X\",\"Y\",\"Z\"\n\"1\",\"2\",\"3\"\n", true),
+            ("x y z\nand other words\n", false),
+            ("m(x[3], a[2]) {\n m = x + y + z;\n}\n", false),
+        ] {
+            assert_eq!(sniff(text.as_bytes()) == Sniff::Maybe, is_table, "{text}");
+        }
+    }
+
+    #[test]
     fn names_may_follow_other_lines() {
         let want = [[1.5, 2.0, 3.0], [4.0, 5.0, 6.5]];
         for (text, unit) in [
@@ -680,6 +700,13 @@ mod tests {
             assert_eq!(cloud.points, want, "{text}");
             assert_eq!(report.units.as_deref(), unit, "{text}");
         }
+        // The first row may leave out the last column.
+        let (cloud, report) = read_as("t.csv", "x,y,z,t\n1,2,3,\n4,5,6,7\n").expect("valid");
+        assert_eq!(
+            (&*cloud.columns[0].name, cloud.columns[0].values[1]),
+            ("t", 7.0)
+        );
+        assert_eq!(report.warnings.len(), 1, "{:?}", report.warnings);
         for text in [
             "1 2\n3 4 5\n",
             "v 1 2 3\n",

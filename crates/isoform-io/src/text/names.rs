@@ -239,8 +239,8 @@ impl Meaning {
     }
 }
 
-/// True if a column of this name, with coordinates `x`, `y` and `z`, is taken for one of them, for a
-/// normal or a colour.
+/// True if a column of this name, with coordinates `x`, `y` and `z`, is taken for one of them, for
+/// a normal or a colour.
 pub(crate) fn has_role(name: &str) -> bool {
     match Meaning::of(name).role {
         Some((Role::Position(_), rank)) => rank == Rank::Exact,
