@@ -224,7 +224,7 @@ if [ "$extent" = part ]; then
   done
 fi
 later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
-run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover; }
+run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover/cup; }
 later check "recover on the built-in scan" run_recover
 
 if [ ! -d "$checks" ]; then

@@ -56,7 +56,7 @@ no_compiler() {
     done
     ldd --version | head -n 1'
 }
-is_report() { [ -s "$1/isoform-recover/report.html" ] && ls -l "$1/isoform-recover"; }
+is_report() { [ -s "$1/isoform-recover/cup/report.html" ] && ls -l "$1/isoform-recover/cup"; }
 
 program_in() {
   local suite=$1 archive=$2

@@ -42,11 +42,11 @@ pub(crate) struct Args {
     region: Option<Aabb>,
     /// Length of the edges of the mesh that the topology comes from [default: a fortieth of the
     /// diagonal]
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     size: Option<f64>,
     /// How far faces may be from the model, in its units [default: 1e-6 of its largest side]; exact
     /// faces are 1e-8 of it or nearer, whatever is asked for
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     tol: Option<f64>,
     /// Unit of length to state: um, mm, cm, m, in or ft [default: as annotated, else mm]
     #[arg(long, value_name = "UNIT")]
@@ -82,7 +82,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         ..MeshModelOptions::default()
     };
     options.mesh.region = args.region;
-    let made = make(subject, &options, args.tol, context)?;
+    let made = make(subject, &options, args.tol, &context.control(), context)?;
     made.say(context);
     let subject = &made.subject;
     let said = Statement {
@@ -122,13 +122,14 @@ pub(crate) fn make(
     subject: Subject,
     options: &MeshModelOptions,
     tolerance: Option<f64>,
+    control: &Control<'_>,
     context: &Context,
 ) -> Result<Made, Failure> {
     let phases = Phases::new(context);
     let show = |phase: &str, _: f64| phases.enter(phase);
     let control = Control {
         progress: Some(&show),
-        ..context.control()
+        ..*control
     };
     let Subject { model, values, .. } = &subject;
     let solid = brep_model(model, values, options, tolerance, &control)
@@ -225,6 +226,7 @@ pub(crate) fn text(report: &BrepReport) -> String {
     let worst = report.faces.iter().map(|f| f.max_distance);
     let worst = worst.fold(0.0, f64::max);
     let seconds: f64 = report.seconds.0.iter().map(|s| s.1).sum();
+    let unit = report.model.unit.as_deref();
     let verdict = if report.ok { "holds" } else { "does not hold" };
     let mut lines = vec![
         line(
@@ -236,8 +238,8 @@ pub(crate) fn text(report: &BrepReport) -> String {
             "edges",
             format!("{}, {} vertices", report.edges, report.vertices),
         ),
-        line("volume", report.volume.to_string()),
-        line("area", report.area.to_string()),
+        line("volume", output::measure(report.volume, unit, 3)),
+        line("area", output::measure(report.area, unit, 2)),
         line(
             "gaps",
             format!("{:.1e} at edges, {worst:.1e} from the model", report.gap),

@@ -3,7 +3,7 @@
 use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use crate::scan;
+use crate::{scan, solids};
 use isoform::io::{
     MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_named, write, write_mesh,
     write_mesh_path, write_path,
@@ -64,6 +64,15 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"),
         )
     };
+    let named = args.to.iter().map(|to| PathBuf::from(format!("part.{to}")));
+    let outputs: Vec<PathBuf> = named.chain([args.output.clone()]).collect();
+    solids::refuse(&outputs, |path| {
+        let file = args.file.display();
+        match is_model(&args.file, args.from.as_ref()) {
+            true => format!("isoform brep {file} -o {path}"),
+            false => format!("isoform recover {file} -o {path}"),
+        }
+    })?;
     let json = json!({"verb": "convert", "input": args.file.display().to_string(), "output": args.output.display().to_string()});
     match (
         is_model(&args.file, args.from.as_ref()),

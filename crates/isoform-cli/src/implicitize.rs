@@ -43,7 +43,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", conflicts_with = "tol", value_parser = clap::value_parser!(u32).range(1..))]
     cells: Option<u32>,
     /// Smaller cells where points are farther than this from the surface
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     tol: Option<f64>,
     /// One polynomial of at most this total degree in place of a spline
     #[arg(
@@ -57,7 +57,7 @@ pub(crate) struct Args {
     #[arg(long, value_enum, default_value_t = NormalsName::Auto)]
     normals: NormalsName,
     /// The weight of smoothness; more of it rounds edges and averages noise
-    #[arg(long, value_name = "WEIGHT", default_value_t = Options::default().smoothing, value_parser = output::positive)]
+    #[arg(long, value_name = "WEIGHT", default_value_t = Options::default().smoothing, allow_negative_numbers = true, value_parser = output::positive)]
     smoothing: f64,
     /// Format of the scan, where its name does not tell it
     #[arg(long, value_name = "FORMAT")]

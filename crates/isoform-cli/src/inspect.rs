@@ -109,7 +109,11 @@ fn solid(path: &Path, file: &SolidFile) -> Outcome {
     let report = SolidReport::new(&name, solids::format(path), file);
     let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
     let stated = &report.stated;
-    let beside = |measured: f64, stated: f64| format!("{measured} (stated {stated})");
+    let unit = report.unit.as_deref();
+    let beside = |measured: f64, stated: f64, power| {
+        let [measured, stated] = [measured, stated].map(|v| output::measure(v, unit, power));
+        format!("{measured} (stated {stated})")
+    };
     let [x, y, z] = report.centroid.map(brief);
     let lines = [
         ("name", report.name.clone()),
@@ -126,8 +130,8 @@ fn solid(path: &Path, file: &SolidFile) -> Outcome {
             "edges",
             format!("{}, {} vertices", report.edges, report.vertices),
         ),
-        ("volume", beside(report.volume, stated.volume)),
-        ("area", beside(report.area, stated.area)),
+        ("volume", beside(report.volume, stated.volume, 3)),
+        ("area", beside(report.area, stated.area, 2)),
         ("centroid", format!("({x}, {y}, {z})")),
         (
             "gaps",

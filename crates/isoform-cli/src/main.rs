@@ -21,6 +21,7 @@ mod parameterize;
 mod progress;
 mod recognize;
 mod recover;
+mod recover_folder;
 mod render;
 mod report;
 mod scan;
@@ -130,6 +131,7 @@ fn main() -> ExitCode {
     let is_fit = matches!(cli.verb, Verb::Fit(_) | Verb::Recover(_));
     if is_fit {
         keep_freed_memory();
+        context.whole = Some(progress::Whole::new());
     }
     let work = || {
         output::finish(&mut context, |context| {

@@ -7,6 +7,7 @@
 
 use crate::inputs::Inputs;
 use crate::interrupt;
+use crate::progress::Whole;
 use crate::watchdog;
 use clap::ArgAction;
 use isoform::Control;
@@ -69,7 +70,8 @@ pub(crate) struct Global {
     /// Say more on stderr
     #[arg(short, long, global = true, action = ArgAction::Count)]
     pub(crate) verbose: u8,
-    /// Let results overwrite the files that they come from
+    /// Let results overwrite the files that they come from, and recover make the solid of a fit that
+    /// is in doubt
     #[arg(long, global = true)]
     pub(crate) force: bool,
     /// Stop after this time with the best so far: 30s, 2m, 1h
@@ -105,6 +107,8 @@ pub(crate) struct Context {
     pub(crate) deadline: Option<Instant>,
     /// What is read, and must not be written over.
     pub(crate) inputs: Inputs,
+    /// One bar for all stages, of verbs that have several.
+    pub(crate) whole: Option<Whole>,
 }
 
 impl Context {
@@ -126,6 +130,7 @@ impl Context {
             global,
             deadline,
             inputs: Inputs::default(),
+            whole: None,
         }
     }
     /// Ends work at Ctrl-C and at the time limit.
@@ -144,6 +149,12 @@ impl Context {
     pub(crate) fn warn(&self, message: impl Display) {
         if !self.global.quiet {
             say(format_args!("warning: {message}"));
+        }
+    }
+    /// A line on stderr about what is going on.
+    pub(crate) fn say(&self, message: impl Display) {
+        if !self.global.quiet {
+            say(message);
         }
     }
     /// A line on stderr about what is going on, with -v.
@@ -432,11 +443,14 @@ pub(crate) fn usage(error: &clap::Error) -> ExitCode {
     let _ = error.print();
     if std::env::args_os().any(|a| a == "--json") {
         let text = error.render().to_string();
-        let message = text
+        // The first paragraph: what is missing stands in lines of its own.
+        let lines: Vec<&str> = text
             .lines()
-            .next()
-            .unwrap_or_default()
-            .trim_start_matches("error: ");
+            .map(str::trim)
+            .take_while(|l| !l.is_empty())
+            .collect();
+        let message = lines.join(" ");
+        let message = message.trim_start_matches("error: ");
         let failure = Failure::usage(message).hint("isoform --help");
         let _ = to_stdout(&document(false, json!({"error": failure.json()})));
     }
@@ -561,6 +575,24 @@ pub(crate) fn region(text: &str) -> Result<Aabb, String> {
     }
 }
 
+/// A length (power 1), an area (2) or a volume (3) to ten digits, with its unit if it is known.
+pub(crate) fn measure(v: f64, unit: Option<&str>, power: usize) -> String {
+    let digits = (9 - v.abs().max(1e-9).log10().floor() as i32).clamp(0, 17) as usize;
+    let number = if v == 0.0 || (1e-6..1e12).contains(&v.abs()) {
+        let fixed = format!("{v:.digits$}");
+        match fixed.contains('.') {
+            true => fixed.trim_end_matches('0').trim_end_matches('.').to_owned(),
+            false => fixed,
+        }
+    } else {
+        format!("{v:e}")
+    };
+    match unit.filter(|u| !u.is_empty()) {
+        Some(unit) => format!("{number} {unit}{}", ["", "", "²", "³"][power]),
+        None => number,
+    }
+}
+
 /// A report as JSON.
 pub(crate) fn json_of(report: &impl Serialize) -> Value {
     serde_json::to_value(report).expect("reports have texts for keys")
@@ -576,6 +608,19 @@ pub(crate) fn add(json: &mut Value, more: Value) {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn measures_have_ten_digits_and_a_unit() {
+        assert_eq!(measure(24591.080299382007, Some("mm"), 3), "24591.0803 mm³");
+        assert_eq!(measure(24591.123456789, None, 3), "24591.12346");
+        assert_eq!(measure(100.0, Some("in"), 2), "100 in²");
+        assert_eq!(
+            measure(0.00012345678901234, Some("m"), 1),
+            "0.000123456789 m"
+        );
+        assert_eq!(measure(12345678901.5, None, 3), "12345678902");
+        assert_eq!(measure(0.0, Some("mm"), 3), "0 mm³");
+    }
 
     #[test]
     fn durations() {

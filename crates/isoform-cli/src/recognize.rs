@@ -3,9 +3,9 @@
 use crate::interrupt;
 use crate::output::{self, Context, Failure, INPUT, NO_RESULT, Outcome};
 use crate::progress::Progress;
-use crate::scan;
+use crate::{mesh, scan, solids};
 use isoform::geom::{Column, PointCloud};
-use isoform::io::{WriteOptions, write};
+use isoform::io::{WriteOptions, format_named, write};
 use isoform::recognize::{Error, ProposeError};
 use isoform::report::{
     LayoutReport, MotionReport, Parameters, PatternReport, RecognizeReport, SnapReport,
@@ -38,7 +38,7 @@ pub(crate) struct Args {
     scan: PathBuf,
     /// How far points lie from their surface: the standard deviation; where it is larger than their
     /// noise, how far the object's form may be off [default: as the points show]
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     tol: Option<f64>,
     /// The fewest points of an entity
     #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
@@ -62,9 +62,7 @@ pub(crate) struct Args {
 const FREE: f64 = 0.5;
 
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    for path in &args.output {
-        output::check_folder(path)?;
-    }
+    check(args)?;
     let started = Instant::now();
     let cloud = scan::read_vertices(&args.scan, args.from.as_deref(), context)?;
     let options = RecognizeOptions {
@@ -98,6 +96,29 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(Outcome::of(output::exit(true), json, Vec::new(), || {
         text(&report, &args.output)
     }))
+}
+
+/// Finds out before the work whether every file can be written.
+fn check(args: &Args) -> Result<(), Failure> {
+    let scan = args.scan.display();
+    solids::refuse(&args.output, |path| {
+        format!("isoform recover {scan} -o {path}")
+    })?;
+    for path in &args.output {
+        let ending = path.extension().unwrap_or_default().to_string_lossy();
+        let is_known = matches!(&*ending, "json" | "hf")
+            || format_named(&ending).is_some_and(|f| f.is_writable());
+        if !is_known {
+            let message = format!("{}: no result is written with this ending", path.display());
+            let hint = match mesh::files::is_mesh(path) {
+                true => format!("isoform recover {scan} -o {}", path.display()),
+                false => "-o with .json, .ply, .xyz, .csv or .hf".to_owned(),
+            };
+            return Err(Failure::usage(message).hint(hint));
+        }
+        output::check_folder(path)?;
+    }
+    Ok(())
 }
 
 /// Makes the relations exact; those that are dropped are said.

@@ -8,6 +8,7 @@ use crate::mesh::{self, files::Target};
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
 use crate::recognize;
+use crate::recover_folder as folder;
 use crate::solids;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{Beside, Finding};
@@ -24,8 +25,6 @@ const PROPOSED: &str = "proposed template";
 /// Points in which entities are recognised at most: all are fitted. More find smaller faces, and
 /// take longer.
 const RECOGNIZED: usize = 100_000;
-/// The folder that results go to without -o.
-const FOLDER: &str = "isoform-recover";
 
 /// Recovers a model from a scan: fit, deviations, mesh and report in one go
 #[derive(clap::Args)]
@@ -36,13 +35,17 @@ Examples:
   isoform recover scan.ply bottle -o bottle.hf -o report.html
   isoform recover scan.ply part.hf -o part.inp --size 0.5
   isoform recover scan.ply part.hf -o part.step
+  isoform recover scan.ply -o results/
 
 Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
 spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
 of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the folder
-isoform-recover; and part.step, the solid of exact faces for CAD, if SCAN is given, the fit is accepted
-and the certificate of the solid holds. With -o part.msh, .inp, .vtu, .stl and the like the fitted model
-is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep.
+isoform-recover/NAME, NAME being that of the scan (NAME-2 for another scan of that name; scan.txt says
+which it is), and with -o FOLDER/ to that folder; and part.step, the solid of exact faces for CAD, if
+SCAN is given, the fit is accepted and the certificate of the solid holds. What an earlier run left in
+the folder of the scan is removed first. With -o part.msh, .inp, .vtu, .stl and the like the fitted
+model is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep: of a fit
+that is in doubt only with --force. A solid may take five minutes; --time-limit sets another limit.
 Exit codes are those of fit, and 3 where the mesh or a solid asked for is not certified or a proposed
 template leaves a fiftieth of the points, or a side that was not seen. Where a stage fails the code is
 its own, and what was made before it is written.")]
@@ -57,8 +60,8 @@ pub(crate) struct Args {
     #[command(flatten)]
     mesh: mesh::Settings,
     /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
-    /// .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...
-    #[arg(short, long, value_name = "FILE")]
+    /// .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...; or, to FOLDER/, what there is without -o
+    #[arg(short, long, value_name = "FILE|FOLDER/")]
     output: Vec<PathBuf>,
 }
 
@@ -68,14 +71,15 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let named = if is_proposed { PROPOSED } else { TEMPLATE };
     let template = args.template.clone().unwrap_or_else(|| named.into());
     let request = args.options.request(&template);
-    // What the template says wrong is said before a folder is made.
     let read = || gallery::template(&template, &request.language, context);
     let model = if is_proposed { None } else { Some(read()?) };
-    let outputs = Outputs::of(args, context)?;
+    let mut outputs = Outputs::of(args, context)?;
     let scan = match &args.scan {
         Some(path) => job::read_scan(path, None, None, context)?,
         None => embedded(),
     };
+    // What is wrong with the template or the scan is said before a folder is made.
+    outputs.make_folders(args, context)?;
     let (scan, model, proposal) = match model {
         Some(model) => (scan, model, None),
         None => {
@@ -101,6 +105,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     if let Some(proposal) = &proposal {
         told.add_proposal(proposal);
     }
+    told.print(context)?;
     if !outputs.solid.paths.is_empty() {
         told.add_solid(solid::tell(
             &job,
@@ -109,7 +114,9 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             context,
         ));
     }
+    told.print(context)?;
     if !outputs.meshes.is_empty() {
+        context.say("meshing the fitted model");
         let made = output::stage("mesh of the fitted model", || {
             fitted_mesh(
                 &job,
@@ -179,17 +186,18 @@ struct Outputs {
     solid: solid::Wanted,
     /// Its meshes.
     meshes: Vec<Target>,
+    /// Folders for the results that there are without -o.
+    folders: Vec<PathBuf>,
 }
 
 impl Outputs {
-    /// Those that were asked for, else those in a folder that is made for them.
+    /// Those that were asked for; folders are not made yet.
     fn of(args: &Args, context: &Context) -> Result<Self, Failure> {
-        let is_asked = !args.output.is_empty();
-        let paths = if is_asked {
-            args.output.clone()
-        } else {
-            default_outputs(args.scan.is_some(), context)?
-        };
+        let (folders, paths): (Vec<PathBuf>, Vec<PathBuf>) = args
+            .output
+            .iter()
+            .cloned()
+            .partition(|p| folder::is_folder(p));
         let (solid, paths): (Vec<PathBuf>, Vec<PathBuf>) =
             paths.into_iter().partition(|p| solids::is_solid(p));
         let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = paths
@@ -205,12 +213,33 @@ impl Outputs {
         Ok(Self {
             results,
             solid: solid::Wanted {
+                is_asked: !solid.is_empty(),
+                is_forced: context.global.force,
                 paths: solid,
-                is_asked,
                 options,
             },
             meshes: mesh::files::targets(&meshes, None, context)?,
+            folders,
         })
+    }
+
+    /// Makes the folders, and adds what goes there. The scan that is built in is an example of a
+    /// fit, which a solid would make three times as long.
+    fn make_folders(&mut self, args: &Args, context: &Context) -> Result<(), Failure> {
+        let scan = args.scan.as_deref();
+        let name = scan.unwrap_or(Path::new(TEMPLATE));
+        let folders = match args.output.is_empty() {
+            true => vec![folder::of_scan(name, scan, context)?],
+            false => std::mem::take(&mut self.folders),
+        };
+        for folder in folders {
+            folder::begin(&folder, scan, context)?;
+            self.results.extend(folder::RESULTS.map(|f| folder.join(f)));
+            self.solid
+                .paths
+                .extend(scan.map(|_| folder.join(folder::SOLID)));
+        }
+        Ok(())
     }
 }
 
@@ -286,6 +315,13 @@ impl Told {
         self.json["mesh"] = json!({"ok": false, "error": failure.json()});
         self.json["error"] = failure.json();
     }
+    /// Prints what there is of the table: the next stage may take long.
+    fn print(&mut self, context: &Context) -> Result<(), Failure> {
+        if context.global.json {
+            return Ok(());
+        }
+        output::announce(context, Value::Null, std::mem::take(&mut self.text))
+    }
     /// What the verb gives back.
     fn outcome(mut self) -> Outcome {
         self.json["outputs"] = json!(self.files);
@@ -329,20 +365,6 @@ fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
         failure.message
     );
     failure
-}
-
-/// The results of a run without -o, in a folder that is made for them. The scan that is built in is
-/// an example of a fit, which a solid would make three times as long.
-fn default_outputs(has_scan: bool, context: &Context) -> Result<Vec<PathBuf>, Failure> {
-    let folder = Path::new(FOLDER);
-    let names = ["fitted.hf", "deviation.ply", "report.html"];
-    let solid = has_scan.then_some("part.step");
-    let files = names.into_iter().chain(solid).map(|f| folder.join(f));
-    let files: Vec<PathBuf> = files.collect();
-    files.iter().try_for_each(|f| context.inputs.allow(f))?;
-    std::fs::create_dir_all(folder)
-        .map_err(|e| Failure::file(folder, "make", &e).hint("-o with files elsewhere"))?;
-    Ok(files)
 }
 
 /// The example scan that the program carries.

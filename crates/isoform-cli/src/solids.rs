@@ -67,6 +67,16 @@ impl Statement {
     }
 }
 
+/// Refuses names of solids for a verb that makes none, with the one that does.
+pub(crate) fn refuse(paths: &[PathBuf], hint: impl Fn(&str) -> String) -> Result<(), Failure> {
+    let Some(path) = paths.iter().find(|p| is_solid(p)) else {
+        return Ok(());
+    };
+    let path = path.display().to_string();
+    let failure = Failure::usage(format!("{path}: this verb does not write solids"));
+    Err(failure.hint(hint(&path)))
+}
+
 /// Finds out before the work whether every file can be written.
 pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
     for path in paths.iter().filter(|p| *p != Path::new("-")) {

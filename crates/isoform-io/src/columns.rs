@@ -1,6 +1,6 @@
 //! Rows of a cloud as text: the names of their values, and their numbers.
 
-use crate::roles::role_named;
+use crate::text::has_role;
 use isoform_geom::PointCloud;
 use std::io::{self, Write};
 
@@ -36,7 +36,7 @@ pub(crate) fn column_names(cloud: &PointCloud) -> Names {
     let mut columns: Vec<String> = Vec::new();
     for column in &cloud.columns {
         let mut name = plain(&column.name);
-        while role_named(&name).is_some() || columns.contains(&name) {
+        while has_role(&name) || columns.contains(&name) {
             name.push('_');
         }
         columns.push(name);

@@ -374,6 +374,10 @@ impl Words {
             },
         }
     }
+    /// Leaves out what is left of the line at hand.
+    pub(crate) fn pass_line(&mut self) {
+        self.at = self.text.len();
+    }
     /// Starts on a line that was read already.
     pub(crate) fn set(&mut self, line: &str) {
         self.text.clear();
@@ -432,16 +436,20 @@ pub(crate) fn stated_unit(comment: &str) -> Option<String> {
         .chars()
         .take_while(char::is_ascii_alphabetic)
         .collect();
-    let unit = match word.as_str() {
+    unit_named(&word).map(str::to_owned)
+}
+
+/// The unit of length that a word in lower case names.
+pub(crate) fn unit_named(word: &str) -> Option<&'static str> {
+    Some(match word {
         "mm" | "millimeter" | "millimeters" | "millimetre" | "millimetres" => "mm",
         "cm" | "centimeter" | "centimeters" | "centimetre" | "centimetres" => "cm",
         "m" | "meter" | "meters" | "metre" | "metres" => "m",
-        "um" | "micron" | "microns" | "micrometer" | "micrometre" => "um",
+        "um" | "\u{b5}m" | "\u{3bc}m" | "micron" | "microns" | "micrometer" | "micrometre" => "um",
         "in" | "inch" | "inches" => "in",
         "ft" | "foot" | "feet" => "ft",
         _ => return None,
-    };
-    Some(unit.to_owned())
+    })
 }
 
 #[cfg(test)]

@@ -1,5 +1,8 @@
 //! LAS 1.0 to 1.4 (ASPRS), streamed; LAZ through the crate `laz` (feature `laz`).
 //!
+//! Points that are flagged as withheld, which by the standard "should not be included in
+//! processing", and those of the classes of noise are left out, and counted in a warning.
+//!
 //! The header and the records are read here, because every size in them is checked against the
 //! length of the file first, and because a header costs less than the four crates that come with
 //! one.
@@ -51,6 +54,8 @@ pub(crate) struct Header {
     pub(crate) record: u16,
     /// Point record format, 0 to 10.
     format: u8,
+    /// True for LAS 1.0, where classes and flags have no fixed meaning.
+    is_first_version: bool,
     /// Whether the records are LAZ, which the upper bits of the format tell.
     is_compressed: bool,
     /// Coordinates are `scale` · (whole number) + `offset`.
@@ -122,6 +127,7 @@ impl Header {
             start: u64::from(u32_at(b, 96)),
             record: u16_at(b, 105),
             format: b[104] & 0x3f,
+            is_first_version: (b[24], b[25]) == (1, 0),
             is_compressed: b[104] & 0xc0 != 0,
             scale: std::array::from_fn(|k| f64_at(b, 131 + 8 * k)),
             offset: std::array::from_fn(|k| f64_at(b, 155 + 8 * k)),
@@ -232,8 +238,13 @@ fn well_known_text(text: &str, report: &mut ReadReport) {
     }
 }
 
+/// Classes of noise: low points, and high noise.
+const NOISE: [u8; 2] = [7, 18];
+
 /// Offsets of what is in a record beside the coordinates.
 struct Fields {
+    /// Bit of byte 15 that says that a point is withheld.
+    withheld: u8,
     /// Classification, and the bits of it that are the class.
     class: (usize, u8),
     /// Bits of the return number in byte 14.
@@ -249,6 +260,7 @@ impl Fields {
     fn of(format: u8) -> Self {
         let new = format >= 6;
         Self {
+            withheld: if new { 0x04 } else { 0x80 },
             class: if new { (16, 0xff) } else { (15, 0x1f) },
             returns: if new { 0x0f } else { 0x07 },
             time: match format {
@@ -285,12 +297,16 @@ impl Fields {
         layout.scale = layout.has(Role::Color(0)).then_some(ColorScale::Word);
         layout
     }
+    /// The class of a record.
+    #[inline]
+    fn class(&self, record: &[u8]) -> u8 {
+        record[self.class.0] & self.class.1
+    }
     /// The values of a record behind the coordinates.
     #[inline]
     fn values(&self, record: &[u8], values: &mut Vec<f64>) {
-        let (class, bits) = self.class;
         values.push(f64::from(u16_at(record, 12)));
-        values.push(f64::from(record[class] & bits));
+        values.push(f64::from(self.class(record)));
         values.push(f64::from(record[14] & self.returns));
         if let Some(at) = self.time {
             values.push(f64_at(record, at));
@@ -318,7 +334,16 @@ pub(crate) fn read(
     let mut collector = Collector::new(options);
     layout.announce(&mut collector);
     let mut values: Vec<f64> = Vec::new();
+    let (mut withheld, mut noise) = (0_u64, 0_u64);
     let mut take = |record: &[u8]| {
+        if !header.is_first_version && record[15] & fields.withheld != 0 {
+            withheld += 1;
+            return;
+        }
+        if !header.is_first_version && NOISE.contains(&fields.class(record)) {
+            noise += 1;
+            return;
+        }
         values.clear();
         values.extend(header.point(record));
         fields.values(record, &mut values);
@@ -346,6 +371,16 @@ pub(crate) fn read(
             })?;
             take(&record);
         }
+    }
+    let left_out = [
+        (withheld, "flagged as withheld"),
+        (noise, "classified as noise (classes 7 and 18)"),
+    ];
+    for (count, why) in left_out.into_iter().filter(|l| l.0 > 0) {
+        report.warn(format!(
+            "{count} of {} points are {why} and were left out",
+            header.points
+        ));
     }
     collector.finish(input, options, report)
 }

@@ -27,12 +27,12 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
     }
 }
 
-/// Text that starts with `solid` and has `facet` or `endsolid` soon after.
+/// Text that starts with `solid` and has `facet`, `endsolid` or `end solid` soon after.
 fn is_ascii(head: &[u8]) -> bool {
     let text = String::from_utf8_lossy(head).to_ascii_lowercase();
     text.trim_start().starts_with("solid")
         && !head.contains(&0)
-        && (text.contains("facet") || text.contains("endsolid"))
+        && (text.contains("facet") || text.contains("endsolid") || text.contains("end solid"))
 }
 
 /// Numbers corners; equal ones get one number.
@@ -173,7 +173,11 @@ impl Solids {
         report: &mut ReadReport,
     ) -> Result<()> {
         let mut words = text.split_ascii_whitespace();
-        let word = words.next().unwrap_or("").to_ascii_lowercase();
+        let mut word = words.next().unwrap_or("").to_ascii_lowercase();
+        if word == "end" {
+            // `end solid` and its like are written by real programs.
+            word += &words.next().unwrap_or("").to_ascii_lowercase();
+        }
         match word.as_str() {
             "vertex" => {
                 let p = vertex(words, text, input)?;
@@ -315,6 +319,9 @@ mod tests {
         );
         let (cloud, _) = read_all(text.as_bytes()).expect("valid");
         assert_eq!((cloud.points.len(), cloud.triangles.len()), (6, 3));
+        let spaced = text.replace("end", "End ");
+        let again = read_all(spaced.as_bytes()).expect("`end solid` is written as well");
+        assert_eq!((&again.0, again.1.warnings.len()), (&cloud, 0));
         for lines in [3, 7, 9, 18] {
             let cut: Vec<&str> = text.lines().take(lines).collect();
             let code = read_all(cut.join("\n").as_bytes()).map_err(|e| e.code());

@@ -1,13 +1,15 @@
 //! Points as lines of numbers: XYZ, TXT, ASC, PTS, CSV and their kin, streamed.
 //!
 //! Separators are blanks, tabs, commas or semicolons (then a comma is a decimal comma, as it is
-//! where blanks separate "1,5 2,5 3,5");
-//! `#`, `//` and `%` start comments. A line of names before the numbers, or in the last comment
-//! before them, says what the columns are. Without names the first three are coordinates and the
-//! values of the first [`PROBE`] rows tell the rest: triples of whole numbers from 0 to 255 are
-//! colours, triples of length 1 are normals.
+//! where blanks separate "1,5 2,5 3,5"); fields may be quoted; `#`, `//` and `%` start comments. A
+//! line of names before the numbers, or in a comment before them, says what the columns are, and
+//! may name their unit; lines before one that names x, y and z are passed over. Without names the
+//! first three are coordinates and the values of the first [`PROBE`] rows tell the rest: triples of
+//! whole numbers from 0 to 255 are colours, triples of length 1 are normals, and a first column
+//! that counts the rows is left out.
 
 mod layout;
+mod names;
 mod separator;
 
 use crate::collect::Collector;
@@ -17,6 +19,8 @@ use crate::roles::{Layout, Role};
 use crate::{ErrorKind, ReadError, ReadOptions, ReadReport, WriteOptions};
 use isoform_geom::PointCloud;
 use layout::{by_names, by_values};
+pub(crate) use names::has_role;
+use names::understood;
 use separator::Separator;
 use std::io::{self, Write};
 
@@ -25,44 +29,72 @@ use std::io::{self, Write};
 const PROBE: usize = 1000;
 /// More columns are not points.
 const MAX_COLUMNS: usize = 1000;
+/// Lines that are looked at for the names of the columns, once one is no row.
+const MAX_PREAMBLE: u64 = 100;
 /// What failed, as the errors of this reader say.
 const WHAT: &str = "cannot read the points";
 
-/// Maybe, if the first line that is no comment and no header starts with three numbers.
+/// Maybe, if one of the first lines that are no comments starts with three numbers, or names the
+/// coordinates and another holds three numbers.
 pub(crate) fn sniff(head: &[u8]) -> Sniff {
     let text = String::from_utf8_lossy(head);
-    let mut lines = text
-        .lines()
-        .map(str::trim)
+    let lines = text.lines().map(str::trim);
+    let lines: Vec<&str> = lines
         .filter(|l| !l.is_empty() && !is_comment(l))
-        .take(3);
-    let is_row = |l: &str| {
-        let (separator, _) = Separator::of(l);
-        let fields: Vec<&str> = separator.split(l).map(|(_, f)| f).collect();
-        fields.len() >= 3 && fields[..3].iter().all(|f| parse_number(f).is_some())
+        .take(3)
+        .collect();
+    let numbers = |l: &&str, most: usize| {
+        let (separator, decimal) = Separator::of(l);
+        let fields = separator.split(l).take(most);
+        let mut scratch = String::new();
+        fields
+            .filter(|(_, f)| number(f, decimal, &mut scratch).is_some())
+            .count()
     };
-    if head.contains(&0) || !lines.any(is_row) {
-        Sniff::No
-    } else {
+    let is_table = lines.iter().any(|l| header(l).is_some_and(|h| h.1))
+        && lines.iter().any(|l| numbers(l, MAX_COLUMNS) >= 3);
+    if !head.contains(&0) && (is_table || lines.iter().any(|l| numbers(l, 3) == 3)) {
         Sniff::Maybe
+    } else {
+        Sniff::No
     }
 }
 
-/// Whether a line starts like a comment.
+/// The names in a line that holds no numbers, and true if they tell the coordinates.
+fn header(line: &str) -> Option<(Vec<String>, bool)> {
+    let fields = names::split(line);
+    let is_number =
+        |f: &String| parse_number(f).is_some() || parse_number(&f.replace(',', ".")).is_some();
+    if !(3..=MAX_COLUMNS).contains(&fields.len()) || fields.iter().any(is_number) {
+        return None;
+    }
+    let is_named = understood(&fields).is_some();
+    Some((fields, is_named))
+}
+
+/// True if a line starts like a comment.
 fn is_comment(line: &str) -> bool {
     line.starts_with(['#', '%', '!']) || line.starts_with("//")
 }
 
-/// Where the comment after the fields of a line begins: at the first `#`, else at the first `//`.
+/// Where the comment after the fields of a line begins: at the first `#` or `//` that stands in no
+/// quotes and, as in `P#1` or `http://`, behind no letter or colon.
 fn comment_after_fields(line: &str) -> Option<usize> {
     // Most lines have neither mark: one pass over the bytes says so.
-    let first = line.bytes().position(|b| matches!(b, b'#' | b'/'))?;
-    let rest = &line[first..];
-    let at = rest.find('#').or_else(|| rest.find("//"))?;
-    Some(first + at)
+    line.bytes().position(|b| matches!(b, b'#' | b'/'))?;
+    let (mut is_quoted, mut before) = (false, b' ');
+    for (at, b) in line.bytes().enumerate() {
+        let is_mark = b == b'#' || line.as_bytes()[at..].starts_with(b"//");
+        if is_mark && !is_quoted && !(before.is_ascii_alphabetic() || before == b':') {
+            return Some(at);
+        }
+        is_quoted ^= b == b'"';
+        before = b;
+    }
+    None
 }
 
-/// Whether a line starts the header of an ESRI ASCII grid.
+/// True if a line starts the header of an ESRI ASCII grid.
 fn starts_a_raster(line: &str) -> bool {
     let line = line.to_ascii_lowercase();
     ["ncols", "nrows"].iter().any(|w| line.starts_with(w))
@@ -94,12 +126,20 @@ struct Reader<'i, 'a> {
     coordinates: [usize; 3],
     /// Values of a row, set by the first.
     width: usize,
-    /// Whether the file is PTS, where every scan begins with its number of points.
+    /// True if the file is PTS, where every scan begins with its number of points.
     is_pts: bool,
-    /// Names of the columns, out of a header or the last comment before the first row.
+    /// Names of the columns, out of a line of their own or a comment before the first row.
     names: Option<Vec<String>>,
-    /// The last comment before the first row, without its mark.
-    last_comment: String,
+    /// True if the names tell the coordinates.
+    is_named: bool,
+    /// Names in the last comment that tells the coordinates.
+    commented: Option<Vec<String>>,
+    /// Columns that held a word in the first row, with the word.
+    texts: Vec<(usize, String)>,
+    /// The first line that is neither a row nor names, as long as names may follow.
+    refused: Option<ReadError>,
+    /// Lines before the names.
+    passed: u64,
     /// Points that the file announces, over all its scans.
     declared: Option<u64>,
     /// Lines with more fields than the first.
@@ -128,17 +168,18 @@ pub(crate) fn read(
         width: 0,
         is_pts,
         names: None,
-        last_comment: String::new(),
+        is_named: false,
+        commented: None,
+        texts: Vec::new(),
+        refused: None,
+        passed: 0,
         declared: None,
         longer: 0,
         words: 0,
         unit: None,
     };
     let probe = reader.probe()?;
-    let mut layout = match &reader.names {
-        Some(names) => by_names(names, report),
-        None => by_values(&probe, is_pts, report),
-    };
+    let mut layout = reader.layout(&probe, report);
     reader.place(&layout);
     let mut collector = Collector::new(options);
     layout.announce(&mut collector);
@@ -153,24 +194,74 @@ pub(crate) fn read(
 }
 
 impl Reader<'_, '_> {
-    /// The first rows: one where the columns have names or are the coordinates alone, else up to
+    /// The first rows: one where names tell the coordinates or nothing else is there, else up to
     /// [`PROBE`], from whose values the columns are told.
     fn probe(&mut self) -> Result<Vec<Vec<f64>>> {
         let mut probe: Vec<Vec<f64>> = Vec::new();
         if self.next()? {
-            self.take_names();
             probe.push(self.values.clone());
-            while self.names.is_none() && self.width > 3 && probe.len() < PROBE && self.next()? {
+            while !self.is_named && self.width > 3 && probe.len() < PROBE && self.next()? {
                 probe.push(self.values.clone());
             }
         }
-        Ok(probe)
+        match self.refused.take() {
+            Some(error) => Err(error),
+            None => Ok(probe),
+        }
+    }
+
+    /// The meaning of the columns; those that hold words are left out.
+    fn layout(&mut self, probe: &[Vec<f64>], report: &mut ReadReport) -> Layout {
+        let named = match &self.names {
+            Some(names) => by_names(names, report),
+            None => None,
+        };
+        let mut layout = match named {
+            Some((layout, unit)) => {
+                self.unit = unit.or(self.unit.take());
+                layout
+            }
+            None => {
+                let (names, words) = (self.names.as_deref(), self.coordinates[0]);
+                by_values(probe, names, words, self.is_pts, report)
+            }
+        };
+        let mut held = Vec::new();
+        for (column, word) in &self.texts {
+            let name = match &self.names {
+                Some(names) => format!("\"{}\"", shorten(&names[*column])),
+                None => (column + 1).to_string(),
+            };
+            held.push(format!("{name} (\"{}\")", shorten(word)));
+            layout.ignore(*column);
+        }
+        if !held.is_empty() {
+            let (columns, were) = match held.len() {
+                1 => ("column", "holds words and was"),
+                _ => ("columns", "hold words and were"),
+            };
+            report.warn(format!("{columns} {} {were} left out", held.join(", ")));
+        }
+        layout
+    }
+
+    /// Notes where the coordinates stand, so that words there are refused.
+    fn place(&mut self, layout: &Layout) {
+        let place = |k| layout.roles.iter().position(|&r| r == Role::Position(k));
+        self.coordinates = [0, 1, 2].map(|k| place(k).unwrap_or(k));
     }
 
     /// Puts into the report what the file said of its points and what was odd in its `rows` rows.
     fn tell(self, rows: u64, report: &mut ReadReport) {
         report.declared = self.declared;
         report.units = self.unit;
+        if self.passed > 0 {
+            let lines = if self.passed == 1 { "line" } else { "lines" };
+            report.warn(format!(
+                "{} {lines} before the names of the columns were passed over",
+                self.passed
+            ));
+        }
         if let Some(n) = self.declared
             && n != rows
         {
@@ -217,7 +308,7 @@ impl Reader<'_, '_> {
         }
     }
 
-    /// Takes a line; whether it was a row.
+    /// Takes a line; true if it was a row.
     fn line(&mut self, line: &mut String) -> Result<bool> {
         let is_first = self.width == 0;
         let start = line.trim_start();
@@ -227,10 +318,19 @@ impl Reader<'_, '_> {
         if is_comment(start) {
             if is_first {
                 self.unit = self.unit.take().or_else(|| stated_unit(start));
-                self.last_comment = start
-                    .trim_start_matches(['#', '%', '!', '/', ' '])
-                    .to_owned();
+                let names = names::split(start.trim_start_matches(['#', '%', '!', '/', ' ']));
+                if names.len() <= MAX_COLUMNS && understood(&names).is_some() {
+                    self.commented = Some(names);
+                }
             }
+            return Ok(false);
+        }
+        if is_first
+            && !self.is_named
+            && let Some((names, true)) = header(line)
+        {
+            // Before comments are cut off: `Point #` is a name.
+            self.take_header(names, true);
             return Ok(false);
         }
         if let Some(at) = comment_after_fields(line) {
@@ -247,10 +347,40 @@ impl Reader<'_, '_> {
             self.declared = Some(self.declared.unwrap_or(0).saturating_add(n));
             return Ok(false);
         }
-        if is_first && self.names.is_none() && self.is_header(line) {
-            return Ok(false);
+        if is_first {
+            return self.first(line);
         }
         self.row(line)
+    }
+
+    /// Takes a line before the first row: names, units below them, or the first row. A line that is
+    /// none of these is passed over where names of the coordinates follow.
+    fn first(&mut self, line: &str) -> Result<bool> {
+        if self.is_units(line) {
+            return Ok(false);
+        }
+        if !self.is_named
+            && let Some((names, is_named)) = header(line)
+            && (is_named || self.names.is_none())
+        {
+            self.take_header(names, is_named);
+            return Ok(false);
+        }
+        let before = self.refused.take();
+        let error = match (self.row(line), before) {
+            (told, _) if self.is_named => return told,
+            (Ok(is_row), None) => return Ok(is_row),
+            (_, Some(before)) => before,
+            (Err(error), None) => error,
+        };
+        self.passed += 1;
+        if self.width > 0 || self.passed > MAX_PREAMBLE {
+            return Err(error);
+        }
+        (self.refused, self.separator) = (Some(error), None);
+        self.texts.clear();
+        self.words = 0;
+        Ok(false)
     }
 
     /// The error for an ESRI ASCII grid, which has heights and no coordinates.
@@ -264,22 +394,30 @@ impl Reader<'_, '_> {
         )
     }
 
-    /// Whether the line is names; then they are kept.
-    fn is_header(&mut self, line: &str) -> bool {
-        let (separator, _) = Separator::of(line);
-        let fields: Vec<String> = separator
-            .split(line)
-            .map(|(_, f)| f.trim_matches(['"', '\'']).trim().to_owned())
-            .collect();
-        let numbers = fields
-            .iter()
-            .filter(|f| parse_number(f).is_some() || f.replace(',', ".").parse::<f64>().is_ok())
-            .count();
-        let is_header = numbers == 0 && fields.len() >= 3 && fields.len() <= MAX_COLUMNS;
-        if is_header {
-            self.names = Some(fields);
+    /// Takes names; the lines before those of the coordinates are passed over.
+    fn take_header(&mut self, names: Vec<String>, is_named: bool) {
+        if is_named {
+            self.passed += u64::from(self.names.is_some());
         }
-        is_header
+        (self.names, self.is_named) = (Some(names), is_named);
+    }
+
+    /// True if the line is units below the names, which are kept with them.
+    fn is_units(&mut self, line: &str) -> bool {
+        let Some(names) = &mut self.names else {
+            return false;
+        };
+        let Some(units) = names::unit_row(line).filter(|u| u.len() == names.len()) else {
+            return false;
+        };
+        for (name, unit) in names
+            .iter_mut()
+            .zip(units)
+            .filter(|(_, unit)| !unit.is_empty())
+        {
+            *name = format!("{name} [{unit}]");
+        }
+        true
     }
 
     /// Takes a line of fields as a row of numbers; the first row sets the width.
@@ -287,6 +425,12 @@ impl Reader<'_, '_> {
         let is_first = self.width == 0;
         let (separator, decimal) = *self.separator.get_or_insert_with(|| Separator::of(line));
         self.values.clear();
+        if is_first {
+            let fields = separator.split(line).count();
+            let is_open = matches!(separator, Separator::Char(c) if line.ends_with(c));
+            let is_one_short = self.names.as_ref().is_some_and(|n| n.len() == fields + 1);
+            self.take_names(fields + usize::from(is_open && is_one_short));
+        }
         let mut commas = String::new();
         for (at, field) in separator.split(line) {
             if !is_first && self.values.len() == self.width {
@@ -316,18 +460,28 @@ impl Reader<'_, '_> {
     }
 
     /// The value of a field that is no number, at byte `at` of its line: NaN, and an error where a
-    /// coordinate should stand.
+    /// coordinate should stand. Without names a first row may begin with the names of its point,
+    /// which have digits; then the coordinates are behind them.
     fn other_field(&mut self, field: &str, at: usize) -> Result<f64> {
         if field.is_empty() {
             return Ok(f64::NAN);
         }
-        let i = self.values.len();
-        let may_be_named = self.width == 0 && i >= 3 && self.names.is_some();
-        if self.coordinates.contains(&i) && !may_be_named {
+        let (i, is_first) = (self.values.len(), self.width == 0);
+        if is_first && !self.is_named && i == self.coordinates[0] {
+            let is_id = |f: &str| f.contains(|c: char| c.is_ascii_digit());
+            if self.names.is_some() || is_id(field) {
+                self.coordinates = self.coordinates.map(|c| c + 1);
+            }
+        }
+        if self.coordinates.contains(&i) {
             let why = format!("\"{}\" is not a number", shorten(field));
             return Err(self.wrong(at, why));
         }
-        self.words += 1;
+        if is_first {
+            self.texts.push((i, field.to_owned()));
+        } else if !self.texts.iter().any(|t| t.0 == i) {
+            self.words += 1;
+        }
         Ok(f64::NAN)
     }
 
@@ -335,7 +489,8 @@ impl Reader<'_, '_> {
     fn take_width(&mut self, line: &str) -> Result<()> {
         let n = self.values.len();
         if self.width == 0 {
-            if !(3..=MAX_COLUMNS).contains(&n) {
+            let is_short = n < 3 || self.coordinates.iter().any(|&c| c >= n);
+            if is_short || n > MAX_COLUMNS {
                 let why = format!("a point needs three numbers; the line has {n} columns");
                 return Err(self.wrong(0, why));
             }
@@ -350,79 +505,43 @@ impl Reader<'_, '_> {
 
     /// The error for a row, at a byte of its line.
     fn wrong(&self, at: usize, why: String) -> ReadError {
-        let hint = "correct or remove the line; comments start with #";
+        let hint = "correct or remove the line; comments start with #, and a line of names, as \
+                    in x,y,z, says which columns to take";
         let at = self.input.at_line(at + 1);
         self.input.error(ErrorKind::Number, at, WHAT, why, hint)
     }
 
-    /// Names out of the last comment, if they fit the first row.
-    fn take_names(&mut self) {
-        if self.names.is_none() {
-            let fields: Vec<String> = match Separator::of(&self.last_comment) {
-                (Separator::Blank, _) => self
-                    .last_comment
-                    .split_ascii_whitespace()
-                    .map(str::to_owned)
-                    .collect(),
-                (separator, _) => separator
-                    .split(&self.last_comment)
-                    .map(|(_, f)| f.to_owned())
-                    .collect(),
-            };
-            let plain: Vec<String> = fields.iter().map(|f| self.plain(f)).collect();
-            if fields.len() == self.width
-                && Layout::named(plain.iter().map(String::as_str))
-                    .missing_coordinate()
-                    .is_none()
-            {
-                self.names = Some(fields);
+    /// Names out of a comment, if they fit the `width` of the first row; the names that there are,
+    /// one for each column; and the places of the coordinates.
+    fn take_names(&mut self, width: usize) {
+        self.coordinates = [0, 1, 2];
+        if !self.is_named
+            && let Some(names) = self.commented.take_if(|names| names.len() == width)
+        {
+            (self.names, self.is_named) = (Some(names), true);
+        }
+        let Some(names) = &mut self.names else {
+            return;
+        };
+        if names.len() > width {
+            // Blanks within the first name, as in `Point ID X Y Z`, or names without values.
+            let more = names.len() - width;
+            let joined: Vec<String> = std::iter::once(names[..=more].join(" "))
+                .chain(names[more + 1..].iter().cloned())
+                .collect();
+            let is_better =
+                understood(&joined).is_some() && understood(&names[more + 1..]).is_some();
+            match is_better && self.separator.is_some_and(|s| s.0 == Separator::Blank) {
+                true => *names = joined,
+                false => names.truncate(width),
             }
         }
-        if let Some(mut names) = self.names.take() {
-            for name in &mut names {
-                *name = self.plain(name);
-            }
-            names.truncate(self.width);
-            for i in names.len()..self.width {
-                names.push(format!("column {}", i + 1));
-            }
-            self.names = Some(names);
+        for i in names.len()..width {
+            names.push(format!("column {}", i + 1));
         }
-    }
-
-    /// A name without quotes and without its unit in brackets, which is noted.
-    fn plain(&mut self, name: &str) -> String {
-        let name = name
-            .trim_matches(['"', '\''])
-            .trim_start_matches("//")
-            .trim();
-        match name.find(['(', '[']) {
-            Some(at) if at > 0 => {
-                let (bare, unit) = (
-                    name[..at].trim_end(),
-                    name[at + 1..].trim_end_matches([')', ']']),
-                );
-                if matches!(bare.to_ascii_lowercase().as_str(), "x" | "y" | "z") {
-                    self.unit = self
-                        .unit
-                        .take()
-                        .or_else(|| stated_unit(&format!("unit {unit}")));
-                    return bare.to_owned();
-                }
-                name.to_owned()
-            }
-            _ => name.to_owned(),
-        }
-    }
-
-    /// Notes where the coordinates stand, so that words there are refused.
-    fn place(&mut self, layout: &Layout) {
-        for k in 0..3 {
-            self.coordinates[k] = layout
-                .roles
-                .iter()
-                .position(|&r| r == Role::Position(k))
-                .unwrap_or(k);
+        if let Some(told) = understood(names) {
+            let place = |name| told.names.iter().position(|n| n == name).unwrap_or(0);
+            self.coordinates = ["x", "y", "z"].map(place);
         }
     }
 }
@@ -513,7 +632,14 @@ mod tests {
                 .iter()
                 .map(|c| c.name.as_str())
                 .collect::<Vec<_>>(),
-            ["id", "note"]
+            ["id"]
+        );
+        assert_eq!(
+            report.warnings,
+            [
+                "column \"note\" (\"a\") holds words and was left out",
+                "1 normals were not of length 1 and were scaled"
+            ]
         );
         assert_eq!(report.units.as_deref(), Some("mm"));
         let (cloud, _) = read_as("t.csv", "Easting,Northing,Height\n1,2,3\n").expect("valid");
@@ -527,6 +653,117 @@ mod tests {
             ),
             ([1.0, 2.0, 3.0], 4.0, 1)
         );
+    }
+
+    #[test]
+    fn tables_are_known_by_their_content() {
+        for (text, is_table) in [
+            ("X;Y;Z\n1,5;2,5;3,5\n", true),
+            ("1,5;2,5;3,5\n", true),
+            ("name,x,y,z\nP1,1,2,3\n", true),
+            ("\"X\",\"Y\",\"Z\"\n\"1\",\"2\",\"3\"\n", true),
+            ("x y z\nand other words\n", false),
+            ("m(x[3], a[2]) {\n m = x + y + z;\n}\n", false),
+        ] {
+            assert_eq!(sniff(text.as_bytes()) == Sniff::Maybe, is_table, "{text}");
+        }
+    }
+
+    #[test]
+    fn names_may_follow_other_lines() {
+        let want = [[1.5, 2.0, 3.0], [4.0, 5.0, 6.5]];
+        for (text, unit) in [
+            (
+                "Export of 3 points\nDate;2020-01-01\nX;Y;Z\n1,5;2;3\n4;5;6,5\n",
+                None,
+            ),
+            (
+                "a title of words\nNo;X [cm];Y [cm];Z [cm]\nP1;1.5;2;3\nP2;4;5;6.5\n",
+                Some("cm"),
+            ),
+            ("x,y,z\nmm,mm,mm\n1.5,2,3\n4,5,6.5\n", Some("mm")),
+            (
+                "Nr X Y Z\n[] [in] [in] [in]\n1 1.5 2 3\n2 4 5 6.5\n",
+                Some("in"),
+            ),
+            ("Point # X Y Z\n1 1.5 2 3\n2 4 5 6.5\n", None),
+            ("Point #,X,Y,Z\nP#1,1.5,2,3\nP#2,4,5,6.5\n", None),
+            (
+                "\"Name\",\"X\",\"Y\",\"Z\"\n\"a,\"\"b\"\"\",\"1,5\",\"2\",\"3\"\nc,4,5,\"6,5\"\n",
+                None,
+            ),
+            ("# x y z t\n# of 5 points\n1.5 2 3 0\n4 5 6.5 0\n", None),
+            ("A1 1.5 2 3\nA2 4 5 6.5\n", None),
+            ("Point 1\t1.5\t2\t3\nPoint 2\t4\t5\t6.5\n", None),
+        ] {
+            let (cloud, report) = read_as("t.txt", text).unwrap_or_else(|e| panic!("{text}{e}"));
+            assert_eq!(cloud.points, want, "{text}");
+            assert_eq!(report.units.as_deref(), unit, "{text}");
+        }
+        // The first row may leave out the last column.
+        let (cloud, report) = read_as("t.csv", "x,y,z,t\n1,2,3,\n4,5,6,7\n").expect("valid");
+        assert_eq!(
+            (&*cloud.columns[0].name, cloud.columns[0].values[1]),
+            ("t", 7.0)
+        );
+        assert_eq!(report.warnings.len(), 1, "{:?}", report.warnings);
+        for text in [
+            "1 2\n3 4 5\n",
+            "v 1 2 3\n",
+            "1,2\n3,4\nx,y,z\n",
+            "x,y,z\n1,2,a\n",
+        ] {
+            assert_eq!(read_as("t.txt", text).expect_err(text).code(), "bad-number");
+        }
+    }
+
+    #[test]
+    fn a_column_that_counts_is_no_coordinate() {
+        let told = |rows: &[&str]| {
+            let (cloud, report) = read_as("t.xyz", &rows.join("\n")).expect("valid");
+            (
+                cloud.points[0],
+                report
+                    .warnings
+                    .iter()
+                    .any(|w| w.contains("counts the rows")),
+            )
+        };
+        let counted = ([1.5, 2.5, 3.5], true);
+        let rows = ["1.5 2.5 3.5", "2 1 7", "9 4.5 0", "1 1 0"];
+        let numbered = |numbers: [i32; 4]| {
+            let row = |(n, r): (&i32, &&str)| format!("{n} {r}");
+            let rows: Vec<String> = numbers.iter().zip(&rows).map(row).collect();
+            told(&rows.iter().map(|r| &**r).collect::<Vec<_>>())
+        };
+        for numbers in [
+            [1, 2, 3, 4],
+            [0, 1, 2, 3],
+            [-7, -6, -5, -4],
+            [100, 104, 105, 109],
+        ] {
+            assert_eq!(numbered(numbers), counted, "{numbers:?}");
+        }
+        assert!(!numbered([1, 2, 4, 3]).1 && !numbered([1, 2, 2, 3]).1);
+        // Whole coordinates, as in micrometres.
+        assert_eq!(
+            told(&["7 20 31 4", "8 22 30 9", "9 11 7 5", "10 3 8 1"]),
+            ([20.0, 31.0, 4.0], true)
+        );
+        // A profile with the intensity of each point, and a diagonal.
+        assert!(
+            !told(&[
+                "0 5 1.5 0.25",
+                "1 5 1.25 0.5",
+                "2 5 1 0.5",
+                "3 5 1.75 0.125"
+            ])
+            .1
+        );
+        assert!(!told(&["0 0 0 8", "1 1 1 9", "2 2 2 7", "3 3 3 8"]).1);
+        // Names are believed.
+        let named = "x y z t\n1 1.5 2.5 3.5\n2 2 1 7\n3 9 4.5 0\n4 1 1 0\n";
+        assert_eq!(points(named)[0], [1.0, 1.5, 2.5]);
     }
 
     #[test]

@@ -52,6 +52,10 @@ pub(crate) fn is_result(path: &Path) -> bool {
 /// What a file is to hold, or that nothing is written with its ending.
 fn kind(path: &Path) -> Result<Kind, Failure> {
     named(path).ok_or_else(|| {
+        if path == Path::new("-") {
+            return Failure::usage("results are written to files, not to stdout")
+                .hint("--json for the document of the fit on stdout, or -o with names of files");
+        }
         let failure = Failure::usage(format!(
             "{}: no result is written with this ending",
             path.display()

@@ -27,7 +27,7 @@ use std::path::{Path, PathBuf};
 #[command(after_help = "\
 Examples:
   isoform fit scan.ply --template cup -o fitted.hf -o deviation.ply -o report.html
-  isoform fit scan.ply --template part.hf -o part.step
+  isoform fit scan.ply part.hf -o part.step
 
 TEMPLATE is a HyperFun file, or a name out of --list. The table (--json: the document) gives every parameter with its
 95 % interval and what the points say of it: determined, weak, undetermined, fixed, at-bound. See docs/fitting.md.
@@ -44,15 +44,13 @@ pub(crate) struct Args {
     #[arg(required_unless_present = "list")]
     scan: Option<PathBuf>,
     /// The template: a HyperFun file or a name out of --list
-    #[arg(
-        long,
-        short,
-        value_name = "FILE|NAME",
-        required_unless_present = "list"
-    )]
+    #[arg(value_name = "TEMPLATE")]
+    model: Option<PathBuf>,
+    /// The template, in place of TEMPLATE: a HyperFun file or a name out of --list
+    #[arg(long, short, value_name = "FILE|NAME", conflicts_with = "model")]
     template: Option<PathBuf>,
     /// Lists the templates that are built in
-    #[arg(long, conflicts_with_all = ["scan", "template"])]
+    #[arg(long, conflicts_with_all = ["scan", "model", "template"])]
     list: bool,
     #[command(flatten)]
     options: Settings,
@@ -224,13 +222,20 @@ impl Settings {
 
 /// Runs the verb; with --list only the names of the gallery are printed.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let (Some(scan), Some(template)) = (&args.scan, &args.template) else {
+    let Some(scan) = &args.scan else {
         let (text, json) = gallery::list(context)?;
         return Ok(Outcome {
             exit: crate::output::DONE,
             json,
             stdout: text.into_bytes(),
         });
+    };
+    let Some(template) = args.model.as_ref().or(args.template.as_ref()) else {
+        return Err(Failure::usage("a template is needed: isoform fit SCAN TEMPLATE").hint(format!(
+            "a file or a name out of `isoform fit --list`; or isoform recover {}, which makes a \
+             template of what it recognises",
+            scan.display()
+        )));
     };
     let output = args.output.iter().cloned();
     let (solids, results): (Vec<PathBuf>, Vec<PathBuf>) = output.partition(|p| solids::is_solid(p));
@@ -255,6 +260,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         let wanted = solid::Wanted {
             paths: solids,
             is_asked: true,
+            is_forced: true,
             options: MeshModelOptions::default(),
         };
         let told = solid::tell(&job, &request.language, &wanted, context);

@@ -14,6 +14,7 @@ use isoform::MeshModelOptions;
 use isoform::field::hyperfun::Model;
 use serde_json::{Value, json};
 use std::path::PathBuf;
+use std::time::Duration;
 
 /// The fitted program, read like any other, with the values of its parameters.
 pub(crate) fn fitted_model(job: &Job, language: &Language) -> Result<(Model, Vec<f64>), Failure> {
@@ -30,6 +31,10 @@ pub(crate) fn unit(job: &Job) -> Option<String> {
     Some(job.unit.unit.clone()).filter(|unit| !unit.is_empty())
 }
 
+/// Longest time that a solid may take where no --time-limit says another: what has many faces
+/// without exact forms goes on for hours. Most parts take seconds.
+const LIMIT: Duration = Duration::from_secs(300);
+
 /// What is asked for.
 pub(crate) struct Wanted {
     /// The files.
@@ -37,6 +42,8 @@ pub(crate) struct Wanted {
     /// Whether they were named with -o. Else they are written only where the fit is accepted and
     /// the certificate holds, and count for nothing in the exit code.
     pub(crate) is_asked: bool,
+    /// True if those that were named are made of a fit that is in doubt, too.
+    pub(crate) is_forced: bool,
     /// Of the mesh that the topology comes from.
     pub(crate) options: MeshModelOptions,
 }
@@ -69,9 +76,16 @@ impl Told {
 /// this is said, and they are kept.
 pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Context) -> Told {
     let fit = job.exit();
-    if !wanted.is_asked && fit != DONE {
-        return nothing(fit, "the fit is not accepted", wanted, context);
+    if fit != DONE && !(wanted.is_asked && wanted.is_forced) {
+        return nothing(fit, "the fit is not accepted", "--force ", wanted, context);
     }
+    let limit = match context.global.time_limit {
+        None => format!("it may take {} min, and ", LIMIT.as_secs() / 60),
+        Some(_) => String::new(),
+    };
+    context.say(format_args!(
+        "making the solid of the fitted model: {limit}Ctrl-C keeps the fit"
+    ));
     let made = output::stage("solid of the fitted model", || {
         made(job, language, wanted, context)
     });
@@ -79,14 +93,22 @@ pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Co
         Ok(made) if !wanted.is_asked && !made.solid.certificate.holds() => {
             let open = &made.solid.certificate.failures;
             let why = format!("its certificate does not hold: {}", open[0]);
-            nothing(fit, &why, wanted, context)
+            nothing(fit, &why, "", wanted, context)
         }
         Ok(made) => match written(job, &made, wanted, context) {
             Ok(told) => told,
             Err(failure) => failed(job, failure),
         },
-        Err(failure) if !wanted.is_asked => nothing(fit, &failure.message, wanted, context),
-        Err(failure) => failed(job, failure),
+        Err(mut failure) => {
+            if failure.code == "time-limit" && context.global.time_limit.is_none() {
+                failure.why = format!("it took more than {} min", LIMIT.as_secs() / 60);
+                failure.hint = "--time-limit 1h, which sets the time of all stages".to_owned();
+            }
+            match wanted.is_asked {
+                true => failed(job, failure),
+                false => nothing(fit, &failure.message, "", wanted, context),
+            }
+        }
     }
 }
 
@@ -103,7 +125,11 @@ fn made(
         values,
         unit: unit(job),
     };
-    brep::make(subject, &wanted.options, None, context)
+    let mut control = context.control();
+    if context.global.time_limit.is_none() {
+        control = control.for_seconds(LIMIT.as_secs_f64());
+    }
+    brep::make(subject, &wanted.options, None, &control, context)
 }
 
 fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result<Told, Failure> {
@@ -144,23 +170,19 @@ fn failed(job: &Job, mut failure: Failure) -> Told {
     }
 }
 
-/// A solid that was not asked for is not written.
-fn nothing(fit: u8, why: &str, wanted: &Wanted, context: &Context) -> Told {
-    let names: Vec<String> = wanted
-        .paths
-        .iter()
-        .map(|p| p.display().to_string())
-        .collect();
+/// A solid that was not asked for, or is not made without another option, is not written.
+fn nothing(fit: u8, why: &str, option: &str, wanted: &Wanted, context: &Context) -> Told {
     for path in wanted.paths.iter().filter(|p| p.exists()) {
         let path = path.display();
         context.warn(format_args!(
             "{path} is of an earlier run: no solid was written in this one"
         ));
     }
-    let text = format!(
-        "no solid  {why}; -o {} asks for it all the same\n",
-        names.join(" -o ")
-    );
+    let name = match (&wanted.paths[..], wanted.is_asked) {
+        ([path, ..], true) => path.display().to_string(),
+        _ => "part.step".to_owned(),
+    };
+    let text = format!("no solid  {why}; {option}-o {name} makes it all the same\n");
     Told {
         exit: fit,
         json: json!({"ok": false, "skipped": why}),

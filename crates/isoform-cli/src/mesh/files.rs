@@ -2,8 +2,8 @@
 
 use super::work::Made;
 use crate::output::{self, Context, Failure};
-use crate::scan;
 use crate::watchdog::Writing;
+use crate::{scan, solids};
 use isoform::geom::Mesh;
 use isoform::io::{MeshWriteOptions, mesh_format_named, mesh_formats, write_mesh, write_mesh_path};
 use std::path::{Path, PathBuf};
@@ -43,6 +43,9 @@ pub(crate) fn targets(
     to: Option<&str>,
     context: &Context,
 ) -> Result<Vec<Target>, Failure> {
+    let named = to.map(|to| PathBuf::from(format!("part.{to}")));
+    let all = [paths, named.as_slice()].concat();
+    solids::refuse(&all, |path| format!("isoform brep MODEL -o {path}"))?;
     if let Some(name) = to.filter(|name| {
         mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()
     }) {

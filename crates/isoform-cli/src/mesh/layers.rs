@@ -23,10 +23,10 @@ pub(super) struct Args {
     )]
     pub(super) layers: Vec<String>,
     /// Thickness of the first of the --layers, which lies on the surface
-    #[arg(long, value_name = "LENGTH", requires = "layers", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "layers", allow_negative_numbers = true, value_parser = output::positive)]
     first: Option<f64>,
     /// How many times as thick as the one before each of the --layers is [default: 1.2]
-    #[arg(long, value_name = "FACTOR", requires = "layers", value_parser = output::positive)]
+    #[arg(long, value_name = "FACTOR", requires = "layers", allow_negative_numbers = true, value_parser = output::positive)]
     growth: Option<f64>,
     /// How many --layers there are [default: 5]
     #[arg(long, value_name = "N", requires = "layers")]

@@ -104,10 +104,10 @@ pub(crate) struct Args {
 #[group(id = "MeshSettings")]
 pub(crate) struct Settings {
     /// Length of edges, the largest one where sizes vary [default: a fortieth of the diagonal]
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     pub(crate) size: Option<f64>,
     /// Smaller edges where a face would leave the surface by more than this
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     pub(crate) grade: Option<f64>,
     /// Smaller edges by place: a table x,y,z,length (of a refinement, or from an error estimate),
     /// or a HyperFun program of the length
@@ -129,7 +129,7 @@ pub(crate) struct Settings {
     pub(crate) angles: Option<Angles>,
     /// Refuse a mesh that takes more memory than this many GiB, by estimate [default: 16, or what
     /// the machine has]
-    #[arg(long, value_name = "GIB", value_parser = output::positive)]
+    #[arg(long, value_name = "GIB", allow_negative_numbers = true, value_parser = output::positive)]
     pub(crate) memory: Option<f64>,
     /// The axes along which the box is a unit cell.
     #[arg(skip)]

@@ -119,7 +119,7 @@ impl Phases {
     pub(crate) fn new(context: &Context) -> Self {
         Self {
             started: Mutex::default(),
-            progress: Progress::new(context),
+            progress: Progress::of_stage(context),
         }
     }
     /// A phase begins.

@@ -69,18 +69,18 @@ pub(crate) struct Args {
     #[arg(long)]
     exact: bool,
     /// As large as possible within this distance of the surface, proved, instead of a bound on S
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     tol: Option<f64>,
     /// As many patches as it takes until all of the surface in the box lies on one, within --tol
     #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "figure", "paper"])]
     cover: bool,
     /// With --cover: every point of the surface in the box so deep inside of some patch, that is so
     /// far from its border, proved; as --tol a length. Patches reach beyond the box as far
-    #[arg(long, value_name = "LENGTH", requires = "cover", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = output::positive)]
     margin: Option<f64>,
     /// With --cover: what is nearer than this to a singular point, as at self-intersections, may be
     /// left out where no patch is found, which is said [default: a hundredth of the box]
-    #[arg(long, value_name = "LENGTH", requires = "cover", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", requires = "cover", allow_negative_numbers = true, value_parser = output::positive)]
     singular: Option<f64>,
     /// At most so many patches, with --cover
     #[arg(long, value_name = "N", default_value_t = MOST_PATCHES, requires = "cover", value_parser = at_least_one)]

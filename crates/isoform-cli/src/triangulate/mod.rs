@@ -63,10 +63,10 @@ pub(crate) struct Args {
     polygon: Option<Domain>,
     /// Largest distance of the middles of triangles and edges from the surface; without --box, B is
     /// half its width here [default: 5e-4 B]
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     tol: Option<f64>,
     /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
-    #[arg(long, value_name = "LENGTH", value_parser = output::positive)]
+    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
     #[arg(long, value_name = "N", default_value_t = MeshOptions::TRIANGLES, value_parser = at_least_one)]

@@ -3,7 +3,7 @@
 use crate::common::*;
 use serde_json::Value;
 use std::fs;
-use std::process::Command;
+use std::process::{Command, Output};
 
 const BALL: &str = "-- @title A ball
 -- @param a[1] cx x
@@ -540,14 +540,14 @@ fn recover_runs_without_arguments() {
     );
     for name in ["fitted.hf", "deviation.ply", "report.html"] {
         assert!(
-            fs::metadata(f.0.join("isoform-recover").join(name))
+            fs::metadata(f.0.join("isoform-recover/cup").join(name))
                 .expect("written")
                 .len()
                 > 1000,
             "{name}"
         );
     }
-    let page = f.text("isoform-recover/report.html");
+    let page = f.text("isoform-recover/cup/report.html");
     let marks = [
         "Section",
         ">R 30.2",
@@ -565,6 +565,168 @@ fn recover_runs_without_arguments() {
         2,
         "there is no such scan"
     );
+}
+
+/// Runs `recover` in the folder.
+fn recover(f: &Folder, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_isoform"))
+        .arg("recover")
+        .args(args)
+        .current_dir(&f.0)
+        .output()
+        .expect("it runs")
+}
+
+#[test]
+fn each_scan_has_a_folder_of_its_own() {
+    let f = Folder::new("recover-folders");
+    let (scan, hf) = (f.ball(0.0), f.file("ball.hf", BALL));
+    fs::create_dir(f.0.join("other")).expect("a folder");
+    fs::copy(&scan, f.0.join("other/ball.xyz")).expect("copied");
+    let read = |name: &str| f.text(&format!("isoform-recover/{name}"));
+    let o = recover(&f, &[&scan, &hf]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let first = read("ball/fitted.hf");
+    assert!(read("ball/scan.txt").trim_end().ends_with("/ball.xyz"));
+    // Another scan of the same name, and the first one by another spelling.
+    let o = recover(&f, &["other/ball.xyz", &hf]);
+    assert!(stderr(&o).contains("ball-2"), "{}", stderr(&o));
+    assert!(
+        read("ball-2/scan.txt")
+            .trim_end()
+            .ends_with("/other/ball.xyz")
+    );
+    assert_eq!(code(&recover(&f, &["./other/../ball.xyz", &hf, "-q"])), 0);
+    assert!(!f.0.join("isoform-recover/ball-3").exists() && read("ball/fitted.hf") == first);
+
+    // What an earlier run wrote is gone, whatever comes of this one; other files stay.
+    f.file("isoform-recover/ball/part.step", "of an earlier run");
+    f.file("isoform-recover/ball/notes.txt", "of the user");
+    let plane = "-- @param a[1] height z\nm(x[3], a[1]) { m = a[1] - x[3]; }\n";
+    let o = recover(&f, &[&scan, &f.file("plane.hf", plane)]);
+    assert_eq!(code(&o), 3, "{}", stderr(&o));
+    assert!(!f.0.join("isoform-recover/ball/part.step").exists());
+    assert_eq!(read("ball/notes.txt"), "of the user");
+    // Nothing is made or removed where the input cannot be read.
+    f.file("bad.xyz", "1 2\n");
+    assert_eq!(code(&recover(&f, &["bad.xyz", &hf])), 2);
+    assert!(!f.0.join("isoform-recover/bad").exists());
+}
+
+#[test]
+fn results_go_to_a_folder_that_is_named() {
+    let f = Folder::new("recover-folder");
+    let (scan, hf) = (f.ball(0.0), f.file("ball.hf", BALL));
+    let mesh = f.path("ball.stl");
+    let o = recover(&f, &[&scan, &hf, "-o", "out/here/", "-o", &mesh, "--json"]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    for name in [
+        "fitted.hf",
+        "deviation.ply",
+        "report.html",
+        "part.step",
+        "scan.txt",
+    ] {
+        assert!(f.0.join("out/here").join(name).exists(), "{name}");
+    }
+    assert!(f.0.join("ball.stl").exists() && !f.0.join("isoform-recover").exists());
+    // A folder of the user's own: what is not written stays, and is told of.
+    fs::create_dir(f.0.join("mine")).expect("a folder");
+    f.file("mine/part.step", "by hand");
+    let plane = "-- @param a[1] height z\nm(x[3], a[1]) { m = a[1] - x[3]; }\n";
+    let o = recover(&f, &[&scan, &f.file("plane.hf", plane), "-o", "mine"]);
+    assert_eq!(
+        (code(&o), f.text("mine/part.step")),
+        (3, "by hand".to_owned())
+    );
+    assert!(
+        stderr(&o).contains("part.step is of an earlier run"),
+        "{}",
+        stderr(&o)
+    );
+    // The results of another scan are not replaced without a word.
+    let moved = f.file("moved.xyz", f.text("ball.xyz"));
+    let o = recover(&f, &[&moved, &hf, "-o", "out/here"]);
+    assert!(stderr(&o).contains("are replaced"), "{}", stderr(&o));
+}
+
+#[test]
+fn the_verb_that_does_it_is_named() {
+    let f = Folder::new("pointers");
+    let (scan, hf) = (f.ball(0.0), f.file("ball.hf", BALL));
+    let step = f.path("part.step");
+    let stp = f.path("part.STP");
+    for (args, hint) in [
+        (vec!["convert", &scan, "-o", &step], "isoform recover"),
+        (
+            vec!["convert", &scan, "-o", "-", "--to", "step"],
+            "isoform recover",
+        ),
+        (vec!["convert", &hf, "-o", &step], "isoform brep"),
+        (vec!["mesh", &hf, "-o", &step], "isoform brep"),
+        (vec!["mesh", &hf, "-o", &stp], "isoform brep"),
+        (vec!["mesh", &hf, "-o", "-", "--to", "step"], "isoform brep"),
+        (vec!["recognize", &scan, "-o", &step], "isoform recover"),
+        (
+            vec!["recognize", &scan, "-o", "part.msh"],
+            "isoform recover",
+        ),
+        (vec!["recognize", &scan, "-o", "part.what"], ".json"),
+        (vec!["recover", &scan, &hf, "-o", "-"], "--json"),
+        (vec!["fit", &scan, &hf, "-o", "-"], "--json"),
+        (vec!["fit", &scan], "isoform recover"),
+    ] {
+        let o = isoform(&args);
+        let said = stderr(&o);
+        let told = said.split("try: ").nth(1).unwrap_or_default();
+        assert!(code(&o) == 1 && told.contains(hint), "{args:?}: {said}");
+    }
+    for args in [
+        ["mesh", &hf, "--size", "-2"],
+        ["recognize", &scan, "--tol", "-2"],
+    ] {
+        let o = isoform(&args);
+        let said = stderr(&o);
+        assert!(
+            code(&o) == 1 && said.contains("a positive number is expected"),
+            "{said}"
+        );
+    }
+    let o = isoform(&["compare", &scan, "--json"]);
+    let message = document(&o)["error"]["message"].to_string();
+    assert!(message.contains("<SECOND>"), "{message}");
+}
+
+#[test]
+fn a_solid_of_a_doubtful_fit_has_to_be_forced() {
+    let f = Folder::new("recover-doubt");
+    let (scan, step) = (f.ball(0.0), f.path("cube.step"));
+    let cube = "-- @param a[1] half length\n\
+        m(x[3], a[1]) { m = min(min(a[1] - abs(x[1] - 1), a[1] - abs(x[2] - 2)), a[1] - abs(x[3] - 3)); }\n";
+    let hf = f.file("cube.hf", cube);
+    let o = recover(&f, &[&scan, &hf, "-o", &step]);
+    assert_eq!(code(&o), 3, "{}", stderr(&o));
+    assert!(!f.0.join("cube.step").exists());
+    assert!(
+        stdout(&o).contains("no solid") && stdout(&o).contains("--force"),
+        "{}",
+        stdout(&o)
+    );
+    let o = recover(&f, &[&scan, &hf, "-o", &step, "--force"]);
+    assert_eq!(code(&o), 3, "{}", stderr(&o));
+    assert!(f.0.join("cube.step").exists() && stdout(&o).contains("solid of the fit"));
+    assert!(
+        stderr(&o).contains("Ctrl-C keeps the fit"),
+        "{}",
+        stderr(&o)
+    );
+    // Phases are said once, however often they come again.
+    let said = stderr(&o);
+    let mut phases: Vec<&str> = said.lines().filter(|l| l.ends_with(" ...")).collect();
+    let all = phases.len();
+    phases.sort_unstable();
+    phases.dedup();
+    assert!(all > 2 && phases.len() == all, "{said}");
 }
 
 #[test]

@@ -1,59 +1,90 @@
-//! What the columns are: by their names, or by the values of the first rows.
+//! The columns of a table: by their names, or by the values of the first rows.
 //!
-//! Names are looked up in [`role_named`](crate::roles::role_named), and among the words of
-//! surveyors (easting, northing, elevation) where a coordinate is missing. Values tell colours
-//! (whole numbers from 0 to 255) and normals (triples of length 1) from other columns, which is a
-//! guess that the report states.
+//! Names are those of [`understood`]. Values tell colours (whole numbers from 0 to 255), normals
+//! (triples of length 1) and numbers that count the rows from other columns, which is a guess that
+//! the report states.
 
+use super::names::{Named, are_angles, understood};
 use crate::ReadReport;
 use crate::input::shorten;
 use crate::roles::Layout;
 
-/// The layout of columns with names; the first three are the coordinates where no names say so.
-pub(super) fn by_names(names: &[String], report: &mut ReadReport) -> Layout {
-    let known = |name: &str| match name.to_ascii_lowercase().as_str() {
-        "easting" | "east" | "x_coordinate" | "coord_x" | "pos_x" | "x_m" => Some("x"),
-        "northing" | "north" | "y_coordinate" | "coord_y" | "pos_y" | "y_m" => Some("y"),
-        "elevation" | "height" | "altitude" | "z_coordinate" | "coord_z" | "pos_z" | "z_m" => {
-            Some("z")
+/// The fewest rows that can show that a column counts them: three steps of the same size and two
+/// coordinates that take none.
+const COUNTED: usize = 4;
+
+/// The layout of columns whose names tell the coordinates, and their unit; none where they do not.
+pub(super) fn by_names(
+    names: &[String],
+    report: &mut ReadReport,
+) -> Option<(Layout, Option<String>)> {
+    let Named { names, units } = understood(names)?;
+    let unit = match units[..] {
+        [] => None,
+        [unit] => Some(unit.to_owned()),
+        _ => {
+            report.warn(format!(
+                "the coordinates have several units: {}",
+                units.join(", ")
+            ));
+            None
         }
-        _ => None,
     };
-    let layout = Layout::named(names.iter().map(String::as_str));
-    if layout.missing_coordinate().is_none() {
-        return layout;
-    }
-    let layout = Layout::named(names.iter().map(|n| match known(n) {
-        Some(axis) if !names.iter().any(|m| m.eq_ignore_ascii_case(axis)) => axis,
-        _ => n,
-    }));
-    if layout.missing_coordinate().is_none() {
-        return layout;
-    }
-    report.warn(format!(
-        "the header names no x, y and z; the first three columns ({}) were taken",
-        shorten(&names[..3].join(", "))
-    ));
-    let rest: Vec<&str> = ["x", "y", "z"]
-        .into_iter()
-        .chain(names[3..].iter().map(String::as_str))
-        .collect();
-    Layout::named(rest)
+    Some((Layout::named(names.iter().map(String::as_str)), unit))
 }
 
-/// What the columns of the first rows look like.
-pub(super) fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport) -> Layout {
+/// The layout of columns whose names do not tell the coordinates, or that have none: the first
+/// three behind those that hold words, or count the rows.
+pub(super) fn by_values(
+    rows: &[Vec<f64>],
+    names: Option<&[String]>,
+    words: usize,
+    is_pts: bool,
+    report: &mut ReadReport,
+) -> Layout {
+    let width = rows.first().map_or(3, Vec::len);
+    let is_counted = words == 0 && width > 3 && counts(rows);
+    let first = if is_counted { 1 } else { words };
+    if is_counted {
+        report.warn(
+            "the first column counts the rows and was left out; the next three were taken as x, y \
+             and z (a line of names before the numbers says otherwise)",
+        );
+    }
     let mut columns = Columns {
         rows,
         is_pts,
-        names: ["x", "y", "z"].map(String::from).to_vec(),
+        first,
+        names: (1..=first).map(|c| format!("column {c}")).collect(),
         has_colors: false,
         has_normals: false,
         guesses: Vec::new(),
     };
-    let width = rows.first().map_or(3, Vec::len);
-    while columns.names.len() < width {
-        columns.next(width - columns.names.len());
+    columns.names.extend(["x", "y", "z"].map(String::from));
+    match names {
+        Some(names) => {
+            let taken = names[first..first + 3].join(", ");
+            let which = if first == 0 {
+                "the first three columns"
+            } else {
+                "three columns"
+            };
+            report.warn(format!(
+                "the header names no x, y and z; {which} ({}) were taken",
+                shorten(&taken)
+            ));
+            if are_angles(names) {
+                report.warn(
+                    "the coordinates are longitude and latitude in degrees: angles, not lengths",
+                );
+            }
+            columns.names.extend_from_slice(&names[first + 3..]);
+        }
+        None => {
+            while columns.names.len() < width {
+                columns.next(width - columns.names.len());
+            }
+        }
     }
     if !columns.guesses.is_empty() {
         report.warn(format!(
@@ -61,7 +92,28 @@ pub(super) fn by_values(rows: &[Vec<f64>], is_pts: bool, report: &mut ReadReport
             columns.guesses.join(" and ")
         ));
     }
-    Layout::named(columns.names.iter().map(String::as_str))
+    let mut layout = Layout::named(columns.names.iter().map(String::as_str));
+    if is_counted {
+        layout.ignore(0);
+    }
+    layout
+}
+
+/// True if the first column numbers the rows: whole numbers that ascend, beside coordinates that
+/// vary. Steps of 1 are enough where none of the coordinates does the same; larger ones, from
+/// which rows are missing, where none of the coordinates is a whole number throughout. A profile,
+/// whose x may count as well, is at one place in another coordinate.
+fn counts(rows: &[Vec<f64>]) -> bool {
+    let steps = |c: usize| rows.windows(2).map(move |pair| pair[1][c] - pair[0][c]);
+    let is_whole = |c: usize| rows.iter().all(|r| r[c].fract() == 0.0);
+    let ascends = is_whole(0) && steps(0).all(|s| s >= 1.0);
+    let by_one = |c: usize| is_whole(c) && steps(c).all(|s| s == 1.0);
+    let varies = |c: usize| steps(c).any(|s| s != 0.0);
+    let others = || 1..4;
+    rows.len() >= COUNTED
+        && ascends
+        && others().all(varies)
+        && (others().all(|c| !is_whole(c)) || (by_one(0) && !others().any(by_one)))
 }
 
 /// The columns that have a name so far.
@@ -69,7 +121,9 @@ struct Columns<'r> {
     /// The first rows of the file.
     rows: &'r [Vec<f64>],
     is_pts: bool,
-    /// The names so far, coordinates first.
+    /// Number of columns before the coordinates.
+    first: usize,
+    /// The names so far: of the columns up to the coordinates first.
     names: Vec<String>,
     has_colors: bool,
     has_normals: bool,
@@ -91,7 +145,7 @@ impl Columns<'_> {
         {
             self.has_normals = true;
             self.triple(["nx", "ny", "nz"], "normals");
-        } else if c == 3 && (left == 1 || left == 4) {
+        } else if c == self.first + 3 && (left == 1 || left == 4) {
             self.names.push("intensity".into());
         } else {
             self.names.push(format!("column {}", c + 1));
@@ -113,7 +167,7 @@ impl Columns<'_> {
         self.rows.iter().all(|r| is_byte(r[c]))
     }
 
-    /// Whether a column has one value in all rows.
+    /// True if a column has one value in all rows.
     fn is_constant(&self, c: usize) -> bool {
         self.rows.iter().all(|r| r[c] == self.rows[0][c])
     }

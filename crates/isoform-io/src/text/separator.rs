@@ -1,6 +1,8 @@
 //! What stands between the fields of a line: blanks, tabs, commas or semicolons; and whether commas
 //! are decimal, as they are beside semicolons and in three fields or more between blanks.
 
+use crate::input::parse_number;
+
 /// What stands between fields.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Separator {
@@ -10,38 +12,87 @@ pub(super) enum Separator {
     Char(char),
 }
 
+/// A line whose quoted fields are masked: no separator stands in it but those between fields.
+/// Quotes count only at the start of a field: `1.5" 2.5"` are inches.
+fn masked(line: &str) -> std::borrow::Cow<'_, str> {
+    if !line.contains('"') {
+        return line.into();
+    }
+    let (mut is_in, mut is_start) = (false, true);
+    let mask = |c: char| {
+        if is_in {
+            is_in = c != '"';
+            return '_';
+        }
+        is_in = is_start && c == '"';
+        is_start = c == ';' || c == ',' || c.is_whitespace();
+        if is_in { '_' } else { c }
+    };
+    line.chars().map(mask).collect::<String>().into()
+}
+
+/// The length of a quoted field at the start of a text, with its quotes; two quotes in a row are
+/// one of the text.
+fn quoted(text: &str) -> Option<usize> {
+    let bytes = text.as_bytes();
+    if bytes.first() != Some(&b'"') {
+        return None;
+    }
+    let mut at = 1;
+    loop {
+        at += bytes[at..].iter().position(|&b| b == b'"')? + 1;
+        if bytes.get(at) != Some(&b'"') {
+            return Some(at);
+        }
+        at += 1;
+    }
+}
+
+/// True if a field is a number with a decimal comma or without one.
+fn is_decimal(field: &str) -> bool {
+    parse_number(&field.replace(',', ".")).is_some()
+}
+
 impl Separator {
     /// The separator of a line, and whether its commas are decimal.
     pub(super) fn of(line: &str) -> (Self, bool) {
-        if line.contains(';') {
-            return (Self::Char(';'), line.contains(','));
+        let bare = masked(line);
+        if bare.contains(';') {
+            return (Self::Char(';'), true);
         }
-        let tabs: Vec<&str> = line.split('\t').map(str::trim).collect();
-        let by_tab = tabs.len() >= 3 && tabs.iter().all(|f| !f.contains(char::is_whitespace));
-        if line.contains(',') {
-            let blanks: Vec<&str> = line.split_ascii_whitespace().collect();
-            let decimal = blanks.len() >= 3
-                && blanks.iter().all(|f| {
-                    f.matches(',').count() <= 1 && !f.ends_with(',') && !f.starts_with(',')
-                });
+        // Blanks stand within a field where they do not part numbers.
+        let is_field = |f: &str| {
+            let mut words = f.split_whitespace();
+            words.clone().count() < 2 || !words.all(is_decimal)
+        };
+        let mut tabs = bare.split('\t').map(str::trim);
+        let by_tab = tabs.clone().count() >= 3 && tabs.all(is_field);
+        if bare.contains(',') {
+            let blanks: Vec<&str> = bare.split_ascii_whitespace().collect();
+            let fits =
+                |f: &&str| f.matches(',').count() <= 1 && !f.ends_with(',') && !f.starts_with(',');
+            let numbers = blanks.iter().filter(|f| is_decimal(f)).count();
+            let decimal = numbers >= 3 && blanks.iter().all(fits);
             return match decimal {
                 true if by_tab => (Self::Char('\t'), true),
                 true => (Self::Blank, true),
-                false => (Self::Char(','), false),
+                false if by_tab => (Self::Char('\t'), false),
+                // Between quotes commas are decimal: "1,5","2,5".
+                false => (Self::Char(','), bare.len() != line.len() || bare != line),
             };
         }
-        (
-            if by_tab {
-                Self::Char('\t')
-            } else {
-                Self::Blank
-            },
-            false,
-        )
+        let separator = if by_tab {
+            Self::Char('\t')
+        } else {
+            Self::Blank
+        };
+        (separator, line.contains(','))
     }
-    /// Fields with their byte offsets; an empty one at the end is a mere end mark.
+    /// Fields with their byte offsets, without the quotes around them; an empty one at the end is a
+    /// mere end mark.
     pub(super) fn split(self, line: &str) -> impl Iterator<Item = (usize, &str)> {
         let mut at = 0;
+        let may_be_quoted = line.contains('"');
         std::iter::from_fn(move || {
             if at > line.len() {
                 return None;
@@ -51,10 +102,17 @@ impl Separator {
                 at += bytes.position(|b| !b.is_ascii_whitespace())?;
             }
             let rest = &line[at..];
+            let lead = rest.len() - rest.trim_start_matches(' ').len();
+            let quotes = may_be_quoted.then(|| quoted(&rest[lead..])).flatten();
+            let behind = quotes.map_or(0, |n| lead + n);
             let end = match self {
-                Self::Blank => rest.bytes().position(|b| b.is_ascii_whitespace()),
-                Self::Char(c) => rest.find(c),
+                Self::Blank => rest
+                    .bytes()
+                    .skip(behind)
+                    .position(|b| b.is_ascii_whitespace()),
+                Self::Char(c) => rest[behind..].find(c),
             };
+            let end = end.map(|e| behind + e);
             let field = &rest[..end.unwrap_or(rest.len())];
             let start = at;
             at = end.map_or(line.len() + 1, |e| start + e + 1);
@@ -63,7 +121,11 @@ impl Separator {
             if end.is_none() && field.is_empty() {
                 return None;
             }
-            Some((start + lead, field))
+            // What stands behind the quotes is of the field: it is no number then.
+            match quotes.filter(|&n| n == field.len()) {
+                Some(n) => Some((start + lead + 1, field[1..n - 1].trim())),
+                None => Some((start + lead, field)),
+            }
         })
     }
 }

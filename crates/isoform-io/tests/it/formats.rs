@@ -139,6 +139,57 @@ fn las_and_laz_agree_with_another_implementation() {
     }
 }
 
+#[test]
+fn withheld_points_and_noise_are_left_out() {
+    use las::point::Classification;
+    for format in [0, 1, 3, 6, 7] {
+        for compressed in [false, true] {
+            if compressed && !cfg!(feature = "laz") {
+                continue;
+            }
+            let point = |i| {
+                let mut point = common::las_point(format, i);
+                point.is_withheld = i % 5 == 0;
+                point.is_synthetic = i % 3 == 0;
+                point.is_key_point = i % 4 == 0;
+                point.classification = match i % 7 {
+                    1 => Classification::LowPoint,
+                    3 if format >= 6 => Classification::HighNoise,
+                    _ => Classification::Ground,
+                };
+                point
+            };
+            let bytes = common::las_file_of(format, compressed, (0..700).map(point));
+            let (cloud, report) = read_bytes("t.las", &bytes).expect("valid");
+            let is_noise = |i: usize| i % 7 == 1 || (i % 7 == 3 && format >= 6);
+            let kept: Vec<usize> = (0..700).filter(|&i| i % 5 != 0 && !is_noise(i)).collect();
+            let noise = (0..700).filter(|&i| i % 5 != 0 && is_noise(i)).count();
+            assert_eq!(cloud.points.len(), kept.len(), "{format} {compressed}");
+            for (k, &i) in kept.iter().enumerate() {
+                assert!((cloud.absolute(k)[0] - point(i).x).abs() < 1e-8);
+            }
+            let told = |part: &str| report.warnings.iter().any(|w| w.contains(part));
+            assert!(
+                told("140 of 700 points are flagged as withheld"),
+                "{:?}",
+                report.warnings
+            );
+            assert!(told(&format!(
+                "{noise} of 700 points are classified as noise"
+            )));
+            // LAS 1.0 gives these bits no meaning.
+            if format < 2 && !compressed {
+                let mut old = bytes;
+                old[25] = 0;
+                assert_eq!(
+                    read_bytes("t.las", &old).expect("valid").0.points.len(),
+                    700
+                );
+            }
+        }
+    }
+}
+
 #[cfg(feature = "e57")]
 #[test]
 fn e57_poses_and_angles() {

@@ -9,6 +9,51 @@ use std::time::{Duration, Instant};
 /// Far above what any of these small files takes, far below a hang.
 const SOON: Duration = Duration::from_secs(5);
 
+/// Pieces of tables: names, units, quotes, numbers, words and what stands between them.
+const FIELDS: &[&str] = &[
+    "x",
+    "Y [mm]",
+    "z",
+    "Point ID",
+    "n",
+    "e",
+    "nx",
+    "[mm]",
+    "mm",
+    "(",
+    "\"",
+    "\"\"",
+    "\"1,5\"",
+    "\"a;b",
+    "1",
+    "2",
+    "3",
+    "1,5",
+    "-2.5e3",
+    "nan",
+    "P1",
+    "é",
+    "坐标",
+    "#",
+    "//",
+    ",",
+    ",",
+    ";",
+    ";",
+    "\t",
+    " ",
+    " ",
+    "\n",
+    "\n",
+    "\n",
+    "x,y,z\n",
+    "1,2,3\n",
+    "P1,1,2,3\n",
+    "1 2 3 4\n",
+    "2 2.5 3 4\n",
+    "3 3 3 3.5\n",
+];
+
 fn survive(name: &str, format: Option<&str>, bytes: &[u8]) {
     let start = Instant::now();
     for options in [
@@ -75,6 +120,15 @@ proptest! {
             survive("noise", Some(format.name), &bytes);
         }
         survive("noise", None, &bytes);
+    }
+
+    #[test]
+    fn tables(fields in prop::collection::vec(prop::sample::select(FIELDS), 0..60)) {
+        for format in ["xyz", "csv"] {
+            survive("table", Some(format), fields.concat().as_bytes());
+        }
+        survive("table.pts", None, fields.concat().as_bytes());
+        survive("-", None, fields.concat().as_bytes());
     }
 
     #[test]

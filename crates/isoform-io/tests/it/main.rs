@@ -8,4 +8,5 @@ mod meshes;
 mod round_trip;
 mod solids;
 mod step;
+mod tables;
 mod three_mf;

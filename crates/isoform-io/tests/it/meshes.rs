@@ -433,6 +433,11 @@ fn what_others_write() {
         "inside out, a hexahedron: {:?}",
         report.warnings
     );
+    let (mesh, _) = read("gmsh-legacy.msh");
+    assert_eq!(
+        (mesh.points[3], &mesh.triangles[..]),
+        ([0.0, 6.0, 0.0], &[[0, 1, 2], [0, 2, 3]][..])
+    );
     let (mesh, report) = read("abaqus-sets.inp");
     assert_eq!(
         (mesh.tets.len(), &mesh.regions[..], report.units.as_deref()),
@@ -451,6 +456,19 @@ fn what_others_write() {
         (&mesh.triangle_parts[..], mesh.parts.join("|")),
         (&[0, 1, 2, 2][..], "A|b|no part".into())
     );
+}
+
+#[test]
+fn unknown_sections_are_named() {
+    let head = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n";
+    for rest in ["$Points\n1\n1 0 0 0\n$EndPoints\n", "$Points\n1\n1 0 0 0\n"] {
+        let e = read_as(format!("{head}{rest}").as_bytes(), Some("msh")).expect_err(rest);
+        assert_eq!(e.code(), "format-unsupported", "{e}");
+        assert!(e.why.contains("$Points"), "{e}");
+    }
+    let cut = format!("{head}$Nodes\n1\n1 0 0 0\n");
+    let e = read_as(cut.as_bytes(), Some("msh")).expect_err("cut");
+    assert_eq!(e.code(), "file-truncated");
 }
 
 #[test]

@@ -136,19 +136,28 @@ pub(in crate::mesh) fn read(input: &mut Input<'_>, report: &mut ReadReport) -> R
         physical: HashMap::new(),
         version: None,
         had_nodes: false,
+        passed: Vec::new(),
     };
     let (mut text, mut bytes) = (String::new(), Vec::new());
     while scan.input.read_line(&mut text, &mut bytes)? {
         let Some(name) = text.trim_end().strip_prefix('$') else {
             continue;
         };
-        file.section(name, &mut scan, report)?;
+        let is_known = file.section(name, &mut scan, report)?;
         if name != "PhysicalNames" {
-            scan.pass(name)?;
+            let passed = scan.pass(name);
+            // An unknown section may end in its own way: the file need not be cut off.
+            passed.map_err(|e| match is_known || e.kind != ErrorKind::Truncated {
+                true => e,
+                false => file.unknown(scan.input, &e.why),
+            })?;
         }
     }
     if !file.had_nodes {
-        return Err(scan.input.truncated("there is no section of nodes"));
+        return Err(match file.passed.is_empty() {
+            true => scan.input.truncated("there is no section of nodes"),
+            false => file.unknown(scan.input, "there is no section $Nodes"),
+        });
     }
     file.builder.finish(scan.input, report)
 }
@@ -163,16 +172,29 @@ struct File {
     version: Option<u32>,
     /// Whether the section of nodes has come.
     had_nodes: bool,
+    /// Names of the first sections that are not known.
+    passed: Vec<String>,
 }
 
+/// Most sections that are named in an error.
+const NAMED: usize = 5;
+
 impl File {
-    /// Reads what a section holds; its last line is left.
+    /// The error for a file in which something is missing, and sections are not known.
+    fn unknown(&self, input: &Input<'_>, missing: &str) -> crate::ReadError {
+        let sections = self.passed.join(", ");
+        let why = format!("{missing}, and there are sections that are not known: {sections}");
+        let hint = "save it as version 4.1, or as 2.2 in text";
+        input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, hint)
+    }
+
+    /// Reads what a section holds; its last line is left. Returns true if the section is known.
     fn section(
         &mut self,
         name: &str,
         scan: &mut Scan<'_, '_>,
         report: &mut ReadReport,
-    ) -> Result<()> {
+    ) -> Result<bool> {
         let four = self.version == Some(4);
         match name {
             "MeshFormat" => self.version = Some(read_format(scan)?),
@@ -188,19 +210,25 @@ impl File {
             }
             "PhysicalNames" => read_names(scan, &mut self.builder)?,
             "Entities" if four => read_entities(scan, &mut self.physical)?,
-            "Nodes" => {
+            "Nodes" if four => {
                 self.had_nodes = true;
-                if four {
-                    read_nodes4(scan, &mut self.builder)?
-                } else {
-                    read_nodes2(scan, &mut self.builder)?
-                }
+                read_nodes4(scan, &mut self.builder)?
+            }
+            "Nodes" | "ParametricNodes" if !four => {
+                self.had_nodes = true;
+                read_nodes2(scan, &mut self.builder, name == "ParametricNodes")?
             }
             "Elements" if four => read_elements4(scan, &mut self.builder, &self.physical)?,
             "Elements" => read_elements2(scan, &mut self.builder)?,
-            _ => report.warn(format!("section \"{}\" was passed over", shorten(name))),
+            _ => {
+                report.warn(format!("section \"{}\" was passed over", shorten(name)));
+                if self.passed.len() < NAMED {
+                    self.passed.push(format!("${}", shorten(name)));
+                }
+                return Ok(false);
+            }
         }
-        Ok(())
+        Ok(true)
     }
 }
 
@@ -314,12 +342,16 @@ fn read_nodes4(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
     Ok(())
 }
 
-/// Nodes of version 2, each with its number.
-fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder) -> Result<()> {
+/// Nodes of version 2, each with its number. Parametric ones have their entity and the parameters
+/// there in the rest of the line.
+fn read_nodes2(scan: &mut Scan<'_, '_>, builder: &mut Builder, are_parametric: bool) -> Result<()> {
     for _ in 0..scan.size()? {
         let id = scan.id()?;
         let p = [scan.double()?, scan.double()?, scan.double()?];
         builder.node(id, p, scan.input, scan.at())?;
+        if are_parametric {
+            scan.words.pass_line();
+        }
     }
     Ok(())
 }

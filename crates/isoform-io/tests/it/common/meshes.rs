@@ -8,12 +8,13 @@ use isoform_io::{MeshWriteOptions, write_mesh};
 pub(crate) type MeshFixture = (String, &'static str, Vec<u8>);
 
 /// Text that Gmsh, Abaqus, meshio and others could have written.
-pub(crate) const FOREIGN: [(&str, &str, &str); 7] = [
+pub(crate) const FOREIGN: [(&str, &str, &str); 8] = [
     ("meshio-zlib.vtu", "vtu", ZLIB),
     ("meshio-base64.vtu", "vtu", BASE64),
     ("appended-base64.vtu", "vtu", APPENDED),
     ("gmsh-parametric.msh", "msh", PARAMETRIC),
     ("gmsh-bare.msh", "msh2", BARE),
+    ("gmsh-legacy.msh", "msh2", LEGACY),
     ("abaqus-sets.inp", "inp", SETS),
     ("abaqus-shells.inp", "inp", SHELLS),
 ];
@@ -88,6 +89,9 @@ $Elements\n4 5 1 5\n0 1 15 1\n1 10\n2 3 2 1\n4 10 20 40\n2 9 3 1\n2 10 40 20 30\
 
 const BARE: &str = "$MeshFormat\r\n2.2 0 8\r\n$EndMeshFormat\r\n$Nodes\r\n5\r\n1 0 0 0\r\n2 1 0 0\r\n3 0 1 0\r\n4 0 0 1\r\n6 9 9 9\r\n$EndNodes\r\n$Elements\r\n4\r
 1 2 2 0 8 1 3 2\r\n2 2 2 0 9 1 2 4\r\n3 4 2 0 1 1 2 4 3\r\n4 5 2 0 1 1 2 3 4 1 2 3 4\r\n$EndElements\r\n";
+
+const LEGACY: &str = "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$ParametricNodes\n4\n1 0 0 0 0 1\n2 6 0 0 1 1 0.25\n3 6 6 0 2 1 0.5 0.5\n4 0 6 0 3 1\n$EndParametricNodes
+$Elements\n2\n1 2 2 1 1 1 2 3\n2 2 2 1 1 1 3 4\n$EndElements\n";
 
 const SETS: &str = "*HEADING\nby hand, units: mm\n** Units: mm\n*Part, name=P\n*Node\n 1, 0., 0., 0.\n 2, 1., 0.\n 3, 0., 1D0, 0.\n 4, 0., 0., 1.\n 5, 1., 1., 1.
 *Element, type=C3D4H, elset=Body\n 10, 1, 2, 3,\n 4\n 12, 2, 3, 4, 5\n*Element, type=C3D8\n 13, 1, 2, 3, 4, 5, 1, 2, 3\n*Elset, elset=_top, internal, generate\n 10, 12, 2

@@ -165,6 +165,15 @@ fn pcd() -> [Fixture; 3] {
 
 /// Written by the crate `las`.
 pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
+    las_file_of(format, compressed, (0..n).map(|i| las_point(format, i)))
+}
+
+/// The same of any points.
+pub(crate) fn las_file_of(
+    format: u8,
+    compressed: bool,
+    points: impl Iterator<Item = las::Point>,
+) -> Vec<u8> {
     let mut builder = las::Builder::from((1, if format >= 6 { 4 } else { 2 }));
     builder.point_format = las::point::Format::new(format).expect("known");
     builder.point_format.is_compressed = compressed;
@@ -182,8 +191,8 @@ pub(crate) fn las_file(format: u8, compressed: bool, n: usize) -> Vec<u8> {
         builder.into_header().expect("valid"),
     )
     .expect("memory");
-    for i in 0..n {
-        writer.write_point(las_point(format, i)).expect("valid");
+    for point in points {
+        writer.write_point(point).expect("valid");
     }
     writer.into_inner().expect("closed").into_inner()
 }

@@ -1,0 +1,439 @@
+//! Names of columns: the coordinate, normal or colour that a name stands for, and the unit in it.
+//!
+//! Instruments write `X [mm]`, `PosX`, `X-Koordinate`, `Easting (m)` or `n_x`. A name is cut into
+//! words; one of them is the axis, one may be a unit, and all others must be known: a column
+//! `Deviation X` is no coordinate.
+
+use super::separator::Separator;
+use crate::input::unit_named;
+use crate::roles::{Role, role_named};
+
+/// Words that may stand with the letter of an axis.
+const PLACE: [&str; 39] = [
+    "coord",
+    "coords",
+    "coordinate",
+    "coordinates",
+    "pos",
+    "position",
+    "point",
+    "points",
+    "pt",
+    "pnt",
+    "loc",
+    "location",
+    "scan",
+    "measured",
+    "actual",
+    "value",
+    "axis",
+    "global",
+    "world",
+    "cartesian",
+    "vertex",
+    "koordinate",
+    "koordinaten",
+    "koord",
+    "wert",
+    "messwert",
+    "punkt",
+    "ist",
+    "achse",
+    "coordonnée",
+    "coordonnee",
+    "coordenada",
+    "coordinata",
+    "valeur",
+    "valor",
+    "координата",
+    "座標",
+    "坐标",
+    "좌표",
+];
+/// Words that say that a component is one of a normal.
+const NORMAL: [&str; 5] = ["normal", "normals", "normale", "norm", "n"];
+/// Words that may stand with the name of a colour.
+const COLOR: [&str; 5] = ["color", "colour", "rgb", "diffuse", "scan"];
+/// Words of surveyors by axis.
+const SURVEY: [&[&str]; 3] = [
+    &[
+        "easting",
+        "eastings",
+        "east",
+        "rechtswert",
+        "ostwert",
+        "ost",
+        "est",
+        "este",
+    ],
+    &[
+        "northing",
+        "northings",
+        "north",
+        "hochwert",
+        "nordwert",
+        "nord",
+        "norte",
+    ],
+    &[
+        "elevation",
+        "elev",
+        "height",
+        "altitude",
+        "höhe",
+        "hoehe",
+        "cota",
+        "quota",
+    ],
+];
+/// Letters of surveyors by axis.
+const LETTERS: [&str; 3] = ["e", "n", "h"];
+/// Words that may stand with those of surveyors.
+const GRID: [&str; 7] = [
+    "utm",
+    "grid",
+    "local",
+    "ellipsoidal",
+    "orthometric",
+    "gps",
+    "gnss",
+];
+
+/// How plainly a name says its role; the first is taken before the others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Rank {
+    /// The bare name, or with a unit.
+    Exact,
+    /// With other words.
+    Decorated,
+    /// A word of surveyors.
+    Survey,
+    /// A letter of surveyors.
+    Letter,
+}
+
+/// The meaning of a name.
+struct Meaning {
+    /// Role, and how plainly the name says it.
+    role: Option<(Role, Rank)>,
+    /// Unit in the name.
+    unit: Option<&'static str>,
+}
+
+/// The words of a name in lower case; `PosX` has two.
+fn words(name: &str) -> Vec<String> {
+    let mut words = vec![String::new()];
+    let mut before = ' ';
+    for c in name.chars() {
+        if !c.is_alphanumeric() || (before.is_lowercase() && c.is_uppercase()) {
+            words.push(String::new());
+        }
+        if c.is_alphanumeric()
+            && let Some(word) = words.last_mut()
+        {
+            word.extend(c.to_lowercase());
+        }
+        before = c;
+    }
+    words.retain(|w| !w.is_empty());
+    words
+}
+
+/// The number of a letter x, y or z.
+fn axis(word: &str) -> Option<usize> {
+    ["x", "y", "z"].iter().position(|a| *a == word)
+}
+
+/// The axis at either end of a word, and the rest of it: `xcoord`, `posx`.
+fn glued(word: &str) -> Option<(usize, &str)> {
+    (0..3).find_map(|k| {
+        let letter = ["x", "y", "z"][k];
+        let rest = word
+            .strip_prefix(letter)
+            .or_else(|| word.strip_suffix(letter))?;
+        let is_known = PLACE.contains(&rest) || NORMAL.contains(&rest);
+        (is_known || (rest.len() > 1 && unit_named(rest).is_some())).then_some((k, rest))
+    })
+}
+
+impl Meaning {
+    /// The meaning of a name. One that ends in `_` is that of a column, as our writers have it.
+    fn of(name: &str) -> Self {
+        if name.ends_with('_') {
+            return Self {
+                role: None,
+                unit: None,
+            };
+        }
+        let mut words = words(name);
+        let mut unit = None;
+        if words.len() > 1
+            && let Some(last) = words.last().and_then(|w| unit_named(w))
+        {
+            unit = Some(last);
+            words.pop();
+            while words.len() > 1 && words.last().is_some_and(|w| matches!(&**w, "in" | "unit")) {
+                words.pop();
+            }
+        }
+        let bare = match name.find(['(', '[']) {
+            Some(at) if at > 0 => name[..at].trim_end(),
+            _ => name,
+        };
+        let whole = match &words[..] {
+            [only] => role_named(only),
+            _ => None,
+        };
+        let role = match whole.or_else(|| role_named(bare)) {
+            Some(role) => Some((role, Rank::Exact)),
+            None => Self::decorated(&words, &mut unit).or_else(|| Self::surveyed(&words)),
+        };
+        Self { role, unit }
+    }
+
+    /// An axis or a colour among known words.
+    fn decorated(words: &[String], unit: &mut Option<&'static str>) -> Option<(Role, Rank)> {
+        let (mut k, mut is_normal, mut color) = (None, false, None);
+        for word in words {
+            let word = &**word;
+            if let Some(a) = axis(word).filter(|_| k.is_none()) {
+                k = Some(a);
+            } else if let Some((a, rest)) = glued(word).filter(|_| k.is_none()) {
+                k = Some(a);
+                is_normal |= NORMAL.contains(&rest);
+                *unit = unit.or(unit_named(rest));
+            } else if let Some(c @ Role::Color(_)) = role_named(word).filter(|_| color.is_none()) {
+                color = Some(c);
+            } else if NORMAL.contains(&word) {
+                is_normal = true;
+            } else if !PLACE.contains(&word) && !COLOR.contains(&word) {
+                return None;
+            }
+        }
+        let role = match (k, color) {
+            (Some(k), None) if is_normal => Role::Normal(k),
+            (Some(k), None) => Role::Position(k),
+            (None, Some(color)) if !is_normal => color,
+            _ => return None,
+        };
+        Some((role, Rank::Decorated))
+    }
+
+    /// A word of surveyors among known words.
+    fn surveyed(words: &[String]) -> Option<(Role, Rank)> {
+        if let [letter] = words
+            && let Some(k) = LETTERS.iter().position(|l| l == letter)
+        {
+            return Some((Role::Position(k), Rank::Letter));
+        }
+        let mut found = None;
+        for word in words.iter().map(|w| &**w) {
+            let k = SURVEY.iter().position(|names| names.contains(&word));
+            if k.is_some() && found.is_none() {
+                found = k;
+            } else if !PLACE.contains(&word) && !GRID.contains(&word) {
+                return None;
+            }
+        }
+        found.map(|k| (Role::Position(k), Rank::Survey))
+    }
+}
+
+/// True if a column of this name, with coordinates `x`, `y` and `z`, is taken for one of them, for
+/// a normal or a colour.
+pub(crate) fn has_role(name: &str) -> bool {
+    match Meaning::of(name).role {
+        Some((Role::Position(_), rank)) => rank == Rank::Exact,
+        role => role.is_some(),
+    }
+}
+
+/// Columns whose names say what they are.
+pub(super) struct Named {
+    /// Names with those of the roles in their places: `x`, `ny`, `red`.
+    pub(super) names: Vec<String>,
+    /// Units of the coordinates, each once.
+    pub(super) units: Vec<&'static str>,
+}
+
+/// The columns that names tell; none where one of the coordinates is not named.
+pub(super) fn understood(names: &[String]) -> Option<Named> {
+    let meanings: Vec<Meaning> = names.iter().map(|n| Meaning::of(n)).collect();
+    let first = |role: Role| {
+        let ranks = meanings
+            .iter()
+            .enumerate()
+            .filter_map(|(i, m)| match m.role {
+                Some((r, rank)) if r == role => Some((rank, i)),
+                _ => None,
+            });
+        ranks.min()
+    };
+    let places = [0, 1, 2].map(|k| first(Role::Position(k)));
+    let [Some(x), Some(y), Some(z)] = places else {
+        return None;
+    };
+    // Letters are those of surveyors only in pairs: `n` may be a count.
+    if (x.0 == Rank::Letter) != (y.0 == Rank::Letter) {
+        return None;
+    }
+    let mut told = names.to_vec();
+    let mut units = Vec::new();
+    for (k, (_, i)) in [x, y, z].into_iter().enumerate() {
+        ["x", "y", "z"][k].clone_into(&mut told[i]);
+        if let Some(unit) = meanings[i].unit
+            && !units.contains(&unit)
+        {
+            units.push(unit);
+        }
+    }
+    for (names, role) in [
+        (["nx", "ny", "nz"], Role::Normal as fn(usize) -> Role),
+        (["red", "green", "blue"], Role::Color),
+    ] {
+        // One or two of them are columns like others.
+        if let [Some(a), Some(b), Some(c)] = [0, 1, 2].map(|k| first(role(k))) {
+            for (name, (_, i)) in names.into_iter().zip([a, b, c]) {
+                name.clone_into(&mut told[i]);
+            }
+        }
+    }
+    Some(Named { names: told, units })
+}
+
+/// True if names tell longitude and latitude.
+pub(super) fn are_angles(names: &[String]) -> bool {
+    let is = |words: [&str; 3]| {
+        names
+            .iter()
+            .any(|n| words.contains(&&*n.to_ascii_lowercase()))
+    };
+    is(["lat", "latitude", "breite"]) && is(["lon", "longitude", "lng"])
+}
+
+/// The names in a line; a unit in brackets behind a blank belongs to the name before it.
+pub(super) fn split(line: &str) -> Vec<String> {
+    let (separator, _) = Separator::of(line);
+    let mut names: Vec<String> = Vec::new();
+    for (_, field) in separator.split(line) {
+        let name = field
+            .trim_matches(['"', '\''])
+            .trim_start_matches("//")
+            .trim();
+        match names.last_mut() {
+            Some(before) if separator == Separator::Blank && name.starts_with(['(', '[']) => {
+                *before += " ";
+                *before += name;
+            }
+            _ => names.push(name.to_owned()),
+        }
+    }
+    names
+}
+
+/// The units in a line below the names: one for each of them, in brackets or not, or nothing.
+pub(super) fn unit_row(line: &str) -> Option<Vec<&'static str>> {
+    let (separator, _) = Separator::of(line);
+    let units = separator.split(line).map(|(_, field)| {
+        let bare = field.trim_matches(['(', ')', '[', ']', ' ']).to_lowercase();
+        match &*bare {
+            "" | "-" => Some(""),
+            unit => unit_named(unit),
+        }
+    });
+    let units: Vec<&str> = units.collect::<Option<_>>()?;
+    units.iter().any(|u| !u.is_empty()).then_some(units)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_many_instruments() {
+        let places = |header: &str| {
+            let names = split(header);
+            let told = understood(&names)?;
+            let at = |n: &str| told.names.iter().position(|m| m == n);
+            Some(([at("x")?, at("y")?, at("z")?], told.units))
+        };
+        for (header, want) in [
+            ("name,x,y,z", ([1, 2, 3], vec![])),
+            ("Point ID,X [mm],Y [mm],Z [mm]", ([1, 2, 3], vec!["mm"])),
+            ("X_mm;Y_mm;Z_mm", ([0, 1, 2], vec!["mm"])),
+            ("Z in mm;Y in mm;X in mm", ([2, 1, 0], vec!["mm"])),
+            ("X / m\tY / m\tZ / m", ([0, 1, 2], vec!["m"])),
+            ("Xmm Ymm Zmm", ([0, 1, 2], vec!["mm"])),
+            ("X [mm] Y [mm] Z [mm]", ([0, 1, 2], vec!["mm"])),
+            ("X (inch),Y (inch),Z (inch)", ([0, 1, 2], vec!["in"])),
+            ("X [µm],Y [µm],Z [µm]", ([0, 1, 2], vec!["um"])),
+            (
+                "Nr;X-Koordinate;Y-Koordinate;Z-Koordinate",
+                ([1, 2, 3], vec![]),
+            ),
+            ("PosX PosY PosZ", ([0, 1, 2], vec![])),
+            (
+                "Coordonnée X;Coordonnée Y;Coordonnée Z",
+                ([0, 1, 2], vec![]),
+            ),
+            (
+                "Номер,Координата X,Координата Y,Координата Z",
+                ([1, 2, 3], vec![]),
+            ),
+            ("nx,ny,nz,x,y,z", ([3, 4, 5], vec![])),
+            (
+                "Normal X,Normal Y,Normal Z,Point X,Point Y,Point Z",
+                ([3, 4, 5], vec![]),
+            ),
+            (
+                "Nominal X,Nominal Y,Nominal Z,Actual X,Actual Y,Actual Z",
+                ([3, 4, 5], vec![]),
+            ),
+            (
+                "Deviation X,Deviation Y,Deviation Z,X,Y,Z",
+                ([3, 4, 5], vec![]),
+            ),
+            (
+                "Northing (ft),Easting (ft),Elevation (ft)",
+                ([1, 0, 2], vec!["ft"]),
+            ),
+            ("Pkt;Rechtswert;Hochwert;Höhe", ([1, 2, 3], vec![])),
+            ("P,N,E,Z,D", ([2, 1, 3], vec![])),
+            ("Points:0,Points:1,Points:2", ([0, 1, 2], vec![])),
+            (
+                "cartesianX,cartesianY,cartesianZ,intensity",
+                ([0, 1, 2], vec![]),
+            ),
+            ("\"Point, ID\",\"X\",\"Y\",\"Z\"", ([1, 2, 3], vec![])),
+        ] {
+            assert_eq!(places(header), Some(want), "{header}");
+        }
+        for header in [
+            "n,x,z",
+            "dx,dy,dz",
+            "Deviation X,Deviation Y,Deviation Z",
+            "max,may,maz",
+        ] {
+            assert_eq!(places(header), None, "{header}");
+        }
+    }
+
+    #[test]
+    fn normals_and_colours_have_names_too() {
+        let names = split("X,Y,Z,Normal_X,Normal Y,NormalZ,Color R,G,Blue (0-255),Intensity");
+        let told = understood(&names).expect("named").names;
+        let want = [
+            "x",
+            "y",
+            "z",
+            "nx",
+            "ny",
+            "nz",
+            "red",
+            "green",
+            "blue",
+            "Intensity",
+        ];
+        assert_eq!(told, want);
+    }
+}
