@@ -5,6 +5,9 @@ use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
 use isoform_num::{Interval, Jet2, Jet3};
 use isoform_spline::{ImplicitSpline, MAX_GLOBAL};
 
+/// Number of intervals along each edge of a box on whose sides a function is sampled.
+const AROUND: usize = 24;
+
 /// A function fitted to points; inside is f ≥ 0.
 #[derive(Clone, Debug)]
 pub enum Implicit {
@@ -41,6 +44,25 @@ impl Implicit {
             Self::Spline(spline) => spline.holds_data(p),
             Self::Polynomial(polynomial) => polynomial.holds(polynomial.cell(p)),
         }
+    }
+    /// True if the function is positive all around its box: what the surface encloses is then
+    /// outside.
+    pub fn is_inside_out(&self) -> bool {
+        let domain = self.domain();
+        let size = domain.size();
+        let at = |i: usize| i as f64 / AROUND as f64;
+        let places = (0..6 * (AROUND + 1).pow(2)).map(|i| {
+            let (side, u, v) = (i % 6, i / 6 % (AROUND + 1), i / 6 / (AROUND + 1));
+            let mut share = [0.0; 3];
+            share[side / 2] = (side % 2) as f64;
+            share[(side / 2 + 1) % 3] = at(u);
+            share[(side / 2 + 2) % 3] = at(v);
+            std::array::from_fn(|k| domain.lo[k] + share[k] * size[k])
+        });
+        let places: Vec<Point3> = places.collect();
+        let mut values = vec![0.0; places.len()];
+        self.values(&places, &mut values);
+        values.iter().all(|v| *v > 0.0)
     }
     /// Whether there were points in the cell about a place, or in one that shares a face with it.
     pub fn is_seen(&self, p: Point3) -> bool {

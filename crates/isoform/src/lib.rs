@@ -170,7 +170,7 @@ pub use mesh_model::{
 };
 pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
-    RegionCertificate, certified_adaptation, certified_mesh, certified_regions, default_size,
+    RegionCertificate, certified_adaptation, certified_mesh, certified_regions, bounded_complement, default_size,
     default_size_within, flat_triangles, solid_of, surface_of,
 };
 pub use patches::{

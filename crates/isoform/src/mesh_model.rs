@@ -1,7 +1,8 @@
 //! The mesh of a model with its certificate.
 
+use crate::report::brief;
 use crate::{
-    RegionCertificate, certified_adaptation, certified_mesh, certified_regions,
+    RegionCertificate, bounded_complement, certified_adaptation, certified_mesh, certified_regions,
     default_size_within, solid_of,
 };
 use isoform_check::{Certificate, Limits};
@@ -9,6 +10,7 @@ use isoform_control::Control;
 use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
 use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid};
+use isoform_mesh::features::ExtentError;
 use isoform_mesh::{
     MeshError, Meshed, Options, Region, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
@@ -65,6 +67,15 @@ pub enum MeshModelError {
     /// everywhere.
     #[error("the program is no expression, so that its box cannot be found")]
     NoBox,
+    /// The function is negative in a bounded set and positive all around it.
+    #[error(
+        "the solid has no end: f is negative only within ({}) to ({}), and inside is f >= 0: is the \
+         sign reversed?", brief_point(bounds.lo), brief_point(bounds.hi)
+    )]
+    InsideOut {
+        /// Holds what is outside of the solid.
+        bounds: Aabb,
+    },
     /// A region describes no solid.
     #[error("region {name}: {error}")]
     Region {
@@ -91,6 +102,8 @@ pub struct ModelMesh {
     pub regions: Vec<RegionCertificate>,
     /// Triangles that were cut away behind the certificate, as no points lie near them.
     pub cut: usize,
+    /// True if a box cuts the outside of a bounded set: the sign is probably reversed.
+    pub is_inside_out: bool,
 }
 
 /// What is good to know of a mesh beside its warnings.
@@ -107,6 +120,8 @@ pub enum MeshNote {
     FeaturesNotProved,
     /// Triangles without points near them were left out, so that the surface has a border.
     Cut,
+    /// The box is filled but for a bounded set where the function is negative.
+    InsideOut,
 }
 
 impl fmt::Display for MeshNote {
@@ -125,6 +140,10 @@ impl fmt::Display for MeshNote {
                 "no points lie near a part of the surface: it is left out, and the surface has a \
                  border there; --close keeps it as a part named unseen. The certificate is that of \
                  the closed surface"
+            }
+            Self::InsideOut => {
+                "the function is positive all around a bounded set, and what is meshed is the box \
+                 without that: inside is f >= 0; if the sign is reversed, write -f"
             }
             Self::FeaturesNotProved => {
                 "it is not proved that every feature curve was found; a smaller --size looks closer"
@@ -158,6 +177,7 @@ impl ModelMesh {
             (!self.meshed.region_certified, MeshNote::BoxNotProved),
             (!self.meshed.features.certified, MeshNote::FeaturesNotProved),
             (self.cut > 0, MeshNote::Cut),
+            (self.is_inside_out, MeshNote::InsideOut),
         ];
         let there = notes.into_iter().filter(|note| note.0);
         there.map(|note| note.1).collect()
@@ -348,7 +368,8 @@ fn of_solid(
 ) -> Result<ModelMesh, MeshModelError> {
     let size = match options.size {
         Some(size) => size,
-        None => own_size(solid, given, options, control)?,
+        None => own_size(solid, given, options, control)
+            .map_err(|e| explained(e, solid, control))?,
     };
     let mut inner = Options {
         size,
@@ -363,22 +384,46 @@ fn of_solid(
         inner.sizes = Some(own_sizes(mesh));
     }
     let limits = options.limits;
-    let (meshed, certificate, regions) = if let Some(mesh) = given {
-        let (meshed, whole) = certified_adaptation(mesh, solid, &inner, limits, control)?;
+    let explained = |e| explained(e, solid, control);
+    let (meshed, certificate, certificates) = if let Some(mesh) = given {
+        let (meshed, whole) = certified_adaptation(mesh, solid, &inner, limits, control).map_err(explained)?;
         (meshed, whole, Vec::new())
     } else if regions.is_empty() {
-        let (meshed, whole) = certified_mesh(solid, &inner, limits, control)?;
+        let (meshed, whole) = certified_mesh(solid, &inner, limits, control).map_err(explained)?;
         (meshed, whole, Vec::new())
     } else {
-        certified_regions(solid, regions, &inner, limits, control)?
+        certified_regions(solid, regions, &inner, limits, control).map_err(explained)?
     };
+    // The matrix of a composite, or of a cell, is meant so.
+    let may_be = options.mesh.region.is_some() && regions.is_empty() && inner.periodic == [false; 3];
+    let is_inside_out = may_be && bounded_complement(solid, control).is_some();
     Ok(ModelMesh {
+        is_inside_out,
         meshed,
         certificate,
-        regions,
+        regions: certificates,
         options: inner,
         cut: 0,
     })
+}
+
+/// The mesher's error; a solid without an end may be one whose function has the wrong sign.
+pub(crate) fn explained(
+    error: MeshError,
+    solid: &dyn Solid,
+    control: &Control<'_>,
+) -> MeshModelError {
+    if let MeshError::Extent(ExtentError::Unbounded { .. }) = error
+        && let Some(bounds) = bounded_complement(solid, control)
+    {
+        return MeshModelError::InsideOut { bounds };
+    }
+    error.into()
+}
+
+/// A point for messages.
+fn brief_point(p: Point3) -> String {
+    p.map(brief).join(", ")
 }
 
 /// The length of edges where none is asked for.

@@ -217,6 +217,11 @@ pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -
                 _ => failure,
             }
         }
+        MeshModelError::InsideOut { .. } => {
+            Failure::new(NO_RESULT, "unbounded", format!("{name}: {error}"))
+                .why("the function is negative inside and positive all around")
+                .hint("write -f, or --box to mesh what lies outside")
+        }
         e => Failure::usage(format!("{name}: {e}"))
             .why("a loop or an index depends on the point")
             .hint("--box=-1,-1,-1,1,1,1 around it"),

@@ -26,6 +26,7 @@ mod machine;
 mod parser;
 mod print;
 mod source;
+mod uses;
 
 pub use annotations::{Amount, FileInfo, Fixed, Kind, ParamInfo, Pose, Tie};
 pub use functions::{FunctionHelp, library};
@@ -297,6 +298,10 @@ impl Model {
     /// What the annotations say of each parameter.
     pub fn params(&self) -> &[ParamInfo] {
         &self.params
+    }
+    /// By parameter, whether the model's program, or an object that it calls, has it anywhere.
+    pub(crate) fn used_params(&self) -> Vec<bool> {
+        uses::parameters(&self.program.objects, self.object)
     }
     /// What the annotations say of the program.
     pub fn info(&self) -> &FileInfo {
