@@ -6,7 +6,7 @@
 
 use crate::block::{Block, LANES};
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::{Amount, Fixed, Model, NotCompilable, ParamInfo};
+use crate::hyperfun::{Amount, Fixed, Model, NotCompilable, ParamInfo, Place, RunError};
 use crate::ops::{Ops, Unary};
 use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
@@ -23,6 +23,9 @@ pub enum SolidError {
     /// The program does not become an expression.
     #[error("the program is no expression (line {}: {}); it can only be run statement by statement", .0.line, .0.why)]
     NoExpression(NotCompilable),
+    /// A run of the program ends with an error, at every point that was tried.
+    #[error(transparent)]
+    Fails(#[from] RunError),
     /// The object does not describe a solid in space.
     #[error("the model has {found} coordinates, a solid has 3")]
     Dimension {
@@ -56,6 +59,19 @@ pub enum SolidError {
     TooLarge,
 }
 
+impl From<NotCompilable> for SolidError {
+    fn from(error: NotCompilable) -> Self {
+        if !error.fails {
+            return Self::NoExpression(error);
+        }
+        Self::Fails(RunError {
+            line: error.line,
+            column: error.column,
+            message: error.why,
+        })
+    }
+}
+
 impl From<SplitError> for SolidError {
     fn from(error: SplitError) -> Self {
         match error {
@@ -87,14 +103,27 @@ pub struct Pieces {
     all: Tape,
     own: Tape,
     ranges: Ranges,
-    /// The functions of the pieces.
+    /// The functions of the pieces, and the whole expression.
     graph: Graph,
     roots: Vec<NodeId>,
+    root: NodeId,
+    /// Where nodes that jump stand in the program.
+    places: Vec<(NodeId, Place)>,
 }
 
 impl Pieces {
     /// The expression `root` of three coordinates, with `a` for its parameters.
     pub fn new(graph: &Graph, root: NodeId, a: &[f64]) -> Result<Self, SolidError> {
+        Self::with_places(graph, root, &[], a)
+    }
+
+    /// The same, with the places in the program of nodes that jump.
+    fn with_places(
+        graph: &Graph,
+        root: NodeId,
+        places: &[(NodeId, Place)],
+        a: &[f64],
+    ) -> Result<Self, SolidError> {
         let (nx, na) = graph.inputs(root);
         if nx > 3 {
             return Err(SolidError::Dimension { found: nx });
@@ -108,7 +137,19 @@ impl Pieces {
         let mut bound = Graph::new();
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
-        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.name_as(*id, name));
+        let need = graph.reachable(&[root]);
+        let placed: Vec<&(NodeId, Place)> = places.iter().filter(|(id, _)| need[id.at()]).collect();
+        let ids: Vec<NodeId> = std::iter::once(root)
+            .chain(placed.iter().map(|(id, _)| *id))
+            .collect();
+        let ids = graph.rewrite_all(&ids, &mut bound, &x, &a, |g, id, name| {
+            g.name_as(*id, name);
+        });
+        let places = placed.into_iter().zip(&ids[1..]);
+        let places = places
+            .map(|((_, place), id)| (*id, place.clone()))
+            .collect();
+        let root = ids[0];
         let own = Tape::new(&bound, &[root], 3, 0);
         let Split {
             names,
@@ -128,6 +169,8 @@ impl Pieces {
             ranges,
             graph: bound,
             roots: pieces,
+            root,
+            places,
         })
     }
 
@@ -139,15 +182,24 @@ impl Pieces {
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         let a = values_in_space(model, a)?;
         let mut graph = Graph::new();
-        let root = model
-            .compile(&mut graph)
-            .map_err(SolidError::NoExpression)?;
-        Self::new(&graph, root, &a)
+        let (root, places) = model.compile_with_places(&mut graph)?;
+        Self::with_places(&graph, root, &places, &a)
     }
 
     /// The functions of all pieces as expressions of the coordinates.
     pub(crate) fn functions(&self) -> (Graph, Vec<NodeId>) {
         (self.graph.clone(), self.roots.clone())
+    }
+
+    /// The whole expression, of the coordinates.
+    pub(crate) fn whole(&self) -> (Graph, NodeId) {
+        (self.graph.clone(), self.root)
+    }
+
+    /// Where a node that jumps stands in the program.
+    pub(crate) fn place(&self, id: NodeId) -> Option<&Place> {
+        let found = self.places.iter().find(|(of, _)| *of == id)?;
+        Some(&found.1)
     }
 
     /// Number of operations of a piece's function: what its evaluation costs.
@@ -589,6 +641,19 @@ impl RunField {
             model: model.clone(),
             a: values_in_space(model, a)?,
         })
+    }
+
+    /// Why the program fails at each of the points, if it does.
+    pub fn fault(&self, points: &[Point3]) -> Option<RunError> {
+        let mut evaluator = self.model.evaluator();
+        let mut first = None;
+        for p in points {
+            match evaluator.eval(p, &self.a, &[]) {
+                Ok(_) => return None,
+                Err(error) => drop(first.get_or_insert(error)),
+            }
+        }
+        first
     }
 
     fn run<R: Real + 'static>(

@@ -100,7 +100,8 @@ impl LiveModel {
         let Some(readings) = template
             .ok()
             .filter(|_| !is_run)
-            .and_then(|t| t.readings(t.parameters())) else {
+            .and_then(|t| t.readings(t.parameters()))
+        else {
             return Ok(None);
         };
         let bounds = bounds_of(solid.as_ref(), region, control)?;

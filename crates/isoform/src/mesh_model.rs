@@ -1,5 +1,6 @@
 //! The mesh of a model with its certificate.
 
+use crate::meshing::{Meshable, meshable};
 use crate::report::brief;
 use crate::{
     RegionCertificate, bounded_complement, certified_adaptation, certified_mesh, certified_regions,
@@ -7,14 +8,15 @@ use crate::{
 };
 use isoform_check::{Certificate, Limits};
 use isoform_control::Control;
-use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
-use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid};
+use isoform_field::{Jump, RunField, SolidError};
+use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid, UnionFind, cross, dot, sub};
 use isoform_mesh::features::ExtentError;
 use isoform_mesh::{
     MeshError, Meshed, Options, Region, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
 use isoform_num::{Interval, Jet2, Real};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
@@ -76,6 +78,9 @@ pub enum MeshModelError {
         /// Holds what is outside of the solid.
         bounds: Aabb,
     },
+    /// The function jumps through 0, and the jump is no wall.
+    #[error(transparent)]
+    Jump(#[from] Jump),
     /// A region describes no solid.
     #[error("region {name}: {error}")]
     Region {
@@ -107,7 +112,7 @@ pub struct ModelMesh {
 }
 
 /// What is good to know of a mesh beside its warnings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MeshNote {
     /// Bodies touch in a point or along a line.
@@ -122,11 +127,19 @@ pub enum MeshNote {
     Cut,
     /// The box is filled but for a bounded set where the function is negative.
     InsideOut,
+    /// Small pieces hang together with nothing else.
+    Loose {
+        /// Number of pieces of the solid.
+        pieces: usize,
+        /// Volume and a place of each small one.
+        small: Vec<(f64, Point3)>,
+    },
 }
 
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Loose { pieces, small } => return loose(f, *pieces, small),
             Self::Touching => {
                 "bodies touch without crossing: the solid has no surface there that a mesh could \
                  follow; move them apart, or into each other"
@@ -180,8 +193,81 @@ impl ModelMesh {
             (self.is_inside_out, MeshNote::InsideOut),
         ];
         let there = notes.into_iter().filter(|note| note.0);
-        there.map(|note| note.1).collect()
+        let there = there.map(|note| note.1);
+        there.chain(loose_pieces(&self.meshed.mesh)).collect()
     }
+}
+
+/// Part of the largest piece's volume below which a piece that hangs together with nothing else is
+/// probably a crumb.
+const CRUMB: f64 = 0.01;
+/// Most small pieces that are told one by one.
+const TOLD: usize = 5;
+
+/// Says which pieces are small.
+fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> fmt::Result {
+    let (n, percent) = (small.len(), 100.0 * CRUMB);
+    let are = if n == 1 { "is" } else { "are" };
+    write!(
+        f,
+        "{n} of {pieces} pieces {are} smaller than {percent} % of the largest and {are} joined to \
+         nothing:"
+    )?;
+    for (i, (volume, at)) in small.iter().take(TOLD).enumerate() {
+        let comma = if i == 0 { "" } else { "," };
+        write!(
+            f,
+            "{comma} volume {} at ({})",
+            brief(*volume),
+            brief_point(*at)
+        )?;
+    }
+    f.write_str(if n > TOLD { ", ..." } else { "" })
+}
+
+/// The pieces of a mesh that are small beside the largest, if there are any. Of a surface each shell
+/// that faces outward bounds a piece.
+fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
+    let mesh = mesh.simplices();
+    let place = |v: u32| mesh.points[v as usize];
+    // The volumes of simplices, of triangles those of the cones over them from the first point.
+    let apex = *mesh.points.first()?;
+    let of = |nodes: &[u32], [a, b, c, d]: [Point3; 4]| {
+        (nodes[0], dot(sub(b, a), cross(sub(c, a), sub(d, a))) / 6.0)
+    };
+    let mut sets = UnionFind::new(mesh.points.len());
+    let volumes: Vec<(u32, f64)> = if mesh.tets.is_empty() {
+        for t in &mesh.triangles {
+            sets.unite(t[0], t[1]);
+            sets.unite(t[0], t[2]);
+        }
+        let cone = |t: &[u32; 3]| of(t, [apex, place(t[0]), place(t[1]), place(t[2])]);
+        mesh.triangles.iter().map(cone).collect()
+    } else {
+        for t in &mesh.tets {
+            t[1..].iter().for_each(|v| {
+                sets.unite(t[0], *v);
+            });
+        }
+        mesh.tets.iter().map(|t| of(t, t.map(place))).collect()
+    };
+    // By piece, in the order of their first nodes.
+    let mut pieces: BTreeMap<u32, (f64, Aabb)> = BTreeMap::new();
+    for (node, volume) in volumes {
+        let piece = pieces.entry(sets.root(node)).or_insert((0.0, Aabb::EMPTY));
+        piece.0 += volume;
+        piece.1.add(place(node));
+    }
+    pieces.retain(|_, piece| piece.0 > 0.0);
+    let largest = pieces
+        .values()
+        .fold(0.0, |most: f64, piece| most.max(piece.0));
+    let small = pieces.values().filter(|piece| piece.0 < CRUMB * largest);
+    let small: Vec<(f64, Point3)> = small.map(|piece| (piece.0, piece.1.center())).collect();
+    (!small.is_empty()).then_some(MeshNote::Loose {
+        pieces: pieces.len(),
+        small,
+    })
 }
 
 /// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
@@ -280,16 +366,25 @@ fn make(
         no_layers(&options.mesh, "in a mesh that is adapted")?;
         check_given(mesh)?;
     }
-    let (solid, is_run) = match solid_of(model, a) {
-        // What fills all of space fills the box: the matrix of a composite.
-        Err(SolidError::NoSurface { inside: true }) if options.mesh.region.is_some() => (
-            Box::new(OnePiece::new(Everywhere, model.name())) as Box<dyn Solid>,
-            false,
-        ),
-        solid => solid?,
-    };
+    let Meshable { solid, is_run, .. } =
+        match meshable(model, a, options.mesh.region, None, control) {
+            // What fills all of space fills the box: the matrix of a composite.
+            Err(MeshModelError::Solid(SolidError::NoSurface { inside: true }))
+                if options.mesh.region.is_some() =>
+            {
+                Meshable {
+                    solid: Box::new(OnePiece::new(Everywhere, model.name())),
+                    is_run: false,
+                    parts: None,
+                }
+            }
+            solid => solid?,
+        };
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
+    }
+    if is_run {
+        runs_somewhere(model, a, options.mesh.region)?;
     }
     let mut are_run = is_run;
     let mut solids = Vec::new();
@@ -312,6 +407,26 @@ fn make(
         made.meshed.warnings.push(warning);
     }
     Ok(made)
+}
+
+/// Refuses a program that is run statement by statement and fails at the corners and in the middle
+/// of the box.
+pub(crate) fn runs_somewhere(
+    model: &Model,
+    a: &[f64],
+    region: Option<Aabb>,
+) -> Result<(), SolidError> {
+    let Some(region) = region else {
+        return Ok(());
+    };
+    let corner = |i: usize| std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
+    let points: Vec<Point3> = std::iter::once(region.center())
+        .chain((0..8).map(corner))
+        .collect();
+    match RunField::new(model, a)?.fault(&points) {
+        Some(error) => Err(error.into()),
+        None => Ok(()),
+    }
 }
 
 /// Refuses layers where a mesh is not made of one solid alone.
@@ -368,8 +483,9 @@ fn of_solid(
 ) -> Result<ModelMesh, MeshModelError> {
     let size = match options.size {
         Some(size) => size,
-        None => own_size(solid, given, options, control)
-            .map_err(|e| explained(e, solid, control))?,
+        None => {
+            own_size(solid, given, options, control).map_err(|e| explained(e, solid, control))?
+        }
     };
     let mut inner = Options {
         size,
@@ -386,7 +502,8 @@ fn of_solid(
     let limits = options.limits;
     let explained = |e| explained(e, solid, control);
     let (meshed, certificate, certificates) = if let Some(mesh) = given {
-        let (meshed, whole) = certified_adaptation(mesh, solid, &inner, limits, control).map_err(explained)?;
+        let (meshed, whole) =
+            certified_adaptation(mesh, solid, &inner, limits, control).map_err(explained)?;
         (meshed, whole, Vec::new())
     } else if regions.is_empty() {
         let (meshed, whole) = certified_mesh(solid, &inner, limits, control).map_err(explained)?;
@@ -395,7 +512,8 @@ fn of_solid(
         certified_regions(solid, regions, &inner, limits, control).map_err(explained)?
     };
     // The matrix of a composite, or of a cell, is meant so.
-    let may_be = options.mesh.region.is_some() && regions.is_empty() && inner.periodic == [false; 3];
+    let may_be =
+        options.mesh.region.is_some() && regions.is_empty() && inner.periodic == [false; 3];
     let is_inside_out = may_be && bounded_complement(solid, control).is_some();
     Ok(ModelMesh {
         is_inside_out,

@@ -1,9 +1,10 @@
 //! From a model to a solid, its mesh and the certificate.
 
+use crate::MeshModelError;
 use isoform_check::{self as check, Capped, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
-use isoform_field::{Pieces, RunField, SolidError};
-use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
+use isoform_field::{Pieces, RunField, SolidError, parts_of_pieces};
+use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Parts, Point3, PointCloud, Solid};
 use isoform_mesh::features::{Complement, ExtentError, Features, START, extent_within};
 use isoform_mesh::{
     Control, MeshError, Meshed, Options, REST, Region, RegionSolid, adapt, mesh, mesh_regions,
@@ -36,6 +37,51 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
         )),
         Err(error) => Err(error),
     }
+}
+
+/// What has a mesh: the solid of a model, and whether its program must be run statement by
+/// statement for that. Where the function jumps, the solid has walls.
+pub(crate) struct Meshable {
+    pub(crate) solid: Box<dyn Solid>,
+    pub(crate) is_run: bool,
+    /// Its smooth parts, of which a piece has so many at most, if they were asked for.
+    pub(crate) parts: Option<Parts>,
+}
+
+/// A model with the values `a` of its parameters as a solid to be meshed, as [`solid_of`] gives it,
+/// without jumps in its box; with its smooth parts, at most so many of a piece, where that is asked
+/// for.
+pub(crate) fn meshable(
+    model: &Model,
+    a: &[f64],
+    region: Option<Aabb>,
+    parts: Option<usize>,
+    control: &Control<'_>,
+) -> Result<Meshable, MeshModelError> {
+    let mut pieces = match Pieces::of_model(model, a) {
+        Err(SolidError::NoExpression(_)) => {
+            let (solid, is_run) = solid_of(model, a)?;
+            return Ok(Meshable {
+                solid,
+                is_run,
+                parts: None,
+            });
+        }
+        pieces => pieces?,
+    };
+    // Where there is no box, the mesher says why.
+    let bounds = || region.or_else(|| Some(sought(&pieces, control).ok()?.0));
+    if pieces.may_jump()
+        && let Some(bounds) = bounds()
+        && let Some(walled) = pieces.without_jumps(bounds)?
+    {
+        pieces = walled;
+    }
+    Ok(Meshable {
+        parts: parts.map(|most| parts_of_pieces(&pieces, most)),
+        solid: Box::new(pieces),
+        is_run: false,
+    })
 }
 
 /// A length of edges that suits a solid about which nothing else is known: a fortieth of the

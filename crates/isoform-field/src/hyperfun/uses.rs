@@ -72,9 +72,7 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
                 _ => used.fill(true),
             },
             Expr::Function { arguments, .. } => {
-                let is_a = |argument: &Argument| {
-                    matches!(argument, Argument::Array(_, array) if array.id == A)
-                };
+                let is_a = |argument: &Argument| matches!(argument, Argument::Array(_, array) if array.id == A);
                 if arguments.iter().any(is_a) {
                     used.fill(true);
                 }
