@@ -14,7 +14,7 @@
 //! takes in the box of the solid, and within a minimum or maximum to each operand by itself.
 
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::Place;
+use crate::hyperfun::{EPS, Place};
 use crate::library::Native;
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::solid::Pieces;
@@ -35,6 +35,8 @@ const MOST_VALUES: usize = 256;
 const MOST_CELLS: usize = 1024;
 /// Slabs into which a box is cut to see where a jumping node has a value.
 const SLABS: usize = 32;
+/// Most boxes that are divided to prove that a motif stays within its cell.
+const MOST_BOXES: usize = 2000;
 /// Share of the diagonal by which the box of the solid is enlarged: the function without jumps is
 /// good for the enlarged box alone, and ends at its sides.
 const MARGIN: f64 = 0.125;
@@ -84,8 +86,11 @@ impl Pieces {
         if nodes.is_empty() || region.is_empty() {
             return Ok(None);
         }
+        // Steps without a jump of the whole, as of a pattern that is repeated, are taken out too:
+        // intervals know little of them.
+        let has_steps = nodes.iter().any(|id| is_step(graph.node(*id)));
         let found = self.found(graph, &roots, &nodes, region);
-        if found.nodes.is_empty() {
+        if found.nodes.is_empty() && !has_steps {
             return Ok(None);
         }
         let walled = self.walled(&found.nodes, region);
@@ -103,7 +108,8 @@ impl Pieces {
             tape: Tape::new(&graph, &all, 3, 0),
             pieces: roots.len(),
         };
-        let edges = line.edges(region);
+        // Beyond the box the states of its sides are known.
+        let edges = line.edges(region.widened(region.diagonal() / SAMPLES as f64));
         let mut found = Found {
             nodes: BTreeSet::new(),
             whole: None,
@@ -193,11 +199,19 @@ fn jumping(graph: &Graph, roots: &[NodeId]) -> Vec<NodeId> {
 
 /// True if the function of a node jumps.
 pub(crate) fn jumps(node: &Node) -> bool {
+    let is_other = matches!(
+        node,
+        Node::Binary(Binary::Less | Binary::LessEq | Binary::Atan2, ..)
+            | Node::Native(Native::Fmod, _)
+    );
+    is_step(node) || is_other
+}
+
+/// True if the function of a node is constant but for its jumps.
+fn is_step(node: &Node) -> bool {
     matches!(
         node,
         Node::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign, _)
-            | Node::Binary(Binary::Less | Binary::LessEq | Binary::Atan2, ..)
-            | Node::Native(Native::Fmod, _)
     )
 }
 
@@ -408,7 +422,53 @@ impl Walls {
                 }),
             }
         }
+        // Patterns whose motifs do not touch the seams need no walls.
+        for is_min in [true, false] {
+            if cells
+                .iter()
+                .all(|cell| self.is_one_sided(cell, steps.u, is_min, region))
+            {
+                let op = if is_min { SetOp::Min } else { SetOp::Max };
+                let functions = cells.iter().map(|cell| cell.function);
+                return functions.reduce(|a, b| self.graph.set(op, &a, &b));
+            }
+        }
         Some(self.joined(steps.u, &cells))
+    }
+
+    /// True if intervals prove that the function of a cell is positive, or negative, in all of the
+    /// region outside of the cell.
+    fn is_one_sided(&self, cell: &Cell, u: NodeId, positive: bool, region: Aabb) -> bool {
+        let tape = |id: NodeId| Tape::new(&self.graph, &[id], 3, 0);
+        let (function, u) = (tape(cell.function), tape(u));
+        let mut scratch = Vec::new();
+        let mut range = |tape: &Tape, b: Aabb| {
+            let x: [Interval; 3] = std::array::from_fn(|k| Interval::new(b.lo[k], b.hi[k]));
+            tape.range(&x, &[], &mut scratch)
+        };
+        let (mut boxes, mut left) = (vec![region], MOST_BOXES);
+        while let Some(b) = boxes.pop() {
+            let own = range(&u, b);
+            if cell.lower.is_none_or(|t| own.lo() > t) && cell.upper.is_none_or(|t| own.hi() < t) {
+                continue;
+            }
+            let values = range(&function, b);
+            if (positive && values.lo() > 0.0) || (!positive && values.hi() < 0.0) {
+                continue;
+            }
+            if left == 0 {
+                return false;
+            }
+            left -= 1;
+            let size = b.size();
+            let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
+            let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
+            let (mut below, mut above) = (b, b);
+            below.hi[axis] = middle;
+            above.lo[axis] = middle;
+            boxes.extend([below, above]);
+        }
+        true
     }
 
     /// The first node below another that is to be taken out: it has none below itself.
@@ -417,20 +477,15 @@ impl Walls {
         let ids = (0..need.len())
             .filter(|i| need[*i])
             .map(|i| NodeId(i as u32));
-        ids.filter(|id| self.graph.is_in_space(*id)).find(|id| {
-            let is_step = matches!(
-                self.graph.node(*id),
-                Node::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign, _)
-            );
-            is_step || self.tests.contains(id)
-        })
+        ids.filter(|id| self.graph.is_in_space(*id))
+            .find(|id| is_step(self.graph.node(*id)) || self.tests.contains(id))
     }
 
     /// The values of a jumping node in a region.
     fn steps(&mut self, id: NodeId, region: Aabb) -> Option<Steps> {
         let (op, u) = match *self.graph.node(id) {
             Node::Unary(op, u) => (op, u),
-            Node::Binary(Binary::Less | Binary::LessEq, a, b) => {
+            Node::Binary(Binary::Less | Binary::LessEq, a, b) if !self.is_guard(a, b) => {
                 let u = self.graph.sub(&b, &a);
                 return Some(Steps {
                     u,
@@ -465,6 +520,16 @@ impl Walls {
         };
         let values = (0..=limits.len()).map(|i| op.apply(&middle(i))).collect();
         Some(Steps { u, limits, values })
+    }
+
+    /// True if |w| is compared with the language's tolerance: what holds in so thin a layer is no
+    /// part of a solid.
+    fn is_guard(&self, a: NodeId, b: NodeId) -> bool {
+        let is_thin = |size: NodeId, limit: NodeId| {
+            matches!(self.graph.node(size), Node::Unary(Unary::Abs, _))
+                && self.graph.constant_value(limit).is_some_and(|c| c <= EPS)
+        };
+        is_thin(a, b) || is_thin(b, a)
     }
 
     fn range(&self, id: NodeId, region: Aabb) -> Interval {

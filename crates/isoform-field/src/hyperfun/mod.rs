@@ -40,6 +40,7 @@ use annotations::Annotations;
 use ast::Object;
 use execute::{Executor, Stop};
 use isoform_num::Real;
+pub(crate) use machine::EPS;
 use machine::Symbolic;
 use source::Source;
 use std::fmt;
