@@ -460,13 +460,21 @@ impl Walls {
                 return false;
             }
             left -= 1;
-            let size = b.size();
-            let axis = (0..3).fold(0, |best, k| if size[k] > size[best] { k } else { best });
-            let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
-            let (mut below, mut above) = (b, b);
-            below.hi[axis] = middle;
-            above.lo[axis] = middle;
-            boxes.extend([below, above]);
+            // Along the axis that the two functions depend on most.
+            let share = |half: Interval, whole: Interval| {
+                let share = (half.hi() - half.lo()) / (whole.hi() - whole.lo());
+                if share.is_nan() { 1.0 } else { share }
+            };
+            let mut best: Option<(f64, [Aabb; 2])> = None;
+            for axis in 0..3 {
+                let parts = halves(b, axis);
+                let left =
+                    share(range(&u, parts[0]), own) + share(range(&function, parts[0]), values);
+                if best.is_none_or(|best| left < best.0) {
+                    best = Some((left, parts));
+                }
+            }
+            boxes.extend(best.map_or([b; 2], |best| best.1));
         }
         true
     }
@@ -610,6 +618,15 @@ impl Walls {
         }
         all.unwrap_or_else(|| graph.constant(-1.0))
     }
+}
+
+/// The halves of a box along an axis.
+fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
+    let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
+    let (mut below, mut above) = (b, b);
+    below.hi[axis] = middle;
+    above.lo[axis] = middle;
+    [below, above]
 }
 
 /// A function with the limits of u between which it is meant.

@@ -208,6 +208,8 @@ impl GlobalPolynomial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Control, ImplicitizeOptions, implicitize_scan};
+    use isoform_geom::PointCloud;
 
     /// x in units of 2 about (1, 0, 0), seen in one cell.
     fn data() -> PolynomialData {
@@ -231,6 +233,26 @@ mod tests {
         assert!(f.holds_data([0.1; 3]) && !f.holds_data([-0.1, 0.1, 0.1]));
         assert!(f.is_seen([-0.1, 0.1, 0.1]) && !f.is_seen([-0.1, -0.1, 0.1]));
         assert!(!f.is_seen([f64::INFINITY, 0.1, 0.1]) && !f.is_seen([-1e300; 3]));
+    }
+
+    /// Normals that point inwards make the outside of a closed surface the solid.
+    #[test]
+    fn inward_normals_turn_the_solid_inside_out() {
+        let point = |i: u32| {
+            let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 500.0 - 0.999);
+            let r = (1.0 - z * z).sqrt();
+            [r * t.cos(), r * t.sin(), z]
+        };
+        let is_inside_out = |side: f64, part: u32| {
+            let mut scan = PointCloud::from_points((0..part).map(point).collect());
+            scan.normals = scan.points.iter().map(|p| p.map(|v| side * v)).collect();
+            let options = ImplicitizeOptions::default();
+            let made = implicitize_scan(&scan, &options, &Control::default()).expect("a spline");
+            Implicit::Spline(made.spline).is_inside_out()
+        };
+        assert!(is_inside_out(-1.0, 1000) && !is_inside_out(1.0, 1000));
+        // Half of a sphere has no outside of its own.
+        assert!(!is_inside_out(-1.0, 500));
     }
 
     #[test]

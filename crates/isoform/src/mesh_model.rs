@@ -561,7 +561,7 @@ fn own_size(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ImplicitSurface;
+    use crate::{ImplicitSurface, LiveModel};
     use isoform_field::hyperfun::Mode;
     use isoform_mesh::Layers;
 
@@ -599,6 +599,129 @@ mod tests {
         given.wedges = vec![[0, 1, 2, 3, 4, 5]];
         let adapted = adapt_to_model(&given, &ball, &[0.0], &options, &control);
         refused(adapted, "has wedges");
+    }
+
+    fn meshed(body: &str, options: &MeshModelOptions) -> Result<ModelMesh, MeshModelError> {
+        let text = format!("my_model(x[3], a[1]) {{ {body} }}");
+        let model = Model::parse(&text, Mode::Default).expect("a program");
+        mesh_model(&model, &[], options, &Control::default())
+    }
+
+    /// Sliders move free parameters, and tied ones follow.
+    #[test]
+    fn tied_parameters_of_live_models_follow() {
+        let text = "-- @param a[1] r length typical=2\n-- @param a[2] h length tie=2*r + 1\n\
+                    my_model(x[3], a[2]) { array c[3]; c = [0, 0, 0]; \
+                    my_model = min(hfCylinderZ(x, c, a[1]), min(x[3], a[2] - x[3])); }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let live = LiveModel::new(&model, &[], None, &Control::default());
+        let mut live = live.expect("a surface").expect("an expression");
+        let names: Vec<&str> = live.parameters.iter().map(|p| p.name.as_str()).collect();
+        assert_eq!(
+            (names, live.values.as_slice()),
+            (vec!["r"], &[2.0, 5.0][..])
+        );
+        assert!((live.distances(&[[0.0, 0.0, 5.5]])[0] + 0.5).abs() < 1e-12);
+        live.values[0] = 1.0;
+        assert!((live.distances(&[[0.0, 0.0, 3.5]])[0] + 0.5).abs() < 1e-12);
+    }
+
+    /// A staircase of three steps, each a unit deep and half a unit high.
+    #[test]
+    fn jumps_are_walls() {
+        let stairs = "k = floor(x[1]); sides = min(min(x[1], 3 - x[1]), min(x[2], 2 - x[2])); \
+                      my_model = min(min(0.5*(k + 1) - x[3], x[3]), sides);";
+        let options = MeshModelOptions {
+            size: Some(0.4),
+            ..MeshModelOptions::default()
+        };
+        let made = meshed(stairs, &options).expect("a mesh");
+        let surface = made.certificate.surface.as_ref().expect("was looked at");
+        assert!(made.is_as_asked() && surface.euler == 2);
+        assert!((surface.volume / (2.0 * (0.5 + 1.0 + 1.5)) - 1.0).abs() < 1e-9);
+        let screw = "my_model = min(2 + 0.1*atan2(x[2], x[1]) - x[3], 1 - x[1]^2 - x[2]^2) & x[3];";
+        let error = meshed(screw, &options).expect_err("a jump").to_string();
+        assert!(
+            error.starts_with("`atan2` at 1:44 jumps near (-"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_reversed_sign_is_told() {
+        let options = MeshModelOptions::default();
+        let ball = "x[1]^2 + (x[2] - 7)^2 + x[3]^2 - 0.01";
+        let outside = meshed(&format!("my_model = {ball};"), &options);
+        let Err(MeshModelError::InsideOut { bounds }) = outside else {
+            panic!("{outside:?}");
+        };
+        assert!((bounds.center()[1] - 7.0).abs() < 0.05 && bounds.size()[0] < 0.3);
+        // Half a space has no end either way.
+        let half = meshed("my_model = x[1];", &options).expect_err("no end");
+        assert!(matches!(half, MeshModelError::Mesh(_)), "{half}");
+        let mut within = MeshModelOptions::of_surface(Some(Aabb {
+            lo: [-1.0, 6.0, -1.0],
+            hi: [1.0, 8.0, 1.0],
+        }));
+        within.size = Some(0.1);
+        let notes = |body: &str| meshed(body, &within).expect("a mesh").notes();
+        assert!(notes(&format!("my_model = {ball};")).contains(&MeshNote::InsideOut));
+        assert!(!notes(&format!("my_model = -({ball});")).contains(&MeshNote::InsideOut));
+        assert!(!notes("my_model = x[1];").contains(&MeshNote::InsideOut));
+    }
+
+    #[test]
+    fn small_pieces_are_told() {
+        let two = |r: f64| {
+            format!(
+                "my_model = max(1 - x[1]^2 - x[2]^2 - x[3]^2, {} - (x[1] - 3)^2 - x[2]^2 - x[3]^2);",
+                r * r
+            )
+        };
+        for surface_only in [true, false] {
+            let mut options = MeshModelOptions {
+                size: Some(0.1),
+                ..MeshModelOptions::default()
+            };
+            options.mesh.surface_only = surface_only;
+            let notes = |r: f64| meshed(&two(r), &options).expect("a mesh").notes();
+            let crumbs = notes(0.2);
+            let crumb = crumbs.iter().find_map(|note| match note {
+                MeshNote::Loose { pieces, small } => Some((*pieces, small.clone())),
+                _ => None,
+            });
+            let (pieces, small) = crumb.expect("a crumb");
+            assert_eq!((pieces, small.len()), (2, 1));
+            assert!((small[0].0 / (4.18879 * 0.008) - 1.0).abs() < 0.2);
+            assert!((small[0].1[0] - 3.0).abs() < 0.1);
+            assert!(
+                !notes(0.9)
+                    .iter()
+                    .any(|n| matches!(n, MeshNote::Loose { .. }))
+            );
+        }
+    }
+
+    #[test]
+    fn a_loop_without_end_is_told_at_its_place() {
+        let options = MeshModelOptions::default();
+        let error = meshed(
+            "i = 0; while i < 3 loop i = i; endloop; my_model = 1 - x[1];",
+            &options,
+        );
+        let error = error.expect_err("no end").to_string();
+        assert!(error.starts_with("1:31: stopped after"), "{error}");
+        // A branch that nobody takes may be wrong.
+        let within = MeshModelOptions {
+            size: Some(0.5),
+            ..MeshModelOptions::of_surface(Some(Aabb {
+                lo: [-2.0; 3],
+                hi: [2.0; 3],
+            }))
+        };
+        let body =
+            "i = 1; if x[1] > 5 then i = x[i + 8]; endif; my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2;";
+        assert!(meshed(body, &within).is_ok());
     }
 
     #[test]
