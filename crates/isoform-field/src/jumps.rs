@@ -349,7 +349,7 @@ impl Line {
         let [a0, a, b, b0] = [beside(p, -way), p, q, beside(q, way)].map(|p| self.at(p, scratch));
         let is_jump = |[a0, a, b, b0]: [f64; 4]| {
             let own = (a - a0).abs() + (b - b0).abs();
-            let rounding = f64::EPSILON.sqrt() * f64::EPSILON.sqrt() * 16.0 * (a.abs() + b.abs());
+            let rounding = 16.0 * f64::EPSILON * (a.abs() + b.abs());
             (a >= 0.0) != (b >= 0.0) && (a - b).abs() > own + rounding
         };
         let mut pieces = (0..self.pieces).map(|k| [a0[k], a[k], b[k], b0[k]]);

@@ -10,7 +10,7 @@
 use super::ast::{Argument, Expr, Link, Object, Operator, Statement};
 use super::functions::{self, Run};
 use super::source::{Source, Warning};
-use std::collections::HashMap;
+use std::collections::BTreeMap;
 
 /// The kind of an expression.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -45,8 +45,8 @@ pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warni
         let mut reader = Reader {
             results: &results,
             called: &mut called,
-            variables: HashMap::new(),
-            arrays: HashMap::new(),
+            variables: BTreeMap::new(),
+            arrays: BTreeMap::new(),
             found: &mut found,
         };
         reader.block(&object.body);
@@ -84,9 +84,9 @@ struct Reader<'a> {
     /// By object, whether another one calls it.
     called: &'a mut [bool],
     /// By place in memory.
-    variables: HashMap<u32, Kind>,
+    variables: BTreeMap<u32, Kind>,
     /// By number of the array: what any of its items is.
-    arrays: HashMap<u32, Kind>,
+    arrays: BTreeMap<u32, Kind>,
     /// Sums that were used as solids.
     found: &'a mut Vec<(u32, &'static str)>,
 }
