@@ -642,7 +642,7 @@ mod tests {
         let screw = "my_model = min(2 + 0.1*atan2(x[2], x[1]) - x[3], 1 - x[1]^2 - x[2]^2) & x[3];";
         let error = meshed(screw, &options).expect_err("a jump").to_string();
         assert!(
-            error.starts_with("`atan2` at 1:44 jumps near (-"),
+            error.starts_with("`atan2` at 1:47 jumps near (-"),
             "{error}"
         );
     }
