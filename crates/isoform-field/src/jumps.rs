@@ -60,7 +60,7 @@ pub struct Jump {
     pub what: Option<Place>,
 }
 
-/// What is found of jumps.
+/// Jumps that were found.
 struct Found {
     /// The nodes that make a piece jump through 0.
     nodes: BTreeSet<NodeId>,
@@ -265,7 +265,7 @@ struct Line {
     pieces: usize,
 }
 
-/// What jumps between two places beside each other.
+/// Jumps between two neighbouring places.
 struct Jumping {
     piece: bool,
     whole: bool,
@@ -329,7 +329,7 @@ impl Line {
         found
     }
 
-    /// Whether a piece, or the whole, jumps through 0 between two places beside each other: it
+    /// Tells if a piece, or the whole, jumps through 0 between two neighbouring places: it
     /// changes by more than it does over the distance `near` on either side.
     fn jumps(
         &self,
@@ -340,13 +340,13 @@ impl Line {
     ) -> Jumping {
         // Along the axis on which the two differ.
         let axis = (0..3).find(|k| p[*k] != q[*k]).unwrap_or(0);
-        let beside = |p: Point3, by: f64| {
+        let moved = |p: Point3, by: f64| {
             let mut p = p;
             p[axis] += by;
             p
         };
         let way = if q[axis] >= p[axis] { near } else { -near };
-        let [a0, a, b, b0] = [beside(p, -way), p, q, beside(q, way)].map(|p| self.at(p, scratch));
+        let [a0, a, b, b0] = [moved(p, -way), p, q, moved(q, way)].map(|p| self.at(p, scratch));
         let is_jump = |[a0, a, b, b0]: [f64; 4]| {
             let own = (a - a0).abs() + (b - b0).abs();
             let rounding = 16.0 * f64::EPSILON * (a.abs() + b.abs());
@@ -517,7 +517,7 @@ impl Walls {
         let (first, last) = (range.lo().floor(), range.hi().floor());
         let count = (last - first) as usize;
         let limits = (1..=count).map(|i| first + i as f64);
-        // What is truncated does not jump at 0.
+        // Truncation does not jump at 0.
         let limits: Vec<f64> = limits
             .filter(|limit| op != Unary::Trunc || *limit != 0.0)
             .collect();

@@ -107,7 +107,7 @@ pub struct Pieces {
     graph: Graph,
     roots: Vec<NodeId>,
     root: NodeId,
-    /// Where nodes that jump stand in the program.
+    /// Places in the program of nodes that jump.
     places: Vec<(NodeId, Place)>,
 }
 
@@ -196,7 +196,7 @@ impl Pieces {
         (self.graph.clone(), self.root)
     }
 
-    /// Where a node that jumps stands in the program.
+    /// The place in the program of a node that jumps.
     pub(crate) fn place(&self, id: NodeId) -> Option<&Place> {
         let found = self.places.iter().find(|(of, _)| *of == id)?;
         Some(&found.1)

@@ -78,7 +78,7 @@ pub enum MeshModelError {
         /// Holds what is outside of the solid.
         bounds: Aabb,
     },
-    /// The function jumps through 0, and the jump is no wall.
+    /// The function jumps through 0, and the jump cannot be made a wall.
     #[error(transparent)]
     Jump(#[from] Jump),
     /// A region describes no solid.

@@ -39,7 +39,7 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
     }
 }
 
-/// What has a mesh: the solid of a model, and whether its program must be run statement by
+/// A solid to be meshed: that of a model, and whether its program must be run statement by
 /// statement for that. Where the function jumps, the solid has walls.
 pub(crate) struct Meshable {
     pub(crate) solid: Box<dyn Solid>,

@@ -468,7 +468,7 @@ fn kind_of(kind: ProgramKind) -> Kind {
     }
 }
 
-/// What a tie comes to, as an expression of the parameters that it follows.
+/// The value of a tie, as an expression of the parameters that it follows.
 fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
     let mut sum = graph.constant(tie.constant);
     for &(i, factor) in &tie.terms {

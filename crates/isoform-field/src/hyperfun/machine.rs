@@ -25,7 +25,7 @@ pub(crate) trait Machine: Ops + 'static {
     fn is_boolean(&self, _v: &Self::V) -> bool {
         false
     }
-    /// What is built next stands at this byte offset of the program.
+    /// The nodes that are built next stand at this byte offset of the program.
     fn stands_at(&mut self, _at: u32) {}
     /// `v` was assigned to `name`.
     fn assigned(&mut self, _v: &Self::V, _name: &str) {}
@@ -65,7 +65,7 @@ pub(crate) struct Symbolic {
     suggested: Vec<(NodeId, String)>,
     /// Byte offset of the function or operator that is built.
     at: u32,
-    /// Where nodes that jump stand.
+    /// Byte offsets of nodes that jump.
     pub(crate) places: BTreeMap<NodeId, u32>,
 }
 

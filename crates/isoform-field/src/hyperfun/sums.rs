@@ -128,7 +128,7 @@ impl Reader<'_> {
                         .insert(slot, other.map_or(kind, |other| other.or(kind)));
                 }
             }
-            // What a loop adds up is a sum the second time.
+            // A sum that a loop adds up is one the second time.
             Statement::While {
                 condition, body, ..
             } => {

@@ -90,7 +90,7 @@ fn what_does_not_jump_stays_as_it_is() {
     }
 }
 
-/// What is no wall is told with its places in space and in the program.
+/// Jumps that make no wall are told with their places in space and in the program.
 #[test]
 fn other_jumps_are_told() {
     let jump = |body: &str, region: Aabb| -> Jump {

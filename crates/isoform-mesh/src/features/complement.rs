@@ -1,4 +1,4 @@
-//! What a solid leaves out, as a solid.
+//! The complement of a solid, as a solid.
 
 use crate::divided::negated;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
