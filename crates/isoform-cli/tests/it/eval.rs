@@ -77,7 +77,7 @@ fn parameters_are_given_in_order_by_name_or_by_ties() {
         ),
     ] {
         let o = run(params);
-        assert!(code(&o) == 2 && stderr(&o).contains(why), "{}", stderr(&o));
+        assert!(code(&o) == 1 && stderr(&o).contains(why), "{}", stderr(&o));
     }
 }
 
