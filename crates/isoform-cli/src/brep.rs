@@ -33,7 +33,8 @@ never with a shell that is not closed), 4 where there is no such solid, 2 for un
 pub(crate) struct Args {
     /// The model: a HyperFun file (- for stdin), or the name of a built-in template
     model: PathBuf,
-    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
+    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
+    /// annotated
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params: Option<eval::Parameters>,
     /// Cut off what does not lie in this box: x,y,z of the lower and of the upper corner; the cuts
@@ -70,7 +71,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     let name = args.model.display().to_string();
     let model = gallery::template(&args.model, &args.language, context)?;
-    let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    let values = eval::values(&model, args.params.as_ref(), context)?;
     let subject = Subject {
         name,
         unit: model.info().unit.clone(),

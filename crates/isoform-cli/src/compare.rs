@@ -185,7 +185,7 @@ fn load_model(
     context: &Context,
 ) -> Result<Loaded, Failure> {
     let model = gallery::template(path, language, context)?;
-    let values = eval::values(&model, given.map_or(&[], |p| &p.0))?;
+    let values = eval::values(&model, given, context)?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
     let template =
         template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;

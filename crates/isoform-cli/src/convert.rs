@@ -207,7 +207,7 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let model = model::read(&args.file, &args.language, context)?;
     let text = match &args.params {
-        Some(given) => model.print_fitted(&eval::values(&model, &given.0)?, None),
+        Some(given) => model.print_fitted(&eval::values(&model, Some(given), context)?, None),
         None => model.source().to_owned(),
     };
     json["object"] = json!(model.name());

@@ -197,6 +197,16 @@ fn say(report: &ImplicitizeReport, context: &Context) {
             report.outliers, report.points
         ));
     }
+    if report.inside_out {
+        let why = match normals.source {
+            "estimated" => "",
+            _ => "the normals point inwards: ",
+        };
+        context.warn(format_args!(
+            "{why}the function is positive all around the surface, and the solid is what lies \
+             outside of it; --normals estimate turns the normals of a closed surface"
+        ));
+    }
     if report.components_without_data > 0 {
         context.warn(format_args!(
             "f = 0 has {} pieces more, where there are no points",

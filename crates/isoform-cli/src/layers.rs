@@ -22,8 +22,8 @@ use std::path::Path;
 /// How files are read, the same for every verb that shows them.
 #[derive(clap::Args)]
 pub(crate) struct Reading {
-    /// The values of the parameters a of the models, in their order; missing ones are as annotated,
-    /// else 0
+    /// The values of the parameters a of the models, in their order or as NAME=NUMBER; missing ones
+    /// are as annotated
     #[arg(
         long,
         value_name = "NUMBERS",
@@ -293,7 +293,7 @@ impl File<'_> {
     /// A model that moves; one that cannot be shown itself as its mesh.
     fn program(&self, model: &Model) -> Result<Layer, Failure> {
         let (name, region) = (self.name, self.region());
-        let values = eval::values(model, self.reading.params.as_ref().map_or(&[], |p| &p.0))?;
+        let values = eval::values(model, self.reading.params.as_ref(), self.context)?;
         let control = self.context.control();
         let settings = Settings {
             region,

@@ -32,7 +32,11 @@ pub fn parts_of(model: &Model, a: &[f64]) -> Result<Parts, SolidError> {
 /// # Errors
 /// Those of [`Pieces::of_model`].
 pub fn parts_up_to(model: &Model, a: &[f64], most: usize) -> Result<Parts, SolidError> {
-    let pieces = Pieces::of_model(model, a)?;
+    Ok(parts_of_pieces(&Pieces::of_model(model, a)?, most))
+}
+
+/// The smooth parts of a solid's pieces, as [`parts_up_to`] finds them.
+pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
     let (mut graph, roots) = pieces.functions();
     // What is decided the same way by a zero is no question of its own.
     graph.constant(0.0);
@@ -52,10 +56,10 @@ pub fn parts_up_to(model: &Model, a: &[f64], most: usize) -> Result<Parts, Solid
             });
         }
     }
-    Ok(Parts {
+    Parts {
         tree: pieces.tree().clone(),
         parts,
-    })
+    }
 }
 
 /// The functions of parts and their values at random places: two decisions often lead to one

@@ -257,6 +257,38 @@ impl Graph {
             .collect()
     }
 
+    /// Rebuilds the nodes that `root` needs with another node in place of one. Returns the new node
+    /// of each.
+    pub(crate) fn replaced(
+        &mut self,
+        root: NodeId,
+        node: NodeId,
+        by: NodeId,
+    ) -> HashMap<NodeId, NodeId> {
+        let need = self.reachable(&[root]);
+        let mut value: Vec<Option<NodeId>> = vec![None; need.len()];
+        let mut map = HashMap::new();
+        for i in (0..=root.at()).filter(|i| need[*i]) {
+            let id = NodeId(i as u32);
+            let is_same = |a: &NodeId| value[a.at()] == Some(*a);
+            let new = if id == node {
+                by
+            } else if self.arguments(id).iter().all(is_same) {
+                id
+            } else {
+                let old = self.nodes[i].clone();
+                let new = rebuilt(&old, self, &value);
+                if let Some(name) = self.names.get(&id).cloned() {
+                    self.name_as(new, &name);
+                }
+                new
+            };
+            value[i] = Some(new);
+            map.insert(id, new);
+        }
+        map
+    }
+
     /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).
     ///
     /// # Panics

@@ -6,7 +6,7 @@
 
 use crate::block::{Block, LANES};
 use crate::graph::{Graph, Node, NodeId};
-use crate::hyperfun::{Amount, Model, NotCompilable, ParamInfo};
+use crate::hyperfun::{Amount, Fixed, Model, NotCompilable, ParamInfo, Place, RunError};
 use crate::ops::{Ops, Unary};
 use crate::split::{MOST_INPUTS, Monotone, Split, SplitError, split};
 use crate::tape::Tape;
@@ -23,6 +23,9 @@ pub enum SolidError {
     /// The program does not become an expression.
     #[error("the program is no expression (line {}: {}); it can only be run statement by statement", .0.line, .0.why)]
     NoExpression(NotCompilable),
+    /// A run of the program ends with an error, at every point that was tried.
+    #[error(transparent)]
+    Fails(#[from] RunError),
     /// The object does not describe a solid in space.
     #[error("the model has {found} coordinates, a solid has 3")]
     Dimension {
@@ -38,6 +41,13 @@ pub enum SolidError {
         /// Values given.
         found: usize,
     },
+    /// Parameters without a value.
+    #[error("{} {} no value{}", names.join(", "), if names.len() == 1 { "has" } else { "have" },
+        if names.len() == 1 { "" } else { "s" })]
+    Missing {
+        /// The parameters, as they are written, with their names.
+        names: Vec<String>,
+    },
     /// The function's sign is the same everywhere.
     #[error("the model has no surface: {}", if *.inside { "all of space is inside" } else { "nothing is inside" })]
     NoSurface {
@@ -47,6 +57,19 @@ pub enum SolidError {
     /// The expression is nested too deeply, or has too many pieces.
     #[error("the model has too many pieces, or they are nested too deeply")]
     TooLarge,
+}
+
+impl From<NotCompilable> for SolidError {
+    fn from(error: NotCompilable) -> Self {
+        if !error.fails {
+            return Self::NoExpression(error);
+        }
+        Self::Fails(RunError {
+            line: error.line,
+            column: error.column,
+            message: error.why,
+        })
+    }
 }
 
 impl From<SplitError> for SolidError {
@@ -80,14 +103,27 @@ pub struct Pieces {
     all: Tape,
     own: Tape,
     ranges: Ranges,
-    /// The functions of the pieces.
+    /// The functions of the pieces, and the whole expression.
     graph: Graph,
     roots: Vec<NodeId>,
+    root: NodeId,
+    /// Places in the program of nodes that jump.
+    places: Vec<(NodeId, Place)>,
 }
 
 impl Pieces {
     /// The expression `root` of three coordinates, with `a` for its parameters.
     pub fn new(graph: &Graph, root: NodeId, a: &[f64]) -> Result<Self, SolidError> {
+        Self::with_places(graph, root, &[], a)
+    }
+
+    /// The same, with the places in the program of nodes that jump.
+    fn with_places(
+        graph: &Graph,
+        root: NodeId,
+        places: &[(NodeId, Place)],
+        a: &[f64],
+    ) -> Result<Self, SolidError> {
         let (nx, na) = graph.inputs(root);
         if nx > 3 {
             return Err(SolidError::Dimension { found: nx });
@@ -101,7 +137,19 @@ impl Pieces {
         let mut bound = Graph::new();
         let x: Vec<NodeId> = (0..3).map(|i| bound.x(i)).collect();
         let a: Vec<NodeId> = a.iter().map(|&v| bound.constant(v)).collect();
-        let root = graph.rewrite(root, &mut bound, &x, &a, |g, id, name| g.name_as(*id, name));
+        let need = graph.reachable(&[root]);
+        let placed: Vec<&(NodeId, Place)> = places.iter().filter(|(id, _)| need[id.at()]).collect();
+        let ids: Vec<NodeId> = std::iter::once(root)
+            .chain(placed.iter().map(|(id, _)| *id))
+            .collect();
+        let ids = graph.rewrite_all(&ids, &mut bound, &x, &a, |g, id, name| {
+            g.name_as(*id, name);
+        });
+        let places = placed.into_iter().zip(&ids[1..]);
+        let places = places
+            .map(|((_, place), id)| (*id, place.clone()))
+            .collect();
+        let root = ids[0];
         let own = Tape::new(&bound, &[root], 3, 0);
         let Split {
             names,
@@ -121,6 +169,8 @@ impl Pieces {
             ranges,
             graph: bound,
             roots: pieces,
+            root,
+            places,
         })
     }
 
@@ -132,15 +182,24 @@ impl Pieces {
     pub fn of_model(model: &Model, a: &[f64]) -> Result<Self, SolidError> {
         let a = values_in_space(model, a)?;
         let mut graph = Graph::new();
-        let root = model
-            .compile(&mut graph)
-            .map_err(SolidError::NoExpression)?;
-        Self::new(&graph, root, &a)
+        let (root, places) = model.compile_with_places(&mut graph)?;
+        Self::with_places(&graph, root, &places, &a)
     }
 
     /// The functions of all pieces as expressions of the coordinates.
     pub(crate) fn functions(&self) -> (Graph, Vec<NodeId>) {
         (self.graph.clone(), self.roots.clone())
+    }
+
+    /// The whole expression, of the coordinates.
+    pub(crate) fn whole(&self) -> (Graph, NodeId) {
+        (self.graph.clone(), self.root)
+    }
+
+    /// The place in the program of a node that jumps.
+    pub(crate) fn place(&self, id: NodeId) -> Option<&Place> {
+        let found = self.places.iter().find(|(of, _)| *of == id)?;
+        Some(&found.1)
     }
 
     /// Number of operations of a piece's function: what its evaluation costs.
@@ -342,31 +401,76 @@ fn order(steps: &[RangeOf], last: usize) -> Vec<usize> {
     found.into_iter().collect()
 }
 
-/// The values of all parameters of a model where the first ones are given: the others are typical,
-/// as annotated, or where their annotations start, else 0. The program of a fit, which has a
-/// parameter that it does not use, needs no value.
+/// The values of all parameters of a model where the first ones are given, or some of them. Of the
+/// others, tied ones
+/// follow their tie, as they do where a value is given for them; the rest are typical, as annotated,
+/// or where their annotations hold them or start. Parameters that the program does not use, as those
+/// of the program of a fit, need no value and are 0.
 ///
 /// ```
 /// use isoform_field::{hyperfun::{Mode, Model}, parameter_values};
 /// let text = "-- @param a[2] height start=3
-///     my_model(x[3], a[3]) { my_model = a[1] + a[2] + a[3] - x[1]; }";
+///     -- @param a[3] depth tie=2*a[1] + height
+///     my_model(x[3], a[4]) { my_model = a[1] + a[2] + a[3] - x[1]; }";
 /// let model = Model::parse(text, Mode::Default)?;
-/// assert_eq!(parameter_values(&model, &[1.0]), Ok(vec![1.0, 3.0, 0.0]));
-/// assert!(parameter_values(&model, &[0.0; 4]).is_err());
+/// assert_eq!(parameter_values(&model, &[1.0]), Ok(vec![1.0, 3.0, 5.0, 0.0]));
+/// assert_eq!(parameter_values(&model, &[Some(1.0), None, None, Some(2.0)]).map(|a| a[3]), Ok(2.0));
+/// let missing = parameter_values::<f64>(&model, &[]).map_err(|e| e.to_string());
+/// assert_eq!(missing, Err("a[1] has no value".to_owned()));
+/// assert!(parameter_values(&model, &[0.0; 5]).is_err());
 /// # Ok::<(), isoform_field::hyperfun::SyntaxError>(())
 /// ```
 ///
 /// # Errors
-/// [`SolidError::Parameters`] where there are more values than parameters.
-pub fn parameter_values(model: &Model, given: &[f64]) -> Result<Vec<f64>, SolidError> {
+/// [`SolidError::Parameters`] where there are more values than parameters, [`SolidError::Missing`]
+/// where one that is needed has none.
+pub fn parameter_values<V: Into<Option<f64>> + Copy>(
+    model: &Model,
+    given: &[V],
+) -> Result<Vec<f64>, SolidError> {
     let (expected, found) = (model.n_params(), given.len());
     if found > expected {
         return Err(SolidError::Parameters { expected, found });
     }
-    let start = |info: &ParamInfo| info.start.and_then(Amount::value);
-    let typical = |info: &ParamInfo| info.typical.or_else(|| start(info)).unwrap_or(0.0);
-    let missing = model.params()[found..].iter().map(typical);
-    Ok(given.iter().copied().chain(missing).collect())
+    let infos = model.params();
+    let annotated = |info: &ParamInfo| {
+        let start = info.start.and_then(Amount::value);
+        let held = match info.fixed {
+            Some(Fixed::At(value)) => Some(value),
+            _ => None,
+        };
+        info.typical.or(held).or(start)
+    };
+    let of = |info: &ParamInfo| {
+        let given = given.get(info.index).and_then(|&value| value.into());
+        given.or_else(|| annotated(info))
+    };
+    let mut values: Vec<Option<f64>> = infos.iter().map(of).collect();
+    let is_missing = |info: &&ParamInfo| info.tie.is_none() && values[info.index].is_none();
+    if infos.iter().any(|info| is_missing(&info)) {
+        let mut needed = model.used_params();
+        for info in infos {
+            // Ties follow free parameters alone.
+            if let Some(tie) = info.tie.as_ref().filter(|_| needed[info.index]) {
+                tie.terms.iter().for_each(|(i, _)| needed[*i] = true);
+            }
+        }
+        let missing = infos.iter().filter(is_missing);
+        let names: Vec<String> = missing
+            .filter(|info| needed[info.index])
+            .map(ParamInfo::label)
+            .collect();
+        if !names.is_empty() {
+            return Err(SolidError::Missing { names });
+        }
+    }
+    for info in infos {
+        if let Some(tie) = &info.tie {
+            let term = |(i, factor): &(usize, f64)| factor * values[*i].unwrap_or(0.0);
+            values[info.index] = Some(tie.terms.iter().fold(tie.constant, |v, t| v + term(t)));
+        }
+    }
+    Ok(values.into_iter().map(|v| v.unwrap_or(0.0)).collect())
 }
 
 /// The values of all parameters of a model of space.
@@ -537,6 +641,19 @@ impl RunField {
             model: model.clone(),
             a: values_in_space(model, a)?,
         })
+    }
+
+    /// Why the program fails at each of the points, if it does.
+    pub fn fault(&self, points: &[Point3]) -> Option<RunError> {
+        let mut evaluator = self.model.evaluator();
+        let mut first = None;
+        for p in points {
+            match evaluator.eval(p, &self.a, &[]) {
+                Ok(_) => return None,
+                Err(error) => drop(first.get_or_insert(error)),
+            }
+        }
+        first
     }
 
     fn run<R: Real + 'static>(

@@ -267,7 +267,7 @@ impl<'a> RegionSolid<'a> {
 
 /// A tree of the negatives of a tree's pieces, which have numbers higher by `by`: negative where
 /// that is positive.
-fn negated(tree: &Csg, by: u32) -> Csg {
+pub(crate) fn negated(tree: &Csg, by: u32) -> Csg {
     let all = |children: &[Csg]| children.iter().map(|c| negated(c, by)).collect();
     match tree {
         Csg::Piece(i) => Csg::Piece(i + by),

@@ -14,6 +14,7 @@
 //! - A *leaf* is a cell of the octree that may hold features and is not split any more.
 
 mod apex;
+mod complement;
 mod extent;
 mod junction;
 pub(crate) mod newton;
@@ -22,6 +23,7 @@ mod proof;
 mod search;
 mod trace;
 
+pub use complement::Complement;
 pub use extent::{Extent, ExtentError, START, extent, extent_within};
 
 use isoform_control::Control;

@@ -125,7 +125,14 @@ impl From<SolidError> for Trouble {
             SolidError::NoSurface { inside: true } => Self::new("unbounded", e).hint(inside),
             SolidError::NoSurface { inside: false } => Self::new("empty", e).hint(inside),
             SolidError::Dimension { .. } => Self::new("dimension", e),
+            SolidError::Fails(ref at) => {
+                let (line, column) = (at.line, at.column);
+                Self::new("run", e).at(line, column)
+            }
             SolidError::Parameters { .. } => Self::usage(e),
+            SolidError::Missing { .. } => {
+                Self::usage(e).hint("params={name: value}, or typical= in the program")
+            }
             e => Self::new("model", e),
         }
     }
@@ -182,6 +189,10 @@ impl From<MeshModelError> for Trouble {
         match e {
             MeshModelError::Solid(e) => e.into(),
             MeshModelError::Mesh(e) => e.into(),
+            MeshModelError::Jump(e) => Self::new("jump", e),
+            e @ MeshModelError::InsideOut { .. } => {
+                Self::new("unbounded", e).hint("write -f, or box= to mesh what lies outside")
+            }
             e @ MeshModelError::Region { .. } => Self::new("region", e),
             e => Self::usage(e).hint("box=((-1, -1, -1), (1, 1, 1)) around it"),
         }

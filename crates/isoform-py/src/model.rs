@@ -100,9 +100,9 @@ impl Program {
         self.0.model.params().iter().map(told).collect()
     }
 
-    /// The values of all parameters where the first ones are given.
-    fn filled(&self, given: Vec<f64>) -> PyResult<Vec<f64>> {
-        Ok(self.values_of(given)?)
+    /// The values of all parameters where some are given.
+    fn filled(&self, given: Vec<Option<f64>>) -> PyResult<Vec<f64>> {
+        Ok(self.values_where(&given)?)
     }
 
     /// The names of all parameters that a fit finds, those of the pose included.
@@ -239,12 +239,20 @@ impl Program {
 
     /// The values of all parameters, which must be finite.
     pub(crate) fn values_of(&self, given: Vec<f64>) -> Result<Vec<f64>, Trouble> {
-        if let Some(i) = given.iter().position(|v| !v.is_finite()) {
-            let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
-            let message = format!("parameter {} ({name}) is {}", i + 1, given[i]);
-            return Err(Trouble::new("not-finite", message));
+        let given: Vec<Option<f64>> = given.into_iter().map(Some).collect();
+        self.values_where(&given)
+    }
+
+    /// The same, where some are given.
+    fn values_where(&self, given: &[Option<f64>]) -> Result<Vec<f64>, Trouble> {
+        for (i, value) in given.iter().enumerate() {
+            if let Some(value) = value.filter(|v| !v.is_finite()) {
+                let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
+                let message = format!("parameter {} ({name}) is {value}", i + 1);
+                return Err(Trouble::new("not-finite", message));
+            }
         }
-        Ok(parameter_values(&self.0.model, &given)?)
+        Ok(parameter_values(&self.0.model, given)?)
     }
 }
 

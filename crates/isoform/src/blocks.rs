@@ -12,7 +12,8 @@ mod task;
 pub use job::{BlocksJob, BlocksReport, WholeReport};
 pub use task::{BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, run_block_task};
 
-use crate::{MeshModelError, MeshModelOptions, solid_of};
+use crate::meshing::{Meshable, meshable};
+use crate::{MeshModelError, MeshModelOptions};
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
 use isoform_io::WriteError;
@@ -87,7 +88,7 @@ pub fn mesh_in_blocks(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<BlocksReport, BlocksError> {
-    let (solid, is_run) = solid_of(model, a).map_err(MeshModelError::from)?;
+    let Meshable { solid, is_run, .. } = meshable(model, a, options.mesh.region, None, control)?;
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox.into());
     }

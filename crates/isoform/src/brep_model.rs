@@ -1,12 +1,13 @@
 //! The boundary representation of a model: its mesh gives the topology, its functions the geometry.
 
-use crate::mesh_model::mesh_solid;
-use crate::{MeshModelError, MeshModelOptions, ModelMesh, solid_of};
+use crate::mesh_model::{mesh_solid, runs_somewhere};
+use crate::meshing::meshable;
+use crate::{MeshModelError, MeshModelOptions, ModelMesh};
 use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces};
 use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
+use isoform_field::RunField;
 use isoform_field::hyperfun::Model;
-use isoform_field::{RunField, parts_up_to};
 use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_io::SolidProperties;
 use isoform_patch::quadric_through;
@@ -99,17 +100,19 @@ pub fn brep_model(
     control: &Control<'_>,
 ) -> Result<ModelBrep, BrepModelError> {
     control.report("model", 0.0);
-    let (solid, is_run) = solid_of(model, a).map_err(MeshModelError::from)?;
     let region = options.mesh.region;
+    let found = meshable(model, a, region, Some(MOST_PARTS), control)?;
+    let (solid, is_run) = (found.solid, found.is_run);
     if is_run && region.is_none() {
         return Err(MeshModelError::NoBox.into());
     }
     let capped = region.map(|region| Capped::new(solid.as_ref(), region));
-    let smooth = if is_run {
+    let smooth = if let Some(parts) = found.parts {
+        parts
+    } else {
+        runs_somewhere(model, a, region).map_err(MeshModelError::from)?;
         let field = RunField::new(model, a).map_err(MeshModelError::from)?;
         whole(Arc::new(field))
-    } else {
-        parts_up_to(model, a, MOST_PARTS).map_err(MeshModelError::from)?
     };
     let work = Work {
         meshed: solid.as_ref(),

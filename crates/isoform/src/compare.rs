@@ -10,6 +10,7 @@ mod nearest;
 
 use crate::facets::{CornerError, check_corners, on_triangle};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
+use isoform_field::SolidError;
 use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
 use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
 use nearest::Nearest;
@@ -59,7 +60,7 @@ pub struct Distances {
 }
 
 /// Why there is nothing to compare.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompareError {
     /// Two models have no box of their own.
@@ -93,6 +94,14 @@ pub enum CompareError {
         expected: usize,
         /// Values given.
         found: usize,
+    },
+    /// A parameter has no value.
+    #[error("the {side}: {error}")]
+    Values {
+        /// `first` or `second`.
+        side: &'static str,
+        /// Which one.
+        error: SolidError,
     },
 }
 
@@ -203,17 +212,16 @@ fn all_values(
 ) -> Result<Vec<f64>, CompareError> {
     let parameters = template.parameters();
     let (expected, found) = (parameters.len(), given.len());
-    let many = CompareError::Parameters {
-        side,
-        expected,
-        found,
-    };
     if found > expected {
-        return Err(many);
+        return Err(CompareError::Parameters {
+            side,
+            expected,
+            found,
+        });
     }
     let own = template.model().n_params();
-    let mut values =
-        parameter_values(template.model(), &given[..found.min(own)]).map_err(|_| many)?;
+    let mut values = parameter_values(template.model(), &given[..found.min(own)])
+        .map_err(|error| CompareError::Values { side, error })?;
     let unmoved = |p: &Parameter| if p.name == "pose_scale" { 1.0 } else { 0.0 };
     let pose = |i: usize| {
         given

@@ -5,6 +5,9 @@ use isoform_geom::{Aabb, Expansion, Field, Point3, PolynomialData, Terms};
 use isoform_num::{Interval, Jet2, Jet3};
 use isoform_spline::{ImplicitSpline, MAX_GLOBAL};
 
+/// Number of intervals along each edge of a box on whose sides a function is sampled.
+const AROUND: usize = 24;
+
 /// A function fitted to points; inside is f ≥ 0.
 #[derive(Clone, Debug)]
 pub enum Implicit {
@@ -41,6 +44,25 @@ impl Implicit {
             Self::Spline(spline) => spline.holds_data(p),
             Self::Polynomial(polynomial) => polynomial.holds(polynomial.cell(p)),
         }
+    }
+    /// True if the function is positive all around its box: what the surface encloses is then
+    /// outside.
+    pub fn is_inside_out(&self) -> bool {
+        let domain = self.domain();
+        let size = domain.size();
+        let at = |i: usize| i as f64 / AROUND as f64;
+        let places = (0..6 * (AROUND + 1).pow(2)).map(|i| {
+            let (side, u, v) = (i % 6, i / 6 % (AROUND + 1), i / 6 / (AROUND + 1));
+            let mut share = [0.0; 3];
+            share[side / 2] = (side % 2) as f64;
+            share[(side / 2 + 1) % 3] = at(u);
+            share[(side / 2 + 2) % 3] = at(v);
+            std::array::from_fn(|k| domain.lo[k] + share[k] * size[k])
+        });
+        let places: Vec<Point3> = places.collect();
+        let mut values = vec![0.0; places.len()];
+        self.values(&places, &mut values);
+        values.iter().all(|v| *v > 0.0)
     }
     /// Whether there were points in the cell about a place, or in one that shares a face with it.
     pub fn is_seen(&self, p: Point3) -> bool {
@@ -186,6 +208,8 @@ impl GlobalPolynomial {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::{Control, ImplicitizeOptions, implicitize_scan};
+    use isoform_geom::PointCloud;
 
     /// x in units of 2 about (1, 0, 0), seen in one cell.
     fn data() -> PolynomialData {
@@ -209,6 +233,26 @@ mod tests {
         assert!(f.holds_data([0.1; 3]) && !f.holds_data([-0.1, 0.1, 0.1]));
         assert!(f.is_seen([-0.1, 0.1, 0.1]) && !f.is_seen([-0.1, -0.1, 0.1]));
         assert!(!f.is_seen([f64::INFINITY, 0.1, 0.1]) && !f.is_seen([-1e300; 3]));
+    }
+
+    /// Normals that point inwards make the outside of a closed surface the solid.
+    #[test]
+    fn inward_normals_turn_the_solid_inside_out() {
+        let point = |i: u32| {
+            let (t, z) = (f64::from(i) * 2.4, f64::from(i) / 500.0 - 0.999);
+            let r = (1.0 - z * z).sqrt();
+            [r * t.cos(), r * t.sin(), z]
+        };
+        let is_inside_out = |side: f64, part: u32| {
+            let mut scan = PointCloud::from_points((0..part).map(point).collect());
+            scan.normals = scan.points.iter().map(|p| p.map(|v| side * v)).collect();
+            let options = ImplicitizeOptions::default();
+            let made = implicitize_scan(&scan, &options, &Control::default()).expect("a spline");
+            Implicit::Spline(made.spline).is_inside_out()
+        };
+        assert!(is_inside_out(-1.0, 1000) && !is_inside_out(1.0, 1000));
+        // Half of a sphere has no outside of its own.
+        assert!(!is_inside_out(-1.0, 500));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A model as other evaluators can run it, with its parameters free: what a page moves by sliders.
 
+use crate::mesh_model::explained;
 use crate::meshing::{default_size_within, solid_of};
 use crate::{COORDINATES, FrepTemplate, MeshModelError, ScanFit};
 use isoform_algebra::{ParseError, Poly};
@@ -96,7 +97,11 @@ impl LiveModel {
     ) -> Result<Option<Self>, MeshModelError> {
         let (solid, is_run) = solid_of(model, a)?;
         let template = FrepTemplate::with_pose(model, Pose::None, &[]);
-        let Some(readings) = template.ok().filter(|_| !is_run).and_then(|t| t.readings()) else {
+        let Some(readings) = template
+            .ok()
+            .filter(|_| !is_run)
+            .and_then(|t| t.readings(t.parameters()))
+        else {
             return Ok(None);
         };
         let bounds = bounds_of(solid.as_ref(), region, control)?;
@@ -193,7 +198,7 @@ impl LiveModel {
     /// expression.
     pub fn of_fit(found: &ScanFit) -> Option<Self> {
         let frep = &found.template.frep;
-        let readings = frep.readings()?;
+        let readings = frep.readings(found.template.parameters())?;
         let values = found.fit.values();
         let bounds = found.cloud.bounds();
         let infos = frep.model().params();
@@ -296,7 +301,7 @@ fn bounds_of(
         .and_then(|size| extent_within(solid, START, size, control));
     found
         .map(|extent| extent.bounds)
-        .map_err(|e| MeshError::Extent(e).into())
+        .map_err(|e| explained(MeshError::Extent(e), solid, control))
 }
 
 /// Samples along each side of a box in which a function is looked at for places without a value.

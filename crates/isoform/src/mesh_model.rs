@@ -1,18 +1,22 @@
 //! The mesh of a model with its certificate.
 
+use crate::meshing::{Meshable, meshable};
+use crate::report::brief;
 use crate::{
-    RegionCertificate, certified_adaptation, certified_mesh, certified_regions,
+    RegionCertificate, bounded_complement, certified_adaptation, certified_mesh, certified_regions,
     default_size_within, solid_of,
 };
 use isoform_check::{Certificate, Limits};
 use isoform_control::Control;
-use isoform_field::SolidError;
 use isoform_field::hyperfun::Model;
-use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid};
+use isoform_field::{Jump, RunField, SolidError};
+use isoform_geom::{Aabb, Field, Mesh, OnePiece, Point3, Solid, UnionFind, cross, dot, sub};
+use isoform_mesh::features::ExtentError;
 use isoform_mesh::{
     MeshError, Meshed, Options, Region, Warning, WarningKind, check_nodes, mean_edge, own_sizes,
 };
 use isoform_num::{Interval, Jet2, Real};
+use std::collections::BTreeMap;
 use std::fmt;
 
 /// Longest edges of a surface that keeps its own sizes, in mean lengths: the long triangles of CAD
@@ -65,6 +69,18 @@ pub enum MeshModelError {
     /// everywhere.
     #[error("the program is no expression, so that its box cannot be found")]
     NoBox,
+    /// The function is negative in a bounded set and positive all around it.
+    #[error(
+        "the solid has no end: f is negative only within ({}) to ({}), and inside is f >= 0: is the \
+         sign reversed?", brief_point(bounds.lo), brief_point(bounds.hi)
+    )]
+    InsideOut {
+        /// Holds what is outside of the solid.
+        bounds: Aabb,
+    },
+    /// The function jumps through 0, and the jump cannot be made a wall.
+    #[error(transparent)]
+    Jump(#[from] Jump),
     /// A region describes no solid.
     #[error("region {name}: {error}")]
     Region {
@@ -91,10 +107,12 @@ pub struct ModelMesh {
     pub regions: Vec<RegionCertificate>,
     /// Triangles that were cut away behind the certificate, as no points lie near them.
     pub cut: usize,
+    /// True if a box cuts the outside of a bounded set: the sign is probably reversed.
+    pub is_inside_out: bool,
 }
 
 /// What is good to know of a mesh beside its warnings.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum MeshNote {
     /// Bodies touch in a point or along a line.
@@ -107,11 +125,21 @@ pub enum MeshNote {
     FeaturesNotProved,
     /// Triangles without points near them were left out, so that the surface has a border.
     Cut,
+    /// The box is filled but for a bounded set where the function is negative.
+    InsideOut,
+    /// Small pieces hang together with nothing else.
+    Loose {
+        /// Number of pieces of the solid.
+        pieces: usize,
+        /// Volume and a place of each small one.
+        small: Vec<(f64, Point3)>,
+    },
 }
 
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
+            Self::Loose { pieces, small } => return loose(f, *pieces, small),
             Self::Touching => {
                 "bodies touch without crossing: the solid has no surface there that a mesh could \
                  follow; move them apart, or into each other"
@@ -125,6 +153,10 @@ impl fmt::Display for MeshNote {
                 "no points lie near a part of the surface: it is left out, and the surface has a \
                  border there; --close keeps it as a part named unseen. The certificate is that of \
                  the closed surface"
+            }
+            Self::InsideOut => {
+                "the function is positive all around a bounded set, and what is meshed is the box \
+                 without that: inside is f >= 0; if the sign is reversed, write -f"
             }
             Self::FeaturesNotProved => {
                 "it is not proved that every feature curve was found; a smaller --size looks closer"
@@ -158,10 +190,84 @@ impl ModelMesh {
             (!self.meshed.region_certified, MeshNote::BoxNotProved),
             (!self.meshed.features.certified, MeshNote::FeaturesNotProved),
             (self.cut > 0, MeshNote::Cut),
+            (self.is_inside_out, MeshNote::InsideOut),
         ];
         let there = notes.into_iter().filter(|note| note.0);
-        there.map(|note| note.1).collect()
+        let there = there.map(|note| note.1);
+        there.chain(loose_pieces(&self.meshed.mesh)).collect()
     }
+}
+
+/// Part of the largest piece's volume below which a piece that hangs together with nothing else is
+/// probably a crumb.
+const CRUMB: f64 = 0.01;
+/// Most small pieces that are told one by one.
+const TOLD: usize = 5;
+
+/// Says which pieces are small.
+fn loose(f: &mut fmt::Formatter<'_>, pieces: usize, small: &[(f64, Point3)]) -> fmt::Result {
+    let (n, percent) = (small.len(), 100.0 * CRUMB);
+    let are = if n == 1 { "is" } else { "are" };
+    write!(
+        f,
+        "{n} of {pieces} pieces {are} smaller than {percent} % of the largest and {are} joined to \
+         nothing:"
+    )?;
+    for (i, (volume, at)) in small.iter().take(TOLD).enumerate() {
+        let comma = if i == 0 { "" } else { "," };
+        write!(
+            f,
+            "{comma} volume {} at ({})",
+            brief(*volume),
+            brief_point(*at)
+        )?;
+    }
+    f.write_str(if n > TOLD { ", ..." } else { "" })
+}
+
+/// The pieces of a mesh that are small beside the largest, if there are any. Of a surface each shell
+/// that faces outward bounds a piece.
+fn loose_pieces(mesh: &Mesh) -> Option<MeshNote> {
+    let mesh = mesh.simplices();
+    let place = |v: u32| mesh.points[v as usize];
+    // The volumes of simplices, of triangles those of the cones over them from the first point.
+    let apex = *mesh.points.first()?;
+    let of = |nodes: &[u32], [a, b, c, d]: [Point3; 4]| {
+        (nodes[0], dot(sub(b, a), cross(sub(c, a), sub(d, a))) / 6.0)
+    };
+    let mut sets = UnionFind::new(mesh.points.len());
+    let volumes: Vec<(u32, f64)> = if mesh.tets.is_empty() {
+        for t in &mesh.triangles {
+            sets.unite(t[0], t[1]);
+            sets.unite(t[0], t[2]);
+        }
+        let cone = |t: &[u32; 3]| of(t, [apex, place(t[0]), place(t[1]), place(t[2])]);
+        mesh.triangles.iter().map(cone).collect()
+    } else {
+        for t in &mesh.tets {
+            t[1..].iter().for_each(|v| {
+                sets.unite(t[0], *v);
+            });
+        }
+        mesh.tets.iter().map(|t| of(t, t.map(place))).collect()
+    };
+    // By piece, in the order of their first nodes.
+    let mut pieces: BTreeMap<u32, (f64, Aabb)> = BTreeMap::new();
+    for (node, volume) in volumes {
+        let piece = pieces.entry(sets.root(node)).or_insert((0.0, Aabb::EMPTY));
+        piece.0 += volume;
+        piece.1.add(place(node));
+    }
+    pieces.retain(|_, piece| piece.0 > 0.0);
+    let largest = pieces
+        .values()
+        .fold(0.0, |most: f64, piece| most.max(piece.0));
+    let small = pieces.values().filter(|piece| piece.0 < CRUMB * largest);
+    let small: Vec<(f64, Point3)> = small.map(|piece| (piece.0, piece.1.center())).collect();
+    (!small.is_empty()).then_some(MeshNote::Loose {
+        pieces: pieces.len(),
+        small,
+    })
 }
 
 /// Meshes a model with the values `a` of its parameters, straight from the function, and certifies
@@ -260,16 +366,25 @@ fn make(
         no_layers(&options.mesh, "in a mesh that is adapted")?;
         check_given(mesh)?;
     }
-    let (solid, is_run) = match solid_of(model, a) {
-        // What fills all of space fills the box: the matrix of a composite.
-        Err(SolidError::NoSurface { inside: true }) if options.mesh.region.is_some() => (
-            Box::new(OnePiece::new(Everywhere, model.name())) as Box<dyn Solid>,
-            false,
-        ),
-        solid => solid?,
-    };
+    let Meshable { solid, is_run, .. } =
+        match meshable(model, a, options.mesh.region, None, control) {
+            // What fills all of space fills the box: the matrix of a composite.
+            Err(MeshModelError::Solid(SolidError::NoSurface { inside: true }))
+                if options.mesh.region.is_some() =>
+            {
+                Meshable {
+                    solid: Box::new(OnePiece::new(Everywhere, model.name())),
+                    is_run: false,
+                    parts: None,
+                }
+            }
+            solid => solid?,
+        };
     if is_run && options.mesh.region.is_none() {
         return Err(MeshModelError::NoBox);
+    }
+    if is_run {
+        runs_somewhere(model, a, options.mesh.region)?;
     }
     let mut are_run = is_run;
     let mut solids = Vec::new();
@@ -292,6 +407,26 @@ fn make(
         made.meshed.warnings.push(warning);
     }
     Ok(made)
+}
+
+/// Refuses a program that is run statement by statement and fails at the corners and in the middle
+/// of the box.
+pub(crate) fn runs_somewhere(
+    model: &Model,
+    a: &[f64],
+    region: Option<Aabb>,
+) -> Result<(), SolidError> {
+    let Some(region) = region else {
+        return Ok(());
+    };
+    let corner = |i: usize| std::array::from_fn(|k| [region.lo, region.hi][i >> k & 1][k]);
+    let points: Vec<Point3> = std::iter::once(region.center())
+        .chain((0..8).map(corner))
+        .collect();
+    match RunField::new(model, a)?.fault(&points) {
+        Some(error) => Err(error.into()),
+        None => Ok(()),
+    }
 }
 
 /// Refuses layers where a mesh is not made of one solid alone.
@@ -348,7 +483,9 @@ fn of_solid(
 ) -> Result<ModelMesh, MeshModelError> {
     let size = match options.size {
         Some(size) => size,
-        None => own_size(solid, given, options, control)?,
+        None => {
+            own_size(solid, given, options, control).map_err(|e| explained(e, solid, control))?
+        }
     };
     let mut inner = Options {
         size,
@@ -363,22 +500,48 @@ fn of_solid(
         inner.sizes = Some(own_sizes(mesh));
     }
     let limits = options.limits;
-    let (meshed, certificate, regions) = if let Some(mesh) = given {
-        let (meshed, whole) = certified_adaptation(mesh, solid, &inner, limits, control)?;
+    let explained = |e| explained(e, solid, control);
+    let (meshed, certificate, certificates) = if let Some(mesh) = given {
+        let (meshed, whole) =
+            certified_adaptation(mesh, solid, &inner, limits, control).map_err(explained)?;
         (meshed, whole, Vec::new())
     } else if regions.is_empty() {
-        let (meshed, whole) = certified_mesh(solid, &inner, limits, control)?;
+        let (meshed, whole) = certified_mesh(solid, &inner, limits, control).map_err(explained)?;
         (meshed, whole, Vec::new())
     } else {
-        certified_regions(solid, regions, &inner, limits, control)?
+        certified_regions(solid, regions, &inner, limits, control).map_err(explained)?
     };
+    // The matrix of a composite, or of a cell, is meant so.
+    let may_be =
+        options.mesh.region.is_some() && regions.is_empty() && inner.periodic == [false; 3];
+    let is_inside_out = may_be && bounded_complement(solid, control).is_some();
     Ok(ModelMesh {
+        is_inside_out,
         meshed,
         certificate,
-        regions,
+        regions: certificates,
         options: inner,
         cut: 0,
     })
+}
+
+/// The mesher's error; a solid without an end may be one whose function has the wrong sign.
+pub(crate) fn explained(
+    error: MeshError,
+    solid: &dyn Solid,
+    control: &Control<'_>,
+) -> MeshModelError {
+    if let MeshError::Extent(ExtentError::Unbounded { .. }) = error
+        && let Some(bounds) = bounded_complement(solid, control)
+    {
+        return MeshModelError::InsideOut { bounds };
+    }
+    error.into()
+}
+
+/// A point for messages.
+fn brief_point(p: Point3) -> String {
+    p.map(brief).join(", ")
 }
 
 /// The length of edges where none is asked for.
@@ -398,7 +561,7 @@ fn own_size(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ImplicitSurface;
+    use crate::{ImplicitSurface, LiveModel};
     use isoform_field::hyperfun::Mode;
     use isoform_mesh::Layers;
 
@@ -436,6 +599,129 @@ mod tests {
         given.wedges = vec![[0, 1, 2, 3, 4, 5]];
         let adapted = adapt_to_model(&given, &ball, &[0.0], &options, &control);
         refused(adapted, "has wedges");
+    }
+
+    fn meshed(body: &str, options: &MeshModelOptions) -> Result<ModelMesh, MeshModelError> {
+        let text = format!("my_model(x[3], a[1]) {{ {body} }}");
+        let model = Model::parse(&text, Mode::Default).expect("a program");
+        mesh_model(&model, &[], options, &Control::default())
+    }
+
+    /// Sliders move free parameters, and tied ones follow.
+    #[test]
+    fn tied_parameters_of_live_models_follow() {
+        let text = "-- @param a[1] r length typical=2\n-- @param a[2] h length tie=2*r + 1\n\
+                    my_model(x[3], a[2]) { array c[3]; c = [0, 0, 0]; \
+                    my_model = min(hfCylinderZ(x, c, a[1]), min(x[3], a[2] - x[3])); }";
+        let model = Model::parse(text, Mode::Default).expect("a program");
+        let live = LiveModel::new(&model, &[], None, &Control::default());
+        let mut live = live.expect("a surface").expect("an expression");
+        let names: Vec<&str> = live.parameters.iter().map(|p| p.name.as_str()).collect();
+        assert_eq!(
+            (names, live.values.as_slice()),
+            (vec!["r"], &[2.0, 5.0][..])
+        );
+        assert!((live.distances(&[[0.0, 0.0, 5.5]])[0] + 0.5).abs() < 1e-12);
+        live.values[0] = 1.0;
+        assert!((live.distances(&[[0.0, 0.0, 3.5]])[0] + 0.5).abs() < 1e-12);
+    }
+
+    /// A staircase of three steps, each a unit deep and half a unit high.
+    #[test]
+    fn jumps_are_walls() {
+        let stairs = "k = floor(x[1]); sides = min(min(x[1], 3 - x[1]), min(x[2], 2 - x[2])); \
+                      my_model = min(min(0.5*(k + 1) - x[3], x[3]), sides);";
+        let options = MeshModelOptions {
+            size: Some(0.4),
+            ..MeshModelOptions::default()
+        };
+        let made = meshed(stairs, &options).expect("a mesh");
+        let surface = made.certificate.surface.as_ref().expect("was looked at");
+        assert!(made.is_as_asked() && surface.euler == 2);
+        assert!((surface.volume / (2.0 * (0.5 + 1.0 + 1.5)) - 1.0).abs() < 1e-9);
+        let screw = "my_model = min(2 + 0.1*atan2(x[2], x[1]) - x[3], 1 - x[1]^2 - x[2]^2) & x[3];";
+        let error = meshed(screw, &options).expect_err("a jump").to_string();
+        assert!(
+            error.starts_with("`atan2` at 1:47 jumps near (-"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn a_reversed_sign_is_told() {
+        let options = MeshModelOptions::default();
+        let ball = "x[1]^2 + (x[2] - 7)^2 + x[3]^2 - 0.01";
+        let outside = meshed(&format!("my_model = {ball};"), &options);
+        let Err(MeshModelError::InsideOut { bounds }) = outside else {
+            panic!("{outside:?}");
+        };
+        assert!((bounds.center()[1] - 7.0).abs() < 0.05 && bounds.size()[0] < 0.3);
+        // Half a space has no end either way.
+        let half = meshed("my_model = x[1];", &options).expect_err("no end");
+        assert!(matches!(half, MeshModelError::Mesh(_)), "{half}");
+        let mut within = MeshModelOptions::of_surface(Some(Aabb {
+            lo: [-1.0, 6.0, -1.0],
+            hi: [1.0, 8.0, 1.0],
+        }));
+        within.size = Some(0.1);
+        let notes = |body: &str| meshed(body, &within).expect("a mesh").notes();
+        assert!(notes(&format!("my_model = {ball};")).contains(&MeshNote::InsideOut));
+        assert!(!notes(&format!("my_model = -({ball});")).contains(&MeshNote::InsideOut));
+        assert!(!notes("my_model = x[1];").contains(&MeshNote::InsideOut));
+    }
+
+    #[test]
+    fn small_pieces_are_told() {
+        let two = |r: f64| {
+            format!(
+                "my_model = max(1 - x[1]^2 - x[2]^2 - x[3]^2, {} - (x[1] - 3)^2 - x[2]^2 - x[3]^2);",
+                r * r
+            )
+        };
+        for surface_only in [true, false] {
+            let mut options = MeshModelOptions {
+                size: Some(0.1),
+                ..MeshModelOptions::default()
+            };
+            options.mesh.surface_only = surface_only;
+            let notes = |r: f64| meshed(&two(r), &options).expect("a mesh").notes();
+            let crumbs = notes(0.2);
+            let crumb = crumbs.iter().find_map(|note| match note {
+                MeshNote::Loose { pieces, small } => Some((*pieces, small.clone())),
+                _ => None,
+            });
+            let (pieces, small) = crumb.expect("a crumb");
+            assert_eq!((pieces, small.len()), (2, 1));
+            assert!((small[0].0 / (4.18879 * 0.008) - 1.0).abs() < 0.2);
+            assert!((small[0].1[0] - 3.0).abs() < 0.1);
+            assert!(
+                !notes(0.9)
+                    .iter()
+                    .any(|n| matches!(n, MeshNote::Loose { .. }))
+            );
+        }
+    }
+
+    #[test]
+    fn a_loop_without_end_is_told_at_its_place() {
+        let options = MeshModelOptions::default();
+        let error = meshed(
+            "i = 0; while i < 3 loop i = i; endloop; my_model = 1 - x[1];",
+            &options,
+        );
+        let error = error.expect_err("no end").to_string();
+        assert!(error.starts_with("1:31: stopped after"), "{error}");
+        // A branch that nobody takes may be wrong.
+        let within = MeshModelOptions {
+            size: Some(0.5),
+            ..MeshModelOptions::of_surface(Some(Aabb {
+                lo: [-2.0; 3],
+                hi: [2.0; 3],
+            }))
+        };
+        let body =
+            "i = 1; if x[1] > 5 then i = x[i + 8]; endif; my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2;";
+        assert!(meshed(body, &within).is_ok());
     }
 
     #[test]

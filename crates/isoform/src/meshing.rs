@@ -1,10 +1,11 @@
 //! From a model to a solid, its mesh and the certificate.
 
+use crate::MeshModelError;
 use isoform_check::{self as check, Capped, Certificate, Limits, certify};
 use isoform_field::hyperfun::Model;
-use isoform_field::{Pieces, RunField, SolidError};
-use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Point3, PointCloud, Solid};
-use isoform_mesh::features::{ExtentError, Features, START, extent_within};
+use isoform_field::{Pieces, RunField, SolidError, parts_of_pieces};
+use isoform_geom::{Aabb, KdTree, Mesh, OnePiece, Parts, Point3, PointCloud, Solid};
+use isoform_mesh::features::{Complement, ExtentError, Features, START, extent_within};
 use isoform_mesh::{
     Control, MeshError, Meshed, Options, REST, Region, RegionSolid, adapt, mesh, mesh_regions,
 };
@@ -14,6 +15,8 @@ use std::collections::HashSet;
 const ELEMENTS: f64 = 40.0;
 /// The tolerance to which the box of a solid is sought first, where nothing is known of its size.
 const UNKNOWN: f64 = 0.25;
+/// Distance of far places from the origin: the search for a box goes as far.
+const FAR: f64 = 1e6;
 /// Times that it is sought again, each time finer: to a solid of some 1e-6.
 const TIMES: usize = 6;
 
@@ -36,6 +39,51 @@ pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), Soli
     }
 }
 
+/// A solid to be meshed: that of a model, and whether its program must be run statement by
+/// statement for that. Where the function jumps, the solid has walls.
+pub(crate) struct Meshable {
+    pub(crate) solid: Box<dyn Solid>,
+    pub(crate) is_run: bool,
+    /// Its smooth parts, of which a piece has so many at most, if they were asked for.
+    pub(crate) parts: Option<Parts>,
+}
+
+/// A model with the values `a` of its parameters as a solid to be meshed, as [`solid_of`] gives it,
+/// without jumps in its box; with its smooth parts, at most so many of a piece, where that is asked
+/// for.
+pub(crate) fn meshable(
+    model: &Model,
+    a: &[f64],
+    region: Option<Aabb>,
+    parts: Option<usize>,
+    control: &Control<'_>,
+) -> Result<Meshable, MeshModelError> {
+    let mut pieces = match Pieces::of_model(model, a) {
+        Err(SolidError::NoExpression(_)) => {
+            let (solid, is_run) = solid_of(model, a)?;
+            return Ok(Meshable {
+                solid,
+                is_run,
+                parts: None,
+            });
+        }
+        pieces => pieces?,
+    };
+    // Where there is no box, the mesher says why.
+    let bounds = || region.or_else(|| Some(sought(&pieces, control).ok()?.0));
+    if pieces.may_jump()
+        && let Some(bounds) = bounds()
+        && let Some(walled) = pieces.without_jumps(bounds)?
+    {
+        pieces = walled;
+    }
+    Ok(Meshable {
+        parts: parts.map(|most| parts_of_pieces(&pieces, most)),
+        solid: Box::new(pieces),
+        is_run: false,
+    })
+}
+
 /// A length of edges that suits a solid about which nothing else is known: a fortieth of the
 /// diagonal of its box, with two digits.
 ///
@@ -56,21 +104,59 @@ pub fn default_size_within(
     region: Option<Aabb>,
     control: &Control<'_>,
 ) -> Result<f64, ExtentError> {
-    if let Some(region) = region {
-        return Ok(usual_size(region));
+    match region {
+        Some(region) => Ok(usual_size(region)),
+        None => Ok(two_digits(sought(solid, control)?.1)),
     }
+}
+
+/// The box of a solid of which nothing is known, and the length of edges that suits it.
+fn sought(solid: &dyn Solid, control: &Control<'_>) -> Result<(Aabb, f64), ExtentError> {
     let mut tolerance = UNKNOWN;
-    for _ in 0..TIMES {
-        let size = extent_within(solid, START, tolerance, control)?
-            .bounds
-            .diagonal()
-            / ELEMENTS;
+    let mut times = 0;
+    loop {
+        let bounds = extent_within(solid, START, tolerance, control)?.bounds;
+        let size = bounds.diagonal() / ELEMENTS;
         if size >= tolerance {
-            return Ok(two_digits(size));
+            return Ok((bounds, size));
         }
         tolerance = size.min(0.1 * tolerance);
+        times += 1;
+        if times == TIMES {
+            return Ok((bounds, tolerance));
+        }
     }
-    Ok(two_digits(tolerance))
+}
+
+/// The box of what a solid leaves out, where that is bounded: its function is then positive all
+/// around, and probably of the wrong sign.
+///
+/// ```
+/// use isoform::field::hyperfun::{Mode, Model};
+/// use isoform::{Control, bounded_complement, solid_of};
+/// let text = "my_model(x[3], a[1]) { my_model = x[1]^2 + x[2]^2 + x[3]^2 - 1; }";
+/// let (solid, _) = solid_of(&Model::parse(text, Mode::Default)?, &[])?;
+/// let bounds = bounded_complement(solid.as_ref(), &Control::default()).expect("a ball");
+/// assert!((bounds.size()[0] / 2.0 - 1.0).abs() < 0.1);
+/// # Ok::<(), Box<dyn std::error::Error>>(())
+/// ```
+pub fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Option<Aabb> {
+    // What has a bounded complement holds all far places.
+    let axes = [0, 1, 2].map(|axis| [-FAR, FAR].map(|far| (axis, far)));
+    let on_axes = axes.as_flattened().iter().map(|(axis, far)| {
+        let mut p = [0.0; 3];
+        p[*axis] = *far;
+        p
+    });
+    let corners = (0..8).map(|i| std::array::from_fn(|k| if i >> k & 1 == 0 { -FAR } else { FAR }));
+    let far: Vec<Point3> = on_axes.chain(corners).collect();
+    let mut values = vec![0.0; far.len()];
+    solid.sign_values(&far, &mut values);
+    if values.iter().any(|v| v.is_nan() || *v < 0.0) {
+        return None;
+    }
+    let found = sought(&Complement::new(solid), control).ok()?;
+    Some(found.0)
 }
 
 /// The length of edges that suits what fills a box.

@@ -283,15 +283,22 @@ impl FrepTemplate {
         })
     }
 
-    /// What is computed, for evaluators elsewhere; none where the program is no expression.
-    pub fn readings(&self) -> Option<Readings> {
+    /// What is computed, for evaluators elsewhere; none where the program is no expression. Of
+    /// `parameters`, the template's own or those that a caller makes of them, tied ones follow the
+    /// others, and the values given for them do not count.
+    pub fn readings(&self, parameters: &[Parameter]) -> Option<Readings> {
         let own = self.model.n_params();
         let mut posed = Graph::new();
         let (point, scale) = posed_point(&mut posed, self.pose, &self.base, own);
         let mut graph = Graph::new();
         let root = self.model.compile(&mut graph).ok()?;
         let shape = Shape::new(&mut graph, root);
-        let a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
+        let mut a: Vec<NodeId> = (0..own).map(|i| posed.param(i)).collect();
+        for (i, parameter) in parameters.iter().enumerate().take(own) {
+            if let Some(tie) = &parameter.tie {
+                a[i] = tied(&mut posed, tie);
+            }
+        }
         let mut roots = shape.pieces;
         roots.extend([shape.distance, shape.part]);
         let mut roots = graph.rewrite_all(&roots, &mut posed, &point, &a, |_, _, _| {});
@@ -459,6 +466,17 @@ fn kind_of(kind: ProgramKind) -> Kind {
         ProgramKind::Ratio => Kind::Ratio,
         ProgramKind::Number => Kind::Number,
     }
+}
+
+/// The value of a tie, as an expression of the parameters that it follows.
+fn tied(graph: &mut Graph, tie: &Tie) -> NodeId {
+    let mut sum = graph.constant(tie.constant);
+    for &(i, factor) in &tie.terms {
+        let (factor, value) = (graph.constant(factor), graph.param(i));
+        let term = graph.mul(&factor, &value);
+        sum = graph.add(&sum, &term);
+    }
+    sum
 }
 
 /// A bound, times the factor if it is a share of the box. A factor below 1 lowers a positive bound

@@ -6,12 +6,11 @@
 
 use super::job::Job;
 use crate::brep::{self, Made, Subject};
-use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure};
 use crate::solids::{self, Statement};
-use isoform::MeshModelOptions;
 use isoform::field::hyperfun::Model;
+use isoform::{MeshModelOptions, parameter_values};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 use std::time::Duration;
@@ -22,7 +21,8 @@ pub(crate) fn fitted_model(job: &Job, language: &Language) -> Result<(Model, Vec
     let model = fitted.map_err(|e| {
         Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
     })?;
-    let values = eval::values(&model, &[])?;
+    let values = parameter_values::<f64>(&model, &[])
+        .map_err(|e| Failure::internal("fitted program").why(e.to_string()))?;
     Ok((model, values))
 }
 

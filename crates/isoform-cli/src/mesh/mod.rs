@@ -46,7 +46,8 @@ pub(crate) struct Args {
     /// The model: a HyperFun file (- for stdin), the name of a built-in template, a function
     /// fitted to points (.json, from isoform implicitize), or a solid of isoform brep
     model: PathBuf,
-    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
+    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
+    /// annotated
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params: Option<eval::Parameters>,
     #[command(flatten)]
@@ -242,7 +243,7 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
         });
     }
     let model = gallery::template(&args.model, &args.language, context)?;
-    let values = eval::values(&model, args.params.as_ref().map_or(&[], |p| &p.0))?;
+    let values = eval::values(&model, args.params.as_ref(), context)?;
     let regions = regions::read(&args.regions, (&model, &values), &args.language, context)?;
     Ok(Subject {
         name,

@@ -57,7 +57,7 @@ fn one(
         let stem = path.file_stem().unwrap_or_default();
         return Ok(Region {
             name: stem.to_string_lossy().into_owned(),
-            values: eval::values(&model, &[])?,
+            values: eval::values(&model, None, context)?,
             model,
         });
     }

@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
 /// The values of a program are the lengths.
 fn program(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     let model = model::read(path, &Language::default(), context)?;
-    let a = eval::values(&model, &[])?;
+    let a = eval::values(&model, None, context)?;
     let field = RunField::new(&model, &a)
         .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
     Ok(Sizes(Arc::new(move |p| field.value(p))))

@@ -18,6 +18,7 @@ use isoform::{
     Control, Implicit, MeshModelError, MeshModelOptions, ModelMesh, RegionModel, Unseen,
     adapt_to_model, mesh_model_regions, mesh_spline,
 };
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
@@ -217,6 +218,15 @@ pub(crate) fn no_mesh(error: &MeshModelError, name: &str, settings: &Settings) -
                 _ => failure,
             }
         }
+        MeshModelError::Jump(jump) => Failure::new(NO_RESULT, "jump", format!("{name}: {error}"))
+            .somewhere(jump.at)
+            .why("a function that jumps through 0 has no surface there that could be followed")
+            .hint("a union or intersection of solids in place of the jump"),
+        MeshModelError::InsideOut { .. } => {
+            Failure::new(NO_RESULT, "unbounded", format!("{name}: {error}"))
+                .why("the function is negative inside and positive all around")
+                .hint("write -f, or --box to mesh what lies outside")
+        }
         e => Failure::usage(format!("{name}: {e}"))
             .why("a loop or an index depends on the point")
             .hint("--box=-1,-1,-1,1,1,1 around it"),
@@ -259,6 +269,9 @@ fn no_solid(error: &SolidError, name: &str) -> Failure {
             .hint("inside is where f >= 0: a sign, perhaps"),
         SolidError::NoSurface { inside: false } => Failure::new(NO_RESULT, "empty", message)
             .hint("inside is where f >= 0: a sign, or other --params"),
+        SolidError::Fails(e) => Failure::input("run", &e.message)
+            .at(Path::new(name), e.line, e.column)
+            .hint("correct the program: it stops there at every point"),
         SolidError::Dimension { .. } => {
             Failure::input("dimension", message).hint("--object with one of three coordinates")
         }
@@ -325,10 +338,9 @@ fn failure(error: &MeshError, name: &str, settings: &Settings) -> Failure {
             none("memory").hint(format!("--size {fits}, or --memory with more GiB"))
         }
         MeshError::NoMemory { .. } => none("memory").hint("a larger --size, or --blocks"),
-        MeshError::TooCoarse { size } => none("too-coarse").hint(format!(
-            "--size {}, or --params: those that are not given are 0",
-            0.5 * size
-        )),
+        MeshError::TooCoarse { size } => {
+            none("too-coarse").hint(format!("--size {}, or other --params", 0.5 * size))
+        }
         MeshError::RegionName { .. } => Failure::usage(error.to_string()).hint("--regions"),
         MeshError::NoBox => Failure::usage(error.to_string()).hint("--box around the unit cell"),
         MeshError::InSide { at, .. } => none("in-side")

@@ -98,7 +98,8 @@ pub(crate) struct Args {
     /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=64))]
     nodes: Option<u8>,
-    /// The values of the parameters a, in their order; missing ones are as annotated, else 0
+    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
+    /// annotated
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
     params: Option<eval::Parameters>,
     /// Write the patches: .json (- for stdout), .step or .stp for CAD, or triangles as .obj, .ply,

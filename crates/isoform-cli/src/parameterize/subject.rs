@@ -31,12 +31,12 @@ pub(super) fn read(
     let name = path.display().to_string();
     if !is_json && path != Path::new("-") {
         let model = gallery::template(path, language, context)?;
-        return program(&model, params, name);
+        return program(&model, params, name, context);
     }
     let text = output::text(output::read_file(path)?);
     if !is_json && !text.trim_start().starts_with('{') {
         let model = model::parse(path, &text, language, context)?;
-        return program(&model, params, name);
+        return program(&model, params, name, context);
     }
     if let Ok(json) = serde_json::from_str::<Value>(&text)
         && spline::is_fitted(&json)
@@ -62,8 +62,9 @@ fn program(
     model: &isoform::field::hyperfun::Model,
     params: Option<&eval::Parameters>,
     name: String,
+    context: &Context,
 ) -> Result<Subject, Failure> {
-    let values = eval::values(model, params.map_or(&[], |p| &p.0))?;
+    let values = eval::values(model, params, context)?;
     let surface = ImplicitSurface::of_model(model, &values).map_err(|e| {
         let failure = Failure::input("model", format!("{name}: {e}"));
         if matches!(e, SolidError::Dimension { .. }) {

@@ -344,7 +344,8 @@ fn the_fit_stays_where_the_mesh_fails() {
     assert!((radius - 2.0).abs() < 1e-6, "{radius}");
 }
 
-/// There is a mesh that does not hold, or none, and no fault of ours; it can be written.
+/// There is a mesh, with walls where the function jumps, or none, but never an internal
+/// error; it can be written.
 #[test]
 fn functions_that_jump_are_meshed_honestly() {
     let f = Folder::new("breaks-jump");
@@ -360,7 +361,7 @@ fn functions_that_jump_are_meshed_honestly() {
             &f.path("jump.stl"),
         ]);
         assert!(
-            [3, 4].contains(&code(&o)),
+            [0, 3, 4].contains(&code(&o)),
             "{size}: {}: {}",
             code(&o),
             stderr(&o)

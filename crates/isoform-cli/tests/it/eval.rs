@@ -42,6 +42,46 @@ fn the_table_goes_to_stdout_or_to_a_file() {
 }
 
 #[test]
+fn parameters_are_given_in_order_by_name_or_by_ties() {
+    let f = Folder::new("parameters");
+    let text = "-- @param a[1] r length typical=2\n-- @param a[2] h length tie=2*r\n\
+                my_model(x[3], a[3]) { my_model = a[1] + 10*a[2] + 100*a[3] - x[1]; }";
+    let (hf, p) = (f.file("m.hf", text), f.file("p.csv", "0,0,0\n"));
+    let run = |params: &[&str]| isoform(&[&["eval", &hf, "--points", &p][..], params].concat());
+    let value = |params: &str| {
+        let o = run(&["--params", params]);
+        let table = stdout(&o);
+        (
+            code(&o),
+            table
+                .rsplit(',')
+                .next()
+                .unwrap_or_default()
+                .trim()
+                .to_owned(),
+        )
+    };
+    assert_eq!(value("a[3]=5"), (0, "542.0".to_owned()));
+    assert_eq!(value("3,A[3]=5"), (0, "563.0".to_owned()));
+    assert_eq!(value("R=1,a[3]=0"), (0, "21.0".to_owned()));
+    let o = run(&["--params", "3,9,5"]);
+    assert!(stdout(&o).contains("563.0") && stderr(&o).contains("a[2] (h) is tied"));
+    for (params, why) in [
+        (&[][..], "a[3] has no value\n  try: --params a[3]=1"),
+        (&["--params", "1,w=2"], "no parameter is called w"),
+        (&["--params", "1,r=2"], "r is given twice"),
+        (&["--params", "r=2,1"], "NAME=NUMBER"),
+        (
+            &["--params", "1,2,3,4"],
+            "4 parameters for `my_model`, which has 3",
+        ),
+    ] {
+        let o = run(params);
+        assert!(code(&o) == 1 && stderr(&o).contains(why), "{}", stderr(&o));
+    }
+}
+
+#[test]
 fn failing_rows_leave_the_others() {
     let f = Folder::new("rows");
     let (hf, p) = (f.file("ball.hf", BALL), f.file("p.csv", "4 9\n-1 9\n"));

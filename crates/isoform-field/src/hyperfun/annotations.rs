@@ -149,6 +149,18 @@ pub struct ParamInfo {
     pub description: String,
 }
 
+impl ParamInfo {
+    /// The parameter for messages: `a[1]`, with its name where it has one.
+    pub fn label(&self) -> String {
+        let plain = format!("a[{}]", self.index + 1);
+        if self.name == plain {
+            plain
+        } else {
+            format!("{plain} ({})", self.name)
+        }
+    }
+}
+
 /// What annotations say of the whole program.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FileInfo {

@@ -48,6 +48,10 @@ pub(crate) struct Executor<'p, M: Machine> {
     steps: u64,
     /// The number of steps after which a run is stopped.
     limit: u64,
+    /// Depth of the branches that are run though nobody knows whether they are taken.
+    branches: u32,
+    /// True once such a branch was run: its steps are counted, too.
+    has_branched: bool,
 }
 
 impl<'p, M: Machine> Executor<'p, M> {
@@ -62,7 +66,13 @@ impl<'p, M: Machine> Executor<'p, M> {
             flat: Vec::new(),
             steps: 0,
             limit,
+            branches: 0,
+            has_branched: false,
         }
+    }
+    /// True if the last run ended where no other branch could have been taken.
+    pub(crate) fn is_certain(&self) -> bool {
+        self.branches == 0
     }
     /// The machine with what the runs left in it.
     pub(crate) fn into_machine(self) -> M {
@@ -157,7 +167,8 @@ impl<'p, M: Machine> Executor<'p, M> {
             return Ok(());
         }
         let message = format!("stopped after {} steps: does this end?", self.limit);
-        if M::CHECKED {
+        // What was counted in branches that are not taken would not stop a run.
+        if M::CHECKED || !self.has_branched {
             error(at, message)
         } else {
             unknown(at, message)
@@ -263,10 +274,13 @@ impl<'p, M: Machine> Executor<'p, M> {
     ) -> Outcome<()> {
         self.step(at, object.memory())?;
         let before = self.memory[self.base..].to_vec();
+        self.branches += 1;
+        self.has_branched = true;
         self.block(object, then)?;
         let after_then: Vec<Option<M::V>> = self.memory.drain(self.base..).collect();
         self.memory.extend(before);
         self.block(object, otherwise)?;
+        self.branches -= 1;
         let machine = self.machine.get_mut();
         for (item, chosen) in self.memory[self.base..].iter_mut().zip(after_then) {
             if let (Some(a), Some(b)) = (&chosen, &*item)
@@ -290,6 +304,7 @@ impl<'p, M: Machine> Executor<'p, M> {
     /// A condition as 0 or 1.
     fn condition(&mut self, object: &'p Object, condition: &'p Expr) -> Outcome<M::V> {
         let v = self.eval(object, condition)?;
+        self.m().stands_at(condition.at());
         Ok(self.m().truth(&v))
     }
 
@@ -319,7 +334,7 @@ impl<'p, M: Machine> Executor<'p, M> {
             "index {i} is out of range: `{name}` has the items 1 to {}",
             array.len
         );
-        if M::CHECKED {
+        if M::CHECKED || self.branches == 0 {
             error(index.at(), message)
         } else {
             unknown(index.at(), message)
@@ -401,6 +416,7 @@ impl<'p, M: Machine> Executor<'p, M> {
     fn operator(&mut self, link: &Link, u: &M::V, v: &M::V) -> Outcome<M::V> {
         let strict = self.is_strict();
         let m = self.machine.get_mut();
+        m.stands_at(link.at);
         let compare = |m: &mut M, op: Binary, u: &M::V, v: &M::V| {
             let c = m.binary(op, u, v);
             m.boolean(c)
@@ -527,6 +543,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         if self.is_strict() && entry.has_wrong_point(arguments) {
             return Ok(self.m().constant(SENTINEL));
         }
+        self.m().stands_at(at);
         let v = match entry.run {
             Run::Primitive(library, sentinel) => {
                 let v = self.primitive(entry, &args, library, sentinel);

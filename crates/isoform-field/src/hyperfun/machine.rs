@@ -3,10 +3,11 @@
 
 use super::MOST_NODES;
 use crate::graph::{Graph, Node, NodeId};
+use crate::jumps::jumps;
 use crate::library::{Library, Native};
 use crate::ops::{Binary, Direct, Ops, SetOp, Unary};
 use isoform_num::Real;
-use std::collections::HashSet;
+use std::collections::{BTreeMap, HashSet};
 
 /// HyperFun's tolerance: truth is |v| ≥ EPS, equality |u − v| < EPS.
 pub(crate) const EPS: f64 = 1e-6;
@@ -24,6 +25,8 @@ pub(crate) trait Machine: Ops + 'static {
     fn is_boolean(&self, _v: &Self::V) -> bool {
         false
     }
+    /// The nodes that are built next stand at this byte offset of the program.
+    fn stands_at(&mut self, _at: u32) {}
     /// `v` was assigned to `name`.
     fn assigned(&mut self, _v: &Self::V, _name: &str) {}
     /// `v` may be called so if nothing better comes with the assignment that it is part of.
@@ -60,6 +63,10 @@ pub(crate) struct Symbolic {
     booleans: HashSet<NodeId>,
     /// Names that wait for the assignment that their nodes are part of.
     suggested: Vec<(NodeId, String)>,
+    /// Byte offset of the function or operator that is built.
+    at: u32,
+    /// Byte offsets of nodes that jump.
+    pub(crate) places: BTreeMap<NodeId, u32>,
 }
 
 impl Symbolic {
@@ -72,8 +79,22 @@ impl Symbolic {
     }
 }
 
+impl Symbolic {
+    /// Takes note of where a node stands that jumps.
+    fn placed(&mut self, id: NodeId) -> NodeId {
+        if jumps(self.graph.node(id)) {
+            self.places.entry(id).or_insert(self.at);
+        }
+        id
+    }
+}
+
 impl Machine for Symbolic {
     const CHECKED: bool = false;
+
+    fn stands_at(&mut self, at: u32) {
+        self.at = at;
+    }
 
     fn boolean(&mut self, v: NodeId) -> NodeId {
         self.booleans.insert(v);
@@ -115,10 +136,12 @@ impl Ops for Symbolic {
         self.graph.constant(c)
     }
     fn unary(&mut self, op: Unary, a: &NodeId) -> NodeId {
-        self.graph.unary(op, a)
+        let id = self.graph.unary(op, a);
+        self.placed(id)
     }
     fn binary(&mut self, op: Binary, a: &NodeId, b: &NodeId) -> NodeId {
-        self.graph.binary(op, a, b)
+        let id = self.graph.binary(op, a, b);
+        self.placed(id)
     }
     fn powi(&mut self, a: &NodeId, n: i32) -> NodeId {
         self.graph.powi(a, n)
@@ -133,7 +156,8 @@ impl Ops for Symbolic {
         self.graph.library(f, args)
     }
     fn native(&mut self, f: Native, args: &[NodeId]) -> NodeId {
-        self.graph.native(f, args)
+        let id = self.graph.native(f, args);
+        self.placed(id)
     }
     fn known(&self, v: &NodeId) -> Option<f64> {
         self.graph.known(v)

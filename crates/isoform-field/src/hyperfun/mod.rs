@@ -26,6 +26,8 @@ mod machine;
 mod parser;
 mod print;
 mod source;
+mod sums;
+mod uses;
 
 pub use annotations::{Amount, FileInfo, Fixed, Kind, ParamInfo, Pose, Tie};
 pub use functions::{FunctionHelp, library};
@@ -38,6 +40,7 @@ use annotations::Annotations;
 use ast::Object;
 use execute::{Executor, Stop};
 use isoform_num::Real;
+pub(crate) use machine::EPS;
 use machine::Symbolic;
 use source::Source;
 use std::fmt;
@@ -151,6 +154,19 @@ pub struct NotCompilable {
     pub column: usize,
     /// What stands in the way.
     pub why: String,
+    /// True if a run would end there as well, at every point: the program is at fault.
+    pub fails: bool,
+}
+
+/// A word or an operator of a program. Lines and columns count from 1.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Place {
+    /// Line.
+    pub line: usize,
+    /// Column in characters.
+    pub column: usize,
+    /// The word or the operator.
+    pub text: String,
 }
 
 /// There is no object of the name that was asked for.
@@ -207,6 +223,7 @@ impl Model {
         let (tokens, comments) = lexer::tokens(&source);
         let (objects, mut warnings) =
             parser::parse(&source, (&tokens, &comments), mode, precedence)?;
+        sums::warn(&source, &objects, &mut warnings);
         let annotations = annotations::read(&source, &objects, &comments, &mut warnings)?;
         let object = objects
             .iter()
@@ -298,6 +315,10 @@ impl Model {
     pub fn params(&self) -> &[ParamInfo] {
         &self.params
     }
+    /// By parameter, whether the model's program, or an object that it calls, has it anywhere.
+    pub(crate) fn used_params(&self) -> Vec<bool> {
+        uses::parameters(&self.program.objects, self.object)
+    }
     /// What the annotations say of the program.
     pub fn info(&self) -> &FileInfo {
         &self.program.annotations.file
@@ -362,6 +383,14 @@ impl Model {
     /// errors: where the program would stop with one, its value is NaN or, where a limit of the
     /// language is not one of the formula, that of the formula.
     pub fn compile(&self, graph: &mut Graph) -> Result<NodeId, NotCompilable> {
+        self.compile_with_places(graph).map(|(root, _)| root)
+    }
+
+    /// The same, with the places in the program of nodes that jump.
+    pub(crate) fn compile_with_places(
+        &self,
+        graph: &mut Graph,
+    ) -> Result<(NodeId, Vec<(NodeId, Place)>), NotCompilable> {
         let (nx, na, ns) = (self.dimension(), self.n_params(), self.chosen().n_s());
         let x: Vec<NodeId> = (0..nx).map(|i| graph.x(i)).collect();
         let a: Vec<NodeId> = (0..na).map(|i| graph.param(i)).collect();
@@ -369,11 +398,25 @@ impl Model {
         let machine = Symbolic::new(std::mem::take(graph));
         let mut executor = Executor::new(&self.program, machine, self.step_limit);
         let result = executor.run(self.object, &x, &a, &mut s);
-        *graph = executor.into_machine().graph;
+        let is_certain = executor.is_certain();
+        let Symbolic {
+            graph: made,
+            places,
+            ..
+        } = executor.into_machine();
+        *graph = made;
+        let placed = |(id, at): (NodeId, u32)| (id, self.program.source.place(at));
+        let result = result.map(|root| (root, places.into_iter().map(placed).collect()));
         result.map_err(|stop| {
+            let fails = is_certain && matches!(*stop, Stop::Error { .. });
             let (Stop::Error { at, message: why } | Stop::Unknown { at, why }) = *stop;
             let (line, column) = self.program.source.position(at);
-            NotCompilable { line, column, why }
+            NotCompilable {
+                line,
+                column,
+                why,
+                fails,
+            }
         })
     }
 

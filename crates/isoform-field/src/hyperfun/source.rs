@@ -1,5 +1,6 @@
 //! The program text and positions in it.
 
+use super::Place;
 use std::fmt;
 
 /// The text of a program without a byte order mark, with the starts of its lines.
@@ -37,6 +38,23 @@ impl Source {
             self.text[start..offset].chars().count()
         };
         (line, column + 1)
+    }
+    /// The word or the operator at a byte offset.
+    pub(crate) fn place(&self, offset: u32) -> Place {
+        let (line, column) = self.position(offset);
+        let rest = &self.text[offset as usize..];
+        let is_word = |c: char| c.is_alphanumeric() || c == '_';
+        let is_operator = |c: char| matches!(c, '<' | '>' | '=' | '/');
+        let end = if rest.starts_with(is_word) {
+            rest.find(|c| !is_word(c))
+        } else {
+            rest.find(|c| !is_operator(c))
+        };
+        Place {
+            line,
+            column,
+            text: rest[..end.unwrap_or(rest.len())].to_owned(),
+        }
     }
     /// The text of line `line` (from 1), without its end.
     pub(crate) fn line(&self, line: usize) -> &str {

@@ -150,8 +150,8 @@ fn run_time_errors_have_positions() {
         ("my_model=asin(2);", 31),
         ("my_model=0^0;", 32),
         ("my_model=(0-2)^0.5;", 36),
-        ("my_model=x[4];", 33),
-        ("my_model=x[0];", 33),
+        ("i=4; my_model=x[i];", 38),
+        ("i=0; my_model=x[i];", 38),
         ("if x[1]>100 then v=1; endif; my_model=v;", 60),
         ("array c[3]; c[1]=1; my_model=c[2];", 51),
         ("array c[3]; c[1]=1; my_model=hfSphere(x,c,1);", 62),
@@ -437,8 +437,115 @@ fn typical_values_stand_in_where_none_are_given() {
                 -- @param a[3] d length start=10%\nm(x[3], a[3]) { m = a[1] + a[2] + a[3]; }";
     let m = model(text);
     assert_eq!(m.params()[0].typical, Some(3.0));
-    assert_eq!(crate::parameter_values(&m, &[]), Ok(vec![3.0, 2.0, 0.0]));
-    assert_eq!(crate::parameter_values(&m, &[1.0]), Ok(vec![1.0, 2.0, 0.0]));
+    assert_eq!(
+        crate::parameter_values::<f64>(&m, &[]).map_err(|e| e.to_string()),
+        Err("a[3] (d) has no value".to_owned())
+    );
+    assert_eq!(
+        crate::parameter_values(&m, &[1.0, 5.0, 4.0]),
+        Ok(vec![1.0, 5.0, 4.0])
+    );
+}
+
+#[test]
+fn ties_follow_the_other_values_and_unused_parameters_need_none() {
+    let text = "inner(x[3], a[5]) { inner = a[2] - x[1]; }\n\
+                -- @param a[1] r length typical=2\n-- @param a[2] h length tie=2*r + w - 1\n\
+                -- @param a[4] w length fixed=7\nm(x[3], a[5]) { m = inner(x, a); }";
+    let m = model(text).object(Some("m")).expect("an object");
+    let values = |given: &[f64]| crate::parameter_values(&m, given);
+    assert_eq!(values(&[]), Ok(vec![2.0, 10.0, 0.0, 7.0, 0.0]));
+    assert_eq!(values(&[5.0, 99.0]), Ok(vec![5.0, 16.0, 0.0, 7.0, 0.0]));
+    // What a tie follows is needed, though the program has it nowhere.
+    let bare = model("-- @param a[2] h length tie=2*a[1]\nm(x[3], a[3]) { m = a[2] - x[1]; }");
+    assert_eq!(
+        crate::parameter_values::<f64>(&bare, &[]).map_err(|e| e.to_string()),
+        Err("a[1] has no value".to_owned())
+    );
+    // An index that is computed may be any.
+    let any = model("m(x[3], a[2]) { i = 1; m = a[i] - x[1]; }");
+    assert_eq!(
+        crate::parameter_values::<f64>(&any, &[]).map_err(|e| e.to_string()),
+        Err("a[1], a[2] have no values".to_owned())
+    );
+}
+
+#[test]
+fn sums_of_solids_are_warned_of_where_they_are_used_as_solids() {
+    let head = "array c[3]; c = [0, 0, 0]; u = hfSphere(x, c, 2); v = hfCylinderZ(x, c, 1);";
+    let warned = |body: &str| {
+        let text = format!(
+            "part(x[3], a[2]) {{ {head} part = u | v; }} m(x[3], a[2]) {{ {head} {body} }}"
+        );
+        let warnings = model(&text).warnings().to_vec();
+        warnings
+            .iter()
+            .map(|w| w.message.chars().nth(1).expect("long"))
+            .collect::<String>()
+    };
+    for (body, want) in [
+        ("m = u - v;", "-"),
+        ("m = u + v;", "+"),
+        ("m = (u & v) + v;", "+"),
+        ("w = u - v; m = w & x[3];", "-"),
+        ("w = -v + u; m = w;", "+"),
+        ("m = min(u - v, x[3]);", "-"),
+        ("m = part(x, a) - v;", "-"),
+        ("m = u - (v + 0.1);", "-"),
+        ("m = ~(u + v);", "+"),
+        (
+            "i = 0; w = u; while i < 3 loop w = w - v; i = i + 1; endloop; m = w;",
+            "-",
+        ),
+        ("if a[1] > 0 then w = u - v; else w = u; endif; m = w;", "-"),
+        ("w = u - v; k = u + v; m = w | k;", "-+"),
+        // Formulas that somebody means so.
+        ("m = u - 0.5;", ""),
+        ("m = u + v + sqrt(u^2 + v^2);", ""),
+        ("m = (u | v) + 0.3/(1 + u^2 + v^2);", ""),
+        ("m = a[1]*u + (1 - a[1])*v;", ""),
+        ("m = a[1] - abs(u - v);", ""),
+        ("h = max(1 - abs(u - v), 0); m = min(u, v) - h*h/4;", ""),
+        ("m = min(u, v) - max(u - v, 0)*0.1;", ""),
+        ("m = u - x[3];", ""),
+        ("m = (u - v)^2 - 0.1;", ""),
+        ("m = u \\ v | (u & v);", ""),
+        (
+            "m = hfBlobby(x, c, c, c, c, c, 1) + hfBlobby(x, c, c, c, c, c, 1);",
+            "",
+        ),
+    ] {
+        assert_eq!(warned(body), want, "{body}");
+    }
+    let w = model(
+        "m(x[3], a[1]) {\n array c[3];\n c = [0, 0, 0];\n m = hfSphere(x, c, 1) - hfSphere(x, c, 2); }",
+    );
+    assert_eq!((w.warnings()[0].line, w.warnings()[0].column), (4, 24));
+}
+
+#[test]
+fn an_index_beyond_its_array_is_an_error_at_its_place() {
+    for (text, want) in [
+        (
+            "m(x[3], a[2]) {\n  m = a[3] - x[1]; }",
+            "2:7: a[3]: m has 2 parameters",
+        ),
+        (
+            "m(x[3], a[1]) { m = a[0]; }",
+            "1:21: a[0]: m has 1 parameter, counted from 1",
+        ),
+        (
+            "m(x[3], a[1]) { m = x[4]; }",
+            "1:21: x[4]: m has 3 coordinates",
+        ),
+        (
+            "m(x[3], a[1]) { array c[2]; c[5] = 1; m = 1; }",
+            "1:29: c[5]: c has 2 items",
+        ),
+    ] {
+        let error = Model::parse(text, Mode::Default).expect_err("no program");
+        assert_eq!(error.to_string(), want);
+    }
 }
 
 #[test]

@@ -4,4 +4,5 @@ mod distance;
 mod evaluators;
 mod hyperfun_golden;
 mod hyperfun_properties;
+mod jumps;
 mod pieces;

@@ -406,6 +406,7 @@ fn parameters_are_fixed() {
 #[test]
 fn missing_values_are_as_annotated() {
     let text = "-- @param a[2] radius start=3
+        -- @param a[3] height tie=0*radius
         my_model(x[3], a[3]) { my_model = a[2] + a[3] - a[1] - abs(x[1]); }";
     let model = Model::parse(text, Mode::Default).expect("a program");
     let pieces = Pieces::of_model(&model, &[1.0]).expect("an expression");

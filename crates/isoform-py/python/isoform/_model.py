@@ -130,8 +130,7 @@ class Model:
         points : array_like or PointCloud
             (n, 3), in the model's unit, finite.
         params : dict or sequence of float, optional
-            Values of the parameters by name, or in their order; missing ones are as annotated,
-            else 0.
+            Values of the parameters by name, or in their order; missing ones are as annotated.
 
         Returns
         -------
@@ -202,10 +201,10 @@ class Model:
             return []
         if not isinstance(params, Mapping):
             return [float(v) for v in params]
-        values = self._native.filled([])
+        given: list[float | None] = [None] * len(self.parameters)
         for name, value in params.items():
-            values[self._index(name)] = float(value)
-        return values
+            given[self._index(name)] = float(value)
+        return self._native.filled(given)
 
     def _index(self, name: str) -> int:
         """The number of a parameter."""

@@ -1,6 +1,6 @@
 //! The report of an implicit spline or polynomial.
 
-use crate::GlobalFit;
+use crate::{GlobalFit, Implicit};
 use isoform_spline::{Implicitized, Sides, Source};
 use serde::Serialize;
 
@@ -35,6 +35,8 @@ pub struct ImplicitizeReport {
     pub components: usize,
     /// Pieces without.
     pub components_without_data: usize,
+    /// True if the function is positive all around: the solid is what lies outside of the surface.
+    pub inside_out: bool,
     /// The time that it took.
     pub seconds: f64,
 }
@@ -69,6 +71,7 @@ impl ImplicitizeReport {
             normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
+            inside_out: Implicit::Spline(spline.clone()).is_inside_out(),
             seconds,
         }
     }
@@ -92,6 +95,7 @@ impl ImplicitizeReport {
             normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
+            inside_out: Implicit::Polynomial(made.polynomial.clone()).is_inside_out(),
             seconds,
         }
     }

@@ -1,0 +1,244 @@
+//! Sums and differences of solids, where a union or a set difference is meant.
+//!
+//! `body - hole` subtracts numbers: its zero set is neither surface. An expression is a solid here
+//! if it is a primitive of the library, a set operation, a minimum or maximum of solids, or one of
+//! these moved by a number, as `body - 0.1`. A sum of two solids is doubtful only where it is used
+//! as a solid: as the result, or in a set operation. Sums with other functions of space, as
+//! `u + v + sqrt(u^2 + v^2)`, products, as `t*u + (1 - t)*v`, and sums within a root, a power, an
+//! absolute value or a comparison are formulas that somebody means so.
+
+use super::ast::{Argument, Expr, Link, Object, Operator, Statement};
+use super::functions::{self, Run};
+use super::source::{Source, Warning};
+use std::collections::BTreeMap;
+
+/// The kind of an expression.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    /// The same everywhere in space.
+    Number,
+    /// A function of space.
+    Field,
+    /// A function that is positive inside of a solid.
+    Solid,
+    /// A sum of solids, with the place and the text of its operator.
+    Sum(u32, &'static str),
+}
+
+impl Kind {
+    /// The kind after either of two branches.
+    fn or(self, other: Self) -> Self {
+        match (self, other) {
+            (a, b) if a == b => a,
+            (sum @ Self::Sum(..), _) | (_, sum @ Self::Sum(..)) => sum,
+            _ => Self::Field,
+        }
+    }
+}
+
+/// Warns of sums of solids that are used as solids.
+pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warning>) {
+    let mut results: Vec<Kind> = Vec::with_capacity(objects.len());
+    let mut called = vec![false; objects.len()];
+    let mut found: Vec<(u32, &'static str)> = Vec::new();
+    for object in objects {
+        let mut reader = Reader {
+            results: &results,
+            called: &mut called,
+            variables: BTreeMap::new(),
+            arrays: BTreeMap::new(),
+            found: &mut found,
+        };
+        reader.block(&object.body);
+        let result = reader.kind(&object.result);
+        results.push(result);
+    }
+    for (result, _) in results.iter().zip(&called).filter(|(_, called)| !**called) {
+        if let Kind::Sum(at, operator) = result {
+            found.push((*at, operator));
+        }
+    }
+    found.sort_unstable();
+    found.dedup();
+    for (at, operator) in found {
+        let (line, column) = source.position(at);
+        let message = match operator {
+            "+" => "`+` adds the numbers of two solids: their union is `u | v`",
+            _ => {
+                "`-` subtracts the numbers of two solids: the difference of solids is `u \\ v`, a \
+                 backslash, and their union `u | v`"
+            }
+        };
+        warnings.push(Warning {
+            line,
+            column,
+            message: message.to_owned(),
+        });
+    }
+}
+
+/// The statements of an object, read in their order.
+struct Reader<'a> {
+    /// Kinds of the objects above.
+    results: &'a [Kind],
+    /// By object, whether another one calls it.
+    called: &'a mut [bool],
+    /// By place in memory.
+    variables: BTreeMap<u32, Kind>,
+    /// By number of the array: what any of its items is.
+    arrays: BTreeMap<u32, Kind>,
+    /// Sums that were used as solids.
+    found: &'a mut Vec<(u32, &'static str)>,
+}
+
+impl Reader<'_> {
+    fn block(&mut self, statements: &[Statement]) {
+        for statement in statements {
+            self.statement(statement);
+        }
+    }
+
+    fn statement(&mut self, statement: &Statement) {
+        match statement {
+            Statement::Assign { slot, value } => {
+                let kind = self.kind(value);
+                self.variables.insert(*slot, kind);
+            }
+            Statement::AssignItem { array, value, .. } => {
+                let kind = self.kind(value);
+                let before = self.arrays.get(&array.id).copied();
+                let kind = before.map_or(kind, |before| before.or(kind));
+                self.arrays.insert(array.id, kind);
+            }
+            Statement::AssignArray { .. } => {}
+            Statement::If {
+                condition,
+                then,
+                otherwise,
+                ..
+            } => {
+                self.kind(condition);
+                let before = self.variables.clone();
+                self.block(then);
+                let after_then = std::mem::replace(&mut self.variables, before);
+                self.block(otherwise.as_deref().unwrap_or(&[]));
+                for (slot, kind) in after_then {
+                    let other = self.variables.get(&slot).copied();
+                    self.variables
+                        .insert(slot, other.map_or(kind, |other| other.or(kind)));
+                }
+            }
+            // A sum that a loop adds up is one the second time.
+            Statement::While {
+                condition, body, ..
+            } => {
+                self.kind(condition);
+                self.block(body);
+                self.block(body);
+            }
+        }
+    }
+
+    /// Takes note of an expression that is used as a solid.
+    fn used_as_solid(&mut self, kind: Kind) {
+        if let Kind::Sum(at, operator) = kind {
+            self.found.push((at, operator));
+        }
+    }
+
+    fn kind(&mut self, expr: &Expr) -> Kind {
+        match expr {
+            Expr::Number { .. } => Kind::Number,
+            Expr::Variable { slot, .. } => *self.variables.get(slot).unwrap_or(&Kind::Field),
+            Expr::Item { array, index, .. } => {
+                self.kind(index);
+                match array.id {
+                    0 => Kind::Field,
+                    1 => Kind::Number,
+                    id => *self.arrays.get(&id).unwrap_or(&Kind::Number),
+                }
+            }
+            Expr::Group { inner, .. } => self.kind(inner),
+            Expr::Sign { sign, operand, .. } => {
+                let kind = self.kind(operand);
+                if *sign == "~" {
+                    self.used_as_solid(kind);
+                    return Kind::Solid;
+                }
+                kind
+            }
+            Expr::Not { operand, .. } => {
+                self.kind(operand);
+                Kind::Field
+            }
+            Expr::Chain { first, rest } => self.chain(first, rest),
+            Expr::Function {
+                function,
+                arguments,
+                ..
+            } => self.function(*function, arguments),
+            Expr::Call { object, .. } => {
+                self.called[*object as usize] = true;
+                self.results[*object as usize]
+            }
+        }
+    }
+
+    fn function(&mut self, function: u16, arguments: &[Argument]) -> Kind {
+        let mut kinds = Vec::with_capacity(arguments.len());
+        for argument in arguments {
+            kinds.push(match argument {
+                Argument::Number(number) => self.kind(number),
+                Argument::Array(..) => Kind::Field,
+            });
+        }
+        let is_sum = |kind: &&Kind| matches!(kind, Kind::Sum(..));
+        let row = functions::entry(function);
+        if matches!(row.run, Run::Primitive(..)) || row.names[0] == "hfDSub" {
+            kinds.iter().for_each(|kind| self.used_as_solid(*kind));
+            return Kind::Solid;
+        }
+        let all = |kind: Kind| kinds.iter().all(|k| *k == kind);
+        match row.names[0] {
+            // max(u - v, 0) is part of a formula.
+            "min" | "max" if !kinds.contains(&Kind::Number) => match kinds.iter().find(is_sum) {
+                Some(sum) => *sum,
+                None if kinds.contains(&Kind::Solid) => Kind::Solid,
+                None => Kind::Field,
+            },
+            _ if all(Kind::Number) => Kind::Number,
+            _ => Kind::Field,
+        }
+    }
+
+    fn chain(&mut self, first: &Expr, rest: &[Link]) -> Kind {
+        let mut left = self.kind(first);
+        // The operands that are added up since the last set operation.
+        let mut solids = usize::from(matches!(left, Kind::Solid | Kind::Sum(..)));
+        for link in rest {
+            let right = self.kind(&link.operand);
+            left = match link.operator {
+                Operator::Add | Operator::Subtract => {
+                    solids += usize::from(matches!(right, Kind::Solid | Kind::Sum(..)));
+                    match (left, right) {
+                        (Kind::Field, _) | (_, Kind::Field) => Kind::Field,
+                        (Kind::Number, Kind::Number) => Kind::Number,
+                        (sum @ Kind::Sum(..), _) => sum,
+                        (Kind::Number, sum @ Kind::Sum(..)) => sum,
+                        _ if solids > 1 => Kind::Sum(link.at, link.operator.text()),
+                        _ => Kind::Solid,
+                    }
+                }
+                _ if link.operator.is_set_operator() => {
+                    self.used_as_solid(left);
+                    self.used_as_solid(right);
+                    solids = 1;
+                    Kind::Solid
+                }
+                _ if (left, right) == (Kind::Number, Kind::Number) => Kind::Number,
+                _ => Kind::Field,
+            };
+        }
+        left
+    }
+}

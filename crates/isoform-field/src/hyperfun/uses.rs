@@ -1,0 +1,109 @@
+//! Parameters that an object uses.
+
+use super::ast::{Argument, Expr, Object, Statement};
+
+/// Place of the parameters among the arrays of an object.
+const A: u32 = 1;
+
+impl Expr {
+    /// Calls `f` for the expression and all that it consists of.
+    fn walk(&self, f: &mut impl FnMut(&Self)) {
+        f(self);
+        match self {
+            Self::Number { .. } | Self::Variable { .. } | Self::Call { .. } => {}
+            Self::Item { index: inner, .. }
+            | Self::Sign { operand: inner, .. }
+            | Self::Not { operand: inner, .. }
+            | Self::Group { inner, .. } => inner.walk(f),
+            Self::Chain { first, rest } => {
+                first.walk(f);
+                rest.iter().for_each(|link| link.operand.walk(f));
+            }
+            Self::Function { arguments, .. } => {
+                for argument in arguments {
+                    if let Argument::Number(number) = argument {
+                        number.walk(f);
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Statement {
+    /// Calls `f` for all expressions of the statement.
+    fn walk(&self, f: &mut impl FnMut(&Expr)) {
+        match self {
+            Self::Assign { value, .. } => value.walk(f),
+            Self::AssignItem { index, value, .. } => {
+                index.walk(f);
+                value.walk(f);
+            }
+            Self::AssignArray { .. } => {}
+            Self::If {
+                condition,
+                then,
+                otherwise,
+                ..
+            } => {
+                condition.walk(f);
+                let statements = then.iter().chain(otherwise.iter().flatten());
+                statements.for_each(|statement| statement.walk(f));
+            }
+            Self::While {
+                condition, body, ..
+            } => {
+                condition.walk(f);
+                body.iter().for_each(|statement| statement.walk(f));
+            }
+        }
+    }
+}
+
+/// By parameter of the object `last`, whether its text uses it, in whichever branch. Objects call
+/// those above them.
+pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
+    let mut uses: Vec<Vec<bool>> = Vec::with_capacity(last + 1);
+    for object in &objects[..=last] {
+        let mut used = vec![false; object.n_params()];
+        let mut see = |expr: &Expr| match expr {
+            Expr::Item { array, index, .. } if array.id == A => match **index {
+                Expr::Number { value, .. } => used[item(value) - 1] = true,
+                _ => used.fill(true),
+            },
+            Expr::Function { arguments, .. } => {
+                let is_a = |argument: &Argument| matches!(argument, Argument::Array(_, array) if array.id == A);
+                if arguments.iter().any(is_a) {
+                    used.fill(true);
+                }
+            }
+            Expr::Call {
+                object: called,
+                arguments,
+                ..
+            } => {
+                for (place, (_, array)) in arguments.iter().enumerate() {
+                    if array.id != A {
+                        continue;
+                    }
+                    let theirs = &uses[*called as usize];
+                    for (i, used) in used.iter_mut().enumerate() {
+                        *used |= place as u32 != A || theirs[i];
+                    }
+                }
+            }
+            _ => {}
+        };
+        for statement in &object.body {
+            statement.walk(&mut see);
+        }
+        object.result.walk(&mut see);
+        uses.push(used);
+    }
+    uses.pop().unwrap_or_default()
+}
+
+/// The item that an index means, from 1: the nearest integer, halves up.
+pub(super) fn item(index: f64) -> usize {
+    (index + 0.5).floor() as usize
+}

@@ -1,0 +1,661 @@
+//! Functions that jump: where they do, and the same solid without jumps.
+//!
+//! `floor(u)` jumps where u is an integer t, a comparison where its sides are equal (u − t = 0 with
+//! t = 0). On either side the function is one that does not jump: F below t, G above. The solid
+//! {F ≥ 0, u ≤ t} ∪ {G ≥ 0, u ≥ t} has walls on the surface u = t where F and G differ in sign. As
+//! a maximum of minima it would vanish on all of u = t; with the term that the two have in common
+//! it does not,
+//!
+//! ```text
+//! max(min(F, t − u), min(G, u − t), min(F, G)),
+//! ```
+//!
+//! which has the same sign wherever u ≠ t. This is done once for every value that a jumping node
+//! takes in the box of the solid, and within a minimum or maximum to each operand by itself.
+
+use crate::graph::{Graph, Node, NodeId};
+use crate::hyperfun::{EPS, Place};
+use crate::library::Native;
+use crate::ops::{Binary, Ops, SetOp, Unary};
+use crate::solid::Pieces;
+use crate::tape::Tape;
+use isoform_geom::{Aabb, Point3, Solid};
+use isoform_num::Interval;
+use std::collections::BTreeSet;
+
+/// Samples along the longest side of a box in which jumps are looked for.
+const SAMPLES: usize = 32;
+/// Most lattice edges on which a jump is looked for closely.
+const MOST_EDGES: usize = 4096;
+/// Share of the box over which a function's own change is measured, to be told from a jump.
+const NEAR: f64 = 1e-7;
+/// Most values that one jumping node may take, and all of them together.
+const MOST_VALUES: usize = 256;
+/// Most functions that are put together; more have too many pieces to be meshed.
+const MOST_CELLS: usize = 1024;
+/// Slabs into which a box is cut to see where a jumping node has a value.
+const SLABS: usize = 32;
+/// Most boxes that are divided to prove that a motif stays within its cell.
+const MOST_BOXES: usize = 2000;
+/// Share of the diagonal by which the box of the solid is enlarged: the function without jumps is
+/// good for the enlarged box alone, and ends at its sides.
+const MARGIN: f64 = 0.125;
+
+/// A place at which a function jumps through 0.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error(
+    "{} jumps near ({:.4}, {:.4}, {:.4})",
+    what.as_ref().map_or("the function".to_owned(), |what| {
+        format!("`{}` at {}:{}", what.text, what.line, what.column)
+    }),
+    at[0],
+    at[1],
+    at[2]
+)]
+pub struct Jump {
+    /// The place.
+    pub at: Point3,
+    /// The function or operator that jumps there, with its place in the program, if it is written
+    /// there.
+    pub what: Option<Place>,
+}
+
+/// Jumps that were found.
+struct Found {
+    /// The nodes that make a piece jump through 0.
+    nodes: BTreeSet<NodeId>,
+    /// A place where the solid's function jumps through 0.
+    whole: Option<Jump>,
+}
+
+impl Pieces {
+    /// True if a piece has a node that jumps, though it may do so where that does not count.
+    pub fn may_jump(&self) -> bool {
+        let (graph, roots) = self.functions();
+        !jumping(&graph, &roots).is_empty()
+    }
+
+    /// The solid in a box, and somewhat beyond, without the jumps of its pieces; none where there
+    /// are none.
+    ///
+    /// # Errors
+    /// [`Jump`], where a jump cannot be made a wall.
+    pub fn without_jumps(&self, region: Aabb) -> Result<Option<Self>, Jump> {
+        let (graph, roots) = self.functions();
+        let nodes = jumping(&graph, &roots);
+        if nodes.is_empty() || region.is_empty() {
+            return Ok(None);
+        }
+        // Steps without a jump of the whole, as of a pattern that is repeated, are taken out too:
+        // intervals know little of them.
+        let has_steps = nodes.iter().any(|id| is_step(graph.node(*id)));
+        let found = self.found(graph, &roots, &nodes, region);
+        if found.nodes.is_empty() && !has_steps {
+            return Ok(None);
+        }
+        let walled = self.walled(&found.nodes, region);
+        match (walled, found.whole) {
+            (None, Some(jump)) => Err(jump),
+            (walled, _) => Ok(walled),
+        }
+    }
+
+    /// Looks for jumps along the edges of a lattice.
+    fn found(&self, mut graph: Graph, roots: &[NodeId], nodes: &[NodeId], region: Aabb) -> Found {
+        let states: Vec<NodeId> = nodes.iter().map(|&id| state(&mut graph, id)).collect();
+        let all: Vec<NodeId> = roots.iter().chain(&states).copied().collect();
+        let line = Line {
+            tape: Tape::new(&graph, &all, 3, 0),
+            pieces: roots.len(),
+        };
+        // Beyond the box the states of its sides are known.
+        let edges = line.edges(region.widened(region.diagonal() / SAMPLES as f64));
+        let mut found = Found {
+            nodes: BTreeSet::new(),
+            whole: None,
+        };
+        let near = NEAR * region.diagonal();
+        let mut scratch = Vec::new();
+        for [p, q] in edges.iter().step_by(edges.len() / MOST_EDGES + 1) {
+            for sides in line.changes(*p, *q, &mut scratch) {
+                let jumps = line.jumps(sides, near, self.tree(), &mut scratch);
+                if !jumps.piece {
+                    continue;
+                }
+                let [a, b] = &sides.map(|p| line.at(p, &mut scratch));
+                let differ = (0..nodes.len()).filter(|i| {
+                    let k = line.pieces + i;
+                    a[k] != b[k]
+                });
+                let differ: Vec<NodeId> = differ.map(|i| nodes[i]).collect();
+                if jumps.whole && found.whole.is_none() {
+                    let place = |id: &NodeId| self.place(*id).cloned();
+                    found.whole = Some(Jump {
+                        at: sides[0],
+                        what: differ.iter().find_map(place),
+                    });
+                }
+                found.nodes.extend(differ);
+            }
+        }
+        found
+    }
+
+    /// The solid with walls in place of the jumps of some nodes, in a box and somewhat beyond. None
+    /// where that cannot be done.
+    fn walled(&self, nodes: &BTreeSet<NodeId>, region: Aabb) -> Option<Self> {
+        let (graph, root) = self.whole();
+        let mut walls = Walls {
+            graph,
+            tests: nodes.clone(),
+            cells: 0,
+        };
+        let wide = region.widened(MARGIN * region.diagonal());
+        let inner = walls.without(root, wide)?;
+        let graph = &mut walls.graph;
+        let mut all = inner;
+        for axis in 0..3 {
+            let (x, lo, hi) = (
+                graph.x(axis),
+                graph.constant(wide.lo[axis]),
+                graph.constant(wide.hi[axis]),
+            );
+            for side in [graph.sub(&x, &lo), graph.sub(&hi, &x)] {
+                graph.set_name(side, "limit");
+                all = graph.set(SetOp::Min, &all, &side);
+            }
+        }
+        let made = Self::new(&walls.graph, all, &[]).ok()?;
+        (self.is_like(&made, region) && !made.is_jumping(region)).then_some(made)
+    }
+
+    /// True if a piece jumps through 0 in a box.
+    fn is_jumping(&self, region: Aabb) -> bool {
+        let (graph, roots) = self.functions();
+        let nodes = jumping(&graph, &roots);
+        !nodes.is_empty() && !self.found(graph, &roots, &nodes, region).nodes.is_empty()
+    }
+
+    /// True if two solids have the same sign at points of a lattice.
+    fn is_like(&self, other: &Self, region: Aabb) -> bool {
+        let points: Vec<Point3> = Lattice::new(region).points().collect();
+        let [mut own, mut others] = [(); 2].map(|()| vec![0.0; points.len()]);
+        self.sign_values(&points, &mut own);
+        other.sign_values(&points, &mut others);
+        // R-functions vanish where both of their arguments do, and so may minima.
+        let is_same = |(a, b): (&f64, &f64)| (*a >= 0.0) == (*b >= 0.0) || *a == 0.0 || *b == 0.0;
+        own.iter().zip(&others).all(is_same)
+    }
+}
+
+/// The nodes below some roots that jump and depend on the place.
+fn jumping(graph: &Graph, roots: &[NodeId]) -> Vec<NodeId> {
+    let need = graph.reachable(roots);
+    let ids = (0..need.len()).filter(|i| need[*i]);
+    ids.map(|i| NodeId(i as u32))
+        .filter(|id| graph.is_in_space(*id) && jumps(graph.node(*id)))
+        .collect()
+}
+
+/// True if the function of a node jumps.
+pub(crate) fn jumps(node: &Node) -> bool {
+    let is_other = matches!(
+        node,
+        Node::Binary(Binary::Less | Binary::LessEq | Binary::Atan2, ..)
+            | Node::Native(Native::Fmod, _)
+    );
+    is_step(node) || is_other
+}
+
+/// True if the function of a node is constant but for its jumps.
+fn is_step(node: &Node) -> bool {
+    matches!(
+        node,
+        Node::Unary(Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign, _)
+    )
+}
+
+/// A node that is constant where the node does not jump.
+fn state(graph: &mut Graph, id: NodeId) -> NodeId {
+    match graph.node(id).clone() {
+        Node::Binary(Binary::Atan2, y, _) => {
+            let zero = graph.constant(0.0);
+            graph.less(&y, &zero)
+        }
+        Node::Native(_, args) => {
+            let turns = graph.div(&args[0], &args[1]);
+            graph.unary(Unary::Trunc, &turns)
+        }
+        _ => id,
+    }
+}
+
+/// Points of a box, off its middles, where round numbers lie.
+struct Lattice {
+    region: Aabb,
+    counts: [usize; 3],
+}
+
+impl Lattice {
+    fn new(region: Aabb) -> Self {
+        let size = region.size();
+        let longest = size.into_iter().fold(0.0, f64::max);
+        let count = |s: f64| ((SAMPLES as f64 * s / longest).ceil() as usize).clamp(4, SAMPLES);
+        Self {
+            region,
+            counts: size.map(count),
+        }
+    }
+    fn point(&self, at: [usize; 3]) -> Point3 {
+        let size = self.region.size();
+        std::array::from_fn(|k| {
+            self.region.lo[k] + (at[k] as f64 + 0.4142) / self.counts[k] as f64 * size[k]
+        })
+    }
+    fn points(&self) -> impl Iterator<Item = Point3> {
+        let [x, y, z] = self.counts;
+        (0..x * y * z).map(move |i| self.point([i / z / y, i / z % y, i % z]))
+    }
+}
+
+/// Values of pieces and states along lines.
+struct Line {
+    /// Its results are the pieces, then the states.
+    tape: Tape,
+    pieces: usize,
+}
+
+/// Jumps between two neighbouring places.
+struct Jumping {
+    piece: bool,
+    whole: bool,
+}
+
+impl Line {
+    fn at(&self, p: Point3, scratch: &mut Vec<f64>) -> Vec<f64> {
+        self.tape.eval_all(&p, &[], scratch)
+    }
+
+    /// The edges of a lattice between whose ends a state changes.
+    fn edges(&self, region: Aabb) -> Vec<[Point3; 2]> {
+        let lattice = Lattice::new(region);
+        let mut scratch = Vec::new();
+        let of = |p: Point3, scratch: &mut Vec<f64>| self.at(p, scratch).split_off(self.pieces);
+        let states: Vec<Vec<f64>> = lattice.points().map(|p| of(p, &mut scratch)).collect();
+        let [x, y, z] = lattice.counts;
+        let number = |at: [usize; 3]| (at[0] * y + at[1]) * z + at[2];
+        let mut edges = Vec::new();
+        for i in 0..x * y * z {
+            let at = [i / z / y, i / z % y, i % z];
+            for axis in 0..3 {
+                let mut next = at;
+                next[axis] += 1;
+                if next[axis] < lattice.counts[axis] && states[i] != states[number(next)] {
+                    edges.push([lattice.point(at), lattice.point(next)]);
+                }
+            }
+        }
+        edges
+    }
+
+    /// The places between two points where a state changes, each as the two nearest points on
+    /// either side of it.
+    fn changes(&self, from: Point3, to: Point3, scratch: &mut Vec<f64>) -> Vec<[Point3; 2]> {
+        let on = |t: f64| std::array::from_fn(|k| from[k] + t * (to[k] - from[k]));
+        let mut state = |t: f64| self.at(on(t), scratch).split_off(self.pieces);
+        let (mut found, mut start) = (Vec::new(), 0.0);
+        let end = state(1.0);
+        // More changes than these are met on other edges.
+        while found.len() < 4 {
+            let first = state(start);
+            if first == end {
+                break;
+            }
+            let (mut lo, mut hi) = (start, 1.0);
+            loop {
+                let middle = f64::midpoint(lo, hi);
+                if middle <= lo || middle >= hi {
+                    break;
+                }
+                if state(middle) == first {
+                    lo = middle;
+                } else {
+                    hi = middle;
+                }
+            }
+            found.push([on(lo), on(hi)]);
+            start = hi;
+        }
+        found
+    }
+
+    /// Tells if a piece, or the whole, jumps through 0 between two neighbouring places: it
+    /// changes by more than it does over the distance `near` on either side.
+    fn jumps(
+        &self,
+        [p, q]: [Point3; 2],
+        near: f64,
+        tree: &isoform_geom::Csg,
+        scratch: &mut Vec<f64>,
+    ) -> Jumping {
+        // Along the axis on which the two differ.
+        let axis = (0..3).find(|k| p[*k] != q[*k]).unwrap_or(0);
+        let moved = |p: Point3, by: f64| {
+            let mut p = p;
+            p[axis] += by;
+            p
+        };
+        let way = if q[axis] >= p[axis] { near } else { -near };
+        let [a0, a, b, b0] = [moved(p, -way), p, q, moved(q, way)].map(|p| self.at(p, scratch));
+        let is_jump = |[a0, a, b, b0]: [f64; 4]| {
+            let own = (a - a0).abs() + (b - b0).abs();
+            let rounding = 16.0 * f64::EPSILON * (a.abs() + b.abs());
+            (a >= 0.0) != (b >= 0.0) && (a - b).abs() > own + rounding
+        };
+        let mut pieces = (0..self.pieces).map(|k| [a0[k], a[k], b[k], b0[k]]);
+        let whole = [&a0, &a, &b, &b0].map(|v| tree.value(&|k| v[k as usize]));
+        Jumping {
+            piece: pieces.any(is_jump),
+            whole: is_jump(whole),
+        }
+    }
+}
+
+/// Puts walls in place of jumps.
+struct Walls {
+    graph: Graph,
+    /// The nodes to be taken out. Steps, which are constant but for their jumps, all are.
+    tests: BTreeSet<NodeId>,
+    /// Number of functions put together so far.
+    cells: usize,
+}
+
+/// The values of a node by those of a function u: value 0 up to the first limit, value 1 up to the
+/// second.
+struct Steps {
+    u: NodeId,
+    limits: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Walls {
+    /// An expression with the sign of `id` in a region, without jumps.
+    fn without(&mut self, id: NodeId, region: Aabb) -> Option<NodeId> {
+        let Some(jump) = self.first_jump(id) else {
+            return Some(id);
+        };
+        match *self.graph.node(id) {
+            Node::Set(op, u, v) => {
+                let (u, v) = (self.without(u, region)?, self.without(v, region)?);
+                return Some(self.graph.set(op, &u, &v));
+            }
+            Node::Unary(Unary::Neg, u) => {
+                let u = self.without(u, region)?;
+                return Some(self.graph.neg(&u));
+            }
+            _ => {}
+        }
+        let steps = self.steps(jump, region)?;
+        self.cells += steps.values.len();
+        if self.cells > MOST_CELLS {
+            return None;
+        }
+        let mut cells: Vec<Cell> = Vec::new();
+        for (i, value) in steps.values.iter().enumerate() {
+            let lower = i.checked_sub(1).map(|i| steps.limits[i]);
+            let upper = steps.limits.get(i).copied();
+            let within = self.contracted(region, steps.u, lower, upper);
+            let function = if within.is_empty() {
+                self.graph.constant(-1.0)
+            } else {
+                let by = self.graph.constant(*value);
+                let fixed = self.replaced(id, jump, by);
+                let function = self.without(fixed, within)?;
+                self.decided(function, within)
+            };
+            match cells.last_mut() {
+                Some(last) if last.function == function => last.upper = upper,
+                _ => cells.push(Cell {
+                    function,
+                    lower,
+                    upper,
+                }),
+            }
+        }
+        // Patterns whose motifs do not touch the seams need no walls.
+        for is_min in [true, false] {
+            if cells
+                .iter()
+                .all(|cell| self.is_one_sided(cell, steps.u, is_min, region))
+            {
+                let op = if is_min { SetOp::Min } else { SetOp::Max };
+                let functions = cells.iter().map(|cell| cell.function);
+                return functions.reduce(|a, b| self.graph.set(op, &a, &b));
+            }
+        }
+        Some(self.joined(steps.u, &cells))
+    }
+
+    /// True if intervals prove that the function of a cell is positive, or negative, in all of the
+    /// region outside of the cell.
+    fn is_one_sided(&self, cell: &Cell, u: NodeId, positive: bool, region: Aabb) -> bool {
+        let tape = |id: NodeId| Tape::new(&self.graph, &[id], 3, 0);
+        let (function, u) = (tape(cell.function), tape(u));
+        let mut scratch = Vec::new();
+        let mut range = |tape: &Tape, b: Aabb| {
+            let x: [Interval; 3] = std::array::from_fn(|k| Interval::new(b.lo[k], b.hi[k]));
+            tape.range(&x, &[], &mut scratch)
+        };
+        let (mut boxes, mut left) = (vec![region], MOST_BOXES);
+        while let Some(b) = boxes.pop() {
+            let own = range(&u, b);
+            if cell.lower.is_none_or(|t| own.lo() > t) && cell.upper.is_none_or(|t| own.hi() < t) {
+                continue;
+            }
+            let values = range(&function, b);
+            if (positive && values.lo() > 0.0) || (!positive && values.hi() < 0.0) {
+                continue;
+            }
+            if left == 0 {
+                return false;
+            }
+            left -= 1;
+            // Along the axis that the two functions depend on most.
+            let share = |half: Interval, whole: Interval| {
+                let share = (half.hi() - half.lo()) / (whole.hi() - whole.lo());
+                if share.is_nan() { 1.0 } else { share }
+            };
+            let mut best: Option<(f64, [Aabb; 2])> = None;
+            for axis in 0..3 {
+                let parts = halves(b, axis);
+                let left =
+                    share(range(&u, parts[0]), own) + share(range(&function, parts[0]), values);
+                if best.is_none_or(|best| left < best.0) {
+                    best = Some((left, parts));
+                }
+            }
+            boxes.extend(best.map_or([b; 2], |best| best.1));
+        }
+        true
+    }
+
+    /// The first node below another that is to be taken out: it has none below itself.
+    fn first_jump(&self, id: NodeId) -> Option<NodeId> {
+        let need = self.graph.reachable(&[id]);
+        let ids = (0..need.len())
+            .filter(|i| need[*i])
+            .map(|i| NodeId(i as u32));
+        ids.filter(|id| self.graph.is_in_space(*id))
+            .find(|id| is_step(self.graph.node(*id)) || self.tests.contains(id))
+    }
+
+    /// The values of a jumping node in a region.
+    fn steps(&mut self, id: NodeId, region: Aabb) -> Option<Steps> {
+        let (op, u) = match *self.graph.node(id) {
+            Node::Unary(op, u) => (op, u),
+            Node::Binary(Binary::Less | Binary::LessEq, a, b) if !self.is_guard(a, b) => {
+                let u = self.graph.sub(&b, &a);
+                return Some(Steps {
+                    u,
+                    limits: vec![0.0],
+                    values: vec![0.0, 1.0],
+                });
+            }
+            _ => return None,
+        };
+        if op == Unary::Sign {
+            return Some(Steps {
+                u,
+                limits: vec![0.0],
+                values: vec![-1.0, 1.0],
+            });
+        }
+        let range = self.range(u, region);
+        if !(range.lo().is_finite() && range.hi() - range.lo() < MOST_VALUES as f64) {
+            return None;
+        }
+        let (first, last) = (range.lo().floor(), range.hi().floor());
+        let count = (last - first) as usize;
+        let limits = (1..=count).map(|i| first + i as f64);
+        // Truncation does not jump at 0.
+        let limits: Vec<f64> = limits
+            .filter(|limit| op != Unary::Trunc || *limit != 0.0)
+            .collect();
+        let middle = |i: usize| match (i.checked_sub(1).map(|i| limits[i]), limits.get(i)) {
+            (Some(lower), _) => lower + 0.5,
+            (None, Some(upper)) => upper - 0.5,
+            (None, None) => range.middle(),
+        };
+        let values = (0..=limits.len()).map(|i| op.apply(&middle(i))).collect();
+        Some(Steps { u, limits, values })
+    }
+
+    /// True if |w| is compared with the language's tolerance: what holds in so thin a layer is no
+    /// part of a solid.
+    fn is_guard(&self, a: NodeId, b: NodeId) -> bool {
+        let is_thin = |size: NodeId, limit: NodeId| {
+            matches!(self.graph.node(size), Node::Unary(Unary::Abs, _))
+                && self.graph.constant_value(limit).is_some_and(|c| c <= EPS)
+        };
+        is_thin(a, b) || is_thin(b, a)
+    }
+
+    fn range(&self, id: NodeId, region: Aabb) -> Interval {
+        let x: [Interval; 3] = std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]));
+        Tape::new(&self.graph, &[id], 3, 0).range(&x, &[], &mut Vec::new())
+    }
+
+    /// A part of a region outside of which u is not between two limits; it may be empty.
+    fn contracted(&self, region: Aabb, u: NodeId, lower: Option<f64>, upper: Option<f64>) -> Aabb {
+        let tape = Tape::new(&self.graph, &[u], 3, 0);
+        let (lower, upper) = (
+            lower.unwrap_or(f64::NEG_INFINITY),
+            upper.unwrap_or(f64::INFINITY),
+        );
+        let mut scratch = Vec::new();
+        let mut inner = region;
+        for axis in 0..3 {
+            let (from, step) = (inner.lo[axis], inner.size()[axis] / SLABS as f64);
+            let mut left = Aabb::EMPTY;
+            for i in 0..SLABS {
+                let mut slab = inner;
+                slab.lo[axis] = from + i as f64 * step;
+                if i + 1 < SLABS {
+                    slab.hi[axis] = from + (i + 1) as f64 * step;
+                }
+                let x: [Interval; 3] =
+                    std::array::from_fn(|k| Interval::new(slab.lo[k], slab.hi[k]));
+                let range = tape.range(&x, &[], &mut scratch);
+                if range.hi() >= lower && range.lo() <= upper {
+                    left.add(slab.lo);
+                    left.add(slab.hi);
+                }
+            }
+            inner = left;
+            if inner.is_empty() {
+                break;
+            }
+        }
+        inner
+    }
+
+    /// The function, or a constant where intervals decide its sign in all of the region.
+    fn decided(&mut self, function: NodeId, region: Aabb) -> NodeId {
+        let range = self.range(function, region);
+        if range.hi() < 0.0 {
+            self.graph.constant(-1.0)
+        } else if range.lo() > 0.0 {
+            self.graph.constant(1.0)
+        } else {
+            function
+        }
+    }
+
+    /// The expression `root` with another node in place of one.
+    fn replaced(&mut self, root: NodeId, node: NodeId, by: NodeId) -> NodeId {
+        let map = self.graph.replaced(root, node, by);
+        let tests = self.tests.iter().filter_map(|id| map.get(id)).copied();
+        let tests: Vec<NodeId> = tests.collect();
+        self.tests.extend(tests);
+        map[&root]
+    }
+
+    /// The functions of all cells, each in its own, with walls between them.
+    fn joined(&mut self, u: NodeId, cells: &[Cell]) -> NodeId {
+        let graph = &mut self.graph;
+        let mut all: Option<NodeId> = None;
+        let mut add = |graph: &mut Graph, part: NodeId| {
+            all = Some(all.map_or(part, |all| graph.set(SetOp::Max, &all, &part)));
+        };
+        for (i, cell) in cells.iter().enumerate() {
+            let part = between(graph, cell.function, u, cell.lower, cell.upper);
+            add(graph, part);
+            if let Some(next) = cells.get(i + 1) {
+                let both = graph.set(SetOp::Min, &cell.function, &next.function);
+                let part = between(graph, both, u, cell.lower, next.upper);
+                add(graph, part);
+            }
+        }
+        all.unwrap_or_else(|| graph.constant(-1.0))
+    }
+}
+
+/// The halves of a box along an axis.
+fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
+    let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
+    let (mut below, mut above) = (b, b);
+    below.hi[axis] = middle;
+    above.lo[axis] = middle;
+    [below, above]
+}
+
+/// A function with the limits of u between which it is meant.
+struct Cell {
+    function: NodeId,
+    lower: Option<f64>,
+    upper: Option<f64>,
+}
+
+/// The minimum of a function and the distances of u from its limits.
+fn between(
+    graph: &mut Graph,
+    function: NodeId,
+    u: NodeId,
+    lower: Option<f64>,
+    upper: Option<f64>,
+) -> NodeId {
+    let mut all = function;
+    if let Some(limit) = lower {
+        let limit = graph.constant(limit);
+        let above = graph.sub(&u, &limit);
+        graph.set_name(above, "step");
+        all = graph.set(SetOp::Min, &all, &above);
+    }
+    if let Some(limit) = upper {
+        let limit = graph.constant(limit);
+        let below = graph.sub(&limit, &u);
+        graph.set_name(below, "step");
+        all = graph.set(SetOp::Min, &all, &below);
+    }
+    all
+}
