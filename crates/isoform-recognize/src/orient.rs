@@ -15,6 +15,8 @@ const RAYS: usize = 48;
 const BEGIN: f64 = 1e-3;
 /// The least step along a ray, in diagonals: surfaces closer to one another are met as one.
 const STEP: f64 = 2e-4;
+/// The least cosine between a ray and the normal of a plane at which the part stands: 45°.
+const STEEP: f64 = 0.7;
 /// Steps along a ray until it counts as having left.
 const STEPS: usize = 400;
 /// A surface has points where one of this many nearest is its own, within this many spacings.
@@ -75,7 +77,7 @@ pub(crate) fn orient(
 }
 
 /// Returns the median distance of a point from its nearest.
-pub(crate) fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
+fn spacing(points: &[Point3], tree: &KdTree) -> f64 {
     let mut found = Vec::new();
     let mut distances: Vec<f64> = thinned(points.len(), 1000)
         .map(|i| {
@@ -100,7 +102,11 @@ impl Rays<'_> {
     /// How often a ray meets the surface of an entity where it has points.
     fn crossings(&self, from: Point3, way: Point3, spacing: f64) -> usize {
         let of = |s: usize| self.crossings_of(s, from, way, spacing);
-        let is_met = |(at, n): &&(Point3, Point3)| dot(sub(*at, from), *n) * dot(way, *n) > 0.0;
+        // Rays along a plane leave the part before they meet it.
+        let is_met = |(at, n): &&(Point3, Point3)| {
+            let cosine = dot(way, *n);
+            cosine.abs() > STEEP && dot(sub(*at, from), *n) * cosine > 0.0
+        };
         let supports = self.supports.iter().filter(is_met).count();
         (0..self.surfaces.len()).map(of).sum::<usize>() + supports
     }

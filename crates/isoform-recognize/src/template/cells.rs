@@ -99,19 +99,22 @@ fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
         .collect()
 }
 
+/// Returns the area that each point stands for, by the distance of a few neighbours.
+pub(super) fn areas(points: &[Point3], tree: &KdTree) -> Vec<f64> {
+    let of = |found: &mut Vec<(f64, u32)>, p: &Point3| {
+        tree.nearest_k(*p, NEIGHBOURS + 1, found);
+        let squared = found.last().map_or(0.0, |f| f.0);
+        std::f64::consts::PI * squared / NEIGHBOURS as f64
+    };
+    points.par_iter().map_init(Vec::new, of).collect()
+}
+
 /// Places all over the box, off the points.
 fn all_over(cloud: &Oriented<'_>, bounds: &Aabb) -> Vec<Place> {
     let some: Vec<usize> = thinned(cloud.points.len(), DIPOLES).collect();
     let points: Vec<Point3> = some.iter().map(|i| cloud.points[*i]).collect();
     let tree = KdTree::new(&points);
-    let areas: Vec<f64> = points
-        .par_iter()
-        .map_init(Vec::new, |found, p| {
-            tree.nearest_k(*p, NEIGHBOURS + 1, found);
-            let squared = found.last().map_or(0.0, |f| f.0);
-            std::f64::consts::PI * squared / NEIGHBOURS as f64
-        })
-        .collect();
+    let areas = areas(&points, &tree);
     let all: f64 = areas.iter().sum();
     let spacing = (all / areas.len().max(1) as f64).sqrt();
     // The vector area of a closed surface is zero; where much is missing, winding numbers between

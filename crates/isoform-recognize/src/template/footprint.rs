@@ -4,7 +4,7 @@
 //! footprint. Its indicator is the winding number in the plane, by Gauss's formula
 //! w(q) = 1/2π ∫ n·(p − q)/|p − q|² ds, averaged over the height of these points.
 
-use crate::orient::spacing;
+use super::cells::areas;
 use isoform_geom::{Aabb, KdTree, Point3};
 
 /// Height of the border, in spacings of the points: some rows of them.
@@ -22,20 +22,20 @@ pub(super) fn footprint(
 ) -> (Vec<Point3>, Point3) {
     let [i, j] = [(axis + 1) % 3, (axis + 2) % 3];
     let end = if is_upper { bounds.hi } else { bounds.lo }[axis];
-    let step = spacing(points, &KdTree::new(points));
+    let areas = areas(points, &KdTree::new(points));
+    let step = (areas.iter().sum::<f64>() / areas.len().max(1) as f64).sqrt();
     let heights = points.iter().map(|p| (p[axis] - end).abs());
     let lowest = heights.fold(f64::INFINITY, f64::min);
     let height = HEIGHT * step;
     let is_border = |k: &usize| (points[*k][axis] - end).abs() <= lowest + height;
     let border: Vec<usize> = (0..points.len()).filter(is_border).collect();
-    let area = step * step / (std::f64::consts::TAU * height);
     let winding = |q: [f64; 2]| -> f64 {
         let of = |k: &usize| {
             let d = [points[*k][i] - q[0], points[*k][j] - q[1]];
             let across = normals[*k][i] * d[0] + normals[*k][j] * d[1];
-            area * across / (d[0] * d[0] + d[1] * d[1]).max(step * step)
+            areas[*k] * across / (d[0] * d[0] + d[1] * d[1]).max(step * step)
         };
-        border.iter().map(of).sum()
+        border.iter().map(of).sum::<f64>() / (std::f64::consts::TAU * height)
     };
     let extent = [bounds.hi[i] - bounds.lo[i], bounds.hi[j] - bounds.lo[j]];
     let cell = extent[0].max(extent[1]) / PLACES as f64;
