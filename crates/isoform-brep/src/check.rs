@@ -72,7 +72,7 @@ pub enum Finding {
     Reading {
         /// By how much.
         by: f64,
-        /// Where the edge begins.
+        /// The start of the edge.
         at: Point3,
     },
     /// The volume differs from the limit of the meshes.

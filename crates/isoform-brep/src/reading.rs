@@ -20,7 +20,7 @@ const STEPS: usize = 22;
 const PLACES: usize = 4;
 /// Parts of an edge at most: the error falls with the fourth power of their number.
 const MOST: usize = 32;
-/// How often edges are divided at most.
+/// Maximum number of divisions of an edge.
 const ROUNDS: usize = 3;
 
 /// By edge, the largest distance between it and its images in the parameters of its faces.

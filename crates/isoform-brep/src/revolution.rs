@@ -178,7 +178,7 @@ fn to_axis(piece: &Bezier, axes: &Axes) -> Option<Bezier> {
     ((s - 1.0).abs() < 0.5).then(|| piece.up_to(s))
 }
 
-/// What ends a profile.
+/// The end of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum End {
     /// It goes on beyond the piece.

@@ -22,7 +22,7 @@ pub(crate) fn is_folder(path: &Path) -> bool {
     path.to_string_lossy().ends_with(is_separator) || path.is_dir()
 }
 
-/// What [`SCAN`] says of a scan: where it is, whatever it was called by.
+/// The content of [`SCAN`]: the absolute path of the scan.
 fn source(scan: Option<&Path>) -> String {
     match scan {
         None => "the scan that is built in".to_owned(),

@@ -38,7 +38,7 @@ pub struct Deviations {
 }
 
 impl Deviations {
-    /// Of a surface that its points do not determine.
+    /// The deviations of a surface that its points do not determine.
     pub(crate) const OPEN: Self = Self {
         direction: [f64::INFINITY; 3],
         place: [f64::INFINITY; 3],

@@ -52,7 +52,7 @@ struct Explained {
 }
 
 impl Explained {
-    /// Of a mesh all of whose corners are points; `None` for a mesh that is no CAD model's.
+    /// Explains a mesh all of whose corners are points; `None` unless it is that of a CAD model.
     fn of(mesh: &PointCloud, control: &Control<'_>) -> Result<Option<Self>, Error> {
         if !mesh.points.iter().flatten().all(|x| x.is_finite()) {
             return Err(Error::NotFinite);

@@ -54,9 +54,9 @@ pub(crate) fn check_corners(mesh: &PointCloud) -> Result<(), CornerError> {
 pub struct OnFaces {
     /// The points of the mesh and, after them, those inside faces.
     pub cloud: PointCloud,
-    /// How many points were added.
+    /// Number of points added.
     pub added: usize,
-    /// How far points lie off the model by rounding.
+    /// Distance of points from the model that rounding allows.
     pub exactness: f64,
 }
 

@@ -128,7 +128,7 @@ pub struct Standing {
     pub part: PointCloud,
     /// The planes: a point and the unit normal of each, in the coordinates of the file.
     pub supports: Vec<(Point3, Point3)>,
-    /// How many points were left out.
+    /// Number of points left out.
     pub left_out: usize,
 }
 

@@ -49,7 +49,7 @@ impl Verdict {
 pub enum Finding {
     /// The template was made of the scan and lacks something.
     Incomplete {
-        /// What it lacks.
+        /// The part that is missing.
         what: String,
     },
     /// The points lie far off the model.

@@ -99,7 +99,7 @@ const GRID: [&str; 7] = [
     "gnss",
 ];
 
-/// How plainly a name says its role; the first is taken before the others.
+/// The precedence of a name's role; the first is taken before the others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Rank {
     /// The bare name, or with a unit.

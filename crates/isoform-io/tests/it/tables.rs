@@ -4,7 +4,7 @@
 use isoform_io::{ReadOptions, Source, read};
 use proptest::prelude::*;
 
-/// How a table is written.
+/// The style of a table.
 #[derive(Clone, Debug)]
 struct Style {
     /// Template of the names of coordinates; `#` stands for the letter of the axis.

@@ -83,7 +83,7 @@ impl Facets {
         }
     }
 
-    /// How far vertices lie off their surface by rounding, and by what modellers compute with.
+    /// Returns the distance of vertices from their surface that rounding and modellers allow.
     pub(crate) fn exactness(&self) -> f64 {
         self.tolerance / WITHIN
     }

@@ -68,7 +68,7 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
 /// The edges that a part shares with another one.
 #[derive(Default)]
 struct Border {
-    /// How far the edges are off the two surfaces: the height of the chords.
+    /// Maximum distance of the edges from the two surfaces: the height of the chords.
     height: f64,
     /// The areas of the part's facets there on the two sides of the other surface.
     areas: [f64; 2],

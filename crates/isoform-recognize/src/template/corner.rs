@@ -24,7 +24,7 @@ pub(super) struct Wall {
     pub(super) role: Role,
 }
 
-/// What a wall is in the template.
+/// The role of a wall in the template.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Role {
     /// Beyond the centre of a blend (its number) along an axis of a system, upwards or downwards.

@@ -85,7 +85,7 @@ pub enum Gap {
     Open(f64),
     /// Entities do not bound the solid.
     Unused {
-        /// How many.
+        /// Number of entities.
         count: usize,
         /// The share of the points that lie on them.
         share: f64,

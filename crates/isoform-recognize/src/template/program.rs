@@ -270,7 +270,7 @@ impl Writer<'_> {
         }
     }
 
-    /// What lies between the walls of a corner and outside of the blend that rounds it.
+    /// Returns the text of a corner: between its walls and outside of the blend.
     fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
         let base = self.dimensions.name_of(i);
         let ball = self.entity(k, i, half);

@@ -209,7 +209,7 @@ fn faces_of_a_part_are_no_tables() {
     );
 }
 
-/// Of a scan from one side rays tell nothing of bores: given normals do.
+/// Rays tell nothing of bores in a scan from one side: given normals do.
 #[test]
 fn given_normals_decide_what_is_outside() {
     let mut random = Random::new(3);
