@@ -258,7 +258,7 @@ fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
 
 /// The part without facets that are flat cuts into its surface.
 fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
-    let of = |t: &u32| turn(&part.surface, mesh.corners(*t)).acos();
+    let of = |t: &u32| turn(&part.surface, mesh.corners(*t), mesh.tolerance).acos();
     let turns: Vec<f64> = part.triangles.iter().map(of).collect();
     let mut sorted = turns.clone();
     sorted.sort_by(f64::total_cmp);

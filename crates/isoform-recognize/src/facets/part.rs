@@ -60,7 +60,7 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
         return false;
     }
     let height = mesh.heights[t as usize];
-    let turn = turn(surface, corners);
+    let turn = turn(surface, corners, tolerance);
     if !is_chord(surface, corners, angle(turn), tolerance) {
         return false;
     }
@@ -74,20 +74,32 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
     if height < SLIVER * tolerance {
         return true;
     }
-    let n = corners.map(|p| surface.normal(p));
-    let mean = unit(std::array::from_fn(|k| n[0][k] + n[1][k] + n[2][k]));
+    let normals = normals(surface, corners, tolerance);
+    let mean = unit(std::array::from_fn(|k| normals.iter().map(|n| n[k]).sum()));
     let off = dot(mean, mesh.normals[t as usize]).abs();
     let allowed = || roundness(corners) * angle(turn) + OFF.0 + OFF.1 * tolerance / height;
     off >= turn || off >= most && angle(off) <= allowed()
 }
 
-/// The cosine of the largest angle between the surface's normals at the corners of a facet.
-pub(crate) fn turn(surface: &Surface, corners: [Point3; 3]) -> f64 {
+/// Returns the cosine of the largest angle between the surface's normals at the corners of a facet.
+pub(crate) fn turn(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> f64 {
     if surface.kind == Kind::Plane {
         return 1.0;
     }
-    let [a, b, c] = corners.map(|p| surface.normal(p));
-    dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
+    let normals = normals(surface, corners, tolerance);
+    let pairs = normals.iter().enumerate();
+    let pairs = pairs.flat_map(|(k, a)| normals[k + 1..].iter().map(move |b| dot(*a, *b)));
+    pairs.fold(1.0, f64::min)
+}
+
+/// Returns the surface's normals at the corners of a facet that have one: the tip of a cone has none.
+fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> Vec<Point3> {
+    let is_tip = |p: &Point3| {
+        surface.kind == Kind::Cone
+            && norm(sub(*p, surface.apex())) <= tolerance / surface.other.sin().abs()
+    };
+    let sound = corners.into_iter().filter(|p| !is_tip(p));
+    sound.map(|p| surface.normal(p)).collect()
 }
 
 /// True if the surface is no farther from a facet than a chord along which it turns by an angle may

@@ -118,6 +118,22 @@ fn a_frustum_is_a_cone_with_its_angle() {
 }
 
 #[test]
+fn the_facets_at_the_tip_of_a_cone_are_of_it() {
+    // The ring at the tip is one point in space.
+    for (angle, sides) in [(0.3, 24), (0.8, 30), (1.2, 16)] {
+        let profile = [4.0, 2.0, 0.0].map(|r| [r, (4.0 - r) / f64::tan(angle)]);
+        let found = found(&turned(&profile, sides, false));
+        assert_eq!(
+            [count(&found, "cone"), count(&found, "plane")],
+            [1, 1],
+            "{angle}"
+        );
+        let labels = &found.recognition.labels;
+        assert!(labels.iter().all(Option::is_some), "{angle}");
+    }
+}
+
+#[test]
 fn a_dome_is_a_sphere() {
     let ring = |k: u32| {
         let (s, c) = (f64::from(k) * 0.15).sin_cos();
