@@ -11,6 +11,8 @@ const SINGLE: f64 = 1.0 / 16_777_216.0;
 const NEAR_SINGLE: f64 = 0.125;
 /// Share of the numbers that are of single precision where the mesh is.
 const ALL: f64 = 0.99;
+/// Numbers of a hundred that are no strays.
+const NEARLY_ALL: usize = 98;
 /// Numbers of so many decimal digits were not rounded to decimals.
 const UNROUNDED: i32 = 13;
 /// The coarsest decimals, in diagonals, that are taken for rounding: round numbers of a designer
@@ -26,7 +28,7 @@ pub fn rounding(scan: &PointCloud) -> f64 {
     let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
     let numbers = (0..3 * scan.points.len()).step_by(step).map(absolute);
     let numbers: Vec<f64> = numbers.filter(|x| *x != 0.0 && x.is_finite()).collect();
-    let largest = numbers.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let largest = largest(&numbers);
     let singles = numbers.iter().filter(|x| is_single(**x)).count() as f64;
     let single = match singles >= ALL * numbers.len() as f64 {
         true => largest * SINGLE,
@@ -39,6 +41,16 @@ pub fn rounding(scan: &PointCloud) -> f64 {
         0.0
     };
     single.max(decimal).max(largest * f64::EPSILON)
+}
+
+/// Returns the magnitude that nearly all numbers stay below: stray ones tell nothing of the others.
+fn largest(numbers: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = numbers.iter().map(|x| x.abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let rank = (sizes.len() - 1) * NEARLY_ALL / 100;
+    *sizes.select_nth_unstable_by(rank, f64::total_cmp).1
 }
 
 fn is_single(x: f64) -> bool {
@@ -98,6 +110,14 @@ mod tests {
         let seven = |x: f64| format!("{x:.6e}").parse().unwrap_or(x);
         let digits = rounding(&sphere(seven));
         assert!((digits / 0.5e-5 - 1.0).abs() < 1e-9, "{digits}");
+    }
+
+    #[test]
+    fn a_stray_number_tells_nothing() {
+        let mut scan = sphere(|x| f64::from(x as f32));
+        let alone = rounding(&scan);
+        scan.points.push([1e308, 0.0, 0.0]);
+        assert!((rounding(&scan) / alone - 1.0).abs() < 0.1);
     }
 
     #[test]

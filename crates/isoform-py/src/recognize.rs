@@ -75,6 +75,7 @@ pub(crate) fn recognize(
         let found = Recognized {
             scan: Cow::Owned(found.scan.into_owned()),
             recognition: found.recognition,
+            supports: found.supports,
         };
         Ok((found, snapped))
     })?;

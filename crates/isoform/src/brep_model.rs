@@ -250,8 +250,8 @@ fn left_open(mesh: &ModelMesh, built: &Built) -> Vec<String> {
             && places.iter().all(|p| is_in_contact(p.at))
     };
     let failures = mesh.certificate.failures().into_iter();
-    let open =
-        failures.filter(|f| !(f.code == "missed-corner" && are_vertices) && !is_of_contacts(f));
+    let is_vertex = |f: &Failure| are_vertices && f.code == "missed-corner";
+    let open = failures.filter(|f| !is_vertex(f) && !is_of_contacts(f));
     let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
     open.map(|f| f.to_string()).chain(warnings).collect()
 }

@@ -357,12 +357,13 @@ fn spindle(far: f64, r: f64, [a, b]: [f64; 2]) -> f64 {
 #[test]
 fn arcs_that_end_on_the_axis_have_tips_there() {
     let f = Folder::new("brep-spindles");
-    let pose = "t = hfRotate3DX(x, 0.41); t = hfRotate3DY(x, -0.73); q = sqrt(x[1]^2 + x[2]^2);";
+    let pose = "array c[3]; c = [0, 0, 0]; t = hfRotate3DX(x, 0.41); t = hfRotate3DY(x, -0.73);
+        q = sqrt(x[1]^2 + x[2]^2);";
     // The arc of a circle of the radius 42.5 about a point 37.5 beyond the axis: 5 wide, 20 high.
     let ogive = "m = (42.5 - sqrt((q + 37.5)^2 + x[3]^2)) & x[3];";
     let reuleaux = "m = min(3 - q*q - (x[3] - 1)^2, 3 - (q + sqrt(3)/2)^2 - (x[3] + 0.5)^2);";
     // A torus whose tube of the radius 1.6 about a circle of the radius 1 covers its hole.
-    let apple = "array c[3]; c = [0, 0, 0]; m = hfTorusZ(x, c, 1, 1.6);";
+    let apple = "m = hfTorusZ(x, c, 1, 1.6);";
     let (tip, r) = (1.56f64.sqrt(), 1.6f64);
     let outer = spindle(-1.0, r, [-r, r]);
     let dimple = spindle(1.0, r, [tip, r]);
@@ -404,7 +405,8 @@ fn what_touches_in_a_point_has_a_vertex_there() {
         m = (hfCylinderZ(x, o, 5) & x[3] & (10 - x[3]))
             | (hfCylinderZ(x, p, 2.5) & x[3] & (12 - x[3]));";
     let cases = [
-        (boss, 800.0 + 36.0 * PI, [7, 2]),
+        // The boss parts a corner of area 9 - 9π/4 from the top of the block.
+        (boss, 800.0 + 36.0 * PI, [8, 2]),
         (post, 262.5 * PI, [3, 4]),
     ];
     for (n, (body, volume, counts)) in cases.into_iter().enumerate() {

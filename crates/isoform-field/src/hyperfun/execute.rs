@@ -329,11 +329,7 @@ impl<'p, M: Machine> Executor<'p, M> {
         if i >= 1.0 && i <= f64::from(array.len) {
             return Ok(self.base + array.start as usize + i as usize - 1);
         }
-        let name = &object.arrays[array.id as usize].name;
-        let message = format!(
-            "index {i} is out of range: `{name}` has the items 1 to {}",
-            array.len
-        );
+        let message = out_of_range(object, array, i);
         if M::CHECKED || self.branches == 0 {
             error(index.at(), message)
         } else {
@@ -804,4 +800,21 @@ fn open_power<M: Machine>(m: &mut M, strict: bool, u: &M::V, v: &M::V) -> M::V {
     let other = m.select(&nothing, &at_zero, &negative);
     let p = m.select(&positive, &p, &other);
     if strict { flattened(m, u, &p) } else { p }
+}
+
+/// Says that an index means no item of its array.
+fn out_of_range(object: &Object, array: ArrayRef, index: f64) -> String {
+    let (own, name) = (&object.name, &object.arrays[array.id as usize].name);
+    let (owner, item) = match array.id {
+        0 => (own, "coordinate"),
+        1 => (own, "parameter"),
+        2 => (own, "attribute"),
+        _ => (name, "item"),
+    };
+    let many = if array.len == 1 { "" } else { "s" };
+    let from = if index < 1.0 { ", counted from 1" } else { "" };
+    format!(
+        "{name}[{index}]: {owner} has {} {item}{many}{from}",
+        array.len
+    )
 }

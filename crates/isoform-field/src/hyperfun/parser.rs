@@ -11,7 +11,6 @@ use super::ast::{
 use super::functions::{self, Shape};
 use super::lexer::{Kind, Token, Word};
 use super::source::{Source, SyntaxError, Warning};
-use super::uses::item;
 use super::{MAX_DEPTH, MAX_ITEMS, Mode, Precedence};
 use std::collections::HashMap;
 
@@ -508,14 +507,13 @@ impl Parser<'_> {
 
     /// name = expression; or array\[index\] = expression; or array = \[numbers\];
     fn assignment(&mut self) -> Parsed<Statement> {
-        let (at, name) = (self.start(), self.text());
+        let name = self.text();
         let is_attributes = self.is_word(Word::S);
         self.advance();
         let statement = match self.names.get(&name).copied() {
             Some(Name::Array(array)) if self.is_symbol("[") => {
                 self.advance();
                 let index = self.nested(Self::expr)?;
-                self.check_item(at, array, &index)?;
                 self.symbol("]", "right bracket `]`")?;
                 self.symbol("=", "`=`")?;
                 Statement::AssignItem {
@@ -770,7 +768,6 @@ impl Parser<'_> {
                 self.advance();
                 self.symbol("[", "left bracket `[`")?;
                 let index = Box::new(self.nested(Self::expr)?);
-                self.check_item(at, array, &index)?;
                 self.symbol("]", "right bracket `]`")?;
                 Ok(Expr::Item { at, array, index })
             }
@@ -780,26 +777,6 @@ impl Parser<'_> {
             }
             (None, None) => self.unassigned(at, &name, next_is_parenthesis),
         }
-    }
-    /// Fails where an index that is a number means no item of its array.
-    fn check_item(&self, at: u32, array: ArrayRef, index: &Expr) -> Parsed<()> {
-        let Expr::Number { value, .. } = *index else {
-            return Ok(());
-        };
-        if (1..=array.len as usize).contains(&item(value)) {
-            return Ok(());
-        }
-        let name = &self.arrays[array.id as usize].name;
-        let own = &self.own_name;
-        let many = if array.len == 1 { "" } else { "s" };
-        let there_are = match array.id {
-            0 => format!("{own} has {} coordinate{many}", array.len),
-            1 => format!("{own} has {} parameter{many}", array.len),
-            2 => format!("{own} has {} attribute{many}", array.len),
-            _ => format!("{name} has {} item{many}", array.len),
-        };
-        let from = if value < 0.5 { ", counted from 1" } else { "" };
-        self.fail(at, format!("{name}[{value}]: {there_are}{from}"))
     }
     /// The error that a name has no value here.
     fn unassigned<T>(&self, at: u32, name: &str, called: bool) -> Parsed<T> {

@@ -528,22 +528,25 @@ fn an_index_beyond_its_array_is_an_error_at_its_place() {
     for (text, want) in [
         (
             "m(x[3], a[2]) {\n  m = a[3] - x[1]; }",
-            "2:7: a[3]: m has 2 parameters",
+            "2:9: a[3]: m has 2 parameters",
         ),
         (
             "m(x[3], a[1]) { m = a[0]; }",
-            "1:21: a[0]: m has 1 parameter, counted from 1",
+            "1:23: a[0]: m has 1 parameter, counted from 1",
         ),
         (
             "m(x[3], a[1]) { m = x[4]; }",
-            "1:21: x[4]: m has 3 coordinates",
+            "1:23: x[4]: m has 3 coordinates",
         ),
         (
             "m(x[3], a[1]) { array c[2]; c[5] = 1; m = 1; }",
-            "1:29: c[5]: c has 2 items",
+            "1:31: c[5]: c has 2 items",
         ),
     ] {
-        let error = Model::parse(text, Mode::Default).expect_err("no program");
+        let m = model(text);
+        let error = m
+            .eval(&[0.0; 3], &[0.0; 2][..m.n_params()], &[])
+            .expect_err("no value");
         assert_eq!(error.to_string(), want);
     }
 }

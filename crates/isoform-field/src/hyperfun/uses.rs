@@ -68,7 +68,11 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
         let mut used = vec![false; object.n_params()];
         let mut see = |expr: &Expr| match expr {
             Expr::Item { array, index, .. } if array.id == A => match **index {
-                Expr::Number { value, .. } => used[item(value) - 1] = true,
+                Expr::Number { value, .. } => {
+                    if let Some(used) = used.get_mut(item(value).wrapping_sub(1)) {
+                        *used = true;
+                    }
+                }
                 _ => used.fill(true),
             },
             Expr::Function { arguments, .. } => {
@@ -104,6 +108,6 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
 }
 
 /// The item that an index means, from 1: the nearest integer, halves up.
-pub(super) fn item(index: f64) -> usize {
+fn item(index: f64) -> usize {
     (index + 0.5).floor() as usize
 }

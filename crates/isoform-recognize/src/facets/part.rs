@@ -112,7 +112,7 @@ fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64
         .into_iter()
         .fold(0.0, f64::max);
     let most = longest * turn / 4.0 + 2.0 * tolerance;
-    let middles = sides.map(|ends| middle(ends));
+    let middles = sides.map(middle);
     let places = middles.into_iter().chain([middle([a, b, c])]);
     surface.kind == Kind::Plane
         || places

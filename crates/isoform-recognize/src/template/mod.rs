@@ -172,63 +172,23 @@ pub fn propose(
         return Err(ProposeError::Many(count));
     }
     control.report("template", 0.0);
-    let center = Aabb::of(&scan.points).center();
-    let middle: Point3 = std::array::from_fn(|k| center[k] + scan.origin[k]);
-    let frame = Frame::of(found, middle);
-    let mut points: Vec<Point3> = scan
-        .points
-        .iter()
-        .map(|p| frame.apply(*p, center))
-        .collect();
-    let mut normals: Vec<Point3> = found
-        .normals
-        .iter()
-        .map(|n| frame.rows.map(|r| dot(r, *n)))
-        .collect();
-    let mut bounds = Aabb::of(&points);
-    let mut of: Vec<Option<usize>> = found.labels.iter().map(|l| l.map(|l| l as usize)).collect();
-    let in_frame = |(at, normal): &(Point3, Point3)| {
-        let at: Point3 = std::array::from_fn(|k| at[k] - scan.origin[k]);
-        let normal: Point3 = frame.rows.map(|r| dot(r, *normal));
-        (frame.apply(at, center), normal)
+    let middle: Point3 = {
+        let center = Aabb::of(&scan.points).center();
+        std::array::from_fn(|k| center[k] + scan.origin[k])
     };
-    let supports: Vec<(Point3, Point3)> = supports.iter().map(in_frame).collect();
-    if !found.is_oriented {
-        orient(&points, &mut normals, &of, &frame.surfaces, &supports);
-    }
-    let mut stands = Vec::new();
-    for (at, normal) in supports {
-        let end = stand_on(&mut bounds, at, normal);
-        let (face, normal) = footprint(&points, &normals, &bounds, end);
-        normals.extend(std::iter::repeat_n(normal, face.len()));
-        of.extend(std::iter::repeat_n(None, face.len()));
-        points.extend(face);
-        stands.push(end);
-    }
-    let outward = outward(&points, &normals, &of, &frame.surfaces);
+    let frame = Frame::of(found, middle);
+    let upright = Upright::of(scan, found, &frame, supports);
+    let outward = upright.outward(&frame.surfaces);
     let mut halves: Vec<Half> = (0..count)
         .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
-    let cloud = Oriented {
-        points: &points,
-        normals: &normals,
-        halves: &of,
-        noise: found.noise,
-    };
-    let places = places(&cloud, &halves, control)?;
-    for blend in &found.blends {
-        let walls = corner::walls(blend, &found.blends, &frame);
-        let i = blend.entity;
-        halves.extend(walls.map(|w| Half::corner(&frame.surfaces[i], i, w)));
-    }
+    let places = places(&upright.oriented(found.noise), &halves, control)?;
+    halves.extend(corners(found, &frame));
     halves.truncate(MOST_HALVES - MOST_ADDED);
     let mut sides = sides(&halves, &places);
-    separate(
-        &mut halves,
-        &mut sides,
-        &separators(&frame.surfaces, &bounds),
-        &places,
-    );
+    let bounds = upright.bounds;
+    let more = separators(&frame.surfaces, &bounds);
+    separate(&mut halves, &mut sides, &more, &places);
     control.check()?;
     let votes = votes(&sides, &places);
     let all: f64 = places.iter().map(|p| p.weight).sum();
@@ -254,7 +214,7 @@ pub fn propose(
     Ok(Proposal {
         program: part.program(title),
         explained: share(&found.labels, |l| l.is_some_and(|l| used[l as usize])),
-        gaps: gaps(found, (&halves, &solid), &used, open, &stands),
+        gaps: gaps(found, (&halves, &solid), &used, open, &upright.stands),
         used,
     })
 }
@@ -281,20 +241,90 @@ fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
     (k, is_upper)
 }
 
-/// On which side of their surfaces most of the outward normals lie: 1 or −1.
-fn outward(
-    points: &[Point3],
-    normals: &[Point3],
-    labels: &[Option<usize>],
-    surfaces: &[Surface],
-) -> Vec<f64> {
-    let mut sums = vec![0.0; surfaces.len()];
-    for (i, label) in labels.iter().enumerate() {
-        if let Some(l) = label {
-            sums[*l] += dot(surfaces[*l].normal(points[i]), normals[i]).signum();
+/// The points in the frame of the part, with the faces that tables hide.
+struct Upright {
+    points: Vec<Point3>,
+    /// Unit normals, outwards.
+    normals: Vec<Point3>,
+    labels: Vec<Option<usize>>,
+    /// The box of the points and of what the part stands on.
+    bounds: Aabb,
+    /// The ends where it stands: an axis, and true for the upper end.
+    stands: Vec<(usize, bool)>,
+}
+
+impl Upright {
+    fn of(
+        scan: &PointCloud,
+        found: &Recognition,
+        frame: &Frame,
+        supports: &[(Point3, Point3)],
+    ) -> Self {
+        let center = Aabb::of(&scan.points).center();
+        let points = scan.points.iter().map(|p| frame.apply(*p, center));
+        let turned = |n: &Point3| -> Point3 { frame.rows.map(|r| dot(r, *n)) };
+        let points: Vec<Point3> = points.collect();
+        let mut new = Self {
+            bounds: Aabb::of(&points),
+            points,
+            normals: found.normals.iter().map(turned).collect(),
+            labels: found.labels.iter().map(|l| l.map(|l| l as usize)).collect(),
+            stands: Vec::new(),
+        };
+        let in_frame = |(at, normal): &(Point3, Point3)| {
+            let at: Point3 = std::array::from_fn(|k| at[k] - scan.origin[k]);
+            (frame.apply(at, center), turned(normal))
+        };
+        let supports: Vec<(Point3, Point3)> = supports.iter().map(in_frame).collect();
+        if !found.is_oriented {
+            let (points, labels) = (&new.points, &new.labels);
+            orient(points, &mut new.normals, labels, &frame.surfaces, &supports);
+        }
+        for (at, normal) in supports {
+            new.stand_on(at, normal);
+        }
+        new
+    }
+
+    /// Adds the face that a plane hides, at which the part stands.
+    fn stand_on(&mut self, at: Point3, normal: Point3) {
+        let end = stand_on(&mut self.bounds, at, normal);
+        let (face, normal) = footprint(&self.points, &self.normals, &self.bounds, end);
+        self.normals.extend(std::iter::repeat_n(normal, face.len()));
+        self.labels.extend(std::iter::repeat_n(None, face.len()));
+        self.points.extend(face);
+        self.stands.push(end);
+    }
+
+    fn oriented(&self, noise: f64) -> Oriented<'_> {
+        Oriented {
+            points: &self.points,
+            normals: &self.normals,
+            halves: &self.labels,
+            noise,
         }
     }
-    sums.into_iter().map(f64::signum).collect()
+
+    /// On which side of their surfaces most of the outward normals lie: 1 or −1.
+    fn outward(&self, surfaces: &[Surface]) -> Vec<f64> {
+        let mut sums = vec![0.0; surfaces.len()];
+        for (i, label) in self.labels.iter().enumerate() {
+            if let Some(l) = label {
+                let normal = surfaces[*l].normal(self.points[i]);
+                sums[*l] += dot(normal, self.normals[i]).signum();
+            }
+        }
+        sums.into_iter().map(f64::signum).collect()
+    }
+}
+
+/// The corners that blends round.
+fn corners<'a>(found: &'a Recognition, frame: &'a Frame) -> impl Iterator<Item = Half> + 'a {
+    found.blends.iter().filter_map(|blend| {
+        let walls = corner::walls(blend, &found.blends, frame)?;
+        let surface = &frame.surfaces[blend.entity];
+        Some(Half::corner(surface, blend.entity, walls))
+    })
 }
 
 /// Digits behind the point of lengths.
