@@ -122,10 +122,8 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
                 }),
             );
             let (p, velocity) = at(i as f64 + x);
-            // The gap between edge and surface is measured by itself, and a shift along the edge
-            // changes nothing of the face.
-            let foot = point(surface, self::parameters(surface, p));
-            let across = norm(cross(sub(seen, foot), velocity)) / norm(velocity);
+            // A shift along the edge changes nothing of the face.
+            let across = norm(cross(sub(seen, p), velocity)) / norm(velocity);
             worst = if across.is_nan() {
                 f64::INFINITY
             } else {

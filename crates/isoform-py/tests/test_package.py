@@ -134,7 +134,7 @@ class Refused(unittest.TestCase):
                 ball(points)
         far = np.zeros((5000, 3))
         far[4321, 2] = np.inf
-        self.assertIn("4321", str(self.refused("not-finite", lambda: ball(far))))
+        self.assertIn("4321", str(self.refused("not-finite", lambda: ball(far, VALUES))))
 
     def test_arguments_out_of_range(self):
         ball, points = isoform.Model(BALL), on_ball(50)
@@ -185,7 +185,7 @@ class Refused(unittest.TestCase):
             isoform.mesh(ball, 0.5, layers="*", first=0.01, layer_count=2.5)
 
     def test_meshes_without_layers_have_no_wedges(self):
-        ball = isoform.mesh(isoform.Model(BALL), 0.5, params={"radius": 1})
+        ball = isoform.mesh(isoform.Model(BALL), 0.5, params={"cx": 0, "radius": 1})
         shapes = ball.wedges.shape, ball.quads.shape, ball.quad_parts.shape
         self.assertEqual(shapes, ((0, 6), (0, 4), (0,)))
         self.assertNotIn("layers", ball.to_dict())
@@ -202,7 +202,7 @@ class Refused(unittest.TestCase):
         cone = isoform.Model("f(x[3], a[1]) { array c[3]; c = [0, 0, 0]; f = hfConeX(x, c, a[1]); }")
         for reading in (cone, cone.metric):
             with self.assertWarns(RuntimeWarning):
-                self.assertTrue(np.isnan(reading([[1.0, 1, 1]])).all())
+                self.assertTrue(np.isnan(reading([[1.0, 1, 1]], [0.0])).all())
 
 
 class Arrays(unittest.TestCase):

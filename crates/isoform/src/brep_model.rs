@@ -128,7 +128,7 @@ pub fn brep_model(
     let mut first = work.at_size(&options)?;
     for _ in 0..FINER {
         let size = match &first {
-            Ok(made) if made.certificate.holds() => break,
+            Ok(made) if is_sound(made) => break,
             Ok(made) => made.mesh.options.size,
             Err(Refused { error, size }) if is_of_mesh(error) => *size,
             Err(_) => break,
@@ -140,7 +140,10 @@ pub fn brep_model(
         let next = work.at_size(&options)?;
         let is_better = match (&first, &next) {
             (Err(_), Ok(_)) => true,
-            (Ok(a), Ok(b)) => b.certificate.failures.len() < a.certificate.failures.len(),
+            (Ok(a), Ok(b)) => {
+                let rank = |m| (faults(m), !is_sound(m));
+                rank(b) < rank(a)
+            }
             (_, Err(_)) => false,
         };
         if is_better {
@@ -148,6 +151,17 @@ pub fn brep_model(
         }
     }
     first.map_err(|refused| refused.error.into())
+}
+
+/// Number of failures of a solid's certificate.
+fn faults(made: &ModelBrep) -> usize {
+    made.certificate.failures.len()
+}
+
+/// True if the certificate holds, and readers see edges where they are: a finer mesh may tell more
+/// surfaces exactly.
+fn is_sound(made: &ModelBrep) -> bool {
+    made.certificate.holds() && made.certificate.is_read_alike
 }
 
 /// Whether a finer mesh may help.
