@@ -165,7 +165,7 @@ class Refused(unittest.TestCase):
         ball = isoform.Model(BALL)
 
         def refused(code="usage", **given):
-            params = {"radius": 1}
+            params = {"cx": 0, "radius": 1}
             return str(self.refused(code, lambda: isoform.mesh(ball, 0.5, params=params, **given)))
 
         self.assertIn("first", refused(layers="ball"))
