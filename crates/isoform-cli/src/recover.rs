@@ -88,8 +88,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             let cloud = standing.as_ref().map_or(&scan.cloud, |s| &s.part);
             let (model, proposal) =
                 proposed(&scan.name, cloud, supports, &request.language, context)?;
-            let cloud = standing.map(|s| s.part);
-            (scan.with(cloud), model, Some(proposal))
+            let cloud = standing.map(|s| s.part).unwrap_or(scan.cloud);
+            (job::Scan { cloud, ..scan }, model, Some(proposal))
         }
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;

@@ -38,7 +38,8 @@ pub use parts::{Parts, SmoothPart};
 pub use patch::{PatchError, RationalPatch, Tangents, bernstein};
 pub use plane::Point2;
 pub use point::{
-    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm, sub,
+    Aabb, Point3, across, cross, distance_squared, distance_to_segment, dot, middle, norm,
+    on_triangle, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
 pub use rounding::rounding;

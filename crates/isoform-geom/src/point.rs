@@ -66,6 +66,19 @@ pub fn distance_squared(a: Point3, b: Point3) -> f64 {
     dot(sub(a, b), sub(a, b))
 }
 
+/// Point k of an even sequence on a triangle: a low-discrepancy pair (Roberts, the plastic number)
+/// and the square root map.
+pub fn on_triangle(k: u32, corners: [Point3; 3]) -> Point3 {
+    let (r, s) = (
+        (0.5 + 0.754_877_666_246_693 * f64::from(k)).fract().sqrt(),
+        (0.5 + 0.569_840_290_998_053 * f64::from(k)).fract(),
+    );
+    let weights = [1.0 - r, r * (1.0 - s), r * s];
+    std::array::from_fn(|i| {
+        weights[0] * corners[0][i] + weights[1] * corners[1][i] + weights[2] * corners[2][i]
+    })
+}
+
 /// The middle of N points: their sum, in order, divided by N.
 ///
 /// ```

@@ -1,4 +1,4 @@
-//! To how many digits the coordinates of a mesh were rounded.
+//! The digits to which coordinates were rounded.
 
 use crate::PointCloud;
 
@@ -20,8 +20,8 @@ const UNROUNDED: i32 = 13;
 /// take a part that is measured in whole millimetres for a rounded one.
 const COARSEST: f64 = 2e-5;
 
-/// Returns the largest error that rounding made in a coordinate: that of single precision, or of decimals,
-/// where the coordinates show one of them, else that of double precision.
+/// Returns the largest error that rounding made in a coordinate: that of single precision, or of
+/// decimals, where the coordinates show one of them, else that of double precision.
 pub fn rounding(scan: &PointCloud) -> f64 {
     let diagonal = scan.bounds().diagonal();
     let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);

@@ -215,6 +215,17 @@ fn length(x: f64, y: f64) -> f64 {
 }
 
 impl Surface {
+    /// The plane through a point with a unit normal.
+    pub(crate) fn plane(place: Point3, normal: Point3) -> Self {
+        Self {
+            kind: Kind::Plane,
+            place,
+            axis: normal,
+            size: 0.0,
+            other: 0.0,
+        }
+    }
+
     /// Two unit vectors that make a frame with the axis.
     pub(crate) fn frame(&self) -> [Point3; 2] {
         frame(self.axis)

@@ -351,13 +351,7 @@ mod tests {
     #[test]
     fn open_parameters_have_no_covariance() {
         let points: Vec<Point3> = (0..9).map(|k| [f64::from(k), 0.0, 0.0]).collect();
-        let plane = Surface {
-            kind: Kind::Plane,
-            place: [0.0; 3],
-            axis: [0.0, 0.0, 1.0],
-            size: 0.0,
-            other: 0.0,
-        };
+        let plane = Surface::plane([0.0; 3], [0.0, 0.0, 1.0]);
         assert!(covariance(&plane, &points).is_none());
     }
 }

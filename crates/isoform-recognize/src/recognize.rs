@@ -107,9 +107,11 @@ pub fn recognize(
         }
     };
     control.check()?;
-    turn_outwards(&mut cloud, &found);
     let given = given_normals(scan, &index, cloud.points.len(), &pose);
     let is_oriented = given.is_some_and(|given| turn_as_given(&mut cloud, &found, &given));
+    if !is_oriented {
+        turn_outwards(&mut cloud, &found);
+    }
     cloud.turn_back(&pose);
     let back = |s: &mut Surface| *s = pose.surface_back(s);
     found.surfaces.iter_mut().for_each(back);

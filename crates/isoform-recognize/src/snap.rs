@@ -296,13 +296,7 @@ mod tests {
     fn square(tilt: f64) -> Own {
         let sigma = 1e-3;
         let axis = [tilt.sin(), 0.0, tilt.cos()];
-        let surface = Surface {
-            kind: Kind::Plane,
-            place: [0.0; 3],
-            axis,
-            size: 0.0,
-            other: 0.0,
-        };
+        let surface = Surface::plane([0.0; 3], axis);
         let [e, f] = surface.frame();
         let at = |k: i32| f64::from(k) / 10.0 - 0.5;
         let cells = (0..11).flat_map(|i| (0..11).map(move |j| [at(i), at(j)]));

@@ -65,13 +65,7 @@ pub(crate) fn plane(points: &[Point3]) -> Surface {
     for p in points {
         add_square(&mut moments, sub(*p, place));
     }
-    Surface {
-        kind: Kind::Plane,
-        place,
-        axis: least_direction(&moments),
-        size: 0.0,
-        other: 0.0,
-    }
+    Surface::plane(place, least_direction(&moments))
 }
 
 fn add_square(moments: &mut [f64; 9], d: Point3) {

@@ -8,11 +8,13 @@
 
 mod nearest;
 
-use crate::facets::{CornerError, check_corners, on_triangle};
+use crate::facets::{CornerError, check_corners};
 use crate::{ExactSolid, FrepTemplate, SplineDistance, parameter_values};
 use isoform_field::SolidError;
 use isoform_fit::{MOST_SURFACE_SAMPLES, Parameter, Template, surface_samples};
-use isoform_geom::{Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, sub};
+use isoform_geom::{
+    Aabb, KdTree, ParamField, Point3, PointCloud, cross, dot, norm, on_triangle, sub,
+};
 use nearest::Nearest;
 use rayon::prelude::*;
 use serde::Serialize;

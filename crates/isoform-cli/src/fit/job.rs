@@ -82,16 +82,6 @@ pub(crate) struct Scan {
     pub(crate) seconds: f64,
 }
 
-impl Scan {
-    /// The scan with other points, if there are any.
-    pub(crate) fn with(self, cloud: Option<PointCloud>) -> Self {
-        Self {
-            cloud: cloud.unwrap_or(self.cloud),
-            ..self
-        }
-    }
-}
-
 /// Reads the scan of a fit: points, or the vertices of a mesh.
 pub(crate) fn read_scan(
     path: &Path,

@@ -61,7 +61,10 @@ impl Plane {
                 (most, best) = (count, Some(plane));
             }
         }
-        best
+        best.map(|plane| Self {
+            is_around: plane.goes_round(points),
+            ..plane
+        })
     }
 
     /// The plane near a point and normal, as far as it has the other points on one side: roughly
@@ -101,13 +104,17 @@ impl Plane {
         let off = points.iter().filter(|p| side * height(p) > thick);
         this.outline = hull(off.map(|p| this.flat(*p)).collect());
         this.beyond = BEYOND * diagonal(&this.outline);
-        let held = points.iter().filter(|p| this.holds(**p));
-        let around = hull(held.map(|p| this.flat(*p)).collect());
+        Some(this)
+    }
+
+    /// True if its points beyond the outline go all round it.
+    fn goes_round(&self, points: &[Point3]) -> bool {
+        let held = points.iter().filter(|p| self.holds(**p));
+        let around = hull(held.map(|p| self.flat(*p)).collect());
         let n = around.len();
         let is_within =
             |q: &Point2| (0..n).all(|i| turn(around[i], around[(i + 1) % n], *q) >= 0.0);
-        this.is_around = n > 2 && this.outline.iter().all(is_within);
-        Some(this)
+        n > 2 && self.outline.iter().all(is_within)
     }
 
     /// A point as seen along the normal.

@@ -3,7 +3,7 @@
 
 use super::flat::{Flats, has_many_corners};
 use super::mesh::{Facets, NONE};
-use super::part::{Part, exact, follows, turn};
+use super::part::{Part, exact, follows, normals, turn};
 use super::seeds::Free;
 use crate::chart::{Kind, Surface};
 use isoform_control::{Control, Stopped};
@@ -258,7 +258,8 @@ fn has_smooth_edge(mesh: &Facets, flats: &Flats, piece: u32) -> bool {
 
 /// The part without facets that are flat cuts into its surface.
 fn without_cuts(mesh: &Facets, mut part: Part) -> Part {
-    let of = |t: &u32| turn(&part.surface, mesh.corners(*t), mesh.tolerance).acos();
+    let normals = |t: &u32| normals(&part.surface, mesh.corners(*t), mesh.tolerance);
+    let of = |t: &u32| turn(normals(t)).acos();
     let turns: Vec<f64> = part.triangles.iter().map(of).collect();
     let mut sorted = turns.clone();
     sorted.sort_by(f64::total_cmp);

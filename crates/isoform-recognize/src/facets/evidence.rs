@@ -7,8 +7,8 @@
 //! goes over into its neighbours without an edge is met by their tangent planes, too: it takes the
 //! place of a row.
 
-use super::mesh::Facets;
 use super::part::{Part, ends_clearly};
+use super::seeds::Free;
 use crate::chart::{Kind, Surface};
 use crate::start::plane;
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -30,25 +30,19 @@ const TANGENT: f64 = 2e-3;
 /// A bent part leaves its plane by this many tolerances.
 const BENT: f64 = 10.0;
 
-/// The surfaces next to a part, by their parts, with the vertices at which they meet it.
-pub(crate) type Contacts = BTreeMap<u32, (Surface, Vec<u32>)>;
-
 /// True if the vertices of a part and the surfaces next to it show its surface.
-pub(crate) fn shows(
-    mesh: &Facets,
-    part: &Part,
-    contacts: &Contacts,
-    is_free: impl Fn(u32) -> bool,
-) -> bool {
+pub(crate) fn shows(free: &Free<'_>, part: &Part) -> bool {
+    let mesh = free.mesh;
     let surface = &part.surface;
     let points = mesh.at(&mesh.vertices(&part.triangles));
     let flat = plane(&points);
     let bend = points.iter().map(|p| flat.distance(*p).abs());
-    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance || !ends_clearly(mesh, part, is_free) {
+    if bend.fold(0.0, f64::max) <= BENT * mesh.tolerance
+        || !ends_clearly(mesh, part, |t| free.is_free(t))
+    {
         return false;
     }
-    let tangent = contacts.values().filter(|c| is_tangent(mesh, surface, c));
-    let is_blend = tangent.count() >= 2;
+    let is_blend = tangent_parts(free, part) >= 2;
     let fewer = usize::from(is_blend);
     let around = |rows: usize| has_rows(points.iter().map(|p| around(surface, *p)), rows);
     match surface.kind {
@@ -64,13 +58,22 @@ pub(crate) fn shows(
     }
 }
 
-/// True if a surface goes over into another one without an edge where they meet.
-fn is_tangent(mesh: &Facets, surface: &Surface, (other, at): &(Surface, Vec<u32>)) -> bool {
-    at.iter().all(|v| {
-        let p = mesh.points[*v as usize];
-        let [m, n] = [surface, other].map(|s| s.normal(p));
-        norm(cross(m, n)) <= TANGENT
-    })
+/// Returns the number of parts next to one into which it goes over without an edge.
+fn tangent_parts(free: &Free<'_>, part: &Part) -> usize {
+    let mesh = free.mesh;
+    let mut is_tangent: BTreeMap<u32, bool> = BTreeMap::new();
+    for t in &part.triangles {
+        for u in mesh.near(*t).iter().filter(|u| !free.is_free(**u)) {
+            let other = free.taken[*u as usize];
+            let surfaces = [&part.surface, &free.parts[other as usize].surface];
+            let has_one_plane = |v: u32| {
+                let [m, n] = surfaces.map(|s| s.normal(mesh.points[v as usize]));
+                norm(cross(m, n)) <= TANGENT
+            };
+            *is_tangent.entry(other).or_insert(true) &= mesh.shared(*t, *u).all(has_one_plane);
+        }
+    }
+    is_tangent.into_values().filter(|is| *is).count()
 }
 
 /// The angle of a point about the axis.

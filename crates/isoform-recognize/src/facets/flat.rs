@@ -3,7 +3,7 @@
 
 use super::mesh::{Facets, NONE};
 use super::part::{Part, TURN, ends_clearly};
-use crate::chart::{Kind, Surface};
+use crate::chart::Surface;
 use crate::start::plane;
 use isoform_geom::{Point3, dot, sub};
 
@@ -49,13 +49,7 @@ impl Flats {
     /// The piece about a triangle; its triangles are marked as those of the next piece.
     fn grown(&mut self, mesh: &Facets, seed: u32) -> Part {
         let id = self.pieces.len() as u32;
-        let mut surface = Surface {
-            kind: Kind::Plane,
-            place: mesh.corners(seed)[0],
-            axis: mesh.normals[seed as usize],
-            size: 0.0,
-            other: 0.0,
-        };
+        let mut surface = Surface::plane(mesh.corners(seed)[0], mesh.normals[seed as usize]);
         self.of[seed as usize] = id;
         let (mut triangles, mut at, mut fitted) = (vec![seed], 0, 1);
         while at < triangles.len() {

@@ -94,6 +94,12 @@ impl Facets {
         &self.near[from..to]
     }
 
+    /// Returns the vertices that two triangles share.
+    pub(crate) fn shared(&self, t: u32, u: u32) -> impl Iterator<Item = u32> {
+        let [own, other] = [t, u].map(|t| self.triangles[t as usize]);
+        own.into_iter().filter(move |v| other.contains(v))
+    }
+
     /// The corners of a triangle.
     pub(crate) fn corners(&self, t: u32) -> [Point3; 3] {
         self.triangles[t as usize].map(|v| self.points[v as usize])

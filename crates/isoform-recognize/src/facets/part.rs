@@ -60,21 +60,18 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
         return false;
     }
     let height = mesh.heights[t as usize];
-    let turn = turn(surface, corners, tolerance);
-    if !is_chord(surface, corners, angle(turn), tolerance) {
-        return false;
-    }
+    let normals = normals(surface, corners, tolerance);
+    let turn = turn(normals);
     let most = match surface.kind {
         Kind::Sphere | Kind::Torus => BOTH_WAYS,
         _ => TURN,
     };
-    if turn < most {
+    if turn < most || !is_chord(surface, corners, angle(turn), tolerance) {
         return false;
     }
     if height < SLIVER * tolerance {
         return true;
     }
-    let normals = normals(surface, corners, tolerance);
     let mean = unit(std::array::from_fn(|k| normals.iter().map(|n| n[k]).sum()));
     let off = dot(mean, mesh.normals[t as usize]).abs();
     let allowed = || roundness(corners) * angle(turn) + OFF.0 + OFF.1 * tolerance / height;
@@ -82,24 +79,22 @@ fn follows_within(mesh: &Facets, surface: &Surface, t: u32, tolerance: f64) -> b
 }
 
 /// Returns the cosine of the largest angle between the surface's normals at the corners of a facet.
-pub(crate) fn turn(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> f64 {
-    if surface.kind == Kind::Plane {
-        return 1.0;
-    }
-    let normals = normals(surface, corners, tolerance);
-    let pairs = normals.iter().enumerate();
-    let pairs = pairs.flat_map(|(k, a)| normals[k + 1..].iter().map(move |b| dot(*a, *b)));
-    pairs.fold(1.0, f64::min)
+pub(crate) fn turn([a, b, c]: [Point3; 3]) -> f64 {
+    dot(a, b).min(dot(b, c)).min(dot(c, a)).min(1.0)
 }
 
-/// Returns the surface's normals at the corners of a facet that have one: the tip of a cone has none.
-fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> Vec<Point3> {
-    let is_tip = |p: &Point3| {
-        surface.kind == Kind::Cone
-            && norm(sub(*p, surface.apex())) <= tolerance / surface.other.sin().abs()
-    };
-    let sound = corners.into_iter().filter(|p| !is_tip(p));
-    sound.map(|p| surface.normal(p)).collect()
+/// Returns the surface's normals at the corners of a facet. The tip of a cone has none: that in the
+/// middle of the other two stands for it.
+pub(crate) fn normals(surface: &Surface, corners: [Point3; 3], tolerance: f64) -> [Point3; 3] {
+    let mut normals = corners.map(|p| surface.normal(p));
+    if surface.kind == Kind::Cone {
+        let (apex, near) = (surface.apex(), tolerance / surface.other.sin().abs());
+        if let Some(tip) = (0..3).find(|k| norm(sub(corners[*k], apex)) <= near) {
+            let [m, n] = [1, 2].map(|k| normals[(tip + k) % 3]);
+            normals[tip] = unit(std::array::from_fn(|k| m[k] + n[k]));
+        }
+    }
+    normals
 }
 
 /// True if the surface is no farther from a facet than a chord along which it turns by an angle may
@@ -113,11 +108,8 @@ fn is_chord(surface: &Surface, [a, b, c]: [Point3; 3], turn: f64, tolerance: f64
         .fold(0.0, f64::max);
     let most = longest * turn / 4.0 + 2.0 * tolerance;
     let middles = sides.map(middle);
-    let places = middles.into_iter().chain([middle([a, b, c])]);
-    surface.kind == Kind::Plane
-        || places
-            .into_iter()
-            .all(|p| surface.distance(p).abs() <= most)
+    let mut places = middles.into_iter().chain([middle([a, b, c])]);
+    places.all(|p| surface.distance(p).abs() <= most)
 }
 
 /// The circumradius of a triangle over its longest side; 1 at least.

@@ -8,8 +8,12 @@
 use super::claim::Claims;
 use super::mesh::{Facets, NONE};
 use crate::chart::{Kind, Surface};
-use isoform_geom::{Point3, dot, middle};
+use isoform_geom::{Point3, dot, middle, on_triangle};
 use std::collections::BTreeMap;
+
+/// The share of facets on the wrong side of a surface up to which a face ends there: what chords
+/// reach beyond it.
+const ONE_SIDED: f64 = 0.01;
 
 /// A point inside a facet.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +83,7 @@ impl Border {
     fn is_kept(&self, distance: f64, mesh: &Facets) -> bool {
         let [below, above] = self.areas;
         // A face on both sides, such as that of a plane which a pipe meets.
-        let is_two_sided = below.min(above) > 0.01 * below.max(above);
+        let is_two_sided = below.min(above) > ONE_SIDED * below.max(above);
         let is_far = distance.abs() > self.height + mesh.tolerance;
         let inwards = if above > below { distance } else { -distance };
         is_far || !is_two_sided && inwards > mesh.tolerance
@@ -98,9 +102,7 @@ fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
             }
             let [a, b] = [own, other].map(|k| &claims.parts[k as usize].surface);
             let border = borders.entry((own, other)).or_default();
-            let shared = mesh.triangles[t as usize]
-                .into_iter()
-                .filter(|v| mesh.triangles[*u as usize].contains(v));
+            let shared = mesh.shared(t, *u);
             let ends: Vec<Point3> = shared.map(|v| mesh.points[v as usize]).collect();
             if let [p, q] = ends[..] {
                 let chord = middle([p, q]);
@@ -114,21 +116,15 @@ fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
     borders
 }
 
-/// Returns a point of triangles for each square of the spacing, with the normal of its triangle, by
-/// a low-discrepancy pair (Roberts, the plastic number) and the square root map.
+/// Returns a point of triangles for each square of the spacing, with the normal of its triangle.
 fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(Point3, Point3)> {
-    let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0.0_f64);
+    let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0);
     for t in of {
         owed += mesh.areas[*t as usize] / (spacing * spacing);
-        let [a, b, c] = mesh.corners(*t);
         while owed >= 1.0 {
             owed -= 1.0;
-            k += 1.0;
-            let r: f64 = (0.5 + 0.754_877_666_246_693 * k).fract();
-            let (r, s) = (r.sqrt(), (0.5_f64 + 0.569_840_290_998_053 * k).fract());
-            let w = [1.0 - r, r * (1.0 - s), r * s];
-            let at = std::array::from_fn(|i| w[0] * a[i] + w[1] * b[i] + w[2] * c[i]);
-            points.push((at, mesh.normals[*t as usize]));
+            k += 1;
+            points.push((on_triangle(k, mesh.corners(*t)), mesh.normals[*t as usize]));
         }
     }
     points

@@ -1,7 +1,7 @@
 //! Bent surfaces about a facet: hypotheses from the facets around it, each grown as far as it
 //! holds, and the one that explains most.
 
-use super::evidence::{Contacts, shows};
+use super::evidence::shows;
 use super::flat::{COMPARABLE, Flats};
 use super::mesh::Facets;
 use super::part::{Part, SAMPLE, corners, exact, follows, grow};
@@ -157,32 +157,12 @@ impl Free<'_> {
                     continue;
                 };
                 let is_larger = |b: &Part| part.triangles.len() > b.triangles.len();
-                let shows = |p| shows(self.mesh, p, &self.contacts(p), |t| self.is_free(t));
-                if best.as_ref().is_none_or(is_larger) && shows(&part) {
+                if best.as_ref().is_none_or(is_larger) && shows(self, &part) {
                     best = Some(part);
                 }
             }
         }
         best
-    }
-
-    /// The parts next to one, with the vertices at which they meet.
-    fn contacts(&self, part: &Part) -> Contacts {
-        let mut contacts = Contacts::new();
-        for t in &part.triangles {
-            for u in self.mesh.near(*t) {
-                if self.is_free(*u) {
-                    continue;
-                }
-                let other = self.taken[*u as usize];
-                let vertices = self.mesh.triangles[*t as usize].into_iter();
-                let shared = vertices.filter(|v| self.mesh.triangles[*u as usize].contains(v));
-                let surface = self.parts[other as usize].surface;
-                let contact = contacts.entry(other).or_insert((surface, Vec::new()));
-                contact.1.extend(shared);
-            }
-        }
-        contacts
     }
 
     /// Surfaces of a kind that all vertices of a set lie on.

@@ -8,13 +8,7 @@ use isoform_geom::{Point3, cross, dot, norm, sub};
 const SAME: f64 = 0.02;
 
 fn plane(place: Point3, normal: Point3) -> Surface {
-    Surface {
-        kind: Kind::Plane,
-        place,
-        axis: unit(normal),
-        size: 0.0,
-        other: 0.0,
-    }
+    Surface::plane(place, unit(normal))
 }
 
 fn line(place: Point3, axis: Point3) -> Surface {

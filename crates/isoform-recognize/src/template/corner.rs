@@ -41,13 +41,7 @@ impl Wall {
 
     fn plane(place: Point3, row: Point3, is_above: bool, role: Role) -> Self {
         Self {
-            surface: Surface {
-                kind: Kind::Plane,
-                place,
-                axis: row,
-                size: 0.0,
-                other: 0.0,
-            },
+            surface: Surface::plane(place, row),
             sign: if is_above { 1.0 } else { -1.0 },
             role,
         }

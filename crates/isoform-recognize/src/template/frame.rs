@@ -286,9 +286,14 @@ impl Classes {
 /// An axis this share of the largest radius off the main axis lies beside it.
 const BESIDE: f64 = 0.02;
 
+/// Returns the axis along which a vector has its largest component.
+pub(super) fn longest(d: Point3) -> usize {
+    (0..3).fold(0, |m, k| if d[k].abs() > d[m].abs() { k } else { m })
+}
+
 /// The direction or its opposite, whichever has the larger component positive.
 fn upwards(d: Point3) -> Point3 {
-    let k = (0..3).fold(0, |m, k| if d[k].abs() > d[m].abs() { k } else { m });
+    let k = longest(d);
     if d[k] < 0.0 { d.map(|x| -x) } else { d }
 }
 

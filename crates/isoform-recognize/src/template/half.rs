@@ -68,13 +68,7 @@ impl Half {
         let mut normal = [0.0; 3];
         normal[axis] = 1.0;
         Self {
-            surface: Surface {
-                kind: Kind::Plane,
-                place,
-                axis: normal,
-                size: 0.0,
-                other: 0.0,
-            },
+            surface: Surface::plane(place, normal),
             sign: -1.0,
             source,
             walls: Vec::new(),

@@ -15,7 +15,7 @@ use crate::entity::Recognition;
 use crate::orient::orient;
 use cells::{Oriented, Place, bit, cells, contradiction, places, sides, votes};
 use footprint::footprint;
-use frame::Frame;
+use frame::{Frame, longest};
 use half::{Half, Source, separators};
 use isoform_control::{Control, Stopped};
 use isoform_geom::{Aabb, Point3, PointCloud, dot};
@@ -222,13 +222,7 @@ pub fn propose(
 /// Moves the end of a box to a plane that it stands at, along the axis which is nearest to the
 /// plane's normal; returns the axis, and true for the upper end.
 fn stand_on(bounds: &mut Aabb, at: Point3, normal: Point3) -> (usize, bool) {
-    let k = (0..3).fold(0, |m, k| {
-        if normal[k].abs() > normal[m].abs() {
-            k
-        } else {
-            m
-        }
-    });
+    let k = longest(normal);
     let mut middle = bounds.center();
     middle[k] = at[k];
     let height = at[k] + dot(normal, std::array::from_fn(|i| at[i] - middle[i])) / normal[k];

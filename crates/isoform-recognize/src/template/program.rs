@@ -232,10 +232,8 @@ impl Writer<'_> {
         self.names[k] = format!("{base}_middle");
         let (center, (system, axis)) = self.center(i, &base);
         let radius = self.circle_radius(i, &base);
-        let letter = LETTERS[axis].to_ascii_uppercase();
-        let p = array(system);
         self.line(&center);
-        format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
+        cylinder([system, axis], &radius)
     }
 
     fn entity(&mut self, k: usize, i: usize, half: &Half) -> String {
@@ -261,11 +259,10 @@ impl Writer<'_> {
                 let radius = self.dimensions.radius(i, &self.dimensions.radius_name(i));
                 let radius = self.term(radius);
                 self.line(&center);
-                let call = match kind {
-                    Kind::Sphere => "hfSphere".to_owned(),
-                    _ => format!("hfCylinder{letter}"),
-                };
-                format!("{call}({p}, c, {radius})/(2*{radius})")
+                match kind {
+                    Kind::Sphere => format!("hfSphere({p}, c, {radius})/(2*{radius})"),
+                    _ => cylinder([system, axis], &radius),
+                }
             }
         }
     }
@@ -296,11 +293,8 @@ impl Writer<'_> {
                 }
             }
             Role::Around(is_outside) => {
-                let radius = self.circle_radius(i, base);
                 let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
-                let letter = LETTERS[axis].to_ascii_uppercase();
-                let p = array(system);
-                let inside = format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})");
+                let inside = cylinder([system, axis], &self.circle_radius(i, base));
                 match is_outside {
                     true => format!("(0 - {inside})"),
                     false => inside,
@@ -550,6 +544,12 @@ impl Writer<'_> {
 
 /// Digits of angles behind the point: a millionth of a radian moves nothing that shows.
 const ANGLE_DIGITS: usize = 7;
+
+/// The distance inside the cylinder of a radius about c along an axis of a system, to first order.
+fn cylinder([system, axis]: [usize; 2], radius: &str) -> String {
+    let (letter, p) = (LETTERS[axis].to_ascii_uppercase(), array(system));
+    format!("hfCylinder{letter}({p}, c, {radius})/(2*{radius})")
+}
 
 /// The array of a system's coordinates.
 fn array(system: usize) -> String {
