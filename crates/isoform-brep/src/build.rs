@@ -244,8 +244,7 @@ impl Builder<'_> {
     /// Finds the smooth components that are surfaces of revolution.
     fn find_revolved(&mut self) {
         for component in 0..self.mesh.cuts.len() as u32 {
-            let of = &self.mesh.components;
-            let Some(first) = of.iter().position(|c| *c == component) else {
+            let Some(first) = self.first_of(component) else {
                 continue;
             };
             let locus = &self.sheets.loci[self.mesh.sheets[first] as usize];
@@ -255,6 +254,12 @@ impl Builder<'_> {
                 self.revolved.insert(component, surface);
             }
         }
+    }
+
+    /// The first triangle of a component.
+    fn first_of(&self, component: u32) -> Option<usize> {
+        let mut of = self.mesh.components.iter();
+        of.position(|c| *c == component)
     }
 
     /// The surface of a triangle, if it is exact or one of revolution.
@@ -327,8 +332,7 @@ impl Builder<'_> {
     fn cut(&mut self, control: &Control<'_>) -> Result<(), BrepError> {
         let mut topology = self.topology();
         for component in 0..self.mesh.cuts.len() as u32 {
-            let of = &self.mesh.components;
-            let Some(first) = of.iter().position(|c| *c == component) else {
+            let Some(first) = self.first_of(component) else {
                 continue;
             };
             let sheet = self.mesh.sheets[first] as usize;
@@ -639,11 +643,8 @@ impl Builder<'_> {
         let mut charts = vec![0; self.sheets.names.len()];
         for (f, (own, loops)) in triangles.iter().zip(&topology.loops).enumerate() {
             let sheet = self.mesh.sheets[own[0] as usize] as usize;
-            let revolved = self.revolved.get(&self.mesh.components[own[0] as usize]);
-            let exact = match (&self.sheets.loci[sheet], revolved) {
-                (Locus::Exact(surface), _) | (_, Some(surface)) => surface.clone(),
-                _ => Surface::Graph(graphs[&(f as u32)].clone()),
-            };
+            let exact = self.surface_of(own[0] as usize).cloned();
+            let exact = exact.unwrap_or_else(|| Surface::Graph(graphs[&(f as u32)].clone()));
             let (surface, agrees) = self.placed(own, &exact);
             let coedge = |&(edge, forward): &(u32, bool)| Coedge { edge, forward };
             let loops = loops.iter().map(|l| l.iter().map(coedge).collect());

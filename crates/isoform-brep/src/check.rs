@@ -228,7 +228,7 @@ impl Certificate {
 }
 
 /// The larger of two figures; what is no number is the worst.
-fn worse(a: f64, b: f64) -> f64 {
+pub(crate) fn worse(a: f64, b: f64) -> f64 {
     if b.is_nan() { f64::INFINITY } else { a.max(b) }
 }
 
@@ -323,9 +323,8 @@ fn examine_domains(brep: &Brep, made: &mut Certificate) {
                 let [first, last] = turned.domain();
                 let at = turned.parameters(p)[1];
                 // Beyond a tip there is nothing.
-                let is_tip = |c: Option<&[f64; 2]>| c.is_some_and(|c| c[0] == 0.0);
-                let ends = [turned.control.first(), turned.control.last()].map(is_tip);
-                (ends[0] || first < at) && (ends[1] || at < last)
+                let tips = turned.tips();
+                (tips[0] || first < at) && (tips[1] || at < last)
             }
             Surface::Ellipsoid(ball) => {
                 let at = ball.in_chart(p);

@@ -246,7 +246,7 @@ fn step_of<'p>(
     border: impl Iterator<Item = &'p Point3>,
     options: &FacetOptions,
 ) -> f64 {
-    let has_tips = matches!(surface, Surface::Revolved(_)) && !surface.tips().is_empty();
+    let has_tips = matches!(surface, Surface::Revolved(t) if t.tips().contains(&true));
     let steep = if has_tips || matches!(surface, Surface::Graph(_)) {
         STEEP
     } else {

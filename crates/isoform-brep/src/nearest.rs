@@ -151,12 +151,15 @@ impl<'a> Skin<'a> {
 
 /// The point of a surface nearest to `p`.
 fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
-    let (d, n) = surface.distance(p);
-    let direct: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
+    let direct = || -> Point3 {
+        let (d, n) = surface.distance(p);
+        std::array::from_fn(|k| p[k] - d * n[k])
+    };
     match surface {
         Surface::Ellipsoid(_) | Surface::Graph(_) => iterated(surface, p, near),
         Surface::Cone(axes, _, half_angle) => {
             // Beyond the apex the line in the half-plane goes on to the other side.
+            let direct = direct();
             let beyond = (axes.local(direct)[2] - surface.base_of_v()) * half_angle.signum();
             match surface.apex() {
                 Some(apex) if beyond < 0.0 => apex,
@@ -169,7 +172,7 @@ fn foot(surface: &Surface, p: Point3, near: Point3) -> Point3 {
             let [u, v] = turned.parameters(p);
             turned.point([u, v.clamp(first, last)])
         }
-        _ => direct,
+        _ => direct(),
     }
 }
 

@@ -7,7 +7,7 @@
 //! where the curve is long, or passes near a pole, the two are far apart between the points. Edges
 //! are divided until they are not.
 
-use crate::check::TOLERANCE;
+use crate::check::{TOLERANCE, worse};
 use crate::vertices::follow;
 use isoform_geom::brep::{Brep, Curve, Edge, Surface};
 use isoform_geom::{Point3, cross, norm, sub};
@@ -30,11 +30,7 @@ pub(crate) fn deviations(brep: &Brep) -> Vec<f64> {
         for coedge in face.loops.iter().flatten() {
             let off = deviation(brep, coedge.edge, &face.surface);
             let worst = &mut worst[coedge.edge as usize];
-            *worst = if off.is_nan() {
-                f64::INFINITY
-            } else {
-                worst.max(off)
-            };
+            *worst = worst.max(off);
         }
     }
     worst
@@ -124,11 +120,7 @@ fn deviation(brep: &Brep, edge: u32, surface: &Surface) -> f64 {
             let (p, velocity) = at(i as f64 + x);
             // A shift along the edge changes nothing of the face.
             let across = norm(cross(sub(seen, p), velocity)) / norm(velocity);
-            worst = if across.is_nan() {
-                f64::INFINITY
-            } else {
-                worst.max(across)
-            };
+            worst = worse(worst, across);
         }
     }
     worst

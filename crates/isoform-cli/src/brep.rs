@@ -43,11 +43,19 @@ pub(crate) struct Args {
     region: Option<Aabb>,
     /// Length of the edges of the mesh that the topology comes from [default: a fortieth of the
     /// diagonal]
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     size: Option<f64>,
     /// How far faces may be from the model, in its units [default: 1e-6 of its largest side]; exact
     /// faces are 1e-8 of it or nearer, whatever is asked for
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     tol: Option<f64>,
     /// Unit of length to state: um, mm, cm, m, in or ft [default: as annotated, else mm]
     #[arg(long, value_name = "UNIT")]

@@ -64,9 +64,8 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
             |f| f.trim_start_matches('.').eq_ignore_ascii_case("hf"),
         )
     };
-    let named = args.to.iter().map(|to| PathBuf::from(format!("part.{to}")));
-    let outputs: Vec<PathBuf> = named.chain([args.output.clone()]).collect();
-    solids::refuse(&outputs, |path| {
+    let output = std::slice::from_ref(&args.output);
+    solids::refuse(output, args.to.as_deref(), |path| {
         let file = args.file.display();
         match is_model(&args.file, args.from.as_ref()) {
             true => format!("isoform brep {file} -o {path}"),

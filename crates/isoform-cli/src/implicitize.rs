@@ -43,7 +43,11 @@ pub(crate) struct Args {
     #[arg(long, value_name = "N", conflicts_with = "tol", value_parser = clap::value_parser!(u32).range(1..))]
     cells: Option<u32>,
     /// Smaller cells where points are farther than this from the surface
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     tol: Option<f64>,
     /// One polynomial of at most this total degree in place of a spline
     #[arg(

@@ -38,7 +38,11 @@ pub(crate) struct Args {
     scan: PathBuf,
     /// How far points lie from their surface: the standard deviation; where it is larger than their
     /// noise, how far the object's form may be off [default: as the points show]
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     tol: Option<f64>,
     /// The fewest points of an entity
     #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
@@ -101,7 +105,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
 /// Finds out before the work whether every file can be written.
 fn check(args: &Args) -> Result<(), Failure> {
     let scan = args.scan.display();
-    solids::refuse(&args.output, |path| {
+    solids::refuse(&args.output, None, |path| {
         format!("isoform recover {scan} -o {path}")
     })?;
     for path in &args.output {

@@ -12,7 +12,7 @@ use crate::recover_folder as folder;
 use crate::solids;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{Beside, Finding};
-use isoform::geom::{Point3, PointCloud};
+use isoform::geom::Point3;
 use isoform::{MeshModelOptions, Proposal, RecognizeOptions, Standing};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -83,13 +83,13 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (scan, model, proposal) = match model {
         Some(model) => (scan, model, None),
         None => {
-            let standing = part_of(&scan, &request.keep, context)?;
-            let supports = standing.as_ref().map_or(&[][..], |s| &s.supports);
-            let cloud = standing.as_ref().map_or(&scan.cloud, |s| &s.part);
-            let (model, proposal) =
-                proposed(&scan.name, cloud, supports, &request.language, context)?;
-            let cloud = standing.map(|s| s.part).unwrap_or(scan.cloud);
-            (job::Scan { cloud, ..scan }, model, Some(proposal))
+            let (cloud, supports) = match part_of(&scan, &request.keep, context)? {
+                Some(standing) => (standing.part, standing.supports),
+                None => (scan.cloud, Vec::new()),
+            };
+            let scan = job::Scan { cloud, ..scan };
+            let (model, proposal) = proposed(&scan, supports, &request.language, context)?;
+            (scan, model, Some(proposal))
         }
     };
     let mut job = output::stage("fit", || job::run_model(scan, &model, &request, context))?;
@@ -161,18 +161,17 @@ fn part_of(
 
 /// A template made of what is recognised in a scan, or in some of its points.
 fn proposed(
-    name: &str,
-    cloud: &PointCloud,
-    supports: &[(Point3, Point3)],
+    scan: &job::Scan,
+    supports: Vec<(Point3, Point3)>,
     language: &Language,
     context: &Context,
 ) -> Result<(Model, Proposal), Failure> {
-    let path = Path::new(name);
+    let path = Path::new(&scan.name);
     let options = RecognizeOptions::default();
-    let sample = isoform::sample_of(cloud, RECOGNIZED);
-    let cloud = sample.as_ref().unwrap_or(cloud);
+    let sample = isoform::sample_of(&scan.cloud, RECOGNIZED);
+    let cloud = sample.as_ref().unwrap_or(&scan.cloud);
     let mut found = recognize::recognised(cloud, path, &options, context)?;
-    found.supports = supports.to_vec();
+    found.supports = supports;
     let proposal = recognize::proposal(&found, path, context)?;
     let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
     Ok((model, proposal))

@@ -67,9 +67,14 @@ impl Statement {
     }
 }
 
-/// Refuses names of solids for a verb that makes none, with the one that does.
-pub(crate) fn refuse(paths: &[PathBuf], hint: impl Fn(&str) -> String) -> Result<(), Failure> {
-    let Some(path) = paths.iter().find(|p| is_solid(p)) else {
+/// Refuses names and formats of solids for a verb that makes none, with the one that does.
+pub(crate) fn refuse(
+    paths: &[PathBuf],
+    to: Option<&str>,
+    hint: impl Fn(&str) -> String,
+) -> Result<(), Failure> {
+    let named = to.map(|to| PathBuf::from(format!("part.{to}")));
+    let Some(path) = named.iter().chain(paths).find(|p| is_solid(p)) else {
         return Ok(());
     };
     let path = path.display().to_string();

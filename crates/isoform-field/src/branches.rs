@@ -37,12 +37,13 @@ pub fn parts_up_to(model: &Model, a: &[f64], most: usize) -> Result<Parts, Solid
 
 /// The smooth parts of a solid's pieces, as [`parts_up_to`] finds them.
 pub fn parts_of_pieces(pieces: &Pieces, most: usize) -> Parts {
-    let (mut graph, roots) = pieces.functions();
+    let (graph, roots) = pieces.functions();
+    let mut graph = graph.clone();
     // What is decided the same way by a zero is no question of its own.
     graph.constant(0.0);
     let (mut parts, mut known) = (Vec::new(), Known::default());
-    for (piece, root) in roots.into_iter().enumerate() {
-        let root = graph.lowered(root);
+    for (piece, root) in roots.iter().enumerate() {
+        let root = graph.lowered(*root);
         let branches = branches(&mut graph, root, most).unwrap_or_else(|| vec![(root, Vec::new())]);
         for (root, limits) in branches {
             let field = known.field(&graph, root);

@@ -258,16 +258,15 @@ impl Graph {
     }
 
     /// Rebuilds the nodes that `root` needs with another node in place of one. Returns the new node
-    /// of each.
+    /// of each, by number.
     pub(crate) fn replaced(
         &mut self,
         root: NodeId,
         node: NodeId,
         by: NodeId,
-    ) -> HashMap<NodeId, NodeId> {
+    ) -> Vec<Option<NodeId>> {
         let need = self.reachable(&[root]);
         let mut value: Vec<Option<NodeId>> = vec![None; need.len()];
-        let mut map = HashMap::new();
         for i in (0..=root.at()).filter(|i| need[*i]) {
             let id = NodeId(i as u32);
             let is_same = |a: &NodeId| value[a.at()] == Some(*a);
@@ -284,9 +283,8 @@ impl Graph {
                 new
             };
             value[i] = Some(new);
-            map.insert(id, new);
         }
-        map
+        value
     }
 
     /// f at a point, in any number type, with HyperFun's meaning (the algebraic reading).

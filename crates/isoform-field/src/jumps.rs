@@ -21,6 +21,7 @@ use crate::solid::Pieces;
 use crate::tape::Tape;
 use isoform_geom::{Aabb, Point3, Solid};
 use isoform_num::Interval;
+use std::cell::OnceCell;
 use std::collections::BTreeSet;
 
 /// Samples along the longest side of a box in which jumps are looked for.
@@ -72,7 +73,7 @@ impl Pieces {
     /// True if a piece has a node that jumps, though it may do so where that does not count.
     pub fn may_jump(&self) -> bool {
         let (graph, roots) = self.functions();
-        !jumping(&graph, &roots).is_empty()
+        !jumping(graph, roots).is_empty()
     }
 
     /// The solid in a box, and somewhat beyond, without the jumps of its pieces; none where there
@@ -82,14 +83,14 @@ impl Pieces {
     /// [`Jump`], where a jump cannot be made a wall.
     pub fn without_jumps(&self, region: Aabb) -> Result<Option<Self>, Jump> {
         let (graph, roots) = self.functions();
-        let nodes = jumping(&graph, &roots);
+        let nodes = jumping(graph, roots);
         if nodes.is_empty() || region.is_empty() {
             return Ok(None);
         }
         // Steps without a jump of the whole, as of a pattern that is repeated, are taken out too:
         // intervals know little of them.
         let has_steps = nodes.iter().any(|id| is_step(graph.node(*id)));
-        let found = self.found(graph, &roots, &nodes, region);
+        let found = self.found(&nodes, region);
         if found.nodes.is_empty() && !has_steps {
             return Ok(None);
         }
@@ -101,12 +102,13 @@ impl Pieces {
     }
 
     /// Looks for jumps along the edges of a lattice.
-    fn found(&self, mut graph: Graph, roots: &[NodeId], nodes: &[NodeId], region: Aabb) -> Found {
+    fn found(&self, nodes: &[NodeId], region: Aabb) -> Found {
+        let (graph, roots) = self.functions();
+        let mut graph = graph.clone();
         let states: Vec<NodeId> = nodes.iter().map(|&id| state(&mut graph, id)).collect();
-        let all: Vec<NodeId> = roots.iter().chain(&states).copied().collect();
         let line = Line {
-            tape: Tape::new(&graph, &all, 3, 0),
-            pieces: roots.len(),
+            pieces: Tape::new(&graph, roots, 3, 0),
+            states: Tape::new(&graph, &states, 3, 0),
         };
         // Beyond the box the states of its sides are known.
         let edges = line.edges(region.widened(region.diagonal() / SAMPLES as f64));
@@ -122,11 +124,8 @@ impl Pieces {
                 if !jumps.piece {
                     continue;
                 }
-                let [a, b] = &sides.map(|p| line.at(p, &mut scratch));
-                let differ = (0..nodes.len()).filter(|i| {
-                    let k = line.pieces + i;
-                    a[k] != b[k]
-                });
+                let [a, b] = &sides.map(|p| line.states.eval_all(&p, &[], &mut scratch));
+                let differ = (0..nodes.len()).filter(|i| a[*i] != b[*i]);
                 let differ: Vec<NodeId> = differ.map(|i| nodes[i]).collect();
                 if jumps.whole && found.whole.is_none() {
                     let place = |id: &NodeId| self.place(*id).cloned();
@@ -172,8 +171,8 @@ impl Pieces {
     /// True if a piece jumps through 0 in a box.
     fn is_jumping(&self, region: Aabb) -> bool {
         let (graph, roots) = self.functions();
-        let nodes = jumping(&graph, &roots);
-        !nodes.is_empty() && !self.found(graph, &roots, &nodes, region).nodes.is_empty()
+        let nodes = jumping(graph, roots);
+        !nodes.is_empty() && !self.found(&nodes, region).nodes.is_empty()
     }
 
     /// True if two solids have the same sign at points of a lattice.
@@ -260,9 +259,8 @@ impl Lattice {
 
 /// Values of pieces and states along lines.
 struct Line {
-    /// Its results are the pieces, then the states.
-    tape: Tape,
-    pieces: usize,
+    pieces: Tape,
+    states: Tape,
 }
 
 /// Jumps between two neighbouring places.
@@ -272,16 +270,12 @@ struct Jumping {
 }
 
 impl Line {
-    fn at(&self, p: Point3, scratch: &mut Vec<f64>) -> Vec<f64> {
-        self.tape.eval_all(&p, &[], scratch)
-    }
-
     /// The edges of a lattice between whose ends a state changes.
     fn edges(&self, region: Aabb) -> Vec<[Point3; 2]> {
         let lattice = Lattice::new(region);
         let mut scratch = Vec::new();
-        let of = |p: Point3, scratch: &mut Vec<f64>| self.at(p, scratch).split_off(self.pieces);
-        let states: Vec<Vec<f64>> = lattice.points().map(|p| of(p, &mut scratch)).collect();
+        let of = |p: Point3| self.states.eval_all(&p, &[], &mut scratch);
+        let states: Vec<Vec<f64>> = lattice.points().map(of).collect();
         let [x, y, z] = lattice.counts;
         let number = |at: [usize; 3]| (at[0] * y + at[1]) * z + at[2];
         let mut edges = Vec::new();
@@ -301,8 +295,8 @@ impl Line {
     /// The places between two points where a state changes, each as the two nearest points on
     /// either side of it.
     fn changes(&self, from: Point3, to: Point3, scratch: &mut Vec<f64>) -> Vec<[Point3; 2]> {
-        let on = |t: f64| std::array::from_fn(|k| from[k] + t * (to[k] - from[k]));
-        let mut state = |t: f64| self.at(on(t), scratch).split_off(self.pieces);
+        let on = |t: f64| -> Point3 { std::array::from_fn(|k| from[k] + t * (to[k] - from[k])) };
+        let mut state = |t: f64| self.states.eval_all(&on(t), &[], scratch);
         let (mut found, mut start) = (Vec::new(), 0.0);
         let end = state(1.0);
         // More changes than these are met on other edges.
@@ -346,13 +340,14 @@ impl Line {
             p
         };
         let way = if q[axis] >= p[axis] { near } else { -near };
-        let [a0, a, b, b0] = [moved(p, -way), p, q, moved(q, way)].map(|p| self.at(p, scratch));
+        let [a0, a, b, b0] = [moved(p, -way), p, q, moved(q, way)];
+        let [a0, a, b, b0] = [a0, a, b, b0].map(|p| self.pieces.eval_all(&p, &[], scratch));
         let is_jump = |[a0, a, b, b0]: [f64; 4]| {
             let own = (a - a0).abs() + (b - b0).abs();
             let rounding = 16.0 * f64::EPSILON * (a.abs() + b.abs());
             (a >= 0.0) != (b >= 0.0) && (a - b).abs() > own + rounding
         };
-        let mut pieces = (0..self.pieces).map(|k| [a0[k], a[k], b[k], b0[k]]);
+        let mut pieces = (0..a.len()).map(|k| [a0[k], a[k], b[k], b0[k]]);
         let whole = [&a0, &a, &b, &b0].map(|v| tree.value(&|k| v[k as usize]));
         Jumping {
             piece: pieces.any(is_jump),
@@ -400,11 +395,12 @@ impl Walls {
         if self.cells > MOST_CELLS {
             return None;
         }
+        let u = Tape::new(&self.graph, &[steps.u], 3, 0);
         let mut cells: Vec<Cell> = Vec::new();
         for (i, value) in steps.values.iter().enumerate() {
             let lower = i.checked_sub(1).map(|i| steps.limits[i]);
             let upper = steps.limits.get(i).copied();
-            let within = self.contracted(region, steps.u, lower, upper);
+            let within = contracted(region, &u, lower, upper);
             let function = if within.is_empty() {
                 self.graph.constant(-1.0)
             } else {
@@ -423,60 +419,19 @@ impl Walls {
             }
         }
         // Patterns whose motifs do not touch the seams need no walls.
+        let functions: Vec<OnceCell<Tape>> = cells.iter().map(|_| OnceCell::new()).collect();
         for is_min in [true, false] {
-            if cells
-                .iter()
-                .all(|cell| self.is_one_sided(cell, steps.u, is_min, region))
-            {
+            let is_one_sided = |(cell, function): (&Cell, &OnceCell<Tape>)| {
+                let compiled = || Tape::new(&self.graph, &[cell.function], 3, 0);
+                cell.is_one_sided(function.get_or_init(compiled), &u, is_min, region)
+            };
+            if cells.iter().zip(&functions).all(is_one_sided) {
                 let op = if is_min { SetOp::Min } else { SetOp::Max };
                 let functions = cells.iter().map(|cell| cell.function);
                 return functions.reduce(|a, b| self.graph.set(op, &a, &b));
             }
         }
         Some(self.joined(steps.u, &cells))
-    }
-
-    /// True if intervals prove that the function of a cell is positive, or negative, in all of the
-    /// region outside of the cell.
-    fn is_one_sided(&self, cell: &Cell, u: NodeId, positive: bool, region: Aabb) -> bool {
-        let tape = |id: NodeId| Tape::new(&self.graph, &[id], 3, 0);
-        let (function, u) = (tape(cell.function), tape(u));
-        let mut scratch = Vec::new();
-        let mut range = |tape: &Tape, b: Aabb| {
-            let x: [Interval; 3] = std::array::from_fn(|k| Interval::new(b.lo[k], b.hi[k]));
-            tape.range(&x, &[], &mut scratch)
-        };
-        let (mut boxes, mut left) = (vec![region], MOST_BOXES);
-        while let Some(b) = boxes.pop() {
-            let own = range(&u, b);
-            if cell.lower.is_none_or(|t| own.lo() > t) && cell.upper.is_none_or(|t| own.hi() < t) {
-                continue;
-            }
-            let values = range(&function, b);
-            if (positive && values.lo() > 0.0) || (!positive && values.hi() < 0.0) {
-                continue;
-            }
-            if left == 0 {
-                return false;
-            }
-            left -= 1;
-            // Along the axis that the two functions depend on most.
-            let share = |half: Interval, whole: Interval| {
-                let share = (half.hi() - half.lo()) / (whole.hi() - whole.lo());
-                if share.is_nan() { 1.0 } else { share }
-            };
-            let mut best: Option<(f64, [Aabb; 2])> = None;
-            for axis in 0..3 {
-                let parts = halves(b, axis);
-                let left =
-                    share(range(&u, parts[0]), own) + share(range(&function, parts[0]), values);
-                if best.is_none_or(|best| left < best.0) {
-                    best = Some((left, parts));
-                }
-            }
-            boxes.extend(best.map_or([b; 2], |best| best.1));
-        }
-        true
     }
 
     /// The first node below another that is to be taken out: it has none below itself.
@@ -541,42 +496,7 @@ impl Walls {
     }
 
     fn range(&self, id: NodeId, region: Aabb) -> Interval {
-        let x: [Interval; 3] = std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]));
-        Tape::new(&self.graph, &[id], 3, 0).range(&x, &[], &mut Vec::new())
-    }
-
-    /// A part of a region outside of which u is not between two limits; it may be empty.
-    fn contracted(&self, region: Aabb, u: NodeId, lower: Option<f64>, upper: Option<f64>) -> Aabb {
-        let tape = Tape::new(&self.graph, &[u], 3, 0);
-        let (lower, upper) = (
-            lower.unwrap_or(f64::NEG_INFINITY),
-            upper.unwrap_or(f64::INFINITY),
-        );
-        let mut scratch = Vec::new();
-        let mut inner = region;
-        for axis in 0..3 {
-            let (from, step) = (inner.lo[axis], inner.size()[axis] / SLABS as f64);
-            let mut left = Aabb::EMPTY;
-            for i in 0..SLABS {
-                let mut slab = inner;
-                slab.lo[axis] = from + i as f64 * step;
-                if i + 1 < SLABS {
-                    slab.hi[axis] = from + (i + 1) as f64 * step;
-                }
-                let x: [Interval; 3] =
-                    std::array::from_fn(|k| Interval::new(slab.lo[k], slab.hi[k]));
-                let range = tape.range(&x, &[], &mut scratch);
-                if range.hi() >= lower && range.lo() <= upper {
-                    left.add(slab.lo);
-                    left.add(slab.hi);
-                }
-            }
-            inner = left;
-            if inner.is_empty() {
-                break;
-            }
-        }
-        inner
+        Tape::new(&self.graph, &[id], 3, 0).range(&region.sides(), &[], &mut Vec::new())
     }
 
     /// The function, or a constant where intervals decide its sign in all of the region.
@@ -593,11 +513,11 @@ impl Walls {
 
     /// The expression `root` with another node in place of one.
     fn replaced(&mut self, root: NodeId, node: NodeId, by: NodeId) -> NodeId {
-        let map = self.graph.replaced(root, node, by);
-        let tests = self.tests.iter().filter_map(|id| map.get(id)).copied();
-        let tests: Vec<NodeId> = tests.collect();
+        let new = self.graph.replaced(root, node, by);
+        let of = |id: &NodeId| new.get(id.at()).copied().flatten();
+        let tests: Vec<NodeId> = self.tests.iter().filter_map(of).collect();
         self.tests.extend(tests);
-        map[&root]
+        of(&root).expect("the root is rebuilt")
     }
 
     /// The functions of all cells, each in its own, with walls between them.
@@ -620,6 +540,37 @@ impl Walls {
     }
 }
 
+/// A part of a region outside of which u is not between two limits; it may be empty.
+fn contracted(region: Aabb, u: &Tape, lower: Option<f64>, upper: Option<f64>) -> Aabb {
+    let (lower, upper) = (
+        lower.unwrap_or(f64::NEG_INFINITY),
+        upper.unwrap_or(f64::INFINITY),
+    );
+    let mut scratch = Vec::new();
+    let mut inner = region;
+    for axis in 0..3 {
+        let (from, step) = (inner.lo[axis], inner.size()[axis] / SLABS as f64);
+        let mut left = Aabb::EMPTY;
+        for i in 0..SLABS {
+            let mut slab = inner;
+            slab.lo[axis] = from + i as f64 * step;
+            if i + 1 < SLABS {
+                slab.hi[axis] = from + (i + 1) as f64 * step;
+            }
+            let range = u.range(&slab.sides(), &[], &mut scratch);
+            if range.hi() >= lower && range.lo() <= upper {
+                left.add(slab.lo);
+                left.add(slab.hi);
+            }
+        }
+        inner = left;
+        if inner.is_empty() {
+            break;
+        }
+    }
+    inner
+}
+
 /// The halves of a box along an axis.
 fn halves(b: Aabb, axis: usize) -> [Aabb; 2] {
     let middle = f64::midpoint(b.lo[axis], b.hi[axis]);
@@ -634,6 +585,46 @@ struct Cell {
     function: NodeId,
     lower: Option<f64>,
     upper: Option<f64>,
+}
+
+impl Cell {
+    /// True if intervals prove that the function is positive, or negative, in all of the region
+    /// outside of the cell; `u` has the limits.
+    fn is_one_sided(&self, function: &Tape, u: &Tape, positive: bool, region: Aabb) -> bool {
+        let mut scratch = Vec::new();
+        let mut range = |tape: &Tape, b: Aabb| tape.range(&b.sides(), &[], &mut scratch);
+        let (mut boxes, mut left) = (vec![region], MOST_BOXES);
+        while let Some(b) = boxes.pop() {
+            let own = range(u, b);
+            if self.lower.is_none_or(|t| own.lo() > t) && self.upper.is_none_or(|t| own.hi() < t) {
+                continue;
+            }
+            let values = range(function, b);
+            if (positive && values.lo() > 0.0) || (!positive && values.hi() < 0.0) {
+                continue;
+            }
+            if left == 0 {
+                return false;
+            }
+            left -= 1;
+            // Along the axis that the two functions depend on most.
+            let share = |half: Interval, whole: Interval| {
+                let share = (half.hi() - half.lo()) / (whole.hi() - whole.lo());
+                if share.is_nan() { 1.0 } else { share }
+            };
+            let mut best: Option<(f64, [Aabb; 2])> = None;
+            for axis in 0..3 {
+                let parts = halves(b, axis);
+                let left =
+                    share(range(u, parts[0]), own) + share(range(function, parts[0]), values);
+                if best.is_none_or(|best| left < best.0) {
+                    best = Some((left, parts));
+                }
+            }
+            boxes.extend(best.map_or([b; 2], |best| best.1));
+        }
+        true
+    }
 }
 
 /// The minimum of a function and the distances of u from its limits.

@@ -261,7 +261,7 @@ impl Field for Polynomial {
         if region.lo == region.hi {
             return self.enclosed(region.lo);
         }
-        let at = std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]));
+        let at = region.sides();
         Powers::new(at, self.degrees).sum(&self.terms, [0; 3])
     }
     fn jet3(&self, p: Point3) -> Option<Jet3> {

@@ -187,8 +187,8 @@ impl Pieces {
     }
 
     /// The functions of all pieces as expressions of the coordinates.
-    pub(crate) fn functions(&self) -> (Graph, Vec<NodeId>) {
-        (self.graph.clone(), self.roots.clone())
+    pub(crate) fn functions(&self) -> (&Graph, &[NodeId]) {
+        (&self.graph, &self.roots)
     }
 
     /// The whole expression, of the coordinates.

@@ -130,6 +130,10 @@ impl Aabb {
             hi: sides.map(|s| s.hi()),
         }
     }
+    /// Its three intervals.
+    pub fn sides(&self) -> [Interval; 3] {
+        std::array::from_fn(|k| Interval::new(self.lo[k], self.hi[k]))
+    }
     /// Grows to hold `p`.
     pub fn add(&mut self, p: Point3) {
         for (i, v) in p.into_iter().enumerate() {

@@ -21,7 +21,7 @@ use isoform_geom::PointCloud;
 use layout::{by_names, by_values};
 pub(crate) use names::has_role;
 use names::understood;
-use separator::Separator;
+use separator::{Separator, is_decimal};
 use std::io::{self, Write};
 
 /// Rows that decide what columns without names are: enough that chance does not make whole numbers
@@ -63,9 +63,7 @@ pub(crate) fn sniff(head: &[u8]) -> Sniff {
 /// The names in a line that holds no numbers, and true if they tell the coordinates.
 fn header(line: &str) -> Option<(Vec<String>, bool)> {
     let fields = names::split(line);
-    let is_number =
-        |f: &String| parse_number(f).is_some() || parse_number(&f.replace(',', ".")).is_some();
-    if !(3..=MAX_COLUMNS).contains(&fields.len()) || fields.iter().any(is_number) {
+    if !(3..=MAX_COLUMNS).contains(&fields.len()) || fields.iter().any(|f| is_decimal(f)) {
         return None;
     }
     let is_named = understood(&fields).is_some();
@@ -379,7 +377,6 @@ impl Reader<'_, '_> {
         }
         (self.refused, self.separator) = (Some(error), None);
         self.texts.clear();
-        self.words = 0;
         Ok(false)
     }
 

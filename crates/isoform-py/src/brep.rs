@@ -88,7 +88,7 @@ pub(crate) fn brep(
     asked: Asked<'_>,
 ) -> PyResult<Solids> {
     let (size, tol, corners) = wanted;
-    let values = program.get().values_of(given)?;
+    let values = program.get().values_of(&given)?;
     let mut options = MeshModelOptions {
         size: length("size", size)?,
         ..MeshModelOptions::default()

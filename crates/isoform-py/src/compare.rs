@@ -33,7 +33,7 @@ impl Given {
     fn prepared(&self) -> Result<Prepared, Trouble> {
         Ok(match self {
             Self::Mesh(mesh) => (Some(surface_of(&mesh.get().mesh)), Vec::new()),
-            Self::Model(program, given) => (None, program.get().values_of(given.clone())?),
+            Self::Model(program, given) => (None, program.get().values_of(given)?),
             Self::Points(_) | Self::Fitted(_) => (None, Vec::new()),
         })
     }

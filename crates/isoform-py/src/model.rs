@@ -102,7 +102,7 @@ impl Program {
 
     /// The values of all parameters where some are given.
     fn filled(&self, given: Vec<Option<f64>>) -> PyResult<Vec<f64>> {
-        Ok(self.values_where(&given)?)
+        Ok(self.values_of(&given)?)
     }
 
     /// The names of all parameters that a fit finds, those of the pose included.
@@ -132,7 +132,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(&given)?);
         let gradients = of_points(py, &points, |block: &[Point3], out: &mut [Point3]| {
             let mut values = vec![0.0; block.len()];
             template.algebraic().gradients(block, &a, &mut values, out);
@@ -157,7 +157,7 @@ impl Program {
         points: PointsArg<'py>,
         given: Vec<f64>,
     ) -> PyResult<(Bound<'py, PyArray1<u32>>, Vec<String>)> {
-        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(&given)?);
         let parts = in_blocks(py, &points, LARGE, |block: &[Point3], out: &mut [u32]| {
             template.parts(block, &a, out);
         })?;
@@ -169,7 +169,7 @@ impl Program {
 
     /// Why the function has no value at a point, with line and column; none where it has.
     fn trouble(&self, point: Point3, given: Vec<f64>) -> PyResult<Option<(usize, usize, String)>> {
-        let a = self.values_of(given)?;
+        let a = self.values_of(&given)?;
         let found = self.0.model.eval(&point, &a, &[]);
         Ok(found.err().map(|e| (e.line, e.column, e.message)))
     }
@@ -195,7 +195,7 @@ impl Program {
         given: Vec<f64>,
         is_metric: bool,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let (template, a) = (self.compiled(py)?, self.values_of(given)?);
+        let (template, a) = (self.compiled(py)?, self.values_of(&given)?);
         let compute = |block: &[Point3], out: &mut [f64]| {
             template.algebraic().values(block, &a, out);
             let count = if are_finite(out) { 0 } else { out.len() };
@@ -237,16 +237,13 @@ impl Program {
         self.0.template()
     }
 
-    /// The values of all parameters, which must be finite.
-    pub(crate) fn values_of(&self, given: Vec<f64>) -> Result<Vec<f64>, Trouble> {
-        let given: Vec<Option<f64>> = given.into_iter().map(Some).collect();
-        self.values_where(&given)
-    }
-
-    /// The same, where some are given.
-    fn values_where(&self, given: &[Option<f64>]) -> Result<Vec<f64>, Trouble> {
+    /// The values of all parameters, of which some or all are given, and must be finite.
+    pub(crate) fn values_of<V: Into<Option<f64>> + Copy>(
+        &self,
+        given: &[V],
+    ) -> Result<Vec<f64>, Trouble> {
         for (i, value) in given.iter().enumerate() {
-            if let Some(value) = value.filter(|v| !v.is_finite()) {
+            if let Some(value) = (*value).into().filter(|v| !v.is_finite()) {
                 let name = self.0.model.params().get(i).map_or("", |p| p.name.as_str());
                 let message = format!("parameter {} ({name}) is {value}", i + 1);
                 return Err(Trouble::new("not-finite", message));

@@ -200,7 +200,7 @@ impl Order {
         let Some((program, given)) = model else {
             return Ok(None);
         };
-        let values = program.values_of(given.clone())?;
+        let values = program.values_of(given)?;
         Ok(LiveModel::new(
             program.model(),
             &values,
@@ -274,7 +274,7 @@ impl Order {
         given: &[f64],
         control: &Control<'_>,
     ) -> Result<Layer, Trouble> {
-        let values = program.values_of(given.to_vec())?;
+        let values = program.values_of(given)?;
         let Some(live) = LiveModel::new(program.model(), &values, self.region, control)? else {
             let mesh = meshed(program, &values, self.region, control)?;
             return Ok(Layer::meshed_model(

@@ -21,7 +21,7 @@ impl Shape {
     pub(crate) fn checked(self) -> Result<Self, Trouble> {
         Ok(match self {
             Self::Model(program, given) => {
-                let values = program.get().values_of(given)?;
+                let values = program.get().values_of(&given)?;
                 Self::Model(program, values)
             }
             fitted @ Self::Fitted(_) => fitted,

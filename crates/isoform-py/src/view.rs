@@ -92,7 +92,7 @@ fn add(
         }
         Shown::Model(program, given) => {
             let program = program.get();
-            let values = program.values_of(given.clone())?;
+            let values = program.values_of(given)?;
             let model = program.model();
             let live = LiveModel::new(model, &values, region, control)?;
             match live.filter(Page::can_draw) {

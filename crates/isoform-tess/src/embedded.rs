@@ -441,19 +441,12 @@ pub fn triangulate_patches(
         known.push((map, analysis));
     }
     let half_width = options.half_width.to_f64().value();
-    let mut joined = if collapsed.is_empty() {
-        join_patches(patches, surfaces, half_width)
-    } else {
-        // Sides of what has no triangles are no sides that others have in common.
-        let kept = drawn.iter().map(|&k| patches[k as usize].clone());
-        let mut joined = join_patches(&kept.collect::<Vec<_>>(), surfaces, half_width);
-        joined
-            .patches
-            .iter_mut()
-            .for_each(|k| *k = drawn[*k as usize]);
-        joined.collapsed = collapsed;
-        joined
-    };
+    // Sides of what has no triangles are no sides that others have in common.
+    let kept: Vec<_> = drawn.iter().map(|&k| patches[k as usize].clone()).collect();
+    let mut joined = join_patches(&kept, surfaces, half_width);
+    let given = joined.patches.iter_mut();
+    given.for_each(|k| *k = drawn[*k as usize]);
+    joined.collapsed = collapsed;
     if drawn.len() > 1 && !is_normalised {
         joined.findings.push(Finding::PatchesNotCut);
     }

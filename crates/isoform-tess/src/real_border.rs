@@ -7,7 +7,7 @@
 //! fold, and for every linear involution σ: they are the real points in coordinates of which the
 //! one that σ turns is imaginary.
 
-use crate::deck::Deck;
+use crate::deck::{Deck, linear};
 use crate::map::{Map, Options};
 use crate::region::FOLD;
 use crate::singular::{RealPart, real_part};
@@ -31,8 +31,8 @@ pub struct RealBorder {
 }
 
 impl RealBorder {
-    /// The border of a map with deck transformations, and the edges of it that a surface has.
-    pub(crate) fn new(map: &Map, deck: &Deck, surface: &Surface, control: &Control<'_>) -> Self {
+    /// The border of a map with deck transformations, without its lines on a surface.
+    pub(crate) fn new(map: &Map, deck: &Deck, control: &Control<'_>) -> Self {
         let sides = (0..3).filter(|&k| deck.folds.sides[k]).map(Poly::var);
         // Where W vanishes, the surface ends at infinity.
         let is_finite = |f: &Poly| !map.forms()[3].is_multiple_of(f);
@@ -40,7 +40,7 @@ impl RealBorder {
         let folds = sides.chain(deck.folds.curves.iter().cloned());
         Self {
             folds: folds.filter(|f| is_finite(f) && is_real(f)).collect(),
-            lines: surface.fold_lines(),
+            lines: Vec::new(),
             beyond: deck.linear().filter_map(|m| beyond(map, &m)).collect(),
         }
     }
@@ -52,7 +52,7 @@ impl RealBorder {
 
 impl Surface {
     /// The folds in which the surface ends.
-    fn fold_lines(&self) -> Vec<Vec<Point3>> {
+    pub(crate) fn fold_lines(&self) -> Vec<Vec<Point3>> {
         let folds: Vec<[u64; 3]> = self.borders.iter().map(|b| b.map(|x| x & FOLD)).collect();
         let edges = self.edges(&folds);
         let ends = edges.iter().filter(|(_, (n, is_fold))| *n == 1 && *is_fold);
@@ -94,17 +94,12 @@ fn beyond(map: &Map, involution: &Matrix) -> Option<Map> {
             kept.push(c);
         }
     }
-    let mut columns = vec![Default::default(); 3];
+    let mut columns: Matrix = Default::default();
     columns[turned] = column(-1, turned);
     for (k, c) in (1..3).zip(kept) {
         columns[(turned + k) % 3] = c;
     }
-    let coordinate = |i: usize| {
-        (0..3).fold(Poly::zero(), |sum, k| {
-            sum + Poly::var(k).scale(&columns[k][i])
-        })
-    };
-    let parts = [0, 1, 2].map(coordinate);
+    let parts = [0, 1, 2].map(|i| linear(&[0, 1, 2].map(|k| columns[k][i].clone())));
     let forms = map.forms().each_ref().map(|f| f.compose(&parts));
     // Of the coordinate that is turned only even powers are there, since nothing divides all forms.
     if forms

@@ -43,6 +43,8 @@ pub struct Prepared<'a> {
     solitary: Vec<Vec<Point3>>,
     sheets: usize,
     verdict: Verdict,
+    /// The border of the real image, without lines.
+    border: RealBorder,
     changes: Changes,
 }
 
@@ -107,12 +109,17 @@ impl<'a> Prepared<'a> {
         if region.is_clear {
             verdict.grades.push(Claim::Weights.into());
         }
+        let border = region
+            .deck
+            .as_ref()
+            .map(|deck| RealBorder::new(map, deck, control));
         Ok(Self {
             map,
             options,
             analysis,
             curves,
             region,
+            border: border.unwrap_or_default(),
             solitary: double.solitary,
             sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
             verdict,
@@ -169,8 +176,11 @@ impl<'a> Prepared<'a> {
         );
         self.analysis.took(running);
         surface.solitary_arcs.clone_from(&self.solitary);
-        if let Some(deck) = &self.region.deck {
-            surface.real_border = RealBorder::new(self.map, deck, &surface, control);
+        if self.region.deck.is_some() {
+            surface.real_border = RealBorder {
+                lines: surface.fold_lines(),
+                ..self.border.clone()
+            };
         }
         let is_inside = |t: &Triangle| t.inside.iter().flatten().any(|inside| *inside);
         surface.sheets = self.sheets;

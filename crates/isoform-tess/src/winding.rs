@@ -9,7 +9,7 @@
 use crate::finding::Finding;
 use crate::surface::{Point3, Surface};
 use isoform_algebra::QUADRANTS;
-use isoform_geom::{cross, norm, sub};
+use isoform_geom::{Aabb, cross, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 
@@ -253,8 +253,7 @@ impl Relative {
 
 /// Twice the vector area, six times the volume as seen from a point, and the box of a piece.
 struct Extent {
-    lo: Point3,
-    hi: Point3,
+    bounds: Aabb,
     area: Point3,
     volume: f64,
     /// The sum of the absolute values of the terms of the volume, and their number.
@@ -266,25 +265,15 @@ struct Extent {
 
 impl Extent {
     const NONE: Self = Self {
-        lo: [f64::INFINITY; 3],
-        hi: [f64::NEG_INFINITY; 3],
+        bounds: Aabb::EMPTY,
         area: [0.0; 3],
         volume: 0.0,
         size: 0.0,
         terms: 0.0,
         whole: 0.0,
     };
-    fn hold(&mut self, p: Point3) {
-        for k in 0..3 {
-            self.lo[k] = self.lo[k].min(p[k]);
-            self.hi[k] = self.hi[k].max(p[k]);
-        }
-    }
-    fn center(&self) -> Point3 {
-        [0, 1, 2].map(|k| 0.5 * (self.lo[k] + self.hi[k]))
-    }
     fn add(&mut self, corners: [Point3; 3]) {
-        let center = self.center();
+        let center = self.bounds.center();
         let [p, q, r] = corners.map(|x| sub(x, center));
         let n = cross(sub(q, p), sub(r, p));
         self.whole += norm(n);
@@ -299,7 +288,7 @@ impl Extent {
     /// from the apex of a cone: it is affine in the point. 0 if its sign is not the same everywhere,
     /// or not known for rounding and the distance of the triangles from the surface.
     fn sign(&self, tolerance: f64) -> f64 {
-        let half = |k: usize| 0.5 * (self.hi[k] - self.lo[k]);
+        let half = |k: usize| 0.5 * self.bounds.size()[k];
         let change: f64 = (0..3).map(|k| half(k) * self.area[k].abs()).sum();
         // Each term has the rounding of a few operations, and the sum that of all before it.
         let rounding = (self.terms + 16.0) * f64::EPSILON * self.size;
@@ -328,7 +317,7 @@ impl Surface {
             }
             let piece = relative.pieces[k] as usize;
             for p in corners(self, k) {
-                extents[piece].hold(p);
+                extents[piece].bounds.add(p);
             }
             if signs[piece] == 0.0 {
                 signs[piece] = self.area_of_parameters(k);

@@ -12,7 +12,7 @@ mod task;
 pub use job::{BlocksJob, BlocksReport, WholeReport};
 pub use task::{BlockFailure, BlockFigures, BlockReport, BlockTask, BlockWarning, run_block_task};
 
-use crate::meshing::{Meshable, meshable};
+use crate::meshing::meshable;
 use crate::{MeshModelError, MeshModelOptions};
 use isoform_control::Control;
 use isoform_field::hyperfun::Model;
@@ -88,11 +88,8 @@ pub fn mesh_in_blocks(
     options: &MeshModelOptions,
     control: &Control<'_>,
 ) -> Result<BlocksReport, BlocksError> {
-    let Meshable { solid, is_run, .. } = meshable(model, a, options.mesh.region, None, control)?;
-    if is_run && options.mesh.region.is_none() {
-        return Err(MeshModelError::NoBox.into());
-    }
-    let solid = solid.as_ref();
+    let found = meshable(model, a, options.mesh.region, None, control)?;
+    let solid = found.solid.as_ref();
     let mut job = BlocksJob::new(solid, counts, out, options, control)?;
     let options = job.options().clone();
     loop {

@@ -102,10 +102,7 @@ pub fn brep_model(
     control.report("model", 0.0);
     let region = options.mesh.region;
     let found = meshable(model, a, region, Some(MOST_PARTS), control)?;
-    let (solid, is_run) = (found.solid, found.is_run);
-    if is_run && region.is_none() {
-        return Err(MeshModelError::NoBox.into());
-    }
+    let solid = found.solid;
     let capped = region.map(|region| Capped::new(solid.as_ref(), region));
     let smooth = if let Some(parts) = found.parts {
         parts

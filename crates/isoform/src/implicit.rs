@@ -17,6 +17,24 @@ pub enum Implicit {
     Polynomial(GlobalPolynomial),
 }
 
+/// True if a function is positive all around a box.
+pub(crate) fn is_inside_out(field: &dyn Field, domain: Aabb) -> bool {
+    let size = domain.size();
+    let at = |i: usize| i as f64 / AROUND as f64;
+    let places = (0..6 * (AROUND + 1).pow(2)).map(|i| {
+        let (side, u, v) = (i % 6, i / 6 % (AROUND + 1), i / 6 / (AROUND + 1));
+        let mut share = [0.0; 3];
+        share[side / 2] = (side % 2) as f64;
+        share[(side / 2 + 1) % 3] = at(u);
+        share[(side / 2 + 2) % 3] = at(v);
+        std::array::from_fn(|k| domain.lo[k] + share[k] * size[k])
+    });
+    let places: Vec<Point3> = places.collect();
+    let mut values = vec![0.0; places.len()];
+    field.values(&places, &mut values);
+    values.iter().all(|v| *v > 0.0)
+}
+
 impl Implicit {
     fn field(&self) -> &dyn Field {
         match self {
@@ -48,21 +66,7 @@ impl Implicit {
     /// True if the function is positive all around its box: what the surface encloses is then
     /// outside.
     pub fn is_inside_out(&self) -> bool {
-        let domain = self.domain();
-        let size = domain.size();
-        let at = |i: usize| i as f64 / AROUND as f64;
-        let places = (0..6 * (AROUND + 1).pow(2)).map(|i| {
-            let (side, u, v) = (i % 6, i / 6 % (AROUND + 1), i / 6 / (AROUND + 1));
-            let mut share = [0.0; 3];
-            share[side / 2] = (side % 2) as f64;
-            share[(side / 2 + 1) % 3] = at(u);
-            share[(side / 2 + 2) % 3] = at(v);
-            std::array::from_fn(|k| domain.lo[k] + share[k] * size[k])
-        });
-        let places: Vec<Point3> = places.collect();
-        let mut values = vec![0.0; places.len()];
-        self.values(&places, &mut values);
-        values.iter().all(|v| *v > 0.0)
+        is_inside_out(self.field(), self.domain())
     }
     /// Whether there were points in the cell about a place, or in one that shares a face with it.
     pub fn is_seen(&self, p: Point3) -> bool {
@@ -137,6 +141,9 @@ pub enum PolynomialError {
 }
 
 impl GlobalPolynomial {
+    pub(crate) fn field(&self) -> &dyn Field {
+        &self.field
+    }
     /// The polynomial of its numbers.
     ///
     /// # Errors
@@ -175,7 +182,7 @@ impl GlobalPolynomial {
     }
 
     /// The box about the points.
-    fn domain(&self) -> Aabb {
+    pub(crate) fn domain(&self) -> Aabb {
         let data = &self.data;
         let hi = |k: usize| data.corner[k] + data.spacing * f64::from(data.count[k]);
         Aabb {

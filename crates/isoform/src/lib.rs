@@ -170,8 +170,8 @@ pub use mesh_model::{
 };
 pub use mesh_spline::{Unseen, mesh_spline};
 pub use meshing::{
-    RegionCertificate, bounded_complement, certified_adaptation, certified_mesh, certified_regions,
-    default_size, default_size_within, flat_triangles, solid_of, surface_of,
+    RegionCertificate, certified_adaptation, certified_mesh, certified_regions, default_size,
+    default_size_within, flat_triangles, solid_of, surface_of,
 };
 pub use patches::{
     COORDINATES, field_of, parts_of, patch_mesh, patch_records, polynomial, step_faces,

@@ -1,9 +1,9 @@
 //! The mesh of a model with its certificate.
 
-use crate::meshing::{Meshable, meshable};
+use crate::meshing::{Meshable, bounded_complement, meshable};
 use crate::report::brief;
 use crate::{
-    RegionCertificate, bounded_complement, certified_adaptation, certified_mesh, certified_regions,
+    RegionCertificate, certified_adaptation, certified_mesh, certified_regions,
     default_size_within, solid_of,
 };
 use isoform_check::{Certificate, Limits};
@@ -380,9 +380,6 @@ fn make(
             }
             solid => solid?,
         };
-    if is_run && options.mesh.region.is_none() {
-        return Err(MeshModelError::NoBox);
-    }
     if is_run {
         runs_somewhere(model, a, options.mesh.region)?;
     }

@@ -31,12 +31,15 @@ const TIMES: usize = 6;
 pub fn solid_of(model: &Model, a: &[f64]) -> Result<(Box<dyn Solid>, bool), SolidError> {
     match Pieces::of_model(model, a) {
         Ok(pieces) => Ok((Box::new(pieces), false)),
-        Err(SolidError::NoExpression(_)) => Ok((
-            Box::new(OnePiece::new(RunField::new(model, a)?, model.name())),
-            true,
-        )),
+        Err(SolidError::NoExpression(_)) => Ok((run_solid(model, a)?, true)),
         Err(error) => Err(error),
     }
+}
+
+/// A model as a solid whose program is run statement by statement.
+fn run_solid(model: &Model, a: &[f64]) -> Result<Box<dyn Solid>, SolidError> {
+    let field = RunField::new(model, a)?;
+    Ok(Box::new(OnePiece::new(field, model.name())))
 }
 
 /// A solid to be meshed: that of a model, and whether its program must be run statement by
@@ -60,10 +63,13 @@ pub(crate) fn meshable(
 ) -> Result<Meshable, MeshModelError> {
     let mut pieces = match Pieces::of_model(model, a) {
         Err(SolidError::NoExpression(_)) => {
-            let (solid, is_run) = solid_of(model, a)?;
+            let solid = run_solid(model, a)?;
+            if region.is_none() {
+                return Err(MeshModelError::NoBox);
+            }
             return Ok(Meshable {
                 solid,
-                is_run,
+                is_run: true,
                 parts: None,
             });
         }
@@ -130,17 +136,7 @@ fn sought(solid: &dyn Solid, control: &Control<'_>) -> Result<(Aabb, f64), Exten
 
 /// The box of what a solid leaves out, where that is bounded: its function is then positive all
 /// around, and probably of the wrong sign.
-///
-/// ```
-/// use isoform::field::hyperfun::{Mode, Model};
-/// use isoform::{Control, bounded_complement, solid_of};
-/// let text = "my_model(x[3], a[1]) { my_model = x[1]^2 + x[2]^2 + x[3]^2 - 1; }";
-/// let (solid, _) = solid_of(&Model::parse(text, Mode::Default)?, &[])?;
-/// let bounds = bounded_complement(solid.as_ref(), &Control::default()).expect("a ball");
-/// assert!((bounds.size()[0] / 2.0 - 1.0).abs() < 0.1);
-/// # Ok::<(), Box<dyn std::error::Error>>(())
-/// ```
-pub fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Option<Aabb> {
+pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Option<Aabb> {
     // What has a bounded complement holds all far places.
     let axes = [0, 1, 2].map(|axis| [-FAR, FAR].map(|far| (axis, far)));
     let on_axes = axes.as_flattened().iter().map(|(axis, far)| {

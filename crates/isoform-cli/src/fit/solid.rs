@@ -79,15 +79,16 @@ pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Co
     if fit != DONE && !(wanted.is_asked && wanted.is_forced) {
         return nothing(fit, "the fit is not accepted", "--force ", wanted, context);
     }
-    let limit = match context.global.time_limit {
-        None => format!("it may take {} min, and ", LIMIT.as_secs() / 60),
-        Some(_) => String::new(),
-    };
+    let limit = context.global.time_limit.is_none().then_some(LIMIT);
+    let minutes = |limit: Duration| format!("{} min", limit.as_secs() / 60);
+    let may_take = limit.map_or(String::new(), |limit| {
+        format!("it may take {}, and ", minutes(limit))
+    });
     context.say(format_args!(
-        "making the solid of the fitted model: {limit}Ctrl-C keeps the fit"
+        "making the solid of the fitted model: {may_take}Ctrl-C keeps the fit"
     ));
     let made = output::stage("solid of the fitted model", || {
-        made(job, language, wanted, context)
+        made(job, language, wanted, limit, context)
     });
     match made {
         Ok(made) if !wanted.is_asked && !made.solid.certificate.holds() => {
@@ -100,8 +101,8 @@ pub(crate) fn tell(job: &Job, language: &Language, wanted: &Wanted, context: &Co
             Err(failure) => failed(job, failure),
         },
         Err(mut failure) => {
-            if failure.code == "time-limit" && context.global.time_limit.is_none() {
-                failure.why = format!("it took more than {} min", LIMIT.as_secs() / 60);
+            if let Some(limit) = limit.filter(|_| failure.code == "time-limit") {
+                failure.why = format!("it took more than {}", minutes(limit));
                 failure.hint = "--time-limit 1h, which sets the time of all stages".to_owned();
             }
             match wanted.is_asked {
@@ -116,6 +117,7 @@ fn made(
     job: &Job,
     language: &Language,
     wanted: &Wanted,
+    limit: Option<Duration>,
     context: &Context,
 ) -> Result<Made, Failure> {
     let (model, values) = fitted_model(job, language)?;
@@ -126,8 +128,8 @@ fn made(
         unit: unit(job),
     };
     let mut control = context.control();
-    if context.global.time_limit.is_none() {
-        control = control.for_seconds(LIMIT.as_secs_f64());
+    if let Some(limit) = limit {
+        control = control.for_seconds(limit.as_secs_f64());
     }
     brep::make(subject, &wanted.options, None, &control, context)
 }

@@ -43,9 +43,7 @@ pub(crate) fn targets(
     to: Option<&str>,
     context: &Context,
 ) -> Result<Vec<Target>, Failure> {
-    let named = to.map(|to| PathBuf::from(format!("part.{to}")));
-    let all = [paths, named.as_slice()].concat();
-    solids::refuse(&all, |path| format!("isoform brep MODEL -o {path}"))?;
+    solids::refuse(paths, to, |path| format!("isoform brep MODEL -o {path}"))?;
     if let Some(name) = to.filter(|name| {
         mesh_format_named(name.trim_end_matches("-ascii").trim_end_matches("-binary")).is_none()
     }) {

@@ -105,10 +105,18 @@ pub(crate) struct Args {
 #[group(id = "MeshSettings")]
 pub(crate) struct Settings {
     /// Length of edges, the largest one where sizes vary [default: a fortieth of the diagonal]
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     pub(crate) size: Option<f64>,
     /// Smaller edges where a face would leave the surface by more than this
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     pub(crate) grade: Option<f64>,
     /// Smaller edges by place: a table x,y,z,length (of a refinement, or from an error estimate),
     /// or a HyperFun program of the length

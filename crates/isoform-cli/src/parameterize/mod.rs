@@ -69,7 +69,11 @@ pub(crate) struct Args {
     #[arg(long)]
     exact: bool,
     /// As large as possible within this distance of the surface, proved, instead of a bound on S
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     tol: Option<f64>,
     /// As many patches as it takes until all of the surface in the box lies on one, within --tol
     #[arg(long, requires = "tol", conflicts_with_all = ["seed_point", "trace", "figure", "paper"])]

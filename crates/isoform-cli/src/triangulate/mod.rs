@@ -15,7 +15,6 @@ use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
 use crate::progress::Progress;
 use isoform::algebra::RBig;
 use isoform::io::MapFileError;
-use isoform::report::folds;
 use isoform::tess::{
     Domain, Finding, Map, MapError, MeshOptions, Mode, Surface, TriangulateOptions, VARIABLES,
 };
@@ -63,10 +62,18 @@ pub(crate) struct Args {
     polygon: Option<Domain>,
     /// Largest distance of the middles of triangles and edges from the surface; without --box, B is
     /// half its width here [default: 5e-4 B]
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     tol: Option<f64>,
     /// Largest length of edges; without --box, B is half the surface's width here [default: 0.25 B]
-    #[arg(long, value_name = "LENGTH", allow_negative_numbers = true, value_parser = output::positive)]
+    #[arg(
+        long, value_name = "LENGTH",
+        allow_negative_numbers = true,
+        value_parser = output::positive
+    )]
     longest: Option<f64>,
     /// Stop refining at about so many triangles
     #[arg(long, value_name = "N", default_value_t = MeshOptions::TRIANGLES, value_parser = at_least_one)]
@@ -208,7 +215,7 @@ impl Made {
         if border.is_empty() {
             return;
         }
-        let folds: Vec<String> = folds(border).iter().map(|f| format!("{f} = 0")).collect();
+        let folds = table::equations(border);
         let ends = match (border.lines.len(), folds.is_empty()) {
             (0, _) => "the real image is not all of the surface".to_owned(),
             (n, true) => format!("the real image ends along {}", table::count(n, "line")),

@@ -4,7 +4,7 @@ use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
 use isoform::report::{brief, contracted, folds, mode_name};
-use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, Surface};
+use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, RealBorder, Surface};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -148,7 +148,7 @@ fn real_border(made: &Made) -> String {
     if border.is_empty() {
         return String::new();
     }
-    let folds: Vec<String> = folds(border).iter().map(|f| format!("{f} = 0")).collect();
+    let folds = equations(border);
     let mut text = format!("of the real image: {}", count(border.lines.len(), "line"));
     if !folds.is_empty() {
         text += &format!(" ({})", folds.join(", "));
@@ -201,6 +201,11 @@ fn in_words(basis: Basis) -> &'static str {
         Basis::Bounded => "proved with bounds on rounding",
         Basis::Floating => "checked in floating point, not proved",
     }
+}
+
+/// The equations of the folds in which the real image ends.
+pub(super) fn equations(border: &RealBorder) -> Vec<String> {
+    folds(border).iter().map(|f| format!("{f} = 0")).collect()
 }
 
 /// `no boundary loops`, `1 triangle`, `2 triangles`.

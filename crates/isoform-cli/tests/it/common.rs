@@ -79,6 +79,15 @@ pub(crate) fn isoform(args: &[&str]) -> Output {
         .output()
         .expect("it runs")
 }
+/// Runs `recover` in the folder.
+pub(crate) fn recover(f: &Folder, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_isoform"))
+        .arg("recover")
+        .args(args)
+        .current_dir(&f.0)
+        .output()
+        .expect("it runs")
+}
 pub(crate) fn code(o: &Output) -> i32 {
     o.status.code().expect("it ends by itself")
 }

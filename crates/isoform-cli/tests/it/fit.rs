@@ -3,7 +3,7 @@
 use crate::common::*;
 use serde_json::Value;
 use std::fs;
-use std::process::{Command, Output};
+use std::process::Command;
 
 const BALL: &str = "-- @title A ball
 -- @param a[1] cx x
@@ -527,11 +527,7 @@ fn units_of_the_template_are_believed_over_a_guess() {
 #[test]
 fn recover_runs_without_arguments() {
     let f = Folder::new("recover");
-    let o = Command::new(env!("CARGO_BIN_EXE_isoform"))
-        .args(["recover", "--json"])
-        .current_dir(&f.0)
-        .output()
-        .expect("it runs");
+    let o = recover(&f, &["--json"]);
     let j = document(&o);
     assert!([0, 3].contains(&code(&o)), "{}", stderr(&o));
     assert_eq!(
@@ -565,16 +561,6 @@ fn recover_runs_without_arguments() {
         2,
         "there is no such scan"
     );
-}
-
-/// Runs `recover` in the folder.
-fn recover(f: &Folder, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_isoform"))
-        .arg("recover")
-        .args(args)
-        .current_dir(&f.0)
-        .output()
-        .expect("it runs")
 }
 
 #[test]

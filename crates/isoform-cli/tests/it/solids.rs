@@ -8,7 +8,6 @@ use serde_json::Value;
 use std::f64::consts::PI;
 use std::fs;
 use std::path::Path;
-use std::process::{Command, Output};
 
 /// A cube of side 2 with a round hole of radius 1/2.
 const HOLED: &str = "-- @unit cm\nm(x[3], a[1]) { array c[3], k[3]; c = [0, 0, 0]; \
@@ -359,16 +358,6 @@ fn a_refused_fit_and_a_missing_solid_are_both_said() {
         "{j}"
     );
     assert!(Path::new(&fitted).exists() && !Path::new(&none).exists());
-}
-
-/// Runs `recover` in the folder.
-fn recover(f: &Folder, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_isoform"))
-        .arg("recover")
-        .args(args)
-        .current_dir(&f.0)
-        .output()
-        .expect("it runs")
 }
 
 #[test]

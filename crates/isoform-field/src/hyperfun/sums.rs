@@ -48,6 +48,7 @@ pub(super) fn warn(source: &Source, objects: &[Object], warnings: &mut Vec<Warni
             variables: BTreeMap::new(),
             arrays: BTreeMap::new(),
             found: &mut found,
+            is_in_loop: false,
         };
         reader.block(&object.body);
         let result = reader.kind(&object.result);
@@ -89,6 +90,8 @@ struct Reader<'a> {
     arrays: BTreeMap<u32, Kind>,
     /// Sums that were used as solids.
     found: &'a mut Vec<(u32, &'static str)>,
+    /// True within the body of a loop.
+    is_in_loop: bool,
 }
 
 impl Reader<'_> {
@@ -128,13 +131,18 @@ impl Reader<'_> {
                         .insert(slot, other.map_or(kind, |other| other.or(kind)));
                 }
             }
-            // A sum that a loop adds up is one the second time.
+            // A sum that a loop adds up is one the second time; loops within a loop are read twice
+            // with it.
             Statement::While {
                 condition, body, ..
             } => {
                 self.kind(condition);
+                let is_outermost = !std::mem::replace(&mut self.is_in_loop, true);
                 self.block(body);
-                self.block(body);
+                if is_outermost {
+                    self.block(body);
+                    self.is_in_loop = false;
+                }
             }
         }
     }

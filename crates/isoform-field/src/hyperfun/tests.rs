@@ -524,6 +524,19 @@ fn sums_of_solids_are_warned_of_where_they_are_used_as_solids() {
 }
 
 #[test]
+fn loops_within_loops_are_read_in_linear_time() {
+    // Twice the work per level would take a million years.
+    let depth = 60;
+    let text = format!(
+        "m(x[3], a[1]) {{ array c[3]; c = [0, 0, 0]; u = 1; {} u = u + hfSphere(x, c, 1); {} m = u; }}",
+        "while (u < 3) loop ".repeat(depth),
+        "endloop; ".repeat(depth),
+    );
+    let m = model(&text);
+    assert!(m.warnings().iter().all(|w| w.line == 1));
+}
+
+#[test]
 fn an_index_beyond_its_array_is_an_error_at_its_place() {
     for (text, want) in [
         (

@@ -32,6 +32,11 @@ impl Revolved {
     pub fn domain(&self) -> [f64; 2] {
         [self.knots[0], self.knots[self.knots.len() - 1]]
     }
+    /// True for each end of the curve that lies on the axis.
+    pub fn tips(&self) -> [bool; 2] {
+        let is_on_axis = |c: Option<&[f64; 2]>| c.is_some_and(|c| c[0] == 0.0);
+        [self.control.first(), self.control.last()].map(is_on_axis)
+    }
     /// The curve (distance from the axis, height) with its first and second derivative.
     pub fn profile(&self, t: f64) -> [[f64; 2]; 3] {
         let basis = Basis::at(&self.knots, self.degree, t);

@@ -196,9 +196,9 @@ impl Surface {
         match self {
             Self::Revolved(turned) => {
                 let ends = [turned.control.first(), turned.control.last()];
-                let on_axis = ends.into_iter().flatten().filter(|c| c[0] == 0.0);
+                let tips = ends.into_iter().flatten().zip(turned.tips());
                 let at = |c: &[f64; 2]| turned.axes.point([0.0, 0.0, c[1]]);
-                on_axis.map(at).collect()
+                tips.filter(|t| t.1).map(|t| at(t.0)).collect()
             }
             _ => self.apex().into_iter().collect(),
         }

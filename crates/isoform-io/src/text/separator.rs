@@ -49,7 +49,7 @@ fn quoted(text: &str) -> Option<usize> {
 }
 
 /// True if a field is a number with a decimal comma or without one.
-fn is_decimal(field: &str) -> bool {
+pub(super) fn is_decimal(field: &str) -> bool {
     parse_number(&field.replace(',', ".")).is_some()
 }
 
@@ -78,7 +78,7 @@ impl Separator {
                 true => (Self::Blank, true),
                 false if by_tab => (Self::Char('\t'), false),
                 // Between quotes commas are decimal: "1,5","2,5".
-                false => (Self::Char(','), bare.len() != line.len() || bare != line),
+                false => (Self::Char(','), bare != line),
             };
         }
         let separator = if by_tab {

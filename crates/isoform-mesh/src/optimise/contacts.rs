@@ -51,10 +51,14 @@ impl Optimiser<'_> {
     /// Contracts edges across the face that runs out at contacts without a vertex; gives these
     /// with what is left of the edges.
     pub(super) fn contract_across(&mut self) -> Vec<(Corner, Option<u32>)> {
+        let is_contact = |c: &Corner| c.kind == CornerKind::Tangent;
+        if !self.surface.apexes.iter().any(is_contact) {
+            return Vec::new();
+        }
         let near = self.near_apexes(&self.surface.apexes);
         let known = self.surface.apexes.iter().zip(near);
         let is_free = |(c, near): &(&Corner, Vec<(f64, u32)>)| {
-            c.kind == CornerKind::Tangent && near.first().is_some_and(|n| n.0 > 0.0)
+            is_contact(c) && near.first().is_some_and(|n| n.0 > 0.0)
         };
         let corners: Vec<Corner> = known.filter(is_free).map(|k| k.0.clone()).collect();
         let mut made = Vec::new();

@@ -1,6 +1,7 @@
 //! The report of an implicit spline or polynomial.
 
-use crate::{GlobalFit, Implicit};
+use crate::GlobalFit;
+use crate::implicit::is_inside_out;
 use isoform_spline::{Implicitized, Sides, Source};
 use serde::Serialize;
 
@@ -71,7 +72,7 @@ impl ImplicitizeReport {
             normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
-            inside_out: Implicit::Spline(spline.clone()).is_inside_out(),
+            inside_out: is_inside_out(spline, spline.domain()),
             seconds,
         }
     }
@@ -95,7 +96,7 @@ impl ImplicitizeReport {
             normals: NormalsReport::new(made.sides),
             components: made.components.with_data,
             components_without_data: made.components.without_data,
-            inside_out: Implicit::Polynomial(made.polynomial.clone()).is_inside_out(),
+            inside_out: is_inside_out(made.polynomial.field(), made.polynomial.domain()),
             seconds,
         }
     }

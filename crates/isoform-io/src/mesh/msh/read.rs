@@ -113,14 +113,14 @@ impl Scan<'_, '_> {
     }
     /// The error for a variant of the format that is not read.
     fn unsupported(&self, why: String) -> crate::ReadError {
-        self.input.error(
-            ErrorKind::UnsupportedFormat,
-            self.at(),
-            WHAT,
-            why,
-            "save it as version 4.1, or as 2.2 in text",
-        )
+        unsupported(self.input, self.at(), why)
     }
+}
+
+/// The error for what is not read of a file.
+fn unsupported(input: &Input<'_>, at: At, why: String) -> crate::ReadError {
+    let hint = "save it as version 4.1, or as 2.2 in text";
+    input.error(ErrorKind::UnsupportedFormat, at, WHAT, why, hint)
 }
 
 /// Reads section after section.
@@ -184,8 +184,7 @@ impl File {
     fn unknown(&self, input: &Input<'_>, missing: &str) -> crate::ReadError {
         let sections = self.passed.join(", ");
         let why = format!("{missing}, and there are sections that are not known: {sections}");
-        let hint = "save it as version 4.1, or as 2.2 in text";
-        input.error(ErrorKind::UnsupportedFormat, At::File, WHAT, why, hint)
+        unsupported(input, At::File, why)
     }
 
     /// Reads what a section holds; its last line is left. Returns true if the section is known.
