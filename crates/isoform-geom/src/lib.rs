@@ -17,6 +17,7 @@ mod patch;
 pub mod plane;
 mod point;
 mod quadric;
+pub mod rotation;
 mod rounding;
 mod solid;
 mod spline;

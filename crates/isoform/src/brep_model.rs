@@ -121,6 +121,8 @@ pub fn brep_model(
     let mut options = options.clone();
     options.mesh.surface_only = true;
     options.mesh.order = 1;
+    // The mesh tells the topology only.
+    options.mesh.angles = [5.0, 170.0];
     let is_free = options.size.is_none();
     let mut first = work.at_size(&options)?;
     for _ in 0..FINER {

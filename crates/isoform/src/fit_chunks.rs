@@ -267,7 +267,7 @@ pub fn fit_chunks(
         return Err(FitScanError::Method);
     }
     located.origin = far_center(&located.bounds);
-    let posed = posing(model, options);
+    let posed = posing(model, options, located.origin);
     let mut warnings = Vec::new();
     let mut template = HeldTemplate::new(posed(&located)?, located.origin);
     if located.origin != [0.0; 3] && !template.moves() {

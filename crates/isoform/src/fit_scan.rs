@@ -2,13 +2,14 @@
 //! the scan comes.
 
 use crate::held::{HeldTemplate, ParameterError};
+use crate::report::nominal;
 use crate::template::{Here, Outline};
 use crate::{CornerError, FacesError, FrepTemplate, TemplateError, points_on_faces};
 use isoform_control::Control;
 use isoform_field::hyperfun::{Model, Placement, Pose};
 use isoform_fit::{
-    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Template, Warning,
-    fit_to, search, settle,
+    Beside, Candidate, Finding, Fit, FitError, Kind, Method, Options, Scan, Status, Template,
+    Warning, fit_to, search, settle,
 };
 use isoform_geom::{Aabb, Point3, PointCloud, far_center, rounding};
 use std::borrow::Cow;
@@ -205,6 +206,31 @@ impl ScanFit {
         let frep = &self.template.frep;
         frep.fitted_program(&self.fit.values(), self.cloud.origin)
     }
+    /// The fitted program in the coordinates of the template itself, without its pose.
+    pub fn own_program(&self) -> String {
+        let (model, values) = (self.template.frep.model(), self.fit.values());
+        model.print_fitted(&values[..model.n_params()], None)
+    }
+    /// Returns a round number that may be meant by a parameter, in its unit (an angle is round in
+    /// degrees); none for what is held, tied or of the pose, and where chance tells one as well.
+    pub fn nominal(&self, parameter: usize) -> Option<f64> {
+        let (p, estimate) = (
+            &self.template.parameters()[parameter],
+            &self.fit.parameters[parameter],
+        );
+        let is_open = matches!(estimate.status, Status::Fixed | Status::Undetermined);
+        if is_open || p.is_pose || p.tie.is_some() {
+            return None;
+        }
+        let (low, high) = estimate.ci95?;
+        let scale = match p.kind {
+            Kind::Angle => 1_f64.to_degrees(),
+            _ => 1.0,
+        };
+        let value = estimate.value + self.template.shift[parameter];
+        let round = nominal(value * scale, 0.5 * (high - low) * scale)?;
+        Some(round / scale)
+    }
     /// Deviation of each point from the fitted model: positive outside, as inspectors have it.
     pub fn deviation(&self) -> Vec<f64> {
         self.fit.residuals.iter().map(|r| 0.0 - r).collect()
@@ -272,7 +298,7 @@ pub fn fit_scan(
     if cloud.points.is_empty() {
         return Err(FitScanError::NoPoints);
     }
-    let posed = posing(model, options);
+    let posed = posing(model, options, cloud.origin);
     let mut template = HeldTemplate::new(posed(&Here(&cloud.points))?, cloud.origin);
     if cloud.origin != [0.0; 3] && !template.moves() {
         // The template's own coordinates are the file's.
@@ -307,13 +333,14 @@ pub fn fit_scan(
     })
 }
 
-/// Makes templates of a program in the pose that is asked for.
+/// Makes templates of a program in the pose that is asked for, for points relative to an origin.
 pub(crate) fn posing<'a>(
     model: &'a Model,
     options: &FitOptions,
+    origin: Point3,
 ) -> impl Fn(&dyn Outline) -> Result<FrepTemplate, TemplateError> + 'a {
     let pose = options.pose.or(model.info().pose).unwrap_or(Pose::None);
-    move |points| FrepTemplate::posed(model, pose, points)
+    move |points| FrepTemplate::posed(model, pose, points, origin)
 }
 
 /// The scan about the origin that a reader would give it.

@@ -11,6 +11,7 @@ mod fit;
 mod implicitize;
 mod inspect;
 mod mesh;
+mod nominal;
 mod patches;
 mod recognize;
 mod solid;
@@ -45,6 +46,7 @@ pub use surface::{
     TriangulateReport, WindingReport, contracted, folds, map_degree, mode_name,
 };
 
+pub(crate) use nominal::nominal;
 use serde::ser::{Serialize, SerializeMap, Serializer};
 
 /// What `--json` prints: a report behind the version of the form, and whether there is a result.

@@ -68,6 +68,9 @@ pub struct FrepTemplate {
     model: Model,
     pose: Pose,
     base: Rotation,
+    /// The translation that the program states with its pose, of which a fit is near; none where the
+    /// points give it.
+    at: Option<Point3>,
     /// By parameter of the program, factors on bounds that are shares of the box.
     slack: Vec<(f64, f64)>,
     parameters: Vec<Parameter>,
@@ -88,21 +91,25 @@ impl FrepTemplate {
 
     /// Compiles the model with another pose than the program's.
     pub fn with_pose(model: &Model, pose: Pose, points: &[Point3]) -> Result<Self, TemplateError> {
-        Self::posed(model, pose, &Here(points))
+        Self::posed(model, pose, &Here(points), [0.0; 3])
     }
 
-    /// The same for what need not be at hand.
+    /// The same for what need not be at hand, relative to an origin.
     pub(crate) fn posed(
         model: &Model,
         pose: Pose,
         points: &dyn Outline,
+        origin: Point3,
     ) -> Result<Self, TemplateError> {
-        let base = if matches!(pose, Pose::None | Pose::Translate) {
-            IDENTITY
-        } else {
-            upright_axes(points)
+        let stated = model.info().place.as_ref();
+        let stated = stated.filter(|_| model.info().pose == Some(pose));
+        let base = match (pose, stated) {
+            (Pose::None | Pose::Translate, _) => IDENTITY,
+            (_, Some(stated)) => stated.rotation,
+            _ => upright_axes(points),
         };
-        Self::with_base(model, pose, base, points)
+        let at = stated.map(|stated| isoform_geom::sub(stated.translation, origin));
+        Self::with_base(model, pose, (base, at), points)
     }
 
     /// The template of a recipe of [`Template::recipe`], with the same readings; its bounds are not
@@ -112,26 +119,26 @@ impl FrepTemplate {
         let pose = *POSES.get(*pose as usize)?;
         let base: &[f64; 9] = base.try_into().ok()?;
         let base = std::array::from_fn(|i| std::array::from_fn(|j| base[3 * i + j]));
-        Some(Self::with_base(model, pose, base, &Here(&[])))
+        Some(Self::with_base(model, pose, (base, None), &Here(&[])))
     }
 
-    /// Compiles the model with a base rotation.
+    /// Compiles the model with a base rotation, and a translation if one is stated.
     fn with_base(
         model: &Model,
         pose: Pose,
-        base: Rotation,
+        place: (Rotation, Option<Point3>),
         points: &dyn Outline,
     ) -> Result<Self, TemplateError> {
         let slack = vec![(1.0, 1.0); model.n_params()];
-        Self::with_base_and_slack(model, pose, base, points, &slack)
+        Self::with_base_and_slack(model, pose, place, points, &slack)
     }
 
-    /// Compiles the model with a base rotation and with factors on bounds that are shares of the
-    /// box.
+    /// Compiles the model with a base rotation and a stated translation, and with factors on bounds
+    /// that are shares of the box.
     fn with_base_and_slack(
         model: &Model,
         pose: Pose,
-        base: Rotation,
+        (base, at): (Rotation, Option<Point3>),
         points: &dyn Outline,
         slack: &[(f64, f64)],
     ) -> Result<Self, TemplateError> {
@@ -148,7 +155,7 @@ impl FrepTemplate {
             .zip(slack)
             .map(|(info, slack)| own_parameter(info, extents, *slack))
             .collect();
-        parameters.extend(pose_parameters(pose, extents, center));
+        parameters.extend(pose_parameters(pose, extents, center, at));
         let n = parameters.len();
         let mut posed = Graph::new();
         let (point, scale) = posed_point(&mut posed, pose, &base, own);
@@ -164,6 +171,7 @@ impl FrepTemplate {
                 model: model.clone(),
                 pose,
                 base,
+                at,
                 slack: slack.to_vec(),
                 parameters,
             });
@@ -182,6 +190,7 @@ impl FrepTemplate {
             model: model.clone(),
             pose,
             base,
+            at,
             slack: slack.to_vec(),
             algebraic: Box::new(compile(f)),
             metric: Box::new(compile(distance)),
@@ -194,7 +203,8 @@ impl FrepTemplate {
 
     /// The template about other base rotations, for scans that do not stand upright: the model's z
     /// axis along each principal axis of the points, both ways, and (where the pose turns about it)
-    /// four quarters about that. Rotations within 20° of this one's base are left out.
+    /// four quarters about that. Rotations within 20° of this one's base are left out, but where
+    /// the program states that: it does not hold for these.
     pub fn turned(&self, points: &[Point3]) -> Vec<Self> {
         self.turned_in(&Here(points))
     }
@@ -202,7 +212,11 @@ impl FrepTemplate {
     /// The same for what need not be at hand.
     pub(crate) fn turned_in(&self, points: &dyn Outline) -> Vec<Self> {
         let spins = match self.pose {
-            Pose::None | Pose::Translate => return Vec::new(),
+            Pose::None | Pose::Translate if self.at.is_none() => return Vec::new(),
+            Pose::None | Pose::Translate => {
+                let free = Self::with_base(&self.model, self.pose, (IDENTITY, None), points);
+                return free.into_iter().collect();
+            }
             Pose::Axis => 1,
             Pose::Rigid | Pose::Similarity => 4,
         };
@@ -214,14 +228,15 @@ impl FrepTemplate {
             for (k, sign) in UPWARD {
                 let base = standing(&axes, k, sign, spin);
                 let alike = |other: &Rotation| is_alike(self.pose, other, &base);
-                if !alike(&self.base) && !bases.iter().any(alike) {
+                let is_tried = self.at.is_none() && alike(&self.base);
+                if !is_tried && !bases.iter().any(alike) {
                     bases.push(base);
                 }
             }
         }
         bases
             .into_iter()
-            .filter_map(|base| Self::with_base(&self.model, self.pose, base, points).ok())
+            .filter_map(|base| Self::with_base(&self.model, self.pose, (base, None), points).ok())
             .collect()
     }
 
@@ -244,8 +259,11 @@ impl FrepTemplate {
 
     /// The same for what need not be at hand.
     pub(crate) fn aligned_in(&self, values: &[f64], points: &dyn Outline) -> Self {
-        let base = self.placement(values).map_or(self.base, |p| p.rotation);
-        Self::with_base_and_slack(&self.model, self.pose, base, points, &self.slack)
+        let place = match self.placement(values) {
+            Some(p) => (p.rotation, self.at.map(|_| p.translation)),
+            None => (self.base, self.at),
+        };
+        Self::with_base_and_slack(&self.model, self.pose, place, points, &self.slack)
             .expect("the model was compiled before")
     }
 
@@ -278,7 +296,8 @@ impl FrepTemplate {
             }
         }
         is_wider.then(|| {
-            Self::with_base_and_slack(&self.model, self.pose, self.base, points, &slack)
+            let place = (self.base, self.at);
+            Self::with_base_and_slack(&self.model, self.pose, place, points, &slack)
                 .expect("the model was compiled before")
         })
     }
@@ -525,15 +544,27 @@ const WIDEST_TURN: f64 = 0.5;
 /// origin: templates keep their origin inside the shape.
 const POSITION_MARGIN: f64 = 0.25;
 
-/// The parameters of a pose, for points in a box with these extents about `center`.
-fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter> {
+/// Share of those bounds that holds about a stated place.
+const NEAR: f64 = 0.1;
+
+/// The parameters of a pose, for points in a box with these extents about `center`; near the place
+/// of the model's origin where that is stated.
+fn pose_parameters(
+    pose: Pose,
+    extents: Point3,
+    center: Point3,
+    at: Option<Point3>,
+) -> Vec<Parameter> {
     let turns: &[&str] = match pose {
         Pose::None => return Vec::new(),
         Pose::Translate => &[],
         Pose::Axis => &["pose_rx", "pose_ry"],
         Pose::Rigid | Pose::Similarity => &["pose_rx", "pose_ry", "pose_rz"],
     };
-    let reach = (0.5 + POSITION_MARGIN) * extents.into_iter().fold(0.0, f64::max);
+    let share = if at.is_some() { NEAR } else { 1.0 };
+    let reach = share * (0.5 + POSITION_MARGIN) * extents.into_iter().fold(0.0, f64::max);
+    let turn = share * WIDEST_TURN;
+    let center = at.unwrap_or(center);
     let position = [
         ("pose_x", Kind::X),
         ("pose_y", Kind::Y),
@@ -559,7 +590,7 @@ fn pose_parameters(pose: Pose, extents: Point3, center: Point3) -> Vec<Parameter
     all.extend(
         turns
             .iter()
-            .map(|name| limited(name, Kind::Ratio, -WIDEST_TURN, 0.0, WIDEST_TURN)),
+            .map(|name| limited(name, Kind::Ratio, -turn, 0.0, turn)),
     );
     if pose == Pose::Similarity {
         all.push(limited("pose_scale", Kind::Ratio, 1e-3, 1.0, 1e3));

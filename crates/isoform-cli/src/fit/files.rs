@@ -104,7 +104,7 @@ pub(crate) fn write(
 /// Writes a file of its kind.
 fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
-        Kind::Program => output::write_file(path, job.found.program().as_bytes()),
+        Kind::Program => output::write_file(path, job.program().as_bytes()),
         Kind::Points => {
             let options = WriteOptions {
                 units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),

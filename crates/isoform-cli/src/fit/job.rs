@@ -32,6 +32,8 @@ pub(crate) struct Request {
     pub(crate) fixed: Vec<(String, f64)>,
     /// Motion of the template as further parameters.
     pub(crate) pose: Option<Pose>,
+    /// True if the model is written in the template's own coordinates.
+    pub(crate) is_own_frame: bool,
     /// Whether isolated points are left out.
     pub(crate) filter_outliers: bool,
     /// Clutter of these kinds is fitted like the rest.
@@ -52,6 +54,8 @@ pub(crate) struct Job {
     pub(crate) template_name: String,
     /// Unit of the scan, and how it is known.
     pub(crate) unit: UnitGuess,
+    /// True if the model is written in the template's own coordinates.
+    pub(crate) is_own_frame: bool,
     /// Seed of the search.
     pub(crate) seed: u64,
     /// Method of the search.
@@ -67,6 +71,18 @@ impl Job {
     pub(crate) fn unit_of(&self, i: usize) -> Option<String> {
         let length = Some(self.unit.unit.as_str()).filter(|unit| !unit.is_empty());
         self.found.unit_of(i, length)
+    }
+    /// The fitted program, in the coordinates that are asked for.
+    pub(crate) fn program(&self) -> String {
+        match self.is_own_frame {
+            true => self.found.own_program(),
+            false => self.found.program(),
+        }
+    }
+    /// The name of the scan's file, without its ending.
+    pub(crate) fn part_name(&self) -> String {
+        let name = Path::new(&self.scan).file_stem().unwrap_or_default();
+        name.to_string_lossy().into_owned()
     }
     /// 0, or 3 where the fit is refused or not complete, or 130.
     pub(crate) fn exit(&self) -> u8 {
@@ -133,6 +149,7 @@ pub(crate) fn run_model(
         found,
         template_name: request.template.display().to_string(),
         unit,
+        is_own_frame: request.is_own_frame,
         seed: options.fit.seed,
         method: request.method,
         seconds,

@@ -89,6 +89,9 @@ pub(crate) struct Settings {
     /// Motion of the whole template as further parameters [default: as the template says]
     #[arg(long, value_enum)]
     pose: Option<PoseName>,
+    /// Coordinates of the program, the solid and the mesh that are written
+    #[arg(long, value_enum, default_value_t = FrameName::Scan)]
+    frame: FrameName,
     /// Keep isolated points
     #[arg(long)]
     no_outlier_filter: bool,
@@ -101,6 +104,15 @@ pub(crate) struct Settings {
     /// Unit of the scan's numbers [default: as the file says, else guessed from the size]
     #[arg(long, value_enum)]
     units: Option<UnitName>,
+}
+
+/// Coordinates in which a fitted model is written.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FrameName {
+    /// Those of the scan
+    Scan,
+    /// Those of the part: of the template, before its pose
+    Part,
 }
 
 /// The names of the methods on the command line.
@@ -213,6 +225,7 @@ impl Settings {
             loss: self.loss.loss(),
             fixed: self.fix.clone(),
             pose: self.pose.map(PoseName::pose),
+            is_own_frame: matches!(self.frame, FrameName::Part),
             filter_outliers: !self.no_outlier_filter,
             keep: kept.into_iter().filter(|k| k.0).map(|k| k.1).collect(),
             units: self.units.map(|u| u.symbol().to_owned()),

@@ -17,7 +17,7 @@ use std::time::Duration;
 
 /// The fitted program, read like any other, with the values of its parameters.
 pub(crate) fn fitted_model(job: &Job, language: &Language) -> Result<(Model, Vec<f64>), Failure> {
-    let fitted = model::silently(&job.found.program(), language);
+    let fitted = model::silently(&job.program(), language);
     let model = fitted.map_err(|e| {
         Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
     })?;
@@ -135,7 +135,10 @@ fn made(
 }
 
 fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result<Told, Failure> {
-    let said = Statement::of(&job.template_name, unit(job));
+    let said = Statement {
+        name: job.part_name(),
+        ..Statement::of(&job.template_name, unit(job))
+    };
     let name = format!("fitted {}", job.template_name);
     let (files, _) = solids::write(&made.solid, &wanted.paths, &said, &name)?;
     if said.unit.is_none() && wanted.paths.iter().any(|p| solids::is_step(p)) {

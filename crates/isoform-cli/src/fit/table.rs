@@ -2,6 +2,7 @@
 
 use super::job::Job;
 use isoform::fit::{Estimate, Kind, Status, Template};
+use isoform::geom::{Point3, norm, rotation};
 use isoform::report::{brief, method_name};
 
 /// The decimal place, as a power of ten, of the second significant digit of an error; none where
@@ -177,6 +178,8 @@ pub(crate) struct Row {
     pub(crate) interval: String,
     /// Value and error in millimetres, where the scan has another unit.
     pub(crate) mm: String,
+    /// A round number that may be meant, with a question mark; empty without one.
+    pub(crate) nominal: String,
     /// What the points say of it: determined, weak and so on.
     pub(crate) status: &'static str,
     /// Its bounds, in words.
@@ -207,13 +210,43 @@ fn row(job: &Job, i: usize, p: &Estimate) -> Row {
         mm: scale
             .map(|s| scaled(job, i, s, "").text())
             .unwrap_or_default(),
+        nominal: nominal(job, i),
         status: p.status.as_str(),
-        bounds: format!(
-            "{} to {}",
-            brief(p.bounds.0 + shift),
-            brief(p.bounds.1 + shift)
-        ),
+        bounds: match p.bounds {
+            (f64::NEG_INFINITY, f64::INFINITY) => String::new(),
+            (low, high) => format!("{} to {}", brief(low + shift), brief(high + shift)),
+        },
     }
+}
+
+/// The round number that may be meant by a parameter, for people.
+fn nominal(job: &Job, i: usize) -> String {
+    let Some(round) = job.found.nominal(i) else {
+        return String::new();
+    };
+    match job.found.template.parameters()[i].kind {
+        Kind::Angle => format!("{}°?", plain(round.to_degrees())),
+        _ => format!("{}?", plain(round)),
+    }
+}
+
+/// Where the model lies in the scan, in words; none without a pose.
+pub(crate) fn pose(job: &Job) -> Option<String> {
+    let place = job.found.placement()?;
+    let turn = rotation::vector_of(&place.rotation);
+    let angle = norm(turn);
+    let list = |v: Point3, digits: usize| v.map(|x| at_place(x, -(digits as i32))).join(", ");
+    let at = place.translation.map(brief).join(", ");
+    let mut text = format!("origin at ({at})");
+    if angle > 0.0 {
+        let axis = turn.map(|x| x / angle);
+        let degrees = at_place(angle.to_degrees(), -3);
+        text += &format!(", turned by {degrees}° about ({})", list(axis, 4));
+    }
+    if place.scale != 1.0 {
+        text += &format!(", scaled by {}", brief(place.scale));
+    }
+    Some(text)
 }
 
 /// One sentence: whether the template fits.
@@ -270,17 +303,27 @@ pub(crate) fn text(job: &Job) -> String {
     text + &search(job)
 }
 
-/// The table of the parameters.
+/// The table of the parameters but those of the pose, which is a line of its own.
 fn parameters(job: &Job) -> String {
-    let rows = rows(job);
-    let has_mm = rows.iter().any(|r| !r.mm.is_empty());
-    let mm = if has_mm { "in mm" } else { "" };
-    let mut lines = vec![["parameter", "value", "± 95 %", "status", mm].map(str::to_owned)];
-    lines.extend(
-        rows.into_iter()
-            .map(|r| [r.name, r.value, r.error, r.status.to_owned(), r.mm]),
-    );
-    columns(&lines)
+    let mut rows = rows(job);
+    rows.truncate(job.found.template.frep.model().n_params());
+    let head = |is_any: bool, text: &'static str| if is_any { text } else { "" };
+    let mm = head(rows.iter().any(|r| !r.mm.is_empty()), "in mm");
+    let nominal = head(rows.iter().any(|r| !r.nominal.is_empty()), "nominal");
+    let names = ["parameter", "value", "± 95 %", nominal, "status", mm];
+    let mut lines = vec![names.map(str::to_owned)];
+    lines.extend(rows.into_iter().map(|r| {
+        [
+            r.name,
+            r.value,
+            r.error,
+            r.nominal,
+            r.status.to_owned(),
+            r.mm,
+        ]
+    }));
+    let pose = pose(job).map_or(String::new(), |pose| format!("pose      {pose}\n"));
+    columns(&lines) + &pose
 }
 
 /// How far points and model lie apart.
@@ -332,7 +375,10 @@ pub(crate) fn columns<const N: usize>(lines: &[[String; N]]) -> String {
         let mut row = String::new();
         for (k, cell) in line.iter().enumerate() {
             let space = " ".repeat(widths[k] - cell.chars().count());
-            row += &if k == 1 || k == 2 {
+            if widths[k] == 0 {
+                continue;
+            }
+            row += &if (1..4).contains(&k) {
                 format!("{space}{cell}  ")
             } else {
                 format!("{cell}{space}  ")

@@ -269,31 +269,54 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
     format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
 }
 
-/// The table of parameters; millimetres have a column of their own where the scan has another unit.
+/// The tables of parameters: those of the template, and the pose, which is folded.
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
+    let (own, pose) = rows.split_at(job.found.template.frep.model().n_params());
+    let folded = table::pose(job).map_or(String::new(), |place| {
+        let summary = escaped(&capitalized(&place));
+        let rows = parameter_rows(job, pose);
+        format!("<details><summary>Pose in the scan: {summary}</summary>{rows}</details>")
+    });
+    let rows = parameter_rows(job, own);
+    format!("<section><h2>Parameters</h2>{rows}{folded}</section>\n")
+}
+
+/// A table of parameters; millimetres have a column of their own where the scan has another unit.
+fn parameter_rows(job: &Job, rows: &[table::Row]) -> String {
     let infos = job.found.template.frep.model().params();
     let has_mm = rows.iter().any(|r| !r.mm.is_empty());
+    let has_nominal = rows.iter().any(|r| !r.nominal.is_empty());
     let mut html = String::from(
-        "<section><h2>Parameters</h2><div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th><th class=\"n\">± 95 %</th><th class=\"n\">95 % interval</th>",
+        "<div class=\"wide\"><table><tr><th>parameter</th><th class=\"n\">value</th>\
+         <th class=\"n\">± 95 %</th>",
     );
+    if has_nominal {
+        html += "<th class=\"n\">nominal</th>";
+    }
+    html += "<th class=\"n\">95 % interval</th>";
     if has_mm {
         html += "<th class=\"n\">in mm</th>";
     }
     html += "<th>status</th><th>bounds</th>";
     html += "</tr>\n";
-    for (i, r) in rows.iter().enumerate() {
-        let text = infos.get(i).map_or("", |p| p.description.as_str());
+    for r in rows {
+        let info = infos.iter().find(|p| p.name == r.name);
+        let text = info.map_or("", |p| p.description.as_str());
         let _ = write!(
             html,
-            "<tr class=\"{}\"><td><b>{}</b><small>{}</small></td><td class=\"n\">{}</td><td class=\"n\">{}</td><td class=\"n\">{}</td>",
+            "<tr class=\"{}\"><td><b>{}</b><small>{}</small></td><td class=\"n\">{}</td>\
+             <td class=\"n\">{}</td>",
             r.status,
             escaped(&r.name),
             escaped(text),
             escaped(&r.value),
             r.error,
-            r.interval
         );
+        if has_nominal {
+            let _ = write!(html, "<td class=\"n\">{}</td>", r.nominal);
+        }
+        let _ = write!(html, "<td class=\"n\">{}</td>", r.interval);
         if has_mm {
             let _ = write!(html, "<td class=\"n\">{}</td>", r.mm);
         }
@@ -304,7 +327,7 @@ fn parameters(job: &Job) -> String {
         );
         html += "</tr>\n";
     }
-    html + "</table></div></section>\n"
+    html + "</table></div>"
 }
 
 /// What is open, what was dropped, and what to beware of.
@@ -577,7 +600,7 @@ fn again(job: &Job) -> String {
         job.seed,
         env!("CARGO_PKG_VERSION"),
         escaped(&command.join(" ")),
-        escaped(&job.found.program())
+        escaped(&job.program())
     )
 }
 

@@ -5,7 +5,9 @@
 //! docs/hyperfun.md.
 
 use super::ast::Object;
+use super::print::Placement;
 use super::source::{Source, SyntaxError, Warning};
+use isoform_geom::rotation;
 use std::collections::BTreeMap;
 
 /// What kind of quantity a parameter is.
@@ -168,8 +170,10 @@ pub struct FileInfo {
     pub title: Option<String>,
     /// `@fits`: what the template fits.
     pub fits: Option<String>,
-    /// `@pose`
+    /// `@pose`: the motion that a fit finds.
     pub pose: Option<Pose>,
+    /// `@pose … at … turned …`: the place from which a fit starts, in the coordinates of the data.
+    pub place: Option<Placement>,
     /// `@unit`: of lengths.
     pub unit: Option<String>,
 }
@@ -298,7 +302,11 @@ pub(crate) fn read(
             "title" => found.file.title = own(text),
             "fits" => found.file.fits = own(text),
             "unit" => found.file.unit = own(text),
-            "pose" => found.file.pose = Some(one_of(source, text, &POSES, "a pose")?),
+            "pose" => {
+                let (word, place) = text.word();
+                found.file.pose = Some(one_of(source, word, &POSES, "a pose")?);
+                found.file.place = placement(source, place)?;
+            }
             "param" => {
                 let Some(of) = objects.get(object) else {
                     let message = "no object follows that this parameter could belong to";
@@ -359,6 +367,37 @@ fn one_of<T: Copy>(source: &Source, word: Piece<'_>, table: &[(&str, T)], what: 
         format!("`{}` is not {what}; known are {known}", word.text),
         known,
     ))
+}
+
+/// `[at X Y Z] [turned RX RY RZ]`: where the model's origin lies, and a rotation vector in radians.
+fn placement(source: &Source, text: Piece<'_>) -> Read<Option<Placement>> {
+    let (mut translation, mut vector, mut is_placed) = ([0.0; 3], [0.0; 3], false);
+    let mut rest = text.trimmed();
+    while !rest.text.is_empty() {
+        let (key, after) = rest.word();
+        let to = match key.text {
+            "at" => &mut translation,
+            "turned" => &mut vector,
+            other => {
+                let message = format!(
+                    "`{other}` is no part of a pose; known are at X Y Z and turned RX RY RZ"
+                );
+                return Err(source.error(key.at, message, "at, turned"));
+            }
+        };
+        rest = after;
+        for v in to {
+            let (word, after) = rest.word();
+            *v = number(source, word)?;
+            rest = after.trimmed();
+        }
+        is_placed = true;
+    }
+    Ok(is_placed.then(|| Placement {
+        rotation: rotation::about(vector),
+        translation,
+        scale: 1.0,
+    }))
 }
 
 const KEYS: &str = "min=, max=, start=, typical=, unit=, fixed, fixed=, tie=";

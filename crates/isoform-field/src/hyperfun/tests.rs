@@ -407,6 +407,19 @@ fn annotations_describe_parameters() {
     assert_eq!((p[3].fixed, p[3].kind), (Some(Fixed::At(0.5)), Kind::Angle));
     assert_eq!(m.info().pose, Some(Pose::Rigid));
     assert_eq!(m.info().title.as_deref(), Some("A ball on a rod"));
+    assert_eq!(m.info().place, None);
+    let placed = ANNOTATED.replace("rigid", "rigid at 1 -2e1 3.5 turned 0 0 3.141592653589793");
+    let place = model(&placed).info().place.clone().expect("a place");
+    assert_eq!((place.translation, place.scale), ([1.0, -20.0, 3.5], 1.0));
+    let half_turn = [[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]];
+    for (row, wanted) in place
+        .rotation
+        .iter()
+        .flatten()
+        .zip(half_turn.iter().flatten())
+    {
+        assert!((row - wanted).abs() < 1e-15);
+    }
 }
 
 #[test]
@@ -585,8 +598,21 @@ fn bad_annotations_have_positions() {
     bad("a[1] r tie=a[2]*a[2]", 27, "linear");
     bad("a[1] r tie=q", 22, "no parameter");
     bad("a[1] r tie=r+1", 22, "free");
-    let e = refused("-- @pose sideways\nm(x[3], a[2]) { m = 1; }");
-    assert!(e.message.contains("rigid") && e.column == 10);
+    let pose = |pose: &str| refused(&format!("-- @pose {pose}\nm(x[3], a[2]) {{ m = 1; }}"));
+    for (of, column, said) in [
+        ("sideways", 10, "rigid"),
+        ("rigid near 1 2 3", 16, "at X Y Z"),
+        ("rigid at 1 2", 22, "number"),
+        ("rigid at 1 2 x", 23, "number"),
+        ("rigid at 1 2 3 4", 25, "turned"),
+        ("axis turned 1 nan 3", 24, "number"),
+    ] {
+        let e = pose(of);
+        assert!(
+            e.message.contains(said) && e.column == column,
+            "{of}: {e:?}"
+        );
+    }
     assert!(
         refused("m(x[3], a[1]) { m = 1; }\n-- @param a[1] r")
             .message

@@ -74,9 +74,9 @@ impl Free<'_> {
 
     /// Sets of triangles that hypotheses are made from.
     fn sets(&self, piece: u32) -> Vec<Vec<u32>> {
-        let own = &self.flats.pieces[piece as usize].triangles;
+        let own = self.large(piece);
         let mut beside: Vec<u32> = Vec::new();
-        for t in own {
+        for t in &own {
             for u in self.mesh.near(*t) {
                 let other = self.flats.of[*u as usize];
                 let is_new = other != piece && !beside.contains(&other);
@@ -86,11 +86,11 @@ impl Free<'_> {
             }
         }
         beside.truncate(BESIDE);
+        let beside: Vec<Vec<u32>> = beside.iter().map(|p| self.large(*p)).collect();
         let mut sets = Vec::new();
         for (k, a) in beside.iter().enumerate() {
             for b in &beside[k + 1..] {
-                let more = [a, b].map(|p| &self.flats.pieces[*p as usize].triangles[..]);
-                sets.push([own, more[0], more[1]].concat());
+                sets.push([&own[..], a, b].concat());
             }
         }
         for (most, factor) in BALLS {
@@ -100,6 +100,15 @@ impl Free<'_> {
             }
         }
         sets
+    }
+
+    /// The triangles of a flat piece that are comparable to its largest one: slivers may be of
+    /// another face, whose facet happens to lie in the same plane.
+    fn large(&self, piece: u32) -> Vec<u32> {
+        let all = self.flats.pieces[piece as usize].triangles.iter().copied();
+        let area = |t: u32| self.mesh.areas[t as usize];
+        let largest = all.clone().map(area).fold(0.0, f64::max);
+        all.filter(|t| COMPARABLE * area(*t) >= largest).collect()
     }
 
     /// The free triangles nearest to one, across edges at which the surface turns little and areas

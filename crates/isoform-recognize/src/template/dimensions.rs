@@ -40,9 +40,12 @@ pub(super) struct Parameter {
     pub(super) about: String,
     /// Held: nothing in the scan tells it.
     pub(super) is_fixed: bool,
-    /// What it follows: a linear expression of other parameters.
-    pub(super) tie: Option<String>,
+    /// What it follows: a sum of free parameters with factors.
+    pub(super) tie: Option<Linear>,
 }
+
+/// Numbers of parameters, each with its factor.
+pub(super) type Linear = Vec<(usize, f64)>;
 
 /// What stands for a number in the program.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -68,11 +71,11 @@ pub(super) struct Dimensions<'a> {
     frame: &'a Frame,
     entities: &'a [Entity],
     pub(super) parameters: Vec<Parameter>,
-    /// The origin in the frame's coordinates about the middle of the scan; whether something lies
-    /// there, by axis.
+    /// The origin in the frame's coordinates about the middle of the scan.
     pub(super) origin: [f64; 3],
-    pub(super) is_known: [bool; 3],
     shared: Vec<Shared>,
+    /// The legs of chamfers so far, their deviations and parameters.
+    chamfers: Vec<(f64, f64, usize)>,
     /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
     outward: &'a [f64],
     /// Entities of one radius.
@@ -112,8 +115,8 @@ impl<'a> Dimensions<'a> {
             entities: &found.entities,
             parameters: Vec::new(),
             origin: [0.0; 3],
-            is_known: [false; 3],
             shared: Vec::new(),
+            chamfers: Vec::new(),
             outward,
             radii: (0..n).map(|i| radii.root(i as u32) as usize).collect(),
             radius_of: vec![None; n],
@@ -162,9 +165,7 @@ impl<'a> Dimensions<'a> {
             } else {
                 lowest.or(of_axis)
             };
-            let place = first.or_else(|| self.any_place(k, used));
-            self.is_known[k] = place.is_some();
-            self.origin[k] = place.unwrap_or(0.0);
+            self.origin[k] = first.or_else(|| self.any_place(k, used)).unwrap_or(0.0);
         }
     }
 
@@ -185,21 +186,6 @@ impl<'a> Dimensions<'a> {
     pub(super) fn add(&mut self, parameter: Parameter) -> usize {
         self.parameters.push(parameter);
         self.parameters.len() - 1
-    }
-
-    /// A parameter for a position of the frame along one of its axes, which is where the origin is.
-    pub(super) fn add_origin(&mut self, k: usize) -> usize {
-        let half = RANGE.0 * self.diagonal;
-        let start = self.origin[k];
-        self.add(Parameter {
-            name: format!("origin_{}", LETTERS[k]),
-            measure: Measure::Length,
-            start,
-            range: [start - half, start + half],
-            about: "where the part lies, along its own axes".to_owned(),
-            is_fixed: false,
-            tie: None,
-        })
     }
 
     /// A parameter for an angle.
@@ -256,8 +242,10 @@ impl<'a> Dimensions<'a> {
         if let Some(shared) = self.shared.iter().find(fits) {
             return shared.term;
         }
-        let term = if let Some(tie) = self.contact(entity, [system, axis], value) {
-            Term::Of(self.add_tied(name, tie, "where the blend touches"))
+        let term = if let Some(tie) = self.contact(entity, [system, axis]) {
+            Term::Of(self.add_tied(name, tie, "where it touches"))
+        } else if let Some(tie) = self.chamfer(entity, [system, axis]) {
+            Term::Of(self.add_tied(name, tie, "of the chamfer"))
         } else if system == 0 && is_one(0.0, sd) {
             Term::Zero
         } else if let Some(tie) = self.mirrored([system, axis], is_plane, value, sd) {
@@ -276,40 +264,169 @@ impl<'a> Dimensions<'a> {
         term
     }
 
-    /// Whether an entity rounds the edge of others, and which.
-    pub(super) fn blend_of(&self, entity: usize) -> Option<&'a Blend> {
-        self.blends.iter().find(|b| b.entity == entity)
+    /// The coordinate of a term, in free parameters.
+    fn linear(&self, term: Term) -> Linear {
+        match term {
+            Term::Zero => Vec::new(),
+            Term::Of(k) => self.parameters[k].tie.clone().unwrap_or(vec![(k, 1.0)]),
+        }
     }
 
-    /// The coordinate of a blend that touches a plane along an axis: one radius off it.
-    fn contact(&mut self, entity: usize, way: [usize; 2], value: f64) -> Option<String> {
-        let blend = self.blend_of(entity)?;
-        let [system, axis] = way;
-        let touched = |j: &&usize| {
-            let is_plane = self.frame.surfaces[**j].kind == Kind::Plane;
-            is_plane && self.frame.along[**j] == Some((system, axis))
-        };
-        let plane = *blend.between.iter().find(touched)?;
+    /// The term of the plane of an entity.
+    fn plane_term(&self, plane: usize) -> Option<Term> {
+        let (system, axis) = self.frame.along[plane]?;
         let place = self.coordinate(system, axis, &self.frame.surfaces[plane]);
         let limit = TIED * self.diagonal;
         let is_its = |s: &&Shared| {
-            s.is_plane && [s.system, s.axis] == way && (s.value - place).abs() <= limit
+            let is_along = s.is_plane && [s.system, s.axis] == [system, axis];
+            is_along && (s.value - place).abs() <= limit
         };
-        let plane = self.shared.iter().find(is_its)?.term;
-        let sign = if value > place { '+' } else { '-' };
-        let Term::Of(radius) = self.radius(entity, &self.radius_name(entity)) else {
+        self.shared.iter().find(is_its).map(|s| s.term)
+    }
+
+    /// The planes across an axis of a system that a ball or a tube touches, each with 1 where the
+    /// centre lies above it and −1 where below.
+    fn touched(&self, entity: usize, way: [usize; 2]) -> impl Iterator<Item = (usize, f64)> {
+        let s = self.frame.surfaces[entity];
+        let own = self.frame.along[entity].map(|(system, axis)| [system, axis]);
+        let (radius, may) = match s.kind {
+            Kind::Sphere => (s.size, true),
+            Kind::Cylinder => (
+                s.size,
+                own.is_some_and(|o| o[0] == way[0] && o[1] != way[1]),
+            ),
+            Kind::Torus => (s.other, own == Some(way)),
+            Kind::Plane | Kind::Cone => (0.0, false),
+        };
+        let between = self.blend_of(entity).map_or(&[][..], |b| &b.between);
+        let at = self.coordinate(way[0], way[1], &s);
+        let limit = TIED * self.diagonal;
+        let touches = move |j: &usize| {
+            let is_across = self.frame.along[*j] == Some((way[0], way[1]));
+            if !may || !is_across || self.frame.surfaces[*j].kind != Kind::Plane {
+                return None;
+            }
+            let above = at - self.coordinate(way[0], way[1], &self.frame.surfaces[*j]);
+            let off = (above.abs() - radius).abs();
+            let sd = self
+                .deviation(entity)
+                .hypot(self.deviation(*j))
+                .hypot(self.size_sd(entity));
+            let most = if between.contains(j) {
+                limit
+            } else {
+                (WITHIN * sd).min(limit)
+            };
+            (off <= most).then_some((*j, above.signum()))
+        };
+        (0..self.entities.len()).filter_map(move |j| touches(&j))
+    }
+
+    /// The coordinate of what touches planes across an axis: midway between two, one radius off
+    /// one.
+    fn contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
+        if let Some([low, high]) = self.sides(entity, way) {
+            return Some(sum(&[(0.5, low), (0.5, high)]));
+        }
+        let terms = self.touched(entity, way);
+        let found = terms.filter_map(|(j, sign)| Some((self.plane_term(j)?, sign)));
+        let (plane, sign) = found.into_iter().next()?;
+        let radius = self.radius(entity);
+        Some(sum(&[
+            (1.0, self.linear(plane)),
+            (sign, self.linear(radius)),
+        ]))
+    }
+
+    /// The two planes across an axis between which an entity lies, touching both.
+    fn sides(&self, entity: usize, way: [usize; 2]) -> Option<[Linear; 2]> {
+        let side = |sign: f64| {
+            let mut all = self.touched(entity, way).filter(|t| t.1 == sign);
+            all.find_map(|(j, _)| Some(self.linear(self.plane_term(j)?)))
+        };
+        Some([side(1.0)?, side(-1.0)?])
+    }
+
+    /// Half the distance of two planes between which an entity lies, or one of its radius.
+    fn half_width(&self, entity: usize) -> Option<Linear> {
+        let alike = (0..self.entities.len()).filter(|j| self.radii[*j] == self.radii[entity]);
+        let ways = |j: usize| {
+            let system = self.frame.along[j].map_or(0, |along| along.0);
+            (0..3).find_map(move |axis| self.sides(j, [system, axis]))
+        };
+        let [low, high] = alike.filter_map(ways).next()?;
+        Some(sum(&[(0.5, high), (-0.5, low)]))
+    }
+
+    /// The coordinate of a plane that cuts the edge of two planes along axes of the part's own
+    /// frame, by a known angle: from the edge, and the leg of the chamfer along the later axis.
+    fn chamfer(&mut self, entity: usize, [system, axis]: [usize; 2]) -> Option<Linear> {
+        let s = self.frame.surfaces[entity];
+        let turns = &self.frame.systems[system].turns;
+        let is_design = turns.len() == 1 && turns[0].is_design;
+        if s.kind != Kind::Plane || !is_design {
             return None;
+        }
+        let row = self.frame.systems[system].rows[axis];
+        let sign = dot(row, s.axis).signum() * self.outward[entity];
+        let outward = row.map(|x| sign * x);
+        let [a, b] = [1, 2].map(|k| (turns[0].about + k) % 3);
+        let (a, b) = (a.min(b), a.max(b));
+        if row[a].abs().min(row[b].abs()) < ROUNDING {
+            return None;
+        }
+        let at = self.coordinate(system, axis, &s);
+        let sd = self.deviation(entity);
+        let mut best: Option<(f64, f64, usize, usize)> = None;
+        for i in self.faces(a, outward[a]) {
+            for j in self.faces(b, outward[b]) {
+                let corner = row[a] * self.coordinate(0, a, &self.frame.surfaces[i])
+                    + row[b] * self.coordinate(0, b, &self.frame.surfaces[j]);
+                let leg = sign * (corner - at) / row[b].abs();
+                let sd = sd.hypot(self.deviation(i)).hypot(self.deviation(j)) / row[b].abs();
+                let is_nearer = best.is_none_or(|(least, ..)| leg < least);
+                if leg > WITHIN * sd && is_nearer {
+                    best = Some((leg, sd, i, j));
+                }
+            }
+        }
+        let (leg, sd, i, j) = best?;
+        let [first, second] = [self.plane_term(i)?, self.plane_term(j)?];
+        let leg = self.leg(leg, sd);
+        Some(sum(&[
+            (row[a], self.linear(first)),
+            (row[b], self.linear(second)),
+            (-sign * row[b].abs(), vec![(leg, 1.0)]),
+        ]))
+    }
+
+    /// The planes along an axis of the part's own frame that face one way.
+    fn faces(&self, axis: usize, way: f64) -> impl Iterator<Item = usize> {
+        let is_one = move |i: &usize| {
+            let s = &self.frame.surfaces[*i];
+            let is_along = s.kind == Kind::Plane && self.frame.along[*i] == Some((0, axis));
+            is_along && s.axis[axis] * self.outward[*i] * way > 0.0
         };
-        let radius = &self.parameters[radius].name;
-        Some(match plane {
-            Term::Zero if sign == '+' => radius.clone(),
-            Term::Zero => format!("0 - {radius}"),
-            Term::Of(p) => format!("{} {sign} {radius}", self.parameters[p].name),
-        })
+        (0..self.entities.len()).filter(is_one)
+    }
+
+    /// The parameter of a chamfer's leg: one that there is, or a new one.
+    fn leg(&mut self, leg: f64, sd: f64) -> usize {
+        let limit = TIED * self.diagonal;
+        let is_one = |(other, its, _): &&(f64, f64, usize)| {
+            (other - leg).abs() <= (WITHIN * sd.hypot(*its)).min(limit)
+        };
+        if let Some(known) = self.chamfers.iter().find(is_one) {
+            return known.2;
+        }
+        let name = self.free("chamfer");
+        let parameter = self.add_size(name, leg, sd, "along an edge of the face");
+        self.chamfers.push((leg, sd, parameter));
+        parameter
     }
 
     /// The negative of a coordinate that lies as far on the other side of the origin.
-    fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<String> {
+    fn mirrored(&self, way: [usize; 2], is_plane: bool, value: f64, sd: f64) -> Option<Linear> {
         let limit = TIED * self.diagonal;
         let is_opposite = |s: &&Shared| {
             let off = (s.value + value).abs();
@@ -317,29 +434,33 @@ impl<'a> Dimensions<'a> {
                 && s.is_plane == is_plane
                 && off <= (WITHIN * sd.hypot(s.sd)).min(limit)
         };
-        let Term::Of(other) = self.shared.iter().find(is_opposite)?.term else {
-            return None;
-        };
-        Some(format!("0 - {}", self.parameters[other].name))
+        let other = self.shared.iter().find(is_opposite)?.term;
+        (other != Term::Zero).then(|| sum(&[(-1.0, self.linear(other))]))
+    }
+
+    /// Whether an entity rounds the edge of others, and which.
+    pub(super) fn blend_of(&self, entity: usize) -> Option<&'a Blend> {
+        self.blends.iter().find(|b| b.entity == entity)
     }
 
     /// The radius of the circle of a torus that touches a coaxial cylinder: the tube's radius off
     /// the cylinder's.
-    pub(super) fn circle_contact(&mut self, entity: usize) -> Option<String> {
+    pub(super) fn circle_contact(&mut self, entity: usize) -> Option<Linear> {
         let blend = self.blend_of(entity)?;
         let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == Kind::Cylinder;
         let cylinder = *blend.between.iter().find(is_cylinder)?;
         let own = self.radius_of[self.radii[cylinder]]?;
-        let tube = self.radius(entity, &self.radius_name(entity));
-        let Term::Of(tube) = tube else { return None };
+        let tube = self.radius(entity);
         let is_wider = self.frame.surfaces[entity].size > self.frame.surfaces[cylinder].size;
-        let sign = if is_wider { '+' } else { '-' };
-        let name = |k: usize| &self.parameters[k].name;
-        Some(format!("{} {sign} {}", name(own), name(tube)))
+        let sign = if is_wider { 1.0 } else { -1.0 };
+        Some(sum(&[
+            (1.0, self.linear(Term::Of(own))),
+            (sign, self.linear(tube)),
+        ]))
     }
 
     /// A parameter that follows others.
-    pub(super) fn add_tied(&mut self, name: &str, tie: String, about: &str) -> usize {
+    pub(super) fn add_tied(&mut self, name: &str, tie: Linear, about: &str) -> usize {
         let name = self.free(name);
         self.add(Parameter {
             name,
@@ -352,11 +473,18 @@ impl<'a> Dimensions<'a> {
         })
     }
 
-    /// The name of an entity in the program.
+    /// The name of an entity in the program: its role, with a number where others have it too.
     pub(super) fn name_of(&self, i: usize) -> String {
-        let is_alike = |j: &usize| self.role(*j) == self.role(i);
-        let before = (0..i).filter(is_alike).count();
-        format!("{}_{}", self.role(i), before + 1)
+        let role = self.role(i);
+        let alike: Vec<usize> = self.of_role(role).collect();
+        match alike.iter().position(|j| *j == i) {
+            Some(k) if alike.len() > 1 => format!("{role}_{}", k + 1),
+            _ => role.to_owned(),
+        }
+    }
+
+    fn of_role(&self, role: &str) -> impl Iterator<Item = usize> {
+        (0..self.entities.len()).filter(move |j| self.role(*j) == role)
     }
 
     /// What an entity is to a designer.
@@ -374,11 +502,24 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// The name of the parameter of an entity's radius.
-    pub(super) fn radius_name(&self, i: usize) -> String {
+    /// The name of the parameter of an entity's radius, and what it is of where several have it:
+    /// without a number where all of their role do.
+    fn radius_name(&self, i: usize) -> (String, String) {
+        let role = self.role(i);
+        let has_it = |j: &usize| self.radii[*j] == self.radii[i];
+        let count = self.of_role(role).filter(has_it).count();
         let is_ring = self.frame.surfaces[i].kind == Kind::Torus && self.blend_of(i).is_none();
         let tube = if is_ring { "tube_" } else { "" };
-        format!("{}_{tube}radius", self.name_of(i))
+        let base = match self.of_role(role).count() == count {
+            true => role.to_owned(),
+            false => self.name_of(i),
+        };
+        let plural = if role == "boss" { "es" } else { "s" };
+        let about = match count {
+            1 => String::new(),
+            _ => format!("of {count} {role}{plural}"),
+        };
+        (format!("{base}_{tube}radius"), about)
     }
 
     /// A parameter for a position, with a range that keeps parallel faces in their order.
@@ -415,7 +556,7 @@ impl<'a> Dimensions<'a> {
     }
 
     /// The radius of an entity: that of entities of equal radius, or a new parameter.
-    pub(super) fn radius(&mut self, entity: usize, name: &str) -> Term {
+    pub(super) fn radius(&mut self, entity: usize) -> Term {
         let root = self.radii[entity];
         if let Some(parameter) = self.radius_of[root] {
             return Term::Of(parameter);
@@ -426,20 +567,30 @@ impl<'a> Dimensions<'a> {
         } else {
             s.size
         };
-        let parameter = self.size(entity, size, name, "");
+        let (name, about) = self.radius_name(entity);
+        let parameter = match self.half_width(entity) {
+            Some(tie) => self.add_tied(&name, tie, &about),
+            None => self.size(entity, size, &name, &about),
+        };
         self.radius_of[root] = Some(parameter);
         Term::Of(parameter)
     }
 
     /// A parameter for a size of an entity.
     pub(super) fn size(&mut self, entity: usize, size: f64, name: &str, about: &str) -> usize {
-        let sd = self.entities[entity]
-            .deviations
-            .size
-            .max(self.entities[entity].deviations.minor);
-        let sd = if sd.is_finite() { sd } else { 0.0 };
-        let half = (RANGE.1 * size).max((DEVIATIONS * sd).min(size / 2.0));
         let name = self.free(name);
+        self.add_size(name, size, self.size_sd(entity), about)
+    }
+
+    /// The deviation of an entity's sizes; 0 where it is not known.
+    fn size_sd(&self, entity: usize) -> f64 {
+        let deviations = self.entities[entity].deviations;
+        let sd = deviations.size.max(deviations.minor);
+        if sd.is_finite() { sd } else { 0.0 }
+    }
+
+    fn add_size(&mut self, name: String, size: f64, sd: f64, about: &str) -> usize {
+        let half = (RANGE.1 * size).max((DEVIATIONS * sd).min(size / 2.0));
         self.add(Parameter {
             name,
             measure: Measure::Length,
@@ -481,6 +632,17 @@ impl<'a> Dimensions<'a> {
             .find(is_free)
             .expect("there are more numbers than parameters")
     }
+}
+
+/// Returns the sum of linear forms, each with a factor.
+fn sum(of: &[(f64, Linear)]) -> Linear {
+    let mut all: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
+    for (factor, form) in of {
+        for (k, own) in form {
+            *all.entry(*k).or_insert(0.0) += factor * own;
+        }
+    }
+    all.into_iter().filter(|term| term.1 != 0.0).collect()
 }
 
 /// Whether two blends have one radius: they may, by the deviations of the radii.

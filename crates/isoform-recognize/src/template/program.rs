@@ -1,13 +1,13 @@
 //! The template as a HyperFun program.
 
 use super::corner::Role;
-use super::dimensions::{Dimensions, LETTERS, Measure, Term};
+use super::dimensions::{Dimensions, LETTERS, Linear, Measure, Term};
 use super::frame::{Frame, System, Turn};
 use super::half::{Half, Source};
 use super::solid::{Solid, ones};
 use crate::chart::Kind;
 use crate::entity::Recognition;
-use isoform_geom::{Aabb, Point3, dot};
+use isoform_geom::{Aabb, Point3, dot, rotation};
 use std::fmt::Write;
 
 /// What a program is written from.
@@ -45,13 +45,39 @@ impl Part<'_> {
             body: String::new(),
             names: vec![String::new(); self.halves.len()],
         };
-        writer.frame(&used);
         writer.systems(&used);
         for k in writer.order() {
             writer.half(k);
         }
         writer.solid();
-        writer.text(title)
+        writer.text(title, self.pose(&used, &writer.dimensions.origin))
+    }
+
+    /// The pose that a fit finds, from where the part lies in the scan. What has an axis only may
+    /// turn about it, and a ball about its centre.
+    fn pose(&self, used: &[bool], origin: &Point3) -> String {
+        let frame = self.frame;
+        let has_direction = (0..used.len()).any(|i| used[i] && frame.along[i].is_some());
+        let motion = match (has_direction, frame.is_first_known) {
+            (false, _) => "translate",
+            (true, false) => "axis",
+            (true, true) => "rigid",
+        };
+        let columns = frame.rows;
+        let place = (0..3).map(|k| {
+            let off: f64 = (0..3).map(|j| columns[j][k] * origin[j]).sum();
+            self.length(self.middle[k] + off)
+        });
+        let rows = std::array::from_fn(|i| std::array::from_fn(|j| columns[j][i]));
+        let turn = rotation::vector_of(&rows).map(|v| format!("{v:?}"));
+        let place: Vec<String> = place.collect();
+        format!("{motion} at {} turned {}", place.join(" "), turn.join(" "))
+    }
+
+    /// A length to the digits that matter.
+    fn length(&self, v: f64) -> String {
+        let rounded: f64 = format!("{v:.*}", self.digits).parse().unwrap_or(v);
+        format!("{rounded:?}")
     }
 
     /// Whether a half space that the solid is written with comes from an entity.
@@ -85,44 +111,7 @@ impl Writer<'_> {
         }
     }
 
-    /// The part's own coordinates p.
-    fn frame(&mut self, used: &[bool]) {
-        let frame = self.part.frame;
-        self.line("-- the part's own frame");
-        let m = self.part.middle;
-        let place = (0..3).map(|k| format!("d[{}] = x[{}] - {};", k + 1, k + 1, number(m[k])));
-        let place: Vec<String> = place.collect();
-        self.line(&place.join(" "));
-        for (k, row) in frame.rows.iter().enumerate() {
-            let terms = (0..3).map(|j| format!("{}*d[{}]", number(row[j]), j + 1));
-            let terms: Vec<String> = terms.collect();
-            self.line(&format!("p[{}] = {};", k + 1, terms.join(" + ")));
-        }
-        let has_direction = (0..used.len()).any(|i| used[i] && frame.along[i].is_some());
-        let turns = [
-            has_direction,
-            has_direction,
-            has_direction && frame.is_first_known,
-        ];
-        for k in (0..3).filter(|k| turns[*k]) {
-            let name = format!("turn_{}", LETTERS[k]);
-            let about = "how the part is turned, about its own axes";
-            self.dimensions.add_angle(name.clone(), 0.0, about);
-            let axis = LETTERS[k].to_ascii_uppercase();
-            self.line(&format!("ok = hfRotate3D{axis}(p, {name});"));
-        }
-        let mut origin = Vec::new();
-        for k in 0..3 {
-            let term = match self.dimensions.is_known[k] {
-                true => Term::Of(self.dimensions.add_origin(k)),
-                false => Term::Zero,
-            };
-            origin.push(self.term(term));
-        }
-        self.line(&format!("ok = hfShift3D(p, {});", origin.join(", ")));
-    }
-
-    /// The coordinates that are turned against p.
+    /// The coordinates that are turned against the part's own.
     fn systems(&mut self, used: &[bool]) {
         let frame = self.part.frame;
         for (i, system) in frame.systems.iter().enumerate().skip(1) {
@@ -131,7 +120,7 @@ impl Writer<'_> {
                 continue;
             }
             let array = array(i);
-            let copies: Vec<String> = (1..=3).map(|k| format!("{array}[{k}] = p[{k}];")).collect();
+            let copies: Vec<String> = (1..=3).map(|k| format!("{array}[{k}] = x[{k}];")).collect();
             self.line(&copies.join(" "));
             self.turns(i, system);
         }
@@ -210,7 +199,7 @@ impl Writer<'_> {
         let parameter = self.dimensions.unseen(axis, is_upper, place);
         let at = self.term(Term::Of(parameter));
         self.names[k] = format!("{at}_face");
-        let x = format!("p[{}]", axis + 1);
+        let x = format!("x[{}]", axis + 1);
         if is_upper {
             format!("{at} - {x}")
         } else {
@@ -224,7 +213,7 @@ impl Writer<'_> {
         let name = format!("{base}_{}", LETTERS[axis]);
         let at = self.dimensions.position(i, [0, axis], &name, "");
         let at = self.term(at);
-        format!("{at} - p[{}]", axis + 1)
+        format!("{at} - x[{}]", axis + 1)
     }
 
     fn around(&mut self, k: usize, i: usize) -> String {
@@ -250,13 +239,13 @@ impl Writer<'_> {
             Kind::Cone => self.cone(i, &base, [system, axis]),
             Kind::Torus => {
                 let major = self.circle_radius(i, &base);
-                let minor = self.dimensions.radius(i, &self.dimensions.radius_name(i));
+                let minor = self.dimensions.radius(i);
                 let minor = self.term(minor);
                 self.line(&center);
                 format!("hfDTorus{letter}({p}, c, {major}, {minor})")
             }
             kind => {
-                let radius = self.dimensions.radius(i, &self.dimensions.radius_name(i));
+                let radius = self.dimensions.radius(i);
                 let radius = self.term(radius);
                 self.line(&center);
                 match kind {
@@ -351,7 +340,7 @@ impl Writer<'_> {
         let angle = format!("{base}_half_angle");
         self.dimensions
             .add_angle(angle.clone(), s.other, "between axis and side");
-        let about = format!("at {} = {}", LETTERS[axis], self.length(at));
+        let about = format!("at {} = {}", LETTERS[axis], self.part.length(at));
         let radius = self
             .dimensions
             .size(i, radius, &format!("{base}_radius"), &about);
@@ -367,7 +356,7 @@ impl Writer<'_> {
         self.line(&format!(
             "c[{}] = {} {way} {radius}/slope;",
             axis + 1,
-            self.length(at)
+            self.part.length(at)
         ));
         let above = format!("{p}[{0}] - c[{0}]", axis + 1);
         let nappe = if sign > 0.0 {
@@ -401,7 +390,8 @@ impl Writer<'_> {
         }
     }
 
-    /// The names of a plane's parameter and variable: the extents of the part for outer faces.
+    /// The names of a plane's parameter and variable: the extents of the part for outer faces, and
+    /// the thickness of what lies between the lowest face and the next one.
     fn plane_names(&self, i: usize, [system, axis]: [usize; 2], is_above: bool) -> [String; 2] {
         let frame = self.part.frame;
         let row = frame.systems[system].rows[axis];
@@ -413,6 +403,9 @@ impl Writer<'_> {
         let lower = parallel().filter(|j| height(*j) < height(i)).count();
         let is_lowest = is_above && lower == 0;
         let is_highest = !is_above && parallel().all(|j| height(j) <= height(i));
+        let faces_up = |j: usize| dot(row, frame.surfaces[j].axis) * self.part.outward[j] > 0.0;
+        let is_wall =
+            !is_above && lower == 1 && parallel().any(|j| height(j) < height(i) && !faces_up(j));
         let letter = match system {
             0 => LETTERS[axis].to_string(),
             _ => format!("{}{system}", LETTERS[axis]),
@@ -424,10 +417,11 @@ impl Writer<'_> {
         if is_lowest {
             return [format!("{letter}_lowest"), format!("{letter}_low")];
         }
-        [
-            format!("{letter}_{lower}"),
-            format!("{letter}_face_{lower}"),
-        ]
+        let name = match is_wall {
+            true => format!("thickness_{letter}"),
+            false => format!("{letter}_{lower}"),
+        };
+        [name, format!("{letter}_face_{lower}")]
     }
 
     /// The solid, step by step.
@@ -487,16 +481,32 @@ impl Writer<'_> {
         text
     }
 
-    /// A length to the digits that matter.
-    fn length(&self, v: f64) -> String {
-        let rounded: f64 = format!("{v:.*}", self.part.digits).parse().unwrap_or(v);
-        number(rounded)
+    /// The text of a sum of parameters.
+    fn sum(&self, of: &Linear) -> String {
+        let mut text = String::new();
+        for (k, factor) in of {
+            text += match (text.is_empty(), *factor < 0.0) {
+                (true, true) => "0 - ",
+                (true, false) => "",
+                (false, true) => " - ",
+                (false, false) => " + ",
+            };
+            if factor.abs() != 1.0 {
+                let _ = write!(text, "{:?}*", factor.abs());
+            }
+            text += &self.dimensions.parameters[*k].name;
+        }
+        if text.is_empty() {
+            "0".to_owned()
+        } else {
+            text
+        }
     }
 
     /// The whole text.
-    fn text(&self, title: &str) -> String {
+    fn text(&self, title: &str, pose: String) -> String {
         let parameters = &self.dimensions.parameters;
-        let mut text = format!("-- @title {title}\n");
+        let mut text = format!("-- @title {title}\n-- @pose {pose}\n");
         for (k, p) in parameters.iter().enumerate() {
             let kind = match p.measure {
                 Measure::Length => "length",
@@ -517,7 +527,7 @@ impl Writer<'_> {
             };
             let fixed = if p.is_fixed { " fixed" } else { "" };
             let value = match &p.tie {
-                Some(tie) => format!("tie={tie}"),
+                Some(tie) => format!("tie={}", self.sum(tie)),
                 None => format!("start={start:?} min={min:?} max={max:?}{fixed}"),
             };
             let _ = writeln!(
@@ -530,11 +540,7 @@ impl Writer<'_> {
         let n = parameters.len().max(1);
         let _ = writeln!(text, "my_model(x[3], a[{n}])\n{{");
         let systems = (1..self.part.frame.systems.len()).map(|i| format!(", {}[3]", array(i)));
-        let _ = writeln!(
-            text,
-            "  array c[3], d[3], p[3]{};",
-            systems.collect::<String>()
-        );
+        let _ = writeln!(text, "  array c[3]{};", systems.collect::<String>());
         for (k, p) in parameters.iter().enumerate() {
             let _ = writeln!(text, "  {} = a[{}];", p.name, k + 1);
         }
@@ -554,7 +560,7 @@ fn cylinder([system, axis]: [usize; 2], radius: &str) -> String {
 /// The array of a system's coordinates.
 fn array(system: usize) -> String {
     match system {
-        0 => "p".to_owned(),
+        0 => "x".to_owned(),
         k => format!("q{k}"),
     }
 }

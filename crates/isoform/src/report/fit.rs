@@ -158,6 +158,8 @@ pub struct ParameterReport {
     pub bounds: [Option<f64>; 2],
     /// The bound it ran into, `lower` or `upper`.
     pub at_bound: Option<&'static str>,
+    /// A round number that may be meant; none where chance tells one as well.
+    pub nominal: Option<f64>,
 }
 
 /// Where a template lies.
@@ -374,6 +376,7 @@ fn parameters(found: &ScanFit, length: Option<&str>) -> Vec<ParameterReport> {
             unit: found.unit_of(i, length),
             bounds: [p.bounds.0, p.bounds.1].map(|bound| finite(bound + shift)),
             at_bound: at_bound(p),
+            nominal: found.nominal(i),
         }
     };
     let all = found.fit.parameters.iter().enumerate();

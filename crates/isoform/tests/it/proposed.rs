@@ -308,7 +308,7 @@ fn rounds_of_a_mesh_are_tied_to_their_faces() {
         let fit = fitted(&scan, &proposal);
         assert!(fit.fit.acceptable, "{steps}: {:?}", fit.fit.reasons);
         // Single precision is told from the coordinates: the interval holds the radius.
-        let radius = fit.template.index("round_1_radius").expect("a radius");
+        let radius = fit.template.index("round_radius").expect("a radius");
         let (low, high) = fit.fit.parameters[radius].ci95.expect("an interval");
         assert!(
             low <= 3.0 && 3.0 <= high && high - low < 1e-3,

@@ -44,6 +44,8 @@ pub(super) enum Form {
     Place(Vec<Sample>),
     /// The surface does not move.
     Nothing,
+    /// The parameter follows others, which are drawn.
+    Tied,
 }
 
 /// Points that move more slowly than this share of the fastest are not looked at: they are blends
@@ -100,8 +102,14 @@ pub(super) fn forms(
                 .filter(|(_, m)| m[k].abs() < 0.02)
                 .map(|(s, _)| *s)
                 .collect();
-            let kind = template.parameters()[k].kind;
-            checked(form(&moved, &still, kind, values[k], size), subject)
+            let parameter = &template.parameters()[k];
+            if parameter.tie.is_some() {
+                return Form::Tied;
+            }
+            checked(
+                form(&moved, &still, parameter.kind, values[k], size),
+                subject,
+            )
         })
         .collect()
 }

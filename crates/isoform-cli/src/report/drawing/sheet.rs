@@ -192,6 +192,7 @@ fn legend(drawing: &Drawing<'_>, forms: &[Form], rest: &[usize], from: f64) -> (
     for i in rest {
         let label = label(drawing, &forms[*i], *i);
         let why = match forms[*i] {
+            Form::Tied => continue,
             Form::Nothing => "does not move the surface",
             _ => "not seen in these views",
         };

@@ -60,7 +60,7 @@ pub(super) fn offer(
         } => round_offer(view, (*center, *axis, *radius), rim, *is_diameter, turn),
         Form::Offset { length, places } => offset_offer(view, *length, places),
         Form::Place(places) => place_offer(view, places),
-        Form::Nothing => None,
+        Form::Nothing | Form::Tied => None,
     }
 }
 
