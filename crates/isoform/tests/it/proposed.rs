@@ -270,6 +270,11 @@ fn rounded_box(steps: u32) -> PointCloud {
             [x + 3.0 * c, y + 3.0 * s]
         }));
     }
+    prism(&outline, 12.0)
+}
+
+/// The mesh of what lies over a convex outline, posed.
+fn prism(outline: &[[f64; 2]], height: f64) -> PointCloud {
     let n = outline.len() as u32;
     let ring = |z: f64| outline.iter().map(move |[x, y]| [*x, *y, z]);
     let mut triangles = Vec::new();
@@ -280,12 +285,101 @@ fn rounded_box(steps: u32) -> PointCloud {
     for k in 1..n - 1 {
         triangles.extend([[0, k + 1, k], [n, n + k, n + k + 1]]);
     }
-    let points = ring(0.0).chain(ring(12.0)).map(posed);
+    as_scan(ring(0.0).chain(ring(height)).collect(), triangles)
+}
+
+/// A mesh, posed, in single precision.
+fn as_scan(points: Vec<Point3>, triangles: Vec<[u32; 3]>) -> PointCloud {
+    let points = points.into_iter().map(posed);
     PointCloud {
         points: points.map(|p| p.map(|x| f64::from(x as f32))).collect(),
         triangles,
         ..PointCloud::default()
     }
+}
+
+/// A plate between planes y = 4 and y = 14 with round ends about (5, 9) and (35, 9), 6 high.
+fn stadium() -> PointCloud {
+    let mut outline: Vec<[f64; 2]> = Vec::new();
+    for (x, from) in [(35.0, -0.5), (5.0, 0.5)] {
+        outline.extend((0..=24).map(|j| {
+            let (s, c) = ((from + f64::from(j) / 24.0) * std::f64::consts::PI).sin_cos();
+            [x + 5.0 * c, 9.0 + 5.0 * s]
+        }));
+    }
+    prism(&outline, 6.0)
+}
+
+/// A block of 40 × 30 × 20 with the edges of its top cut off by 3 at 45°.
+fn chamfered() -> PointCloud {
+    let ring = |d: f64, z: f64| {
+        [
+            [d, d, z],
+            [40.0 - d, d, z],
+            [40.0 - d, 30.0 - d, z],
+            [d, 30.0 - d, z],
+        ]
+    };
+    let points = [ring(0.0, 0.0), ring(0.0, 17.0), ring(3.0, 20.0)].concat();
+    let mut triangles = vec![[0, 2, 1], [0, 3, 2], [8, 9, 10], [8, 10, 11]];
+    for low in [0, 4] {
+        for k in 0..4 {
+            let next = (k + 1) % 4;
+            let [a, b, c, d] = [low + k, low + next, low + 4 + next, low + 4 + k];
+            triangles.extend([[a, b, c], [a, c, d]]);
+        }
+    }
+    as_scan(points, triangles)
+}
+
+/// Surfaces that touch, and edges cut off alike, stay so whatever the dimensions: radii are tied to
+/// planes, chamfers are one leg.
+#[test]
+fn tangent_faces_and_chamfers_are_tied() {
+    let control = Control::default();
+    for (scan, names, values) in [
+        (
+            stadium(),
+            vec!["length", "height", "boss_1_x"],
+            vec![6.0, 10.0, 30.0],
+        ),
+        (
+            chamfered(),
+            vec!["chamfer", "height", "length", "width"],
+            vec![3.0, 20.0, 30.0, 40.0],
+        ),
+    ] {
+        let found = recognize_scan(&scan, &RecognizeOptions::default(), &control);
+        let proposal = found
+            .expect("entities")
+            .template("a part", &control)
+            .expect("a template");
+        let model = Model::parse(&proposal.program, Mode::Default).expect("HyperFun");
+        let free = model.params().iter().filter(|p| p.tie.is_none());
+        let free: Vec<&str> = free.map(|p| p.name.as_str()).collect();
+        assert_eq!(free.len(), names.len(), "{}", proposal.program);
+        let fit = fitted(&scan, &proposal);
+        assert!(fit.fit.acceptable, "{:?}", fit.fit.reasons);
+        for value in values {
+            assert!(is_there(&fit, value, 1e-4), "{value}: {:?}", fit.values());
+        }
+    }
+}
+
+/// A template says where its part lies, and fits another scan of it elsewhere.
+#[test]
+fn a_template_fits_the_part_in_another_place() {
+    let proposal = proposed(&plate(6000, 0.0));
+    assert!(proposal.program.contains("-- @pose rigid at "));
+    let turned = |p: &Point3| posed(posed([p[1] - 3.0, p[2] + 50.0, p[0]]));
+    let mut elsewhere = plate(6000, 0.0);
+    elsewhere.points = elsewhere.points.iter().map(turned).collect();
+    let fit = fitted(&elsewhere, &proposal);
+    assert!(
+        fit.fit.acceptable && fit.fit.rms < 1e-9,
+        "{:?}",
+        fit.fit.reasons
+    );
 }
 
 /// Rounds of a coarse CAD mesh, whose vertices all lie on edges, bound the solid and are tied.
