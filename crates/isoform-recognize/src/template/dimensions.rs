@@ -3,7 +3,7 @@
 use super::frame::Frame;
 use crate::chart::{Kind, Surface};
 use crate::entity::{Blend, Entity, Recognition, RelationKind};
-use isoform_geom::{UnionFind, dot};
+use isoform_geom::{UnionFind, cross, dot, norm, sub};
 
 /// Two lengths are one where they differ by at most this many deviations of their difference.
 const WITHIN: f64 = 4.0;
@@ -97,6 +97,20 @@ impl<'a> Dimensions<'a> {
         diagonal: f64,
     ) -> Self {
         let n = found.entities.len();
+        let mut new = Self {
+            frame,
+            entities: &found.entities,
+            parameters: Vec::new(),
+            origin: [0.0; 3],
+            shared: Vec::new(),
+            chamfers: Vec::new(),
+            outward,
+            radii: Vec::new(),
+            radius_of: vec![None; n],
+            blends: &found.blends,
+            diagonal,
+            noise: found.noise,
+        };
         let mut radii = UnionFind::new(n);
         for r in &found.relations {
             if r.kind == RelationKind::EqualRadius {
@@ -110,22 +124,45 @@ impl<'a> Dimensions<'a> {
                 }
             }
         }
-        let mut new = Self {
-            frame,
-            entities: &found.entities,
-            parameters: Vec::new(),
-            origin: [0.0; 3],
-            shared: Vec::new(),
-            chamfers: Vec::new(),
-            outward,
-            radii: (0..n).map(|i| radii.root(i as u32) as usize).collect(),
-            radius_of: vec![None; n],
-            blends: &found.blends,
-            diagonal,
-            noise: found.noise,
-        };
+        for (i, j) in (0..n).flat_map(|i| (0..n).map(move |j| (i, j))) {
+            if new.goes_over(i, j) {
+                radii.unite(i as u32, j as u32);
+            }
+        }
+        new.radii = (0..n).map(|i| radii.root(i as u32) as usize).collect();
         new.place_origin(used);
         new
+    }
+
+    /// True if a ball or a ring goes over into a cylinder: by one radius, about a point of the axis,
+    /// or about a circle that the axis touches.
+    fn goes_over(&self, bent: usize, cylinder: usize) -> bool {
+        let [s, c] = [bent, cylinder].map(|i| self.frame.surfaces[i]);
+        if c.kind != Kind::Cylinder {
+            return false;
+        }
+        let rounding = ROUNDING * self.diagonal;
+        let size_sd = self
+            .size_sd(bent)
+            .hypot(self.size_sd(cylinder))
+            .hypot(rounding);
+        let place_sd = self.deviation(bent).hypot(self.deviation(cylinder));
+        let is_none = |off: f64, sd: f64| off.abs() <= (WITHIN * sd).min(TIED * self.diagonal);
+        let way = sub(s.place, c.place);
+        match s.kind {
+            Kind::Sphere => {
+                is_none(s.size - c.size, size_sd) && is_none(norm(cross(way, c.axis)), place_sd)
+            }
+            Kind::Torus => {
+                let across = cross(s.axis, c.axis);
+                let sd = place_sd.hypot(size_sd);
+                dot(s.axis, c.axis).abs() < ROUNDING
+                    && is_none(s.other - c.size, size_sd)
+                    && is_none(dot(way, s.axis), place_sd)
+                    && is_none(dot(way, across).abs() - s.size, sd)
+            }
+            _ => false,
+        }
     }
 
     /// Puts the origin where a designer would: on the main axis, if that has more of the surface
@@ -328,6 +365,9 @@ impl<'a> Dimensions<'a> {
         if let Some([low, high]) = self.sides(entity, way) {
             return Some(sum(&[(0.5, low), (0.5, high)]));
         }
+        if let Some(tie) = self.ring_contact(entity, way) {
+            return Some(tie);
+        }
         let terms = self.touched(entity, way);
         let found = terms.filter_map(|(j, sign)| Some((self.plane_term(j)?, sign)));
         let (plane, sign) = found.into_iter().next()?;
@@ -336,6 +376,43 @@ impl<'a> Dimensions<'a> {
             (1.0, self.linear(plane)),
             (sign, self.linear(radius)),
         ]))
+    }
+
+    /// The coordinate of the centre of a ring that goes over into a cylinder: the radius of its
+    /// circle off the axis of that.
+    fn ring_contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
+        let (surfaces, along) = (&self.frame.surfaces, &self.frame.along);
+        let (system, own) = along[entity]?;
+        if surfaces[entity].kind != Kind::Torus || own == way[1] || system != way[0] {
+            return None;
+        }
+        let third = 3 - own - way[1];
+        let is_its = |j: &usize| along[*j] == Some((system, third)) && self.goes_over(entity, *j);
+        let cylinder = (0..self.entities.len()).find(is_its)?;
+        let [at, place] = [entity, cylinder].map(|i| self.coordinate(system, way[1], &surfaces[i]));
+        let is_its = |s: &&Shared| {
+            !s.is_plane
+                && [s.system, s.axis] == way
+                && (s.value - place).abs() <= TIED * self.diagonal
+        };
+        let axis = self.linear(self.shared.iter().find(is_its)?.term);
+        let circle = self.circle_radius(entity);
+        Some(sum(&[
+            (1.0, axis),
+            ((at - place).signum(), self.linear(Term::Of(circle))),
+        ]))
+    }
+
+    /// The parameter of the radius of a torus's circle.
+    pub(super) fn circle_radius(&mut self, entity: usize) -> usize {
+        let name = format!("{}_circle_radius", self.name_of(entity));
+        if let Some(known) = self.parameters.iter().position(|p| p.name == name) {
+            return known;
+        }
+        match self.circle_contact(entity) {
+            Some(tie) => self.add_tied(&name, tie, "where the blend touches"),
+            None => self.size(entity, self.frame.surfaces[entity].size, &name, ""),
+        }
     }
 
     /// The two planes across an axis between which an entity lies, touching both.
@@ -359,45 +436,49 @@ impl<'a> Dimensions<'a> {
     }
 
     /// The coordinate of a plane that cuts the edge of two planes along axes of the part's own
-    /// frame, by a known angle: from the edge, and the leg of the chamfer along the later axis.
+    /// frame, or the corner of three, by known angles: from the edge or corner, and the leg of the
+    /// chamfer along all axes but the first.
     fn chamfer(&mut self, entity: usize, [system, axis]: [usize; 2]) -> Option<Linear> {
         let s = self.frame.surfaces[entity];
         let turns = &self.frame.systems[system].turns;
-        let is_design = turns.len() == 1 && turns[0].is_design;
+        let is_design = !turns.is_empty() && turns.iter().all(|turn| turn.is_design);
         if s.kind != Kind::Plane || !is_design {
             return None;
         }
         let row = self.frame.systems[system].rows[axis];
         let sign = dot(row, s.axis).signum() * self.outward[entity];
-        let outward = row.map(|x| sign * x);
-        let [a, b] = [1, 2].map(|k| (turns[0].about + k) % 3);
-        let (a, b) = (a.min(b), a.max(b));
-        if row[a].abs().min(row[b].abs()) < ROUNDING {
+        let axes: Vec<usize> = (0..3).filter(|k| row[*k].abs() > ROUNDING).collect();
+        let slope: f64 = axes.iter().skip(1).map(|k| row[*k].abs()).sum();
+        if slope == 0.0 {
             return None;
         }
         let at = self.coordinate(system, axis, &s);
-        let sd = self.deviation(entity);
-        let mut best: Option<(f64, f64, usize, usize)> = None;
-        for i in self.faces(a, outward[a]) {
-            for j in self.faces(b, outward[b]) {
-                let corner = row[a] * self.coordinate(0, a, &self.frame.surfaces[i])
-                    + row[b] * self.coordinate(0, b, &self.frame.surfaces[j]);
-                let leg = sign * (corner - at) / row[b].abs();
-                let sd = sd.hypot(self.deviation(i)).hypot(self.deviation(j)) / row[b].abs();
-                let is_nearer = best.is_none_or(|(least, ..)| leg < least);
-                if leg > WITHIN * sd && is_nearer {
-                    best = Some((leg, sd, i, j));
+        // Of the planes that face the same way, those whose edge or corner is cut off by least.
+        let mut met: Vec<(Vec<usize>, f64)> = vec![(Vec::new(), 0.0)];
+        for k in &axes {
+            let mut more = Vec::new();
+            for (planes, corner) in &met {
+                for i in self.faces(*k, sign * row[*k]) {
+                    let place = self.coordinate(0, *k, &self.frame.surfaces[i]);
+                    more.push(([&planes[..], &[i]].concat(), corner + row[*k] * place));
                 }
             }
+            met = more;
         }
-        let (leg, sd, i, j) = best?;
-        let [first, second] = [self.plane_term(i)?, self.plane_term(j)?];
-        let leg = self.leg(leg, sd);
-        Some(sum(&[
-            (row[a], self.linear(first)),
-            (row[b], self.linear(second)),
-            (-sign * row[b].abs(), vec![(leg, 1.0)]),
-        ]))
+        let legs = met.into_iter().map(|(planes, corner)| {
+            let squares = planes.iter().map(|i| self.deviation(*i).powi(2));
+            let sd = squares.sum::<f64>().sqrt().hypot(self.deviation(entity));
+            (sign * (corner - at) / slope, sd / slope, planes)
+        });
+        let (leg, sd, planes) = legs
+            .filter(|(leg, sd, _)| *leg > WITHIN * sd)
+            .min_by(|a, b| a.0.total_cmp(&b.0))?;
+        let mut terms = Vec::new();
+        for (k, plane) in axes.iter().zip(planes) {
+            terms.push((row[*k], self.linear(self.plane_term(plane)?)));
+        }
+        terms.push((-sign * slope, vec![(self.leg(leg, sd), 1.0)]));
+        Some(sum(&terms))
     }
 
     /// The planes along an axis of the part's own frame that face one way.
@@ -445,7 +526,7 @@ impl<'a> Dimensions<'a> {
 
     /// The radius of the circle of a torus that touches a coaxial cylinder: the tube's radius off
     /// the cylinder's.
-    pub(super) fn circle_contact(&mut self, entity: usize) -> Option<Linear> {
+    fn circle_contact(&mut self, entity: usize) -> Option<Linear> {
         let blend = self.blend_of(entity)?;
         let is_cylinder = |j: &&usize| self.frame.surfaces[**j].kind == Kind::Cylinder;
         let cylinder = *blend.between.iter().find(is_cylinder)?;

@@ -4,6 +4,7 @@
 use crate::chart::{Kind, Surface, frame, unit};
 use crate::entity::{Entity, Recognition, RelationKind};
 use isoform_geom::{Point3, Quadric, UnionFind, cross, dot, sub};
+use std::f64::consts::{PI, SQRT_2};
 
 /// What a point of an entity with an axis counts against one of a plane: a part is drawn along its
 /// bores.
@@ -11,7 +12,7 @@ const AXIAL: f64 = 2.0;
 /// An angle within this many deviations of a multiple of [`STEP`] is one.
 const WITHIN: f64 = 4.0;
 /// Angles that designers choose, in radians: 15°.
-const STEP: f64 = std::f64::consts::PI / 12.0;
+const STEP: f64 = PI / 12.0;
 /// The least deviation of an angle: what rounding leaves.
 const ROUNDING: f64 = 1e-6;
 /// The largest deviation of an angle that may be taken for a multiple of [`STEP`]: half a degree.
@@ -110,7 +111,18 @@ impl Frame {
         }
         let is_across = |k: &usize| direction[*k].abs() <= (WITHIN * sd).min(TOLD);
         let turn = |about: usize, angle: f64| {
-            let design = (angle / STEP).round() * STEP;
+            let round = (angle / STEP).round() * STEP;
+            // Of the diagonal of a cube against its edges: corners are cut off so.
+            let diagonal = SQRT_2.atan();
+            let diagonals = [diagonal, PI - diagonal].map(|a| a.copysign(angle));
+            let nearer = |a: f64, b: f64| {
+                if (angle - b).abs() < (angle - a).abs() {
+                    b
+                } else {
+                    a
+                }
+            };
+            let design = diagonals.into_iter().fold(round, nearer);
             let is_design = (angle - design).abs() <= WITHIN * sd && sd < TOLD;
             Turn {
                 about,

@@ -220,7 +220,7 @@ impl Writer<'_> {
         let base = self.dimensions.name_of(i);
         self.names[k] = format!("{base}_middle");
         let (center, (system, axis)) = self.center(i, &base);
-        let radius = self.circle_radius(i, &base);
+        let radius = self.circle_radius(i);
         self.line(&center);
         cylinder([system, axis], &radius)
     }
@@ -238,7 +238,7 @@ impl Writer<'_> {
         match s.kind {
             Kind::Cone => self.cone(i, &base, [system, axis]),
             Kind::Torus => {
-                let major = self.circle_radius(i, &base);
+                let major = self.circle_radius(i);
                 let minor = self.dimensions.radius(i);
                 let minor = self.term(minor);
                 self.line(&center);
@@ -260,17 +260,13 @@ impl Writer<'_> {
     fn corner(&mut self, k: usize, i: usize, half: &Half) -> String {
         let base = self.dimensions.name_of(i);
         let ball = self.entity(k, i, half);
-        let walls: Vec<String> = half
-            .walls
-            .iter()
-            .map(|w| self.wall(i, &base, w.role))
-            .collect();
+        let walls: Vec<String> = half.walls.iter().map(|w| self.wall(i, w.role)).collect();
         self.names[k] = format!("{base}_corner");
         format!("({}) \\ ({ball})", walls.join(" & "))
     }
 
     /// The text of a wall of a corner.
-    fn wall(&mut self, i: usize, base: &str, role: Role) -> String {
+    fn wall(&mut self, i: usize, role: Role) -> String {
         match role {
             Role::Beyond(of, way, is_up) => {
                 let name = format!("{}_{}", self.dimensions.name_of(of), LETTERS[way[1]]);
@@ -283,7 +279,7 @@ impl Writer<'_> {
             }
             Role::Around(is_outside) => {
                 let (system, axis) = self.part.frame.along[i].unwrap_or((0, 2));
-                let inside = cylinder([system, axis], &self.circle_radius(i, base));
+                let inside = cylinder([system, axis], &self.circle_radius(i));
                 match is_outside {
                     true => format!("(0 - {inside})"),
                     false => inside,
@@ -292,21 +288,10 @@ impl Writer<'_> {
         }
     }
 
-    /// The radius of a torus's circle, as a parameter.
-    fn circle_radius(&mut self, i: usize, base: &str) -> String {
-        let name = format!("{base}_circle_radius");
-        let known = self.dimensions.parameters.iter().any(|p| p.name == name);
-        if known {
-            return name;
-        }
-        if let Some(tie) = self.dimensions.circle_contact(i) {
-            self.dimensions
-                .add_tied(&name, tie, "where the blend touches");
-        } else {
-            let size = self.part.frame.surfaces[i].size;
-            self.dimensions.size(i, size, &name, "");
-        }
-        name
+    /// The name of the radius of a torus's circle.
+    fn circle_radius(&mut self, i: usize) -> String {
+        let radius = self.dimensions.circle_radius(i);
+        self.term(Term::Of(radius))
     }
 
     /// The statements of the centre c of an entity, or of a point of its axis; its system and axis.
@@ -404,8 +389,10 @@ impl Writer<'_> {
         let is_lowest = is_above && lower == 0;
         let is_highest = !is_above && parallel().all(|j| height(j) <= height(i));
         let faces_up = |j: usize| dot(row, frame.surfaces[j].axis) * self.part.outward[j] > 0.0;
-        let is_wall =
-            !is_above && lower == 1 && parallel().any(|j| height(j) < height(i) && !faces_up(j));
+        let is_wall = system == 0
+            && !is_above
+            && lower == 1
+            && parallel().any(|j| height(j) < height(i) && !faces_up(j));
         let letter = match system {
             0 => LETTERS[axis].to_string(),
             _ => format!("{}{system}", LETTERS[axis]),
