@@ -138,7 +138,7 @@ impl Task<'_> {
         out.extend(self.outlier_findings(fit));
         out.extend(surface_findings(fit));
         out.extend(self.parameter_findings(fit));
-        if !out.is_empty() || fit.isolated > MANY_STRAYS {
+        if !out.is_empty() || strays(fit) > MANY_STRAYS {
             out.extend(self.clutter_findings(fit));
         }
         out.extend(self.uncertain(fit));
@@ -218,7 +218,7 @@ impl Task<'_> {
     fn clutter_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
         let clutter = self.scan.clutter();
         let (apart, plane) = (clutter.share(Beside::Apart), clutter.share(Beside::Plane));
-        let stray = fit.isolated;
+        let stray = strays(fit);
         [
             (apart > APART).then_some(Finding::Apart { share: apart }),
             (plane > APART).then_some(Finding::Table { share: plane }),
@@ -309,6 +309,12 @@ fn surface_findings(fit: &Fit) -> impl Iterator<Item = Finding> {
     };
     let second = (overlooked > OVERLOOKED).then_some(Finding::Overlooked { share: overlooked });
     first.into_iter().chain(second)
+}
+
+/// Share of the points that are isolated and off the model: meshes have sparse vertices.
+fn strays(fit: &Fit) -> f64 {
+    fit.isolated
+        .min(fit.n_outliers as f64 / fit.n_points.max(1) as f64)
 }
 
 /// What became of isolated points, if there were any.

@@ -17,8 +17,13 @@ const PLACES: usize = 30_000;
 const DIPOLES: usize = 3000;
 /// Points on both sides of which places are taken, at most.
 const BESIDE: usize = 8000;
-/// How far beside, in diagonals and in deviations of the noise.
+/// Distance of those places from the surface, in diagonals and in deviations of the noise.
 const OFF: (f64, f64) = (1e-3, 2.0);
+/// Least distance in diagonals: single precision has seven digits.
+const LEAST_OFF: f64 = 1e-6;
+/// Number of points of each entity at which places may be closer to the surface: those farthest from
+/// all other surfaces, so that small faces have places, too.
+const FEW: usize = 8;
 /// By how much the box of the places is larger than that of the points, as a share of its diagonal.
 const MARGIN: f64 = 0.05;
 /// Winding numbers closer to 1/2 tell nothing.
@@ -58,45 +63,70 @@ pub(super) fn places(
     control: &Control<'_>,
 ) -> Result<Vec<Place>, Stopped> {
     let bounds = Aabb::of(cloud.points);
-    let off = (OFF.0 * bounds.diagonal()).max(OFF.1 * cloud.noise);
-    let mut places = beside(cloud, halves, off);
+    let mut places = beside(cloud, halves, bounds.diagonal());
     control.check()?;
     places.extend(all_over(cloud, &bounds));
     control.check()?;
     Ok(places)
 }
 
+/// A point moved onto the surface of its entity.
+struct Foot {
+    own: usize,
+    at: Point3,
+    /// The unit normal outwards.
+    normal: Point3,
+    /// Distance from the nearest other surface.
+    clearance: f64,
+}
+
 /// Places on both sides of points, off all other surfaces.
-fn beside(cloud: &Oriented<'_>, halves: &[Half], off: f64) -> Vec<Place> {
-    let of = |i: usize| {
+fn beside(cloud: &Oriented<'_>, halves: &[Half], diagonal: f64) -> Vec<Place> {
+    let least = (LEAST_OFF * diagonal).max(OFF.1 * cloud.noise);
+    let off = least.max(OFF.0 * diagonal);
+    let foot = |i: usize| {
         let own = cloud.halves[i]?;
         let (p, surface) = (cloud.points[i], &halves[own].surface);
         let (d, n) = (surface.distance(p), surface.normal(p));
-        let foot: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
-        let is_free = |(j, h): (usize, &Half)| j == own || h.value(foot).abs() > 2.0 * off;
-        if !halves.iter().enumerate().all(is_free) {
-            return None;
-        }
-        let out = if dot(n, cloud.normals[i]) < 0.0 {
-            -off
+        let at: Point3 = std::array::from_fn(|k| p[k] - d * n[k]);
+        let others = halves.iter().enumerate().filter(|(j, _)| *j != own);
+        let clearance = others.map(|(_, h)| h.value(at).abs());
+        let sign = if dot(n, cloud.normals[i]) < 0.0 {
+            -1.0
         } else {
-            off
+            1.0
         };
-        Some([true, false].map(|is_inside| {
-            let way = if is_inside { -out } else { out };
-            Place {
-                at: std::array::from_fn(|k| foot[k] + way * n[k]),
-                is_inside,
-                weight: BESIDE_WEIGHT,
-            }
-        }))
+        Some(Foot {
+            own,
+            at,
+            normal: n.map(|x| sign * x),
+            clearance: clearance.fold(f64::INFINITY, f64::min),
+        })
     };
     let numbers: Vec<usize> = thinned(cloud.points.len(), BESIDE).collect();
-    numbers
-        .into_par_iter()
-        .filter_map(of)
-        .flatten_iter()
+    let mut feet: Vec<Foot> = numbers.into_par_iter().filter_map(foot).collect();
+    feet.sort_by(|a, b| (a.own.cmp(&b.own)).then(b.clearance.total_cmp(&a.clearance)));
+    let of_entity = |feet: &[Foot]| -> Vec<Place> {
+        let is_free =
+            |(k, foot): &(usize, &Foot)| foot.clearance > 2.0 * if *k < FEW { least } else { off };
+        let free = feet.iter().enumerate().filter(is_free);
+        free.flat_map(|(_, foot)| on_both_sides(foot, off.min(foot.clearance / 2.0)))
+            .collect()
+    };
+    feet.chunk_by(|a, b| a.own == b.own)
+        .flat_map(of_entity)
         .collect()
+}
+
+fn on_both_sides(foot: &Foot, off: f64) -> [Place; 2] {
+    [true, false].map(|is_inside| {
+        let way = if is_inside { -off } else { off };
+        Place {
+            at: std::array::from_fn(|k| foot.at[k] + way * foot.normal[k]),
+            is_inside,
+            weight: BESIDE_WEIGHT,
+        }
+    })
 }
 
 /// Returns the area that each point stands for, by the distance of a few neighbours.

@@ -196,7 +196,7 @@ impl<'a> Dimensions<'a> {
         let beside: usize = planes(0).chain(planes(1)).map(points).sum();
         for k in 0..3 {
             let lowest = planes(k).map(|i| surfaces[i].place[k]).reduce(f64::min);
-            let of_axis = main.filter(|_| k < 2).map(|m| surfaces[m].place[k]);
+            let of_axis = main.filter(|_| k < 2).map(|m| self.anchor(m, k));
             let first = if about_main > beside {
                 of_axis.or(lowest)
             } else {
@@ -204,6 +204,15 @@ impl<'a> Dimensions<'a> {
             };
             self.origin[k] = first.or_else(|| self.any_place(k, used)).unwrap_or(0.0);
         }
+    }
+
+    /// Where what an entity is tied to lies along an axis: the plane or the tube that it touches,
+    /// else the entity itself.
+    fn anchor(&self, entity: usize, k: usize) -> f64 {
+        let surfaces = &self.frame.surfaces;
+        let touched = self.touched(entity, [0, k]).map(|t| t.0).next();
+        let tied_to = touched.or_else(|| self.tube_of(entity, [0, k]));
+        surfaces[tied_to.unwrap_or(entity)].place[k]
     }
 
     /// Where the first entity that has a place along an axis lies.
@@ -381,14 +390,8 @@ impl<'a> Dimensions<'a> {
     /// The coordinate of the centre of a ring that goes over into a cylinder: the radius of its
     /// circle off the axis of that.
     fn ring_contact(&mut self, entity: usize, way: [usize; 2]) -> Option<Linear> {
-        let (surfaces, along) = (&self.frame.surfaces, &self.frame.along);
-        let (system, own) = along[entity]?;
-        if surfaces[entity].kind != Kind::Torus || own == way[1] || system != way[0] {
-            return None;
-        }
-        let third = 3 - own - way[1];
-        let is_its = |j: &usize| along[*j] == Some((system, third)) && self.goes_over(entity, *j);
-        let cylinder = (0..self.entities.len()).find(is_its)?;
+        let (surfaces, system) = (&self.frame.surfaces, way[0]);
+        let cylinder = self.tube_of(entity, way)?;
         let [at, place] = [entity, cylinder].map(|i| self.coordinate(system, way[1], &surfaces[i]));
         let is_its = |s: &&Shared| {
             !s.is_plane
@@ -401,6 +404,19 @@ impl<'a> Dimensions<'a> {
             (1.0, axis),
             ((at - place).signum(), self.linear(Term::Of(circle))),
         ]))
+    }
+
+    /// The cylinder into which a ring goes over at the end of its circle along an axis.
+    fn tube_of(&self, ring: usize, way: [usize; 2]) -> Option<usize> {
+        let along = &self.frame.along;
+        let (system, own) = along[ring]?;
+        let is_ring = self.frame.surfaces[ring].kind == Kind::Torus;
+        if !is_ring || own == way[1] || system != way[0] {
+            return None;
+        }
+        let third = 3 - own - way[1];
+        let is_its = |j: &usize| along[*j] == Some((system, third)) && self.goes_over(ring, *j);
+        (0..self.entities.len()).find(is_its)
     }
 
     /// The parameter of the radius of a torus's circle.
