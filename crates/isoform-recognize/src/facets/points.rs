@@ -37,7 +37,8 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
     let borders = borders(mesh, claims);
     for (k, part) in claims.parts.iter().enumerate() {
         let area = mesh.area(&part.triangles);
-        let spacing = spacing.min((area / fewest.max(1) as f64).sqrt());
+        // Twice as many: some fall beyond the border.
+        let spacing = spacing.min((area / (2 * fewest).max(1) as f64).sqrt());
         let near = borders.range((k as u32, 0)..=(k as u32, NONE));
         let near: Vec<(&Surface, &Border)> = near
             .map(|((_, other), b)| (&claims.parts[*other as usize].surface, b))

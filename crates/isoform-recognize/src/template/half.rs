@@ -22,6 +22,16 @@ pub(super) enum Source {
     Side(usize, bool),
 }
 
+impl Source {
+    /// Returns the number of the entity that it belongs to.
+    pub(super) fn entity(self) -> Option<usize> {
+        match self {
+            Self::Entity(i) | Self::Corner(i) | Self::Through(i, _) | Self::Around(i) => Some(i),
+            Self::Side(..) => None,
+        }
+    }
+}
+
 /// A half space bounded by a surface, or what of it lies within walls.
 #[derive(Clone, Debug)]
 pub(super) struct Half {

@@ -179,15 +179,22 @@ pub fn propose(
     let frame = Frame::of(found, middle);
     let upright = Upright::of(scan, found, &frame, supports);
     let outward = upright.outward(&frame.surfaces);
-    let mut halves: Vec<Half> = (0..count)
+    let halves: Vec<Half> = (0..count)
         .map(|i| Half::of_entity(&frame.surfaces[i], outward[i], i))
         .collect();
     let places = places(&upright.oriented(found.noise), &halves, control)?;
-    halves.extend(corners(found, &frame));
+    // Where the corner of a blend is known, the rest of its surface is seldom needed.
+    let corners: Vec<Half> = corners(found, &frame).collect();
+    let has_corner = |of: &Half| {
+        let mut others = corners.iter();
+        others.any(|c| c.source.entity() == of.source.entity())
+    };
+    let (mut more, mut halves): (Vec<Half>, Vec<Half>) = halves.into_iter().partition(has_corner);
+    halves.extend(corners);
     halves.truncate(MOST_HALVES - MOST_ADDED);
     let mut sides = sides(&halves, &places);
     let bounds = upright.bounds;
-    let more = separators(&frame.surfaces, &bounds);
+    more.extend(separators(&frame.surfaces, &bounds));
     separate(&mut halves, &mut sides, &more, &places);
     control.check()?;
     let votes = votes(&sides, &places);

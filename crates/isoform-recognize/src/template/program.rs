@@ -84,12 +84,8 @@ impl Part<'_> {
     pub(super) fn used(&self) -> Vec<bool> {
         let mut used = vec![false; self.found.entities.len()];
         for k in ones(self.solid.halves()) {
-            match self.halves[k].source {
-                Source::Entity(i)
-                | Source::Corner(i)
-                | Source::Through(i, _)
-                | Source::Around(i) => used[i] = true,
-                Source::Side(..) => {}
+            if let Some(i) = self.halves[k].source.entity() {
+                used[i] = true;
             }
         }
         used
