@@ -532,7 +532,7 @@ impl Builder<'_> {
         }
         let pieces = sheets.map(|s| &self.pieces[self.sheets.pieces[s] as usize]);
         let on = if b.surface().is_some() { b } else { a };
-        seam(pieces, &points)
+        seam(pieces, [a, b], &points)
             .map(|limit| [on.clone(), limit])
             .or_else(|| (angle > GRAZING).then(|| [a.clone(), b.clone()]))
             .ok_or_else(|| self.no_curve(sheets, chain))

@@ -10,6 +10,7 @@ use crate::newton::meet;
 use crate::pieces::{Piece, own};
 use crate::topology::ends_of;
 use crate::whole::Whole;
+use isoform_geom::brep::{Axes, Surface};
 use isoform_geom::{Field, Point3, SmoothPart, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -175,14 +176,20 @@ impl<'a> Seams<'a> {
     }
 }
 
-/// The limit along which two pieces join, near some points in order; none if there is none within
-/// their distances.
-pub(crate) fn seam(pieces: [&Piece; 2], points: &[Point3]) -> Option<Locus> {
+/// What two pieces that touch join along, near some points in order: a limit of one, or what crosses
+/// both surfaces where they touch; none if there is none within the points' distances.
+pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) -> Option<Locus> {
     let reach = points
         .windows(2)
         .map(|w| norm(sub(w[0], w[1])))
         .fold(0.0, f64::max);
     let limits = pieces.into_iter().flat_map(|p| &p.limits);
+    let limits = limits.map(|l| Locus::Zero(l.clone()));
+    let [a, b] = loci.map(Locus::surface);
+    let crossing = a
+        .zip(b)
+        .map(|(a, b)| [crossing_contact(a, b), crossing_contact(b, a)]);
+    let crossing = crossing.into_iter().flatten().flatten().map(Locus::Exact);
     let off = |locus: &Locus| {
         let each = points.iter().map(|p| {
             let (d, n) = locus.distance(*p);
@@ -194,12 +201,30 @@ pub(crate) fn seam(pieces: [&Piece; 2], points: &[Point3]) -> Option<Locus> {
         });
         each.fold(0.0, f64::max)
     };
-    let all = limits.map(|l| {
-        let locus = Locus::Zero(l.clone());
-        (off(&locus), locus)
-    });
+    let all = limits.chain(crossing).map(|locus| (off(&locus), locus));
     let best = all.min_by(|a, b| a.0.total_cmp(&b.0))?;
     (best.0 <= reach).then_some(best.1)
+}
+
+/// A surface that crosses two others at right angles along the line or circle where they touch: a
+/// tube or ball `s`, and another one that it goes over into.
+fn crossing_contact(s: &Surface, other: &Surface) -> Option<Surface> {
+    use Surface::{Cone, Cylinder, Plane, Sphere, Torus};
+    let plane = |at, normal: Point3| {
+        let length = norm(normal);
+        (length > 0.0).then(|| Plane(Axes::along(at, normal.map(|x| x / length))))
+    };
+    match (s, other) {
+        (Cylinder(s, _), Plane(o)) => plane(s.origin, cross(s.z, o.z)),
+        (Cylinder(s, _), Torus(o, ..) | Sphere(o, _)) => plane(o.origin, s.z),
+        (Torus(s, major, _), Plane(_)) => Some(Cylinder(s.clone(), *major)),
+        (Torus(s, ..), Sphere(o, _)) => plane(o.origin, cross(s.z, sub(o.origin, s.origin))),
+        (Cone(s, _, half_angle), Sphere(o, radius)) => {
+            let up = dot(sub(o.origin, s.origin), s.z) - radius * half_angle.sin();
+            plane(std::array::from_fn(|k| s.origin[k] + up * s.z[k]), s.z)
+        }
+        _ => None,
+    }
 }
 
 /// The largest angle between neighbours' normals along points (radians): how far two loci are from
