@@ -164,7 +164,7 @@ acceptance() {
     check "fewer cases" "$python" tests/harness/fewer_cases.py tests/acceptance.txt "$shared" "$scratch/fewer"
   fi
   pages
-  for suite in mesh trust implicitize recognize fit rational brep patch hyperfun; do
+  for suite in mesh trust implicitize recognize reports fit rational brep patch hyperfun; do
     accept_with "$python" "accept_$suite"
   done
   solvers "$python"

@@ -206,8 +206,8 @@ pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) ->
     (best.0 <= reach).then_some(best.1)
 }
 
-/// A surface that crosses two others at right angles along the line or circle where they touch: a
-/// tube or ball `s`, and another one that it goes over into.
+/// Returns a surface that crosses two others along the line or circle where they touch: a tube `s`,
+/// and what it goes over into.
 fn crossing_contact(s: &Surface, other: &Surface) -> Option<Surface> {
     use Surface::{Cone, Cylinder, Plane, Sphere, Torus};
     let plane = |at, normal: Point3| {
@@ -235,4 +235,68 @@ pub(crate) fn largest_angle(loci: [&Locus; 2], points: &[Point3]) -> f64 {
         norm(cross(a, b))
     };
     points.iter().map(sine).fold(0.0, f64::max).min(1.0).asin()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_num::Random;
+    use std::f64::consts::TAU;
+
+    /// Where two surfaces touch, both vanish with one normal, and what crosses them there is at an
+    /// angle to it.
+    #[test]
+    fn contacts_are_crossed() {
+        let axes = |origin, z| Axes::along(origin, z);
+        let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let origin = [0.0; 3];
+        let half_angle: f64 = 0.3;
+        let (s, c) = half_angle.sin_cos();
+        let cases: [(Surface, Surface, &dyn Fn(f64) -> Point3); 6] = [
+            (
+                Surface::Cylinder(axes(origin, x), 2.0),
+                Surface::Plane(axes([0.0, 0.0, 2.0], z)),
+                &|t| [t, 0.0, 2.0],
+            ),
+            (
+                Surface::Cylinder(axes([5.0, 0.0, 0.0], y), 2.0),
+                Surface::Torus(axes(origin, z), 5.0, 2.0),
+                &|t| [5.0 + 2.0 * t.cos(), 0.0, 2.0 * t.sin()],
+            ),
+            (
+                Surface::Cylinder(axes(origin, z), 2.0),
+                Surface::Sphere(axes([0.0, 0.0, 7.0], z), 2.0),
+                &|t| [2.0 * t.cos(), 2.0 * t.sin(), 7.0],
+            ),
+            (
+                Surface::Torus(axes(origin, z), 5.0, 2.0),
+                Surface::Plane(axes([0.0, 0.0, -2.0], z)),
+                &|t| [5.0 * t.cos(), 5.0 * t.sin(), -2.0],
+            ),
+            (
+                Surface::Torus(axes(origin, z), 5.0, 2.0),
+                Surface::Sphere(axes([5.0, 0.0, 0.0], z), 2.0),
+                &|t| [5.0 + 2.0 * t.cos(), 0.0, 2.0 * t.sin()],
+            ),
+            // A ball of radius 1 within the cone of radius 0 at the origin.
+            (
+                Surface::Cone(axes(origin, z), 0.0, half_angle),
+                Surface::Sphere(axes([0.0, 0.0, 1.0 / s], z), 1.0),
+                &|t| [c * t.cos(), c * t.sin(), 1.0 / s - s],
+            ),
+        ];
+        let mut random = Random::new(1);
+        for (a, b, at) in cases {
+            let crossing = crossing_contact(&a, &b).expect("a crossing");
+            for _ in 0..20 {
+                let p = at(TAU * random.unit());
+                let [a, b, crossing] = [&a, &b, &crossing].map(|s| s.distance(p));
+                for (d, _) in [a, b, crossing] {
+                    assert!(d.abs() < 1e-12, "{d}");
+                }
+                assert!(norm(cross(a.1, b.1)) < 1e-12);
+                assert!(dot(a.1, crossing.1).abs() < 0.3);
+            }
+        }
+    }
 }

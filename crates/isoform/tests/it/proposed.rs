@@ -1,7 +1,7 @@
 //! Templates proposed for scans of parts whose dimensions are known.
 
 use isoform::field::hyperfun::{Mode, Model};
-use isoform::geom::{Point3, PointCloud, dot};
+use isoform::geom::{Point3, PointCloud, cross, dot, norm, sub};
 use isoform::num::Random;
 use isoform::recognize::Gap;
 use isoform::{
@@ -332,6 +332,44 @@ fn chamfered() -> PointCloud {
     as_scan(points, triangles)
 }
 
+/// A block of 60 × 40 × 10 with all edges cut off by 0.6 at 45°: its corners are triangles.
+fn chamfered_all_round() -> PointCloud {
+    let (sides, leg) = ([60.0, 40.0, 10.0], 0.6);
+    let mut points: Vec<Point3> = Vec::new();
+    for corner in 0..8 {
+        for on in 0..3 {
+            points.push(std::array::from_fn(|k| {
+                let inset = if k == on { 0.0 } else { leg };
+                if corner >> k & 1 == 1 {
+                    sides[k] - inset
+                } else {
+                    inset
+                }
+            }));
+        }
+    }
+    let mut triangles = Vec::new();
+    for n in (0..27).filter(|n| *n != 13) {
+        let normal = [n % 3, n / 3 % 3, n / 9].map(|d| f64::from(d) - 1.0);
+        let height = |v: &u32| dot(points[*v as usize], normal);
+        let top = (0..24).map(|v| height(&v)).fold(f64::MIN, f64::max);
+        let mut face: Vec<u32> = (0..24).filter(|v| height(v) > top - 1e-9).collect();
+        let count = face.len() as f64;
+        let middle: Point3 = std::array::from_fn(|k| {
+            face.iter().map(|v| points[*v as usize][k]).sum::<f64>() / count
+        });
+        let e = sub(points[face[0] as usize], middle);
+        let f = cross(normal, e);
+        let angle = |v: &u32| {
+            let d = sub(points[*v as usize], middle);
+            (dot(d, f) / norm(f)).atan2(dot(d, e) / norm(e))
+        };
+        face.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+        triangles.extend((2..face.len()).map(|k| [face[0], face[k - 1], face[k]]));
+    }
+    as_scan(points, triangles)
+}
+
 /// Surfaces that touch, and edges cut off alike, stay so whatever the dimensions: radii are tied to
 /// planes, chamfers are one leg.
 #[test]
@@ -348,12 +386,18 @@ fn tangent_faces_and_chamfers_are_tied() {
             vec!["chamfer", "height", "length", "width"],
             vec![3.0, 20.0, 30.0, 40.0],
         ),
+        (
+            chamfered_all_round(),
+            vec!["chamfer", "height", "length", "width"],
+            vec![0.6, 10.0, 40.0, 60.0],
+        ),
     ] {
         let found = recognize_scan(&scan, &RecognizeOptions::default(), &control);
         let proposal = found
             .expect("entities")
             .template("a part", &control)
             .expect("a template");
+        assert!(proposal.used.iter().all(|u| *u), "{}", proposal.program);
         let model = Model::parse(&proposal.program, Mode::Default).expect("HyperFun");
         let free = model.params().iter().filter(|p| p.tie.is_none());
         let free: Vec<&str> = free.map(|p| p.name.as_str()).collect();
