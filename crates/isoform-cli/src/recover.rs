@@ -347,7 +347,11 @@ fn fitted_mesh(
         regions: Vec::new(),
         unit: solid::unit(job),
     };
-    let mut made = work::make(&subject, settings, None, context)?;
+    let settings = mesh::Settings {
+        start: Some(solid::extent(job)),
+        ..settings.clone()
+    };
+    let mut made = work::make(&subject, &settings, None, context)?;
     mesh::files::write(&mut made, targets)?;
     Ok(made)
 }

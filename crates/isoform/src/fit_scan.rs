@@ -211,6 +211,26 @@ impl ScanFit {
         let (model, values) = (self.template.frep.model(), self.fit.values());
         model.print_fitted(&values[..model.n_params()], None)
     }
+    /// Returns the box of the points that were fitted, in the file's coordinates.
+    pub fn extent(&self) -> Aabb {
+        let placed = |p: Point3| std::array::from_fn(|k| p[k] + self.cloud.origin[k]);
+        Aabb {
+            lo: placed(self.bounds.lo),
+            hi: placed(self.bounds.hi),
+        }
+    }
+    /// Returns the box of the points that were fitted, in the template's own coordinates.
+    pub fn own_extent(&self) -> Aabb {
+        match self.placement() {
+            Some(place) => {
+                let origin = self.cloud.origin;
+                let absolute = |p: &Point3| std::array::from_fn(|k| p[k] + origin[k]);
+                let points = self.cloud.points.iter().map(absolute);
+                Aabb::of(&points.map(|p| place.framed(p)).collect::<Vec<_>>())
+            }
+            None => self.extent(),
+        }
+    }
     /// Returns a round number that may be meant by a parameter, in its unit (an angle is round in
     /// degrees); none for what is held, tied or of the pose, and where chance tells one as well.
     pub fn nominal(&self, parameter: usize) -> Option<f64> {

@@ -297,7 +297,7 @@ fn bounds_of(
     if let Some(region) = region {
         return Ok(region);
     }
-    let found = default_size_within(solid, None, control)
+    let found = default_size_within(solid, &isoform_mesh::Options::default(), control)
         .and_then(|size| extent_within(solid, START, size, control));
     found
         .map(|extent| extent.bounds)

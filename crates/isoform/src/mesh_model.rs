@@ -551,7 +551,7 @@ fn own_size(
     Ok(match given {
         Some(mesh) if mesh.tets.is_empty() => LONGEST * mean_edge(mesh),
         Some(mesh) => mean_edge(mesh),
-        None => default_size_within(solid, options.mesh.region, control)?,
+        None => default_size_within(solid, &options.mesh, control)?,
     })
 }
 

@@ -13,8 +13,8 @@ use std::collections::HashSet;
 
 /// Part of the diagonal that an element takes by default: some ten thousand tetrahedra in a ball.
 const ELEMENTS: f64 = 40.0;
-/// The tolerance to which the box of a solid is sought first, where nothing is known of its size.
-const UNKNOWN: f64 = 0.25;
+/// The tolerance to which the box of a solid is sought first, as a share of the box to begin with.
+const UNKNOWN: f64 = 1.0 / 80.0;
 /// Distance of far places from the origin: the search for a box goes as far.
 const FAR: f64 = 1e6;
 /// Times that it is sought again, each time finer: to a solid of some 1e-6.
@@ -76,7 +76,7 @@ pub(crate) fn meshable(
         pieces => pieces?,
     };
     // Where there is no box, the mesher says why.
-    let bounds = || region.or_else(|| Some(sought(&pieces, control).ok()?.0));
+    let bounds = || region.or_else(|| Some(sought(&pieces, START, control).ok()?.0));
     if pieces.may_jump()
         && let Some(bounds) = bounds()
         && let Some(walled) = pieces.without_jumps(bounds)?
@@ -101,27 +101,35 @@ pub(crate) fn meshable(
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 pub fn default_size(solid: &dyn Solid, region: Option<Aabb>) -> Result<f64, ExtentError> {
-    default_size_within(solid, region, &Control::default())
+    let options = Options {
+        region,
+        ..Options::default()
+    };
+    default_size_within(solid, &options, &Control::default())
 }
 
 /// The same, as long as `control` lets it.
 pub fn default_size_within(
     solid: &dyn Solid,
-    region: Option<Aabb>,
+    options: &Options,
     control: &Control<'_>,
 ) -> Result<f64, ExtentError> {
-    match region {
+    match options.region {
         Some(region) => Ok(usual_size(region)),
-        None => Ok(two_digits(sought(solid, control)?.1)),
+        None => Ok(two_digits(sought(solid, options.start, control)?.1)),
     }
 }
 
-/// The box of a solid of which nothing is known, and the length of edges that suits it.
-fn sought(solid: &dyn Solid, control: &Control<'_>) -> Result<(Aabb, f64), ExtentError> {
-    let mut tolerance = UNKNOWN;
+/// The box of a solid that may lie in `start`, and the length of edges that suits it.
+fn sought(
+    solid: &dyn Solid,
+    start: Aabb,
+    control: &Control<'_>,
+) -> Result<(Aabb, f64), ExtentError> {
+    let mut tolerance = UNKNOWN * start.size().into_iter().fold(0.0, f64::max);
     let mut times = 0;
     loop {
-        let bounds = extent_within(solid, START, tolerance, control)?.bounds;
+        let bounds = extent_within(solid, start, tolerance, control)?.bounds;
         let size = bounds.diagonal() / ELEMENTS;
         if size >= tolerance {
             return Ok((bounds, size));
@@ -151,7 +159,7 @@ pub(crate) fn bounded_complement(solid: &dyn Solid, control: &Control<'_>) -> Op
     if values.iter().any(|v| v.is_nan() || *v < 0.0) {
         return None;
     }
-    let found = sought(&Complement::new(solid), control).ok()?;
+    let found = sought(&Complement::new(solid), START, control).ok()?;
     Some(found.0)
 }
 

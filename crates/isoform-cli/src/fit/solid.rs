@@ -10,6 +10,7 @@ use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure};
 use crate::solids::{self, Statement};
 use isoform::field::hyperfun::Model;
+use isoform::geom::Aabb;
 use isoform::{MeshModelOptions, parameter_values};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -29,6 +30,14 @@ pub(crate) fn fitted_model(job: &Job, language: &Language) -> Result<(Model, Vec
 /// The unit of a fit's lengths, if it is known.
 pub(crate) fn unit(job: &Job) -> Option<String> {
     Some(job.unit.unit.clone()).filter(|unit| !unit.is_empty())
+}
+
+/// Returns the box of the points, in the coordinates in which the fitted model is written.
+pub(crate) fn extent(job: &Job) -> Aabb {
+    match job.is_own_frame {
+        true => job.found.own_extent(),
+        false => job.found.extent(),
+    }
 }
 
 /// Longest time that a solid may take where no --time-limit says another: what has many faces
@@ -131,7 +140,9 @@ fn made(
     if let Some(limit) = limit {
         control = control.for_seconds(limit.as_secs_f64());
     }
-    brep::make(subject, &wanted.options, None, &control, context)
+    let mut options = wanted.options.clone();
+    options.mesh.start = extent(job);
+    brep::make(subject, &options, None, &control, context)
 }
 
 fn written(job: &Job, made: &Made, wanted: &Wanted, context: &Context) -> Result<Told, Failure> {

@@ -140,6 +140,9 @@ pub(crate) struct Settings {
     /// the machine has]
     #[arg(long, value_name = "GIB", allow_negative_numbers = true, value_parser = output::positive)]
     pub(crate) memory: Option<f64>,
+    /// The box in which the solid is sought first.
+    #[arg(skip)]
+    pub(crate) start: Option<Aabb>,
     /// The axes along which the box is a unit cell.
     #[arg(skip)]
     pub(crate) periodic: [bool; 3],

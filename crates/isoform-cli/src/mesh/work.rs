@@ -250,6 +250,7 @@ pub(super) fn options(settings: &Settings, context: &Context) -> Result<MeshMode
             order: settings.order.unwrap_or(usual.order),
             surface_only: settings.surface_only,
             region: settings.region,
+            start: settings.start.unwrap_or(usual.start),
             periodic: settings.periodic,
             layers: settings.layers.clone(),
             angles: settings.angles.map_or(usual.angles, |a| a.0),

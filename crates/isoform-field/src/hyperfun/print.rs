@@ -18,6 +18,20 @@ pub struct Placement {
     pub scale: f64,
 }
 
+impl Placement {
+    /// Returns the model's point p of a point x.
+    pub fn framed(&self, x: [f64; 3]) -> [f64; 3] {
+        let moved = std::array::from_fn(|i| x[i] - self.translation[i]);
+        self.turned_back(moved).map(|v| v / self.scale)
+    }
+
+    /// Returns the model's direction Rᵀd of a direction d.
+    pub fn turned_back(&self, d: [f64; 3]) -> [f64; 3] {
+        let r = &self.rotation;
+        std::array::from_fn(|j| (0..3).map(|i| r[i][j] * d[i]).sum())
+    }
+}
+
 /// A number that reads back exactly, in parentheses where its sign could meet an operator.
 fn operand(v: f64) -> String {
     if v < 0.0 {

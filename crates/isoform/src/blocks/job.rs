@@ -151,9 +151,7 @@ impl BlocksJob {
         let mut options = options.clone();
         options.mesh.size = match options.size {
             Some(size) => size,
-            None => {
-                default_size_within(solid, options.mesh.region, control).map_err(MeshError::from)?
-            }
+            None => default_size_within(solid, &options.mesh, control).map_err(MeshError::from)?,
         };
         options.size = Some(options.mesh.size);
         let plan = Plan::new(solid, counts, &options.mesh, control)?;

@@ -424,6 +424,14 @@ fn a_template_fits_the_part_in_another_place() {
         "{:?}",
         fit.fit.reasons
     );
+    // The part is as large in its own frame as it was made, and lies elsewhere in the scan's.
+    let mut sides = fit.own_extent().size();
+    sides.sort_by(f64::total_cmp);
+    for (side, made) in sides.into_iter().zip([10.0, 30.0, 40.0]) {
+        assert!((side - made).abs() < 0.01 * made, "{sides:?}");
+    }
+    let extent = fit.extent();
+    assert_eq!(extent, isoform::geom::Aabb::of(&elsewhere.points));
 }
 
 /// Rounds of a coarse CAD mesh, whose vertices all lie on edges, bound the solid and are tied.

@@ -89,14 +89,7 @@ impl<'a> Subject<'a> {
 
     /// A point of the scan in the model's frame.
     pub(super) fn framed(&self, x: Point3) -> Point3 {
-        let moved: Point3 = std::array::from_fn(|i| x[i] - self.place.translation[i]);
-        self.turned_back(moved).map(|v| v / self.place.scale)
-    }
-
-    /// A direction of the scan in the model's frame.
-    fn turned_back(&self, x: Point3) -> Point3 {
-        let r = &self.place.rotation;
-        std::array::from_fn(|j| (0..3).map(|i| r[i][j] * x[i]).sum())
+        self.place.framed(x)
     }
 
     /// The distance from inside, in the model's lengths; what is not a number lies just outside.
@@ -123,7 +116,7 @@ impl<'a> Subject<'a> {
         field.gradients(&x, &self.values, &mut out, &mut rows);
         for (v, g) in out.iter_mut().zip(&mut rows) {
             *v /= self.place.scale;
-            *g = self.turned_back(*g);
+            *g = self.place.turned_back(*g);
         }
         (out, rows)
     }
