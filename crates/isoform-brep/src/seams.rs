@@ -217,7 +217,7 @@ fn crossing_contact(s: &Surface, other: &Surface) -> Option<Surface> {
     match (s, other) {
         (Cylinder(s, _), Plane(o)) => plane(s.origin, cross(s.z, o.z)),
         (Cylinder(s, _), Torus(o, ..) | Sphere(o, _)) => plane(o.origin, s.z),
-        (Torus(s, major, _), Plane(_)) => Some(Cylinder(s.clone(), *major)),
+        (Torus(s, major, _), Plane(_)) => Some(Cylinder(*s, *major)),
         (Torus(s, ..), Sphere(o, _)) => plane(o.origin, cross(s.z, sub(o.origin, s.origin))),
         (Cone(s, _, half_angle), Sphere(o, radius)) => {
             let up = dot(sub(o.origin, s.origin), s.z) - radius * half_angle.sin();
@@ -243,6 +243,9 @@ mod tests {
     use isoform_num::Random;
     use std::f64::consts::TAU;
 
+    /// Two surfaces that touch, and the points where they do.
+    type Case<'a> = (Surface, Surface, &'a dyn Fn(f64) -> Point3);
+
     /// Where two surfaces touch, both vanish with one normal, and what crosses them there is at an
     /// angle to it.
     #[test]
@@ -252,7 +255,7 @@ mod tests {
         let origin = [0.0; 3];
         let half_angle: f64 = 0.3;
         let (s, c) = half_angle.sin_cos();
-        let cases: [(Surface, Surface, &dyn Fn(f64) -> Point3); 6] = [
+        let cases: [Case<'_>; 6] = [
             (
                 Surface::Cylinder(axes(origin, x), 2.0),
                 Surface::Plane(axes([0.0, 0.0, 2.0], z)),

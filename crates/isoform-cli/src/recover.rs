@@ -13,7 +13,7 @@ use crate::solids;
 use isoform::field::hyperfun::Model;
 use isoform::fit::{Beside, Finding};
 use isoform::geom::Point3;
-use isoform::{MeshModelOptions, Proposal, RecognizeOptions, Standing};
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -83,11 +83,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     let (scan, model, proposal) = match model {
         Some(model) => (scan, model, None),
         None => {
-            let (cloud, supports) = match part_of(&scan, &request.keep, context)? {
-                Some(standing) => (standing.part, standing.supports),
-                None => (scan.cloud, Vec::new()),
-            };
-            let scan = job::Scan { cloud, ..scan };
+            let (scan, supports) = standing_alone(scan, &request.keep, context)?;
             let (model, proposal) = proposed(&scan, supports, &request.language, context)?;
             (scan, model, Some(proposal))
         }
@@ -137,26 +133,29 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     Ok(told.outcome())
 }
 
-/// The scan without the planes that its part stands at, if there are any and they are not kept.
-fn part_of(
-    scan: &job::Scan,
+/// Takes the planes off that a part stands at, unless they are to be kept; returns them, too: a
+/// point and the unit normal of each.
+fn standing_alone(
+    scan: job::Scan,
     keep: &[Beside],
     context: &Context,
-) -> Result<Option<Standing>, Failure> {
+) -> Result<(job::Scan, Vec<(Point3, Point3)>), Failure> {
     if keep.contains(&Beside::Plane) {
-        return Ok(None);
+        return Ok((scan, Vec::new()));
     }
     let standing = isoform::without_supports(&scan.cloud, &context.control())
         .map_err(|e| recognize::failure(e.into(), Path::new(&scan.name)))?;
-    if let Some(standing) = &standing {
-        context.warn(format_args!(
-            "{}: {:.1} % of the points lie on planes that reach beyond the part, such as a table, and \
-             are left out; --keep-planes keeps them",
-            scan.name,
-            100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
-        ));
-    }
-    Ok(standing)
+    let Some(standing) = standing else {
+        return Ok((scan, Vec::new()));
+    };
+    context.warn(format_args!(
+        "{}: {:.1} % of the points lie on planes that reach beyond the part, such as a table, and \
+         are left out; --keep-planes keeps them",
+        scan.name,
+        100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
+    ));
+    let cloud = standing.part;
+    Ok((job::Scan { cloud, ..scan }, standing.supports))
 }
 
 /// A template made of what is recognised in a scan, or in some of its points.

@@ -58,12 +58,15 @@ impl Solid {
     fn holds_on(&self, bits: Bits, k: usize) -> Option<bool> {
         // Kleene's logic: one operand that decides is enough.
         let set = |of: &[Self], decisive: bool| {
-            of.iter()
-                .fold(Some(!decisive), |all, s| match (all, s.holds_on(bits, k)) {
-                    (Some(v), _) | (_, Some(v)) if v == decisive => Some(decisive),
-                    (None, _) | (_, None) => None,
-                    _ => Some(!decisive),
-                })
+            let mut is_open = false;
+            for s in of {
+                match s.holds_on(bits, k) {
+                    Some(v) if v == decisive => return Some(decisive),
+                    Some(_) => {}
+                    None => is_open = true,
+                }
+            }
+            (!is_open).then_some(!decisive)
         };
         match self {
             Self::Half(j) if *j == k => None,
