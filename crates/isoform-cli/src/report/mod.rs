@@ -269,14 +269,19 @@ fn model(sheet: Option<&str>, is_late: bool) -> String {
     format!("<section class=\"drawing\"><h2>The fitted model</h2>{sheet}</section>\n")
 }
 
-/// The tables of parameters: those of the template, and the pose, which is folded.
+/// The tables of parameters: those of the template, and the pose, which is folded where the points
+/// determine it.
 fn parameters(job: &Job) -> String {
     let rows = table::rows(job);
-    let (own, pose) = rows.split_at(job.found.template.frep.model().n_params());
+    let n = job.found.template.frep.model().n_params();
+    let (own, pose) = rows.split_at(n);
+    let mut of_pose = job.found.fit.parameters[n..].iter();
+    let is_open = of_pose.any(|p| p.status == isoform::fit::Status::Undetermined);
+    let open = if is_open { " open" } else { "" };
     let folded = table::pose(job).map_or(String::new(), |place| {
         let summary = escaped(&capitalized(&place));
         let rows = parameter_rows(job, pose);
-        format!("<details><summary>Pose in the scan: {summary}</summary>{rows}</details>")
+        format!("<details{open}><summary>Pose in the scan: {summary}</summary>{rows}</details>")
     });
     let rows = parameter_rows(job, own);
     format!("<section><h2>Parameters</h2>{rows}{folded}</section>\n")
