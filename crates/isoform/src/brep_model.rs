@@ -121,9 +121,6 @@ pub fn brep_model(
     let mut options = options.clone();
     options.mesh.surface_only = true;
     options.mesh.order = 1;
-    let best = options.clone();
-    // The mesh tells the topology only: good angles may take ten times as long.
-    options.mesh.angles = [5.0, 170.0];
     let is_free = options.size.is_none();
     let mut first = work.at_size(&options)?;
     for _ in 0..FINER {
@@ -149,12 +146,6 @@ pub fn brep_model(
         if is_better {
             first = next;
         }
-    }
-    if first
-        .as_ref()
-        .is_err_and(|refused| is_of_mesh(&refused.error))
-    {
-        first = work.at_size(&best)?;
     }
     first.map_err(|refused| refused.error.into())
 }
