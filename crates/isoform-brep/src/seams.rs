@@ -176,8 +176,9 @@ impl<'a> Seams<'a> {
     }
 }
 
-/// What two pieces that touch join along, near some points in order: a limit of one, or what crosses
-/// both surfaces where they touch; none if there is none within the points' distances.
+/// Returns the locus along which two pieces that touch join, near some points in order: a limit of
+/// one, or what crosses both surfaces where they touch; none if there is none within the points'
+/// distances.
 pub(crate) fn seam(pieces: [&Piece; 2], loci: [&Locus; 2], points: &[Point3]) -> Option<Locus> {
     let reach = points
         .windows(2)

@@ -21,8 +21,8 @@ const BESIDE: usize = 8000;
 const OFF: (f64, f64) = (1e-3, 2.0);
 /// Least distance in diagonals: single precision has seven digits.
 const LEAST_OFF: f64 = 1e-6;
-/// Number of points of each entity at which places may be closer to the surface: those farthest from
-/// all other surfaces, so that small faces have places, too.
+/// Number of points of each entity at which places may be closer to the surface: those farthest
+/// from all other surfaces, so that small faces have places, too.
 const FEW: usize = 8;
 /// By how much the box of the places is larger than that of the points, as a share of its diagonal.
 const MARGIN: f64 = 0.05;

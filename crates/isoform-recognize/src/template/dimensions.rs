@@ -134,8 +134,8 @@ impl<'a> Dimensions<'a> {
         new
     }
 
-    /// True if a ball or a ring goes over into a cylinder: by one radius, about a point of the axis,
-    /// or about a circle that the axis touches.
+    /// True if a ball or a ring goes over into a cylinder: by one radius, about a point of the
+    /// axis, or about a circle that the axis touches.
     fn goes_over(&self, bent: usize, cylinder: usize) -> bool {
         let [s, c] = [bent, cylinder].map(|i| self.frame.surfaces[i]);
         if c.kind != Kind::Cylinder {
@@ -206,8 +206,8 @@ impl<'a> Dimensions<'a> {
         }
     }
 
-    /// Where what an entity is tied to lies along an axis: the plane or the tube that it touches,
-    /// else the entity itself.
+    /// Returns the coordinate along an axis of what an entity is tied to: the plane or the tube
+    /// that it touches, else the entity itself.
     fn anchor(&self, entity: usize, k: usize) -> f64 {
         let surfaces = &self.frame.surfaces;
         let touched = self.touched(entity, [0, k]).map(|t| t.0).next();

@@ -142,9 +142,9 @@ pub(super) fn solid(cells: &[Cell], count: usize) -> Solid {
     flat(irredundant(solid, is_as_good))
 }
 
-/// A cell outside of half space `k` that is alike with the one within it, where the solid's function
-/// is 0 between them: a sheet or a crack (a static hazard of logic circuits: E. J. McCluskey, Bell
-/// Syst. Tech. J. 35, 1956).
+/// Returns a cell outside of half space `k` that is alike with the one within it, where the solid's
+/// function is 0 between them: a sheet or a crack (a static hazard of logic circuits:
+/// E. J. McCluskey, Bell Syst. Tech. J. 35, 1956).
 fn hazard(solid: &Solid, known: &BTreeSet<Bits>, k: usize) -> Option<Bits> {
     let within = |bits: Bits| bits | 1 << k;
     let is_fault = |bits: &Bits| {
@@ -483,7 +483,7 @@ mod tests {
     #[test]
     fn every_boolean_function_is_met() {
         let mut random = Random::new(3);
-        for _ in 0..60 {
+        for _ in 0..200 {
             let table = random.bits();
             let all = cells(6, |h| {
                 let at = (0..6).fold(0, |at, k| at | usize::from(h(k)) << k);
