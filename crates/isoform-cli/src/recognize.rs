@@ -44,9 +44,9 @@ pub(crate) struct Args {
         value_parser = output::positive
     )]
     tol: Option<f64>,
-    /// The fewest points of an entity
-    #[arg(long, value_name = "N", default_value_t = RecognizeOptions::default().min_points)]
-    min_points: usize,
+    /// Minimum number of points of an entity [default: as many as are evidence of it]
+    #[arg(long, value_name = "N")]
+    min_points: Option<usize>,
     /// Refit all entities together so that their relations hold exactly; those that contradict the
     /// points are dropped, and templates are written from these entities [default: each entity as
     /// its own points have it]
@@ -149,14 +149,17 @@ fn snapped(
 /// The points with their entities, in the format of the file's ending.
 fn labelled(found: &Recognized<'_>, path: &Path) -> Result<Vec<u8>, Failure> {
     let label = |l: &Option<u32>| l.map_or(-1.0, f64::from);
-    let values = found.recognition.labels.iter().map(label).collect();
+    let column = |name: &str, labels: &[Option<u32>]| Column {
+        name: name.to_owned(),
+        values: labels.iter().map(label).collect(),
+    };
     let cloud = PointCloud {
         points: found.scan.points.clone(),
         origin: found.scan.origin,
-        columns: vec![Column {
-            name: "entity".to_owned(),
-            values,
-        }],
+        columns: vec![
+            column("entity", &found.recognition.labels),
+            column("face", &found.recognition.face_labels),
+        ],
         ..PointCloud::default()
     };
     let mut bytes = Vec::new();

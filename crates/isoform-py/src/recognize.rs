@@ -26,10 +26,13 @@ impl Entities {
     fn document(&self) -> &str {
         &self.document
     }
-    /// The number of the entity of each point, -1 for none.
+    /// The index of the entity of each point, -1 for none.
     fn labels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        let labels = self.found.recognition.labels.iter();
-        PyArray1::from_iter(py, labels.map(|l| l.map_or(-1, i64::from)))
+        indices(py, &self.found.recognition.labels)
+    }
+    /// The index of the face of each point, -1 for none.
+    fn face_labels<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        indices(py, &self.found.recognition.face_labels)
     }
     /// The points that were looked at, further ones on the faces of a CAD mesh included.
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
@@ -47,6 +50,11 @@ impl Entities {
     }
 }
 
+/// Indices as an array, -1 for none.
+fn indices<'py>(py: Python<'py>, of: &[Option<u32>]) -> Bound<'py, PyArray1<i64>> {
+    PyArray1::from_iter(py, of.iter().map(|l| l.map_or(-1, i64::from)))
+}
+
 /// Recognises entities in points.
 #[pyfunction]
 pub(crate) fn recognize(
@@ -57,10 +65,9 @@ pub(crate) fn recognize(
     snap: bool,
     asked: Asked<'_>,
 ) -> PyResult<Entities> {
-    let usual = RecognizeOptions::default();
     let options = RecognizeOptions {
         noise: length("tol", tol)?,
-        min_points: min_points.unwrap_or(usual.min_points),
+        min_points,
     };
     let made = run::run(py, &asked, move |control| -> Result<_, RecognizeError> {
         let mut found = recognize_scan(&cloud.get().cloud, &options, control)?;

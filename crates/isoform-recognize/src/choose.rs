@@ -1,7 +1,7 @@
 //! Which kind of surface a place lies on: the simplest one that explains it as well as any.
 
 use crate::chart::{Kind, Surface};
-use crate::cloud::{Cloud, FLOOR};
+use crate::cloud::Cloud;
 use crate::fit::{Precision, fit, squares};
 use crate::grow::{Region, correlation, grow, peeled};
 use crate::start::{Line, bent_squares};
@@ -301,9 +301,11 @@ pub(crate) fn follows(
 ) -> bool {
     let is_one = |points: &[u32]| {
         is_near(cloud, points, surface, noise)
-            && (noise.is_form || is_independent(correlation(cloud, points, surface)))
+            && (noise.is_form
+                || cloud.is_exact(noise.deviation)
+                || is_independent(correlation(cloud, points, surface)))
     };
-    noise.deviation <= FLOOR || is_one(core) || is_one(points)
+    is_one(core) || is_one(points)
 }
 
 /// Whether points deviate by no more than the noise.

@@ -37,6 +37,9 @@ const THICK: f64 = 0.3;
 /// Points of larger neighbourhoods, and how many times larger the deviation is in these at least
 /// where points fill a volume: 1.57 to 1.69 was measured there, about 1.25 on surfaces.
 const VOLUME: (usize, f64) = (75, 1.45);
+/// How many times as far as rounding alone would leave them exact points may lie off at first: the
+/// modeller has rounded before. Entities tell how far they do.
+const INEXACT: f64 = 4.0;
 /// The least noise, as a share of the diagonal: what rounding leaves after a few operations.
 pub(crate) const FLOOR: f64 = 1e-9;
 
@@ -56,6 +59,8 @@ pub(crate) struct Cloud {
     pub(crate) roughness: Vec<f64>,
     /// The noise that the smoothest places show.
     pub(crate) noise: f64,
+    /// Standard deviation that rounding of the coordinates alone causes: no noise is less.
+    pub(crate) floor: f64,
     /// Whether the points fill a volume.
     pub(crate) is_volume: bool,
 }
@@ -106,8 +111,10 @@ pub(crate) fn sorted(points: &[Point3]) -> (Vec<Point3>, Vec<u32>) {
 }
 
 impl Cloud {
-    /// Of points in order, of a diagonal of 1.
-    pub(crate) fn new(points: Vec<Point3>) -> Self {
+    /// Of points in order, of a diagonal of 1, whose coordinates have errors of `rounding` at most:
+    /// those of numbers that were rounded are even over ± this, with a deviation of it / √3.
+    pub(crate) fn new(points: Vec<Point3>, rounding: f64) -> Self {
+        let floor = FLOOR.max(rounding / 3.0_f64.sqrt());
         let tree = KdTree::new(&points);
         let found: Vec<(Vec<u32>, Local)> = (0..points.len())
             .into_par_iter()
@@ -121,6 +128,7 @@ impl Cloud {
         let mut normals: Vec<Point3> = found.iter().map(|f| f.1.normal).collect();
         let roughness: Vec<f64> = found.iter().map(|f| f.1.roughness).collect();
         let noise = exact_noise(&points, &normals, &found).unwrap_or(smooth_noise(&roughness));
+        let noise = noise.max(INEXACT * floor);
         let (mut neighbours, mut first) = (Vec::new(), vec![0]);
         for (i, (near, _)) in found.iter().enumerate() {
             let is_across = |j: &u32| is_across(&points, &normals, [i, *j as usize], noise);
@@ -139,10 +147,22 @@ impl Cloud {
             neighbours,
             first,
             noise,
+            floor,
             roughness,
             points,
             normals,
         }
+    }
+
+    /// Returns the noise below which points lie on their surfaces as exactly as their coordinates
+    /// are rounded.
+    pub(crate) fn exact(&self) -> f64 {
+        crate::choose::EXACT.max(INEXACT * self.floor)
+    }
+
+    /// True if points with this noise are exact.
+    pub(crate) fn is_exact(&self, noise: f64) -> bool {
+        noise <= self.exact()
     }
 
     /// Turns all of it into the frame that a pose was taken from.
@@ -156,6 +176,12 @@ impl Cloud {
     pub(crate) fn near(&self, i: u32) -> &[u32] {
         let [from, to] = [i as usize, i as usize + 1].map(|k| self.first[k] as usize);
         &self.neighbours[from..to]
+    }
+
+    /// Each point with each of its neighbours.
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
+        let all = 0..self.points.len() as u32;
+        all.flat_map(|i| self.near(i).iter().map(move |j| (i, *j)))
     }
 
     /// The points that have this one among their neighbours.

@@ -8,8 +8,9 @@
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
 use crate::cloud::Cloud;
+use crate::cost::Cost;
 use crate::fit::{mean, squares};
-use crate::segment::{EVIDENCE, Segmentation, UNEXPLAINED};
+use crate::segment::{EVIDENCE, Segmentation};
 use crate::share::Shares;
 use crate::start::{Line, centred_sphere, cylinder, start_about};
 use isoform_geom::{Point3, cross, dot, norm, sub};
@@ -48,21 +49,21 @@ impl Segmentation {
         points: impl Iterator<Item = u32>,
         noise: f64,
     ) -> f64 {
-        let scale = 1.0 / (2.0 * noise * noise);
+        let cost = Cost::of(noise);
         let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
-        let length = |i: u32| self.length_at(cloud, &distances, i as usize, scale);
+        let length = |i: u32| self.length_at(cloud, &distances, i as usize, cost);
         points.map(length).sum()
     }
 
     /// The length of the description of a point: it lies on the surface of a neighbour, on which of
     /// them is not said. Surfaces that lie over one another follow noise better than one if each
     /// point has the nearer of them.
-    fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, scale: f64) -> f64 {
+    fn length_at(&self, cloud: &Cloud, distances: &[Distances<'_>], i: usize, cost: Cost) -> f64 {
         let near = cloud.near(i as u32);
         let own = self.labels[i];
         let likelihood = |label: u32| match distances.get(label as usize) {
-            None => (-UNEXPLAINED).exp(),
-            Some(of) => (-of.at(cloud.points[i]).powi(2) * scale).exp(),
+            None => (-cost.most).exp(),
+            Some(of) => (-cost.of_distance(of.at(cloud.points[i]))).exp(),
         };
         let (mut sum, mut last) = (likelihood(own), (own, likelihood(own)));
         for j in near {
@@ -73,7 +74,7 @@ impl Segmentation {
             sum += last.1;
         }
         let mean = sum / (near.len() + 1) as f64;
-        UNEXPLAINED.min(-mean.ln())
+        cost.most.min(-mean.ln())
     }
 
     /// Surfaces with the axes and directions of larger ones where that is described in less: free

@@ -47,6 +47,17 @@ impl Deviations {
     };
 }
 
+/// A connected piece of an entity: two flat ends of one height are two faces of one plane.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Face {
+    /// Index of its entity.
+    pub entity: usize,
+    /// Number of its points.
+    pub points: usize,
+    /// Indices of the faces at its boundary, ascending.
+    pub beside: Vec<usize>,
+}
+
 /// How two entities lie to one another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum RelationKind {
@@ -170,6 +181,11 @@ pub struct Recognition {
     pub entities: Vec<Entity>,
     /// For each point of the scan the index of its entity.
     pub labels: Vec<Option<u32>>,
+    /// The connected pieces of the entities, by entity, those with most points first.
+    pub faces: Vec<Face>,
+    /// For each point of the scan the index of its face; `None` also in scraps of an entity with
+    /// fewer points than an entity needs.
+    pub face_labels: Vec<Option<u32>>,
     /// Unit normals of the points, outwards.
     pub normals: Vec<Point3>,
     /// Relations that hold.

@@ -35,6 +35,16 @@ use report::report;
 /// many free-form faces to the clouds.
 const LEAST_COVERED: f64 = 0.2;
 
+/// Minimum number of points of a part, vertices and those inside, unless the user gives one.
+const FEWEST: usize = 20;
+
+impl Options {
+    /// Returns the minimum number of points of a part.
+    fn fewest_of_part(&self) -> usize {
+        self.min_points.unwrap_or(FEWEST)
+    }
+}
+
 /// What was recognised in a CAD mesh.
 #[derive(Clone, Debug)]
 pub struct FacetRecognition {
@@ -96,7 +106,7 @@ pub fn recognize_facets(
     let Some(mut found) = Explained::of(mesh, control)? else {
         return Ok(None);
     };
-    let inside = points::inside(&found.facets, &found.claims, wanted, options.min_points);
+    let inside = points::inside(&found.facets, &found.claims, wanted, options.fewest_of_part());
     let positions = found.placed(&inside);
     for k in 0..3 {
         found.scaling.origin[k] += mesh.origin[k];
@@ -132,7 +142,7 @@ pub fn points_on_facets(
         // Points at one place, say, are no faces.
         Ok(None) | Err(_) => return Ok(None),
     };
-    let fewest = Options::default().min_points;
+    let fewest = Options::default().fewest_of_part();
     let mut inside = points::inside(&found.facets, &found.claims, wanted, fewest);
     inside.retain(|p| p.part != NONE);
     let exactness = found.facets.exactness() * found.scaling.unit;

@@ -287,7 +287,11 @@ fn share(cloud: &Cloud, told: &[(Surface, Vec<u32>)]) -> f64 {
 
 /// The entities that are no patches and whose size is known, with their points.
 fn told(cloud: &Cloud, found: &Segmentation) -> Vec<(Surface, Vec<u32>)> {
-    let patches = patches(cloud, found, WIDEST);
+    // Exact points that one surface explains are no piece of another form.
+    let patches = match cloud.is_exact(found.noise) {
+        true => vec![false; found.surfaces.len()],
+        false => patches(cloud, found, WIDEST),
+    };
     let members = found.members().into_iter().zip(patches);
     let each = found.surfaces.iter().copied().zip(members);
     each.filter(|(surface, (points, is_patch))| {

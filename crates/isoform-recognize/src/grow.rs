@@ -3,6 +3,7 @@
 use crate::chart::{Distances, Kind, Surface};
 use crate::choose::EXACT;
 use crate::cloud::{Cloud, thinned};
+use crate::cost::Cost;
 use crate::fit::{Precision, fit, squares};
 use crate::start::{Line, start_about, starts};
 use isoform_geom::{KdTree, Point3, dot};
@@ -12,7 +13,7 @@ use isoform_geom::{KdTree, Point3, dot};
 pub(crate) const WITHIN: f64 = 3.0;
 /// The least |cosine| between the normal of a point and that of the surface: 55°. Normals near an
 /// edge are the mean of both sides, 45° off at a right angle.
-const ALIGNED: f64 = 0.57;
+pub(crate) const ALIGNED: f64 = 0.57;
 /// A region grows by this factor between two fits: the surface is known well enough to be carried
 /// on as far again.
 const GROWTH: f64 = 1.7;
@@ -325,7 +326,7 @@ fn collect(
     most: usize,
     is_free: &(impl Fn(u32) -> bool + Sync),
 ) -> (Vec<u32>, bool) {
-    let tolerance = WITHIN * noise;
+    let tolerance = Cost::of(noise).reach();
     let distances = surface.distances();
     let takes = |i: u32| is_free(i) && explains(&distances, cloud, i, tolerance);
     let mut is_seen = vec![false; cloud.points.len()];

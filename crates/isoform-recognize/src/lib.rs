@@ -5,8 +5,11 @@ mod chart;
 mod choose;
 mod cloud;
 mod compare;
+mod complete;
+mod cost;
 mod description;
 mod entity;
+mod faces;
 mod facets;
 mod fit;
 mod form;
@@ -31,7 +34,7 @@ mod symmetry;
 mod template;
 
 pub use entity::{
-    Blend, Deviations, Entity, Layout, Pattern, Recognition, Relation, RelationKind, Symmetry,
+    Blend, Deviations, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind, Symmetry,
     SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};

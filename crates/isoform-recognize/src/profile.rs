@@ -7,7 +7,8 @@
 
 use crate::chart::{Kind, TIGHTEST};
 use crate::choose::least_points;
-use crate::segment::{EVIDENCE, UNEXPLAINED};
+use crate::cost::Cost;
+use crate::segment::EVIDENCE;
 use chains::{Link, chains};
 use fillet::fill;
 use moments::Moments;
@@ -78,8 +79,7 @@ impl Shape {
 /// What pieces cost.
 pub(crate) struct Price<'a> {
     noise: f64,
-    /// Σ r² times this is what points cost.
-    scale: f64,
+    cost: Cost,
     shapes: &'a [(Shape, Kind)],
     is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
 }
@@ -91,10 +91,9 @@ impl<'a> Price<'a> {
         shapes: &'a [(Shape, Kind)],
         is_proper: &'a dyn Fn(Kind, &Curve) -> bool,
     ) -> Self {
-        let scale = 1.0 / (2.0 * noise * noise);
         Self {
             noise,
-            scale,
+            cost: Cost::of(noise),
             shapes,
             is_proper,
         }
@@ -102,7 +101,7 @@ impl<'a> Price<'a> {
 
     /// What a point costs at a distance from its piece.
     pub(crate) fn of_distance(&self, r: f64) -> f64 {
-        (r * r * self.scale).min(UNEXPLAINED)
+        self.cost.of_distance(r).min(self.cost.most)
     }
 
     /// What each number of a piece through so many points costs.
@@ -148,7 +147,7 @@ pub(crate) fn pieces(points: &[Place], price: &Price<'_>) -> (Vec<Piece>, f64) {
         length += cost;
         left -= chain.len();
     }
-    (pieces, length + UNEXPLAINED * left as f64)
+    (pieces, length + price.cost.most * left as f64)
 }
 
 /// The pieces of one chain, and the length of their description.
@@ -213,7 +212,7 @@ impl Division<'_> {
         let last = self.best[to - 1];
         let single = self.sums[to].less(&self.sums[to - 1]);
         let mut least = Best {
-            cost: last.cost + UNEXPLAINED * single.count,
+            cost: last.cost + self.price.cost.most * single.count,
             from: to - 1,
             piece: None,
         };
@@ -227,9 +226,9 @@ impl Division<'_> {
 
     /// Tries pieces between two steps.
     fn try_from(&mut self, from: usize, to: usize, least: &mut Best) {
-        let Price { noise, scale, .. } = *self.price;
+        let Price { noise, cost, .. } = *self.price;
         let before = self.best[from].cost + EVIDENCE;
-        if before + LEFT * self.left[from] * scale >= least.cost {
+        if before + LEFT * cost.of_squares(self.left[from]) >= least.cost {
             return;
         }
         let of = self.sums[to].less(&self.sums[from]);
@@ -247,7 +246,7 @@ impl Division<'_> {
                 continue;
             };
             left = left.min(squares);
-            let cost = base + squares * scale;
+            let cost = base + cost.of_squares(squares);
             if cost < least.cost
                 && of.is_long(&curve, noise)
                 && (self.price.is_proper)(*kind, &curve)

@@ -5,6 +5,7 @@ use crate::chart::{Kind, MOST, Row, Surface, unit};
 use crate::choose::EXACT;
 use crate::cloud::{Cloud, Scaling, sorted};
 use crate::entity::{Deviations, Entity, Recognition};
+use crate::faces::Faces;
 use crate::fit::{covariance, squares};
 use crate::form::within_noise_or_form;
 use crate::grow::core;
@@ -16,26 +17,16 @@ use crate::relations::{Known, relations};
 use crate::segment::{Allowed, Limits, NONE, Segmentation, segment};
 use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, cross, dot, norm, sub};
+use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, sub};
 
 /// How a scan is recognised.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Options {
     /// The standard deviation of points from their surface, in the scan's unit; taken from the
     /// points where it is `None`.
     pub noise: Option<f64>,
-    /// The fewest points of an entity.
-    pub min_points: usize,
-}
-
-impl Default for Options {
-    /// The noise from the points; 20 points: a plane of fewer is a scrap at an edge.
-    fn default() -> Self {
-        Self {
-            noise: None,
-            min_points: 20,
-        }
-    }
+    /// Minimum number of points of an entity; as many as are evidence of it where it is `None`.
+    pub min_points: Option<usize>,
 }
 
 /// Why nothing is recognised.
@@ -87,15 +78,15 @@ pub fn recognize(
         pose,
         scaling,
     } = Placed::of(scan)?;
-    let mut cloud = Cloud::new(places);
+    let mut cloud = Cloud::new(places, rounding(scan) / scaling.unit);
     if is_line(&cloud.points) {
         return Err(Error::Line);
     }
-    let min_points = options.min_points;
+    let min_points = options.min_points.unwrap_or(0);
     let mut found = match options.noise.map(|n| n / scaling.unit) {
         None => within_noise_or_form(&cloud, min_points, control)?,
         Some(noise) => {
-            let allowed = Allowed::Given(noise.max(crate::cloud::FLOOR));
+            let allowed = Allowed::Given(noise.max(cloud.floor));
             segment(
                 &cloud,
                 Limits {
@@ -107,6 +98,8 @@ pub fn recognize(
         }
     };
     control.check()?;
+    let mut faces = Faces::of_cloud(&cloud, &found, min_points);
+    faces.settle_shared(&cloud, &mut found);
     let given = given_normals(scan, &index, cloud.points.len(), &pose);
     let is_oriented = given.is_some_and(|given| turn_as_given(&mut cloud, &found, &given));
     if !is_oriented {
@@ -117,7 +110,7 @@ pub fn recognize(
     found.surfaces.iter_mut().for_each(back);
     Ok(Recognition {
         is_oriented,
-        ..report(&cloud, &found, &index, &scaling)
+        ..report(&cloud, &found, &faces, &index, &scaling)
     })
 }
 
@@ -246,7 +239,13 @@ fn is_line(points: &[Point3]) -> bool {
 }
 
 /// What was found, in the scan's unit and order.
-fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling) -> Recognition {
+fn report(
+    cloud: &Cloud,
+    found: &Segmentation,
+    faces: &Faces,
+    index: &[u32],
+    scaling: &Scaling,
+) -> Recognition {
     let members = found.members();
     let mut counts = vec![0; members.len()];
     for place in index {
@@ -286,7 +285,14 @@ fn report(cloud: &Cloud, found: &Segmentation, index: &[u32], scaling: &Scaling)
         noise: found.noise,
     };
     let patterns = patterns(&set, (scaling.unit, scaling.origin));
+    let (faces, face_labels) = faces.report(
+        |entity| Some(rank[entity as usize]),
+        index.iter().copied(),
+        cloud.pairs(),
+    );
     Recognition {
+        faces,
+        face_labels,
         entities,
         symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
         patterns,

@@ -1,10 +1,11 @@
 //! Which points belong to which surface: regions one after another, then all at once.
 
 use crate::chart::{Distances, Kind, Surface};
-use crate::choose::{EXACT, Known, Noise, best_region, follows, is_called_for, least_points};
-use crate::cloud::{Cloud, FLOOR, NEIGHBOURS};
+use crate::choose::{Known, Noise, best_region, follows, is_called_for, least_points};
+use crate::cloud::{Cloud, NEIGHBOURS};
+use crate::cost::Cost;
 use crate::fit::{Precision, fit, fit_weighted, squares};
-use crate::grow::{Region, WITHIN, core};
+use crate::grow::{ALIGNED, Region, core};
 use crate::kinds::best_kind;
 use crate::share::{Shares, shares, sided};
 use crate::split::{Whole, split};
@@ -14,8 +15,6 @@ use rayon::prelude::*;
 
 /// No entity.
 pub(crate) const NONE: u32 = u32::MAX;
-/// What a point costs where nothing explains it: Σ r²/2σ² at the tolerance.
-pub(crate) const UNEXPLAINED: f64 = WITHIN * WITHIN / 2.0;
 /// What it costs a point that all its neighbours belong elsewhere: as much as 3 deviations. More
 /// smooths borders of small faces away, less lets crossing planes cut strips out of walls.
 pub(crate) const APART: f64 = 4.5;
@@ -202,7 +201,7 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     };
     let mut noise = noise;
     for _ in 0..2 {
-        if noise < EXACT {
+        if cloud.is_exact(noise) {
             break;
         }
         let tried: Vec<bool> = order
@@ -218,23 +217,13 @@ fn lower_noise(cloud: &Cloud, noise: f64) -> f64 {
     noise
 }
 
-/// r²/2σ² of a distance, infinite beyond the tolerance.
-fn cost(r: f64, scale: f64) -> f64 {
-    let cost = r * r * scale;
-    if cost <= UNEXPLAINED {
-        cost
-    } else {
-        f64::INFINITY
-    }
-}
-
 /// The label, of those of a point and its neighbours, with which it costs least.
 fn cheapest(
     cloud: &Cloud,
     labels: &[u32],
     distances: &[Distances<'_>],
     i: usize,
-    scale: f64,
+    cost: Cost,
 ) -> u32 {
     let near = cloud.near(i as u32);
     let share = APART / near.len().max(1) as f64;
@@ -255,8 +244,8 @@ fn cheapest(
             .filter(|j| labels[**j as usize] != *label)
             .count();
         let own = match distances.get(*label as usize) {
-            None => UNEXPLAINED,
-            Some(of) => cost(of.at(cloud.points[i]), scale),
+            None => cost.most,
+            Some(of) => cost.if_near(of.at(cloud.points[i])),
         };
         let cost = share * apart as f64 + own;
         if cost < best.0 {
@@ -333,11 +322,12 @@ impl Segmentation {
         self.turn_zones(cloud);
         self.is_free = true;
         self.relax(cloud, limits);
-        if self.noise >= EXACT {
+        if !cloud.is_exact(self.noise) {
             for _ in 0..2 {
                 self.labels = sided(cloud, &self.surfaces, &self.labels, self.noise);
             }
         }
+        self.complete(cloud, limits, control)?;
         Ok(self)
     }
 
@@ -380,9 +370,14 @@ impl Segmentation {
             .collect();
         let mut is_new = false;
         for axis in directions(&self.surfaces) {
+            // Rows of a regular sample on other faces may have one height, too.
+            let is_open = |i: &&u32| {
+                let i = **i as usize;
+                self.labels[i] == NONE && dot(cloud.normals[i], axis).abs() >= ALIGNED
+            };
             let mut heights: Vec<(f64, u32)> = open
                 .iter()
-                .filter(|i| self.labels[**i as usize] == NONE)
+                .filter(is_open)
                 .map(|i| (dot(cloud.points[*i as usize], axis), *i))
                 .collect();
             heights.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.1.cmp(&b.1)));
@@ -497,10 +492,7 @@ impl Segmentation {
         cloud: &'a Cloud,
     ) -> impl Iterator<Item = (usize, usize)> + 'a {
         let of = |i: u32| self.labels[i as usize];
-        let pairs = (0..self.labels.len() as u32).flat_map(move |i| {
-            let near = cloud.near(i).iter();
-            near.map(move |j| (of(i), of(*j)))
-        });
+        let pairs = cloud.pairs().map(move |(i, j)| (of(i), of(j)));
         pairs
             .filter(|(a, b)| a != b && *a != NONE && *b != NONE)
             .map(|(a, b)| (a as usize, b as usize))
@@ -536,7 +528,7 @@ impl Segmentation {
 
     /// Gives each point to the surface of a neighbour that explains it best.
     fn compete(&mut self, cloud: &Cloud) {
-        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        let cost = Cost::of(self.noise);
         let distances: Vec<Distances<'_>> = self.surfaces.iter().map(Surface::distances).collect();
         // A point is looked at again when the label of a neighbour has changed.
         let mut is_due = vec![true; cloud.points.len()];
@@ -546,7 +538,7 @@ impl Segmentation {
                 if !std::mem::take(&mut is_due[i]) {
                     continue;
                 }
-                let best = cheapest(cloud, &self.labels, &distances, i, scale);
+                let best = cheapest(cloud, &self.labels, &distances, i, cost);
                 if best != self.labels[i] {
                     self.labels[i] = best;
                     is_changed = true;
@@ -557,14 +549,6 @@ impl Segmentation {
             if !is_changed {
                 break;
             }
-        }
-    }
-
-    /// r²/2σ² of a point, infinite beyond the tolerance.
-    fn cost(&self, cloud: &Cloud, i: usize, label: u32, scale: f64) -> f64 {
-        match self.surfaces.get(label as usize) {
-            None => UNEXPLAINED,
-            Some(surface) => cost(surface.distance(cloud.points[i]), scale),
         }
     }
 
@@ -615,9 +599,21 @@ impl Segmentation {
         self.keep(&kept);
     }
 
-    /// The noise that explained points show: the median of their distances.
+    /// The noise that explained points show: the median of their distances. Of exact points it is
+    /// that of the entity with most: planes along the axes of coordinates have none, and surfaces
+    /// that a modeller approximates have more than rounding.
     fn measure_noise(&mut self, cloud: &Cloud, limits: Limits) {
         if limits.allowed != Allowed::Shown {
+            return;
+        }
+        if cloud.is_exact(self.first_noise) {
+            let members = self.members();
+            let deviation = |(surface, of): (&Surface, &Vec<u32>)| {
+                let free = of.len().saturating_sub(surface.kind.parameters()).max(1);
+                (squares(surface, &cloud.at(of)) / free as f64).sqrt()
+            };
+            let each = self.surfaces.iter().zip(&members).map(deviation);
+            self.noise = each.fold(cloud.floor, f64::max).min(cloud.exact());
             return;
         }
         let explained = (0..cloud.points.len()).filter(|i| self.labels[*i] != NONE);
@@ -633,7 +629,7 @@ impl Segmentation {
         let median = *distances.select_nth_unstable_by(half, f64::total_cmp).1;
         self.noise = (median / MEDIAN)
             .min(MOST_NOISE * self.first_noise)
-            .max(FLOOR);
+            .max(cloud.floor);
     }
 
     /// Joins entities of one kind that one surface explains.
@@ -731,7 +727,7 @@ impl Segmentation {
 
     /// By how much more its points cost without an entity, with the surfaces of entities nearby.
     fn gain(&self, cloud: &Cloud, label: u32, members: &[u32]) -> f64 {
-        let scale = 1.0 / (2.0 * self.noise * self.noise);
+        let cost = Cost::of(self.noise);
         let mut around: Vec<u32> = members
             .iter()
             .flat_map(|i| cloud.near(*i))
@@ -740,16 +736,12 @@ impl Segmentation {
             .collect();
         around.sort_unstable();
         around.dedup();
-        let other = |i: usize| {
-            let costs = around.iter().map(|l| self.cost(cloud, i, *l, scale));
-            costs.fold(UNEXPLAINED, f64::min)
+        let at = |i: u32, label: u32| {
+            let r = self.surfaces[label as usize].distance(cloud.points[i as usize]);
+            cost.of_distance(r).min(cost.most)
         };
-        members
-            .iter()
-            .map(|i| {
-                other(*i as usize) - self.cost(cloud, *i as usize, label, scale).min(UNEXPLAINED)
-            })
-            .sum()
+        let without = |i: u32| around.iter().fold(cost.most, |c, l| c.min(at(i, *l)));
+        members.iter().map(|i| without(*i) - at(*i, label)).sum()
     }
 
     /// Gives entities another kind where their points ask for it.

@@ -3,8 +3,8 @@
 
 use crate::chart::{Distances, Surface, unit};
 use crate::cloud::{Cloud, NEIGHBOURS};
+use crate::cost::Cost;
 use crate::fit::mean;
-use crate::grow::WITHIN;
 use crate::segment::{APART, NONE};
 use isoform_geom::{Point3, dot, sub};
 use rayon::prelude::*;
@@ -188,7 +188,7 @@ impl<'a> Faces<'a> {
     fn likelihood(&self, around: &Labels, label: u32, i: usize) -> f64 {
         let (p, surface) = (self.cloud.points[i], &self.surfaces[label as usize]);
         let r = surface.at(p);
-        if r.abs() > WITHIN * self.noise {
+        if r.abs() > Cost::of(self.noise).reach() {
             return 0.0;
         }
         let n = surface.normal(p);

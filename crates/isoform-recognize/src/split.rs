@@ -3,7 +3,8 @@
 use crate::chart::{Kind, Surface};
 use crate::choose::{Known, Noise, best_region, is_called_for, least_points};
 use crate::cloud::Cloud;
-use crate::grow::{Region, WITHIN};
+use crate::cost::Cost;
+use crate::grow::Region;
 use crate::kinds::best_kind;
 use crate::share::Shares;
 use rayon::prelude::*;
@@ -117,7 +118,7 @@ fn is_better(
     parts: &mut [Region],
     noise: Noise,
 ) -> bool {
-    let most = (WITHIN * noise.deviation).powi(2);
+    let most = Cost::of(noise.deviation).reach().powi(2);
     let one: f64 = squares_of(cloud, members, &[*surface], most);
     for _ in 0..SETTLING {
         share_out(cloud, members, parts);

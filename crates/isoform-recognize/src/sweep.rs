@@ -37,7 +37,7 @@ const GAIN: f64 = 1.0;
 
 /// A motion that leaves surfaces as they are.
 #[derive(Clone, Copy, Debug)]
-enum Sweep {
+pub(crate) enum Sweep {
     /// Turns about an axis.
     About(Line),
     /// Moves along a unit direction.
@@ -53,7 +53,7 @@ impl Sweep {
     }
 
     /// Where the motion takes a point through its section.
-    fn section(&self, p: Point3) -> Place {
+    pub(crate) fn section(&self, p: Point3) -> Place {
         match self {
             Self::About((place, axis)) => {
                 let d = sub(p, *place);
@@ -73,7 +73,7 @@ impl Sweep {
     }
 
     /// The surface of which a piece is the section.
-    fn surface(&self, kind: Kind, curve: &Curve) -> Option<Surface> {
+    pub(crate) fn surface(&self, kind: Kind, curve: &Curve) -> Option<Surface> {
         let (place, axis, size, other) = match self {
             Self::About((place, axis)) => {
                 let at = |h: f64| std::array::from_fn(|k| place[k] + h * axis[k]);
@@ -181,7 +181,7 @@ impl Segmentation {
 
     /// The axes of round surfaces and the directions of all, each once, those with most points
     /// first.
-    fn sweeps(&self) -> Vec<Sweep> {
+    pub(crate) fn sweeps(&self) -> Vec<Sweep> {
         let members = self.members();
         let mut sorted: Vec<(usize, &Surface)> =
             members.iter().map(Vec::len).zip(&self.surfaces).collect();

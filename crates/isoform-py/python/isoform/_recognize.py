@@ -21,8 +21,13 @@ class Recognition(Documented):
     ----------
     entities : list of dict
         Each with ``type``, ``parameters``, ``sd``, ``n_points`` and ``rms``.
+    faces : list of dict
+        Connected pieces of the entities, each with ``entity``, ``n_points`` and ``beside``: the
+        indices of the faces at its boundary.
     labels : numpy.ndarray
-        (n,) int64: the entity of each point, -1 for none.
+        (n,) int64: the index of the entity of each point, -1 for none.
+    face_labels : numpy.ndarray
+        (n,) int64: the index of the face of each point, -1 for none.
     points : numpy.ndarray
         (n, 3) float64: the points that were looked at, further ones on the faces of a CAD mesh
         included.
@@ -32,7 +37,9 @@ class Recognition(Documented):
         self._native = native
         self._document = native.document
         self.entities: list[dict[str, Any]] = self.to_dict()["entities"]
+        self.faces: list[dict[str, Any]] = self.to_dict()["faces"]
         self.labels: npt.NDArray[np.int64] = native.labels()
+        self.face_labels: npt.NDArray[np.int64] = native.face_labels()
         self.points: npt.NDArray[np.float64] = native.points()
 
     def template(self, title: str = "Proposed") -> Model:
@@ -76,7 +83,7 @@ def recognize(
     tol : float, optional
         How far points lie from their surface: the standard deviation; by default as they show.
     min_points : int, optional
-        The fewest points of an entity.
+        Minimum number of points of an entity, by default as many as are evidence of it.
     snap : bool
         Refit all entities together so that their relations hold exactly.
     threads : int, optional

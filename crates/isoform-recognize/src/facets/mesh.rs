@@ -94,6 +94,29 @@ impl Facets {
         &self.near[from..to]
     }
 
+    /// Returns the pieces, connected over edges, of the parts that triangles belong to.
+    pub(crate) fn pieces(&self, parts: &[u32]) -> Vec<(u32, Vec<u32>)> {
+        let mut is_open: Vec<bool> = parts.iter().map(|part| *part != NONE).collect();
+        let mut pieces = Vec::new();
+        for seed in 0..parts.len() {
+            if !std::mem::take(&mut is_open[seed]) {
+                continue;
+            }
+            let (mut piece, mut at) = (vec![seed as u32], 0);
+            while let Some(t) = piece.get(at).copied() {
+                at += 1;
+                for u in self.near(t) {
+                    let is_own = parts[*u as usize] == parts[seed];
+                    if is_own && std::mem::take(&mut is_open[*u as usize]) {
+                        piece.push(*u);
+                    }
+                }
+            }
+            pieces.push((parts[seed], piece));
+        }
+        pieces
+    }
+
     /// Returns the vertices that two triangles share.
     pub(crate) fn shared(&self, t: u32, u: u32) -> impl Iterator<Item = u32> {
         let [own, other] = [t, u].map(|t| self.triangles[t as usize]);

@@ -24,6 +24,8 @@ pub(crate) struct Inside {
     /// The part on whose surface it is; [`NONE`] for points of facets without a part, which lie on
     /// the facet.
     pub(crate) part: u32,
+    /// The facet over which it lies.
+    pub(crate) triangle: u32,
 }
 
 /// Returns points inside facets: about `wanted`, and at least `fewest` inside each part, as far as
@@ -44,17 +46,18 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
             .map(|((_, other), b)| (&claims.parts[*other as usize].surface, b))
             .collect();
         let is_on_face = |p: &Point3| near.iter().all(|(s, b)| b.is_kept(s.distance(*p), mesh));
-        let on_surface = |(p, facet): (Point3, Point3)| {
+        let on_surface = |(triangle, p): (u32, Point3)| {
             let at = match part.surface.kind {
                 Kind::Plane => p,
                 _ => part.surface.foot(p),
             };
             let normal = part.surface.normal(at);
-            let sign = dot(normal, facet).signum();
+            let sign = dot(normal, mesh.normals[triangle as usize]).signum();
             Inside {
                 at,
                 normal: normal.map(|x| sign * x),
                 part: k as u32,
+                triangle,
             }
         };
         let of = all_over(mesh, &part.triangles, spacing).into_iter();
@@ -62,10 +65,11 @@ pub(crate) fn inside(mesh: &Facets, claims: &Claims, wanted: usize, fewest: usiz
     }
     let left = (0..mesh.triangles.len() as u32).filter(|t| claims.taken[*t as usize] == NONE);
     let left = all_over(mesh, &left.collect::<Vec<_>>(), spacing).into_iter();
-    points.extend(left.map(|(at, normal)| Inside {
+    points.extend(left.map(|(triangle, at)| Inside {
         at,
-        normal,
+        normal: mesh.normals[triangle as usize],
         part: NONE,
+        triangle,
     }));
     points
 }
@@ -117,15 +121,15 @@ fn borders(mesh: &Facets, claims: &Claims) -> BTreeMap<(u32, u32), Border> {
     borders
 }
 
-/// Returns a point of triangles for each square of the spacing, with the normal of its triangle.
-fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(Point3, Point3)> {
+/// Returns a point of triangles for each square of the spacing, with its triangle.
+fn all_over(mesh: &Facets, of: &[u32], spacing: f64) -> Vec<(u32, Point3)> {
     let (mut points, mut owed, mut k) = (Vec::new(), 0.0, 0);
     for t in of {
         owed += mesh.areas[*t as usize] / (spacing * spacing);
         while owed >= 1.0 {
             owed -= 1.0;
             k += 1;
-            points.push((on_triangle(k, mesh.corners(*t)), mesh.normals[*t as usize]));
+            points.push((*t, on_triangle(k, mesh.corners(*t))));
         }
     }
     points

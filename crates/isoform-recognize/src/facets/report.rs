@@ -7,7 +7,8 @@ use super::points::{Inside, at_vertices};
 use crate::blends::blends;
 use crate::chart::{Kind, MOST, Surface};
 use crate::cloud::Scaling;
-use crate::entity::{Deviations, Entity, Recognition};
+use crate::entity::{Deviations, Entity, Face, Recognition};
+use crate::faces::Faces;
 use crate::fit::{Precision, covariance, fit, mean, squares};
 use crate::patterns::patterns;
 use crate::recognize::{Options, deviations_of};
@@ -34,7 +35,7 @@ pub(crate) fn report(
     let known = labels.iter().filter(|l| **l != NONE);
     known.for_each(|l| counts[*l as usize] += 1);
     let mut order: Vec<usize> = (0..counts.len()).collect();
-    order.retain(|k| counts[*k] >= options.min_points);
+    order.retain(|k| counts[*k] >= options.fewest_of_part());
     order.sort_by_key(|k| (std::cmp::Reverse(counts[*k]), *k));
     let mut rank = vec![None; counts.len()];
     for (new, old) in order.iter().enumerate() {
@@ -65,7 +66,10 @@ pub(crate) fn report(
         noise,
     };
     let patterns = patterns(&set, (scaling.unit, scaling.origin));
+    let (faces, face_labels) = faces(mesh, claims, &at_vertices, inside, rank);
     Recognition {
+        faces,
+        face_labels,
         symmetries: symmetries(&set, &patterns, (scaling.unit, scaling.origin)),
         patterns,
         // An edge of the mesh is an edge of both faces.
@@ -79,6 +83,31 @@ pub(crate) fn report(
         free: 0.0,
         is_oriented: true,
     }
+}
+
+/// The faces: facets of one part that are connected along edges.
+fn faces(
+    mesh: &Facets,
+    claims: &Claims,
+    at_vertices: &[u32],
+    inside: &[Inside],
+    rank: impl Fn(&u32) -> Option<u32>,
+) -> (Vec<Face>, Vec<Option<u32>>) {
+    let faces = Faces::of(mesh.pieces(&claims.taken).into_iter(), mesh.triangles.len());
+    // A facet for each vertex: any of its part.
+    let mut facets = vec![NONE; mesh.points.len()];
+    for (t, corners) in (0..).zip(&mesh.triangles) {
+        for v in corners {
+            if claims.taken[t as usize] == at_vertices[*v as usize] {
+                facets[*v as usize] = t;
+            }
+        }
+    }
+    let vertices = mesh.index.iter().map(|v| facets[*v as usize]);
+    let index = vertices.chain(inside.iter().map(|p| p.triangle));
+    let pairs = (0..mesh.triangles.len() as u32)
+        .flat_map(|t| mesh.near(t).iter().map(move |u| (t, *u)));
+    faces.report(|k| rank(&k), index, pairs)
 }
 
 /// A part as an entity, and its surface with what is known of it.

@@ -2,7 +2,7 @@
 
 use isoform_geom::{Point3, Quadric};
 use isoform_recognize::{
-    Blend, Entity, Layout, Pattern, Recognition, Relation, RelationKind, Snap, Symmetry,
+    Blend, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind, Snap, Symmetry,
     SymmetryKind,
 };
 use serde::Serialize;
@@ -22,6 +22,8 @@ pub struct RecognizeReport {
     pub free: f64,
     /// The surfaces, those with most points first.
     pub entities: Vec<EntityReport>,
+    /// The connected pieces of the surfaces.
+    pub faces: Vec<FaceReport>,
     /// How they lie to one another.
     pub relations: Vec<RelationReport>,
     /// Rows and circles of equal entities.
@@ -58,6 +60,19 @@ pub struct EntityReport {
     pub n_points: usize,
     /// The root mean square of their distances.
     pub rms: f64,
+}
+
+/// A connected piece of a surface.
+#[derive(Clone, Debug, Serialize)]
+pub struct FaceReport {
+    /// Index of the face, as in labels.
+    pub id: usize,
+    /// Index of its entity.
+    pub entity: usize,
+    /// Number of its points.
+    pub n_points: usize,
+    /// Indices of the faces at its boundary.
+    pub beside: Vec<usize>,
 }
 
 /// Parameters of a surface, or their deviations.
@@ -323,6 +338,7 @@ impl RecognizeReport {
     /// The report of a recognition that took some seconds.
     pub fn new(found: &Recognition, seconds: f64) -> Self {
         let entities = found.entities.iter().enumerate();
+        let faces = found.faces.iter().enumerate();
         Self {
             verb: "recognize",
             points: found.labels.len(),
@@ -330,6 +346,7 @@ impl RecognizeReport {
             form: found.is_form,
             free: found.free,
             entities: entities.map(|(id, e)| EntityReport::new(id, e)).collect(),
+            faces: faces.map(|(id, face)| FaceReport::new(id, face)).collect(),
             relations: found.relations.iter().map(RelationReport::new).collect(),
             patterns: found.patterns.iter().map(PatternReport::new).collect(),
             symmetries: found.symmetries.iter().map(SymmetryReport::new).collect(),
@@ -337,6 +354,17 @@ impl RecognizeReport {
             snap: None,
             n_unassigned: found.labels.iter().filter(|l| l.is_none()).count(),
             seconds,
+        }
+    }
+}
+
+impl FaceReport {
+    fn new(id: usize, face: &Face) -> Self {
+        Self {
+            id,
+            entity: face.entity,
+            n_points: face.points,
+            beside: face.beside.clone(),
         }
     }
 }

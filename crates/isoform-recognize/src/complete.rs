@@ -1,0 +1,267 @@
+//! Small faces of exact points: as few points as evidence asks for, those of the faces around
+//! included.
+//!
+//! Regions of small faces do not grow from neighbourhoods, which reach beyond them. Of exact points
+//! the fewest that determine a surface tell it, and each point more that meets it by chance does so
+//! once in (size of the face / rounding).
+
+use crate::chart::{Distances, Kind, Surface};
+use crate::cloud::{Cloud, thinned};
+use crate::cost::Cost;
+use crate::fit::{Precision, covariance, fit};
+use crate::profile::{Curve, Place};
+use crate::segment::{EVIDENCE, Limits, NONE, Segmentation};
+use crate::start::{plane, starts};
+use crate::sweep::Sweep;
+use isoform_control::{Control, Stopped};
+use isoform_geom::{Aabb, Point3};
+use rayon::prelude::*;
+
+/// Points around a seed on which surfaces are tried.
+const AROUND: usize = 40;
+/// Points without an entity out of which surfaces are made: the nearest ones.
+const NEAREST: usize = 9;
+/// Maximum number of seeds in a round, and of rounds.
+const SEEDS: usize = 4000;
+const ROUNDS: usize = 3;
+/// Number of points beyond those that determine a surface that meet it at least.
+const MORE: usize = 4;
+/// Maximum standard deviation by which a surface is known, as a share of the size of its points:
+/// points on a line leave a plane open.
+const KNOWN: f64 = 1e-3;
+
+/// A surface that is tried.
+struct Tried {
+    surface: Surface,
+    /// Number of values that the points determined: its other parameters are those of entities.
+    values: usize,
+}
+
+/// The best surface about a seed.
+struct Found {
+    seed: u32,
+    tried: Tried,
+    /// Number of points around that lie on it, beyond those that determine it.
+    more: usize,
+}
+
+impl Segmentation {
+    /// Adds the faces that exact points without an entity and those around them lie on.
+    pub(crate) fn complete(
+        &mut self,
+        cloud: &Cloud,
+        limits: Limits,
+        control: &Control<'_>,
+    ) -> Result<(), Stopped> {
+        if !cloud.is_exact(self.noise) || self.is_form {
+            return Ok(());
+        }
+        for _ in 0..ROUNDS {
+            control.check()?;
+            let open: Vec<u32> = (0..self.labels.len() as u32)
+                .filter(|i| self.labels[*i as usize] == NONE)
+                .collect();
+            let sweeps = self.sweeps();
+            let seeds: Vec<u32> = thinned(open.len(), SEEDS).map(|k| open[k]).collect();
+            let mut found: Vec<Found> = seeds
+                .par_iter()
+                .filter_map(|seed| self.best_about(cloud, *seed, &sweeps))
+                .collect();
+            found.sort_by_key(|f| (std::cmp::Reverse(f.more), f.seed));
+            let mut is_new = false;
+            for f in found {
+                is_new |= self.accept(cloud, limits, &f);
+            }
+            if !is_new {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// The surface through points around a seed that most of the others there lie on.
+    fn best_about(&self, cloud: &Cloud, seed: u32, sweeps: &[Sweep]) -> Option<Found> {
+        let near = cloud.around(seed, AROUND);
+        let is_open = |i: &&u32| self.labels[**i as usize] == NONE && **i != seed;
+        let open: Vec<Point3> = (near.iter().filter(is_open).take(NEAREST))
+            .map(|i| cloud.points[*i as usize])
+            .collect();
+        let near = cloud.at(&near);
+        let tolerance = Cost::of(self.noise).reach();
+        let mut best: Option<Found> = None;
+        let mut try_it = |tried: Tried| {
+            let distances = tried.surface.distances();
+            let met = near.iter().filter(|p| distances.at(**p).abs() <= tolerance);
+            let more = met.count().saturating_sub(tried.values);
+            if more >= MORE && best.as_ref().is_none_or(|b| more > b.more) {
+                best = Some(Found { seed, tried, more });
+            }
+        };
+        let p = cloud.points[seed as usize];
+        for sweep in sweeps {
+            through(sweep, p, &open).into_iter().for_each(&mut try_it);
+        }
+        for (k, a) in open.iter().enumerate() {
+            for (l, b) in open.iter().enumerate().skip(k + 1) {
+                try_it(Tried {
+                    surface: plane(&[p, *a, *b]),
+                    values: 3,
+                });
+                for c in &open[l + 1..] {
+                    let spheres = starts(Kind::Sphere, &[p, *a, *b, *c], &[]);
+                    spheres.into_iter().for_each(|surface| {
+                        try_it(Tried { surface, values: 4 });
+                    });
+                }
+            }
+        }
+        best
+    }
+
+    /// Adds a surface with the points that are reached on it from its seed, if these are evidence
+    /// enough.
+    fn accept(&mut self, cloud: &Cloud, limits: Limits, found: &Found) -> bool {
+        if self.labels[found.seed as usize] != NONE {
+            return false;
+        }
+        let tolerance = Cost::of(self.noise).reach();
+        let reached = |surface: &Surface| {
+            let distances = surface.distances();
+            reached(cloud, found.seed, &distances, tolerance)
+        };
+        let first = reached(&found.tried.surface);
+        let fitted = fit(&found.tried.surface, &cloud.at(&first), Precision::Full);
+        let Some((surface, _)) = fitted else {
+            return false;
+        };
+        let of = reached(&surface);
+        let open: Vec<u32> = of
+            .iter()
+            .copied()
+            .filter(|i| self.labels[*i as usize] == NONE)
+            .collect();
+        let points = cloud.at(&of);
+        let size = Aabb::of(&points).diagonal();
+        // A surface takes as many numbers as it has values, and saves one for each point.
+        let saved = open.len() as f64 - found.tried.values as f64;
+        let is_evidence = saved * (size / self.noise).ln() > EVIDENCE
+            && of.len() >= (surface.kind.parameters() + MORE).max(limits.min_points);
+        if !is_evidence || !is_determined(&surface, &points, self.noise, size) {
+            return false;
+        }
+        let label = self.surfaces.len() as u32;
+        self.surfaces.push(surface);
+        open.iter().for_each(|i| self.labels[*i as usize] = label);
+        true
+    }
+}
+
+/// Returns the surfaces that a motion leaves as they are, or that lie across it, through a point
+/// and none, one or two of others.
+fn through(sweep: &Sweep, p: Point3, others: &[Point3]) -> Vec<Tried> {
+    let mut all = Vec::new();
+    let mut add = |kind: Kind, curve: Curve, values: usize| {
+        let surface = sweep.surface(kind, &curve);
+        all.extend(surface.map(|surface| Tried { surface, values }));
+    };
+    let is_about = matches!(sweep, Sweep::About(_));
+    let (slope, arc) = match is_about {
+        true => (Kind::Cone, Kind::Torus),
+        false => (Kind::Plane, Kind::Cylinder),
+    };
+    let at = sweep.section(p);
+    if is_about {
+        add(Kind::Plane, Curve::Line(at, [0.0, 1.0]), 1);
+        add(Kind::Cylinder, Curve::Line(at, [1.0, 0.0]), 1);
+    }
+    let others: Vec<Place> = others.iter().map(|q| sweep.section(*q)).collect();
+    for (k, q) in others.iter().enumerate() {
+        let way = [q[0] - at[0], q[1] - at[1]];
+        let length = way[0].hypot(way[1]);
+        add(slope, Curve::Line(at, way.map(|x| x / length)), 2);
+        if is_about {
+            let center = (at[0] + q[0] + (q[1] * q[1] - at[1] * at[1]) / way[0]) / 2.0;
+            let radius = (at[0] - center).hypot(at[1]);
+            add(Kind::Sphere, Curve::Circle([center, 0.0], radius), 2);
+        }
+        for r in &others[k + 1..] {
+            let (center, radius) = circle([at, *q, *r]);
+            add(arc, Curve::Circle(center, radius), 3);
+        }
+    }
+    if let Sweep::Along(direction) = sweep {
+        all.push(Tried {
+            surface: Surface::plane(p, *direction),
+            values: 1,
+        });
+    }
+    all
+}
+
+/// The centre and the radius of the circle through three places; not finite where these are on one
+/// line.
+fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
+    let [u, v] = [b, c].map(|q| [q[0] - a[0], q[1] - a[1]]);
+    let [uu, vv] = [u, v].map(|w| w[0] * w[0] + w[1] * w[1]);
+    let twice = 2.0 * (u[0] * v[1] - u[1] * v[0]);
+    let d = [(v[1] * uu - u[1] * vv) / twice, (u[0] * vv - v[0] * uu) / twice];
+    ([a[0] + d[0], a[1] + d[1]], d[0].hypot(d[1]))
+}
+
+/// The points on a surface that are connected to a seed along neighbours, in ascending order.
+fn reached(cloud: &Cloud, seed: u32, surface: &Distances<'_>, tolerance: f64) -> Vec<u32> {
+    let mut all = vec![seed];
+    let mut is_seen = std::collections::HashSet::from([seed]);
+    let mut at = 0;
+    while let Some(i) = all.get(at).copied() {
+        at += 1;
+        for j in cloud.near(i) {
+            let is_on = || surface.at(cloud.points[*j as usize]).abs() <= tolerance;
+            if is_seen.insert(*j) && is_on() {
+                all.push(*j);
+            }
+        }
+    }
+    all.sort_unstable();
+    all
+}
+
+/// True if points determine all parameters of a surface to a small share of their size.
+fn is_determined(surface: &Surface, points: &[Point3], noise: f64, size: f64) -> bool {
+    let lengths = surface.kind.lengths();
+    covariance(surface, points).is_some_and(|c| {
+        (0..surface.kind.parameters()).all(|k| {
+            let deviation = c[k][k].sqrt() * noise;
+            deviation <= KNOWN * if lengths.contains(&k) { size } else { 1.0 }
+        })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn circles_go_through_three_places() {
+        let (center, radius) = circle([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0]]);
+        assert!(center[0].hypot(center[1]) < 1e-15 && (radius - 1.0).abs() < 1e-15);
+        assert!(!circle([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0]]).1.is_finite());
+    }
+
+    /// A torus, a cone and a sphere about an axis, a cylinder along it.
+    #[test]
+    fn surfaces_go_through_their_points() {
+        let axis = [0.36, 0.48, 0.8];
+        let p = [0.3, -0.2, 0.5];
+        let others = [[0.1, 0.4, 0.6], [-0.2, 0.3, 0.2]];
+        for sweep in [Sweep::About(([0.1, 0.0, -0.3], axis)), Sweep::Along(axis)] {
+            let all = through(&sweep, p, &others);
+            assert!(all.len() >= 4, "{}", all.len());
+            for Tried { surface, values } in all {
+                let on = |q: &[f64; 3]| surface.distance(*q).abs() < 1e-12;
+                let count = 1 + others.iter().filter(|q| on(q)).count();
+                assert!(on(&p) && count >= values, "{surface:?} {values}");
+            }
+        }
+    }
+}
