@@ -43,7 +43,7 @@ pub use point::{
     on_triangle, sub,
 };
 pub use quadric::{NormalForm, Quadric, QuadricKind};
-pub use rounding::rounding;
+pub use rounding::{rounding, rounding_if_decimal};
 pub use solid::{Csg, OnePiece, Solid};
 pub use spline::{LevelData, PolynomialData, SplineData};
 pub use union_find::UnionFind;

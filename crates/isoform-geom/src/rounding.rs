@@ -23,7 +23,17 @@ const COARSEST: f64 = 2e-5;
 /// Returns the largest error that rounding made in a coordinate: that of single precision, or of
 /// decimals, where the coordinates show one of them, else that of double precision.
 pub fn rounding(scan: &PointCloud) -> f64 {
-    let diagonal = scan.bounds().diagonal();
+    rounding_with(scan, COARSEST * scan.bounds().diagonal())
+}
+
+/// Returns the largest error as [`rounding`] does, where all decimals are taken for rounding,
+/// however coarse they are.
+pub fn rounding_if_decimal(scan: &PointCloud) -> f64 {
+    rounding_with(scan, f64::INFINITY)
+}
+
+/// Returns the largest rounding error, of decimals if it is no more than this.
+fn rounding_with(scan: &PointCloud, coarsest: f64) -> f64 {
     let step = (3 * scan.points.len()).div_ceil(SAMPLE).max(1);
     let absolute = |i: usize| scan.points[i / 3][i % 3] + scan.origin[i % 3];
     let numbers = (0..3 * scan.points.len()).step_by(step).map(absolute);
@@ -35,11 +45,7 @@ pub fn rounding(scan: &PointCloud) -> f64 {
         false => 0.0,
     };
     let decimal = decimal(&numbers, largest);
-    let decimal = if decimal <= COARSEST * diagonal {
-        decimal
-    } else {
-        0.0
-    };
+    let decimal = if decimal <= coarsest { decimal } else { 0.0 };
     single.max(decimal).max(largest * f64::EPSILON)
 }
 

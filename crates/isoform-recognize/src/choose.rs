@@ -3,7 +3,7 @@
 use crate::chart::{Kind, Surface};
 use crate::cloud::Cloud;
 use crate::fit::{Precision, fit, squares};
-use crate::grow::{Region, correlation, grow, peeled};
+use crate::grow::{Region, are_rows, correlation, grow, peeled};
 use crate::start::{Line, bent_squares};
 use isoform_geom::dot;
 use rayon::prelude::*;
@@ -28,6 +28,8 @@ const WIDER: f64 = 1.6;
 /// tori that bend over two cones stay.
 const CORRELATED: f64 = 0.045;
 const CHANCE: f64 = 4.0;
+/// Maximum root mean square distance of rounded points, in deviations of rounding.
+const ROUNDED: f64 = 1.2;
 /// Sizes of the sets of neighbours that regions grow from: small ones lie within small faces, large
 /// ones tell curvatures in noise; and whether only neighbours with like normals are taken, which
 /// keeps to one side of edges.
@@ -248,6 +250,7 @@ fn largest(
                 &region.surface,
                 noise,
             )
+            || cloud.is_exact(noise.deviation) && are_rows(cloud, &region.points)
         {
             continue;
         }
@@ -302,10 +305,15 @@ pub(crate) fn follows(
     let is_one = |points: &[u32]| {
         is_near(cloud, points, surface, noise)
             && (noise.is_form
-                || cloud.is_exact(noise.deviation)
+                || is_rounding(cloud, points, surface)
                 || is_independent(correlation(cloud, points, surface)))
     };
     is_one(core) || is_one(points)
+}
+
+/// True if points are off a surface by no more than rounding, which may be alike for neighbours.
+fn is_rounding(cloud: &Cloud, points: &[u32], surface: &Surface) -> bool {
+    squares(surface, &cloud.at(points)) <= (ROUNDED * cloud.grid).powi(2) * points.len() as f64
 }
 
 /// Whether points deviate by no more than the noise.

@@ -61,6 +61,8 @@ pub(crate) struct Cloud {
     pub(crate) noise: f64,
     /// Standard deviation that rounding of the coordinates alone causes: no noise is less.
     pub(crate) floor: f64,
+    /// That deviation where all decimals of the coordinates are taken for rounding, however coarse.
+    pub(crate) grid: f64,
     /// Whether the points fill a volume.
     pub(crate) is_volume: bool,
 }
@@ -111,10 +113,11 @@ pub(crate) fn sorted(points: &[Point3]) -> (Vec<Point3>, Vec<u32>) {
 }
 
 impl Cloud {
-    /// Of points in order, of a diagonal of 1, whose coordinates have errors of `rounding` at most:
-    /// those of numbers that were rounded are even over ± this, with a deviation of it / √3.
-    pub(crate) fn new(points: Vec<Point3>, rounding: f64) -> Self {
-        let floor = FLOOR.max(rounding / 3.0_f64.sqrt());
+    /// Of points in order, of a diagonal of 1, whose coordinates have errors of `rounding` at most,
+    /// and of `grid` if all decimals are rounding: those of numbers that were rounded are even over
+    /// ± this, with a deviation of it / √3.
+    pub(crate) fn new(points: Vec<Point3>, rounding: f64, grid: f64) -> Self {
+        let [floor, grid] = [rounding, grid].map(|most| FLOOR.max(most / 3.0_f64.sqrt()));
         let tree = KdTree::new(&points);
         let found: Vec<(Vec<u32>, Local)> = (0..points.len())
             .into_par_iter()
@@ -148,6 +151,7 @@ impl Cloud {
             first,
             noise,
             floor,
+            grid,
             roughness,
             points,
             normals,

@@ -6,11 +6,13 @@
 //! once in (size of the face / rounding).
 
 use crate::chart::{Distances, Kind, Surface};
+use crate::choose::follows;
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
 use crate::fit::{Precision, covariance, fit};
+use crate::grow::are_rows;
 use crate::profile::{Curve, Place};
-use crate::segment::{EVIDENCE, Limits, NONE, Segmentation};
+use crate::segment::{EVIDENCE, Limits, NONE, SLACK, Segmentation};
 use crate::start::{plane, starts};
 use crate::sweep::Sweep;
 use isoform_control::{Control, Stopped};
@@ -146,7 +148,11 @@ impl Segmentation {
         let saved = open.len() as f64 - found.tried.values as f64;
         let is_evidence = saved * (size / self.noise).ln() > EVIDENCE
             && of.len() >= (surface.kind.parameters() + MORE).max(limits.min_points);
-        if !is_evidence || !is_determined(&surface, &points, self.noise, size) {
+        if !is_evidence
+            || are_rows(cloud, &of)
+            || !follows(cloud, [&of; 2], &surface, self.deviation(SLACK))
+            || !is_determined(&surface, &points, self.noise, size)
+        {
             return false;
         }
         let label = self.surfaces.len() as u32;
@@ -204,7 +210,10 @@ fn circle([a, b, c]: [Place; 3]) -> (Place, f64) {
     let [u, v] = [b, c].map(|q| [q[0] - a[0], q[1] - a[1]]);
     let [uu, vv] = [u, v].map(|w| w[0] * w[0] + w[1] * w[1]);
     let twice = 2.0 * (u[0] * v[1] - u[1] * v[0]);
-    let d = [(v[1] * uu - u[1] * vv) / twice, (u[0] * vv - v[0] * uu) / twice];
+    let d = [
+        (v[1] * uu - u[1] * vv) / twice,
+        (u[0] * vv - v[0] * uu) / twice,
+    ];
     ([a[0] + d[0], a[1] + d[1]], d[0].hypot(d[1]))
 }
 

@@ -39,7 +39,11 @@ impl Cost {
     /// As [`of_distance`](Self::of_distance), infinite where a point costs less without the surface.
     pub(crate) fn if_near(&self, r: f64) -> f64 {
         let cost = self.of_distance(r);
-        if cost <= self.most { cost } else { f64::INFINITY }
+        if cost <= self.most {
+            cost
+        } else {
+            f64::INFINITY
+        }
     }
 
     /// The distance beyond which a point costs less without the surface.

@@ -16,10 +16,7 @@ pub(crate) struct Faces {
 
 impl Faces {
     /// Takes pieces of entities, with what they consist of, for faces.
-    pub(crate) fn of(
-        pieces: impl Iterator<Item = (u32, Vec<u32>)>,
-        points: usize,
-    ) -> Self {
+    pub(crate) fn of(pieces: impl Iterator<Item = (u32, Vec<u32>)>, points: usize) -> Self {
         let (mut entities, mut labels) = (Vec::new(), vec![NONE; points]);
         for (entity, of) in pieces {
             let face = entities.len() as u32;

@@ -106,7 +106,12 @@ pub fn recognize_facets(
     let Some(mut found) = Explained::of(mesh, control)? else {
         return Ok(None);
     };
-    let inside = points::inside(&found.facets, &found.claims, wanted, options.fewest_of_part());
+    let inside = points::inside(
+        &found.facets,
+        &found.claims,
+        wanted,
+        options.fewest_of_part(),
+    );
     let positions = found.placed(&inside);
     for k in 0..3 {
         found.scaling.origin[k] += mesh.origin[k];

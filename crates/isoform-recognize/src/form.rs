@@ -61,6 +61,9 @@ pub(crate) fn within_noise_or_form(
     min_points: usize,
     control: &Control<'_>,
 ) -> Result<Segmentation, Stopped> {
+    if let Some(found) = Segmentation::whole(cloud) {
+        return Ok(found);
+    }
     let limits = Limits {
         min_points,
         allowed: Allowed::Shown,
@@ -80,6 +83,7 @@ pub(crate) fn within_noise_or_form(
         cloud,
         all: vec![(length(cloud, &told_first), first)],
     };
+    tried.try_one();
     tried.try_forms(min_points, control)?;
     let best = tried.best();
     let (_, mut taken) = tried.all.swap_remove(best);
@@ -194,6 +198,16 @@ struct Tried<'a> {
 }
 
 impl Tried<'_> {
+    /// Adds one surface of all points, if they are off it by no more than a tolerance of form.
+    fn try_one(&mut self) {
+        let one = Segmentation::one(self.cloud, true).filter(|one| one.noise <= WIDEST);
+        if let Some(one) = one {
+            let all: Vec<u32> = (0..self.cloud.points.len() as u32).collect();
+            self.all
+                .push((length_of(self.cloud, &one.surfaces[0], &all), one));
+        }
+    }
+
     /// Adds what is found within tolerances of form, until narrower ones describe the points no
     /// better.
     fn try_forms(&mut self, min_points: usize, control: &Control<'_>) -> Result<(), Stopped> {

@@ -5,8 +5,11 @@ use crate::choose::EXACT;
 use crate::cloud::{Cloud, thinned};
 use crate::cost::Cost;
 use crate::fit::{Precision, fit, squares};
+use crate::local::moments;
 use crate::start::{Line, start_about, starts};
 use isoform_geom::{KdTree, Point3, dot};
+use isoform_num::linalg::symmetric_eigen_3;
+use std::collections::HashSet;
 
 /// Points within this many deviations of a surface are explained by it: 0.3 % of normal errors are
 /// larger. Fewer lose points, more take those of neighbours at flat edges.
@@ -294,6 +297,24 @@ pub(crate) fn correlation(cloud: &Cloud, points: &[u32], surface: &Surface) -> (
     let mean = squares / distances.len() as f64;
     (products / pairs / mean, (2.0_f64 / pairs).sqrt())
 }
+
+/// True if points lie along curves: those beside each are in line. Rows of a regular sample meet
+/// surfaces exactly that the others do not lie on.
+pub(crate) fn are_rows(cloud: &Cloud, points: &[u32]) -> bool {
+    let of: HashSet<u32> = points.iter().copied().collect();
+    let is_in_line = |i: &u32| {
+        let mut beside = vec![cloud.points[*i as usize]];
+        let near = cloud.near(*i).iter().filter(|j| of.contains(j));
+        beside.extend(near.map(|j| cloud.points[*j as usize]));
+        let (variances, _) = symmetric_eigen_3(&moments(&beside));
+        variances[1] < IN_LINE * IN_LINE * variances[2]
+    };
+    let some: Vec<u32> = sample(points);
+    2 * some.iter().filter(|i| is_in_line(i)).count() > some.len()
+}
+
+/// The width of points in line, as a share of their length.
+const IN_LINE: f64 = 0.1;
 
 /// Neighbours of a point of the core that may lie outside of its region: outliers.
 const STRAY: usize = 1;

@@ -32,10 +32,11 @@ mod start;
 mod sweep;
 mod symmetry;
 mod template;
+mod whole;
 
 pub use entity::{
-    Blend, Deviations, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind, Symmetry,
-    SymmetryKind,
+    Blend, Deviations, Entity, Face, Layout, Pattern, Recognition, Relation, RelationKind,
+    Symmetry, SymmetryKind,
 };
 pub use facets::{FacetRecognition, points_on_facets, recognize_facets};
 pub use recognize::{Error, Options, recognize};

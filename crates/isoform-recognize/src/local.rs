@@ -79,7 +79,7 @@ fn spread(offsets: &[Point3]) -> ([Point3; 3], f64) {
 }
 
 /// Σ d dᵀ of points about their mean.
-fn moments(offsets: &[Point3]) -> [[f64; 3]; 3] {
+pub(crate) fn moments(offsets: &[Point3]) -> [[f64; 3]; 3] {
     let middle = crate::fit::mean(offsets);
     let mut moments = [[0.0; 3]; 3];
     for p in offsets {

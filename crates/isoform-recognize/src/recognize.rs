@@ -17,7 +17,7 @@ use crate::relations::{Known, relations};
 use crate::segment::{Allowed, Limits, NONE, Segmentation, segment};
 use crate::symmetry::{Set, symmetries};
 use isoform_control::{Control, Stopped};
-use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, sub};
+use isoform_geom::{Point3, PointCloud, cross, dot, norm, rounding, rounding_if_decimal, sub};
 
 /// How a scan is recognised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -78,7 +78,11 @@ pub fn recognize(
         pose,
         scaling,
     } = Placed::of(scan)?;
-    let mut cloud = Cloud::new(places, rounding(scan) / scaling.unit);
+    let mut cloud = Cloud::new(
+        places,
+        rounding(scan) / scaling.unit,
+        rounding_if_decimal(scan) / scaling.unit,
+    );
     if is_line(&cloud.points) {
         return Err(Error::Line);
     }

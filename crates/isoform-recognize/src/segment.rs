@@ -31,7 +31,7 @@ const FIRST_SLACK: f64 = 1.1;
 pub(crate) const SLACK: f64 = 1.03;
 /// The noise may rise to this many times what it was taken for at most; and half the noise was too
 /// little where it rises by this.
-const MOST_NOISE: f64 = 1.5;
+pub(crate) const MOST_NOISE: f64 = 1.5;
 const CREPT: f64 = 1.4;
 /// About how many places are tried with half the noise, and the share (its inverse) of the points
 /// that a region has which counts: small ones follow any noise.
@@ -277,23 +277,37 @@ impl Segmentation {
         Ok(now)
     }
 
+    /// One surface that all of so many points belong to.
+    pub(crate) fn of_one(surface: Surface, points: usize, noise: f64, is_form: bool) -> Self {
+        Self {
+            surfaces: vec![surface],
+            labels: vec![0; points],
+            is_finished: true,
+            ..Self::empty(points, noise, is_form)
+        }
+    }
+
+    fn empty(points: usize, noise: f64, is_form: bool) -> Self {
+        Self {
+            surfaces: Vec::new(),
+            labels: vec![NONE; points],
+            noise,
+            first_noise: noise,
+            is_form,
+            is_free: true,
+            is_swept: false,
+            is_finished: false,
+            whole: Whole::of(points),
+        }
+    }
+
     fn first_round(
         cloud: &Cloud,
         limits: Limits,
         (noise, is_form): (f64, bool),
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let mut now = Self {
-            surfaces: Vec::new(),
-            labels: vec![NONE; cloud.points.len()],
-            noise,
-            first_noise: noise,
-            is_form,
-            is_free: true,
-            is_swept: false,
-            is_finished: cloud.is_volume,
-            whole: Whole::of(cloud.points.len()),
-        };
+        let mut now = Self::empty(cloud.points.len(), noise, is_form);
         if !cloud.is_volume {
             now.advance(cloud, limits, 0, control)?;
         }

@@ -105,8 +105,8 @@ fn faces(
     }
     let vertices = mesh.index.iter().map(|v| facets[*v as usize]);
     let index = vertices.chain(inside.iter().map(|p| p.triangle));
-    let pairs = (0..mesh.triangles.len() as u32)
-        .flat_map(|t| mesh.near(t).iter().map(move |u| (t, *u)));
+    let pairs =
+        (0..mesh.triangles.len() as u32).flat_map(|t| mesh.near(t).iter().map(move |u| (t, *u)));
     faces.report(|k| rank(&k), index, pairs)
 }
 

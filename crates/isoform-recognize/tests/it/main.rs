@@ -1,6 +1,7 @@
 //! The integration tests of this crate, as one binary.
 
 mod clouds;
+mod faces;
 mod facets;
 mod form;
 mod parts;
