@@ -155,8 +155,16 @@ impl Segmentation {
         {
             return false;
         }
-        let label = self.surfaces.len() as u32;
-        self.surfaces.push(surface);
+        // Pieces of one surface are one entity.
+        let explains = |s: &Surface| {
+            let distances = s.distances();
+            points.iter().all(|p| distances.at(*p).abs() <= tolerance)
+        };
+        let known = self.surfaces.iter().position(explains);
+        let label = known.unwrap_or(self.surfaces.len()) as u32;
+        if known.is_none() {
+            self.surfaces.push(surface);
+        }
         open.iter().for_each(|i| self.labels[*i as usize] = label);
         true
     }

@@ -61,13 +61,16 @@ pub(crate) fn within_noise_or_form(
     min_points: usize,
     control: &Control<'_>,
 ) -> Result<Segmentation, Stopped> {
-    if let Some(found) = Segmentation::whole(cloud) {
-        return Ok(found);
-    }
     let limits = Limits {
         min_points,
         allowed: Allowed::Shown,
     };
+    if let Some(found) = Segmentation::whole(cloud) {
+        return match found.surfaces.len() {
+            1 => Ok(found),
+            _ => found.finished(cloud, limits, control),
+        };
+    }
     let mut first = Segmentation::begin(cloud, limits, control)?;
     let mut dissolved = first.clone();
     dissolved.dissolve(cloud);
@@ -203,8 +206,10 @@ impl Tried<'_> {
         let one = Segmentation::one(self.cloud, true).filter(|one| one.noise <= WIDEST);
         if let Some(one) = one {
             let all: Vec<u32> = (0..self.cloud.points.len() as u32).collect();
-            self.all
-                .push((length_of(self.cloud, &one.surfaces[0], &all), one));
+            let (surface, noise) = (one.surfaces[0], self.all[0].1.noise);
+            if is_one_sheet(self.cloud, &surface, &all, noise) {
+                self.all.push((length_of(self.cloud, &surface, &all), one));
+            }
         }
     }
 

@@ -277,27 +277,18 @@ impl Segmentation {
         Ok(now)
     }
 
-    /// One surface that all of so many points belong to.
-    pub(crate) fn of_one(surface: Surface, points: usize, noise: f64, is_form: bool) -> Self {
+    /// Surfaces with the labels of all points, and their noise.
+    pub(crate) fn of(surfaces: Vec<Surface>, labels: Vec<u32>, noise: f64, is_form: bool) -> Self {
         Self {
-            surfaces: vec![surface],
-            labels: vec![0; points],
-            is_finished: true,
-            ..Self::empty(points, noise, is_form)
-        }
-    }
-
-    fn empty(points: usize, noise: f64, is_form: bool) -> Self {
-        Self {
-            surfaces: Vec::new(),
-            labels: vec![NONE; points],
+            surfaces,
+            whole: Whole::of(labels.len()),
+            labels,
             noise,
             first_noise: noise,
             is_form,
             is_free: true,
             is_swept: false,
             is_finished: false,
-            whole: Whole::of(points),
         }
     }
 
@@ -307,7 +298,7 @@ impl Segmentation {
         (noise, is_form): (f64, bool),
         control: &Control<'_>,
     ) -> Result<Self, Stopped> {
-        let mut now = Self::empty(cloud.points.len(), noise, is_form);
+        let mut now = Self::of(Vec::new(), vec![NONE; cloud.points.len()], noise, is_form);
         if !cloud.is_volume {
             now.advance(cloud, limits, 0, control)?;
         }

@@ -175,3 +175,29 @@ fn one_surface_is_found_in_noise_above_the_spacing() {
     );
     assert!((found.noise / noise - 1.0).abs() < 0.05, "{}", found.noise);
 }
+
+/// Points on both sides of a wall are no noise about the surface between them, also where the wall
+/// is thinner than they are apart.
+#[test]
+fn a_tube_has_two_sides() {
+    for (wall, noise, points) in [
+        (0.06, 0.006, 20_000),
+        (0.02, 0.002, 10_000),
+        (0.01, 0.0, 5000),
+    ] {
+        let mut random = Random::new(4);
+        let mut point = |i: u32| {
+            let off = noise * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0);
+            let r = off + if i % 2 == 0 { 0.5 } else { 0.5 - wall };
+            let t = TAU * random.unit();
+            [r * t.cos(), r * t.sin(), 2.0 * random.unit()]
+        };
+        let found = recognised((0..points).map(&mut point).collect());
+        assert_eq!(found.entities.len(), 2, "{wall}: {:?}", found.entities);
+        assert!(
+            (found.noise - noise).abs() < 0.1 * noise + 1e-8,
+            "{}",
+            found.noise
+        );
+    }
+}
