@@ -94,6 +94,12 @@ impl Facets {
         &self.near[from..to]
     }
 
+    /// Returns each triangle with each of those beyond its edges.
+    pub(crate) fn pairs(&self) -> impl Iterator<Item = (u32, u32)> {
+        let all = 0..self.triangles.len() as u32;
+        all.flat_map(|t| self.near(t).iter().map(move |u| (t, *u)))
+    }
+
     /// Returns the pieces, connected over edges, of the parts that triangles belong to.
     pub(crate) fn pieces(&self, parts: &[u32]) -> Vec<(u32, Vec<u32>)> {
         let mut is_open: Vec<bool> = parts.iter().map(|part| *part != NONE).collect();

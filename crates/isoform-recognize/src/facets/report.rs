@@ -52,12 +52,8 @@ pub(crate) fn report(
         .map(|k| mesh.at(&mesh.vertices(&claims.parts[*k].triangles)))
         .collect();
     let of = |t: u32| rank(&claims.taken[t as usize]).map(|l| l as usize);
-    let pairs = (0..mesh.triangles.len() as u32).flat_map(|t| {
-        let beside = mesh.near(t).iter().filter_map(move |u| of(*u));
-        let own = of(t).into_iter();
-        own.flat_map(move |a| beside.clone().map(move |b| (a, b)))
-            .filter(|p| p.0 != p.1)
-    });
+    let pairs = mesh.pairs().filter_map(|(t, u)| Some((of(t)?, of(u)?)));
+    let pairs = pairs.filter(|(a, b)| a != b);
     let outward: Vec<i8> = entities.iter().map(|e| e.outward).collect();
     let set = Set {
         known: &known,
@@ -105,9 +101,7 @@ fn faces(
     }
     let vertices = mesh.index.iter().map(|v| facets[*v as usize]);
     let index = vertices.chain(inside.iter().map(|p| p.triangle));
-    let pairs =
-        (0..mesh.triangles.len() as u32).flat_map(|t| mesh.near(t).iter().map(move |u| (t, *u)));
-    faces.report(|k| rank(&k), index, pairs)
+    faces.report(|k| rank(&k), index, mesh.pairs())
 }
 
 /// A part as an entity, and its surface with what is known of it.

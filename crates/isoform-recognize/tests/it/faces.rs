@@ -188,7 +188,7 @@ fn a_tube_has_two_sides() {
         let mut random = Random::new(4);
         let mut point = |i: u32| {
             let off = noise * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0);
-            let r = off + if i % 2 == 0 { 0.5 } else { 0.5 - wall };
+            let r = off + if i.is_multiple_of(2) { 0.5 } else { 0.5 - wall };
             let t = TAU * random.unit();
             [r * t.cos(), r * t.sin(), 2.0 * random.unit()]
         };
