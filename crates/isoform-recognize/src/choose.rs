@@ -311,9 +311,11 @@ pub(crate) fn follows(
     is_one(core) || is_one(points)
 }
 
-/// True if points are off a surface by no more than rounding, which may be alike for neighbours.
+/// True if points are off a surface by no more than rounding, that of the modeller included, which
+/// may be alike for neighbours.
 fn is_rounding(cloud: &Cloud, points: &[u32], surface: &Surface) -> bool {
-    squares(surface, &cloud.at(points)) <= (ROUNDED * cloud.grid).powi(2) * points.len() as f64
+    let most = EXACT.max(ROUNDED * cloud.grid);
+    squares(surface, &cloud.at(points)) <= most * most * points.len() as f64
 }
 
 /// Whether points deviate by no more than the noise.

@@ -39,7 +39,7 @@ const THICK: f64 = 0.3;
 const VOLUME: (usize, f64) = (75, 1.45);
 /// How many times as far as rounding alone would leave them exact points may lie off at first: the
 /// modeller has rounded before. Entities tell how far they do.
-const INEXACT: f64 = 4.0;
+const INEXACT: f64 = 8.0;
 /// The least noise, as a share of the diagonal: what rounding leaves after a few operations.
 pub(crate) const FLOOR: f64 = 1e-9;
 
@@ -131,7 +131,7 @@ impl Cloud {
         let mut normals: Vec<Point3> = found.iter().map(|f| f.1.normal).collect();
         let roughness: Vec<f64> = found.iter().map(|f| f.1.roughness).collect();
         let noise = exact_noise(&points, &normals, &found).unwrap_or(smooth_noise(&roughness));
-        let noise = noise.max(INEXACT * floor);
+        let noise = noise.max(exact(floor) / 2.0);
         let (mut neighbours, mut first) = (Vec::new(), vec![0]);
         for (i, (near, _)) in found.iter().enumerate() {
             let is_across = |j: &u32| is_across(&points, &normals, [i, *j as usize], noise);
@@ -161,7 +161,7 @@ impl Cloud {
     /// Returns the noise below which points lie on their surfaces as exactly as their coordinates
     /// are rounded.
     pub(crate) fn exact(&self) -> f64 {
-        crate::choose::EXACT.max(INEXACT * self.floor)
+        exact(self.floor)
     }
 
     /// True if points with this noise are exact.
@@ -249,6 +249,11 @@ impl Cloud {
     pub(crate) fn normals_at(&self, which: &[u32]) -> Vec<Point3> {
         which.iter().map(|i| self.normals[*i as usize]).collect()
     }
+}
+
+/// Returns the noise below which points are exact, where rounding alone leaves them this far off.
+fn exact(floor: f64) -> f64 {
+    crate::choose::EXACT.max(INEXACT * floor)
 }
 
 /// For each point those that list it, and where these begin, of lists one after another and where
