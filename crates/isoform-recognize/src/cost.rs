@@ -36,7 +36,8 @@ impl Cost {
         squares * self.scale
     }
 
-    /// As [`of_distance`](Self::of_distance), infinite where a point costs less without the surface.
+    /// As [`of_distance`](Self::of_distance), infinite where a point costs less without the
+    /// surface.
     pub(crate) fn if_near(&self, r: f64) -> f64 {
         let cost = self.of_distance(r);
         if cost <= self.most {

@@ -16,8 +16,8 @@ const PLACES: [f64; 4] = [0.125, 0.375, 0.625, 0.875];
 const PART: usize = 16;
 /// Points by which guesses are compared.
 const SAMPLE: usize = 400;
-/// The kurtosis of even noise, and the largest error of its estimate times the root of the number of
-/// points: five deviations.
+/// The kurtosis of even noise, and the largest error of its estimate times the root of the number
+/// of points: five deviations.
 const EVEN: f64 = 1.8;
 const CHANCE: f64 = 4.0;
 /// Maximum noise, in diagonals, of a surface whose points fill the neighbourhoods: those of a ball
