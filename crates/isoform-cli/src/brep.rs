@@ -5,8 +5,9 @@ use crate::mesh::table::line;
 use crate::mesh::work::{Phases, no_mesh, place};
 use crate::model::Language;
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
+use crate::parameters::{self, Given};
 use crate::solids::{self, Statement};
-use crate::{eval, gallery, interrupt};
+use crate::{gallery, interrupt};
 use isoform::brep::BrepError;
 use isoform::field::hyperfun::Model;
 use isoform::geom::Aabb;
@@ -33,10 +34,8 @@ never with a shell that is not closed), 4 where there is no such solid, 2 for un
 pub(crate) struct Args {
     /// The model: a HyperFun file (- for stdin), or the name of a built-in template
     model: PathBuf,
-    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
-    /// annotated
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    given: Given,
     /// Cut off what does not lie in this box: x,y,z of the lower and of the upper corner; the cuts
     /// are planes named cap.x_min ...
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
@@ -79,7 +78,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
     }
     let name = args.model.display().to_string();
     let model = gallery::template(&args.model, &args.language, context)?;
-    let values = eval::values(&model, args.params.as_ref(), context)?;
+    let values = parameters::values(&model, &args.given, context)?;
     let subject = Subject {
         name,
         unit: model.info().unit.clone(),

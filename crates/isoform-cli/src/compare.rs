@@ -2,7 +2,8 @@
 
 use crate::model::Language;
 use crate::output::{self, Context, DONE, Failure, Outcome};
-use crate::{eval, gallery, scan, solids, spline};
+use crate::parameters::{self, Given, Parameters};
+use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Pose;
 use isoform::geom::{Aabb, PointCloud};
 use isoform::io::MeshPoints;
@@ -33,12 +34,11 @@ pub(crate) struct Args {
     first: PathBuf,
     /// The other
     second: PathBuf,
-    /// Parameters of the model; of the first one, if both are models
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    given: Given,
     /// Parameters of the second model, if both are models
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params_second: Option<eval::Parameters>,
+    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters::parameters)]
+    params_second: Option<Parameters>,
     /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other
     /// side's box]
     #[arg(long = "box", value_name = "NUMBERS", allow_hyphen_values = true, value_parser = output::region)]
@@ -74,13 +74,12 @@ fn is_model(path: &Path) -> bool {
 
 /// Runs the verb.
 pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
-    let of_second = if is_model(&args.first) {
-        &args.params_second
-    } else {
-        &args.params
+    let of_second = match is_model(&args.first) {
+        true => Given::from_params(args.params_second.as_ref()),
+        false => args.given.clone(),
     };
-    let first = load(&args.first, args.params.as_ref(), args, context)?;
-    let second = load(&args.second, of_second.as_ref(), args, context)?;
+    let first = load(&args.first, &args.given, args, context)?;
+    let second = load(&args.second, &of_second, args, context)?;
     let result = compare(
         as_side(&first, args.vertices),
         as_side(&second, args.vertices),
@@ -147,12 +146,7 @@ fn kind(loaded: &Loaded, vertices: bool) -> &'static str {
 }
 
 /// Reads a side: a mesh by its surface, points, or a model with the values that are given.
-fn load(
-    path: &Path,
-    given: Option<&eval::Parameters>,
-    args: &Args,
-    context: &Context,
-) -> Result<Loaded, Failure> {
+fn load(path: &Path, given: &Given, args: &Args, context: &Context) -> Result<Loaded, Failure> {
     if is_model(path) && !scan::is_mesh(path, None) {
         return load_model(path, given, &args.language, context);
     }
@@ -180,12 +174,12 @@ fn load(
 /// Reads a model; its metric reading gives the distances.
 fn load_model(
     path: &Path,
-    given: Option<&eval::Parameters>,
+    given: &Given,
     language: &Language,
     context: &Context,
 ) -> Result<Loaded, Failure> {
     let model = gallery::template(path, language, context)?;
-    let values = eval::values(&model, given, context)?;
+    let values = parameters::values(&model, given, context)?;
     let template = FrepTemplate::with_pose(&model, Pose::None, &[]);
     let template =
         template.map_err(|e| Failure::input("template", format!("{}: {e}", path.display())))?;

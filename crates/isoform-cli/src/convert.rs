@@ -1,8 +1,8 @@
 //! `isoform convert`: points and meshes from format to format, programs with values.
 
-use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::parameters::{self, Given};
 use crate::{scan, solids};
 use isoform::io::{
     MeshPoints, MeshWriteOptions, WriteOptions, format_named, mesh_format_named, write, write_mesh,
@@ -44,9 +44,8 @@ pub(crate) struct Args {
     /// PLY as text
     #[arg(long)]
     ascii: bool,
-    /// Values of the parameters of a program
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    given: Given,
     #[command(flatten)]
     language: Language,
 }
@@ -205,9 +204,9 @@ fn points(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Fa
 /// Prints a model again; where values are given, as the program that has them in it.
 fn program(args: &Args, mut json: Value, context: &Context) -> Result<Outcome, Failure> {
     let model = model::read(&args.file, &args.language, context)?;
-    let text = match &args.params {
-        Some(given) => model.print_fitted(&eval::values(&model, Some(given), context)?, None),
-        None => model.source().to_owned(),
+    let text = match args.given.is_empty() {
+        false => model.print_fitted(&parameters::values(&model, &args.given, context)?, None),
+        true => model.source().to_owned(),
     };
     json["object"] = json!(model.name());
     if args.output == Path::new("-") {

@@ -2,12 +2,12 @@
 
 use crate::model::{self, Language};
 use crate::output::{self, Context, DONE, Failure, NO_RESULT, Outcome, PARTIAL};
+use crate::parameters::{Given, values};
 use crate::spline;
-use isoform::field::SolidError;
-use isoform::field::hyperfun::{BlockEvaluator, Model, ParamInfo, Pose};
+use isoform::field::hyperfun::{BlockEvaluator, Model, Pose};
 use isoform::fit::Template;
 use isoform::geom::{Field, ParamField};
-use isoform::{FrepTemplate, Implicit, SplineDistance, parameter_values};
+use isoform::{FrepTemplate, Implicit, SplineDistance};
 use rayon::prelude::*;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -31,10 +31,8 @@ pub(crate) struct Args {
     points: PathBuf,
     #[command(flatten)]
     language: Language,
-    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
-    /// annotated
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
-    params: Option<Parameters>,
+    #[command(flatten)]
+    given: Given,
     /// What to give: the model's own value, its distance-like reading, or the name of the nearest
     /// part
     #[arg(long, value_enum, default_value_t = Reading::Algebraic)]
@@ -50,36 +48,6 @@ enum Reading {
     Algebraic,
     Metric,
     Part,
-}
-
-/// Values of the parameters a: the first ones in their order, others by name.
-#[derive(Clone)]
-pub(crate) struct Parameters {
-    first: Vec<f64>,
-    named: Vec<(String, f64)>,
-}
-
-/// Reads values of parameters: numbers with commas, then NAME=NUMBER.
-pub(crate) fn parameters(text: &str) -> Result<Parameters, String> {
-    let words: Vec<&str> = text.split(',').collect();
-    let numbers = words.iter().take_while(|word| !word.contains('=')).count();
-    let (first, named) = words.split_at(numbers);
-    let first = match first {
-        [] => Vec::new(),
-        _ => output::numbers(&first.join(","))?,
-    };
-    let named = named.iter().map(|word| {
-        let (name, value) = word
-            .split_once('=')
-            .ok_or_else(|| format!("`{word}`: NAME=NUMBER is expected after the first name"))?;
-        let value = output::numbers(value)?;
-        match value[..] {
-            [value] => Ok((name.trim().to_owned(), value)),
-            _ => Err(format!("`{word}`: one number is expected")),
-        }
-    });
-    let named = named.collect::<Result<_, String>>()?;
-    Ok(Parameters { first, named })
 }
 
 /// Rows per task: enough to make up for the start of one, few enough to share among threads.
@@ -157,7 +125,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         return outcome(args, &subject, &rows, &cells, context);
     }
     let model = model::read(&args.model, &args.language, context)?;
-    let a = values(&model, args.params.as_ref(), context)?;
+    let a = values(&model, &args.given, context)?;
     let rows = points(&args.points, &table, model.dimension())?;
     let cells = cells(args, &model, &rows, &a, context)?;
     let subject = Subject {
@@ -308,76 +276,6 @@ impl<'c> Failures<'c> {
             PARTIAL
         }
     }
-}
-
-/// Part of a tied value by which the one given for it may differ unsaid: tables show some digits.
-const DIGITS: f64 = 1e-3;
-
-/// The values of all parameters: those given, then as the library says.
-pub(crate) fn values(
-    model: &Model,
-    given: Option<&Parameters>,
-    context: &Context,
-) -> Result<Vec<f64>, Failure> {
-    let given = match given {
-        Some(given) => in_order(model, given)?,
-        None => Vec::new(),
-    };
-    let values = parameter_values(model, &given).map_err(|error| match error {
-        SolidError::Missing { ref names } => {
-            let missing = |info: &&ParamInfo| names.contains(&info.label());
-            let named = model.params().iter().filter(missing);
-            let named: Vec<String> = named.map(|info| format!("{}=1", info.name)).collect();
-            Failure::usage(format!("`{}`: {error}", model.name())).hint(format!(
-                "--params {} with the right numbers, or typical= in the program",
-                named.join(",")
-            ))
-        }
-        _ => Failure::usage(format!(
-            "{} parameters for `{}`, which has {}",
-            given.len(),
-            model.name(),
-            model.n_params()
-        )),
-    })?;
-    for (info, (given, value)) in model.params().iter().zip(given.iter().zip(&values)) {
-        let Some(given) = given.filter(|_| info.tie.is_some()) else {
-            continue;
-        };
-        if (given - value).abs() > DIGITS * value.abs() {
-            context.warn(format_args!(
-                "{} is tied: it is {value} for these values, and the {given} given does not count",
-                info.label()
-            ));
-        }
-    }
-    Ok(values)
-}
-
-/// The values given, by parameter.
-fn in_order(model: &Model, given: &Parameters) -> Result<Vec<Option<f64>>, Failure> {
-    let mut values: Vec<Option<f64>> = given.first.iter().copied().map(Some).collect();
-    for (name, value) in &given.named {
-        let is_it = |info: &ParamInfo| {
-            info.name.eq_ignore_ascii_case(name)
-                || format!("a[{}]", info.index + 1).eq_ignore_ascii_case(name)
-        };
-        let Some(i) = model.params().iter().position(is_it) else {
-            let names: Vec<&str> = model.params().iter().map(|p| p.name.as_str()).collect();
-            return Err(Failure::usage(format!(
-                "`{}`: no parameter is called {name}",
-                model.name()
-            ))
-            .hint(format!("--params with one of: {}", names.join(", "))));
-        };
-        if values.len() <= i {
-            values.resize(i + 1, None);
-        }
-        if values[i].replace(*value).is_some() {
-            return Err(Failure::usage(format!("--params: {name} is given twice")));
-        }
-    }
-    Ok(values)
 }
 
 /// The model's own values at some rows; rows that the time limit does not let through are errors.

@@ -1,10 +1,10 @@
 //! Files as layers: what `view` and `render` show of them.
 
-use crate::eval::{self, Parameters};
 use crate::mesh::Settings;
 use crate::mesh::work::no_mesh;
 use crate::model::Language;
 use crate::output::{self, Context, Failure};
+use crate::parameters::{self, Given};
 use crate::triangulate::{self, HalfWidth};
 use crate::{gallery, scan, solids, spline};
 use isoform::field::hyperfun::Model;
@@ -22,15 +22,8 @@ use std::path::Path;
 /// How files are read, the same for every verb that shows them.
 #[derive(clap::Args)]
 pub(crate) struct Reading {
-    /// The values of the parameters a of the models, in their order or as NAME=NUMBER; missing ones
-    /// are as annotated
-    #[arg(
-        long,
-        value_name = "NUMBERS",
-        allow_hyphen_values = true,
-        value_parser = eval::parameters
-    )]
-    params: Option<Parameters>,
+    #[command(flatten)]
+    given: Given,
     /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
     /// upper corner, for models without an end
     #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
@@ -293,7 +286,7 @@ impl File<'_> {
     /// A model that moves; one that cannot be shown itself as its mesh.
     fn program(&self, model: &Model) -> Result<Layer, Failure> {
         let (name, region) = (self.name, self.region());
-        let values = eval::values(model, self.reading.params.as_ref(), self.context)?;
+        let values = parameters::values(model, &self.reading.given, self.context)?;
         let control = self.context.control();
         let settings = Settings {
             region,

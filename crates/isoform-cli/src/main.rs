@@ -18,6 +18,7 @@ mod mesh;
 mod model;
 mod output;
 mod parameterize;
+mod parameters;
 mod progress;
 mod recognize;
 mod recover;

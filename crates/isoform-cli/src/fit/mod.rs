@@ -14,6 +14,7 @@ pub(crate) mod table;
 use crate::gallery;
 use crate::model::Language;
 use crate::output::{Context, Failure, Outcome};
+use crate::parameters;
 use crate::solids;
 use isoform::MeshModelOptions;
 use isoform::field::hyperfun::Pose;
@@ -84,7 +85,13 @@ pub(crate) struct Settings {
     #[arg(long, value_enum, default_value_t = LossName::Auto)]
     loss: LossName,
     /// Hold a parameter at a value; may be repeated
-    #[arg(long, value_name = "NAME=VALUE", allow_hyphen_values = true, value_parser = settings::fix)]
+    #[arg(
+        long,
+        visible_alias = "set",
+        value_name = "NAME=VALUE",
+        allow_hyphen_values = true,
+        value_parser = parameters::setting
+    )]
     fix: Vec<(String, f64)>,
     /// Motion of the whole template as further parameters [default: as the template says]
     #[arg(long, value_enum)]

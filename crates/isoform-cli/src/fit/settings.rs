@@ -22,20 +22,6 @@ pub(crate) fn start(text: &str) -> Result<Start, String> {
     output::numbers(text).map(Start::Values)
 }
 
-/// Reads `name=value`.
-pub(crate) fn fix(text: &str) -> Result<(String, f64), String> {
-    let (name, value) = text.rsplit_once('=').ok_or("NAME=VALUE is expected")?;
-    let value: f64 = value
-        .trim()
-        .parse()
-        .map_err(|_| format!("`{}` is not a number", value.trim()))?;
-    if value.is_finite() {
-        Ok((name.trim().to_owned(), value))
-    } else {
-        Err(format!("`{value}` is not finite"))
-    }
-}
-
 /// Reads a bounds file: {"NAME or 1-based index": [lo, hi], ...}.
 pub(crate) fn bounds(path: &Path) -> Result<NamedBounds, Failure> {
     let text = output::text(output::read_file(path)?);
@@ -88,7 +74,5 @@ mod tests {
         assert!(matches!(start("AUTO"), Ok(Start::Auto)));
         assert!(matches!(start("1,-2.5"), Ok(Start::Values(v)) if v == [1.0, -2.5]));
         assert!(start("1,x").is_err());
-        assert_eq!(fix("a[3]= 2"), Ok(("a[3]".to_owned(), 2.0)));
-        assert!(fix("radius").is_err() && fix("r=inf").is_err());
     }
 }

@@ -12,7 +12,8 @@ pub(crate) mod work;
 
 use crate::model::Language;
 use crate::output::{self, Context, Failure, Outcome};
-use crate::{eval, gallery, scan, solids, spline};
+use crate::parameters::{self, Given};
+use crate::{gallery, scan, solids, spline};
 use isoform::Unseen;
 use isoform::geom::Aabb;
 use isoform::mesh::Layers;
@@ -46,10 +47,8 @@ pub(crate) struct Args {
     /// The model: a HyperFun file (- for stdin), the name of a built-in template, a function
     /// fitted to points (.json, from isoform implicitize), or a solid of isoform brep
     model: PathBuf,
-    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
-    /// annotated
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    given: Given,
     #[command(flatten)]
     settings: Settings,
     /// Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu, inp), or a
@@ -254,7 +253,7 @@ fn subject(args: &Args, context: &Context) -> Result<Subject, Failure> {
         });
     }
     let model = gallery::template(&args.model, &args.language, context)?;
-    let values = eval::values(&model, args.params.as_ref(), context)?;
+    let values = parameters::values(&model, &args.given, context)?;
     let regions = regions::read(&args.regions, (&model, &values), &args.language, context)?;
     Ok(Subject {
         name,

@@ -1,8 +1,9 @@
 //! The regions of `isoform mesh --regions`: objects of the model's program, or other programs.
 
+use crate::model;
 use crate::model::Language;
 use crate::output::{Context, Failure};
-use crate::{eval, model};
+use crate::parameters::{self, Given};
 use isoform::field::hyperfun::Model;
 use std::path::Path;
 
@@ -57,7 +58,7 @@ fn one(
         let stem = path.file_stem().unwrap_or_default();
         return Ok(Region {
             name: stem.to_string_lossy().into_owned(),
-            values: eval::values(&model, None, context)?,
+            values: parameters::values(&model, &Given::default(), context)?,
             model,
         });
     }

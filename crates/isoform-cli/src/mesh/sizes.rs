@@ -1,8 +1,8 @@
 //! Edge lengths by place, from a table or a program.
 
-use crate::eval;
 use crate::model::{self, Language};
 use crate::output::{self, Context, Failure};
+use crate::parameters::{self, Given};
 use isoform::field::RunField;
 use isoform::geom::{Field, Point3};
 use isoform::mesh::Sizes;
@@ -35,7 +35,7 @@ pub(crate) fn read(path: &Path, context: &Context) -> Result<Sizes, Failure> {
 /// The values of a program are the lengths.
 fn program(path: &Path, context: &Context) -> Result<Sizes, Failure> {
     let model = model::read(path, &Language::default(), context)?;
-    let a = eval::values(&model, None, context)?;
+    let a = parameters::values(&model, &Given::default(), context)?;
     let field = RunField::new(&model, &a)
         .map_err(|e| Failure::input("model", format!("{}: {e}", path.display())))?;
     Ok(Sizes(Arc::new(move |p| field.value(p))))

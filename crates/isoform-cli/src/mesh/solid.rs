@@ -63,7 +63,7 @@ fn refuse_others(args: &Args) -> Result<(), Failure> {
         ("--box", settings.region.is_some()),
         ("--adapt", args.adapt.is_some()),
         ("--layers", !args.layers.layers.is_empty()),
-        ("--params", args.params.is_some()),
+        ("--params or --set", !args.given.is_empty()),
         ("--close", args.close),
     ];
     match others.iter().find(|o| o.1) {

@@ -7,10 +7,10 @@ mod subject;
 mod table;
 
 use self::subject::Subject;
-use crate::eval;
 use crate::interrupt;
 use crate::model::Language;
 use crate::output::{self, Context, Failure, NO_RESULT, Outcome};
+use crate::parameters::Given;
 use isoform::geom::{Aabb, Point3};
 use isoform::io::STEP_UNITS;
 use isoform::patch::{self, Covering, Error, Method, Options, Parameterized};
@@ -102,10 +102,8 @@ pub(crate) struct Args {
     /// Gauss nodes in each direction [default: as many as make J exact, 4 max(m,n) + 1]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(2..=64))]
     nodes: Option<u8>,
-    /// The values of the parameters a, in their order or as NAME=NUMBER; missing ones are as
-    /// annotated
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = eval::parameters)]
-    params: Option<eval::Parameters>,
+    #[command(flatten)]
+    given: Given,
     /// Write the patches: .json (- for stdout), .step or .stp for CAD, or triangles as .obj, .ply,
     /// .glb, ...; may be repeated
     #[arg(short, long, value_name = "FILE")]
@@ -221,7 +219,7 @@ pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
         output::check_folder(path)?;
     }
     let clock = Instant::now();
-    let subject = subject::read(&args.model, &args.language, args.params.as_ref(), context)?;
+    let subject = subject::read(&args.model, &args.language, &args.given, context)?;
     let read = clock.elapsed().as_secs_f64();
     let mut made = make(args, &subject, context)?;
     made.seconds.insert(0, ("read", read));

@@ -3,7 +3,8 @@
 use crate::kind::{self, Kind};
 use crate::model::{self, Language};
 use crate::output::{self, Context, Failure};
-use crate::{eval, gallery, spline};
+use crate::parameters::{self, Given};
+use crate::{gallery, spline};
 use isoform::ImplicitSurface;
 use isoform::algebra::ParseError;
 use isoform::field::SolidError;
@@ -22,7 +23,7 @@ pub(super) struct Subject {
 pub(super) fn read(
     path: &Path,
     language: &Language,
-    params: Option<&eval::Parameters>,
+    given: &Given,
     context: &Context,
 ) -> Result<Subject, Failure> {
     let is_json = path
@@ -31,12 +32,12 @@ pub(super) fn read(
     let name = path.display().to_string();
     if !is_json && path != Path::new("-") {
         let model = gallery::template(path, language, context)?;
-        return program(&model, params, name, context);
+        return program(&model, given, name, context);
     }
     let text = output::text(output::read_file(path)?);
     if !is_json && !text.trim_start().starts_with('{') {
         let model = model::parse(path, &text, language, context)?;
-        return program(&model, params, name, context);
+        return program(&model, given, name, context);
     }
     if let Ok(json) = serde_json::from_str::<Value>(&text)
         && spline::is_fitted(&json)
@@ -47,8 +48,9 @@ pub(super) fn read(
             warnings: Vec::new(),
         });
     }
-    if params.is_some() {
-        return Err(Failure::usage("a polynomial has no parameters").hint("leave out --params"));
+    if !given.is_empty() {
+        let failure = Failure::usage("a polynomial has no parameters");
+        return Err(failure.hint("leave out --params and --set"));
     }
     Ok(Subject {
         name,
@@ -60,11 +62,11 @@ pub(super) fn read(
 /// The surface of a HyperFun program.
 fn program(
     model: &isoform::field::hyperfun::Model,
-    params: Option<&eval::Parameters>,
+    given: &Given,
     name: String,
     context: &Context,
 ) -> Result<Subject, Failure> {
-    let values = eval::values(model, params, context)?;
+    let values = parameters::values(model, given, context)?;
     let surface = ImplicitSurface::of_model(model, &values).map_err(|e| {
         let failure = Failure::input("model", format!("{name}: {e}"));
         if matches!(e, SolidError::Dimension { .. }) {

@@ -26,6 +26,47 @@ fn both(f: &Folder, name: &str, text: &str, more: &[&str]) -> [String; 2] {
     [step, own]
 }
 
+/// A fitted program keeps its parameters: one value is set by name, what is tied follows, and the
+/// solid is that of the changed model.
+#[test]
+fn a_fitted_program_is_changed_by_name() {
+    let f = Folder::new("set");
+    let text = "-- @pose rigid at 1 0 0 turned 0 0 0\n-- @param a[1] radius length typical=0.5\n\
+        -- @param a[2] side length min=0\n-- @param a[3] height length tie=0.5*side\n\
+        my_model(x[3], a[3]) { array c[3], k[3]; c = [0, 0, 0];\n\
+        k[1] = -a[2]/2; k[2] = k[1]; k[3] = k[1]; hole = hfCylinderZ(x, c, a[1]);\n\
+        my_model = hfBlock(x, k, a[2], a[2], a[3]) \\ hole; }\n";
+    let template = f.file("template.hf", text);
+    let [scan, fitted, step] = ["scan.stl", "fitted.hf", "part.step"].map(|e| f.path(e));
+    let made = isoform(&["mesh", &template, "--set", "side=2", "-q", "-o", &scan]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let o = isoform(&["fit", &scan, "--template", &template, "-q", "-o", &fitted]);
+    assert_eq!(code(&o), 0, "{}", stderr(&o));
+    let volume = |settings: &[&str]| {
+        let verb = ["brep", &fitted, "-q", "--json", "--force", "-o", &step];
+        let o = isoform(&[&verb[..], settings].concat());
+        assert_eq!(code(&o), 0, "{}", stderr(&o));
+        number(&document(&o)["volume"])
+    };
+    let expected = |radius: f64, side: f64| 0.5 * side * (side * side - PI * radius * radius);
+    for (settings, radius, side) in [
+        (&[][..], 0.5, 2.0),
+        (&["--set", "radius=0.75"], 0.75, 2.0),
+        (&["--set", "side=3", "--set", "a[1]=1"], 1.0, 3.0),
+        (&["--params", "radius=0.75", "--set", "side=3"], 0.75, 3.0),
+    ] {
+        let found = volume(settings);
+        assert!(
+            (found / expected(radius, side) - 1.0).abs() < 1e-6,
+            "{settings:?}: {found}"
+        );
+    }
+    let o = isoform(&["brep", &fitted, "--params", "0.75", "--set", "radius=1"]);
+    assert!(code(&o) == 1 && stderr(&o).contains("radius is given twice"));
+    let o = isoform(&["brep", &fitted, "--set", "bore=1"]);
+    assert!(code(&o) == 1 && stderr(&o).contains("radius, side, height"));
+}
+
 fn own_file(path: &str) -> SolidFile {
     let bytes = fs::read(path).expect("a file");
     read_solids(&serde_json::from_slice(&bytes).expect("JSON")).expect("solids")

@@ -4,7 +4,7 @@
 //! `-- @param a[3] radius length min=0.1 max=50 start=5 unit=mm : of the hole`; see
 //! docs/hyperfun.md.
 
-use super::ast::Object;
+use super::ast::{Defaults, Object, Statement};
 use super::print::Placement;
 use super::source::{Source, SyntaxError, Warning};
 use isoform_geom::rotation;
@@ -79,6 +79,14 @@ pub struct Tie {
     pub constant: f64,
     /// Index from 0 and factor, by rising index.
     pub terms: Vec<(usize, f64)>,
+}
+
+impl Tie {
+    /// Returns the value for these parameters.
+    pub fn value(&self, parameters: &[f64]) -> f64 {
+        let terms = self.terms.iter().map(|&(i, factor)| factor * parameters[i]);
+        self.constant + terms.sum::<f64>()
+    }
 }
 
 /// A number as written, or a share of the data's size (`25%`: of the diagonal of the data's box;
@@ -189,8 +197,9 @@ pub(crate) struct Annotations {
 #[derive(Clone, Debug)]
 pub(crate) struct Param {
     info: ParamInfo,
-    /// Byte range of `start=…`, or the empty range where it would go.
-    pub(crate) start: (u32, u32),
+    /// Byte range of `start=…`, or the empty range where it would go; none where the parameter has
+    /// no line of its own.
+    pub(crate) start: Option<(u32, u32)>,
 }
 
 impl Annotations {
@@ -277,12 +286,13 @@ type Read<T> = Result<T, SyntaxError>;
 /// Reads the annotations in the comments; one before or inside an object belongs to it.
 pub(crate) fn read(
     source: &Source,
-    objects: &[Object],
+    objects: &mut [Object],
     comments: &[(u32, u32)],
     warnings: &mut Vec<Warning>,
 ) -> Read<Annotations> {
     let mut found = Annotations::default();
     let mut ties: Vec<(usize, usize, Piece<'_>)> = Vec::new();
+    let mut values: Vec<(usize, Piece<'_>, Piece<'_>)> = Vec::new();
     let mut object = 0;
     for &(start, end) in comments {
         while object < objects.len() && objects[object].span.1 <= start {
@@ -316,10 +326,11 @@ pub(crate) fn read(
                 ties.extend(tie.map(|tie| (object, param.info.index, tie)));
                 found.add(source, key, object, param)?;
             }
+            "values" => values.push((object, key, text)),
             _ => {
                 let (line, column) = source.position(key.at);
                 let message = format!(
-                    "`{}` is no annotation; known are @param, @title, @fits, @pose and @unit",
+                    "`{}` is no annotation; known are @param, @title, @fits, @pose, @unit and @values",
                     key.text
                 );
                 warnings.push(Warning {
@@ -331,10 +342,110 @@ pub(crate) fn read(
         }
     }
     resolve_ties(source, objects, &mut found, &ties)?;
+    for of in values {
+        found.take_values(source, objects, of, warnings)?;
+    }
     Ok(found)
 }
 
+/// Part of a tied value by which a default of it may differ unsaid: programs show some digits.
+const DIGITS: f64 = 1e-3;
+
 impl Annotations {
+    /// Reads `@values ARRAY of OBJECT`: the constants of a local array of this object are the
+    /// defaults of its parameters, which are described as those of the other object, above it.
+    fn take_values(
+        &mut self,
+        source: &Source,
+        objects: &mut [Object],
+        (object, key, text): (usize, Piece<'_>, Piece<'_>),
+        warnings: &mut Vec<Warning>,
+    ) -> Read<()> {
+        let fail = |piece: Piece<'_>, message: String| Err(source.error(piece.at, message, ""));
+        let Some(of) = objects.get(object) else {
+            return fail(text, "no object follows that has these values".to_owned());
+        };
+        let (array, rest) = text.word();
+        let (word, other) = rest.word();
+        let other = other.trimmed();
+        if !word.text.eq_ignore_ascii_case("of") {
+            let message = format!("`of` expected, found `{}`", word.text);
+            return Err(source.error(word.at, message, "ARRAY of OBJECT"));
+        }
+        let assigned = of.body.iter().find_map(|statement| match statement {
+            Statement::AssignArray {
+                array: to,
+                values,
+                span,
+            } if of.arrays[to.id as usize]
+                .name
+                .eq_ignore_ascii_case(array.text) =>
+            {
+                Some((*to, values, *span))
+            }
+            _ => None,
+        });
+        let Some((to, values, span)) = assigned else {
+            let message = format!("`{}` assigns no array `{}`", of.name, array.text);
+            return fail(array, message);
+        };
+        let is_other = |o: &Object| o.name.eq_ignore_ascii_case(other.text);
+        let Some(template) = objects[..object].iter().position(is_other) else {
+            return fail(other, format!("no object `{}` above this one", other.text));
+        };
+        let sizes = [of.n_params(), objects[template].n_params()];
+        if sizes != [values.len(); 2] {
+            let message = format!(
+                "`{}` has {} values, `{}` and `{}` have {} and {} parameters",
+                array.text,
+                values.len(),
+                of.name,
+                other.text,
+                sizes[0],
+                sizes[1]
+            );
+            return fail(array, message);
+        }
+        for (info, value) in self.params(template, values.len()).into_iter().zip(values) {
+            let tied = info.tie.as_ref().map(|tie| tie.value(values));
+            if let Some(tied) = tied.filter(|t| (t - value).abs() > DIGITS * t.abs()) {
+                let (line, column) = source.position(array.at);
+                let message = format!(
+                    "{} is tied: it is {tied} for these values, and the {value} here does not count",
+                    info.label()
+                );
+                warnings.push(Warning {
+                    line,
+                    column,
+                    message,
+                });
+            }
+            let info = ParamInfo {
+                typical: Some(*value),
+                start: Some(Amount::Value(*value)),
+                fixed: info.fixed.map(|_| Fixed::At(*value)),
+                ..info
+            };
+            let param = Param { info, start: None };
+            if self
+                .params
+                .insert((object, param.info.index), param)
+                .is_some()
+            {
+                return fail(array, "parameters are described twice".to_owned());
+            }
+        }
+        objects[object].defaults = Some(Defaults {
+            array: to,
+            assigned: span,
+            annotation: key.at,
+            of: template,
+        });
+        // The pose of the template is part of this object.
+        self.file.place = None;
+        Ok(())
+    }
+
     /// Adds a parameter of an object; an error where there is one like it.
     fn add(&mut self, source: &Source, key: Piece<'_>, object: usize, param: Param) -> Read<()> {
         let (index, name) = (param.info.index, &param.info.name);
@@ -436,7 +547,7 @@ fn param<'s>(
     }
     line.check(target)?;
     let param = Param {
-        start: line.start.unwrap_or((end, end)),
+        start: Some(line.start.unwrap_or((end, end))),
         info: line.info,
     };
     Ok((param, line.tie))

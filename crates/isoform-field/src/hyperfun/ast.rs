@@ -204,6 +204,8 @@ pub(crate) enum Statement {
         value: Expr,
     },
     AssignArray {
+        /// Byte range without the semicolon.
+        span: (u32, u32),
         array: ArrayRef,
         values: Vec<f64>,
     },
@@ -225,6 +227,19 @@ pub(crate) enum Statement {
 pub(crate) struct Array {
     pub(crate) name: String,
     pub(crate) len: u32,
+}
+
+/// Defaults of the parameters of an object.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Defaults {
+    /// Local array of the constants.
+    pub(crate) array: ArrayRef,
+    /// Byte range of their assignment.
+    pub(crate) assigned: (u32, u32),
+    /// Place of the annotation.
+    pub(crate) annotation: u32,
+    /// Object whose parameters are described.
+    pub(crate) of: usize,
 }
 
 /// Number of the arrays x, a and s, which come first in every object.
@@ -249,6 +264,8 @@ pub(crate) struct Object {
     pub(crate) result: Expr,
     /// How deep its evaluation nests, calls included.
     pub(crate) depth: u32,
+    /// Defaults of the parameters (`@values`).
+    pub(crate) defaults: Option<Defaults>,
 }
 
 impl Object {

@@ -201,9 +201,16 @@ impl<'p, M: Machine> Executor<'p, M> {
                 let at = self.item(object, *array, index)?;
                 self.memory[at] = Some(v);
             }
-            Statement::AssignArray { array, values } => {
+            Statement::AssignArray { array, values, .. } => {
                 self.steps += values.len() as u64;
                 let start = self.base + array.start as usize;
+                // Defaults of parameters give way in the model itself, not in objects that it calls.
+                if self.base == 0 && object.defaults.is_some_and(|d| d.array == *array) {
+                    for k in 0..values.len() {
+                        self.memory[start + k] = self.memory[object.dimension() + k].clone();
+                    }
+                    return Ok(());
+                }
                 let machine = self.machine.get_mut();
                 for (item, v) in self.memory[start..].iter_mut().zip(values) {
                     *item = Some(machine.constant(*v));

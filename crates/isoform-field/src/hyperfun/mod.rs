@@ -221,10 +221,10 @@ impl Model {
         }
         let source = Source::new(text);
         let (tokens, comments) = lexer::tokens(&source);
-        let (objects, mut warnings) =
+        let (mut objects, mut warnings) =
             parser::parse(&source, (&tokens, &comments), mode, precedence)?;
         sums::warn(&source, &objects, &mut warnings);
-        let annotations = annotations::read(&source, &objects, &comments, &mut warnings)?;
+        let annotations = annotations::read(&source, &mut objects, &comments, &mut warnings)?;
         let object = objects
             .iter()
             .position(|o| o.name == DEFAULT_OBJECT)

@@ -309,6 +309,7 @@ impl Parser<'_> {
             result_at,
             result,
             depth: self.deepest,
+            defaults: None,
         })
     }
 
@@ -509,7 +510,7 @@ impl Parser<'_> {
     fn assignment(&mut self) -> Parsed<Statement> {
         let name = self.text();
         let is_attributes = self.is_word(Word::S);
-        self.advance();
+        let start = self.advance().start;
         let statement = match self.names.get(&name).copied() {
             Some(Name::Array(array)) if self.is_symbol("[") => {
                 self.advance();
@@ -536,6 +537,7 @@ impl Parser<'_> {
                 Statement::AssignArray {
                     array,
                     values: self.literal(array.len)?,
+                    span: (start, self.start()),
                 }
             }
             known => {

@@ -62,20 +62,33 @@ pub(super) fn fitted(
 ) -> String {
     let chosen = &program.objects[object];
     let has_default = program.objects.iter().any(|o| o.name == DEFAULT_OBJECT);
-    let (mut text, name, template) = if has_default {
-        let template = free_name(program, &format!("{}_template", chosen.name));
-        (
-            renamed(program, object, &template),
-            chosen.name.clone(),
-            template,
-        )
-    } else {
-        (
-            program.source.text().to_owned(),
-            DEFAULT_OBJECT.to_owned(),
-            chosen.name.clone(),
-        )
+    let (name, template) = match has_default {
+        true => {
+            let template = free_name(program, &format!("{}_template", chosen.name));
+            (chosen.name.clone(), template)
+        }
+        false => (DEFAULT_OBJECT.to_owned(), chosen.name.clone()),
     };
+    let mut changes = match has_default {
+        true => renamed(program, object, &template),
+        false => Vec::new(),
+    };
+    // Defaults of the chosen object become its parameters, those of the new one take their place.
+    let described = match chosen.defaults {
+        Some(defaults) => {
+            let array = &chosen.arrays[defaults.array.id as usize].name;
+            let item = |i: usize| format!("{array}[{i}] = a[{i}]");
+            let items: Vec<String> = (1..=chosen.n_params()).map(item).collect();
+            changes.push((defaults.assigned, items.join("; ")));
+            changes.push((
+                (defaults.annotation, defaults.annotation + 1),
+                String::new(),
+            ));
+            program.objects[defaults.of].name.clone()
+        }
+        None => template.clone(),
+    };
+    let mut text = changed(program.source.text(), changes);
     if !text.ends_with('\n') {
         text.push('\n');
     }
@@ -84,22 +97,38 @@ pub(super) fn fitted(
         chosen.n_params(),
         placement.filter(|_| chosen.dimension() == 3),
     );
-    let s = if chosen.has_s {
-        format!(", s[{}]", chosen.n_s())
-    } else {
-        String::new()
+    let s = match chosen.has_s {
+        true => format!(", s[{}]", chosen.n_s()),
+        false => String::new(),
+    };
+    let about = match n {
+        0 => "-- the template above as it was found".to_owned(),
+        _ => format!(
+            "-- the template above with the values that were found; they are the defaults of its \
+             parameters\n-- @values {b} of {described}"
+        ),
     };
     let _ = writeln!(
         text,
-        "\n-- the template above with the values that were found\n{name}(x[{}], a[{}]{s})\n{{",
+        "\n{about}\n{name}(x[{}], a[{}]{s})\n{{",
         chosen.dimension(),
-        n.min(1)
+        n.max(1)
     );
-    let values = |i: usize| values.get(i).copied().unwrap_or(0.0);
-    let values: Vec<f64> = (0..n).map(values).collect();
-    text += &declared(&b, &values, placement.is_some().then_some(p.as_str()));
+    let arrays = [
+        (n > 0).then(|| format!("{b}[{n}]")),
+        placement.map(|_| format!("{p}[3]")),
+    ];
+    let arrays: Vec<String> = arrays.into_iter().flatten().collect();
+    if !arrays.is_empty() {
+        let _ = writeln!(text, "  array {};", arrays.join(", "));
+    }
     if let Some(at) = placement {
         text += &placed(&p, at);
+    }
+    if n > 0 {
+        let value = |i: usize| format!("{:?}", values.get(i).copied().unwrap_or(0.0));
+        let list: Vec<String> = (0..n).map(value).collect();
+        let _ = writeln!(text, "  {b} = [{}];", list.join(", "));
     }
     let x = if placement.is_some() { p.as_str() } else { "x" };
     let a = if n > 0 { b.as_str() } else { "a" };
@@ -109,18 +138,6 @@ pub(super) fn fitted(
         if chosen.has_s { ", s" } else { "" }
     );
     text
-}
-
-/// The arrays of the values, `b`, and of the point in the model's own frame, if there are any.
-fn declared(b: &str, values: &[f64], point: Option<&str>) -> String {
-    let point = point.map(|p| format!("{p}[3]"));
-    if values.is_empty() {
-        return point.map_or_else(String::new, |p| format!("  array {p};\n"));
-    }
-    let point = point.map_or_else(String::new, |p| format!(", {p}"));
-    let list: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
-    let (n, list) = (values.len(), list.join(", "));
-    format!("  array {b}[{n}]{point};\n  {b} = [{list}];\n")
 }
 
 /// The point `p` in the frame that the model is placed by: p = Rᵀ (x − t) / scale.
@@ -137,45 +154,48 @@ fn placed(p: &str, at: &Placement) -> String {
     text
 }
 
-/// The text with an object's name replaced: its head, its result and the calls of it.
-fn renamed(program: &Program, object: usize, new: &str) -> String {
-    let (chosen, text) = (&program.objects[object], program.source.text());
-    let tokens = lexer::tokens(&program.source).0;
-    let mut out = String::with_capacity(text.len() + 64);
+/// Replacements of byte ranges of a text.
+type Changes = Vec<((u32, u32), String)>;
+
+/// Returns the text after these changes.
+fn changed(text: &str, mut changes: Changes) -> String {
+    changes.sort();
+    let mut out = String::with_capacity(text.len() + 32 * changes.len());
     let mut done = 0;
-    for pair in tokens.windows(2) {
-        let (start, end) = (pair[0].start as usize, pair[0].end as usize);
-        let is_name =
-            pair[0].kind == Kind::Name && text[start..end].eq_ignore_ascii_case(&chosen.name);
-        let called = pair[1].kind == Kind::Symbol("(");
-        if is_name && (called || pair[0].start == chosen.result_at) {
-            out.push_str(&text[done..start]);
-            out.push_str(new);
-            done = end;
-        }
+    for ((start, end), new) in changes {
+        out.push_str(&text[done..start as usize]);
+        out.push_str(&new);
+        done = end as usize;
     }
     out.push_str(&text[done..]);
     out
 }
 
+/// Lists the places of an object's name: its head, its result and the calls of it.
+fn renamed(program: &Program, object: usize, new: &str) -> Changes {
+    let (chosen, text) = (&program.objects[object], program.source.text());
+    let tokens = lexer::tokens(&program.source).0;
+    let is_place = |pair: &&[lexer::Token]| {
+        let word = &text[pair[0].start as usize..pair[0].end as usize];
+        let is_name = pair[0].kind == Kind::Name && word.eq_ignore_ascii_case(&chosen.name);
+        let is_called = pair[1].kind == Kind::Symbol("(");
+        is_name && (is_called || pair[0].start == chosen.result_at)
+    };
+    let places = tokens.windows(2).filter(is_place);
+    places
+        .map(|pair| ((pair[0].start, pair[0].end), new.to_owned()))
+        .collect()
+}
+
 /// The program's text with these values for starts in the annotations of the parameters.
 pub(super) fn with_start(program: &Program, object: usize, values: &[f64]) -> String {
-    let text = program.source.text();
-    let mut changes: Vec<((u32, u32), f64)> = values
-        .iter()
-        .enumerate()
-        .filter_map(|(i, v)| program.annotations.param(object, i).map(|p| (p.start, *v)))
-        .collect();
-    changes.sort_by_key(|c| c.0);
-    let mut out = String::with_capacity(text.len() + 32 * changes.len());
-    let mut done = 0;
-    for ((start, end), v) in changes {
-        out.push_str(&text[done..start as usize]);
-        let _ = write!(out, "{}start={v:?}", if start == end { " " } else { "" });
-        done = end as usize;
-    }
-    out.push_str(&text[done..]);
-    out
+    let start = |(i, v): (usize, &f64)| {
+        let (start, end) = program.annotations.param(object, i)?.start?;
+        let space = if start == end { " " } else { "" };
+        Some(((start, end), format!("{space}start={v:?}")))
+    };
+    let changes = values.iter().enumerate().filter_map(start).collect();
+    changed(program.source.text(), changes)
 }
 
 /// The program in one layout, without comments.
@@ -249,7 +269,7 @@ impl Printer<'_> {
                     let (index, value) = (self.expr(object, index), self.expr(object, value));
                     self.line(&format!("{}[{index}] = {value};", name(object, *array)));
                 }
-                Statement::AssignArray { array, values } => {
+                Statement::AssignArray { array, values, .. } => {
                     let values: Vec<String> = values.iter().map(|v| format!("{v:?}")).collect();
                     self.line(&format!(
                         "{} = [{}];",

@@ -652,11 +652,7 @@ fn fitted_programs_have_the_values_inside() {
         assert!(printed.contains("-- an ordinary comment"));
         let again = model(&printed);
         assert_eq!(again.name(), "my_model", "{chosen}");
-        assert_eq!(
-            again.eval(&at, &[0.0], &[]).expect("it runs").f,
-            want,
-            "{printed}"
-        );
+        assert_eq!(again.eval(&at, &a, &[]).map(|e| e.f), Ok(want), "{printed}");
     }
     let turn = Placement {
         rotation: [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
@@ -668,8 +664,67 @@ fn fitted_programs_have_the_values_inside() {
     );
     let moved = model(&m.print_fitted(&[7.0], Some(&turn)));
     // p = Rᵀ(x − t)/2 with x − t = (2, 4, −6): R maps (4, −2, −6) to it.
-    let e = moved.eval(&[3.0, 2.0, -3.0], &[0.0], &[]).expect("it runs");
+    let e = moved.eval(&[3.0, 2.0, -3.0], &[7.0], &[]).expect("it runs");
     assert_eq!((e.f, e.s), (2.0 - 10.0 - 300.0 + 7.0, vec![4.0, 0.0]));
+}
+
+/// Other readers of a fitted program see constants; here they are defaults of the parameters.
+#[test]
+fn values_of_fitted_programs_are_defaults() {
+    let text = "-- @pose rigid at 1 2 3
+-- @param a[1] radius length min=0 max=9 start=5% unit=mm : of the ball
+-- @param a[2] height length tie=2*radius
+-- @param a[3] shift x fixed=1
+my_model(x[3], a[3]) { my_model = a[1] - x[1]*a[2] + a[3]; }";
+    let printed = model(text).print_fitted(&[2.0, 4.0, 1.0], None);
+    let fitted = model(&printed);
+    assert_eq!(fitted.warnings(), []);
+    let params = fitted.params();
+    let typical: Vec<_> = params.iter().map(|p| p.typical).collect();
+    assert_eq!(typical, [Some(2.0), Some(4.0), Some(1.0)]);
+    assert_eq!(params[0].name, "radius");
+    assert_eq!(params[0].start, Some(Amount::Value(2.0)));
+    assert_eq!(params[1].tie, model(text).params()[1].tie);
+    assert_eq!(params[2].fixed, Some(Fixed::At(1.0)));
+    assert_eq!(fitted.info().place, None);
+    let at = |a: &[f64]| fitted.eval(&[1.0, 0.0, 0.0], a, &[]).map(|e| e.f);
+    assert_eq!(at(&[3.0, 5.0, 10.0]), Ok(3.0 - 5.0 + 10.0));
+    let mut graph = Graph::new();
+    let root = fitted.compile(&mut graph).expect("an expression");
+    assert_eq!(graph.eval(root, &[1.0, 0.0, 0.0], &[3.0, 5.0, 10.0]), 8.0);
+    assert_eq!(fitted.used_params(), [true; 3]);
+    // Fitted once more, and called by another object, which passes its own parameters in vain.
+    let twice = model(&fitted.print_fitted(&[1.0, 2.0, 3.0], None));
+    assert_eq!(twice.params()[0].name, "radius");
+    assert_eq!(
+        twice
+            .eval(&[1.0, 0.0, 0.0], &[1.0, 2.0, 4.0], &[])
+            .map(|e| e.f),
+        Ok(3.0)
+    );
+    let caller = model(&format!(
+        "{printed}\nouter(x[3], a[3]) {{ outer = my_model(x, a); }}"
+    ));
+    let outer = caller.object(Some("outer")).expect("it is there");
+    assert_eq!(
+        outer.eval(&[1.0, 0.0, 0.0], &[9.0; 3], &[]).map(|e| e.f),
+        Ok(2.0 - 4.0 + 1.0)
+    );
+    assert_eq!(outer.used_params(), [false; 3]);
+    // Changed by hand.
+    let changed = model(&printed.replace("b = [2.0, 4.0", "b = [2.5, 4.0"));
+    assert!(changed.warnings()[0].message.contains("is tied: it is 5"));
+    for (from, to) in [
+        ("@values b of", "@values c of"),
+        ("@values b of", "@values b by"),
+        ("of my_model_template", "of my_model"),
+        ("my_model(x[3], a[3])\n", "my_model(x[3], a[2])\n"),
+        ("-- @values", "-- @param a[1] twice\n-- @values"),
+    ] {
+        assert!(printed.contains(from), "{printed}");
+        let broken = printed.replace(from, to);
+        assert!(Model::parse(&broken, Mode::Default).is_err(), "{broken}");
+    }
 }
 
 #[test]
@@ -677,7 +732,7 @@ fn calls_of_a_renamed_object_follow() {
     let text = "my_model(x[1], a[1]) { my_model = a[1]*x[1]; } other(x[1], a[1]) { my_model_template = 2; other = my_model(x, a); }";
     let printed = model(text).print_fitted(&[5.0], None);
     let m = model(&printed);
-    assert_eq!(m.eval(&[2.0], &[0.0], &[]).expect("it runs").f, 10.0);
+    assert_eq!(m.eval(&[2.0], &[5.0], &[]).expect("it runs").f, 10.0);
     assert_eq!(
         m.object(Some("other"))
             .expect("it is there")

@@ -1,6 +1,6 @@
 //! Parameters that an object uses.
 
-use super::ast::{Argument, Expr, Object, Statement};
+use super::ast::{Argument, ArrayRef, Expr, Object, Statement};
 
 /// Place of the parameters among the arrays of an object.
 const A: u32 = 1;
@@ -64,10 +64,12 @@ impl Statement {
 /// those above them.
 pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
     let mut uses: Vec<Vec<bool>> = Vec::with_capacity(last + 1);
-    for object in &objects[..=last] {
+    for (k, object) in objects[..=last].iter().enumerate() {
         let mut used = vec![false; object.n_params()];
+        let defaults = object.defaults.filter(|_| k == last);
+        let is_a = |array: &ArrayRef| array.id == A || defaults.is_some_and(|d| d.array == *array);
         let mut see = |expr: &Expr| match expr {
-            Expr::Item { array, index, .. } if array.id == A => match **index {
+            Expr::Item { array, index, .. } if is_a(array) => match **index {
                 Expr::Number { value, .. } => {
                     if let Some(used) = used.get_mut(item(value).wrapping_sub(1)) {
                         *used = true;
@@ -76,8 +78,8 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
                 _ => used.fill(true),
             },
             Expr::Function { arguments, .. } => {
-                let is_a = |argument: &Argument| matches!(argument, Argument::Array(_, array) if array.id == A);
-                if arguments.iter().any(is_a) {
+                let has_a = |argument: &Argument| matches!(argument, Argument::Array(_, array) if is_a(array));
+                if arguments.iter().any(has_a) {
                     used.fill(true);
                 }
             }
@@ -87,7 +89,7 @@ pub(super) fn parameters(objects: &[Object], last: usize) -> Vec<bool> {
                 ..
             } => {
                 for (place, (_, array)) in arguments.iter().enumerate() {
-                    if array.id != A {
+                    if !is_a(array) {
                         continue;
                     }
                     let theirs = &uses[*called as usize];

@@ -106,10 +106,11 @@ fn check(hf: &Path) -> usize {
             .unwrap_or_else(|e| panic!("{}: {e}", hf.display()));
         for row in rows.iter().take(5) {
             let x = &row[..table.columns];
-            let zero = vec![0.0; fitted.n_params()];
+            let defaults = fitted.params().iter().map(|p| p.typical.unwrap_or(0.0));
+            let defaults: Vec<f64> = defaults.collect();
             let f = m.eval(x, a, &[]).expect("it ran before");
             assert_eq!(again.eval(x, a, &[]), Ok(f.clone()));
-            assert_eq!(fitted.eval(x, &zero, &[]), Ok(f));
+            assert_eq!(fitted.eval(x, &defaults, &[]), Ok(f));
         }
     }
     compared
