@@ -1,12 +1,11 @@
 //! Simulated annealing of Goffe, Ferrier and Rogers (1994, J. Econometrics 60:65–99) after Corana
-//! et al. (1987), cooled linearly.
+//! et al. (1987).
 //!
 //! One coordinate at a time is moved by a uniform random step; uphill moves pass with probability
 //! exp(−Δ/T). After 20 rounds the step of each coordinate is adapted so that about half of its
-//! moves pass, and after `adaptations` of those the temperature falls. The paper cools linearly
-//! where Goffe cools geometrically: T runs from its start to 0 in `temperatures` equal steps, in
-//! the first half of the evaluations; the rest stays at T = 0 until nothing moves, since the last
-//! linear step is still far above the noise.
+//! moves pass, and after `adaptations` of those the temperature falls to `cooling` times itself.
+//! Cooling by a factor goes through all scales of the function: linear cooling, which paper C
+//! (section 5) names, ends with a step that is far above the noise of the data.
 
 use crate::Objective;
 use crate::bounds::Bounds;
@@ -18,21 +17,22 @@ const CYCLES: usize = 20;
 const ADAPT: f64 = 2.0;
 /// Between these shares of moves that pass a step stays as it is: about half of them.
 const PASSING: (f64, f64) = (0.4, 0.6);
-/// At temperature 0 the search ends when a round lowers the value by less than this share.
-const FROZEN: f64 = 1e-6;
+/// Goffe's N_ε and ε: the search ends when the values at the ends of so many temperatures are
+/// within this share of the best one.
+const FROZEN: (usize, f64) = (4, 1e-9);
 
 /// Settings of [`minimize`].
 #[derive(Clone, Debug)]
 pub struct Options {
     /// First temperature relative to the median value of [`Options::probes`] random points.
     pub temperature: f64,
-    /// Number of temperatures, falling linearly to 0.
-    pub temperatures: usize,
+    /// Factor from one temperature to the next (Goffe's r_T).
+    pub cooling: f64,
     /// Adaptations of the steps at each temperature.
     pub adaptations: usize,
     /// Random points that set the temperature's scale.
     pub probes: usize,
-    /// Most evaluations; `temperatures` is cut so that the cooling ends there.
+    /// Maximum number of evaluations.
     pub max_evaluations: usize,
     /// Ends when the value falls to this.
     pub threshold: f64,
@@ -44,7 +44,7 @@ impl Default for Options {
     fn default() -> Self {
         Self {
             temperature: 0.1,
-            temperatures: 100,
+            cooling: 0.85,
             adaptations: 5,
             probes: 32,
             max_evaluations: 400_000,
@@ -107,46 +107,22 @@ pub fn minimize(
     monitor: &mut dyn FnMut(usize, f64) -> bool,
 ) -> Annealed {
     let mut walk = Walk::new(objective, x, Bounds { lo, hi }, options);
-    let cooling = Cooling::new(options, walk.typical(), lo.len());
-    for k in 0..cooling.temperatures + cooling.frozen {
-        let before = walk.best.value;
-        if !walk.stay(cooling.temperature(k), options.adaptations, monitor) {
+    let mut temperature = options.temperature * walk.typical();
+    let mut ends = [f64::INFINITY; FROZEN.0];
+    while walk.best.evaluations < options.max_evaluations {
+        if !walk.stay(temperature, options.adaptations, monitor) {
             break;
         }
-        if k > cooling.temperatures && before - walk.best.value <= FROZEN * walk.best.value {
+        ends.rotate_left(1);
+        ends[FROZEN.0 - 1] = walk.value;
+        let best = walk.best.value;
+        if ends.iter().all(|end| end - best <= FROZEN.1 * best.abs()) {
             break;
         }
         walk.back_to_best();
+        temperature *= options.cooling;
     }
     walk.best
-}
-
-/// The temperatures, one after the other.
-struct Cooling {
-    first: f64,
-    /// Temperatures until 0.
-    temperatures: usize,
-    /// Rounds at temperature 0 after them, at most.
-    frozen: usize,
-}
-
-impl Cooling {
-    /// `typical` is a value of the objective at a random place, `n` the number of variables.
-    fn new(options: &Options, typical: f64, n: usize) -> Self {
-        let per_temperature = (options.adaptations * CYCLES * n).max(1);
-        let affordable = options.max_evaluations / (2 * per_temperature);
-        let temperatures = options.temperatures.min(affordable).max(1);
-        let all = options.max_evaluations / per_temperature;
-        Self {
-            first: options.temperature * typical,
-            temperatures,
-            frozen: all.saturating_sub(temperatures),
-        }
-    }
-
-    fn temperature(&self, k: usize) -> f64 {
-        self.first * (1.0 - k as f64 / self.temperatures as f64).max(0.0)
-    }
 }
 
 /// A random walk that remembers the best place.

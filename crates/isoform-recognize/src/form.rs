@@ -10,10 +10,10 @@ use crate::chart::{Kind, Surface};
 use crate::choose::least_points;
 use crate::cloud::Cloud;
 use crate::fit::{Precision, covariance, fit, squares};
-use crate::grow::correlation;
 use crate::patchwork::{is_simple, patches};
 use crate::segment::{Allowed, EVIDENCE, Limits, NONE, Segmentation};
 use crate::start::plane;
+use crate::whole::share_of_place;
 use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 
@@ -43,9 +43,9 @@ const WIDEST: f64 = 0.0075;
 /// root mean square down by a quarter, exp(-0.3). Distances of a form are alike for neighbours, and
 /// a sum over points takes them for more evidence than they are: without this a ball is five.
 const FEWER: f64 = 0.3;
-/// The least correlation of the distances of neighbours whose mean square is beyond the noise: it
-/// is 0 where a wide tolerance takes both faces of a plate for one, and above 0.7 on bent faces.
-const ONE_SHEET: f64 = 0.35;
+/// The least share of place in distances whose mean square is beyond the noise: it is near 0 where a
+/// wide tolerance takes both faces of a plate for one, and near 1 on bent faces.
+const ONE_SHEET: f64 = 0.5;
 /// How many patches within the noise may take the place of an entity within a tolerance of form,
 /// and the share of its points that they and others tell at least. Bent faces fall into more
 /// patches, which leave more out.
@@ -291,11 +291,12 @@ fn is_flat(cloud: &Cloud, points: &[u32]) -> bool {
     squares(&plane(&at), &at) <= WIDEST * WIDEST * points.len() as f64
 }
 
-/// Whether points lie on one sheet: distances of a form are alike for neighbours, on both faces of
+/// True if points lie on one sheet: distances of a form are those of their place, on both faces of
 /// a plate they are not.
 fn is_one_sheet(cloud: &Cloud, surface: &Surface, points: &[u32], noise: f64) -> bool {
-    let variance = squares(surface, &cloud.at(points)) / points.len().max(1) as f64;
-    variance <= (NARROWEST * noise).powi(2) || correlation(cloud, points, surface).0 >= ONE_SHEET
+    let points = cloud.at(points);
+    let variance = squares(surface, &points) / points.len().max(1) as f64;
+    variance <= (NARROWEST * noise).powi(2) || share_of_place(surface, &points) >= ONE_SHEET
 }
 
 /// The share of the points that entities have.

@@ -45,7 +45,7 @@ const BESIDE_SEED: usize = 3;
 const JOINED: usize = 800;
 const APART_BY_FAR: f64 = 2.0;
 /// The median of |x| of a normal deviate.
-const MEDIAN: f64 = 0.6745;
+pub(crate) const MEDIAN: f64 = 0.6745;
 
 /// Entities so far, and for each point that of its label.
 #[derive(Clone)]

@@ -5,9 +5,9 @@ use crate::choose::{Noise, follows};
 use crate::cloud::{Cloud, thinned};
 use crate::fit::{Precision, fit};
 use crate::kinds::{best_kind, guess};
-use crate::segment::{MOST_NOISE, SLACK, Segmentation};
+use crate::segment::{MEDIAN, MOST_NOISE, NONE, SLACK, Segmentation};
 use crate::share::Shares;
-use isoform_geom::Point3;
+use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
 /// Guesses come from all points, and from parts of them about these places in their order: one in
@@ -20,6 +20,18 @@ const SAMPLE: usize = 400;
 /// of points: five deviations.
 const EVEN: f64 = 1.8;
 const CHANCE: f64 = 4.0;
+/// Points of a block, by the mean of which a surface is judged: as many as a small face has.
+const BLOCK: usize = 48;
+/// Rounds in which what lies off the sides of a wall is left out, and distance from them in
+/// deviations of the noise.
+const TRIMS: usize = 5;
+const OFF: f64 = 3.5;
+/// Share of the points of a wall that lie on its two sides at least.
+const SIDES: f64 = 0.8;
+/// Points of a place: few, since dents of a form may be small; of noise their mean tells 1/12.
+const PLACE: usize = 12;
+/// Share of scans of one surface of which a block is off by chance.
+const BY_CHANCE: f64 = 1e-3;
 /// Maximum noise, in diagonals, of a surface whose points fill the neighbourhoods: those of a ball
 /// are 0.06 off a sphere.
 const THICKEST: f64 = 0.03;
@@ -38,29 +50,74 @@ impl Segmentation {
             false => MOST_NOISE * cloud.noise.max(cloud.grid),
         };
         let all: Vec<u32> = (0..cloud.points.len() as u32).collect();
-        let surface = &one.surfaces[0];
-        if one.noise > most || !follows(cloud, [&all; 2], surface, one.deviation(SLACK)) {
+        let surface = one.surfaces[0];
+        if one.noise > most {
             return None;
         }
-        match one.noise <= cloud.grid || has_one_sheet(cloud, surface) {
-            true => Some(one),
-            false => Self::wall(cloud, surface),
-        }
+        let is_one = one.noise <= cloud.grid || has_one_sheet(cloud, &surface);
+        let found = match is_one {
+            true if follows(cloud, [&all; 2], &surface, one.deviation(SLACK)) => one,
+            true => return None,
+            // Neighbours on one side are off the middle alike.
+            false => Self::wall(cloud, &surface)?,
+        };
+        found.is_level(cloud).then_some(found)
     }
 
-    /// Returns the two sides of a wall about a surface, which is thinner than the points are apart.
+    /// True if no part of any surface is off it: the mean distance of the points whose feet lie
+    /// together is that of independent noise. Small faces of another surface, the caps of a rod and
+    /// the sides of a plate, are seen so in noise that hides them from the neighbours of a point.
+    fn is_level(&self, cloud: &Cloud) -> bool {
+        let noise = self.noise.max(cloud.grid);
+        let count = self.labels.len() as f64 / BLOCK as f64;
+        // Of a normal deviate |z| > most has at most the chance exp(-most²/2).
+        let most = (2.0 * (count.max(1.0) / BY_CHANCE).ln()).sqrt();
+        let members = self.members();
+        let mut all = self.surfaces.iter().zip(&members);
+        all.all(|(surface, points)| {
+            let points = cloud.at(points);
+            let mut feet: Vec<(Point3, f64)> = points
+                .iter()
+                .map(|p| (surface.foot(*p), surface.distance(*p)))
+                .collect();
+            blocks(&mut feet, BLOCK).all(|block| {
+                let sum: f64 = block.iter().map(|f| f.1).sum();
+                sum.abs() <= most * noise * (block.len() as f64).sqrt()
+            })
+        })
+    }
+
+    /// Returns the two sides of a wall about a surface, which is thinner than the points are apart;
+    /// points between them, on its ends, have no label.
     fn wall(cloud: &Cloud, middle: &Surface) -> Option<Self> {
-        let is_beyond = |p: &Point3| middle.distance(*p) > 0.0;
-        let (beyond, within) = cloud.points.iter().partition(|p| is_beyond(p));
-        let side = |points: Vec<Point3>| fit(middle, &points, Precision::Full);
-        let (first, second) = (side(within)?, side(beyond)?);
-        let count = cloud.points.len();
-        let noise = ((first.1 + second.1) / count as f64)
-            .sqrt()
-            .max(cloud.floor);
-        let label = |p: &Point3| u32::from(is_beyond(p));
-        let labels = cloud.points.iter().map(label).collect();
-        Some(Self::of(vec![first.0, second.0], labels, noise, false))
+        let points = &cloud.points;
+        let side: Vec<usize> = (points.iter())
+            .map(|p| usize::from(middle.distance(*p) > 0.0))
+            .collect();
+        let mut surfaces = [*middle; 2];
+        let mut is_on = vec![true; points.len()];
+        let mut noise = f64::INFINITY;
+        for _ in 0..TRIMS {
+            let of = |k: usize| {
+                let all = points.iter().zip(side.iter().zip(&is_on));
+                all.filter(move |(_, (s, on))| **s == k && **on)
+                    .map(|(p, _)| *p)
+            };
+            let fitted = |k: usize| fit(&surfaces[k], &of(k).collect::<Vec<_>>(), Precision::Full);
+            surfaces = [fitted(0)?.0, fitted(1)?.0];
+            let off: Vec<f64> = (points.iter().zip(&side))
+                .map(|(p, k)| surfaces[*k].distance(*p).abs())
+                .collect();
+            let mut sorted = off.clone();
+            let half = sorted.len() / 2;
+            let median = *sorted.select_nth_unstable_by(half, f64::total_cmp).1;
+            noise = (median / MEDIAN).max(cloud.floor);
+            is_on = off.iter().map(|r| *r <= OFF * noise).collect();
+        }
+        let label = |(k, on): (&usize, &bool)| if *on { *k as u32 } else { NONE };
+        let labels = side.iter().zip(&is_on).map(label).collect();
+        let is_most = is_on.iter().filter(|on| **on).count() as f64 >= SIDES * points.len() as f64;
+        is_most.then(|| Self::of(surfaces.to_vec(), labels, noise, false))
     }
 
     /// Returns the one surface from which all points are least off, of the simplest kind that is
@@ -102,6 +159,40 @@ impl Segmentation {
             is_form,
         ))
     }
+}
+
+/// Share of the squared distances of points from a surface that is a function of their place on
+/// it: near 1 for a form that is off, near 0 for noise and for the two sides of a plate.
+pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
+    let foot = |p: &Point3| (surface.foot(*p), surface.distance(*p));
+    let mut feet: Vec<(Point3, f64)> = points.iter().map(foot).collect();
+    let all: f64 = feet.iter().map(|f| f.1 * f.1).sum();
+    let means = blocks(&mut feet, PLACE).map(|block| {
+        let sum: f64 = block.iter().map(|f| f.1).sum();
+        sum * sum / block.len() as f64
+    });
+    let means: f64 = means.sum();
+    if all > 0.0 { means / all } else { 1.0 }
+}
+
+/// Divides points at the medians of their widest coordinates into blocks of `size` points to twice
+/// as many.
+fn blocks(
+    feet: &mut [(Point3, f64)],
+    size: usize,
+) -> Box<dyn Iterator<Item = &[(Point3, f64)]> + '_> {
+    if feet.len() < 2 * size {
+        return Box::new(std::iter::once(&*feet));
+    }
+    let places: Vec<Point3> = feet.iter().map(|f| f.0).collect();
+    let extent = Aabb::of(&places).size();
+    let widest = (0..3)
+        .max_by(|&i, &j| extent[i].total_cmp(&extent[j]))
+        .unwrap_or(0);
+    let half = feet.len() / 2;
+    feet.select_nth_unstable_by(half, |a, b| a.0[widest].total_cmp(&b.0[widest]));
+    let (low, high) = feet.split_at_mut(half);
+    Box::new(blocks(low, size).chain(blocks(high, size)))
 }
 
 /// True if the distances of all points from a surface are not those of points on both sides of a

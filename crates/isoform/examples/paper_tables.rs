@@ -117,7 +117,7 @@ fn run(
         start: Some(start.to_vec()),
         bounds: bounds.to_vec(),
         filter_outliers: false,
-        annealing_evaluations: 250_000,
+        annealing_evaluations: 400_000,
         ..Options::default()
     };
     let begin = Instant::now();

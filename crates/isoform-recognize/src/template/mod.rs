@@ -203,8 +203,8 @@ pub fn propose(
     let solid = solid(&cells(&votes), halves.len());
     let is_side = |k: &usize| matches!(halves[*k].source, Source::Side(..));
     let (unseen, seen): (Vec<usize>, Vec<usize>) = ones(solid.halves()).partition(is_side);
-    // A sheet, say.
-    if seen.len() < unseen.len() {
+    // A sheet, say. The two sides of a wall end on four sides where the data end.
+    if seen.is_empty() || 2 * seen.len() < unseen.len() {
         return Err(ProposeError::NoSolid);
     }
     let part = Part {
