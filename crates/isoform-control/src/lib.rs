@@ -64,13 +64,15 @@ impl Control<'_> {
         }
     }
 
-    /// Whether the work has to end now.
+    /// True if the work has to end now.
     pub fn is_stopped(&self) -> bool {
-        self.cancelled
-            .is_some_and(|flag| flag.load(Ordering::Relaxed))
-            || self
-                .deadline
-                .is_some_and(|deadline| Instant::now() >= deadline)
+        let is_set = |flag: &AtomicBool| flag.load(Ordering::Relaxed);
+        self.cancelled.is_some_and(is_set) || self.is_late()
+    }
+
+    /// True if the deadline is over.
+    pub fn is_late(&self) -> bool {
+        self.deadline.is_some_and(|end| Instant::now() >= end)
     }
 
     /// The error that ends the work, for `?`.

@@ -43,7 +43,7 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Self {
-            temperature: 0.1,
+            temperature: 1.0,
             cooling: 0.85,
             adaptations: 5,
             probes: 32,
@@ -287,30 +287,43 @@ mod tests {
     use super::*;
     use crate::testing::Egg;
 
+    /// A descent from anywhere ends in the lowest of the 5³ minima and more once in a hundred times.
     #[test]
     fn finds_the_lowest_of_many_minima() {
-        let options = Options {
-            max_evaluations: 60_000,
-            ..Options::default()
+        let run = |seed: u64| {
+            let options = Options {
+                max_evaluations: 60_000,
+                seed,
+                ..Options::default()
+            };
+            let (start, [lo, hi]) = (vec![3.1, -2.4, 3.9], [[-4.0; 3], [4.0; 3]]);
+            minimize(&mut Egg(3), start, &lo, &hi, &options, &mut |_, _| true)
         };
-        let out = minimize(
-            &mut Egg(3),
-            vec![3.1, -2.4, 3.9],
-            &[-4.0; 3],
-            &[4.0; 3],
-            &options,
-            &mut |_, _| true,
-        );
-        assert!(out.value < 0.01, "{out:?}");
-        let again = minimize(
-            &mut Egg(3),
-            vec![3.1, -2.4, 3.9],
-            &[-4.0; 3],
-            &[4.0; 3],
-            &options,
-            &mut |_, _| true,
-        );
-        assert_eq!(out.x, again.x);
+        let found = (0..20).filter(|seed| run(*seed).value < 1e-9).count();
+        assert!(found >= 10, "{found} of 20");
+        assert_eq!(run(1).x, run(1).x);
+    }
+
+    /// A narrow valley, oblique to all coordinates: cooling goes on below any scale of the function.
+    #[test]
+    fn cools_down_to_the_digits_of_a_minimum() {
+        struct Valley;
+        impl Objective for Valley {
+            fn dim(&self) -> usize {
+                3
+            }
+            fn value(&mut self, x: &[f64]) -> f64 {
+                let [a, b, c] = [x[0] - 1.0, x[1] + 0.5, x[2] - 0.25];
+                (a + b + c).powi(2) + 0.01 * ((a - b).powi(2) + (b - c).powi(2))
+            }
+            fn model(&mut self, x: &[f64], _: &mut [f64], _: &mut [f64]) -> f64 {
+                self.value(x)
+            }
+        }
+        let (options, [lo, hi]) = (Options::default(), [[-4.0; 3], [4.0; 3]]);
+        let start = vec![-3.0, 3.0, 2.0];
+        let found = minimize(&mut Valley, start, &lo, &hi, &options, &mut |_, _| true);
+        assert!(found.value < 1e-9, "{found:?}");
     }
 
     #[test]

@@ -28,6 +28,10 @@ const OF_WALL: f64 = 0.3;
 /// Root mean square over robust deviation below which distances are split: 1 for normal noise, 0.78
 /// for even spread, 0.67 for two places alike on either side.
 const SPLIT: f64 = 0.85;
+/// Bound of 95 % of the distances over their root mean square, below which points lie on two sheets
+/// ten deviations of their noise apart or more: it is 1.96 for normal noise, 1.65 for even spread,
+/// 1.41 for a wave.
+const TWO_SHEETS: f64 = 1.3;
 /// Relative deviation of the robust deviation of n normal numbers, times √n.
 const DEVIATION_OF_SCALE: f64 = 1.17;
 /// Residuals of neighbours are alike beyond chance from this many deviations on.
@@ -148,7 +152,9 @@ impl Task<'_> {
     fn misfit_findings(&self, fit: &Fit) -> impl Iterator<Item = Finding> {
         let (size, rms) = (self.size(), fit.rms);
         let is_far = rms > BAD_RMS * size;
-        let is_two_walls = fit.is_split() && rms > SYSTEMATIC * size;
+        let is_split = fit.is_split() && rms > SYSTEMATIC * size;
+        let off = &fit.data_to_model;
+        let is_two_walls = is_split || off.p95 < TWO_SHEETS * off.rms && rms > self.rounding();
         let is_thin = OF_DETAIL * fit.noise > fit.evidence.detail;
         [
             is_far.then_some(Finding::FarOff { rms, size }),

@@ -28,9 +28,6 @@ use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
 /// Rounds in which the lattice is halved where it proves too coarse to be cut.
 const FINER: usize = 3;
-/// How often a solid is meshed again, finer where the mesh is wrong: most rounded boxes whose seams
-/// are about a size apart are mended by the first round, 30 blended balls by the third or fourth.
-const FINER_ROUNDS: usize = 4;
 /// Rounds, one behind the other, that leave no fewer findings, after which no other is tried.
 const IN_VAIN: usize = 2;
 /// Triangles per finding, from which on the mesh is wrong all over: bodies that touch have more
@@ -263,6 +260,9 @@ pub(crate) fn mesh_within(
         finer: Vec::new(),
     };
     let mut best = ground.meshed(&course)?;
+    if options.rounds == 0 {
+        return Ok(best.meshed);
+    }
     let mut wrong = ground.wrong(&best);
     if wrong.places.is_empty() {
         return Ok(best.meshed);
@@ -270,7 +270,7 @@ pub(crate) fn mesh_within(
     // What is stopped on the way leaves the mesh that there is.
     let mut fewest = wrong.count;
     let mut in_vain = 0;
-    for _ in 0..FINER_ROUNDS {
+    for _ in 0..options.rounds {
         course.add(&wrong.places, options.size);
         let Ok(next) = ground.meshed(&course) else {
             return Ok(best.meshed);

@@ -44,6 +44,9 @@ pub struct Options {
     /// Tetrahedra are optimised until their angles lie within these bounds (degrees), or nothing
     /// helps any more.
     pub angles: [f64; 2],
+    /// Maximum number of further meshes, with shorter edges where one is wrong: most rounded boxes
+    /// whose seams are about a size apart are mended by the first, 30 blended balls by the fourth.
+    pub rounds: usize,
     /// Bytes that the mesher may use at most, by its own estimate. The 16 GiB by default are no
     /// more than the machine has; what is asked for is tried, and refused where the machine surely
     /// has not enough.
@@ -63,6 +66,7 @@ impl Default for Options {
             layers: None,
             start: START,
             angles: [21.0, 149.0],
+            rounds: 4,
             memory: MEMORY,
         }
     }

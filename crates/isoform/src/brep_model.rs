@@ -8,6 +8,7 @@ use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
 use isoform_field::RunField;
 use isoform_field::hyperfun::Model;
+use isoform_geom::brep::Face;
 use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_io::SolidProperties;
 use isoform_patch::quadric_through;
@@ -122,43 +123,59 @@ pub fn brep_model(
     options.mesh.surface_only = true;
     options.mesh.order = 1;
     let is_free = options.size.is_none();
-    let mut first = work.at_size(&options)?;
-    for _ in 0..FINER {
-        let size = match &first {
-            Ok(made) if is_sound(made) => break,
+    // Mostly the first mesh tells the topology, though some of its nodes are wrong.
+    let rounds = std::mem::take(&mut options.mesh.rounds);
+    let mut best = work.at_size(&options)?;
+    options.mesh.rounds = rounds;
+    for finer in 0..=FINER {
+        let size = match &best {
+            Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
             Ok(made) => made.mesh.options.size,
-            Err(Refused { error, size }) if is_of_mesh(error) => *size,
-            Err(_) => break,
+            Err(Refused { size, .. }) => *size,
         };
-        if !is_free {
-            break;
-        }
-        options.size = Some(options.size.unwrap_or(size) / 2.0);
-        let next = work.at_size(&options)?;
-        let is_better = match (&first, &next) {
-            (Err(_), Ok(_)) => true,
-            (Ok(a), Ok(b)) => {
-                let rank = |m| (faults(m), !is_sound(m));
-                rank(b) < rank(a)
+        if finer > 0 {
+            if !is_free
+                || best
+                    .as_ref()
+                    .is_err_and(|refused| !is_of_mesh(&refused.error))
+            {
+                break;
             }
-            (_, Err(_)) => false,
+            options.size = Some(options.size.unwrap_or(size) / 2.0);
+        }
+        let next = match work.at_size(&options) {
+            // What there is may be right, though it is not certified.
+            Err(_) if best.is_ok() && control.is_late() => break,
+            next => next?,
+        };
+        let is_better = match (&best, &next) {
+            (Ok(a), Ok(b)) if finer == 0 => rank(b) <= rank(a),
+            (Ok(a), Ok(b)) => rank(b) < rank(a),
+            (Err(_), next) => next.is_ok() || finer == 0,
+            (Ok(_), Err(_)) => false,
         };
         if is_better {
-            first = next;
+            best = next;
         }
     }
-    first.map_err(|refused| refused.error.into())
+    best.map_err(|refused| refused.error.into())
 }
 
-/// Number of failures of a solid's certificate.
-fn faults(made: &ModelBrep) -> usize {
-    made.certificate.failures.len()
+/// Returns a rank of solids, the best one first.
+fn rank(made: &ModelBrep) -> (usize, bool) {
+    (made.certificate.failures.len(), !is_sound(made))
 }
 
 /// True if the certificate holds, and readers see edges where they are: a finer mesh may tell more
 /// surfaces exactly.
 fn is_sound(made: &ModelBrep) -> bool {
     made.certificate.holds() && made.certificate.is_read_alike
+}
+
+/// True if a mended mesh would tell no more: all faces are exact, or no node of it is wrong.
+fn is_told(made: &ModelBrep) -> bool {
+    let is_near = |face: &Face| face.surface.is_near_only();
+    !made.built.brep.faces.iter().any(is_near) || made.mesh.certificate.failures().is_empty()
 }
 
 /// Whether a finer mesh may help.

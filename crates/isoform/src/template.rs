@@ -842,7 +842,7 @@ my_model(x[3], a[3]) { array v[3]; v[1] = 0-a[1]/2; v[2] = 0-a[2]/2; v[3] = 0-a[
         let p = [0.7, 0.1, -0.4];
         template.algebraic().values(&[p], &values, &mut d);
         let f = printed
-            .eval(&[p[0] + 10.0, p[1], p[2]], &[0.0], &[])
+            .eval(&[p[0] + 10.0, p[1], p[2]], &values[..3], &[])
             .expect("a value")
             .f;
         assert!(

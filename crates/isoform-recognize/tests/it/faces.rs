@@ -11,6 +11,11 @@ fn recognised(points: Vec<Point3>) -> Recognition {
     recognize(&scan, &Options::default(), &Control::default()).expect("a scan")
 }
 
+/// Draws a normal deviate, nearly.
+fn normal(random: &mut Random) -> f64 {
+    (0..12).map(|_| random.unit()).sum::<f64>() - 6.0
+}
+
 /// Points a + u b + v c of a grid over the unit square, its sides included.
 fn grid(a: Point3, b: Point3, c: Point3, counts: [u32; 2]) -> Vec<Point3> {
     let at = |i: u32, count: u32| f64::from(i) / f64::from(count - 1);
@@ -153,12 +158,11 @@ fn strips_between_rounds_are_found() {
 #[test]
 fn one_surface_is_found_in_noise_above_the_spacing() {
     let mut random = Random::new(3);
-    let mut normal = move || (0..12).map(|_| random.unit()).sum::<f64>() - 6.0;
     let noise = 0.04;
     let points: Vec<Point3> = (0..8000)
         .map(|i| {
             let (t, z) = (1.2 * f64::from(i % 89) / 89.0, f64::from(i) / 8000.0);
-            let r = 2.0 + noise * normal();
+            let r = 2.0 + noise * normal(&mut random);
             [r * t.cos(), r * t.sin(), 2.0 * z]
         })
         .collect();
@@ -187,7 +191,7 @@ fn a_tube_has_two_sides() {
     ] {
         let mut random = Random::new(4);
         let mut point = |i: u32| {
-            let off = noise * ((0..12).map(|_| random.unit()).sum::<f64>() - 6.0);
+            let off = noise * normal(&mut random);
             let r = off + if i.is_multiple_of(2) { 0.5 } else { 0.5 - wall };
             let t = TAU * random.unit();
             [r * t.cos(), r * t.sin(), 2.0 * random.unit()]
@@ -200,4 +204,29 @@ fn a_tube_has_two_sides() {
             found.noise
         );
     }
+}
+
+/// The caps of a thin rod are hidden from the neighbours of a point by the noise, a sixth of the
+/// radius; all points of a cap together are far off the cylinder.
+#[test]
+fn a_noisy_rod_has_an_end() {
+    let (radius, height, noise) = (1.0, 30.0, 0.16);
+    let mut random = Random::new(11);
+    let wall = TAU * radius * height;
+    let cap = 0.5 * TAU * radius * radius;
+    let mut point = || -> Point3 {
+        let place = random.unit() * (wall + 2.0 * cap);
+        let (angle, share) = (TAU * random.unit(), random.unit());
+        let (r, z) = match place - wall {
+            on if on < 0.0 => (radius, height * share),
+            on if on < cap => (radius * share.sqrt(), 0.0),
+            _ => (radius * share.sqrt(), height),
+        };
+        let at = [r * angle.cos(), r * angle.sin(), z];
+        at.map(|x| x + noise * normal(&mut random))
+    };
+    let found = recognised((0..10_000).map(|_| point()).collect());
+    let count = |of: fn(&Quadric) -> bool| found.entities.iter().filter(|e| of(&e.surface)).count();
+    assert_eq!(count(|s| matches!(s, Quadric::Cylinder { .. })), 1);
+    assert!(found.entities.len() >= 3, "{:?}", found.entities);
 }

@@ -111,3 +111,26 @@ fn a_hole_too_many_is_not_determined() {
     }
     assert!(is_right(0) || is_right(1), "{:?}", result.values());
 }
+
+/// The walls of a thin tube are nearer to a cylinder between them than real objects are to their
+/// models; that the points lie on two sheets is told all the same.
+#[test]
+fn a_thin_tube_is_no_cylinder() {
+    let text = "-- @param a[1] radius length min=10%x max=90%x start=45%x\n\
+        -- @param a[2] height length min=60%z max=120%z start=98%z\n\
+        my_model(x[3], a[2]) { my_model = (a[1] - sqrt(x[1]^2 + x[2]^2)) & (a[2]/2 - x[3]) & \
+        (a[2]/2 + x[3]); }";
+    let mut random = fastrand::Rng::with_seed(5);
+    let mut point = |i: u32| -> Point3 {
+        let (sin, cos) = (TAU * random.f64()).sin_cos();
+        let r = if i.is_multiple_of(2) { 2.5 } else { 2.25 };
+        [r * cos, r * sin, 60.0 * random.f64() - 30.0].map(|v| v + 0.01 * normal(&mut random))
+    };
+    let points: Vec<Point3> = (0..6000).map(&mut point).collect();
+    let model = Model::parse(text, Mode::Default).expect("a program");
+    let template = FrepTemplate::new(&model, &points).expect("a template");
+    let result = fit(&points, &template, &Options::default(), &Control::default()).expect("a fit");
+    let is_told = |f: &Finding| matches!(f, Finding::TwoWalls { .. });
+    assert!(result.findings.iter().any(is_told), "{:?}", result.findings);
+    assert_eq!(result.verdict, Verdict::Doubtful);
+}
