@@ -28,10 +28,11 @@ const OF_WALL: f64 = 0.3;
 /// Root mean square over robust deviation below which distances are split: 1 for normal noise, 0.78
 /// for even spread, 0.67 for two places alike on either side.
 const SPLIT: f64 = 0.85;
-/// Bound of 95 % of the distances over their root mean square, below which points lie on two sheets
-/// ten deviations of their noise apart or more: it is 1.96 for normal noise, 1.65 for even spread,
-/// 1.41 for a wave.
-const TWO_SHEETS: f64 = 1.3;
+/// Bounds of 95 % of the distances and of all of them over their root mean square, below which
+/// points lie on two sheets ten deviations of their noise apart or more: the first is 1.96 for
+/// normal noise, 1.65 for even spread, 1.41 for a wave, and small beside outliers, which the second
+/// tells.
+const TWO_SHEETS: [f64; 2] = [1.3, 2.0];
 /// Relative deviation of the robust deviation of n normal numbers, times √n.
 const DEVIATION_OF_SCALE: f64 = 1.17;
 /// Residuals of neighbours are alike beyond chance from this many deviations on.
@@ -154,7 +155,9 @@ impl Task<'_> {
         let is_far = rms > BAD_RMS * size;
         let is_split = fit.is_split() && rms > SYSTEMATIC * size;
         let off = &fit.data_to_model;
-        let is_two_walls = is_split || off.p95 < TWO_SHEETS * off.rms && rms > self.rounding();
+        let [most, all] = TWO_SHEETS.map(|bound| bound * off.rms);
+        let are_sheets = off.p95 < most && off.max < all && rms > self.rounding();
+        let is_two_walls = is_split || are_sheets;
         let is_thin = OF_DETAIL * fit.noise > fit.evidence.detail;
         [
             is_far.then_some(Finding::FarOff { rms, size }),
