@@ -37,7 +37,12 @@ pub(crate) struct Args {
     #[command(flatten)]
     given: Given,
     /// Parameters of the second model, if both are models
-    #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters::parameters)]
+    #[arg(
+        long,
+        value_name = "NUMBERS",
+        allow_hyphen_values = true,
+        value_parser = parameters::parameters
+    )]
     params_second: Option<Parameters>,
     /// Where to look at models: x,y,z of the lower and of the upper corner [default: the other
     /// side's box]

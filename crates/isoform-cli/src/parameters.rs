@@ -13,7 +13,12 @@ pub(crate) struct Given {
     #[arg(long, value_name = "NUMBERS", allow_hyphen_values = true, value_parser = parameters)]
     params: Option<Parameters>,
     /// The value of one parameter, of a template or of a fitted program (repeatable)
-    #[arg(long = "set", value_name = "NAME=NUMBER", allow_hyphen_values = true, value_parser = setting)]
+    #[arg(
+        long = "set",
+        value_name = "NAME=NUMBER",
+        allow_hyphen_values = true,
+        value_parser = setting
+    )]
     settings: Vec<(String, f64)>,
 }
 

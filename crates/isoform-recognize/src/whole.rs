@@ -75,12 +75,7 @@ impl Segmentation {
         let members = self.members();
         let mut all = self.surfaces.iter().zip(&members);
         all.all(|(surface, points)| {
-            let points = cloud.at(points);
-            let mut feet: Vec<(Point3, f64)> = points
-                .iter()
-                .map(|p| (surface.foot(*p), surface.distance(*p)))
-                .collect();
-            blocks(&mut feet, BLOCK).all(|block| {
+            blocks(&mut feet(surface, &cloud.at(points)), BLOCK).all(|block| {
                 let sum: f64 = block.iter().map(|f| f.1).sum();
                 sum.abs() <= most * noise * (block.len() as f64).sqrt()
             })
@@ -164,8 +159,7 @@ impl Segmentation {
 /// Share of the squared distances of points from a surface that is a function of their place on
 /// it: near 1 for a form that is off, near 0 for noise and for the two sides of a plate.
 pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
-    let foot = |p: &Point3| (surface.foot(*p), surface.distance(*p));
-    let mut feet: Vec<(Point3, f64)> = points.iter().map(foot).collect();
+    let mut feet = feet(surface, points);
     let all: f64 = feet.iter().map(|f| f.1 * f.1).sum();
     let means = blocks(&mut feet, PLACE).map(|block| {
         let sum: f64 = block.iter().map(|f| f.1).sum();
@@ -173,6 +167,12 @@ pub(crate) fn share_of_place(surface: &Surface, points: &[Point3]) -> f64 {
     });
     let means: f64 = means.sum();
     if all > 0.0 { means / all } else { 1.0 }
+}
+
+/// Returns the feet of points on a surface, with their distances.
+fn feet(surface: &Surface, points: &[Point3]) -> Vec<(Point3, f64)> {
+    let foot = |p: &Point3| (surface.foot(*p), surface.distance(*p));
+    points.iter().map(foot).collect()
 }
 
 /// Divides points at the medians of their widest coordinates into blocks of `size` points to twice

@@ -330,7 +330,8 @@ pub(crate) fn read(
             _ => {
                 let (line, column) = source.position(key.at);
                 let message = format!(
-                    "`{}` is no annotation; known are @param, @title, @fits, @pose, @unit and @values",
+                    "`{}` is no annotation; known are @param, @title, @fits, @pose, @unit and \
+                     @values",
                     key.text
                 );
                 warnings.push(Warning {
