@@ -16,7 +16,7 @@ use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, 
 use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, collapse, reading, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
-use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Frame, Point3, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -56,9 +56,9 @@ pub struct Built {
     pub face_of: Vec<u32>,
     /// What meets in each edge: two surfaces or functions; one is a cut where an edge divides a
     /// face, or a limit where two functions join smoothly.
-    pub meeting: Vec<[Locus; 2]>,
+    pub(crate) meeting: Vec<[Locus; 2]>,
     /// What the faces on both sides of each edge lie on.
-    pub beside: Vec<[Locus; 2]>,
+    pub(crate) beside: Vec<[Locus; 2]>,
     /// The part of the mesh that each triangle belongs to.
     pub part_of: Vec<u32>,
     /// Names of the parts of the mesh.
@@ -67,6 +67,23 @@ pub struct Built {
     pub size: f64,
     /// Points of contact for which the mesh had a border, and how far its nodes were away.
     pub contacts: Vec<(Point3, f64)>,
+}
+
+impl Built {
+    /// Returns the solids, given in coordinates of a frame, in space. Functions that met in their
+    /// edges are left behind: a [`check`](crate::check()) comes before.
+    #[must_use]
+    pub fn placed(self, frame: &Frame) -> Self {
+        let out = |p: &Point3| frame.out(*p);
+        Self {
+            brep: self.brep.placed(frame),
+            points: self.points.iter().map(out).collect(),
+            meeting: Vec::new(),
+            beside: Vec::new(),
+            contacts: self.contacts.iter().map(|(p, by)| (out(p), *by)).collect(),
+            ..self
+        }
+    }
 }
 
 /// The boundary representation of the solid whose surface the pieces are. Faces on splines are no

@@ -11,7 +11,7 @@ use crate::shells::volume;
 use crate::topology::ends_of;
 use crate::whole::Boundary;
 use isoform_geom::brep::{Brep, Ellipsoid, Surface};
-use isoform_geom::{Aabb, Point3, Solid, cross, dot, middle, norm, sub};
+use isoform_geom::{Aabb, Frame, Point3, Solid, cross, dot, middle, norm, sub};
 use std::collections::BTreeMap;
 use std::fmt;
 
@@ -224,6 +224,43 @@ impl Certificate {
     pub fn centroid(&self) -> Point3 {
         let Measure { volume, moment, .. } = self.total;
         std::array::from_fn(|k| self.center[k] + moment[k] / volume)
+    }
+}
+
+impl Certificate {
+    /// Returns what is known of the solids, given in coordinates of a frame, in space. Gaps grow by
+    /// the rounding of coordinates there.
+    #[must_use]
+    pub fn placed(self, frame: &Frame) -> Self {
+        let moved = |m: &Measure| Measure {
+            moment: frame.turned(m.moment),
+            ..*m
+        };
+        let center = frame.out(self.center);
+        let rounding = 4.0 * f64::EPSILON * (norm(center) + norm(frame.translation));
+        Self {
+            center,
+            gap: self.gap + rounding,
+            exact_gap: self.exact_gap + rounding,
+            faces: self.faces.iter().map(moved).collect(),
+            total: moved(&self.total),
+            failures: self.failures.into_iter().map(|f| f.placed(frame)).collect(),
+            ..self
+        }
+    }
+}
+
+impl Finding {
+    /// Returns what was found, with its place of a frame in space.
+    fn placed(mut self, frame: &Frame) -> Self {
+        if let Self::Reading { at, .. }
+        | Self::ShortEdge { at, .. }
+        | Self::Missed { at, .. }
+        | Self::OffModel { at, .. } = &mut self
+        {
+            *at = frame.out(*at);
+        }
+        self
     }
 }
 

@@ -7,6 +7,7 @@ mod curve;
 mod defect;
 mod ellipsoid;
 mod graph;
+mod placed;
 mod revolved;
 mod surface;
 

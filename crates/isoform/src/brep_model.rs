@@ -2,15 +2,16 @@
 
 use crate::mesh_model::{mesh_solid, runs_somewhere};
 use crate::meshing::meshable;
-use crate::{MeshModelError, MeshModelOptions, ModelMesh};
-use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces};
+use crate::{MeshModelError, MeshModelOptions, ModelMesh, parameter_values};
+use isoform_brep::{BrepError, Built, Certificate, Finding, check, pieces, stands_alone};
 use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
 use isoform_field::RunField;
 use isoform_field::hyperfun::Model;
 use isoform_geom::brep::Face;
-use isoform_geom::{Csg, Parts, Point3, SmoothPart, Solid, distance_squared};
+use isoform_geom::{Aabb, Csg, Frame, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_io::SolidProperties;
+use isoform_mesh::features::START;
 use isoform_patch::quadric_through;
 use std::sync::Arc;
 
@@ -22,6 +23,8 @@ const MOST_PARTS: usize = 1024;
 /// How often the mesh is halved where it gives no solid, or one whose certificate does not hold:
 /// small faces may lie between its nodes.
 const FINER: usize = 2;
+/// Deviation from 1 of the scale of a place up to which it is a motion: rounding.
+const UNSCALED: f64 = 1e-12;
 /// How near a vertex is to a corner that the mesh missed, in sizes of the model.
 const AT_CORNER: f64 = 1e-9;
 /// Failures of a mesh that say where its nodes are, and nothing of the solid elsewhere.
@@ -67,6 +70,15 @@ impl ModelBrep {
         }
     }
 
+    /// Returns the solid, given in coordinates of a frame, in space. The mesh stays in the frame.
+    fn placed(self, frame: &Frame) -> Self {
+        Self {
+            built: self.built.placed(frame),
+            certificate: self.certificate.placed(frame),
+            mesh: self.mesh,
+        }
+    }
+
     /// Whether all shells are closed; no other is written to a file.
     pub fn is_closed(&self) -> bool {
         let is_open = |f: &Finding| matches!(f, Finding::OpenEdges(_));
@@ -102,6 +114,21 @@ pub fn brep_model(
 ) -> Result<ModelBrep, BrepModelError> {
     control.report("model", 0.0);
     let region = options.mesh.region;
+    if region.is_none()
+        && let Some((own, frame)) = unplaced(model)
+    {
+        let a = parameter_values(model, a).map_err(MeshModelError::from)?;
+        let mut options = options.clone();
+        if options.mesh.start != START {
+            options.mesh.start = within(&frame, &options.mesh.start);
+        }
+        match brep_model(&own, &a, &options, tolerance, control) {
+            Ok(made) => return Ok(made.placed(&frame)),
+            Err(BrepModelError::Brep(error)) => return Err(placed(error, &frame).into()),
+            // What is wrong is said in coordinates of space.
+            Err(BrepModelError::Mesh(_)) => {}
+        }
+    }
     let found = meshable(model, a, region, Some(MOST_PARTS), control)?;
     let solid = found.solid;
     let capped = region.map(|region| Capped::new(solid.as_ref(), region));
@@ -115,6 +142,7 @@ pub fn brep_model(
     let work = Work {
         meshed: solid.as_ref(),
         solid: capped.as_ref().map_or(solid.as_ref(), |c| c),
+        is_capped: capped.is_some(),
         smooth,
         tolerance,
         control,
@@ -161,6 +189,32 @@ pub fn brep_model(
     best.map_err(|refused| refused.error.into())
 }
 
+/// Returns the object that a program does nothing but move, as fitted ones do, and the frame of its
+/// coordinates. There its faces lie along the lattice of the mesher, and are found sooner.
+fn unplaced(model: &Model) -> Option<(Model, Frame)> {
+    let (own, place) = model.unplaced()?;
+    let frame = Frame {
+        rotation: place.rotation,
+        translation: place.translation,
+    };
+    ((place.scale - 1.0).abs() <= UNSCALED).then_some((own, frame))
+}
+
+/// Returns a box in coordinates of a frame around a box in space.
+fn within(frame: &Frame, space: &Aabb) -> Aabb {
+    let ends = [space.lo, space.hi];
+    let corner = |i: usize| std::array::from_fn(|k| ends[i >> k & 1][k]);
+    Aabb::of(&(0..8).map(|i| frame.within(corner(i))).collect::<Vec<_>>())
+}
+
+/// Returns an error with its place of a frame in space.
+fn placed(mut error: BrepError, frame: &Frame) -> BrepError {
+    if let BrepError::NoCurve { at, .. } | BrepError::NoVertex { at } = &mut error {
+        *at = frame.out(*at);
+    }
+    error
+}
+
 /// Returns a rank of solids, the best one first.
 fn rank(made: &ModelBrep) -> (usize, bool) {
     (made.certificate.failures.len(), !is_sound(made))
@@ -198,6 +252,8 @@ struct Work<'a> {
     meshed: &'a dyn Solid,
     /// The solid within the box.
     solid: &'a dyn Solid,
+    /// True if sides of the box bound the solid, whose curves the mesher does not list.
+    is_capped: bool,
     smooth: Parts,
     tolerance: Option<f64>,
     control: &'a Control<'a>,
@@ -234,9 +290,50 @@ impl Work<'_> {
         self.control.begin("checking the solid")?;
         let witnesses = mesh.meshed.missed.witnesses.iter();
         let witnesses: Vec<Point3> = witnesses.map(|w| w.at).collect();
-        let open = left_open(mesh, &built);
+        let open = self.left_open(mesh, &built);
         let certificate = check(&built, self.solid, tolerance, &witnesses, open);
         Ok((built, certificate))
+    }
+
+    /// Returns what the mesh leaves open. Nodes that are wrong do not count where the solid shows
+    /// by itself that its faces are right, or where all of them are at points of contact, in which
+    /// borders of the mesh stand for a point; corners without a node do not where the solid has a
+    /// vertex, as at the tips of cones.
+    fn left_open(&self, mesh: &ModelMesh, built: &Built) -> Vec<String> {
+        let is_near = |p: Point3, q: &Point3, reach| distance_squared(*q, p).sqrt() <= reach;
+        let has_vertex = |p: Point3| {
+            let vertices = &built.brep.vertices;
+            vertices
+                .iter()
+                .any(|v| is_near(p, v, AT_CORNER * built.size))
+        };
+        let coverage = mesh.certificate.coverage.as_ref();
+        let are_vertices = coverage.is_some_and(|c| {
+            let places = &c.missed_corners.places;
+            places.len() == c.missed_corners.count && places.iter().all(|p| has_vertex(p.at))
+        });
+        let is_in_contact = |at: Point3| {
+            let mut contacts = built.contacts.iter();
+            contacts.any(|(p, reach)| is_near(at, p, 2.0 * reach))
+        };
+        let is_excused = |f: &Failure| {
+            let places: Vec<&Place> = f.place.iter().chain(&f.others).collect();
+            f.code == "missed-corner" && are_vertices
+                || places.len() >= f.count && places.iter().all(|p| is_in_contact(p.at))
+        };
+        let failures = mesh.certificate.failures();
+        let (of_nodes, mut open): (Vec<Failure>, Vec<Failure>) =
+            failures.into_iter().partition(is_of_nodes);
+        let left: Vec<Failure> = of_nodes.into_iter().filter(|f| !is_excused(f)).collect();
+        if !left.is_empty() {
+            let curves = mesh.meshed.features.curves.iter();
+            let curves: Vec<Vec<Point3>> = curves.map(|c| c.points.clone()).collect();
+            if self.is_capped || !stands_alone(built, self.solid, &curves, self.control) {
+                open.extend(left);
+            }
+        }
+        let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
+        open.iter().map(|f| f.to_string()).chain(warnings).collect()
     }
 }
 
@@ -254,32 +351,73 @@ fn whole(field: Arc<RunField>) -> Parts {
     }
 }
 
-/// What the mesh leaves open; but for corners that the solid has vertices at, though the mesh had
-/// no node there, as at the tips of cones.
-fn left_open(mesh: &ModelMesh, built: &Built) -> Vec<String> {
-    let has_vertex = |p: Point3| {
-        let near = |v: &Point3| distance_squared(*v, p).sqrt() <= AT_CORNER * built.size;
-        built.brep.vertices.iter().any(near)
-    };
-    let coverage = mesh.certificate.coverage.as_ref();
-    let are_vertices = coverage.is_some_and(|c| {
-        let places = &c.missed_corners.places;
-        places.len() == c.missed_corners.count && places.iter().all(|p| has_vertex(p.at))
-    });
-    // A border of the mesh that stands for a point has nodes on surfaces that meet there only.
-    let is_in_contact = |at: Point3| {
-        let near = |(p, reach): &(Point3, f64)| distance_squared(*p, at).sqrt() <= 2.0 * reach;
-        built.contacts.iter().any(near)
-    };
-    let is_of_contacts = |f: &Failure| {
-        let places: Vec<&Place> = f.place.iter().chain(&f.others).collect();
-        OF_NODES.contains(&f.code)
-            && places.len() >= f.count
-            && places.iter().all(|p| is_in_contact(p.at))
-    };
-    let failures = mesh.certificate.failures().into_iter();
-    let is_vertex = |f: &Failure| are_vertices && f.code == "missed-corner";
-    let open = failures.filter(|f| !is_vertex(f) && !is_of_contacts(f));
-    let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
-    open.map(|f| f.to_string()).chain(warnings).collect()
+/// Returns true if the failure of a mesh says where its nodes are, and nothing of the solid.
+fn is_of_nodes(failure: &Failure) -> bool {
+    OF_NODES.contains(&failure.code)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform_field::hyperfun::Mode;
+
+    /// A frame with walls of 0.2, rounded corners of radius 1 outside and 0.8 inside.
+    const FRAME: &str = "m(x[3], a[1]) {
+        ox = abs(x[1]) - 6.5; oy = abs(x[2]) - 3;
+        corner = (ox & oy) \\ (1 - ox^2 - oy^2);
+        inner_corner = (ox & oy) \\ (0.64 - ox^2 - oy^2);
+        outer = ((7.5 - abs(x[1])) & (4 - abs(x[2]))) \\ corner;
+        inner = ((7.3 - abs(x[1])) & (3.8 - abs(x[2]))) \\ inner_corner;
+        m = ((outer \\ inner) & x[3]) & (1 - x[3]); }";
+    const BLOCK: &str =
+        "m(x[3], a[1]) { m = min(min(2 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3])); }";
+    /// The block with a bore through its top, beside the middles of its faces.
+    const BORED: &str = "m(x[3], a[1]) {
+        block = min(min(2 - abs(x[1]), 1 - abs(x[2])), 1 - abs(x[3]));
+        m = min(block, (x[1] - 1)^2 + (x[2] - 0.5)^2 - 0.01); }";
+    /// Half of the block, and less than that.
+    const THIRD: &str =
+        "m(x[3], a[1]) { m = min(min(x[1] - 0.7, 2 - x[1]), min(1 - abs(x[2]), 1 - abs(x[3]))); }";
+
+    fn made_of(program: &str) -> (Model, ModelBrep) {
+        let model = Model::parse(program, Mode::Default).expect("a program");
+        let options = MeshModelOptions::default();
+        let control = Control::default();
+        let made = brep_model(&model, &[], &options, None, &control).expect("a solid");
+        (model, made)
+    }
+
+    /// True if the solid of the first program shows by itself that it is that of the second one.
+    fn stands_for(program: &str, other: &str) -> bool {
+        let (_, made) = made_of(program);
+        let (model, of_other) = made_of(other);
+        let control = Control::default();
+        let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
+        let curves = of_other.mesh.meshed.features.curves.iter();
+        let curves: Vec<Vec<Point3>> = curves.map(|c| c.points.clone()).collect();
+        stands_alone(&made.built, found.solid.as_ref(), &curves, &control)
+    }
+
+    #[test]
+    fn nodes_off_the_seams_of_thin_walls_do_not_matter() {
+        let (_, made) = made_of(FRAME);
+        let open = made.mesh.certificate.failures();
+        assert!(open.iter().any(is_of_nodes), "{open:?}");
+        assert_eq!(made.certificate.failures, []);
+        let corners = 4.0 - std::f64::consts::PI;
+        let area = (15.0 * 8.0 - corners) - (14.6 * 7.6 - 0.64 * corners);
+        let volume = made.certificate.total.volume;
+        assert!((volume / area - 1.0).abs() < 1e-9, "{volume} for {area}");
+    }
+
+    #[test]
+    fn solids_stand_for_their_own_models_alone() {
+        assert!(stands_for(BLOCK, BLOCK));
+        assert!(stands_for(BORED, BORED));
+        // Circles of the bore lie on no edge of the block.
+        assert!(!stands_for(BLOCK, BORED));
+        // All edges of the bored block are feature curves of it; those of the block are among them.
+        assert!(!stands_for(BORED, BLOCK));
+        assert!(!stands_for(BLOCK, THIRD));
+    }
 }

@@ -24,6 +24,7 @@ mod functions;
 mod lexer;
 mod machine;
 mod parser;
+mod placed;
 mod print;
 mod source;
 mod sums;

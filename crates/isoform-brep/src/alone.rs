@@ -1,0 +1,93 @@
+//! Evidence that the faces of a solid are the surface of the model, apart from the nodes of the
+//! mesh that its topology came from.
+//!
+//! The surface of the model is closed, and its feature curves divide it. Where edges run along all
+//! of these curves, a face lies on the surface of the model wholly or not at all, so that one point
+//! decides; and a closed surface on the surface of the model is all of it, component by component.
+
+use crate::build::Built;
+use crate::check::TOLERANCE;
+use crate::facets::{FacetOptions, Facets, facets};
+use crate::locus::Distance;
+use crate::newton::{gap, meet};
+use crate::whole::Boundary;
+use isoform_control::Control;
+use isoform_geom::{Point3, Solid, cross, distance_to_segment, middle, norm, sub};
+
+/// Longest distance of an edge from its chords, in sizes of the model. Points of feature curves
+/// that are on both surfaces of an edge belong to it within twice this distance.
+const CHORD: f64 = 1e-4;
+
+/// Returns true if all faces lie on exact surfaces, edges run along all feature curves (polygons
+/// with their vertices on the curves), and a point inside each face is on the surface of the model.
+/// False where that is not shown.
+#[must_use]
+pub fn stands_alone(
+    built: &Built,
+    solid: &dyn Solid,
+    curves: &[Vec<Point3>],
+    control: &Control<'_>,
+) -> bool {
+    let is_exact = built.brep.faces.iter().all(|f| !f.surface.is_near_only());
+    let options = FacetOptions {
+        chord: CHORD * built.size,
+        longest: f64::INFINITY,
+    };
+    let made = is_exact.then(|| facets(&built.brep, &options, control).ok());
+    let Some(facets) = made.flatten() else {
+        return false;
+    };
+    let alone = Alone {
+        built,
+        facets,
+        limit: 0.1 * TOLERANCE * built.size,
+    };
+    curves.iter().flatten().all(|p| alone.is_on_edge(*p)) && alone.are_faces_on(&Boundary(solid))
+}
+
+struct Alone<'a> {
+    built: &'a Built,
+    facets: Facets,
+    /// Largest distance of a point from a surface that it lies on.
+    limit: f64,
+}
+
+impl Alone<'_> {
+    /// True if an edge runs through the point.
+    fn is_on_edge(&self, p: Point3) -> bool {
+        let reach = 2.0 * CHORD * self.built.size;
+        let is_near = |along: &[(f64, u32)]| {
+            along.windows(2).any(|ends| {
+                let ends = [ends[0], ends[1]].map(|n| self.facets.points[n.1 as usize]);
+                distance_to_segment(p, ends) <= reach
+            })
+        };
+        let mut edges = self.facets.along.iter().zip(&self.built.beside);
+        edges.any(|(along, beside)| is_near(along) && gap(beside, p) <= self.limit)
+    }
+
+    /// True if the middle of the largest triangle of each face is on the surface of the model.
+    fn are_faces_on(&self, model: &Boundary<'_>) -> bool {
+        let faces = &self.built.brep.faces;
+        let mut largest = vec![(0.0, None); faces.len()];
+        for (t, face) in self.facets.triangles.iter().zip(&self.facets.face_of) {
+            let corners = t.map(|v| self.facets.points[v as usize]);
+            let [a, b, c] = corners;
+            let twice = norm(cross(sub(b, a), sub(c, a)));
+            let best = &mut largest[*face as usize];
+            if twice > best.0 {
+                *best = (twice, Some(middle(corners)));
+            }
+        }
+        let is_on = |(face, inside): (&isoform_geom::brep::Face, Option<Point3>)| {
+            inside.is_some_and(|p| {
+                let on = meet([&face.surface], p);
+                model.distance(on).0.abs() <= self.limit
+            })
+        };
+        faces
+            .iter()
+            .zip(largest.into_iter().map(|l| l.1))
+            .all(is_on)
+    }
+}
