@@ -6,9 +6,9 @@ use crate::entity::{Blend, Entity, Recognition, RelationKind};
 use isoform_geom::{UnionFind, cross, dot, norm, sub};
 
 /// Two lengths are one where they differ by at most this many deviations of their difference.
-const WITHIN: f64 = 4.0;
+pub(super) const WITHIN: f64 = 4.0;
 /// The largest such difference, as a share of the diagonal: what is less well known is not tied.
-const TIED: f64 = 2e-3;
+pub(super) const TIED: f64 = 2e-3;
 /// The least deviation, as a share of the diagonal: what rounding leaves.
 const ROUNDING: f64 = 1e-7;
 /// Half the range of a position, as a share of the diagonal, and of a size, as a share of it. A
@@ -66,10 +66,22 @@ struct Shared {
     term: Term,
 }
 
+/// A plane that a ball or a tube touches.
+pub(super) struct Touch {
+    /// Number of the plane's entity.
+    pub(super) plane: usize,
+    /// 1 where the centre lies above the plane, −1 where below.
+    pub(super) side: f64,
+    /// Distance of the centre from the plane, less the radius: absolute value.
+    off: f64,
+    /// Deviation of that.
+    pub(super) sd: f64,
+}
+
 /// The parameters so far, and where the origin of the frame is.
 pub(super) struct Dimensions<'a> {
-    frame: &'a Frame,
-    entities: &'a [Entity],
+    pub(super) frame: &'a Frame,
+    pub(super) entities: &'a [Entity],
     pub(super) parameters: Vec<Parameter>,
     /// The origin in the frame's coordinates about the middle of the scan.
     pub(super) origin: [f64; 3],
@@ -79,11 +91,12 @@ pub(super) struct Dimensions<'a> {
     /// On which side of each entity's surface is outside: 1 where its normal leads there, −1 else.
     outward: &'a [f64],
     /// Entities of one radius.
-    radii: Vec<usize>,
-    radius_of: Vec<Option<usize>>,
+    pub(super) radii: Vec<usize>,
+    /// The parameter of each of these radii, by the first entity that has it.
+    pub(super) radius_of: Vec<Option<usize>>,
     blends: &'a [Blend],
     /// The diagonal of the scan, and the noise of its points.
-    diagonal: f64,
+    pub(super) diagonal: f64,
     noise: f64,
 }
 
@@ -210,7 +223,7 @@ impl<'a> Dimensions<'a> {
     /// that it touches, else the entity itself.
     fn anchor(&self, entity: usize, k: usize) -> f64 {
         let surfaces = &self.frame.surfaces;
-        let touched = self.touched(entity, [0, k]).map(|t| t.0).next();
+        let touched = self.touched(entity, [0, k]).first().map(|t| t.plane);
         let tied_to = touched.or_else(|| self.tube_of(entity, [0, k]));
         surfaces[tied_to.unwrap_or(entity)].place[k]
     }
@@ -311,7 +324,7 @@ impl<'a> Dimensions<'a> {
     }
 
     /// The coordinate of a term, in free parameters.
-    fn linear(&self, term: Term) -> Linear {
+    pub(super) fn linear(&self, term: Term) -> Linear {
         match term {
             Term::Zero => Vec::new(),
             Term::Of(k) => self.parameters[k].tie.clone().unwrap_or(vec![(k, 1.0)]),
@@ -319,53 +332,63 @@ impl<'a> Dimensions<'a> {
     }
 
     /// The term of the plane of an entity.
-    fn plane_term(&self, plane: usize) -> Option<Term> {
+    pub(super) fn plane_term(&self, plane: usize) -> Option<Term> {
         let (system, axis) = self.frame.along[plane]?;
-        let place = self.coordinate(system, axis, &self.frame.surfaces[plane]);
-        let limit = TIED * self.diagonal;
-        let is_its = |s: &&Shared| {
-            let is_along = s.is_plane && [s.system, s.axis] == [system, axis];
-            is_along && (s.value - place).abs() <= limit
-        };
-        self.shared.iter().find(is_its).map(|s| s.term)
+        self.known_term(plane, [system, axis])
     }
 
-    /// The planes across an axis of a system that a ball or a tube touches, each with 1 where the
-    /// centre lies above it and −1 where below.
-    fn touched(&self, entity: usize, way: [usize; 2]) -> impl Iterator<Item = (usize, f64)> {
+    /// The term of an entity's coordinate along an axis that there is already: the nearest one.
+    pub(super) fn known_term(&self, entity: usize, way: [usize; 2]) -> Option<Term> {
+        let surface = &self.frame.surfaces[entity];
+        let place = self.coordinate(way[0], way[1], surface);
+        let is_plane = surface.kind == Kind::Plane;
+        let off = |s: &Shared| (s.value - place).abs();
+        let is_its = |s: &&Shared| {
+            let is_along = s.is_plane == is_plane && [s.system, s.axis] == way;
+            is_along && off(s) <= TIED * self.diagonal
+        };
+        let its = self.shared.iter().filter(is_its);
+        its.min_by(|a, b| off(a).total_cmp(&off(b))).map(|s| s.term)
+    }
+
+    /// The planes across an axis of a system that a ball or a tube touches, the nearest one first.
+    pub(super) fn touched(&self, entity: usize, way: [usize; 2]) -> Vec<Touch> {
         let s = self.frame.surfaces[entity];
         let own = self.frame.along[entity].map(|(system, axis)| [system, axis]);
-        let (radius, may) = match s.kind {
-            Kind::Sphere => (s.size, true),
-            Kind::Cylinder => (
-                s.size,
-                own.is_some_and(|o| o[0] == way[0] && o[1] != way[1]),
-            ),
-            Kind::Torus => (s.other, own == Some(way)),
-            Kind::Plane | Kind::Cone => (0.0, false),
+        let radius = match s.kind {
+            Kind::Sphere => s.size,
+            Kind::Cylinder if own.is_some_and(|o| o[0] == way[0] && o[1] != way[1]) => s.size,
+            Kind::Torus if own == Some(way) => s.other,
+            _ => return Vec::new(),
         };
         let between = self.blend_of(entity).map_or(&[][..], |b| &b.between);
         let at = self.coordinate(way[0], way[1], &s);
         let limit = TIED * self.diagonal;
-        let touches = move |j: &usize| {
-            let is_across = self.frame.along[*j] == Some((way[0], way[1]));
-            if !may || !is_across || self.frame.surfaces[*j].kind != Kind::Plane {
+        let touch = |plane: usize| {
+            let is_across = self.frame.along[plane] == Some((way[0], way[1]));
+            if !is_across || self.frame.surfaces[plane].kind != Kind::Plane {
                 return None;
             }
-            let above = at - self.coordinate(way[0], way[1], &self.frame.surfaces[*j]);
-            let off = (above.abs() - radius).abs();
+            let above = at - self.coordinate(way[0], way[1], &self.frame.surfaces[plane]);
             let sd = self
                 .deviation(entity)
-                .hypot(self.deviation(*j))
+                .hypot(self.deviation(plane))
                 .hypot(self.size_sd(entity));
-            let most = if between.contains(j) {
-                limit
-            } else {
-                (WITHIN * sd).min(limit)
+            let most = match between.contains(&plane) {
+                true => limit,
+                false => (WITHIN * sd).min(limit),
             };
-            (off <= most).then_some((*j, above.signum()))
+            let touch = Touch {
+                plane,
+                side: above.signum(),
+                off: (above.abs() - radius).abs(),
+                sd,
+            };
+            (touch.off <= most).then_some(touch)
         };
-        (0..self.entities.len()).filter_map(move |j| touches(&j))
+        let mut found: Vec<Touch> = (0..self.entities.len()).filter_map(touch).collect();
+        found.sort_by(|a, b| a.off.total_cmp(&b.off));
+        found
     }
 
     /// The coordinate of what touches planes across an axis: midway between two, one radius off
@@ -377,9 +400,11 @@ impl<'a> Dimensions<'a> {
         if let Some(tie) = self.ring_contact(entity, way) {
             return Some(tie);
         }
-        let terms = self.touched(entity, way);
-        let found = terms.filter_map(|(j, sign)| Some((self.plane_term(j)?, sign)));
-        let (plane, sign) = found.into_iter().next()?;
+        let touched = self.touched(entity, way);
+        let mut known = touched
+            .iter()
+            .filter_map(|t| Some((self.plane_term(t.plane)?, t.side)));
+        let (plane, sign) = known.next()?;
         let radius = self.radius(entity);
         Some(sum(&[
             (1.0, self.linear(plane)),
@@ -434,8 +459,9 @@ impl<'a> Dimensions<'a> {
     /// The two planes across an axis between which an entity lies, touching both.
     fn sides(&self, entity: usize, way: [usize; 2]) -> Option<[Linear; 2]> {
         let side = |sign: f64| {
-            let mut all = self.touched(entity, way).filter(|t| t.1 == sign);
-            all.find_map(|(j, _)| Some(self.linear(self.plane_term(j)?)))
+            let all = self.touched(entity, way);
+            let mut ours = all.iter().filter(|t| t.side == sign);
+            ours.find_map(|t| Some(self.linear(self.plane_term(t.plane)?)))
         };
         Some([side(1.0)?, side(-1.0)?])
     }
@@ -732,7 +758,7 @@ impl<'a> Dimensions<'a> {
 }
 
 /// Returns the sum of linear forms, each with a factor.
-fn sum(of: &[(f64, Linear)]) -> Linear {
+pub(super) fn sum(of: &[(f64, Linear)]) -> Linear {
     let mut all: std::collections::BTreeMap<usize, f64> = std::collections::BTreeMap::new();
     for (factor, form) in of {
         for (k, own) in form {

@@ -2,6 +2,7 @@
 //! operations to the solid that the points bound, with named parameters.
 
 mod cells;
+mod contacts;
 mod corner;
 mod dimensions;
 mod footprint;

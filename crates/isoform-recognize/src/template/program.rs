@@ -50,6 +50,7 @@ impl Part<'_> {
             writer.half(k);
         }
         writer.solid();
+        writer.dimensions.settle_contacts();
         writer.text(title, self.pose(&used, &writer.dimensions.origin))
     }
 
