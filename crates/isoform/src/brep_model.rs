@@ -11,6 +11,7 @@ use isoform_field::hyperfun::Model;
 use isoform_geom::brep::Face;
 use isoform_geom::{Aabb, Csg, Frame, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_io::SolidProperties;
+use isoform_mesh::WarningKind;
 use isoform_mesh::features::START;
 use isoform_patch::quadric_through;
 use std::sync::Arc;
@@ -158,6 +159,7 @@ pub fn brep_model(
     for finer in 0..=FINER {
         let size = match &best {
             Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
+            Ok(made) if is_final(made) => break,
             Ok(made) => made.mesh.options.size,
             Err(Refused { size, .. }) => *size,
         };
@@ -232,6 +234,19 @@ fn is_told(made: &ModelBrep) -> bool {
     !made.built.brep.faces.iter().any(is_near) || made.mesh.certificate.failures().is_empty()
 }
 
+/// True if all faces are exact and nothing that is wrong comes of the mesh.
+fn is_final(made: &ModelBrep) -> bool {
+    let is_of_geometry = |f: &Finding| {
+        matches!(
+            f,
+            Finding::Reading { .. } | Finding::ShortEdge { .. } | Finding::SmallFace { .. }
+        )
+    };
+    let is_exact = |face: &Face| !face.surface.is_near_only();
+    made.certificate.failures.iter().all(is_of_geometry)
+        && made.built.brep.faces.iter().all(is_exact)
+}
+
 /// Whether a finer mesh may help.
 fn is_of_mesh(error: &BrepError) -> bool {
     matches!(
@@ -296,45 +311,54 @@ impl Work<'_> {
     }
 
     /// Returns what the mesh leaves open. Nodes that are wrong do not count where the solid shows
-    /// by itself that its faces are right, or where all of them are at points of contact, in which
-    /// borders of the mesh stand for a point; corners without a node do not where the solid has a
-    /// vertex, as at the tips of cones.
+    /// by itself that its faces are right.
     fn left_open(&self, mesh: &ModelMesh, built: &Built) -> Vec<String> {
-        let is_near = |p: Point3, q: &Point3, reach| distance_squared(*q, p).sqrt() <= reach;
-        let has_vertex = |p: Point3| {
-            let vertices = &built.brep.vertices;
-            vertices
-                .iter()
-                .any(|v| is_near(p, v, AT_CORNER * built.size))
-        };
-        let coverage = mesh.certificate.coverage.as_ref();
-        let are_vertices = coverage.is_some_and(|c| {
-            let places = &c.missed_corners.places;
-            places.len() == c.missed_corners.count && places.iter().all(|p| has_vertex(p.at))
-        });
-        let is_in_contact = |at: Point3| {
-            let mut contacts = built.contacts.iter();
-            contacts.any(|(p, reach)| is_near(at, p, 2.0 * reach))
-        };
-        let is_excused = |f: &Failure| {
-            let places: Vec<&Place> = f.place.iter().chain(&f.others).collect();
-            f.code == "missed-corner" && are_vertices
-                || places.len() >= f.count && places.iter().all(|p| is_in_contact(p.at))
-        };
-        let failures = mesh.certificate.failures();
-        let (of_nodes, mut open): (Vec<Failure>, Vec<Failure>) =
-            failures.into_iter().partition(is_of_nodes);
-        let left: Vec<Failure> = of_nodes.into_iter().filter(|f| !is_excused(f)).collect();
-        if !left.is_empty() {
+        let (of_nodes, of_solid): (Vec<Failure>, Vec<Failure>) = mesh
+            .certificate
+            .failures()
+            .into_iter()
+            .partition(is_of_nodes);
+        let warnings = mesh.meshed.warnings.iter().map(|w| &w.kind);
+        let (off, others): (Vec<&WarningKind>, Vec<&WarningKind>) =
+            warnings.partition(|w| matches!(w, WarningKind::VertexOff | WarningKind::StrayFace));
+        let of_nodes = of_nodes.iter().filter(|f| !is_excused(f, mesh, built));
+        let mut of_nodes: Vec<String> = of_nodes.map(ToString::to_string).collect();
+        of_nodes.extend(off.iter().map(ToString::to_string));
+        if !of_nodes.is_empty() && !self.is_capped {
             let curves = mesh.meshed.features.curves.iter();
             let curves: Vec<Vec<Point3>> = curves.map(|c| c.points.clone()).collect();
-            if self.is_capped || !stands_alone(built, self.solid, &curves, self.control) {
-                open.extend(left);
+            if stands_alone(built, self.solid, &curves, self.control) {
+                of_nodes.clear();
             }
         }
-        let warnings = mesh.meshed.warnings.iter().map(|w| w.kind.to_string());
-        open.iter().map(|f| f.to_string()).chain(warnings).collect()
+        let of_solid = of_solid.iter().map(ToString::to_string);
+        let others = others.iter().map(ToString::to_string);
+        of_solid.chain(of_nodes).chain(others).collect()
     }
+}
+
+/// True if all wrong nodes are at points of contact, in which borders of the mesh stand for a
+/// point, or if corners without a node are vertices of the solid, as the tips of cones are.
+fn is_excused(failure: &Failure, mesh: &ModelMesh, built: &Built) -> bool {
+    let is_near = |p: Point3, q: &Point3, reach| distance_squared(*q, p).sqrt() <= reach;
+    let is_vertex = |p: Point3| {
+        let mut vertices = built.brep.vertices.iter();
+        vertices.any(|v| is_near(p, v, AT_CORNER * built.size))
+    };
+    let is_in_contact = |p: Point3| {
+        let mut contacts = built.contacts.iter();
+        contacts.any(|(q, reach)| is_near(p, q, 2.0 * reach))
+    };
+    if failure.code == "missed-corner"
+        && let Some(coverage) = &mesh.certificate.coverage
+    {
+        let missed = &coverage.missed_corners;
+        if missed.places.len() == missed.count && missed.places.iter().all(|p| is_vertex(p.at)) {
+            return true;
+        }
+    }
+    let places: Vec<&Place> = failure.place.iter().chain(&failure.others).collect();
+    places.len() >= failure.count && places.iter().all(|p| is_in_contact(p.at))
 }
 
 /// A surface with one function.
@@ -379,9 +403,12 @@ mod tests {
     const THIRD: &str =
         "m(x[3], a[1]) { m = min(min(x[1] - 0.7, 2 - x[1]), min(1 - abs(x[2]), 1 - abs(x[3]))); }";
 
-    fn made_of(program: &str) -> (Model, ModelBrep) {
+    fn made_of(program: &str, size: Option<f64>) -> (Model, ModelBrep) {
         let model = Model::parse(program, Mode::Default).expect("a program");
-        let options = MeshModelOptions::default();
+        let options = MeshModelOptions {
+            size,
+            ..MeshModelOptions::default()
+        };
         let control = Control::default();
         let made = brep_model(&model, &[], &options, None, &control).expect("a solid");
         (model, made)
@@ -389,8 +416,8 @@ mod tests {
 
     /// True if the solid of the first program shows by itself that it is that of the second one.
     fn stands_for(program: &str, other: &str) -> bool {
-        let (_, made) = made_of(program);
-        let (model, of_other) = made_of(other);
+        let (_, made) = made_of(program, None);
+        let (model, of_other) = made_of(other, None);
         let control = Control::default();
         let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
         let curves = of_other.mesh.meshed.features.curves.iter();
@@ -400,7 +427,7 @@ mod tests {
 
     #[test]
     fn nodes_off_the_seams_of_thin_walls_do_not_matter() {
-        let (_, made) = made_of(FRAME);
+        let (_, made) = made_of(FRAME, Some(0.5));
         let open = made.mesh.certificate.failures();
         assert!(open.iter().any(is_of_nodes), "{open:?}");
         assert_eq!(made.certificate.failures, []);
@@ -408,6 +435,74 @@ mod tests {
         let area = (15.0 * 8.0 - corners) - (14.6 * 7.6 - 0.64 * corners);
         let volume = made.certificate.total.volume;
         assert!((volume / area - 1.0).abs() < 1e-9, "{volume} for {area}");
+    }
+
+    /// Programs that only move an object are made in its frame: what is stated is of space.
+    #[test]
+    fn moved_objects_are_moved_solids() {
+        let own = "part(x[3], a[1]) {
+            r = sqrt(x[1]^2 + x[2]^2);
+            can = min(a[1] - r, min(x[3], 2 - x[3]));
+            tip = min((1 - x[3])/2 - sqrt((x[1] - 4)^2 + x[2]^2), x[3]);
+            ring = 0.3 - sqrt((sqrt((x[1] - 8)^2 + x[2]^2) - 1)^2 + x[3]^2);
+            egg = 1 - (x[1] - 12)^2 - x[2]^2/0.5 - x[3]^2/0.25;
+            part = max(can, max(tip, max(ring, egg))); }";
+        let moved = format!(
+            "{own}
+            -- @values b of part
+            my_model(x[3], a[1]) {{
+              array b[1], p[3];
+              p[1] = 0.6*(x[1] - 10) + 0.8*(x[2] + 20);
+              p[2] = (-0.8)*(x[1] - 10) + 0.6*(x[2] + 20);
+              p[3] = x[3] - 30;
+              b = [1.5];
+              my_model = part(p, b);
+            }}"
+        );
+        let out = |p: Point3| {
+            [
+                10.0 + 0.6 * p[0] - 0.8 * p[1],
+                -20.0 + 0.8 * p[0] + 0.6 * p[1],
+                30.0 + p[2],
+            ]
+        };
+        let at_rest = Model::parse(own, Mode::Default).expect("a program");
+        let options = MeshModelOptions::default();
+        let control = Control::default();
+        let at_rest = brep_model(&at_rest, &[1.5], &options, None, &control).expect("solids");
+        let (model, made) = made_of(&moved, None);
+        assert!(unplaced(&model).is_some());
+        let (found, wanted) = (&made.certificate, &at_rest.certificate);
+        assert_eq!(
+            (&found.failures, found.euler),
+            (&wanted.failures, wanted.euler)
+        );
+        assert_eq!(found.total.volume, wanted.total.volume);
+        let off = |p: Point3, q: Point3| distance_squared(p, q).sqrt();
+        assert!(off(found.centroid(), out(wanted.centroid())) < 1e-12);
+        let field = RunField::new(&model, &[1.5]).expect("a field");
+        let (brep, still) = (&made.built.brep, &at_rest.built.brep);
+        for e in 0..brep.edges.len() as u32 {
+            for s in [0.0, 0.3, 0.6, 1.0] {
+                let p = brep.along(e, s).0;
+                assert!(off(p, out(still.along(e, s).0)) < 1e-12);
+            }
+        }
+        // Faces are where the program's own function vanishes.
+        let options = isoform_brep::FacetOptions {
+            chord: 0.01,
+            longest: 0.3,
+        };
+        let facets = isoform_brep::facets(brep, &options, &control).expect("facets");
+        for p in &facets.points {
+            let value = isoform_geom::Field::value(&field, *p);
+            assert!(value.abs() < 1e-9, "{value} at {p:?}");
+        }
+        // Changed by a value that is given.
+        let wider = brep_model(&model, &[1.8], &MeshModelOptions::default(), None, &control);
+        let grown = wider.expect("solids").certificate.total.volume - found.total.volume;
+        let wanted = 2.0 * std::f64::consts::PI * (1.8f64.powi(2) - 1.5f64.powi(2));
+        assert!((grown - wanted).abs() < 1e-9, "{grown} for {wanted}");
     }
 
     #[test]

@@ -5,8 +5,8 @@ use isoform::geom::{Point3, PointCloud, cross, dot, norm, sub};
 use isoform::num::Random;
 use isoform::recognize::Gap;
 use isoform::{
-    Control, FitOptions, Proposal, RecognizeOptions, ScanFit, fit_scan, recognize_scan,
-    without_supports,
+    Control, FitOptions, MeshModelOptions, Proposal, RecognizeOptions, ScanFit, brep_model,
+    fit_scan, recognize_scan, without_supports,
 };
 
 /// Points of a plate of 40 × 30 × 10 about its corner with a bore of radius 6 at (15, 12) and a
@@ -408,6 +408,70 @@ fn tangent_faces_and_chamfers_are_tied() {
             assert!(is_there(&fit, value, 1e-4), "{value}: {:?}", fit.values());
         }
     }
+}
+
+/// Points of a tube of 30 × 20 × 6 with walls of 1.5 and corners of radius 4: of both sides, and of the
+/// ends.
+fn square_tube() -> PointCloud {
+    let mut random = Random::new(8);
+    let mut points = Vec::new();
+    let corners = [[26.0, 16.0], [4.0, 16.0], [4.0, 4.0], [26.0, 4.0]];
+    let lengths = [22.0, 12.0, 22.0, 12.0];
+    // A place of the outline `radius` off the centres of its corners.
+    let outline = |random: &mut Random, radius: f64| {
+        let arc = radius * std::f64::consts::FRAC_PI_2;
+        let mut at = random.unit() * (68.0 + 4.0 * arc);
+        for (k, ([x, y], length)) in corners.into_iter().zip(lengths).enumerate() {
+            let turn = |share: f64| ((k as f64 + share) * std::f64::consts::FRAC_PI_2).sin_cos();
+            if at < arc {
+                let (s, c) = turn(at / arc);
+                return [x + radius * c, y + radius * s];
+            }
+            at -= arc;
+            if at < length {
+                let (s, c) = turn(1.0);
+                return [x + radius * c - at * s, y + radius * s + at * c];
+            }
+            at -= length;
+        }
+        [26.0 + radius, 16.0]
+    };
+    for k in 0..6000 {
+        let side = if k % 2 == 0 { 4.0 } else { 2.5 };
+        let (radius, z) = match k % 5 {
+            0 => (2.5 + 1.5 * random.unit(), 6.0 * f64::from(k % 2)),
+            _ => (side, 6.0 * random.unit()),
+        };
+        let [x, y] = outline(&mut random, radius);
+        points.push(posed([x, y, z]));
+    }
+    PointCloud::from_points(points)
+}
+
+/// Fillets about the centres of rounds are as far from the walls inside as these are from the walls
+/// outside: the wall is one parameter, and the solid of the fit is exact.
+#[test]
+fn each_contact_is_a_tie() {
+    let scan = square_tube();
+    let proposal = proposed(&scan);
+    let model = Model::parse(&proposal.program, Mode::Default).expect("HyperFun");
+    let free = model.params().iter().filter(|p| p.tie.is_none());
+    assert_eq!(free.count(), 5, "{}", proposal.program);
+    let fit = fitted(&scan, &proposal);
+    assert!(fit.fit.acceptable, "{:?}", fit.fit.reasons);
+    for value in [30.0, 20.0, 6.0, 1.5, 4.0] {
+        assert!(is_there(&fit, value, 1e-5), "{value}: {:?}", fit.values());
+    }
+    let model = Model::parse(&fit.program(), Mode::Default).expect("HyperFun");
+    let control = Control::default();
+    let made = brep_model(&model, &[], &MeshModelOptions::default(), None, &control);
+    let certificate = made.expect("a solid").certificate;
+    assert_eq!(certificate.failures, []);
+    let corners = 4.0 - std::f64::consts::PI;
+    let volume = 6.0 * (30.0 * 20.0 - 16.0 * corners - 27.0 * 17.0 + 6.25 * corners);
+    assert!((certificate.total.volume / volume - 1.0).abs() < 1e-5);
+    let middle = posed([15.0, 10.0, 3.0]);
+    assert!(norm(sub(certificate.centroid(), middle)) < 1e-4);
 }
 
 /// A template says where its part lies, and fits another scan of it elsewhere.
