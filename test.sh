@@ -136,6 +136,21 @@ python_package() {
   accept_with "$python" accept_python now
 }
 
+# CAD programs that are written run where they are meant to: the two packages of Python ask for
+# different versions of one library, so that each has an environment of its own.
+cad_programs() {
+  local venv dialect
+  for dialect in build123d cadquery; do
+    if make_venv "tests/harness/$dialect.txt"; then
+      later check "programs for $dialect" "$venv/bin/python" -B tests/cad_programs.py "$dialect" "$binary"
+    else
+      missing "a python environment with tests/harness/$dialect.txt"
+    fi
+  done
+  debian openscad openscad
+  if command -v openscad >/dev/null; then later check "programs for OpenSCAD" python3 -B tests/cad_programs.py openscad "$binary"; else missing openscad; fi
+}
+
 # ---- acceptance ---------------------------------------------------------------------------------
 
 # accept_with PYTHON SUITE [now]: the runs of an acceptance script that tests/acceptance.txt lists.
@@ -226,6 +241,7 @@ fi
 later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
 run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover/cup; }
 later check "recover on the built-in scan" run_recover
+if command -v python3 >/dev/null; then cad_programs; else missing python3; fi
 
 if [ ! -d "$checks" ]; then
   missing "$checks, the acceptance checks that live beside this repository,"

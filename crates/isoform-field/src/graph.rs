@@ -146,8 +146,8 @@ impl Graph {
     pub fn name(&self, id: NodeId) -> Option<&str> {
         self.names.get(&id).map(|name| name.text.as_str())
     }
-    /// Whether the node's name is only a suggestion.
-    pub(crate) fn has_suggested_name(&self, id: NodeId) -> bool {
+    /// Returns true if the node's name is only a suggestion.
+    pub fn has_suggested_name(&self, id: NodeId) -> bool {
         self.names.get(&id).is_some_and(|name| name.is_suggestion)
     }
 

@@ -10,6 +10,7 @@
 //! | a huge program | tetrahedra in blocks, each in its own memory or process | [`mesh_in_blocks`], [`BlocksJob`] |
 //! | a program | a tape with free parameters, for evaluators elsewhere | [`LiveModel`] |
 //! | a program | solids of exact faces for CAD, with a certificate | [`brep_model`] |
+//! | a program | a program of build123d, CadQuery or OpenSCAD | [`cad_program`] |
 //! | a program or a polynomial | rational patches with proved distances | [`parameterize_surface`], [`cover_surface`] |
 //! | a rational map or patches | triangles, with what is proved of them | [`triangulate_map`], [`triangulate_patches`] |
 //! | any two of: points, a mesh, a model | distances both ways | [`compare()`] |
@@ -101,6 +102,7 @@
 
 mod blocks;
 mod brep_model;
+mod cad_program;
 mod compare;
 mod exact_solid;
 mod facets;
@@ -129,6 +131,7 @@ pub use blocks::{
     BlocksReport, WholeReport, mesh_in_blocks, run_block_task,
 };
 pub use brep_model::{BrepModelError, ModelBrep, brep_model};
+pub use cad_program::{CadDialect, CadOptions, CadProgramError, cad_program};
 pub use compare::{CompareError, Distances, Side, compare};
 pub use exact_solid::{ExactSolid, SolidMeasures, measure_solid, solid_gap};
 pub use facets::{CornerError, FacesError, OnFaces, points_on_faces};

@@ -2,13 +2,16 @@
 
 use super::document;
 use super::job::Job;
+use super::solid;
 use crate::mesh::files::is_mesh;
-use crate::output::{self, Context, Failure};
+use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::solids::is_solid;
 use crate::watchdog::Writing;
 use crate::{report, scan};
+use isoform::field::hyperfun::{Mode, Model};
 use isoform::geom::{Column, PointCloud};
 use isoform::io::{WriteOptions, deviation_colors, write_path};
+use isoform::{CadDialect, CadOptions, cad_program};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -17,6 +20,10 @@ use std::time::Instant;
 enum Kind {
     /// The fitted model.
     Program,
+    /// The fitted model as a program of CAD, in Python.
+    Python,
+    /// The same in OpenSCAD.
+    OpenScad,
     /// The points with their deviations.
     Points,
     /// The page.
@@ -37,6 +44,8 @@ fn named(path: &Path) -> Option<Kind> {
         .to_ascii_lowercase();
     match ending.as_str() {
         "hf" => Some(Kind::Program),
+        "py" => Some(Kind::Python),
+        "scad" => Some(Kind::OpenScad),
         "ply" | "xyz" | "txt" | "csv" => Some(Kind::Points),
         "html" | "htm" => Some(Kind::Report),
         "json" => Some(Kind::Document),
@@ -63,7 +72,7 @@ fn kind(path: &Path) -> Result<Kind, Failure> {
         if is_mesh(path) {
             return failure.hint("isoform recover, which meshes the fitted model");
         }
-        failure.hint("-o with .hf, .ply, .xyz, .csv, .html, .json, .step or .brep.json")
+        failure.hint("-o with .hf, .py, .scad, .ply, .xyz, .csv, .html, .json, .step or .brep.json")
     })
 }
 
@@ -101,10 +110,34 @@ pub(crate) fn write(
     }
 }
 
+/// Writes the fitted model as a program of CAD, in the part's own frame.
+fn write_cad(job: &Job, path: &Path, dialect: CadDialect) -> Result<(), Failure> {
+    let text = job.found.own_program();
+    let model = Model::parse(&text, Mode::Default).map_err(|e| {
+        Failure::internal("fitted program").why(format!("it cannot be read: {}", e.message))
+    })?;
+    let intervals = job.found.fit.parameters.iter().map(|p| p.ci95);
+    let options = CadOptions {
+        title: format!("{}, fitted to {}", job.template_name, job.scan),
+        unit: solid::unit(job),
+        diagonal: job.found.own_extent().diagonal(),
+        intervals: intervals.collect(),
+    };
+    let program = cad_program(&model, &[], &options, dialect).map_err(|e| {
+        let message = format!("{}: there is no CAD program of the model", path.display());
+        Failure::new(NO_RESULT, "no-cad-program", message)
+            .why(e.to_string())
+            .hint("-o part.step, which holds every solid")
+    })?;
+    output::write_file(path, program.as_bytes())
+}
+
 /// Writes a file of its kind.
 fn write_one(job: &Job, path: &Path, context: &Context) -> Result<(), Failure> {
     match kind(path)? {
         Kind::Program => output::write_file(path, job.program().as_bytes()),
+        Kind::Python => write_cad(job, path, job.dialect),
+        Kind::OpenScad => write_cad(job, path, CadDialect::OpenScad),
         Kind::Points => {
             let options = WriteOptions {
                 units: Some(job.unit.unit.clone()).filter(|u| !u.is_empty()),

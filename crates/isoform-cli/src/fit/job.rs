@@ -9,7 +9,7 @@ use isoform::field::hyperfun::{Model, Pose};
 use isoform::fit::{Beside, FitError, Loss, Method, Options};
 use isoform::geom::PointCloud;
 use isoform::io::{MeshPoints, ReadReport, UnitGuess};
-use isoform::{Control, FitOptions, FitScanError, ParameterError, ScanFit, fit_scan};
+use isoform::{CadDialect, Control, FitOptions, FitScanError, ParameterError, ScanFit, fit_scan};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -34,6 +34,8 @@ pub(crate) struct Request {
     pub(crate) pose: Option<Pose>,
     /// True if the model is written in the template's own coordinates.
     pub(crate) is_own_frame: bool,
+    /// Language of .py files.
+    pub(crate) dialect: CadDialect,
     /// Whether isolated points are left out.
     pub(crate) filter_outliers: bool,
     /// Clutter of these kinds is fitted like the rest.
@@ -56,6 +58,8 @@ pub(crate) struct Job {
     pub(crate) unit: UnitGuess,
     /// True if the model is written in the template's own coordinates.
     pub(crate) is_own_frame: bool,
+    /// Language of .py files.
+    pub(crate) dialect: CadDialect,
     /// Seed of the search.
     pub(crate) seed: u64,
     /// Method of the search.
@@ -150,6 +154,7 @@ pub(crate) fn run_model(
         template_name: request.template.display().to_string(),
         unit,
         is_own_frame: request.is_own_frame,
+        dialect: request.dialect,
         seed: options.fit.seed,
         method: request.method,
         seconds,

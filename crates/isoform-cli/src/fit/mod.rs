@@ -16,9 +16,9 @@ use crate::model::Language;
 use crate::output::{Context, Failure, Outcome};
 use crate::parameters;
 use crate::solids;
-use isoform::MeshModelOptions;
 use isoform::field::hyperfun::Pose;
 use isoform::fit::{Beside, Local, Loss, Method};
+use isoform::{CadDialect, MeshModelOptions};
 use job::Request;
 use settings::Start;
 use std::path::{Path, PathBuf};
@@ -61,8 +61,9 @@ pub(crate) struct Args {
     /// Take at most that many points, a seeded random sample
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     max_points: Option<u64>,
-    /// Write a file; by its ending: .hf (fitted program), .ply .xyz .csv (points with deviations),
-    /// .html (report), .json, .step .brep.json (solid)
+    /// Write a file; by its ending: .hf (fitted program), .py .scad (the same for build123d or
+    /// CadQuery, and OpenSCAD), .ply .xyz .csv (points with deviations), .html (report), .json,
+    /// .step .brep.json (solid)
     #[arg(short, long, value_name = "FILE")]
     output: Vec<PathBuf>,
 }
@@ -99,6 +100,9 @@ pub(crate) struct Settings {
     /// Coordinates of the program, the solid and the mesh that are written
     #[arg(long, value_enum, default_value_t = FrameName::Scan)]
     frame: FrameName,
+    /// Language of .py files: the program of the part in its own frame
+    #[arg(long, value_enum, default_value_t = DialectName::Build123d)]
+    dialect: DialectName,
     /// Keep isolated points
     #[arg(long)]
     no_outlier_filter: bool,
@@ -120,6 +124,13 @@ enum FrameName {
     Scan,
     /// Those of the part: of the template, before its pose
     Part,
+}
+
+/// Languages of CAD programs in Python.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum DialectName {
+    Build123d,
+    Cadquery,
 }
 
 /// The names of the methods on the command line.
@@ -233,6 +244,10 @@ impl Settings {
             fixed: self.fix.clone(),
             pose: self.pose.map(PoseName::pose),
             is_own_frame: matches!(self.frame, FrameName::Part),
+            dialect: match self.dialect {
+                DialectName::Build123d => CadDialect::Build123d,
+                DialectName::Cadquery => CadDialect::CadQuery,
+            },
             filter_outliers: !self.no_outlier_filter,
             keep: kept.into_iter().filter(|k| k.0).map(|k| k.1).collect(),
             units: self.units.map(|u| u.symbol().to_owned()),

@@ -1,0 +1,96 @@
+//! Models as programs of CAD: build123d, CadQuery and OpenSCAD.
+//!
+//! A model of half spaces, blocks, cylinders, cones, balls and tori, joined by set operations, has a
+//! program with the same operations and with its parameters as named variables. It is written in
+//! the model's own frame.
+
+#[cfg(test)]
+mod tests;
+mod text;
+mod tree;
+
+use isoform_field::hyperfun::Model;
+use isoform_field::{Graph, SolidError, parameter_values};
+use text::Writer;
+use tree::Translator;
+
+/// A language of CAD programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum CadDialect {
+    /// Python with build123d.
+    Build123d,
+    /// Python with CadQuery.
+    CadQuery,
+    /// OpenSCAD, whose round faces are polygons.
+    OpenScad,
+}
+
+/// What a CAD program states besides the model.
+#[derive(Clone, Debug, Default)]
+pub struct CadOptions {
+    /// Title, in a comment.
+    pub title: String,
+    /// Unit of lengths, in a comment; CAD programs mostly take millimetres.
+    pub unit: Option<String>,
+    /// Diagonal of the part, in model units: half spaces become boxes ten times as large.
+    pub diagonal: f64,
+    /// By parameter, its 95 % interval, in a comment.
+    pub intervals: Vec<Option<(f64, f64)>>,
+}
+
+/// Why a model has no CAD program.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum CadProgramError {
+    /// The program is no expression, or lacks values.
+    #[error(transparent)]
+    Model(#[from] SolidError),
+    /// A part has no operation of CAD.
+    #[error(
+        "{part} is made of no half spaces, blocks, cylinders, cones, balls or tori, joined by set \
+         operations"
+    )]
+    Kind {
+        /// Its name.
+        part: String,
+    },
+    /// The solid goes on without end.
+    #[error("the model is all space but a solid")]
+    Unbounded,
+}
+
+/// Returns the model with the values `a` of its parameters as a CAD program, in which they have the
+/// same names. Missing values are those of [`parameter_values`].
+///
+/// ```
+/// use isoform::{CadDialect, CadOptions, cad_program};
+/// use isoform::field::hyperfun::{Mode, Model};
+/// let text = "-- @param a[1] radius length\nrod(x[3], a[1]) {
+///     array c[3]; c[1] = 0; c[2] = 0; c[3] = 0;
+///     rod = hfCylinderZ(x, c, a[1]) & x[3] & (5 - x[3]); }";
+/// let options = CadOptions { diagonal: 10.0, ..CadOptions::default() };
+/// let model = Model::parse(text, Mode::Default).expect("a program");
+/// let program = cad_program(&model, &[2.0], &options, CadDialect::OpenScad)?;
+/// assert!(program.contains("radius = 2.0;") && program.contains("rod([0, 0, 0], [0, 0, 1], radius)"));
+/// # Ok::<(), isoform::CadProgramError>(())
+/// ```
+///
+/// # Errors
+/// [`CadProgramError`].
+pub fn cad_program(
+    model: &Model,
+    a: &[f64],
+    options: &CadOptions,
+    dialect: CadDialect,
+) -> Result<String, CadProgramError> {
+    let values = parameter_values(model, a)?;
+    let mut graph = Graph::new();
+    let root = model.compile(&mut graph).map_err(SolidError::from)?;
+    let mut translator = Translator::new(graph, &values);
+    let region = translator.region(root)?;
+    if region.is_outside {
+        return Err(CadProgramError::Unbounded);
+    }
+    let writer = Writer::new(&translator, model, &values, dialect);
+    Ok(writer.program(&region.solid, options))
+}
