@@ -48,15 +48,7 @@ fn a_fitted_program_is_changed_by_name() {
     assert_eq!(code(&o), 0, "{}", stderr(&o));
     let program = fs::read_to_string(&scad).expect("a program");
     assert!(program.contains("\nheight = 0.5*side;") && program.contains("\nside = "));
-    let o = isoform(&[
-        "fit",
-        &scan,
-        "--template",
-        "superellipsoid",
-        "-q",
-        "-o",
-        &scad,
-    ]);
+    let o = isoform(&["fit", &scan, "--template", "bottle", "-q", "-o", &scad]);
     assert!(stderr(&o).contains("no CAD program"), "{}", stderr(&o));
     let volume = |settings: &[&str]| {
         let verb = ["brep", &fitted, "-q", "--json", "--force", "-o", &step];
