@@ -119,11 +119,7 @@ pub fn brep_model(
         && let Some((own, frame)) = unplaced(model)
     {
         let a = parameter_values(model, a).map_err(MeshModelError::from)?;
-        let mut options = options.clone();
-        if options.mesh.start != START {
-            options.mesh.start = within(&frame, &options.mesh.start);
-        }
-        match brep_model(&own, &a, &options, tolerance, control) {
+        match brep_model(&own, &a, &within(&frame, options), tolerance, control) {
             Ok(made) => return Ok(made.placed(&frame)),
             Err(BrepModelError::Brep(error)) => return Err(placed(error, &frame).into()),
             // What is wrong is said in coordinates of space.
@@ -151,44 +147,7 @@ pub fn brep_model(
     let mut options = options.clone();
     options.mesh.surface_only = true;
     options.mesh.order = 1;
-    let is_free = options.size.is_none();
-    // Mostly the first mesh tells the topology, though some of its nodes are wrong.
-    let rounds = std::mem::take(&mut options.mesh.rounds);
-    let mut best = work.at_size(&options)?;
-    options.mesh.rounds = rounds;
-    for finer in 0..=FINER {
-        let size = match &best {
-            Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
-            Ok(made) if is_final(made) => break,
-            Ok(made) => made.mesh.options.size,
-            Err(Refused { size, .. }) => *size,
-        };
-        if finer > 0 {
-            if !is_free
-                || best
-                    .as_ref()
-                    .is_err_and(|refused| !is_of_mesh(&refused.error))
-            {
-                break;
-            }
-            options.size = Some(options.size.unwrap_or(size) / 2.0);
-        }
-        let next = match work.at_size(&options) {
-            // What there is may be right, though it is not certified.
-            Err(_) if best.is_ok() && control.is_late() => break,
-            next => next?,
-        };
-        let is_better = match (&best, &next) {
-            (Ok(a), Ok(b)) if finer == 0 => rank(b) <= rank(a),
-            (Ok(a), Ok(b)) => rank(b) < rank(a),
-            (Err(_), next) => next.is_ok() || finer == 0,
-            (Ok(_), Err(_)) => false,
-        };
-        if is_better {
-            best = next;
-        }
-    }
-    best.map_err(|refused| refused.error.into())
+    work.best(options)
 }
 
 /// Returns the object that a program does nothing but move, as fitted ones do, and the frame of its
@@ -202,11 +161,17 @@ fn unplaced(model: &Model) -> Option<(Model, Frame)> {
     ((place.scale - 1.0).abs() <= UNSCALED).then_some((own, frame))
 }
 
-/// Returns a box in coordinates of a frame around a box in space.
-fn within(frame: &Frame, space: &Aabb) -> Aabb {
-    let ends = [space.lo, space.hi];
-    let corner = |i: usize| std::array::from_fn(|k| ends[i >> k & 1][k]);
-    Aabb::of(&(0..8).map(|i| frame.within(corner(i))).collect::<Vec<_>>())
+/// Returns options for the mesh of an object in its own frame: the box in which it is looked for
+/// first, if one is known, lies around that box in space.
+fn within(frame: &Frame, options: &MeshModelOptions) -> MeshModelOptions {
+    let mut options = options.clone();
+    let start = &mut options.mesh.start;
+    if *start != START {
+        let ends = [start.lo, start.hi];
+        let corner = |i: usize| std::array::from_fn(|k| ends[i >> k & 1][k]);
+        *start = Aabb::of(&(0..8).map(|i| frame.within(corner(i))).collect::<Vec<_>>());
+    }
+    options
 }
 
 /// Returns an error with its place of a frame in space.
@@ -275,6 +240,49 @@ struct Work<'a> {
 }
 
 impl Work<'_> {
+    /// The best boundary representation: of a first mesh, of that mesh when it is mended, and of
+    /// finer ones.
+    fn best(&self, mut options: MeshModelOptions) -> Result<ModelBrep, BrepModelError> {
+        let is_free = options.size.is_none();
+        // Mostly the first mesh tells the topology, though some of its nodes are wrong.
+        let rounds = std::mem::take(&mut options.mesh.rounds);
+        let mut best = self.at_size(&options)?;
+        options.mesh.rounds = rounds;
+        for finer in 0..=FINER {
+            let size = match &best {
+                Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
+                Ok(made) if is_final(made) => break,
+                Ok(made) => made.mesh.options.size,
+                Err(Refused { size, .. }) => *size,
+            };
+            if finer > 0 {
+                if !is_free
+                    || best
+                        .as_ref()
+                        .is_err_and(|refused| !is_of_mesh(&refused.error))
+                {
+                    break;
+                }
+                options.size = Some(options.size.unwrap_or(size) / 2.0);
+            }
+            let next = match self.at_size(&options) {
+                // What there is may be right, though it is not certified.
+                Err(_) if best.is_ok() && self.control.is_late() => break,
+                next => next?,
+            };
+            let is_better = match (&best, &next) {
+                (Ok(a), Ok(b)) if finer == 0 => rank(b) <= rank(a),
+                (Ok(a), Ok(b)) => rank(b) < rank(a),
+                (Err(_), next) => next.is_ok() || finer == 0,
+                (Ok(_), Err(_)) => false,
+            };
+            if is_better {
+                best = next;
+            }
+        }
+        best.map_err(|refused| refused.error.into())
+    }
+
     /// The boundary representation with the topology of a mesh.
     fn at_size(
         &self,
