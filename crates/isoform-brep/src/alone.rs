@@ -18,22 +18,23 @@ use isoform_geom::{Point3, Solid, cross, distance_to_segment, middle, norm, sub}
 /// that are on both surfaces of an edge belong to it within twice this distance.
 const CHORD: f64 = 1e-4;
 
-/// Returns true if all faces lie on exact surfaces, edges run along all feature curves (polygons
-/// with their vertices on the curves), and a point inside each face is on the surface of the model.
+/// Returns true if all faces lie on exact surfaces, edges run along all feature curves (of
+/// which these are points), and a point inside each face is on the surface of the model.
 /// False where that is not shown.
 #[must_use]
 pub fn stands_alone(
     built: &Built,
     solid: &dyn Solid,
-    curves: &[Vec<Point3>],
+    curves: impl IntoIterator<Item = Point3>,
     control: &Control<'_>,
 ) -> bool {
-    let is_exact = built.brep.faces.iter().all(|f| !f.surface.is_near_only());
     let options = FacetOptions {
         chord: CHORD * built.size,
         longest: f64::INFINITY,
     };
-    let made = is_exact.then(|| facets(&built.brep, &options, control).ok());
+    let made = built
+        .is_exact()
+        .then(|| facets(&built.brep, &options, control).ok());
     let Some(facets) = made.flatten() else {
         return false;
     };
@@ -42,7 +43,7 @@ pub fn stands_alone(
         facets,
         limit: 0.1 * TOLERANCE * built.size,
     };
-    curves.iter().flatten().all(|p| alone.is_on_edge(*p)) && alone.are_faces_on(&Boundary(solid))
+    curves.into_iter().all(|p| alone.is_on_edge(p)) && alone.are_faces_on(&Boundary(solid))
 }
 
 struct Alone<'a> {

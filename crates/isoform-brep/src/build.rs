@@ -70,6 +70,11 @@ pub struct Built {
 }
 
 impl Built {
+    /// True if all faces lie on exact surfaces, none on a spline near one.
+    pub fn is_exact(&self) -> bool {
+        self.brep.faces.iter().all(|f| !f.surface.is_near_only())
+    }
+
     /// Returns the solids, given in coordinates of a frame, in space. Functions that met in their
     /// edges are left behind: a [`check`](crate::check()) comes before.
     #[must_use]

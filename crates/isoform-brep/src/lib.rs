@@ -6,8 +6,8 @@
 //! is that of the surfaces and functions; edges and vertices are where these meet, by Newton's
 //! method. Faces that go round, or are no graph over a plane and have no name, are cut.
 //! [`check`](check()) looks for everything that could be wrong with it, and measures it without the
-//! mesh; [`stands_alone`] tells where nodes of the mesh do not matter. [`facets`](facets()) are its triangles, closed where it is, and [`Skin`] finds the nearest
-//! points of its faces.
+//! mesh; [`stands_alone`] tells where nodes of the mesh do not matter. [`facets`](facets()) are its
+//! triangles, closed where it is, and [`Skin`] finds the nearest points of its faces.
 //!
 //! Lengths are in model units, angles in radians where nothing else is said.
 #![forbid(unsafe_code)]

@@ -287,7 +287,8 @@ mod tests {
     use super::*;
     use crate::testing::Egg;
 
-    /// A descent from anywhere ends in the lowest of the 5³ minima and more once in a hundred times.
+    /// A descent from anywhere ends in the lowest of the 5³ minima and more once in a hundred
+    /// times.
     #[test]
     fn finds_the_lowest_of_many_minima() {
         let run = |seed: u64| {
@@ -304,7 +305,8 @@ mod tests {
         assert_eq!(run(1).x, run(1).x);
     }
 
-    /// A narrow valley, oblique to all coordinates: cooling goes on below any scale of the function.
+    /// A narrow valley, oblique to all coordinates: cooling goes on below any scale of the
+    /// function.
     #[test]
     fn cools_down_to_the_digits_of_a_minimum() {
         struct Valley;

@@ -8,7 +8,6 @@ use isoform_check::{Capped, Failure, Place};
 use isoform_control::Control;
 use isoform_field::RunField;
 use isoform_field::hyperfun::Model;
-use isoform_geom::brep::Face;
 use isoform_geom::{Aabb, Csg, Frame, Parts, Point3, SmoothPart, Solid, distance_squared};
 use isoform_io::SolidProperties;
 use isoform_mesh::WarningKind;
@@ -195,8 +194,7 @@ fn is_sound(made: &ModelBrep) -> bool {
 
 /// True if a mended mesh would tell no more: all faces are exact, or no node of it is wrong.
 fn is_told(made: &ModelBrep) -> bool {
-    let is_near = |face: &Face| face.surface.is_near_only();
-    !made.built.brep.faces.iter().any(is_near) || made.mesh.certificate.failures().is_empty()
+    made.built.is_exact() || made.mesh.certificate.failures().is_empty()
 }
 
 /// True if all faces are exact and nothing that is wrong comes of the mesh.
@@ -207,9 +205,7 @@ fn is_final(made: &ModelBrep) -> bool {
             Finding::Reading { .. } | Finding::ShortEdge { .. } | Finding::SmallFace { .. }
         )
     };
-    let is_exact = |face: &Face| !face.surface.is_near_only();
-    made.certificate.failures.iter().all(is_of_geometry)
-        && made.built.brep.faces.iter().all(is_exact)
+    made.built.is_exact() && made.certificate.failures.iter().all(is_of_geometry)
 }
 
 /// Whether a finer mesh may help.
@@ -334,8 +330,8 @@ impl Work<'_> {
         of_nodes.extend(off.iter().map(ToString::to_string));
         if !of_nodes.is_empty() && !self.is_capped {
             let curves = mesh.meshed.features.curves.iter();
-            let curves: Vec<Vec<Point3>> = curves.map(|c| c.points.clone()).collect();
-            if stands_alone(built, self.solid, &curves, self.control) {
+            let points = curves.flat_map(|c| c.points.iter().copied());
+            if stands_alone(built, self.solid, points, self.control) {
                 of_nodes.clear();
             }
         }
@@ -429,8 +425,8 @@ mod tests {
         let control = Control::default();
         let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
         let curves = of_other.mesh.meshed.features.curves.iter();
-        let curves: Vec<Vec<Point3>> = curves.map(|c| c.points.clone()).collect();
-        stands_alone(&made.built, found.solid.as_ref(), &curves, &control)
+        let points = curves.flat_map(|c| c.points.iter().copied());
+        stands_alone(&made.built, found.solid.as_ref(), points, &control)
     }
 
     #[test]

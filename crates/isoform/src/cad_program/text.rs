@@ -295,9 +295,9 @@ impl<'a> Writer<'a> {
 
 /// Returns the text of a number that reads back exactly.
 fn number(v: f64) -> String {
-    match v.fract() == 0.0 && v.abs() < 1e6 && v != 0.0 {
-        _ if v == 0.0 => "0".to_owned(),
-        true if v.abs() == 1.0 => format!("{v:.0}"),
+    match v {
+        0.0 => "0".to_owned(),
+        1.0 | -1.0 => format!("{v:.0}"),
         _ => format!("{v:?}"),
     }
 }
