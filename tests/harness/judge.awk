@@ -18,7 +18,7 @@ function name_of(line) {
 FNR == NR {
   if ($0 ~ /^#/ || $0 ~ /^[ \t]*$/) next
   if (split($0, field, / [|] /) != 3) fault("`" $0 "` is not `suite | case | reason`")
-  else if (field[1] == suite) reason[field[2]] = field[3]
+  else if (field[1] == suite || extent == "whole" && field[1] == suite " (whole)") reason[field[2]] = field[3]
   next
 }
 
