@@ -31,11 +31,48 @@ checks=$shared/checks
 debian() {
   local command=$1
   shift
-  if [ -n "$command" ] && command -v "$command" >/dev/null; then return; fi
+  if command -v "$command" >/dev/null; then return; fi
   if [ "$(id -u)" -eq 0 ] && command -v apt-get >/dev/null; then
     { apt-get update && DEBIAN_FRONTEND=noninteractive apt-get install --yes --no-install-recommends "$@"; } >/dev/null 2>&1
   fi
 }
+# environment NAME: sets `venv` to an environment of Python, and makes it unless it is there. The two
+# packages that CAD programs are written for ask for different versions of one library.
+environment() {
+  local files
+  case $1 in
+    package)
+      files=(crates/isoform-py/tests/requirements.txt)
+      # Ray is large, and is tried with --full alone.
+      if [ "$extent" = whole ]; then files+=(crates/isoform-py/tests/requirements-full.txt); fi
+      ;;
+    checks) files=("$checks/requirements.txt" tests/harness/requirements.txt) ;;
+    view) files=("$checks/requirements-view.txt") ;;
+    *) files=("tests/harness/$1.txt") ;;
+  esac
+  make_venv "${files[@]}"
+}
+# fetch: what the steps below ask for and this machine has not, while the code is compiled.
+fetch() {
+  local name names=(package build123d cadquery)
+  debian openscad openscad
+  if [ "$extent" = whole ]; then debian valgrind valgrind; fi
+  if [ -d "$checks" ]; then
+    names+=(checks view)
+    debian chromium chromium
+    debian ccx calculix-ccx
+  fi
+  for name in "${names[@]}"; do environment "$name"; done
+  # gmsh's wheel needs libraries of a desktop.
+  if [ -d "$checks" ] && environment checks && ! "$venv/bin/python" -c 'import gmsh' 2>/dev/null; then
+    debian libglu1-mesa libglu1-mesa libxcursor1 libxft2 libxinerama1
+  fi
+}
+fetching=
+if command -v python3 >/dev/null; then
+  fetch >/dev/null 2>&1 &
+  fetching=$!
+fi
 
 # ---- the code -----------------------------------------------------------------------------------
 
@@ -62,8 +99,8 @@ else
   missing npm
 fi
 if cargo fmt --version >/dev/null 2>&1; then
-  # fuzz and benches/peers are workspaces of their own.
-  format() { for workspace in . fuzz benches/peers; do cargo fmt --all --check --manifest-path "$workspace/Cargo.toml" || return; done; }
+  # fuzz and benches/peers are workspaces of their own, whose dependencies are those of the first.
+  format() { cargo fmt --all --check && cargo fmt --check --manifest-path fuzz/Cargo.toml && cargo fmt --check --manifest-path benches/peers/Cargo.toml; }
   check "format" format
 else
   missing rustfmt
@@ -109,19 +146,16 @@ if [ ! -x "$binary" ]; then
   finish
 fi
 binary=$(realpath "$binary")
+if [ -n "$fetching" ]; then wait "$fetching"; fi
 
 if [ "$extent" = whole ]; then
-  debian valgrind valgrind
   if command -v valgrind >/dev/null; then check "instructions" python3 benches/instructions.py "$binary"; else missing valgrind; fi
 fi
-# The Python package: a wheel as pip makes it, its tests, and the types that it tells. Ray is large,
-# and is tried with --full alone.
+# The Python package: a wheel as pip makes it, its tests, and the types that it tells.
 python_package() {
   local venv python wheel=$scratch/wheel
-  local requirements=(crates/isoform-py/tests/requirements.txt)
-  if [ "$extent" = whole ]; then requirements+=(crates/isoform-py/tests/requirements-full.txt); fi
-  if ! make_venv "${requirements[@]}"; then
-    missing "a python environment with ${requirements[*]}"
+  if ! environment package; then
+    missing "a python environment for the package"
     return
   fi
   python=$venv/bin/python
@@ -130,47 +164,43 @@ python_package() {
       "$python" -m pip install --quiet --disable-pip-version-check --no-deps --force-reinstall "$wheel"/*.whl
   }
   check "python: wheel" make_wheel
-  # Alone: they press Ctrl-C, which bash makes steps in the background ignore.
-  check "python: tests" "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
-  check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
-  accept_with "$python" accept_python now
+  # They press Ctrl-C, which bash makes steps in the background ignore.
+  later check "python: tests" env --default-signal=INT "$python" -B -m unittest discover --quiet --start-directory crates/isoform-py/tests
+  later check "python: types" "$python" -m mypy --strict --cache-dir "$scratch/mypy" crates/isoform-py/python/isoform
+  accept_with "$python" accept_python
 }
 
-# CAD programs that are written run where they are meant to: the two packages of Python ask for
-# different versions of one library, so that each has an environment of its own.
+# CAD programs that are written run where they are meant to.
 cad_programs() {
   local venv dialect
   for dialect in build123d cadquery; do
-    if make_venv "tests/harness/$dialect.txt"; then
+    if environment "$dialect"; then
       later check "programs for $dialect" "$venv/bin/python" -B tests/cad_programs.py "$dialect" "$binary"
     else
-      missing "a python environment with tests/harness/$dialect.txt"
+      missing "a python environment for $dialect"
     fi
   done
-  debian openscad openscad
   if command -v openscad >/dev/null; then later check "programs for OpenSCAD" python3 -B tests/cad_programs.py openscad "$binary"; else missing openscad; fi
 }
 
 # ---- acceptance ---------------------------------------------------------------------------------
 
-# accept_with PYTHON SUITE [now]: the runs of an acceptance script that tests/acceptance.txt lists.
+# accept_with PYTHON SUITE: the runs of an acceptance script that tests/acceptance.txt lists, with
+# the answer to Ctrl-C that programs in the foreground have.
 accept_with() {
-  local python=$1 wanted=$2 how=${3:-later} kind suite arguments words
+  local python=$1 wanted=$2 kind suite arguments words
   [ -d "$checks" ] || return
   while IFS='|' read -r kind suite arguments _; do
     kind=${kind// /} suite=${suite// /}
     [ "$kind" = "$extent" ] && [ "$suite" = "$wanted" ] || continue
     read -ra words <<<"${arguments//\{fewer\}/$scratch/fewer}"
-    "$how" accept "$suite ${words[*]/$scratch\//}" "$suite" "$kind" "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
+    later accept "$suite ${words[*]/$scratch\//}" "$suite" "$kind" env --default-signal=INT "$python" "$checks/$suite.py" "${words[@]}" --isoform "$binary"
   done <tests/acceptance.txt
 }
 acceptance() {
   local venv python suite
-  make_venv "$checks/requirements.txt" tests/harness/requirements.txt
+  environment checks
   python=$venv/bin/python
-  # gmsh's wheel needs libraries of a desktop; ccx is the solver that meshes are given to.
-  debian ccx calculix-ccx
-  "$python" -c 'import gmsh' 2>/dev/null || debian "" libglu1-mesa libxcursor1 libxft2 libxinerama1
   if ! "$python" -c 'import gmsh' 2>/dev/null; then
     missing "a python environment with $checks/requirements.txt"
     return
@@ -188,8 +218,7 @@ acceptance() {
 # Pages in a real browser and pictures without one, with python packages of their own.
 pages() {
   local venv
-  debian chromium chromium
-  if ! make_venv "$checks/requirements-view.txt"; then
+  if ! environment view; then
     missing "a python environment with playwright"
   elif ! command -v chromium >/dev/null; then
     missing chromium
@@ -224,13 +253,14 @@ solvers() {
   fi
 }
 
-if command -v python3 >/dev/null; then python_package; else missing python3; fi
-
-# Steps in the background, from here on.
-# Whole programs for users of the library.
-for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
-  later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
-done
+# Steps in the background, from here on, those that wait longest first.
+if command -v python3 >/dev/null; then
+  python_package
+  if [ -d "$checks" ]; then acceptance; else missing "$checks, the acceptance checks that live beside this repository,"; fi
+  cad_programs
+else
+  missing python3
+fi
 # Two pages of pictures hold two thirds of the commands, and are drawn with --full.
 pages_run=()
 if [ "$extent" = part ]; then
@@ -241,12 +271,9 @@ fi
 later check "commands of the documentation" "${binary%/*}/isoform-docs" run "$binary" "${pages_run[@]}"
 run_recover() { cd "$scratch" && "$binary" recover -q && ls -l isoform-recover/cup; }
 later check "recover on the built-in scan" run_recover
-if command -v python3 >/dev/null; then cad_programs; else missing python3; fi
-
-if [ ! -d "$checks" ]; then
-  missing "$checks, the acceptance checks that live beside this repository,"
-elif command -v python3 >/dev/null; then
-  acceptance
-fi
+# Whole programs for users of the library.
+for example in scan_to_mesh:msh implicit_to_step:step map_to_mesh:ply; do
+  later check "example: ${example%:*}" "${binary%/*}/examples/${example%:*}" "$scratch/${example/:/.}"
+done
 settle
 finish

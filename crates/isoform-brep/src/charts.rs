@@ -96,15 +96,18 @@ impl Smooth<'_> {
 
     /// The spline of a piece, if its normals lie within a cone.
     fn graph(&self, mesh: &Labelled, own: &[u32]) -> Option<Graph> {
-        let triangles: Vec<[Point3; 3]> = own.iter().map(|t| mesh.corners(*t)).collect();
+        let mut seen = BTreeSet::new();
+        let corners = own.iter().flat_map(|t| mesh.triangles[*t as usize]);
+        let nodes = corners.filter(|v| seen.insert(*v));
         let locus = Locus::Zero(self.field.clone());
-        let normals: Vec<Point3> = triangles
-            .as_flattened()
-            .iter()
-            .map(|p| locus.distance(*p).1)
+        let normals: Vec<Point3> = nodes
+            .map(|v| locus.distance(mesh.points[v as usize]).1)
             .filter(|n| n.iter().all(|v| v.is_finite()))
             .collect();
-        if normals.is_empty() {
+        // Directions of one cone are at most its whole angle apart.
+        let apart = 2.0 * CONE * CONE - 1.0;
+        let first = *normals.first()?;
+        if normals.iter().any(|n| dot(*n, first) < apart) {
             return None;
         }
         let (direction, cosine) = cone(&normals);
@@ -113,7 +116,7 @@ impl Smooth<'_> {
         }
         let region = Region {
             field: self.field.as_ref(),
-            triangles,
+            triangles: own.iter().map(|t| mesh.corners(*t)).collect(),
             direction,
         };
         region.fit(self.tolerance, self.turn)
@@ -223,10 +226,9 @@ impl<'a> Chooser<'a> {
             let hi = heights.iter().copied().fold(f64::NEG_INFINITY, f64::max);
             for share in OFFSETS {
                 let offset = lo + share * (hi - lo);
-                let Some(score) = self.score(direction, offset, &heights) else {
-                    continue;
-                };
-                if best.as_ref().is_none_or(|b| score > b.0) {
+                let least = best.as_ref().map_or(f64::NEG_INFINITY, |b| b.0);
+                let score = self.score(direction, offset, &heights, least);
+                if let Some(score) = score.filter(|s| *s > least) {
                     let origin = direction.map(|v| v * offset);
                     best = Some((score, Surface::Plane(Axes::along(origin, direction))));
                 }
@@ -262,8 +264,9 @@ impl<'a> Chooser<'a> {
         all
     }
 
-    /// The better, the larger; none if all is on one side.
-    fn score(&self, direction: Point3, offset: f64, heights: &[f64]) -> Option<f64> {
+    /// Returns the score of a plane, the larger, the better; `None` if all is on one side, or if the
+    /// score is at most `least` whichever triangles the plane crosses.
+    fn score(&self, direction: Point3, offset: f64, heights: &[f64], least: f64) -> Option<f64> {
         let mut sums = [(0.0, [0.0; 3]); 2];
         for (h, n) in heights.iter().zip(&self.normals) {
             let (area, sum) = &mut sums[usize::from(*h > offset)];
@@ -280,11 +283,14 @@ impl<'a> Chooser<'a> {
         let after = 1.0 - (norm(sums[0].1) + norm(sums[1].1)) / area;
         let gain = (before - after) / before.max(1e-9);
         let balance = sums[0].0.min(sums[1].0) / area;
-        let [angle, slope, away] = self.quality(direction, offset);
         let of = |value: f64, wanted: f64| (value / wanted).min(1.0);
+        let total = |safe: f64| safe.min(0.5) * 10.0 + safe + 2.0 * gain + of(balance, 0.3);
+        if total(1.0) <= least {
+            return None;
+        }
+        let [angle, slope, away] = self.quality(direction, offset);
         let [a, b, c] = WANTED;
-        let safe = of(angle, a).min(of(slope, b)).min(of(away, c));
-        Some(safe.min(0.5) * 10.0 + safe + 2.0 * gain + of(balance, 0.3))
+        Some(total(of(angle, a).min(of(slope, b)).min(of(away, c))))
     }
 
     /// The least sine between plane and surface, slope at which the border is crossed, and distance

@@ -34,6 +34,7 @@ mod reading;
 mod revolution;
 mod seams;
 mod shells;
+mod stray;
 mod surfaces;
 mod topology;
 mod vertices;

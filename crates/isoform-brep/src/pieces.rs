@@ -9,9 +9,10 @@ use crate::contacts::{Contact, Touching};
 use crate::cut::Labelled;
 use crate::locus::Locus;
 use crate::seams::Seams;
+use crate::stray::parts_on_surface;
 use crate::surfaces::{Part, Recognize};
 use crate::topology::{across_sides, components};
-use crate::whole::Whole;
+use crate::whole::{Whole, piece_named};
 use isoform_geom::brep::Surface;
 use isoform_geom::{Aabb, Field, Mesh, Parts, Point3, SmoothPart, Solid};
 use std::collections::BTreeMap;
@@ -56,22 +57,26 @@ pub fn pieces(
     smooth: Option<&Parts>,
     recognize: &Recognize<'_>,
 ) -> Result<Pieces, BrepError> {
+    let parts = parts_on_surface(mesh, solid)?;
     let mut labelled = Labelled {
         points: mesh.points.clone(),
         triangles: mesh.triangles.clone(),
-        parts: mesh.triangle_parts.clone(),
-        sheets: mesh.triangle_parts.clone(),
-        components: mesh.triangle_parts.clone(),
+        parts: parts.clone(),
+        sheets: parts.clone(),
+        components: parts,
         charts: vec![0; mesh.triangles.len()],
         cuts: Vec::new(),
     };
     let mut found: Vec<Found<'_>> = Vec::new();
     for (part, name) in mesh.parts.iter().enumerate() {
-        let piece = solid.names().iter().position(|n| n == name).unwrap_or(0) as u32;
+        let piece = piece_named(solid, name);
         let of_piece = |p: &&SmoothPart| p.piece == piece;
         let branches: Vec<&SmoothPart> =
             smooth.map_or(Vec::new(), |s| s.parts.iter().filter(of_piece).collect());
         let part = part as u32;
+        if !labelled.parts.contains(&part) {
+            continue;
+        }
         if branches.iter().all(|p| p.function == branches[0].function) {
             let own = own(&labelled, part);
             label(&mut labelled, &own, found.len());

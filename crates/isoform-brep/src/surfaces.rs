@@ -18,7 +18,7 @@ const NODES: usize = 400;
 /// Steps of Newton's method at most.
 const STEPS: usize = 30;
 /// Nodes of the mesh are this near to the surface of their part, in sizes of the model.
-const ON: f64 = 1e-9;
+pub(crate) const ON: f64 = 1e-9;
 /// A torus whose tube is thicker than this share of its circle's radius counts as reaching the
 /// axis.
 const SPINDLE: f64 = 0.98;
@@ -64,6 +64,7 @@ impl Part<'_> {
         let limit = ON * x.max(y).max(z);
         let part = self.name.to_owned();
         let mut why = BrepError::NoSurface { part, kind: None };
+        let nodes = &self.nodes_on(nodes, limit);
         let every = nodes.len().div_ceil(NODES).max(1);
         let some: Vec<Point3> = nodes.iter().copied().step_by(every).collect();
         for starts in [self.lattice(), some] {
@@ -81,6 +82,17 @@ impl Part<'_> {
             }
         }
         Err(why)
+    }
+
+    /// Returns the nodes on the part's own function, or all if there is none. Where pieces touch, the
+    /// mesh may have a node beyond the contact, which says nothing of the surface.
+    fn nodes_on(&self, nodes: &[Point3], limit: f64) -> Vec<Point3> {
+        let is_on = |p: &&Point3| {
+            let (value, gradient) = (self.function)(**p);
+            value.abs() <= limit * norm(gradient)
+        };
+        let on: Vec<Point3> = nodes.iter().filter(is_on).copied().collect();
+        if on.is_empty() { nodes.to_vec() } else { on }
     }
 
     /// The surface of a quadric, if it has a name and the nodes lie on it.

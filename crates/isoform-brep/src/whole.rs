@@ -16,6 +16,11 @@ impl Distance for Whole<'_> {
     }
 }
 
+/// Returns the piece of a solid with a name; the first one where there is none.
+pub(crate) fn piece_named(solid: &dyn Solid, name: &str) -> u32 {
+    solid.names().iter().position(|n| n == name).unwrap_or(0) as u32
+}
+
 /// What bounds a solid: at each point the piece that decides there.
 pub(crate) struct Boundary<'a>(pub(crate) &'a dyn Solid);
 

@@ -181,15 +181,9 @@ fn placed(mut error: BrepError, frame: &Frame) -> BrepError {
     error
 }
 
-/// Returns a rank of solids, the best one first.
-fn rank(made: &ModelBrep) -> (usize, bool) {
-    (made.certificate.failures.len(), !is_sound(made))
-}
-
-/// True if the certificate holds, and readers see edges where they are: a finer mesh may tell more
-/// surfaces exactly.
-fn is_sound(made: &ModelBrep) -> bool {
-    made.certificate.holds() && made.certificate.is_read_alike
+/// Returns the rank of a solid: the best one has the least.
+fn rank(made: &ModelBrep) -> usize {
+    made.certificate.failures.len()
 }
 
 /// True if a mended mesh would tell no more: all faces are exact, or no node of it is wrong.
@@ -240,13 +234,14 @@ impl Work<'_> {
     /// finer ones.
     fn best(&self, mut options: MeshModelOptions) -> Result<ModelBrep, BrepModelError> {
         let is_free = options.size.is_none();
-        // Mostly the first mesh tells the topology, though some of its nodes are wrong.
-        let rounds = std::mem::take(&mut options.mesh.rounds);
-        let mut best = self.at_size(&options)?;
-        options.mesh.rounds = rounds;
+        // Mostly a mesh of any angles tells the topology, though some of its nodes are wrong.
+        let mut first = options.clone();
+        first.mesh.rounds = 0;
+        first.mesh.angles = [0.0, 180.0];
+        let mut best = self.at_size(&first)?;
         for finer in 0..=FINER {
             let size = match &best {
-                Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
+                Ok(made) if made.certificate.holds() && (finer > 0 || is_told(made)) => break,
                 Ok(made) if is_final(made) => break,
                 Ok(made) => made.mesh.options.size,
                 Err(Refused { size, .. }) => *size,
@@ -507,6 +502,93 @@ mod tests {
         let grown = wider.expect("solids").certificate.total.volume - found.total.volume;
         let wanted = 2.0 * std::f64::consts::PI * (1.8f64.powi(2) - 1.5f64.powi(2));
         assert!((grown - wanted).abs() < 1e-9, "{grown} for {wanted}");
+    }
+
+    /// A node below the top of a block makes a triangle of a plane that is elsewhere.
+    #[test]
+    fn parts_that_are_nowhere_on_the_surface_go_to_their_neighbours() {
+        let program = "m(x[3], a[1]) {
+            top = 1 - x[3]; far = 1.001 - x[3];
+            sides = min(min(1 - abs(x[1]), 1 - abs(x[2])), 1 + x[3]);
+            m = min(sides, min(top, max(far, x[1] - 7))); }";
+        let (model, made) = made_of(program, None);
+        let control = Control::default();
+        let found = meshable(&model, &[], None, Some(MOST_PARTS), &control).expect("a solid");
+        let mut mesh = made.mesh.meshed.mesh;
+        let top = mesh.parts.iter().position(|n| n == "top").expect("a part") as u32;
+        mesh.parts.push("far".to_owned());
+        let far = mesh.parts.len() as u32 - 1;
+        let all = 0..mesh.triangles.len();
+        let inside = |v: &u32| {
+            let p = mesh.points[*v as usize];
+            p[2] == 1.0 && p[0].abs() < 0.9 && p[1].abs() < 0.9
+        };
+        let of_top = |t: &usize| mesh.triangle_parts[*t] == top;
+        let is_inside = |t: &usize| mesh.triangles[*t].iter().all(inside);
+        let stray = all
+            .clone()
+            .filter(of_top)
+            .find(is_inside)
+            .expect("a triangle");
+        mesh.triangle_parts[stray] = far;
+        let faces = |mesh: &isoform_geom::Mesh| {
+            let smooth = found.parts.as_ref();
+            let made = pieces(mesh, found.solid.as_ref(), smooth, &quadric_through)?;
+            isoform_brep::brep(made, 1e-6, &control).map(|built| built.brep.faces.len())
+        };
+        // All nodes are on the surface: the certificate of the mesh knows nothing, and it stays.
+        assert_ne!(faces(&mesh), Ok(6));
+        let node = mesh.triangles[stray][0] as usize;
+        mesh.points[node][2] -= 1e-3;
+        assert_eq!(faces(&mesh), Ok(6));
+    }
+
+    /// A box with round edges and corners: 26 faces, 48 edges, 24 vertices.
+    #[test]
+    fn small_rounds_all_around_are_exact() {
+        let sides = [9.0, 7.0, 5.0];
+        let r = 0.5;
+        let mut program = String::from("m(x[3], a[1]) {\n");
+        let mut body =
+            String::from("min(min(x[1] & (9 - x[1]), x[2] & (7 - x[2])), x[3] & (5 - x[3]))");
+        // Each round: of its axes those without a sign run along it.
+        for n in 1..27 {
+            let signs = [n % 3, n / 3 % 3, n / 9];
+            let across: Vec<usize> = (0..3).filter(|k| signs[*k] > 0).collect();
+            if across.len() < 2 {
+                continue;
+            }
+            let place = |k: usize| if signs[k] == 1 { r } else { sides[k] - r };
+            let beyond = across.iter().map(|k| {
+                let x = format!("x[{}]", k + 1);
+                if signs[*k] == 1 {
+                    format!("({} - {x})", place(*k))
+                } else {
+                    format!("({x} - {})", place(*k))
+                }
+            });
+            let beyond: Vec<String> = beyond.collect();
+            let squares = across
+                .iter()
+                .map(|k| format!("(x[{}] - {})^2", k + 1, place(*k)));
+            let squares: Vec<String> = squares.collect();
+            let (beyond, squares) = (beyond.join(" & "), squares.join(" - "));
+            program += &format!("round_{n} = ({beyond}) \\ ({r}^2 - {squares});\n");
+            body += &format!(" \\ round_{n}");
+        }
+        program += &format!("m = {body}; }}");
+        let (_, made) = made_of(&program, None);
+        assert_eq!(made.certificate.failures, []);
+        let brep = &made.built.brep;
+        assert_eq!(brep.faces.len(), 26);
+        let [a, b, c] = sides.map(|s| s - 2.0 * r);
+        let pi = std::f64::consts::PI;
+        let volume = a * b * c
+            + 2.0 * r * (a * b + b * c + c * a)
+            + pi * r * r * (a + b + c)
+            + 4.0 / 3.0 * pi * r * r * r;
+        let found = made.certificate.total.volume;
+        assert!((found / volume - 1.0).abs() < 1e-12, "{found} for {volume}");
     }
 
     #[test]

@@ -201,15 +201,19 @@ fn a_larger_tolerance_needs_fewer_control_points() {
     let f = Folder::new("brep-tolerance");
     let text = "m(x[3], a[1]) { m = 1 - x[1]^4 - x[2]^4 - 2*x[3]^2; }\n";
     let model = f.file("pillow.hf", text);
-    let (exit, j) = brep(&model, &["-o", &f.path("f.step")]);
+    let brep = |file: &str, more: &[&str]| {
+        brep(
+            &model,
+            &[&["--size", "0.2", "-o", &f.path(file)], more].concat(),
+        )
+    };
+    let (exit, j) = brep("f.step", &[]);
     assert!(exit == 0 && kinds(&j, "spline") > 0, "{j}");
     // And one thread gives the bytes of two.
-    let more = ["--tol", "1e-4", "-o", &f.path("g.step")];
-    assert_eq!(brep(&model, &more).0, 0);
+    assert_eq!(brep("g.step", &["--tol", "1e-4"]).0, 0);
     let size = |name: &str| fs::metadata(f.path(name)).map_or(0, |m| m.len());
     assert!(size("g.step") < size("f.step"));
-    let more = ["--threads", "1", "-o", &f.path("h.step")];
-    assert_eq!(brep(&model, &more).0, 0);
+    assert_eq!(brep("h.step", &["--threads", "1"]).0, 0);
     let read = |name: &str| fs::read(f.path(name)).expect("a file");
     assert!(read("h.step") == read("f.step"));
 }
