@@ -209,6 +209,8 @@ pub struct Certificate {
     pub shortest_edge: f64,
     /// The area of the smallest face.
     pub smallest_face: f64,
+    /// True if readers of files see all edges where they are, whatever the gaps.
+    pub is_read_alike: bool,
     /// What is wrong or left open.
     pub failures: Vec<Finding>,
 }
@@ -281,6 +283,7 @@ pub fn check(
     let Built { brep, size, .. } = built;
     let mut made = Certificate {
         center: Aabb::of(&brep.vertices).center(),
+        is_read_alike: true,
         failures: open.into_iter().map(Finding::Mesh).collect(),
         ..Certificate::default()
     };
@@ -451,11 +454,12 @@ fn examine_edges(built: &Built, limits: [f64; 2], made: &mut Certificate) {
     }
     let seen = deviations(brep).into_iter().enumerate();
     // Edges may lie off their surfaces by a gap, which is judged by itself.
-    if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1))
-        && by > TOLERANCE * size + limits[1]
-    {
-        let at = brep.ends(e as u32)[0];
-        made.failures.push(Finding::Reading { by, at });
+    if let Some((e, by)) = seen.max_by(|a, b| a.1.total_cmp(&b.1)) {
+        made.is_read_alike = by <= TOLERANCE * size;
+        if by > TOLERANCE * size + limits[1] {
+            let at = brep.ends(e as u32)[0];
+            made.failures.push(Finding::Reading { by, at });
+        }
     }
 }
 

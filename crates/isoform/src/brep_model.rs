@@ -182,8 +182,14 @@ fn placed(mut error: BrepError, frame: &Frame) -> BrepError {
 }
 
 /// Returns the rank of a solid: the best one has the least.
-fn rank(made: &ModelBrep) -> usize {
-    made.certificate.failures.len()
+fn rank(made: &ModelBrep) -> (usize, bool) {
+    (made.certificate.failures.len(), !is_sound(made))
+}
+
+/// True if the certificate holds, and readers see edges where they are: a finer mesh may tell more
+/// surfaces exactly.
+fn is_sound(made: &ModelBrep) -> bool {
+    made.certificate.holds() && made.certificate.is_read_alike
 }
 
 /// True if a mended mesh would tell no more: all faces are exact, or no node of it is wrong.
@@ -241,7 +247,7 @@ impl Work<'_> {
         let mut best = self.at_size(&first)?;
         for finer in 0..=FINER {
             let size = match &best {
-                Ok(made) if made.certificate.holds() && (finer > 0 || is_told(made)) => break,
+                Ok(made) if is_sound(made) && (finer > 0 || is_told(made)) => break,
                 Ok(made) if is_final(made) => break,
                 Ok(made) => made.mesh.options.size,
                 Err(Refused { size, .. }) => *size,
@@ -269,6 +275,8 @@ impl Work<'_> {
             };
             if is_better {
                 best = next;
+            } else if finer > 0 && best.as_ref().is_ok_and(|made| made.certificate.holds()) {
+                break;
             }
         }
         best.map_err(|refused| refused.error.into())

@@ -244,7 +244,7 @@ fn what_an_ellipsoid_leaves_of_an_elliptic_cylinder_has_its_volume() {
         t = hfRotate3DX(x, 1.378); t = hfRotate3DZ(x, -1.235);
         m = min(min(0 - hfEllipsoid(x, d, 0.8, 0.9, 0.6), x[3] + 0.4),
             min(hfEllCylZ(x, c, 0.7, 0.5), 0.3 - x[3])); }\n";
-    let (exit, j) = brep(&f.file("lens.hf", text), &[]);
+    let (exit, j) = brep(&f.file("lens.hf", text), &["--size", "0.1"]);
     // In x = 0.7 r cos t, y = 0.5 r sin t the ellipsoid's lower half is z = 0.7 - 0.6 √(1 - k r²);
     // it is below z = 0.3 up to k r² = 5/9. The integral over r is elementary, the one over t is
     // periodic and has kinks only where the limit of r reaches 1.
