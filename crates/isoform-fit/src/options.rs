@@ -32,6 +32,34 @@ pub enum Method {
     },
 }
 
+impl Method {
+    /// All methods that have a name of their own.
+    pub const ALL: [(&str, Self); 5] = [
+        ("default", Self::Default),
+        (
+            "hybrid",
+            Self::Hybrid {
+                local: Local::Lm,
+                threshold: None,
+            },
+        ),
+        ("local", Self::Local(Local::Lm)),
+        ("bfgs", Self::Local(Local::Bfgs)),
+        ("annealing", Self::Annealing),
+    ];
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Default => "default",
+            Self::Local(Local::Lm) => "local",
+            Self::Local(Local::Bfgs) => "bfgs",
+            Self::Annealing => "annealing",
+            Self::Hybrid { .. } => "hybrid",
+        }
+    }
+}
+
 /// The loss of the polish.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Loss {
@@ -48,6 +76,20 @@ pub enum Loss {
 }
 
 impl Loss {
+    /// All losses, each with its name.
+    pub const ALL: [(&str, Self); 4] = [
+        ("auto", Self::Auto),
+        ("squares", Self::Squares),
+        ("cauchy", Self::Cauchy),
+        ("tukey", Self::Tukey),
+    ];
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        let is_it = |l: &(&str, Self)| l.1 == self;
+        Self::ALL.into_iter().find(is_it).map_or("", |l| l.0)
+    }
+
     /// Whether far points count less than their square; `Auto` counts as least squares until it is
     /// decided.
     pub(crate) fn is_robust(self) -> bool {

@@ -75,6 +75,13 @@ impl ReadReport {
             warnings: Vec::new(),
         }
     }
+    /// Returns the report of points that were not read from a file.
+    pub fn of_memory(format: &'static str, points: usize) -> Self {
+        Self {
+            rows: points as u64,
+            ..Self::new(format, String::new())
+        }
+    }
     /// A warning, unless it was given already or there are a hundred.
     pub(crate) fn warn(&mut self, text: impl Into<String>) {
         let text = text.into();

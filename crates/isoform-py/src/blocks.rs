@@ -1,26 +1,35 @@
 //! `distributed.mesh_blocks`: the job of a mesh in blocks, and one task of it.
 
-use crate::document;
+use crate::call::object;
 use crate::error::Trouble;
-use crate::mesh::Wanted;
+use crate::model::Program;
 use crate::run::{self, Asked};
-use crate::shape::Shape;
 use isoform::geom::Solid;
 use isoform::{
-    BlockReport, BlockTask, BlocksError, BlocksJob, MeshModelError, run_block_task, solid_of,
+    BlockReport, BlockTask, BlocksError, BlocksJob, MeshModelError, MeshModelOptions,
+    run_block_task, solid_of,
 };
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
+/// A program with the values of its first parameters.
+type Shape = (Py<Program>, Vec<f64>);
+
+/// What is asked for of a mesh.
+fn options(arguments: &Bound<'_, PyDict>) -> PyResult<MeshModelOptions> {
+    Ok(isoform_verbs::mesh_options(&object(arguments)?).map_err(Trouble::from)?)
+}
+
 /// The solid of a program with values.
-fn solid(shape: &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trouble> {
-    let Shape::Model(program, values) = shape else {
-        return Err(Trouble::usage("only programs are meshed in blocks"));
-    };
-    let (solid, is_run) = solid_of(program.get().model(), values)?;
+fn solid((program, given): &Shape, has_box: bool) -> Result<Box<dyn Solid>, Trouble> {
+    let program = program.get();
+    let values = program.values_of(given)?;
+    let (solid, is_run) =
+        solid_of(program.model(), &values).map_err(|e| BlocksError::Mesh(e.into()))?;
     if is_run && !has_box {
-        return Err(MeshModelError::NoBox.into());
+        return Err(BlocksError::Mesh(MeshModelError::NoBox).into());
     }
     Ok(solid)
 }
@@ -49,11 +58,11 @@ impl BlocksWork {
         shape: Shape,
         counts: [usize; 3],
         out: PathBuf,
-        wanted: Wanted,
+        arguments: &Bound<'_, PyDict>,
         asked: Asked<'_>,
     ) -> PyResult<Self> {
-        let options = wanted.options()?;
-        let solid = solid(&shape.checked()?, options.mesh.region.is_some())?;
+        let options = options(arguments)?;
+        let solid = solid(&shape, options.mesh.region.is_some())?;
         let job = run::run(py, &asked, move |control| {
             BlocksJob::new(solid.as_ref(), counts, &out, &options, control)
         })?;
@@ -88,7 +97,9 @@ impl BlocksWork {
     fn finish(&self) -> PyResult<String> {
         let job = self.0.lock().unwrap_or_else(PoisonError::into_inner).take();
         let job = job.ok_or_else(|| Trouble::usage("the job is over"))?;
-        Ok(document::text(&job.finish().map_err(Trouble::from)?))
+        let report = job.finish().map_err(Trouble::from)?;
+        let report = serde_json::to_value(report).expect("reports have texts for keys");
+        Ok(isoform_verbs::document(report))
     }
     /// Ends the job as it is.
     fn close(&self) {
@@ -101,12 +112,12 @@ impl BlocksWork {
 pub(crate) fn block_task(
     py: Python<'_>,
     shape: Shape,
-    wanted: Wanted,
+    arguments: &Bound<'_, PyDict>,
     task: &str,
     asked: Asked<'_>,
 ) -> PyResult<String> {
-    let options = wanted.options()?;
-    let solid = solid(&shape.checked()?, options.mesh.region.is_some())?;
+    let options = options(arguments)?;
+    let solid = solid(&shape, options.mesh.region.is_some())?;
     let task: BlockTask = serde_json::from_str(task).map_err(|e| Trouble::new("task", e))?;
     let report = run::run(py, &asked, move |control| {
         run_block_task(solid.as_ref(), &options, &task, control)
@@ -118,7 +129,7 @@ pub(crate) fn block_task(
 impl From<BlocksError> for Trouble {
     fn from(e: BlocksError) -> Self {
         match e {
-            BlocksError::Mesh(e) => e.into(),
+            BlocksError::Mesh(e) => isoform_verbs::mesh_failure(&e, "model").into(),
             BlocksError::Write(e) => e.into(),
             BlocksError::Ending { .. } => Self::usage(e).hint("out='big.pvtu'"),
             BlocksError::Folder { .. } => Self::new("not-writable", e),

@@ -4,14 +4,16 @@
 //! each chunk or None, and yields the answers in the same order; [`answer`] makes them.
 
 use crate::arrays::{PointsArg, Rows};
+use crate::call::object;
 use crate::error::Trouble;
-use crate::fit::{Fit, Wanted, reported};
 use crate::model::Program;
+use crate::results::Fit;
 use crate::run::{self, Asked};
 use isoform::io::ReadReport;
 use isoform::{AnswerError, ChunkSource, fit_chunks};
+use isoform_verbs::FittedScan;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList};
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// The chunks that Python has.
@@ -89,10 +91,10 @@ pub(crate) fn fit_large(
     count: usize,
     program: Py<Program>,
     names: (String, String),
-    wanted: Wanted,
+    arguments: &Bound<'_, PyDict>,
     asked: Asked<'_>,
-) -> PyResult<Fit> {
-    let options = wanted.options()?;
+) -> PyResult<(String, Fit)> {
+    let options = isoform_verbs::fit_options(&object(arguments)?).map_err(Trouble::from)?;
     let (seed, method) = (options.fit.seed, options.fit.method);
     let chunks = Arc::new(Chunks {
         ask,
@@ -106,19 +108,12 @@ pub(crate) fn fit_large(
     if let Some(raised) = chunks.raised().take() {
         return Err(raised);
     }
-    let found = found.map_err(Trouble::from)?;
-    let read = ReadReport {
-        format: "chunks",
-        file: String::new(),
-        declared: None,
-        rows: found.fit.n_points as u64,
-        dropped_points: 0,
-        dropped_triangles: 0,
-        subsampled: false,
-        units: None,
-        warnings: Vec::new(),
-    };
-    Ok(reported(found, &read, &names, (method, seed)))
+    let failed = |e| Trouble::from(isoform_verbs::fit_failure(&e, &names.0, &names.1));
+    let found = found.map_err(failed)?;
+    let read = ReadReport::of_memory("chunks", found.fit.n_points);
+    let fitted = FittedScan::new(found, names, read, (method, seed));
+    let document = isoform_verbs::document(fitted.document());
+    Ok((document, Fit::new(fitted)))
 }
 
 /// The answer of a chunk of these points to a message: on the threads of the fit where it is asked

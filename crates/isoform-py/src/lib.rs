@@ -1,31 +1,23 @@
-//! The compiled half of the Python package: one file for each verb, each a call of the façade.
+//! The compiled half of the Python package.
 //!
-//! What Python users see (signatures, pages, results with names) lies in `python/isoform`; here are
-//! arrays in, one call of the library, arrays and the document of `--json` out. `run` releases
-//! Python's lock meanwhile, listens to Ctrl-C and tells of progress; `error` makes exceptions of
-//! what the library refuses.
+//! What Python users see (signatures, pages, results with names) lies in `python/isoform`. Verbs are
+//! those of the command line: [`call`] hands their arguments over, objects of Python in place of
+//! files among them, and gives back the document of `--json` and the result. `run` releases Python's
+//! lock meanwhile, listens to Ctrl-C and tells of progress; `error` makes exceptions of failures.
 #![forbid(unsafe_code)]
 
 mod arrays;
 mod blocks;
-mod brep;
-mod compare;
-mod document;
+mod call;
 mod error;
-mod fit;
 mod implicitize;
 mod large;
 mod mesh;
 mod model;
 mod parameterize;
 mod points;
-mod recognize;
-mod region;
-mod render;
+mod results;
 mod run;
-mod shape;
-mod triangulate;
-mod view;
 
 use pyo3::prelude::pymodule;
 
@@ -35,31 +27,21 @@ mod native {
     #[pymodule_export]
     use crate::blocks::{BlocksWork, block_task};
     #[pymodule_export]
-    use crate::brep::{Solids, brep};
+    use crate::call::{Input, Output, run_verb, schema};
     #[pymodule_export]
-    use crate::compare::compare;
-    #[pymodule_export]
-    use crate::fit::{Fit, fit};
-    #[pymodule_export]
-    use crate::implicitize::{Fitted, implicitize};
+    use crate::implicitize::Fitted;
     #[pymodule_export]
     use crate::large::{answer, fit_large};
     #[pymodule_export]
-    use crate::mesh::{MeshData, mesh};
+    use crate::mesh::MeshData;
     #[pymodule_export]
-    use crate::model::{Program, template};
+    use crate::model::{Program, template, templates};
     #[pymodule_export]
-    use crate::parameterize::{Patches, parameterize};
+    use crate::parameterize::Patches;
     #[pymodule_export]
     use crate::points::{Cloud, read_points};
     #[pymodule_export]
-    use crate::recognize::{Entities, recognize};
-    #[pymodule_export]
-    use crate::render::picture;
-    #[pymodule_export]
-    use crate::triangulate::{Triangulation, triangulate};
-    #[pymodule_export]
-    use crate::view::page;
+    use crate::results::{Entities, Fit, Solids, Triangulation};
     use pyo3::prelude::*;
 
     #[pymodule_init]

@@ -2,7 +2,6 @@
 
 use crate::arrays::{PointsArg, Rows, are_finite, not_finite, not_finite_at, rows};
 use crate::error::Trouble;
-use crate::fit::{POSES, named};
 use crate::run::{self, Asked};
 use isoform::field::hyperfun::{Amount, BlockEvaluator, Mode, Model, ParamInfo, Pose};
 use isoform::fit::Template;
@@ -26,7 +25,7 @@ pub(crate) struct Program(Arc<Compiled>);
 
 /// A program, compiled when it is first evaluated.
 struct Compiled {
-    model: Model,
+    model: Arc<Model>,
     template: OnceLock<FrepTemplate>,
     reader: OnceLock<ChunkReader>,
 }
@@ -66,7 +65,7 @@ impl Program {
                 .hint(format!("one of: {}", e.objects.join(", ")))
         })?;
         Ok(Self(Arc::new(Compiled {
-            model,
+            model: Arc::new(model),
             template: OnceLock::new(),
             reader: OnceLock::new(),
         })))
@@ -108,7 +107,8 @@ impl Program {
     /// The names of all parameters that a fit finds, those of the pose included.
     #[pyo3(signature = (pose=None))]
     fn fitted_names(&self, pose: Option<&str>) -> PyResult<Vec<String>> {
-        let asked = pose.map(|p| named("pose", p, POSES)).transpose()?;
+        let is_it = |named: &(&str, Pose)| pose == Some(named.0);
+        let asked = Pose::ALL.into_iter().find(is_it).map(|named| named.1);
         let pose = asked.or(self.0.model.info().pose).unwrap_or(Pose::None);
         let template = FrepTemplate::with_pose(&self.0.model, pose, &[]).map_err(Trouble::from)?;
         let parameters = template.parameters().iter();
@@ -180,9 +180,13 @@ impl Program {
         &self.0.model
     }
 
+    pub(crate) fn shared(&self) -> Arc<Model> {
+        self.0.model.clone()
+    }
+
     /// What answers for chunks of a cloud.
     pub(crate) fn chunk_reader(&self) -> &ChunkReader {
-        let make = || ChunkReader::new(self.0.model.clone());
+        let make = || ChunkReader::new(Model::clone(&self.0.model));
         self.0.reader.get_or_init(make)
     }
 
@@ -230,11 +234,6 @@ impl Program {
             run::run(py, &Asked::default(), move |_| theirs.template().map(drop))??;
         }
         Ok(self.0.template()?)
-    }
-
-    /// The readings of the program, without a pose.
-    pub(crate) fn template(&self) -> Result<&FrepTemplate, Trouble> {
-        self.0.template()
     }
 
     /// The values of all parameters, of which some or all are given, and must be finite.
@@ -323,4 +322,10 @@ pub(crate) fn template(name: &str) -> PyResult<(&'static str, &'static str)> {
             )
         }
     }
+}
+
+/// The names of the built-in templates.
+#[pyfunction]
+pub(crate) fn templates() -> Vec<&'static str> {
+    isoform::templates().map(|t| t.name).collect()
 }

@@ -1,90 +1,28 @@
-//! `parameterize`: rational patches on the surface of a model.
+//! Rational patches: control points, points, and files.
 
 use crate::arrays::rows;
-use crate::document;
 use crate::error::Trouble;
-use crate::fit::named;
-use crate::region::{Corners, length, region};
-use crate::run::{self, Asked};
-use crate::shape::Shape;
-use isoform::geom::Point3;
+use crate::run;
 use isoform::io::{
     MeshWriteOptions, StepOptions, write_atomic, write_mesh_path, write_patches, write_step_path,
 };
-use isoform::patch::{Covering, Error, Method, Options, Parameterized};
-use isoform::report::{AboutPatches, PatchesReport, solver_name};
-use isoform::{
-    Coverage, ImplicitSurface, cover_surface, parameterize_surface, patch_findings, patch_mesh,
-    patch_records, step_faces,
-};
+use isoform::patch::Parameterized;
+use isoform::{ImplicitSurface, patch_mesh, patch_records, step_faces};
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 
-/// All solvers; reports have their names.
-const METHODS: [Method; 3] = [Method::GaussNewton, Method::Frozen, Method::Newton];
-
-/// What patches are wanted, as Python says it.
-#[derive(FromPyObject)]
-pub(crate) struct Wanted {
-    #[pyo3(item)]
-    degree: (usize, usize),
-    #[pyo3(item)]
-    region: Corners,
-    #[pyo3(item)]
-    tol: Option<f64>,
-    #[pyo3(item)]
-    cover: bool,
-    #[pyo3(item)]
-    exact: bool,
-    #[pyo3(item)]
-    seed: u64,
-    #[pyo3(item)]
-    seed_point: Option<Point3>,
-    #[pyo3(item)]
-    margin: Option<f64>,
-    #[pyo3(item)]
-    singular: Option<f64>,
-    #[pyo3(item)]
-    most: usize,
-    #[pyo3(item)]
-    method: String,
-}
-
-impl Wanted {
-    fn options(&self) -> Result<Options, Trouble> {
-        let tolerance = length("tol", self.tol)?;
-        if self.cover && tolerance.is_none() {
-            return Err(Trouble::usage("cover needs tol").hint("tol=, a length"));
-        }
-        Ok(Options {
-            seed_point: self.seed_point,
-            seed: self.seed,
-            method: named("method", &self.method, METHODS.map(|m| (solver_name(m), m)))?,
-            tolerance,
-            exact: self.exact,
-            ..Options::paper(self.degree, region(self.region)?)
-        })
-    }
-    fn covering(&self) -> Result<Covering, Trouble> {
-        Ok(Covering {
-            most: self.most,
-            margin: length("margin", self.margin)?,
-            apart: length("singular", self.singular)?,
-        })
-    }
-}
-
 /// Rational patches on a surface.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Patches {
-    name: String,
     surface: ImplicitSurface,
     pub(crate) patches: Vec<Parameterized>,
-    document: String,
 }
 
 impl Patches {
+    pub(crate) fn new(surface: ImplicitSurface, patches: Vec<Parameterized>) -> Self {
+        Self { surface, patches }
+    }
     fn patch(&self, i: usize) -> Result<&Parameterized, Trouble> {
         let missing = || Trouble::usage(format!("there is no patch {i}"));
         self.patches.get(i).ok_or_else(missing)
@@ -93,11 +31,6 @@ impl Patches {
 
 #[pymethods]
 impl Patches {
-    /// The document of `parameterize --json`, as text.
-    #[getter]
-    fn document(&self) -> &str {
-        &self.document
-    }
     fn __len__(&self) -> usize {
         self.patches.len()
     }
@@ -155,7 +88,7 @@ impl Patches {
                 write_atomic(path, |out| out.write_all(&bytes))?;
             }
             "step" | "stp" => {
-                let stem = Path::new(&self.name).file_stem().unwrap_or_default();
+                let stem = path.file_stem().unwrap_or_default();
                 let options = StepOptions {
                     units,
                     name: stem.to_string_lossy().into_owned(),
@@ -173,74 +106,4 @@ impl Patches {
         }
         Ok(())
     }
-}
-
-/// What patches are to lie on.
-#[derive(FromPyObject)]
-pub(crate) enum Surface {
-    /// A polynomial in x, y and z.
-    #[pyo3(transparent)]
-    Polynomial(String),
-    #[pyo3(transparent)]
-    Shape(Shape),
-}
-
-impl Surface {
-    fn surface(self) -> Result<ImplicitSurface, Trouble> {
-        let text = match self {
-            Self::Shape(shape) => return shape.checked()?.surface(),
-            Self::Polynomial(text) => text,
-        };
-        let parsed = ImplicitSurface::of_polynomial(&text).map_err(|e| {
-            Trouble::new("polynomial", format!("F, column {}: {e}", e.column))
-                .hint("a polynomial in x, y and z with rational coefficients")
-                .at(1, e.column)
-        })?;
-        parsed.ok_or_else(|| {
-            let message = "F is constant, or has a coefficient beyond the largest number";
-            Trouble::new("polynomial", message)
-        })
-    }
-}
-
-/// Finds a patch, or all patches of a cover; the name is for the document.
-#[pyfunction]
-pub(crate) fn parameterize(
-    py: Python<'_>,
-    surface: Surface,
-    name: String,
-    wanted: Wanted,
-    asked: Asked<'_>,
-) -> PyResult<Patches> {
-    let (options, covering) = (wanted.options()?, wanted.covering()?);
-    let surface = surface.surface()?;
-    let cover = wanted.cover;
-    let found = run::run(py, &asked, move |control| -> Result<_, Error> {
-        if cover {
-            let made = cover_surface(&surface, &options, &covering, control)?;
-            let (patches, coverage) = Coverage::of(made);
-            return Ok((surface, patches, Some(coverage)));
-        }
-        let patch = parameterize_surface(&surface, &options, control)?;
-        Ok((surface, vec![patch], None))
-    })?;
-    let (surface, patches, coverage) = found.map_err(Trouble::from)?;
-    let findings = patch_findings(&patches, coverage.as_ref(), &options);
-    let warnings: Vec<String> = findings.iter().map(ToString::to_string).collect();
-    let report = PatchesReport::new(&AboutPatches {
-        model: &name,
-        options: &options,
-        patches: &patches,
-        coverage: coverage.as_ref(),
-        findings: &findings,
-        files: &[],
-        warnings: &warnings,
-        seconds: &[],
-    });
-    Ok(Patches {
-        document: document::text(&report),
-        name,
-        surface,
-        patches,
-    })
 }

@@ -8,12 +8,22 @@ use isoform::io::{MeshPoints, ReadError, ReadOptions, ReadReport, Source, read};
 use numpy::PyArray2;
 use pyo3::prelude::*;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 /// Points, and what their reader says.
 #[pyclass(frozen, module = "isoform._isoform")]
 pub(crate) struct Cloud {
-    pub(crate) cloud: PointCloud,
-    pub(crate) report: ReadReport,
+    pub(crate) cloud: Arc<PointCloud>,
+    pub(crate) report: Arc<ReadReport>,
+}
+
+impl Cloud {
+    pub(crate) fn from_parts(cloud: PointCloud, report: ReadReport) -> Self {
+        Self {
+            cloud: Arc::new(cloud),
+            report: Arc::new(report),
+        }
+    }
 }
 
 #[pymethods]
@@ -23,22 +33,10 @@ impl Cloud {
     fn new(py: Python<'_>, points: PointsArg<'_>) -> PyResult<Self> {
         let rows = Rows::new(&points)?;
         let points = run::shortly(py, || rows.to_points())??;
-        let report = ReadReport {
-            format: "array",
-            file: String::new(),
-            declared: None,
-            rows: points.len() as u64,
-            dropped_points: 0,
-            dropped_triangles: 0,
-            subsampled: false,
-            units: None,
-            warnings: Vec::new(),
-        };
-        Ok(Self {
-            // As files are read.
-            cloud: PointCloud::from_points(points).recentred(),
-            report,
-        })
+        let report = ReadReport::of_memory("array", points.len());
+        // As files are read.
+        let cloud = PointCloud::from_points(points).recentred();
+        Ok(Self::from_parts(cloud, report))
     }
 
     /// The points, in the coordinates of the file.
@@ -111,7 +109,7 @@ pub(crate) fn read_points(
     let format = format.map(str::to_owned);
     run::run(py, &Asked::default(), move |_| {
         let (cloud, report) = read(Source::Path(&path), format.as_deref(), &options)?;
-        Ok(Cloud { cloud, report })
+        Ok(Cloud::from_parts(cloud, report))
     })?
     .map_err(|e: ReadError| Trouble::from(&e).into())
 }

@@ -57,8 +57,8 @@ impl<'py> FromPyObject<'_, 'py> for Asked<'py> {
 /// What the work and the thread that waits for it share.
 #[derive(Default)]
 struct Shared {
-    stop: AtomicBool,
-    news: News,
+    stop: Arc<AtomicBool>,
+    news: Arc<News>,
     is_heard: bool,
 }
 
@@ -96,8 +96,18 @@ pub(crate) fn run<T: Send + 'static>(
     asked: &Asked<'_>,
     work: impl FnOnce(&Control<'_>) -> T + Send + 'static,
 ) -> PyResult<T> {
+    owned(py, asked, Shared::new(asked), work)
+}
+
+/// Does work that owns what it works on, with what it shares with the thread that waits.
+fn owned<T: Send + 'static>(
+    py: Python<'_>,
+    asked: &Asked<'_>,
+    shared: Shared,
+    work: impl FnOnce(&Control<'_>) -> T + Send + 'static,
+) -> PyResult<T> {
     let pool = Pool::take(asked.threads)?;
-    let shared = Arc::new(Shared::new(asked));
+    let shared = Arc::new(shared);
     let (done, ended) = mpsc::sync_channel(1);
     let (theirs, limit, held) = (shared.clone(), asked.time_limit, pool.clone());
     pool.threads.spawn(move || {
@@ -109,6 +119,26 @@ pub(crate) fn run<T: Send + 'static>(
     });
     let listener = Listener::new(asked, &shared, Some(PATIENCE));
     py.detach(move || listener.wait(&ended)).answer()
+}
+
+/// The same for a verb, which is told of the time limit by its arguments.
+pub(crate) fn listened<T: Send + 'static>(
+    py: Python<'_>,
+    asked: &Asked<'_>,
+    work: impl FnOnce(isoform_verbs::Listener) -> T + Send + 'static,
+) -> PyResult<T> {
+    let unlimited = Asked {
+        threads: asked.threads,
+        time_limit: None,
+        progress: asked.progress.clone(),
+    };
+    let shared = Shared::new(asked);
+    let (news, cancelled) = (shared.news.clone(), shared.stop.clone());
+    let listener = isoform_verbs::Listener {
+        cancelled,
+        progress: Box::new(move |phase, done| news.tell(phase, done)),
+    };
+    owned(py, &unlimited, shared, move |_| work(listener))
 }
 
 /// The same for work that borrows what it works on, and ends soon once it is cancelled.

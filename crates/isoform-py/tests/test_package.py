@@ -4,6 +4,7 @@ import contextlib
 import copy
 import importlib.util
 import io
+import json
 import os
 import pickle
 import signal
@@ -76,7 +77,7 @@ class Pictures(unittest.TestCase):
         shapes += [isoform.brep(self.ball, params=VALUES), isoform.implicitize(scan)]
         for shape in shapes:
             with self.subTest(type(shape)):
-                drawn = isoform.render(shape, size=(40, 30), legend=False).data
+                drawn = isoform.render(shape, size=(40, 30), no_legend=True).data
                 self.assertNotEqual(drawn, blank)
 
     def test_deviations_of_points_beside_a_model(self):
@@ -86,13 +87,13 @@ class Pictures(unittest.TestCase):
         self.assertNotEqual(plain.data, colored.data)
 
     def test_refusals(self):
-        self.assertIn("size is", self.refused(size=(0, 10)))
-        self.assertIn("100 million", self.refused(size=(20_000, 20_000)))
-        self.assertIn("view is", self.refused(view="behind"))
-        self.assertIn("color_by is", self.refused(color_by="taste"))
+        self.assertIn("at least one pixel", self.refused(size=(0, 10)))
+        self.assertIn("100000000 pixels", self.refused(size=(20_000, 20_000)))
+        self.assertIn("no view is called", self.refused(view="behind"))
+        self.assertIn("colours are", self.refused(color_by="taste"))
         self.assertIn("section", self.refused(section=(0, 0, 0, 1)))
         self.assertIn("leaves nothing", self.refused(section=(1, 0, 0, -99)))
-        self.assertIn("6 numbers", self.refused(camera=(1, 2, 3)))
+        self.assertIn("six numbers", self.refused(camera=(1, 2, 3)))
         self.assertIn("background", self.refused(background=(0, 0, 300)))
         self.refused(camera=(1, 1, 1, 1, 1, 1))
         self.refused(camera=(float("nan"), 1, 1, 1, 1, 1))
@@ -158,29 +159,31 @@ class Refused(unittest.TestCase):
             isoform.fit(points, ball, progress="loud")
         with self.assertRaises(TypeError):
             isoform.fit(points, ball, seed=1.5)
+        self.refused("template", lambda: isoform.mesh(BALL))
         with self.assertRaises(TypeError):
-            isoform.mesh(BALL)
+            isoform.mesh(ball, sise=1)
 
     def test_layers_that_cannot_be(self):
         ball = isoform.Model(BALL)
 
+        params = {"cx": 0, "radius": 1}
+
         def refused(code="usage", **given):
-            params = {"cx": 0, "radius": 1}
             return str(self.refused(code, lambda: isoform.mesh(ball, 0.5, params=params, **given)))
 
         self.assertIn("first", refused(layers="ball"))
         self.assertIn("layers", refused(first=0.01))
         self.assertIn("empty", refused(layers=["ball", ""], first=0.01))
         self.assertIn("empty", refused(layers="", first=0.01))
-        self.assertIn("first is -1", refused(layers="*", first=-1))
-        self.assertIn("first is nan", refused(layers="*", first=float("nan")))
-        self.assertIn("growth is inf", refused(layers="*", first=0.01, growth=float("inf")))
-        self.assertIn("layer_count", refused(layers="*", first=0.01, layer_count=0))
+        self.assertIn("'-1' for 'first", refused(layers="*", first=-1))
+        self.assertIn("NaN", refused(layers="*", first=float("nan")))
+        self.assertIn("growth", refused(layers="*", first=0.01, growth=float("inf")))
+        self.assertIn("layers", refused(layers="*", first=0.01, layer_count=0))
         self.assertIn("number of layers", refused(layers="*", first=0.01, layer_count=101))
-        self.assertIn("regions", refused(layers="*", first=0.01, regions={"core": ball}))
+        self.assertIn("regions", refused(layers="*", first=0.01, regions={"core": (ball, params)}))
         self.assertIn("periodic", refused(layers="*", first=0.01, box=2, periodic="x"))
         self.assertIn("surface_only", refused(layers="*", first=0.01, surface_only=True))
-        self.assertIn("order=2", refused(layers="*", first=0.01, order=2))
+        self.assertIn("order 2", refused(layers="*", first=0.01, order=2))
         with self.assertRaises(TypeError):
             isoform.mesh(ball, 0.5, layers="*", first=0.01, layer_count=2.5)
 
@@ -374,6 +377,52 @@ class Neighbours(unittest.TestCase):
     def test_what_is_missing_is_named(self):
         with self.assertRaisesRegex(ImportError, "pip install no_such_package"):
             isoform._optional.need("no_such_package.part")
+
+
+class Verbs(unittest.TestCase):
+    """Functions are what the program's arguments say."""
+
+    def test_functions_are_not_stale(self):
+        here = Path(__file__).parents[1]
+        spec = importlib.util.spec_from_file_location("generate", here / "generate.py")
+        generate = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(generate)
+        text = generate.text(json.loads(isoform._isoform.schema()))
+        self.assertEqual(generate.OUT.read_text(), text, "generate.py writes it anew")
+
+    def test_paths_and_names_are_taken(self):
+        with tempfile.TemporaryDirectory() as folder:
+            scan, model = Path(folder) / "ball.xyz", Path(folder) / "ball.hf"
+            np.savetxt(scan, on_ball())
+            model.write_text(BALL)
+            named = isoform.fit(scan, model)
+            self.assertEqual(named.values, isoform.fit(np.loadtxt(scan), isoform.Model(BALL)).values)
+            self.assertGreater(isoform.fit(str(scan), "sphere").values["radius"], 1.9)
+            self.assertEqual(isoform.inspect(scan)["points"], 400)
+            isoform.convert(scan, Path(folder) / "ball.ply")
+            table = Path(folder) / "at.csv"
+            table.write_text("0.5,0,0\n")
+            told = isoform.evaluate(model, table, params=VALUES)
+            self.assertEqual(told["rows"], 1)
+
+    def test_a_scan_becomes_a_solid(self):
+        box = "my_model(x[3], a[1]) { array c[3]; c = [0, 0, 0]; my_model = hfBlock(x, c, 4, 3, 2); }"
+        scan = isoform.mesh(isoform.Model(box), size=0.3, surface_only=True).points
+        with tempfile.TemporaryDirectory() as folder:
+            result = isoform.recover(scan, output=Path(folder) / "part.hf")
+            result.save(Path(folder) / "part.step")
+            result.save(Path(folder) / "report.html")
+            solid = isoform.inspect(Path(folder) / "part.step")
+            self.assertTrue((Path(folder) / "report.html").read_text().startswith("<!"))
+        self.assertAlmostEqual(solid["volume"], 24, places=6)
+        with self.assertRaises(IsoformError):
+            result.save("part.docx")
+
+    def test_hints_name_arguments(self):
+        with self.assertRaises(IsoformError) as caught:
+            isoform.parameterize(isoform.Model(BALL), cover=True)
+        self.assertIn("tol", str(caught.exception))
+        self.assertNotIn("--", f"{caught.exception} {caught.exception.hint}")
 
 
 class Shapes(unittest.TestCase):

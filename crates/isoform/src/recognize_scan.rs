@@ -51,6 +51,15 @@ pub struct Recognized<'a> {
 }
 
 impl Recognized<'_> {
+    /// Returns the same with points of its own.
+    pub fn into_owned(self) -> Recognized<'static> {
+        Recognized {
+            scan: Cow::Owned(self.scan.into_owned()),
+            recognition: self.recognition,
+            supports: self.supports,
+        }
+    }
+
     /// A HyperFun template of the entities, for [`fit_scan`](crate::fit_scan) to polish.
     ///
     /// # Errors

@@ -21,8 +21,7 @@ pub use brep::{BrepCertificateReport, BrepReport, FaceReport};
 pub use compare::{CompareReport, SideReport};
 pub use fit::{
     About, Coverage, DataToModelReport, EvidenceReport, FitReport, OpenReport, OtherMinimumReport,
-    ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided, loss_name,
-    method_name,
+    ParameterReport, PartReport, PoseReport, ScanReport, TemplateReport, TwoSided,
 };
 pub use implicitize::{ImplicitizeReport, NormalsReport};
 pub use inspect::{ColumnReport, InspectReport, UnitReport};

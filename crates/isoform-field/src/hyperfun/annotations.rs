@@ -55,13 +55,16 @@ pub enum Pose {
     Similarity,
 }
 
-const POSES: [(&str, Pose); 5] = [
-    ("none", Pose::None),
-    ("translate", Pose::Translate),
-    ("axis", Pose::Axis),
-    ("rigid", Pose::Rigid),
-    ("similarity", Pose::Similarity),
-];
+impl Pose {
+    /// All motions, each with its name.
+    pub const ALL: [(&str, Self); 5] = [
+        ("none", Self::None),
+        ("translate", Self::Translate),
+        ("axis", Self::Axis),
+        ("rigid", Self::Rigid),
+        ("similarity", Self::Similarity),
+    ];
+}
 
 /// How a parameter is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -314,7 +317,7 @@ pub(crate) fn read(
             "unit" => found.file.unit = own(text),
             "pose" => {
                 let (word, place) = text.word();
-                found.file.pose = Some(one_of(source, word, &POSES, "a pose")?);
+                found.file.pose = Some(one_of(source, word, &Pose::ALL, "a pose")?);
                 found.file.place = placement(source, place)?;
             }
             "param" => {

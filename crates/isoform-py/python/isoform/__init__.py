@@ -18,20 +18,40 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from ._brep import Brep, brep
-from ._compare import Comparison, compare
 from ._errors import IsoformError
-from ._fit import FitResult, fit
-from ._implicitize import Implicit, implicitize
 from ._isoform import __version__
-from ._mesh import Mesh, Triangles, mesh
-from ._model import Model, Parameter, template
-from ._parameterize import Patch, Patches, parameterize
+from ._mesh import Mesh, Triangles
+from ._model import Model, Parameter, template, templates
 from ._points import PointCloud, read_points
-from ._recognize import Recognition, recognize
-from ._render import Picture, render
-from ._triangulate import Triangulation, triangulate
-from ._view import View, view
+from ._results import (
+    Brep,
+    Comparison,
+    FitResult,
+    Implicit,
+    Patch,
+    Patches,
+    Picture,
+    Recognition,
+    Report,
+    Triangulation,
+    View,
+)
+from ._verbs import (
+    brep,
+    compare,
+    convert,
+    evaluate,
+    fit,
+    implicitize,
+    inspect,
+    mesh,
+    parameterize,
+    recognize,
+    recover,
+    render,
+    triangulate,
+    view,
+)
 
 if TYPE_CHECKING:
     from . import distributed as distributed
@@ -50,21 +70,27 @@ __all__ = [
     "Picture",
     "PointCloud",
     "Recognition",
+    "Report",
     "Triangles",
     "Triangulation",
     "View",
     "__version__",
     "brep",
     "compare",
+    "convert",
     "distributed",
+    "evaluate",
     "fit",
     "implicitize",
+    "inspect",
     "mesh",
     "parameterize",
     "read_points",
     "recognize",
+    "recover",
     "render",
     "template",
+    "templates",
     "triangulate",
     "view",
 ]

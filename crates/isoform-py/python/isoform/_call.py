@@ -1,19 +1,156 @@
-"""What all calls that take time share: threads, a time limit, progress."""
+"""How verbs are called: their arguments, threads, a time limit, progress."""
 
 from __future__ import annotations
 
 import contextlib
+import json
 import math
 import operator
-from collections.abc import Callable, Iterator
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Union
 
+from . import _isoform
 from ._errors import IsoformError
+from ._points import PointCloud, as_points
 
 #: Called with the name of a phase and the share of it that is done; False stops.
 Progress = Union[Callable[[str, float], Any], bool, None]
 #: What the compiled half takes.
 Asked = tuple[Union[int, None], Union[float, None], Union[Callable[[str, float], Any], None]]
+
+
+@dataclass
+class Answer:
+    """What a verb gives back: its document, warnings, and the result in memory."""
+
+    document: str
+    warnings: list[str]
+    native: Any
+
+
+def run(
+    verb: str,
+    arguments: dict[str, Any],
+    threads: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress = None,
+) -> Answer:
+    """Run a verb; arguments that are None are left out."""
+    with asked(threads, time_limit, progress) as limits:
+        return Answer(*_isoform.run_verb(verb, given(arguments), limits))
+
+
+def given(arguments: dict[str, Any]) -> dict[str, Any]:
+    """The arguments that are there."""
+    return {k: v for k, v in arguments.items() if v is not None and v is not False}
+
+
+def written(
+    ending: str,
+    verb: str,
+    arguments: dict[str, Any],
+    threads: int | None = None,
+    time_limit: float | None = None,
+    progress: Progress = None,
+) -> bytes:
+    """Run a verb that writes a file; its content."""
+    file = _isoform.Output(ending)
+    run(verb, {**arguments, "output": file}, threads, time_limit, progress)
+    return file.content()
+
+
+def handed(shape: Any) -> Any:
+    """A shape as a file in memory; paths as they are."""
+    if shape is None:
+        return None
+    if isinstance(shape, (str, os.PathLike)):
+        return os.fspath(shape)
+    if hasattr(shape, "_handed"):
+        name, native = shape._handed()
+        return _isoform.Input(name, native)
+    if isinstance(shape, PointCloud):
+        return _isoform.Input(shape.name, shape._native)
+    if isinstance(shape, Mapping):
+        name = "polynomial" if "F" in shape else "map"
+        return _isoform.Input(name, json.dumps(dict(shape)))
+    return _isoform.Input("array", _isoform.Cloud(as_points(shape)))
+
+
+def layer_files(shapes: Sequence[Any]) -> list[Any]:
+    """Shapes as layers: a fit is its points and its model."""
+    found: list[Any] = []
+    for shape in shapes:
+        found += shape._layers() if hasattr(shape, "_layers") else [shape]
+    return [handed(shape) for shape in found]
+
+
+def bounds_file(bounds: Any) -> Any:
+    """Bounds as a file in memory."""
+    if not isinstance(bounds, Mapping):
+        return bounds
+    return _isoform.Input("bounds", json.dumps({k: _interval(k, v) for k, v in bounds.items()}))
+
+
+def region_files(regions: Any) -> Any:
+    """Regions as files in memory, names of objects as they are."""
+    if not isinstance(regions, Mapping):
+        return regions
+    return [_region(name, region) for name, region in regions.items()]
+
+
+def _region(name: str, region: Any) -> Any:
+    """A region: a model, or one with values of its parameters."""
+    model, params = region if isinstance(region, tuple) else (region, None)
+    if not hasattr(model, "_given"):
+        raise IsoformError(f"region {name} is no Model", "usage")
+    return _isoform.Input(name, (model._native, model._given(params)))
+
+
+def _interval(name: str, interval: Any) -> tuple[float, float]:
+    """Two numbers."""
+    try:
+        lower, upper = interval
+        return float(lower), float(upper)
+    except (TypeError, ValueError):
+        raise IsoformError(f"bounds of {name}: two numbers are expected", "bounds") from None
+
+
+def corners(box: Any) -> list[float] | None:
+    """The six numbers of a box: of its two corners, or of half its width."""
+    if box is None:
+        return None
+    try:
+        if hasattr(box, "__len__"):
+            numbers = [
+                float(v) for part in box for v in (part if hasattr(part, "__len__") else [part])
+            ]
+        else:
+            numbers = [-float(box)] * 3 + [float(box)] * 3
+    except (TypeError, ValueError):
+        numbers = []
+    if len(numbers) != 6:
+        hint = "half its width, or ((x, y, z), (x, y, z))"
+        raise IsoformError(f"box is {box!r}", "usage", hint)
+    return numbers
+
+
+def in_order(start: Any, model: Any) -> Any:
+    """Start values in the order of a model's parameters."""
+    if not isinstance(start, Mapping):
+        return start
+    if not hasattr(model, "parameters"):
+        raise IsoformError("start by name needs a Model", "usage", "Model.load(path)")
+    missing = [p.name for p in model.parameters if p.name not in start]
+    if missing:
+        raise IsoformError(f"start has no value of {', '.join(missing)}")
+    names = model._native.fitted_names(None)
+    others = [name for name in start if name not in names]
+    # Those of a pose that is not the template's own come after the others.
+    return [float(start[name]) for name in names if name in start] + [
+        float(start[name]) for name in others
+    ]
 
 
 def whole(name: str, number: Any, least: int = 0) -> int:
@@ -25,6 +162,20 @@ def whole(name: str, number: Any, least: int = 0) -> int:
     if not least <= number < 1 << 63:
         raise IsoformError(f"{name} is {number}: at least {least} is expected")
     return int(number)
+
+
+def some_whole(name: str, number: Any) -> int | None:
+    """A whole number that may be left out."""
+    return None if number is None else whole(name, number)
+
+
+def there(asked: float | None) -> float | None:
+    """GiB that are there: where memory ends, an interpreter ends."""
+    if asked is not None and hasattr(os, "sysconf"):
+        there = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / (1 << 30)
+        if asked > there:
+            raise IsoformError(f"memory is {asked} GiB: this machine has {there:.1f}", "memory")
+    return asked
 
 
 @contextlib.contextmanager

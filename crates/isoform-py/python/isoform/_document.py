@@ -26,6 +26,6 @@ class Shown:
     """What a notebook shows as a page."""
 
     def _repr_html_(self) -> str:
-        from ._view import view
+        from ._verbs import view
 
         return view(self)._repr_html_()

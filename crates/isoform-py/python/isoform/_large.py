@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any, Union
@@ -11,12 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import Progress, asked
+from ._call import Answer, Progress, asked, bounds_file, given, in_order
 from ._errors import IsoformError
-from ._fit import FitResult, as_wanted
 from ._model import Model
 from ._optional import need
 from ._points import PointCloud, as_points, read_points
+from ._results import FitResult
+from ._verbs import fit
 
 #: An array (n, 3), a path, or a function without arguments that gives an array.
 Chunk = Union[npt.ArrayLike, str, "os.PathLike[str]", PointCloud, Callable[[], npt.ArrayLike]]
@@ -195,8 +197,15 @@ class _Questions:
                 yield number, self._chunks[number], message
 
 
-#: Options of `isoform.fit` that a cloud in chunks may have.
-OPTIONS = frozenset(["start", "bounds", "seed", "fixed", "pose", "method", "loss", "keep"])
+#: Options of `isoform.fit` that a cloud in chunks, and a fleet, may have.
+OPTIONS = frozenset(inspect.signature(fit).parameters) - {"points", "model", "threads", "progress"}
+
+
+def known(options: dict[str, Any]) -> None:
+    """Refuses options that `isoform.fit` does not have."""
+    unknown = ", ".join(sorted(set(options) - OPTIONS))
+    if unknown:
+        raise IsoformError(f"fit has no option {unknown}", "usage", ", ".join(sorted(OPTIONS)))
 
 
 def fit_large(
@@ -234,7 +243,7 @@ def fit_large(
     progress : callable or bool, optional
         As for `isoform.fit`.
     **options
-        Those of `isoform.fit`: start, bounds, seed, fixed, pose, loss, keep.
+        Those of `isoform.fit`: start, bounds, seed, fixed, pose, loss, ...
 
     Returns
     -------
@@ -279,23 +288,28 @@ def fit_large(
     if have is None:
         names = ", ".join(repr(name) for name in ENGINES)
         raise IsoformError(f"engine is {engine!r}", "usage", f"one of: {names}")
-    unknown = set(options) - OPTIONS
-    if unknown:
-        raise IsoformError(
-            f"fit has no option {', '.join(sorted(unknown))}", "usage", ", ".join(sorted(OPTIONS))
-        )
-    wanted = as_wanted(template, **options)
+    wanted = fit_arguments(template, options)
     listed = _listed(chunks)
     ask = _Questions(have(template, listed), listed)
     told = (f"{len(listed)} chunks", template.name)
     try:
         with asked(threads, time_limit, progress) as limits:
-            native = _isoform.fit_large(
+            document, native = _isoform.fit_large(
                 ask, len(listed), template._native, told, wanted, limits
             )
     finally:
         ask.is_over = True
-    return FitResult(native, template.name)
+    return FitResult(Answer(document, [], native))
+
+
+def fit_arguments(template: Model, options: dict[str, Any]) -> dict[str, Any]:
+    """Options of a fit as the compiled half takes them."""
+    known(options)
+    if not isinstance(template, Model):
+        raise TypeError(f"template: a Model is expected, not {type(template).__name__}")
+    renamed = {"fix" if k == "fixed" else k: v for k, v in options.items()}
+    start, bounds = in_order(options.get("start"), template), bounds_file(options.get("bounds"))
+    return given({"scan": "-", **renamed, "start": start, "bounds": bounds})
 
 
 def _listed(chunks: Any) -> list[Any]:

@@ -195,6 +195,10 @@ class Model:
         numbers, names = self._native.parts(as_points(points), self._given(params))
         return np.array(names or [""])[numbers]
 
+    def _handed(self) -> tuple[str, Any]:
+        """Its name and what the compiled half holds."""
+        return self.name, self._native
+
     def _given(self, params: Values) -> list[float]:
         """Values as the compiled half takes them."""
         if params is None:
@@ -267,3 +271,14 @@ def template(name: str) -> Model:
     """
     name, text = _isoform.template(name)
     return Model(text, name=name)
+
+
+def templates() -> list[str]:
+    """List the names of the gallery's templates.
+
+    Returns
+    -------
+    list of str
+        What `template`, `fit` and `recover` take.
+    """
+    return list(_isoform.templates())

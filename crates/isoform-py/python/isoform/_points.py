@@ -3,19 +3,26 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Union
+from collections.abc import Sequence
+from typing import Any, Protocol, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _isoform
-from ._call import whole
 from ._errors import IsoformError
 
-#: What is taken as points.
-Points = Union["PointCloud", npt.ArrayLike]
 #: What is taken as a path.
 Path = Union[str, "os.PathLike[str]"]
+#: What is taken as points.
+Points = Union["PointCloud", npt.NDArray[Any], Sequence[Sequence[float]], "HasArray"]
+
+
+class HasArray(Protocol):
+    """What numpy makes an array of: tables of pandas, tensors."""
+
+    def __array__(self) -> Any: ...
+
 
 
 def as_points(points: Any) -> npt.NDArray[np.float64]:
@@ -91,13 +98,6 @@ class PointCloud:
         return f"<isoform.PointCloud {self.name!r}: {len(self)} points{unit}>"
 
 
-def as_cloud(points: Any) -> tuple[_isoform.Cloud, str]:
-    """A cloud of the compiled half, and its name for documents."""
-    if isinstance(points, PointCloud):
-        return points._native, points.name
-    return _isoform.Cloud(as_points(points)), "array"
-
-
 def read_points(
     path: Path, format: str | None = None, max_points: int | None = None, seed: int = 1
 ) -> PointCloud:
@@ -134,6 +134,8 @@ def read_points(
     array([[0., 0., 0.],
            [1., 2., 3.]])
     """
+    from ._call import whole
+
     if max_points is not None:
         max_points = whole("max_points", max_points, 1)
     native = _isoform.read_points(os.fspath(path), format, max_points, whole("seed", seed))

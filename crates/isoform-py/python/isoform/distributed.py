@@ -30,16 +30,15 @@ from typing import Any, Protocol, Union
 import numpy as np
 
 from . import _isoform
-from ._call import Asked, Progress, asked, whole
+from ._call import Asked, Progress, asked, corners, given, there, whole
 from ._document import Documented
 from ._errors import IsoformError
-from ._fit import FitResult, fit
-from ._large import fit_large
-from ._mesh import _memory, _shape
+from ._large import fit_large, known
 from ._model import Model, Values
 from ._optional import need
 from ._points import Path, read_points
-from ._region import Box, corners
+from ._results import FitResult
+from ._verbs import Box, fit
 
 __all__ = ["BlockedMesh", "fit_large", "fit_many", "mesh_blocks"]
 
@@ -234,11 +233,7 @@ def fit_many(
     A worker that dies is replaced, and its scan tried again, four times at most.
     """
     run = _engine(engine)
-    unknown = set(options) - OPTIONS
-    if unknown:
-        raise IsoformError(
-            f"fit has no option {', '.join(sorted(unknown))}", "usage", ", ".join(sorted(OPTIONS))
-        )
+    known(options)
     templates = [template] if isinstance(template, Model) else list(template)
     if not templates or not all(isinstance(t, Model) for t in templates):
         raise TypeError(f"template: a Model, or several, are expected, not {template!r}")
@@ -262,12 +257,6 @@ def _engine(name: str | None) -> Engine:
         names = ", ".join(repr(name) for name in ENGINES)
         raise IsoformError(f"engine is {name!r}", "usage", f"one of: {names}")
     return run
-
-
-#: Options of `fit` that a fleet may have.
-OPTIONS = frozenset(
-    ["start", "bounds", "seed", "fixed", "pose", "method", "loss", "keep", "time_limit"]
-)
 
 
 # ---- meshes in blocks ----------------------------------------------------------------------------
@@ -316,7 +305,8 @@ class Blocks:
 
     def report(self, task: str, limits: tuple[int | None, float | None, Any]) -> str:
         """The report of a task."""
-        return _isoform.block_task(_shape(self.model, self.params), self.wanted, task, limits)
+        shape = self.model._native, self.model._given(self.params)
+        return _isoform.block_task(shape, self.wanted, task, limits)
 
 
 def mesh_blocks(
@@ -400,22 +390,13 @@ def mesh_blocks(
     counts = [whole("blocks", count, 1) for count in blocks]
     if len(counts) != 3:
         raise IsoformError(f"blocks are {len(counts)} numbers: three are expected")
-    wanted = {
-        "size": size,
-        "order": 1,
-        "surface_only": False,
-        "region": corners(box),
-        "periodic": [False] * 3,
-        "layers": None,
-        "grade": grade,
-        "angles": None if angles is None else [float(v) for v in angles],
-        "memory": _memory(memory),
-        "close": False,
-    }
+    options = {"size": size, "box": corners(box), "grade": grade, "angles": angles}
+    wanted = given({"model": "-", **options, "memory": there(memory)})
     path = FilePath(os.fspath(out))
     with asked(threads, None, progress) as limits:
         x, y, z = counts
-        job = _isoform.BlocksWork(_shape(model, params), (x, y, z), path, wanted, limits)
+        shape = model._native, model._given(params)
+        job = _isoform.BlocksWork(shape, (x, y, z), path, wanted, limits)
         try:
             work = Blocks(model, params, {**wanted, "size": job.size})
             while tasks := job.tasks():

@@ -25,6 +25,12 @@ pub enum CadDialect {
     OpenScad,
 }
 
+impl CadDialect {
+    /// The languages of Python, each with its name.
+    pub const PYTHON: [(&str, Self); 2] =
+        [("build123d", Self::Build123d), ("cadquery", Self::CadQuery)];
+}
+
 /// What a CAD program states besides the model.
 #[derive(Clone, Debug, Default)]
 pub struct CadOptions {

@@ -2,7 +2,7 @@
 
 use super::{Seconds, finite};
 use crate::ScanFit;
-use isoform_fit::{Estimate, Evidence, Fit, Local, Loss, Method, Status};
+use isoform_fit::{Estimate, Evidence, Fit, Method, Status};
 use isoform_geom::Point3;
 use isoform_io::{ReadReport, UnitGuess};
 use serde::Serialize;
@@ -286,8 +286,8 @@ impl FitReport {
             n_left_out: fit.n_left_out,
             two_sided: TwoSided::new(fit),
             parts: parts(fit),
-            method: method_name(about.method),
-            loss: loss_name(fit.loss),
+            method: about.method.name(),
+            loss: fit.loss.name(),
             starts: fit.starts,
             hits: fit.hits,
             evaluations: fit.evaluations,
@@ -427,25 +427,4 @@ fn other_minima(found: &ScanFit) -> Vec<OtherMinimumReport> {
         hits: m.hits,
     });
     minima.collect()
-}
-
-/// The word for a method, as `--method` takes it.
-pub fn method_name(method: Method) -> &'static str {
-    match method {
-        Method::Default => "default",
-        Method::Local(Local::Lm) => "local",
-        Method::Local(Local::Bfgs) => "bfgs",
-        Method::Annealing => "annealing",
-        Method::Hybrid { .. } => "hybrid",
-    }
-}
-
-/// The word for a loss, as `--loss` takes it.
-pub fn loss_name(loss: Loss) -> &'static str {
-    match loss {
-        Loss::Auto => "auto",
-        Loss::Squares => "squares",
-        Loss::Cauchy => "cauchy",
-        Loss::Tukey => "tukey",
-    }
 }

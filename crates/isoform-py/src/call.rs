@@ -1,0 +1,258 @@
+//! Calls of verbs: arguments of Python in, a document and the result out.
+
+use crate::error::Trouble;
+use crate::implicitize::Fitted;
+use crate::mesh::MeshData;
+use crate::model::Program;
+use crate::parameterize::Patches;
+use crate::points::Cloud;
+use crate::results::{Entities, Fit, Solids, Triangulation};
+use crate::run::{self, Asked};
+use isoform::io::{SolidFile, write_patches, write_solids};
+use isoform::patch_records;
+use isoform_verbs::memory::{Mounted, Object};
+use isoform_verbs::{Answer, Failure, Product, call};
+use pyo3::prelude::*;
+use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyString};
+use serde_json::{Map, Number, Value};
+use std::path::PathBuf;
+
+/// A value of Python in place of a file.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct Input(Mounted);
+
+/// What can be handed to a verb.
+#[derive(FromPyObject)]
+pub(crate) enum Given<'py> {
+    #[pyo3(transparent)]
+    Program(PyRef<'py, Program>),
+    /// A program with the values of its first parameters.
+    Fixed(PyRef<'py, Program>, Vec<f64>),
+    #[pyo3(transparent)]
+    Points(PyRef<'py, Cloud>),
+    #[pyo3(transparent)]
+    Mesh(PyRef<'py, MeshData>),
+    #[pyo3(transparent)]
+    Function(PyRef<'py, Fitted>),
+    #[pyo3(transparent)]
+    Patches(PyRef<'py, Patches>),
+    #[pyo3(transparent)]
+    Map(PyRef<'py, Triangulation>),
+    #[pyo3(transparent)]
+    Solids(PyRef<'py, Solids>),
+    /// A document.
+    #[pyo3(transparent)]
+    Json(String),
+}
+
+impl Given<'_> {
+    fn object(&self) -> Result<Object, Trouble> {
+        Ok(match self {
+            Self::Program(program) => Object::Program(program.shared()),
+            Self::Fixed(program, values) => {
+                let values = program.values_of(values)?;
+                Object::text("hf", program.model().print_fitted(&values, None))
+            }
+            Self::Points(cloud) => Object::Points(cloud.cloud.clone(), cloud.report.clone()),
+            Self::Mesh(mesh) => Object::Mesh(mesh.mesh.clone(), mesh.unit.clone()),
+            Self::Function(function) => Object::Function(function.metric.clone()),
+            Self::Patches(patches) => {
+                Object::text("json", write_patches(&patch_records(&patches.patches)))
+            }
+            Self::Map(drawn) => match &drawn.map {
+                Some(map) => Object::Map(map.clone()),
+                None => Object::Mesh(drawn.mesh.clone(), None),
+            },
+            Self::Solids(solids) => Object::text(
+                "brep.json",
+                write_solids(&SolidFile {
+                    brep: solids.made.built.brep.clone(),
+                    name: solids.statement.name.clone(),
+                    unit: solids.statement.unit.clone(),
+                    properties: solids.made.properties(),
+                }),
+            ),
+            Self::Json(text) => Object::text("json", text.as_str()),
+        })
+    }
+}
+
+#[pymethods]
+impl Input {
+    /// Puts an object in place of a file of that name.
+    #[new]
+    fn new(name: &str, object: Given<'_>) -> PyResult<Self> {
+        Ok(Self(Mounted::new(name, object.object()?)))
+    }
+}
+
+/// A file that a verb writes, in memory.
+#[pyclass(frozen, module = "isoform._isoform")]
+pub(crate) struct Output(Mounted);
+
+#[pymethods]
+impl Output {
+    /// Makes an empty file: of a page (html), or a picture (png, svg).
+    #[new]
+    fn new(ending: &str) -> PyResult<Self> {
+        let known = ["html", "png", "svg"].into_iter().find(|e| *e == ending);
+        let ending = known.ok_or_else(Trouble::internal)?;
+        Ok(Self(Mounted::new(ending, Object::text(ending, ""))))
+    }
+
+    /// Returns what was written.
+    fn content<'py>(&self, py: Python<'py>) -> Bound<'py, PyBytes> {
+        PyBytes::new(py, &self.0.bytes())
+    }
+}
+
+/// Returns a value of Python as one of JSON; objects by their paths.
+fn json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+    if value.is_none() {
+        return Ok(Value::Null);
+    }
+    if let Ok(input) = value.cast::<Input>() {
+        return Ok(input.get().0.path().to_string_lossy().into());
+    }
+    if let Ok(output) = value.cast::<Output>() {
+        return Ok(output.get().0.path().to_string_lossy().into());
+    }
+    if value.is_instance_of::<PyBool>() {
+        return Ok(value.extract::<bool>()?.into());
+    }
+    if value.is_instance_of::<PyString>() {
+        return Ok(value.extract::<String>()?.into());
+    }
+    if value.is_instance_of::<PyInt>() {
+        return Ok(match value.extract::<i64>() {
+            Ok(number) => number.into(),
+            Err(_) => value.to_string().into(),
+        });
+    }
+    if value.is_instance_of::<PyFloat>() {
+        let number = value.extract::<f64>()?;
+        let finite = Number::from_f64(number);
+        return Ok(finite.map_or_else(|| number.to_string().into(), Value::Number));
+    }
+    if let Ok(fields) = value.cast::<PyDict>() {
+        return Ok(Value::Object(object(fields)?));
+    }
+    if value.hasattr("__len__")? {
+        let items = value.try_iter()?.map(|item| json(&item?));
+        return Ok(Value::Array(items.collect::<PyResult<_>>()?));
+    }
+    // Numbers of numpy, paths, fractions.
+    if let Ok(path) = value.extract::<PathBuf>() {
+        return Ok(path.to_string_lossy().into());
+    }
+    Ok(value.str()?.to_string().into())
+}
+
+/// Returns arguments as a request.
+pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
+    let mut map = Map::new();
+    for (key, value) in fields {
+        map.insert(key.extract()?, json(&value)?);
+    }
+    Ok(map)
+}
+
+/// The document, the warnings, and the result, if a verb has one in memory.
+type Told = (String, Vec<String>, Option<Py<PyAny>>);
+
+/// Runs a verb.
+#[pyfunction]
+pub(crate) fn run_verb(
+    py: Python<'_>,
+    verb: String,
+    arguments: &Bound<'_, PyDict>,
+    asked: Asked<'_>,
+) -> PyResult<Told> {
+    let mut arguments = object(arguments)?;
+    if let Some(seconds) = asked.time_limit {
+        arguments.insert("time_limit".to_owned(), seconds.to_string().into());
+    }
+    let done = run::listened(py, &asked, move |listener| {
+        call(&verb, &arguments, listener)
+    })?;
+    let Answer {
+        outcome,
+        product,
+        warnings,
+    } = done.map_err(Trouble::from)?;
+    let document = isoform_verbs::document(outcome.json);
+    let native = product.map(|product| native(py, product)).transpose()?;
+    Ok((document, warnings, native))
+}
+
+/// Returns the JSON schema of requests.
+#[pyfunction]
+pub(crate) fn schema() -> String {
+    isoform_verbs::schema()
+}
+
+/// Returns a result as an object of Python.
+fn native(py: Python<'_>, product: Product) -> PyResult<Py<PyAny>> {
+    Ok(match product {
+        Product::Points(cloud, report) => Py::new(py, Cloud::from_parts(cloud, report))?.into_any(),
+        Product::Fit(fitted) => Py::new(py, Fit::new(*fitted))?.into_any(),
+        Product::Mesh(mesh, unit) => Py::new(py, MeshData::new(mesh, unit))?.into_any(),
+        Product::Solids(made, statement) => Py::new(py, Solids::new(*made, statement))?.into_any(),
+        Product::Patches(surface, patches) => {
+            Py::new(py, Patches::new(surface, patches))?.into_any()
+        }
+        Product::Map {
+            mesh,
+            parameters,
+            report,
+            map,
+        } => Py::new(py, Triangulation::new(mesh, parameters, report, map))?.into_any(),
+        Product::Function(function) => Py::new(py, Fitted::new(function))?.into_any(),
+        Product::Entities(found) => Py::new(py, Entities::new(*found))?.into_any(),
+    })
+}
+
+impl From<Failure> for Trouble {
+    fn from(failure: Failure) -> Self {
+        let Failure {
+            code,
+            message,
+            place,
+            why,
+            hint,
+            ..
+        } = failure;
+        let mut text = in_python(&message);
+        if let (Some(file), Some(line), Some(column)) = (&place.file, place.line, place.column) {
+            text = format!("{}:{line}:{column}: {text}", file.display());
+        }
+        let because = if why.is_empty() { "" } else { ": " };
+        let trouble = Self::new(code, text + because + &why).hint(in_python(&hint));
+        match (place.line, place.column) {
+            (Some(line), Some(column)) => trouble.at(line, column),
+            _ => trouble,
+        }
+    }
+}
+
+/// Returns a text of the command line with the names of Python: `size` for `--size`, `isoform.fit`
+/// for `isoform fit`.
+fn in_python(text: &str) -> String {
+    if text == "isoform --help" {
+        return "help(isoform)".to_owned();
+    }
+    let mut words = Vec::new();
+    for word in text.split(' ') {
+        let Some(start) = word.find("--") else {
+            words.push(word.to_owned());
+            continue;
+        };
+        let (before, option) = word.split_at(start);
+        let option = &option[2..];
+        let is_name = |c: char| c.is_ascii_lowercase() || c == '-';
+        let end = option.find(|c| !is_name(c)).unwrap_or(option.len());
+        let name = option[..end].replace('-', "_");
+        words.push(format!("{before}{name}{}", &option[end..]));
+    }
+    words.join(" ")
+}

@@ -1,0 +1,210 @@
+//! `isoform fit`: the parameters of a template from points.
+//!
+//! The way is one for `fit` and `recover`: [`job`] reads the scan, fits and gathers the warnings;
+//! [`files`] writes what endings ask for, [`solid`] makes a solid for CAD; [`table`] and
+//! [`document`] print the result for people and for programs.
+
+pub(crate) mod document;
+pub(crate) mod files;
+pub(crate) mod job;
+pub(crate) mod settings;
+pub(crate) mod solid;
+pub(crate) mod table;
+
+use crate::gallery;
+use crate::model::Language;
+use crate::output::{Context, Failure, Outcome, one_of};
+
+use crate::parameters;
+use crate::product::Product;
+use crate::solids;
+use clap::builder::PossibleValuesParser;
+use isoform::field::hyperfun::Pose;
+use isoform::fit::{Beside, Loss, Method};
+use isoform::{CadDialect, FitOptions, MeshModelOptions};
+use settings::Start;
+use std::path::PathBuf;
+
+/// Fits a template to points
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform fit scan.ply --template cup -o fitted.hf -o deviation.ply -o report.html
+  isoform fit scan.ply part.hf -o part.step
+
+TEMPLATE is a HyperFun file, or a name out of --list. The table (--json: the document) gives every parameter with its
+95 % interval and what the points say of it: determined, weak, undetermined, fixed, at-bound. See docs/fitting.md.
+
+With -o part.step (or .brep.json) the fitted model becomes a solid of exact faces for CAD, in the unit of the fit, with
+the certificate of isoform brep: the verdict says whether the model is that of the scan, the certificate whether the
+solid is that of the model.
+
+Exit code: 0, or 3 if the template does not fit, the search was cut short or the certificate of the solid does not hold
+(files are written all the same), 4 without a result or without the solid that was asked for, 2 for unreadable input,
+130 after Ctrl-C (the best so far is written).")]
+pub(crate) struct Args {
+    /// The points: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57 (- for stdin)
+    #[arg(required_unless_present = "list")]
+    scan: Option<PathBuf>,
+    /// The template: a HyperFun file or a name out of --list
+    #[arg(value_name = "TEMPLATE")]
+    model: Option<PathBuf>,
+    /// The template, in place of TEMPLATE: a HyperFun file or a name out of --list
+    #[arg(long, short, value_name = "FILE|NAME", conflicts_with = "model")]
+    template: Option<PathBuf>,
+    /// Lists the templates that are built in
+    #[arg(long, conflicts_with_all = ["scan", "model", "template"])]
+    list: bool,
+    #[command(flatten)]
+    options: Settings,
+    /// Format of the points, where neither name nor content tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Take at most that many points, a seeded random sample
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_points: Option<u64>,
+    /// Write a file; by its ending: .hf (fitted program), .py .scad (the same for build123d or
+    /// CadQuery, and OpenSCAD), .ply .xyz .csv (points with deviations), .html (report), .json,
+    /// .step .brep.json (solid)
+    #[arg(short, long, value_name = "FILE")]
+    output: Vec<PathBuf>,
+}
+
+/// How to fit; shared with `recover`.
+#[derive(clap::Args)]
+pub(crate) struct Settings {
+    #[command(flatten)]
+    pub(crate) language: Language,
+    /// Start values of the parameters in their order, or auto: the template's, else the data decide
+    #[arg(long, value_name = "NUMBERS|auto", allow_hyphen_values = true, value_parser = settings::start)]
+    start: Option<Start>,
+    /// Bounds: a JSON file, {"radius": [1, 5], "2": [0, 1]}
+    #[arg(long, value_name = "FILE")]
+    bounds: Option<PathBuf>,
+    /// How the minimum is sought; hybrid, local, annealing and bfgs are the paper's
+    #[arg(long, default_value = "default", value_parser = one_of(&Method::ALL))]
+    method: Method,
+    /// The loss of the last, metric stage; auto is robust where it must be
+    #[arg(long, default_value = "auto", value_parser = one_of(&Loss::ALL))]
+    loss: Loss,
+    /// Hold a parameter at a value; may be repeated
+    #[arg(
+        long,
+        visible_alias = "set",
+        value_name = "NAME=VALUE",
+        allow_hyphen_values = true,
+        value_parser = parameters::setting
+    )]
+    fix: Vec<(String, f64)>,
+    /// Motion of the whole template as further parameters [default: as the template says]
+    #[arg(long, value_parser = one_of(&Pose::ALL))]
+    pose: Option<Pose>,
+    /// Coordinates of the program, the solid and the mesh that are written
+    #[arg(long, value_enum, default_value_t = FrameName::Scan)]
+    frame: FrameName,
+    /// Language of .py files: the program of the part in its own frame
+    #[arg(long, default_value = "build123d", value_parser = one_of(&CadDialect::PYTHON))]
+    dialect: CadDialect,
+    /// Keep isolated points
+    #[arg(long)]
+    no_outlier_filter: bool,
+    /// Fit tables and walls, too: where a fit is in doubt, planes beyond the part are left out
+    #[arg(long)]
+    keep_planes: bool,
+    /// Fit other objects, too: where a fit is in doubt, points apart from the part are left out
+    #[arg(long)]
+    keep_apart: bool,
+    /// Unit of the scan's numbers [default: as the file says, else guessed from the size]
+    #[arg(long, value_parser = PossibleValuesParser::new(UNITS))]
+    units: Option<String>,
+}
+
+/// Units of length of scans.
+const UNITS: [&str; 5] = ["mm", "cm", "m", "in", "ft"];
+
+/// Coordinates in which a fitted model is written.
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum FrameName {
+    /// Those of the scan
+    Scan,
+    /// Those of the part: of the template, before its pose
+    Part,
+}
+
+impl Settings {
+    /// Returns the kinds of clutter that are fitted like the rest.
+    pub(crate) fn keep(&self) -> Vec<Beside> {
+        let kept = [
+            (self.keep_planes, Beside::Plane),
+            (self.keep_apart, Beside::Apart),
+            (self.no_outlier_filter, Beside::Stray),
+        ];
+        kept.into_iter().filter(|k| k.0).map(|k| k.1).collect()
+    }
+}
+
+impl Args {
+    /// Returns the options as the library takes them.
+    pub(crate) fn fit_options(&self, context: &Context) -> Result<FitOptions, Failure> {
+        job::fit_options(&self.options, context)
+    }
+}
+
+/// Runs the verb; with --list only the names of the gallery are printed.
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let Some(scan) = &args.scan else {
+        let (text, json) = gallery::list(context)?;
+        return Ok(Outcome {
+            exit: crate::output::DONE,
+            json,
+            stdout: text.into_bytes(),
+        });
+    };
+    let Some(template) = args.model.as_ref().or(args.template.as_ref()) else {
+        return Err(Failure::usage("a template is needed: isoform fit SCAN TEMPLATE").hint(format!(
+            "a file or a name out of `isoform fit --list`; or isoform recover {}, which makes a \
+             template of what it recognises",
+            scan.display()
+        )));
+    };
+    let output = args.output.iter().cloned();
+    let (solids, results): (Vec<PathBuf>, Vec<PathBuf>) = output.partition(|p| solids::is_solid(p));
+    files::check(&results)?;
+    solids::check(&solids)?;
+    let max_points = args
+        .max_points
+        .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    let scan = job::read_scan(scan, args.from.as_deref(), max_points, context)?;
+    let mut job = job::run(scan, template, &args.options, context)?;
+    let written = files::write(&mut job, &results, context)?;
+    if !context.global.json {
+        for w in &job.warnings {
+            context.warn(w);
+        }
+    }
+    let mut json = document::document(&job, "fit");
+    let mut written: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+    let (mut exit, mut text) = (job.exit(), table::text(&job));
+    if !solids.is_empty() {
+        let wanted = solid::Wanted {
+            paths: solids,
+            is_asked: true,
+            is_forced: true,
+            options: MeshModelOptions::default(),
+        };
+        let told = solid::tell(&job, &args.options.language, &wanted, context);
+        exit = told.exit;
+        text += &told.text;
+        written.extend(told.files.iter().cloned());
+        told.add_to(&mut json);
+    }
+    if !written.is_empty() {
+        json["outputs"] = written.into();
+    }
+    context.hand_over(|| Product::Fit(Box::new(job)));
+    Ok(Outcome {
+        exit,
+        json,
+        stdout: text.into_bytes(),
+    })
+}

@@ -1,0 +1,218 @@
+//! `isoform inspect`: what is in a file of points, of a mesh or of solids.
+
+use crate::brep;
+use crate::mesh::table;
+use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::product::Product;
+use crate::{scan, solids};
+use isoform::check::{Options, certify};
+use isoform::io::{ColumnRange, Inspection, MeshPoints, SolidFile, inspect};
+use isoform::mesh::Control;
+use isoform::report::{CertificateReport, ContentsReport, InspectReport, SolidReport, brief};
+use serde_json::json;
+use std::path::{Path, PathBuf};
+
+/// Says what is in a file of points, a mesh or a solid
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform inspect scan.laz --json
+  isoform inspect part.msh
+  isoform inspect part.step
+
+Gives counts, box, spacing, normals, colours, further columns, the unit (stated or guessed, with the reason) and
+everything odd that was met. Of a mesh (msh, vtu, inp, ...) groups, topology, self-intersections and angles. Of a solid of isoform brep (.step,
+.brep.json) faces by kind, and volume, area, centroid and gaps as stated and as measured anew.")]
+pub(crate) struct Args {
+    /// The file: PLY, XYZ, CSV, OBJ, OFF, STL, 3MF, PCD, LAS, LAZ, E57, MSH, VTU, INP, STEP and
+    /// .brep.json of isoform brep (- for stdin)
+    file: PathBuf,
+    /// Its format, where neither name nor content tell it
+    #[arg(long, value_name = "FORMAT")]
+    from: Option<String>,
+    /// Look at no more than that many points, a seeded random sample
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    max_points: Option<u64>,
+}
+
+/// Runs the verb: meshes with groups are certified, all else is looked at as points.
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    if scan::is_mesh(&args.file, args.from.as_deref()) {
+        return mesh(args, context);
+    }
+    if args.from.is_none()
+        && let Some(file) = solids::find(&args.file)?
+    {
+        return Ok(solid(&args.file, &file));
+    }
+    let max = args
+        .max_points
+        .map(|n| usize::try_from(n).unwrap_or(usize::MAX));
+    let (cloud, read) = scan::read_points(
+        &args.file,
+        args.from.as_deref(),
+        max,
+        MeshPoints::Vertices,
+        context,
+    )?;
+    let seen = inspect(&cloud, &read);
+    let file = args.file.display().to_string();
+    let report = InspectReport::new(&file, &seen);
+    for w in seen.warnings.iter().filter(|_| !context.global.json) {
+        context.warn(w);
+    }
+    let outcome = Outcome {
+        exit: DONE,
+        json: output::json_of(&report),
+        stdout: text(&file, &seen, report.bounds).into_bytes(),
+    };
+    context.hand_over(|| Product::Points(cloud, read));
+    Ok(outcome)
+}
+
+/// A mesh: its groups, and what a certificate can say without the function.
+fn mesh(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let (mesh, report) = scan::read_mesh_file(&args.file, args.from.as_deref())?;
+    let certificate = certify(
+        &mesh,
+        None,
+        &Options::default(),
+        &Control {
+            deadline: context.deadline,
+            ..Control::default()
+        },
+    );
+    if !context.global.json {
+        report.warnings.iter().for_each(|w| context.warn(w));
+    }
+    let bounds = mesh.bounds();
+    let file = args.file.display().to_string();
+    let mut json = json!({
+        "verb": "inspect", "file": file, "format": report.format, "dropped": report.dropped_points,
+        "bounds": (!bounds.is_empty()).then_some([bounds.lo, bounds.hi]), "unit": report.units,
+    });
+    output::add(&mut json, output::json_of(&ContentsReport::new(&mesh)));
+    json["certificate"] = output::json_of(&CertificateReport::new(&certificate));
+    json["warnings"] = json!(report.warnings);
+    let text = format!(
+        "{file}: {}\n{}",
+        report.format,
+        table::of_mesh(&mesh, &certificate)
+    );
+    Ok(Outcome {
+        exit: DONE,
+        json,
+        stdout: text.into_bytes(),
+    })
+}
+
+/// Solids: their faces, and what is measured beside what is stated.
+fn solid(path: &Path, file: &SolidFile) -> Outcome {
+    let name = path.display().to_string();
+    let report = SolidReport::new(&name, solids::format(path), file);
+    let kinds = brep::kinds(report.faces.iter().map(|f| f.kind));
+    let stated = &report.stated;
+    let unit = report.unit.as_deref();
+    let beside = |measured: f64, stated: f64, power| {
+        let [measured, stated] = [measured, stated].map(|v| output::measure(v, unit, power));
+        format!("{measured} (stated {stated})")
+    };
+    let [x, y, z] = report.centroid.map(brief);
+    let lines = [
+        ("name", report.name.clone()),
+        (
+            "unit",
+            report.unit.clone().unwrap_or_else(|| "unknown".to_owned()),
+        ),
+        (
+            "solids",
+            format!("{} with {} voids", report.solids, report.voids),
+        ),
+        ("faces", format!("{} ({kinds})", report.faces.len())),
+        (
+            "edges",
+            format!("{}, {} vertices", report.edges, report.vertices),
+        ),
+        ("volume", beside(report.volume, stated.volume, 3)),
+        ("area", beside(report.area, stated.area, 2)),
+        ("centroid", format!("({x}, {y}, {z})")),
+        (
+            "gaps",
+            format!("{:.1e} at edges (stated {:.1e})", report.gap, stated.gap),
+        ),
+    ];
+    let lines = lines.map(|(name, text)| table::line(name, text)).concat();
+    Outcome {
+        exit: DONE,
+        json: output::json_of(&report),
+        stdout: format!("{name}: {}\n{lines}", report.format).into_bytes(),
+    }
+}
+
+/// The points, with a line for each thing that is known of them.
+fn text(file: &str, seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> String {
+    let mut text = format!("{file}: {}, {} points", seen.format, seen.points);
+    if seen.rows != seen.points as u64 {
+        text += &format!(" of {} in the file", seen.rows);
+    }
+    text.push('\n');
+    for (name, value) in lines(seen, bounds) {
+        text += &format!("  {name:<11}{value}\n");
+    }
+    text
+}
+
+/// Names with their values.
+fn lines(seen: &Inspection, bounds: Option<[[f64; 3]; 2]>) -> Vec<(&'static str, String)> {
+    let mut lines = Vec::new();
+    if seen.triangles > 0 {
+        lines.push(("triangles", seen.triangles.to_string()));
+    }
+    if let Some([lo, hi]) = bounds {
+        for (k, name) in ["x", "y", "z"].into_iter().enumerate() {
+            let length = brief(hi[k] - lo[k]);
+            lines.push((name, format!("{} to {}   ({length})", lo[k], hi[k])));
+        }
+    }
+    let unit = match seen.unit.unit.as_str() {
+        "" => "unknown",
+        unit => unit,
+    };
+    lines.extend([
+        ("diagonal", brief(seen.diagonal)),
+        ("spacing", seen.spacing.map_or("none".to_owned(), brief)),
+        ("unit", format!("{unit} ({})", seen.unit.reason)),
+        ("with", with(seen)),
+    ]);
+    lines.extend(seen.columns.iter().map(|c| ("column", column(c))));
+    if seen.dropped_points > 0 {
+        let count = seen.dropped_points;
+        lines.push(("dropped", format!("{count} points that are not finite")));
+    }
+    if seen.duplicates > 0 {
+        lines.push(("duplicates", seen.duplicates.to_string()));
+    }
+    lines
+}
+
+/// The name of a column and the range of its values.
+fn column(c: &ColumnRange) -> String {
+    let missing = if c.missing > 0 {
+        format!(", {} missing", c.missing)
+    } else {
+        String::new()
+    };
+    let (min, max) = (brief(c.min), brief(c.max));
+    format!("{} from {min} to {max}{missing}", c.name)
+}
+
+/// What there is beside positions.
+fn with(seen: &Inspection) -> String {
+    let with = [(seen.has_normals, "normals"), (seen.has_colors, "colours")];
+    let with: Vec<&str> = with.iter().filter(|w| w.0).map(|w| w.1).collect();
+    if with.is_empty() {
+        "positions alone".to_owned()
+    } else {
+        with.join(", ")
+    }
+}

@@ -1,0 +1,431 @@
+//! Files as layers: what `view` and `render` show of them.
+
+use crate::memory::{self, MapObject, Object};
+use crate::mesh::Settings;
+use crate::mesh::work::no_mesh;
+use crate::model::Language;
+use crate::output::{self, Context, Failure};
+use crate::parameters::{self, Given};
+use crate::triangulate::{self, HalfWidth};
+use crate::{gallery, scan, solids, spline};
+use isoform::field::hyperfun::Model;
+use isoform::geom::{Aabb, Mesh, PointCloud, RationalPatch};
+use isoform::io::{FilePatch, MeshPoints, is_patch_file, read_patches};
+use isoform::mesh::MeshError;
+use isoform::{
+    ExactSolid, Implicit, LiveModel, MeshModelError, MeshModelOptions, PatchesError,
+    RationalSurface, SurfaceBox, Unseen, mesh_model, mesh_spline, solid_of, undefined_at,
+};
+use serde_json::Value;
+use std::path::Path;
+use std::sync::Arc;
+
+/// How files are read, the same for every verb that shows them.
+#[derive(clap::Args)]
+pub(crate) struct Reading {
+    #[command(flatten)]
+    given: Given,
+    /// Half the width of a box around the origin, which maps need; or x,y,z of the lower and of the
+    /// upper corner, for models without an end
+    #[arg(long = "box", value_name = "B", allow_hyphen_values = true, value_parser = place)]
+    region: Option<Place>,
+    /// Show files that may be both as points or as meshes [default: PLY as points, OBJ, STL, OFF
+    /// and 3MF as meshes]
+    #[arg(long = "as", value_name = "KIND", value_enum)]
+    kind: Option<Kind>,
+    #[command(flatten)]
+    language: Language,
+}
+
+/// What a file with points and triangles is shown as.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Kind {
+    Points,
+    Mesh,
+}
+
+/// Where to look.
+#[derive(Clone, Debug)]
+enum Place {
+    /// A cube about the origin.
+    Around(HalfWidth),
+    /// A box.
+    Box(Aabb),
+}
+
+impl Place {
+    /// The box.
+    fn region(&self) -> Aabb {
+        match self {
+            Self::Around(half) => Aabb {
+                lo: [-half.near; 3],
+                hi: [half.near; 3],
+            },
+            Self::Box(region) => *region,
+        }
+    }
+}
+
+/// Reads half a width, or six numbers.
+fn place(text: &str) -> Result<Place, String> {
+    if text.contains(',') {
+        output::region(text).map(Place::Box)
+    } else {
+        triangulate::half_width(text).map(Place::Around)
+    }
+}
+
+/// What a file is.
+pub(crate) enum Layer {
+    Points(PointCloud),
+    Model(Box<LiveLayer>),
+    /// A model in the place of whose function its mesh is shown.
+    Meshed(Mesh),
+    Mesh(Mesh),
+    /// The mesh of a function of `implicitize`, which stands for a smooth surface.
+    Spline(Mesh),
+    Solid(ExactSolid),
+    Patches(Vec<Patch>),
+    Map(Arc<MapObject>),
+}
+
+/// A model whose function is shown itself.
+pub(crate) struct LiveLayer {
+    pub(crate) live: LiveModel,
+    pub(crate) title: Option<String>,
+    pub(crate) source: Source,
+}
+
+/// What a model comes from.
+pub(crate) enum Source {
+    /// A program, with the values of its parameters.
+    Program(Box<Model>, Vec<f64>),
+    /// A polynomial in x, y and z.
+    Polynomial(String),
+}
+
+/// A patch of a file.
+pub(crate) struct Patch {
+    pub(crate) patch: RationalPatch,
+    pub(crate) name: String,
+    /// The largest distance from its surface that the file tells.
+    pub(crate) distance: Option<f64>,
+}
+
+impl Layer {
+    /// Its kind in a word, as reports have it.
+    pub(crate) fn kind(&self) -> &'static str {
+        match self {
+            Self::Points(_) => "points",
+            Self::Model(_) | Self::Meshed(_) => "model",
+            Self::Mesh(_) | Self::Spline(_) => "mesh",
+            Self::Solid(_) => "solid",
+            Self::Patches(_) => "patches",
+            Self::Map(_) => "map",
+        }
+    }
+}
+
+/// Who shows the layers.
+pub(crate) struct Shower {
+    /// Whether it can show a model's function itself.
+    pub(crate) can_draw: fn(&LiveModel) -> bool,
+    /// Why the mesh of a model is shown instead.
+    pub(crate) why_mesh: &'static str,
+}
+
+/// The column of points that says how far they are from a model.
+const DEVIATION: &str = "deviation";
+/// A column is that of the model beside it where it differs from what is measured by at most this
+/// share of itself, as root mean squares: measured distances are of first order, which costs a few
+/// per cent at most beside edges. A larger share takes the deviations of another model for its own.
+const OWN: f64 = 0.05;
+
+/// Takes the deviations of a file's points away where the first model beside them is not the one
+/// that they were measured from: another one, or with other parameters. Without them points are
+/// measured anew.
+pub(crate) fn drop_foreign_deviations(layers: &mut [Layer]) {
+    let model = layers.iter().find_map(|layer| match layer {
+        Layer::Model(model) => Some(model.live.clone()),
+        _ => None,
+    });
+    let Some(model) = model else { return };
+    for layer in layers {
+        let Layer::Points(cloud) = layer else {
+            continue;
+        };
+        let own = cloud.columns.iter().find(|c| c.name == DEVIATION);
+        let Some(own) = own else { continue };
+        let pairs = own.values.iter().zip(model.deviations(cloud));
+        let (mut squares, mut differences) = (0.0, 0.0);
+        for (own, measured) in pairs.filter(|(a, b)| a.is_finite() && b.is_finite()) {
+            squares += own * own;
+            differences += (own - measured).powi(2);
+        }
+        if differences > OWN * OWN * squares {
+            cloud.columns.retain(|c| c.name != DEVIATION);
+        }
+    }
+}
+
+/// The name of a file without its folder.
+pub(crate) fn base_name(path: &Path) -> String {
+    let name = path.file_name().unwrap_or(path.as_os_str());
+    memory::name(Path::new(name))
+}
+
+/// A file being read.
+struct File<'a> {
+    path: &'a Path,
+    name: &'a str,
+    reading: &'a Reading,
+    shower: &'a Shower,
+    context: &'a Context,
+}
+
+/// Reads a file as a layer.
+pub(crate) fn read(
+    path: &Path,
+    reading: &Reading,
+    shower: &Shower,
+    context: &Context,
+) -> Result<Layer, Failure> {
+    let file = File {
+        path,
+        name: &base_name(path),
+        reading,
+        shower,
+        context,
+    };
+    file.read()
+}
+
+/// Whether it is the name of a template, and of no file.
+fn is_template(path: &Path) -> bool {
+    !memory::exists(path) && isoform::template(&path.to_string_lossy()).is_some()
+}
+
+impl File<'_> {
+    fn read(&self) -> Result<Layer, Failure> {
+        let path = self.path;
+        match memory::find(path) {
+            Some(Object::Map(map)) => return Ok(Layer::Map(map)),
+            Some(Object::Function(function)) => return self.fitted(&function.0),
+            _ => {}
+        }
+        if path != Path::new("-")
+            && let Some(file) = solids::find(path)?
+        {
+            let solid = solids::divided(path, file, None, self.context)?;
+            return Ok(Layer::Solid(solid));
+        }
+        if spline::is_json(path) {
+            return self.document();
+        }
+        let is_program = path
+            .extension()
+            .is_some_and(|e| e.eq_ignore_ascii_case("hf"));
+        if is_program || is_template(path) {
+            let model = gallery::template(path, &self.reading.language, self.context)?;
+            return self.program(&model);
+        }
+        if scan::is_mesh(path, None) {
+            return self.mesh();
+        }
+        self.points()
+    }
+
+    /// Points, or the mesh that they are the corners of.
+    fn points(&self) -> Result<Layer, Failure> {
+        let path = self.path;
+        let (cloud, report) =
+            scan::read_points(path, None, None, MeshPoints::Vertices, self.context)?;
+        let usual = if report.format == "ply" {
+            Kind::Points
+        } else {
+            Kind::Mesh
+        };
+        let kind = self.reading.kind.unwrap_or(usual);
+        let is_mesh = !cloud.triangles.is_empty() && kind == Kind::Mesh;
+        if is_mesh && path != Path::new("-") {
+            return self.mesh();
+        }
+        self.warn_all(&report.warnings);
+        if cloud.points.is_empty() {
+            let message = format!("{}: there are no points", path.display());
+            return Err(Failure::input("no-points", message)
+                .hint("isoform inspect shows what is in the file"));
+        }
+        Ok(Layer::Points(cloud))
+    }
+
+    fn warn_all(&self, warnings: &[impl std::fmt::Display]) {
+        for warning in warnings {
+            self.context
+                .warn(format_args!("{}: {warning}", self.path.display()));
+        }
+    }
+
+    fn mesh(&self) -> Result<Layer, Failure> {
+        let (mesh, report) = scan::read_mesh_file(self.path, None)?;
+        self.warn_all(&report.warnings);
+        if mesh.triangles.is_empty() && mesh.quads.is_empty() {
+            let message = format!("{}: there are no triangles", self.path.display());
+            return Err(Failure::input("no-triangles", message)
+                .hint("isoform inspect shows what is in the file"));
+        }
+        Ok(Layer::Mesh(mesh))
+    }
+
+    fn region(&self) -> Option<Aabb> {
+        self.reading.region.as_ref().map(Place::region)
+    }
+
+    /// A model that moves; one that cannot be shown itself as its mesh.
+    fn program(&self, model: &Model) -> Result<Layer, Failure> {
+        let (name, region) = (self.name, self.region());
+        let values = parameters::values(model, &self.reading.given, self.context)?;
+        let control = self.context.control();
+        let settings = Settings {
+            region,
+            ..Settings::default()
+        };
+        let live = LiveModel::new(model, &values, region, &control);
+        let live = live.map_err(|e| no_mesh(&e, name, &settings))?;
+        if let Some(live) = live.filter(self.shower.can_draw) {
+            return Ok(Layer::Model(Box::new(LiveLayer {
+                live,
+                title: model.info().title.clone(),
+                source: Source::Program(Box::new(model.clone()), values),
+            })));
+        }
+        let options = MeshModelOptions::of_surface(region);
+        let made = mesh_model(model, &values, &options, &control);
+        let made = made.map_err(|e| no_mesh(&e, name, &settings))?;
+        if !made.certificate.is_ok() {
+            // What the mesher made of places without a value is nothing to be shown.
+            let (solid, _) =
+                solid_of(model, &values).map_err(|e| no_mesh(&e.into(), name, &settings))?;
+            if let Some(at) = undefined_at(solid.as_ref(), &Aabb::of(&made.meshed.mesh.points)) {
+                let undefined = MeshModelError::Mesh(MeshError::NotANumber { at });
+                return Err(no_mesh(&undefined, name, &settings));
+            }
+        }
+        self.context
+            .warn(format_args!("{name}: {}", self.shower.why_mesh));
+        Ok(Layer::Meshed(made.meshed.mesh))
+    }
+
+    /// What a document holds: patches, a function fitted to points, a polynomial, or a map.
+    fn document(&self) -> Result<Layer, Failure> {
+        let text = output::text(output::read_file(self.path)?);
+        let json: Value = serde_json::from_str(&text).unwrap_or_default();
+        if is_patch_file(&json) {
+            return self.patches(&json);
+        }
+        if spline::is_fitted(&json) {
+            return self.fitted(&spline::of_document(self.path, &json)?);
+        }
+        if let Some(formula) = json.get("F").and_then(Value::as_str) {
+            return self.polynomial(formula);
+        }
+        let surface = triangulate::read(self.path, false)?;
+        if surface.is_map() {
+            self.map(surface)
+        } else {
+            self.patches(&json)
+        }
+    }
+
+    /// The surface of a polynomial.
+    fn polynomial(&self, formula: &str) -> Result<Layer, Failure> {
+        let path = self.path.display();
+        let Some(region) = self.region() else {
+            return Err(Failure::usage(format!("{path}: --box is needed"))
+                .why("the surface of a polynomial may have no end")
+                .hint("--box B, half the width of a box around the origin"));
+        };
+        let wrong = |what: String| Failure::input("polynomial", format!("{path}: {what}"));
+        let live = LiveModel::of_polynomial(formula, region)
+            .map_err(|e| wrong(format!("F, column {}: {e}", e.column)))?
+            .filter(self.shower.can_draw)
+            .ok_or_else(|| wrong("F is constant, or too long to be drawn".to_owned()))?;
+        Ok(Layer::Model(Box::new(LiveLayer {
+            live,
+            title: None,
+            source: Source::Polynomial(formula.to_owned()),
+        })))
+    }
+
+    /// Patches, with the distances that their file tells.
+    fn patches(&self, json: &Value) -> Result<Layer, Failure> {
+        let wrong = |e: &dyn std::fmt::Display| {
+            Failure::input("not_patches", format!("{}: {e}", self.path.display()))
+                .hint("see Patches in docs/rational.md")
+        };
+        let found = read_patches(json).map_err(|e| wrong(&e))?;
+        let told = |k: usize| json["patches"][k]["max_distance"].as_f64();
+        let shown = |(k, p): (usize, &FilePatch)| -> Result<Patch, Failure> {
+            Ok(Patch {
+                patch: p.patch().map_err(|e| wrong(&e))?,
+                name: p.name.clone(),
+                distance: told(k),
+            })
+        };
+        let list = found
+            .iter()
+            .enumerate()
+            .map(shown)
+            .collect::<Result<_, _>>()?;
+        Ok(Layer::Patches(list))
+    }
+
+    /// The surface of a function that was fitted to points.
+    fn fitted(&self, function: &Implicit) -> Result<Layer, Failure> {
+        let made = mesh_spline(
+            function,
+            Unseen::Cut,
+            &MeshModelOptions::of_surface(None),
+            &self.context.control(),
+        );
+        let made = made.map_err(|e| no_mesh(&e, self.name, &Settings::default()))?;
+        Ok(Layer::Spline(made.meshed.mesh))
+    }
+
+    /// A rational surface.
+    fn map(&self, map: RationalSurface) -> Result<Layer, Failure> {
+        let (name, context) = (self.name, self.context);
+        let Some(Place::Around(half)) = &self.reading.region else {
+            return Err(Failure::usage(format!(
+                "{}: --box with one number is needed",
+                self.path.display()
+            ))
+            .why("the parameters are the whole plane, and maps are cut by a cube about the origin")
+            .hint("--box B, half the width of a box around the origin"));
+        };
+        let around = SurfaceBox {
+            half_width: half.exact.clone(),
+            size: half.near,
+        };
+        let options = map.options(&around, context.global.time_limit);
+        let made = map.triangulate(options, false, &context.control());
+        let mut made = made.map_err(|e| match e {
+            PatchesError::Stopped => triangulate::nothing(name, None, context),
+            e => Failure::usage(format!("{}: {e}", self.path.display())),
+        })?;
+        let of_map = made.maps.pop().zip(made.analyses.pop());
+        let (Some((map, analysis)), false) = (of_map, made.surface.triangles.is_empty()) else {
+            let nothing = triangulate::nothing(name, Some((&made.surface, &made.options)), context);
+            return Err(nothing);
+        };
+        for finding in &made.surface.findings {
+            context.note(format_args!("{name}: {finding}"));
+        }
+        Ok(Layer::Map(Arc::new(MapObject {
+            map,
+            surface: made.surface,
+            analysis,
+            half_width: half.near,
+        })))
+    }
+}

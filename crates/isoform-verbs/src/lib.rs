@@ -1,0 +1,298 @@
+//! The verbs of Isoform: arguments in, one call of the library, a document or files out.
+//!
+//! Each verb is declared once, by the arguments of its module. The program `isoform` takes them as
+//! words ([`program`]), and so does any other caller ([`call`]), who may put objects in memory in the
+//! place of files ([`memory`]), and gets the result itself beside its document ([`Product`]).
+#![forbid(unsafe_code)]
+
+mod brep;
+mod compare;
+mod completions;
+mod convert;
+mod eval;
+mod fit;
+mod gallery;
+mod implicitize;
+mod inputs;
+mod inspect;
+mod interrupt;
+mod kind;
+mod layers;
+pub mod memory;
+mod mesh;
+mod model;
+mod output;
+mod parameterize;
+mod parameters;
+mod product;
+mod progress;
+mod recognize;
+mod recover;
+mod recover_folder;
+mod render;
+mod report;
+mod request;
+mod scan;
+mod serve;
+mod solids;
+mod spline;
+mod triangulate;
+mod view;
+mod watchdog;
+
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+pub use fit::job::Job as FittedScan;
+use inputs::Inputs;
+use isoform::report::Document;
+use isoform::{FitOptions, FitScanError, MeshModelError, MeshModelOptions};
+use output::{Context, Global};
+pub use output::{Failure, Listener, OnProgress, Outcome, Place};
+pub use product::Product;
+use serde_json::{Map, Value};
+pub use solids::Statement;
+pub use spline::file as function_file;
+use std::ffi::OsString;
+use std::path::Path;
+use std::process::ExitCode;
+
+/// Isoform: one shape, many forms.
+///
+/// Carries shapes between point clouds, implicit functions, patches and meshes, each way checked.
+#[derive(Parser)]
+#[command(name = "isoform", version, max_term_width = 110)]
+struct Cli {
+    #[command(flatten)]
+    global: Global,
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(Subcommand)]
+enum Verb {
+    Recover(Box<recover::Args>),
+    Fit(Box<fit::Args>),
+    Mesh(Box<mesh::Args>),
+    Brep(Box<brep::Args>),
+    Parameterize(Box<parameterize::Args>),
+    Triangulate(Box<triangulate::Args>),
+    Implicitize(implicitize::Args),
+    Recognize(recognize::Args),
+    Eval(eval::Args),
+    Inspect(inspect::Args),
+    Convert(convert::Args),
+    Compare(Box<compare::Args>),
+    View(view::Args),
+    Render(Box<render::Args>),
+    Run(request::RunArgs),
+    Schema(request::SchemaArgs),
+    /// Prints the completion script of a shell
+    Completions {
+        /// The shell
+        shell: clap_complete::Shell,
+    },
+}
+
+/// Calls the verb.
+fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
+    match verb {
+        Verb::Recover(args) => recover::run(&args, context),
+        Verb::Fit(args) => fit::run(&args, context),
+        Verb::Mesh(args) => mesh::run(&args, context),
+        Verb::Brep(args) => brep::run(&args, context),
+        Verb::Parameterize(args) => parameterize::run(&args, context),
+        Verb::Triangulate(args) => triangulate::run(&args, context),
+        Verb::Implicitize(args) => implicitize::run(&args, context),
+        Verb::Recognize(args) => recognize::run(&args, context),
+        Verb::Inspect(args) => inspect::run(&args, context),
+        Verb::Convert(args) => convert::run(&args, context),
+        Verb::Compare(args) => compare::run(&args, context),
+        Verb::View(args) => view::run(&args, context),
+        Verb::Render(args) => render::run(&args, context),
+        Verb::Eval(args) => eval::run(&args, context),
+        // It has been read in the place of these arguments.
+        Verb::Run(_) => Err(Failure::usage("a request cannot run another one")),
+        Verb::Schema(args) => {
+            let schema = request::schema(args.verb.as_deref(), &Cli::command())?;
+            Ok(Outcome::json(schema))
+        }
+        Verb::Completions { shell } => {
+            let script = completions::script(shell, &mut Cli::command());
+            Ok(Outcome::text(script))
+        }
+    }
+}
+
+/// Reads the arguments, and finds the files among them that are read.
+fn parse(
+    words: impl IntoIterator<Item = OsString>,
+) -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
+    let matches = Cli::command().try_get_matches_from(words)?;
+    let cli = Cli::from_arg_matches(&matches)?;
+    if let Verb::Run(args) = &cli.verb {
+        return match request::read(&args.file, &Cli::command()) {
+            Ok(words) => parse_request(words, cli.global),
+            Err(failure) => Ok((cli, Err(failure))),
+        };
+    }
+    let inputs = match matches.subcommand() {
+        Some((_, verb)) => Inputs::of(verb, cli.global.force),
+        None => Ok(Inputs::default()),
+    };
+    Ok((cli, inputs))
+}
+
+/// Reads the arguments of a request. Global options may stand in it, or on the command line.
+fn parse_request(
+    words: Vec<OsString>,
+    global: Global,
+) -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
+    let (mut cli, inputs) = parse(std::iter::once(OsString::from("isoform")).chain(words))?;
+    cli.global.json |= global.json;
+    cli.global.quiet |= global.quiet;
+    cli.global.verbose = cli.global.verbose.max(global.verbose);
+    cli.global.threads = global.threads.or(cli.global.threads);
+    cli.global.time_limit = global.time_limit.or(cli.global.time_limit);
+    Ok((cli, inputs))
+}
+
+/// What a call gives back.
+pub struct Answer {
+    /// Exit code, document and text.
+    pub outcome: Outcome,
+    /// The result in memory, of verbs that make one.
+    pub product: Option<Product>,
+    /// Warnings, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Calls a verb for a caller in the same process, with its arguments by their names in requests
+/// (`isoform schema`). The work runs on the pool of threads that it is called from.
+///
+/// # Errors
+/// [`Failure`] if the arguments do not say what to do, or the work has no result.
+pub fn call(
+    verb: &str,
+    arguments: &Map<String, Value>,
+    listener: Listener,
+) -> Result<Answer, Failure> {
+    let words = request::words(verb, arguments, &Cli::command()).map_err(Failure::plain)?;
+    let program = std::iter::once(OsString::from("isoform"));
+    let (cli, inputs) = parse(program.chain(words)).map_err(refused)?;
+    let mut context = Context::new(cli.global, Some(listener));
+    let result = output::stage("", || {
+        context.inputs = inputs?;
+        run(cli.verb, &context)
+    });
+    let outcome = result.map_err(Failure::plain)?;
+    let (product, warnings) = context.into_parts();
+    Ok(Answer {
+        outcome: outcome.plain(),
+        product,
+        warnings,
+    })
+}
+
+/// Returns the document of `--json` as text: a report behind the version of the form.
+pub fn document(report: Value) -> String {
+    output::json_of(&Document::new(true, report)).to_string()
+}
+
+/// Returns the JSON schema of requests, as text.
+pub fn schema() -> String {
+    let schema = request::schema(None, &Cli::command());
+    schema.map_or_else(|_| String::new(), |schema| schema.to_string())
+}
+
+/// Reads the arguments of a verb without its inputs.
+fn parsed(verb: &str, arguments: &Map<String, Value>) -> Result<(Verb, Context), Failure> {
+    let words = request::words(verb, arguments, &Cli::command()).map_err(Failure::plain)?;
+    let program = std::iter::once(OsString::from("isoform"));
+    let (cli, _) = parse(program.chain(words)).map_err(refused)?;
+    Ok((cli.verb, Context::new(cli.global, None)))
+}
+
+/// Returns the options of a fit with these arguments of `fit`, of which `scan` and `template` may
+/// be any.
+///
+/// # Errors
+/// [`Failure`] if the arguments do not say what to do.
+pub fn fit_options(arguments: &Map<String, Value>) -> Result<FitOptions, Failure> {
+    match parsed("fit", arguments)? {
+        (Verb::Fit(args), context) => args.fit_options(&context).map_err(Failure::plain),
+        _ => Err(Failure::internal("arguments")),
+    }
+}
+
+/// Returns the options of a mesh with these arguments of `mesh`, of which `model` may be any.
+///
+/// # Errors
+/// [`Failure`] if the arguments do not say what to do.
+pub fn mesh_options(arguments: &Map<String, Value>) -> Result<MeshModelOptions, Failure> {
+    match parsed("mesh", arguments)? {
+        (Verb::Mesh(args), context) => args.mesh_options(&context).map_err(Failure::plain),
+        _ => Err(Failure::internal("arguments")),
+    }
+}
+
+/// Returns why there is no fit of a scan and a template with these names.
+pub fn fit_failure(error: &FitScanError, scan: &str, template: &str) -> Failure {
+    fit::job::failure(error, scan, Path::new(template), None)
+}
+
+/// Returns why there is no mesh of a model with this name.
+pub fn mesh_failure(error: &MeshModelError, name: &str) -> Failure {
+    mesh::work::no_mesh(error, name, &mesh::Settings::default())
+}
+
+/// Returns the failure of arguments that clap refuses: the first paragraph of what it says.
+fn refused(error: clap::Error) -> Failure {
+    let text = error.render().to_string();
+    let lines = text.lines().map(str::trim).take_while(|l| !l.is_empty());
+    let message = lines.collect::<Vec<_>>().join(" ");
+    let message = memory::plain(message.trim_start_matches("error: "));
+    Failure::usage(message).hint("isoform --help")
+}
+
+/// Sizes of two blocks that tell the allocator how much freed memory to keep. The first is the
+/// largest that glibc learns from: smaller ones come from the heap from then on, and up to twice as
+/// much that is free at its end stays. The second makes the heap grow once, not by 128 KiB each
+/// time.
+const KEPT: [usize; 2] = [(32 << 20) - 4096, 16 << 20];
+
+/// Has the allocator keep freed memory for the next stage: a fit of ten thousand points spends a
+/// twentieth of its time on pages that come and go. The blocks are never touched and cost none.
+fn keep_freed_memory() {
+    for size in KEPT {
+        drop(std::hint::black_box(Vec::<u8>::with_capacity(size)));
+    }
+}
+
+/// Is the program: reads the arguments of the process, does the work on the terminal, and returns
+/// the exit code.
+pub fn program() -> ExitCode {
+    let (cli, inputs) = match parse(std::env::args_os()) {
+        Ok(parsed) => parsed,
+        Err(error) => return output::usage(error),
+    };
+    let mut context = Context::new(cli.global, None);
+    context.begin();
+    let is_fit = matches!(cli.verb, Verb::Fit(_) | Verb::Recover(_));
+    if is_fit {
+        keep_freed_memory();
+        context.whole = Some(progress::Whole::new());
+    }
+    let work = || {
+        output::finish(&mut context, |context| {
+            context.inputs = inputs?;
+            run(cli.verb, context)
+        })
+    };
+    // A fit has many short parallel loops: a thread of the pool does all of its work, as each loop
+    // of another thread would wait for the pool to wake up, some 30 µs. Verbs with long loops leave
+    // the pool to them: a thread that took part could not ask whether the time is over.
+    if is_fit {
+        rayon::scope(|_| work())
+    } else {
+        work()
+    }
+}

@@ -1,0 +1,101 @@
+//! Reading HyperFun programs.
+
+use crate::kind::{self, Kind};
+use crate::memory::{self, Object};
+use crate::output::{self, Context, Failure};
+use isoform::field::hyperfun::{Mode, Model, Precedence, SyntaxError};
+use std::path::Path;
+
+/// The code of failures of programs that are no HyperFun.
+const SYNTAX: &str = "syntax";
+
+/// How a program is read; the same options for every verb.
+#[derive(clap::Args, Clone, Debug, Default)]
+pub(crate) struct Language {
+    /// The object to evaluate [default: my_model, else the first one]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) object: Option<String>,
+    /// Compute what the reference implementation computes, its faults included
+    #[arg(long)]
+    pub(crate) strict: bool,
+    /// Let set operators bind weaker than + and -, as HyperFun's documentation says
+    #[arg(long)]
+    pub(crate) documented_precedence: bool,
+}
+
+/// Reads a program, chooses its object and says what is doubtful in it.
+pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
+    if let Some(Object::Program(model)) = memory::find(path) {
+        return Ok(Model::clone(&model));
+    }
+    let bytes = output::read_file(path)?;
+    let head = kind::head(&bytes).to_vec();
+    let text = output::text(bytes);
+    parse(path, &text, language, context).map_err(|failure| {
+        let kind = match failure.code {
+            SYNTAX => Kind::of(path, &head, &text),
+            _ => None,
+        };
+        kind.map_or(failure, |kind| kind.instead_of("a HyperFun program", path))
+    })
+}
+
+/// Reads a program from text; the path is for messages.
+pub(crate) fn parse(
+    path: &Path,
+    text: &str,
+    language: &Language,
+    context: &Context,
+) -> Result<Model, Failure> {
+    let model = silently(text, language).map_err(|e| misspelled(&e, path, text))?;
+    for w in model.warnings() {
+        context.warn(format_args!(
+            "{}:{}:{}: {}",
+            path.display(),
+            w.line,
+            w.column,
+            w.message
+        ));
+    }
+    model.object(language.object.as_deref()).map_err(|e| {
+        let failure = Failure::usage(format!(
+            "{}: no object is called `{}`",
+            path.display(),
+            e.name
+        ));
+        failure.hint(format!("--object with one of: {}", e.objects.join(", ")))
+    })
+}
+
+/// The failure of a program that is not HyperFun, with its line drawn and what was expected there.
+fn misspelled(error: &SyntaxError, path: &Path, text: &str) -> Failure {
+    let line = text
+        .strip_prefix('\u{feff}')
+        .unwrap_or(text)
+        .split('\n')
+        .nth(error.line - 1)
+        .unwrap_or_default();
+    let failure = Failure::input(SYNTAX, &error.message)
+        .at(path, error.line, error.column)
+        .drawn(line);
+    if error.expected.is_empty() {
+        failure
+    } else {
+        failure.hint(format!("{} there", error.expected))
+    }
+}
+
+/// The first object of a program, nothing said.
+pub(crate) fn silently(text: &str, language: &Language) -> Result<Model, SyntaxError> {
+    let mode = if language.strict {
+        Mode::Strict
+    } else {
+        Mode::Default
+    };
+    let precedence = if language.documented_precedence {
+        Precedence::Documented
+    } else {
+        Precedence::Flat
+    };
+    Model::parse_with(text, mode, precedence)
+}

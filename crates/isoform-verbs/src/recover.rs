@@ -1,0 +1,386 @@
+//! `isoform recover`: from points to a fitted model and a report, in one go. Without a template one
+//! is proposed from what is recognised in the scan.
+
+use crate::fit::{Settings, document, files, job, solid, table};
+use crate::gallery;
+use crate::mesh::work::{self, Made, Shape, Subject};
+use crate::mesh::{self, files::Target};
+use crate::model::{self, Language};
+use crate::output::{self, Context, DONE, Failure, Outcome};
+use crate::product::Product;
+use crate::recognize;
+use crate::recover_folder as folder;
+use crate::solids;
+use isoform::field::hyperfun::Model;
+use isoform::fit::{Beside, Finding};
+use isoform::geom::Point3;
+use isoform::{MeshModelOptions, Proposal, RecognizeOptions};
+use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// The template that is fitted to the built-in scan.
+const TEMPLATE: &str = "cup";
+/// What a template is called that is made from the scan.
+const PROPOSED: &str = "proposed template";
+/// Points in which entities are recognised at most: all are fitted. More find smaller faces, and
+/// take longer.
+const RECOGNIZED: usize = 100_000;
+
+/// Recovers a model from a scan: fit, deviations, mesh and report in one go
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  isoform recover
+  isoform recover scan.ply
+  isoform recover scan.ply bottle -o bottle.hf -o report.html
+  isoform recover scan.ply part.hf -o part.inp --size 0.5
+  isoform recover scan.ply part.hf -o part.step
+  isoform recover scan.ply -o results/
+
+Without arguments the scan of a cup that the program carries is fitted. Without a template the planes,
+spheres, cylinders, cones and tori of the scan are recognised (see recognize), and the template made
+of them is fitted. Without -o, fitted.hf, deviation.ply and report.html go to the folder
+isoform-recover/NAME, NAME being that of the scan (NAME-2 for another scan of that name; scan.txt says
+which it is), and with -o FOLDER/ to that folder; and part.step, the solid of exact faces for CAD, if
+SCAN is given, the fit is accepted and the certificate of the solid holds. What an earlier run left in
+the folder of the scan is removed first. With -o part.msh, .inp, .vtu, .stl and the like the fitted
+model is meshed, see mesh; with -o part.step or part.brep.json it becomes a solid, see brep: of a fit
+that is in doubt only with --force. A solid may take five minutes; --time-limit sets another limit.
+Exit codes are those of fit, and 3 where the mesh or a solid asked for is not certified or a proposed
+template leaves a fiftieth of the points, or a side that was not seen. Where a stage fails the code is
+its own, and what was made before it is written.")]
+pub(crate) struct Args {
+    /// The points [default: the scan of a cup that is built in]
+    scan: Option<PathBuf>,
+    /// The template: a HyperFun file or a name out of `fit --list` [default: made of what is
+    /// recognised]
+    template: Option<PathBuf>,
+    #[command(flatten)]
+    options: Settings,
+    #[command(flatten)]
+    mesh: mesh::Settings,
+    /// Write a file; by its ending: .hf, .ply, .xyz, .csv, .html, .json, a solid: .step,
+    /// .brep.json, or a mesh: .msh, .inp, .vtu, .stl, ...; or, to FOLDER/, what there is without -o
+    #[arg(short, long, value_name = "FILE|FOLDER/")]
+    output: Vec<PathBuf>,
+}
+
+/// Runs the verb: fits, writes the results, then makes the solid and the mesh of the fitted model.
+pub(crate) fn run(args: &Args, context: &Context) -> Result<Outcome, Failure> {
+    let is_proposed = args.scan.is_some() && args.template.is_none();
+    let named = if is_proposed { PROPOSED } else { TEMPLATE };
+    let template = args.template.clone().unwrap_or_else(|| named.into());
+    let settings = &args.options;
+    let read = || gallery::template(&template, &settings.language, context);
+    let model = if is_proposed { None } else { Some(read()?) };
+    let mut outputs = Outputs::of(args, context)?;
+    let scan = match &args.scan {
+        Some(path) => job::read_scan(path, None, None, context)?,
+        None => embedded(),
+    };
+    // What is wrong with the template or the scan is said before a folder is made.
+    outputs.make_folders(args, context)?;
+    let (scan, model, proposal) = match model {
+        Some(model) => (scan, model, None),
+        None => {
+            let (scan, supports) = standing_alone(scan, &settings.keep(), context)?;
+            let (model, proposal) = proposed(&scan, supports, &settings.language, context)?;
+            (scan, model, Some(proposal))
+        }
+    };
+    let mut job = output::stage("fit", || {
+        job::run_model(scan, (&template, &model), settings, context)
+    })?;
+    for gap in proposal.iter().flat_map(Proposal::faults) {
+        let what = format!("template: {gap}");
+        job.found.fit.add_finding(Finding::Incomplete { what });
+    }
+    let written = files::write(&mut job, &outputs.results, context)?;
+    if !context.global.json {
+        job.warnings.iter().for_each(|w| context.warn(w));
+    }
+    let mut told = Told::of(&job, &written);
+    if let Some(proposal) = &proposal {
+        told.add_proposal(proposal);
+    }
+    told.print(context)?;
+    if !outputs.solid.paths.is_empty() {
+        told.add_solid(solid::tell(
+            &job,
+            &settings.language,
+            &outputs.solid,
+            context,
+        ));
+    }
+    told.print(context)?;
+    if !outputs.meshes.is_empty() {
+        context.say("meshing the fitted model");
+        let made = output::stage("mesh of the fitted model", || {
+            fitted_mesh(
+                &job,
+                &settings.language,
+                &args.mesh,
+                &outputs.meshes,
+                context,
+            )
+        });
+        match made {
+            Ok(made) => {
+                made.say(context);
+                told.add_mesh(&made);
+            }
+            Err(failure) => told.add_failure(failure, context),
+        }
+    }
+    context.hand_over(|| Product::Fit(Box::new(job)));
+    Ok(told.outcome())
+}
+
+/// Takes the planes off that a part stands at, unless they are to be kept; returns them, too: a
+/// point and the unit normal of each.
+fn standing_alone(
+    scan: job::Scan,
+    keep: &[Beside],
+    context: &Context,
+) -> Result<(job::Scan, Vec<(Point3, Point3)>), Failure> {
+    if keep.contains(&Beside::Plane) {
+        return Ok((scan, Vec::new()));
+    }
+    let standing = isoform::without_supports(&scan.cloud, &context.control())
+        .map_err(|e| recognize::failure(e.into(), Path::new(&scan.name)))?;
+    let Some(standing) = standing else {
+        return Ok((scan, Vec::new()));
+    };
+    context.warn(format_args!(
+        "{}: {:.1} % of the points lie on planes that reach beyond the part, such as a table, and \
+         are left out; --keep-planes keeps them",
+        scan.name,
+        100.0 * standing.left_out as f64 / scan.cloud.points.len() as f64,
+    ));
+    let cloud = standing.part;
+    Ok((job::Scan { cloud, ..scan }, standing.supports))
+}
+
+/// A template made of what is recognised in a scan, or in some of its points.
+fn proposed(
+    scan: &job::Scan,
+    supports: Vec<(Point3, Point3)>,
+    language: &Language,
+    context: &Context,
+) -> Result<(Model, Proposal), Failure> {
+    let path = Path::new(&scan.name);
+    let options = RecognizeOptions::default();
+    let sample = isoform::sample_of(&scan.cloud, RECOGNIZED);
+    let cloud = sample.as_ref().unwrap_or(&scan.cloud);
+    let mut found = recognize::recognised(cloud, path, &options, context)?;
+    found.supports = supports;
+    let proposal = recognize::proposal(&found, path, context)?;
+    let model = model::parse(Path::new(PROPOSED), &proposal.program, language, context)?;
+    Ok((model, proposal))
+}
+
+/// The files to write.
+struct Outputs {
+    /// Results of the fit.
+    results: Vec<PathBuf>,
+    /// The solid of the fitted model.
+    solid: solid::Wanted,
+    /// Its meshes.
+    meshes: Vec<Target>,
+    /// Folders for the results that there are without -o.
+    folders: Vec<PathBuf>,
+}
+
+impl Outputs {
+    /// Those that were asked for; folders are not made yet.
+    fn of(args: &Args, context: &Context) -> Result<Self, Failure> {
+        let (folders, paths): (Vec<PathBuf>, Vec<PathBuf>) = args
+            .output
+            .iter()
+            .cloned()
+            .partition(|p| folder::is_folder(p));
+        let (solid, paths): (Vec<PathBuf>, Vec<PathBuf>) =
+            paths.into_iter().partition(|p| solids::is_solid(p));
+        let (results, meshes): (Vec<PathBuf>, Vec<PathBuf>) = paths
+            .into_iter()
+            .partition(|p| files::is_result(p) || !mesh::files::is_mesh(p));
+        files::check(&results)?;
+        solids::check(&solid)?;
+        let mut options = MeshModelOptions {
+            size: args.mesh.size,
+            ..MeshModelOptions::default()
+        };
+        options.mesh.region = args.mesh.region;
+        Ok(Self {
+            results,
+            solid: solid::Wanted {
+                is_asked: !solid.is_empty(),
+                is_forced: context.global.force,
+                paths: solid,
+                options,
+            },
+            meshes: mesh::files::targets(&meshes, None, context)?,
+            folders,
+        })
+    }
+
+    /// Makes the folders, and adds what goes there. The scan that is built in is an example of a
+    /// fit, which a solid would make three times as long.
+    fn make_folders(&mut self, args: &Args, context: &Context) -> Result<(), Failure> {
+        let scan = args.scan.as_deref();
+        let name = scan.unwrap_or(Path::new(TEMPLATE));
+        let folders = match args.output.is_empty() {
+            true => vec![folder::of_scan(name, scan, context)?],
+            false => std::mem::take(&mut self.folders),
+        };
+        for folder in folders {
+            folder::begin(&folder, scan, context)?;
+            self.results.extend(folder::RESULTS.map(|f| folder.join(f)));
+            self.solid
+                .paths
+                .extend(scan.map(|_| folder.join(folder::SOLID)));
+        }
+        Ok(())
+    }
+}
+
+/// What is said of the fit, and then of the solid and the mesh.
+struct Told {
+    /// Exit code so far.
+    exit: u8,
+    /// Document so far.
+    json: Value,
+    /// Table so far.
+    text: String,
+    /// The files that are written.
+    files: Vec<String>,
+}
+
+impl Told {
+    /// Of the fit, with its files.
+    fn of(job: &job::Job, written: &[PathBuf]) -> Self {
+        let files: Vec<String> = written.iter().map(|p| p.display().to_string()).collect();
+        let mut text = table::text(job);
+        for path in &files {
+            text += &format!("wrote     {path}\n");
+        }
+        Self {
+            exit: job.exit(),
+            json: document::document(job, "recover"),
+            text,
+            files,
+        }
+    }
+    /// The template was made of the scan.
+    fn add_proposal(&mut self, proposal: &Proposal) {
+        let gaps: Vec<String> = proposal.gaps.iter().map(ToString::to_string).collect();
+        let used = proposal.used.iter().filter(|u| **u).count();
+        self.text = format!(
+            "template  made of {used} of {} recognised entities, which explain {:.1} % of the points\n\n{}",
+            proposal.used.len(),
+            100.0 * proposal.explained,
+            self.text
+        );
+        self.json["proposal"] = json!({
+            "entities": proposal.used.len(),
+            "entities_used": used,
+            "explained": proposal.explained,
+            "complete": proposal.is_complete(),
+            "gaps": gaps,
+        });
+    }
+    /// There is a solid, or the reason why not.
+    fn add_solid(&mut self, told: solid::Told) {
+        told.add_to(&mut self.json);
+        if self.exit == DONE || told.failure.is_some() {
+            self.exit = told.exit;
+        }
+        self.text += &told.text;
+        self.files.extend(told.files);
+    }
+    /// There is a mesh. Its exit code counts where the fit is as asked for.
+    fn add_mesh(&mut self, made: &Made) {
+        self.files
+            .extend(made.written.iter().map(|w| w.path.clone()));
+        if self.exit == DONE {
+            self.exit = made.exit();
+        }
+        self.json["mesh"] = mesh::document::document(made);
+        self.text += &format!("\n{}", mesh::table::text(made));
+    }
+    /// There is no mesh, but the fit stands, and its files are written.
+    fn add_failure(&mut self, failure: Failure, context: &Context) {
+        let failure = no_mesh(failure, &self.files);
+        context.complain(&failure);
+        self.exit = failure.exit;
+        self.json["mesh"] = json!({"ok": false, "error": failure.json()});
+        self.json["error"] = failure.json();
+    }
+    /// Prints what there is of the table: the next stage may take long.
+    fn print(&mut self, context: &Context) -> Result<(), Failure> {
+        if context.global.json {
+            return Ok(());
+        }
+        output::announce(context, Value::Null, std::mem::take(&mut self.text))
+    }
+    /// What the verb gives back.
+    fn outcome(mut self) -> Outcome {
+        self.json["outputs"] = json!(self.files);
+        Outcome {
+            exit: self.exit,
+            json: self.json,
+            stdout: self.text.into_bytes(),
+        }
+    }
+}
+
+/// Meshes the fitted program and writes the files.
+fn fitted_mesh(
+    job: &job::Job,
+    language: &Language,
+    settings: &mesh::Settings,
+    targets: &[Target],
+    context: &Context,
+) -> Result<Made, Failure> {
+    let (model, values) = solid::fitted_model(job, language)?;
+    let subject = Subject {
+        name: format!("fitted {}", job.template_name),
+        shape: Shape::Model(Box::new(model), values),
+        regions: Vec::new(),
+        unit: solid::unit(job),
+    };
+    let settings = mesh::Settings {
+        start: Some(solid::extent(job)),
+        ..settings.clone()
+    };
+    let mut made = work::make(&subject, &settings, None, context)?;
+    mesh::files::write(&mut made, targets)?;
+    Ok(made)
+}
+
+/// Why the fitted model has no mesh, and what there is of it.
+fn no_mesh(mut failure: Failure, written: &[String]) -> Failure {
+    let kept = if written.is_empty() {
+        "its parameters stand in the table".to_owned()
+    } else {
+        format!("wrote {}", written.join(", "))
+    };
+    failure.message = format!(
+        "the model was fitted ({kept}), but not meshed: {}",
+        failure.message
+    );
+    failure
+}
+
+/// The example scan that the program carries.
+fn embedded() -> job::Scan {
+    let started = Instant::now();
+    let (cloud, report) = isoform::example_scan();
+    job::Scan {
+        name: isoform::EXAMPLE_SCAN.to_owned(),
+        cloud,
+        report,
+        seconds: started.elapsed().as_secs_f64(),
+    }
+}

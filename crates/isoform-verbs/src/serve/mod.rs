@@ -1,0 +1,102 @@
+//! `isoform view --serve`: the page of files that change, for browsers of this machine.
+//!
+//! One thread makes pages: it looks at the files' length and times, and makes a new page when they
+//! have changed and come to rest. Another one ([`server`]) gives browsers the newest page that
+//! could be made, and tells them when there is another, or why there is none. Who is answered at
+//! all is decided in [`door`].
+
+mod door;
+mod server;
+mod stamps;
+
+use crate::interrupt;
+use crate::output::{self, Context, DONE, Failure, Outcome};
+use isoform_view::Page;
+use serde_json::{Value, json};
+use server::{Shown, Site};
+use stamps::Stamps;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+/// How often the files are looked at. Once more after a change, to see whether they are at rest:
+/// editors and other programs write a file in several steps.
+const LOOK: Duration = Duration::from_millis(120);
+/// Files that do not come to rest for this many looks are read nevertheless.
+const RESTLESS: usize = 20;
+
+/// Serves what `make` makes of the files, until Ctrl-C.
+pub(crate) fn run(
+    files: &[PathBuf],
+    port: u16,
+    context: &Context,
+    make: impl Fn() -> Result<(Page, Vec<Value>), Failure>,
+) -> Result<Outcome, Failure> {
+    if files.iter().any(|file| file == Path::new("-")) {
+        let failure = Failure::usage("--serve cannot follow stdin");
+        return Err(failure.hint("isoform view - -o PAGE.html"));
+    }
+    interrupt::watch();
+    let make = || make_of(files, &make);
+    let mut seen = Stamps::of(files);
+    let (page, layers) = make()?;
+    let site = Site::open(port, Shown::new(&page)).map_err(|e| {
+        let failure = Failure::new(output::NO_RESULT, "port", format!("cannot serve: {e}"));
+        failure.hint("another --port, or none: a free one is taken")
+    })?;
+    let text = format!("{}\n", site.address());
+    output::announce(
+        context,
+        json!({"verb": "view", "address": site.address(), "layers": layers}),
+        text,
+    )?;
+    while let Some(now) = next(files, &seen) {
+        seen = now;
+        match make() {
+            Ok((page, _)) => site.show(&page),
+            Err(_) if interrupt::happened() => break,
+            Err(failure) => {
+                context.complain(&failure);
+                site.fail(&failure.text());
+            }
+        }
+    }
+    Ok(Outcome {
+        exit: DONE,
+        json: Value::Null,
+        stdout: Vec::new(),
+    })
+}
+
+/// A page of files; what goes wrong is said, and never the end of the server. Reading a pipe in
+/// the place of a file might take for ever.
+fn make_of(
+    files: &[PathBuf],
+    make: &impl Fn() -> Result<(Page, Vec<Value>), Failure>,
+) -> Result<(Page, Vec<Value>), Failure> {
+    for file in files {
+        if file.metadata().is_ok_and(|about| !about.is_file()) {
+            let message = format!("{}: not a file that can be followed", file.display());
+            return Err(Failure::input("file", message));
+        }
+    }
+    output::stage("", make)
+}
+
+/// Waits until the files are others than those seen, and at rest; none after Ctrl-C.
+fn next(files: &[PathBuf], seen: &Stamps) -> Option<Stamps> {
+    let mut last = Stamps::of(files);
+    let mut restless = 0;
+    loop {
+        std::thread::sleep(LOOK);
+        if interrupt::happened() {
+            return None;
+        }
+        let now = Stamps::of(files);
+        let is_at_rest = now == last || restless >= RESTLESS;
+        if now != *seen && is_at_rest {
+            return Some(now);
+        }
+        restless = if is_at_rest { 0 } else { restless + 1 };
+        last = now;
+    }
+}

@@ -1,0 +1,212 @@
+//! Files of solids: STEP, and our own form without loss (.brep.json).
+
+use crate::output::{self, Context, Failure, NO_RESULT};
+use crate::watchdog::Writing;
+use crate::{interrupt, scan};
+use isoform::brep::{FacetOptions, FacetsError};
+use isoform::geom::Aabb;
+use isoform::io::{
+    SolidFile, SolidOptions, StepOptions, is_solid_file, read_solids, read_step_solids,
+    step_solids, write_solids, write_step_solids,
+};
+use isoform::{ExactSolid, ModelBrep, solid_gap};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// What a file is, by its name.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Kind {
+    Step,
+    /// Our own form.
+    Own,
+}
+
+fn kind(path: &Path) -> Option<Kind> {
+    let name = path.file_name().unwrap_or_default();
+    let name = name.to_string_lossy().to_ascii_lowercase();
+    let has = |ending: &str| name.ends_with(ending);
+    if has(".step") || has(".stp") {
+        Some(Kind::Step)
+    } else if has(".brep.json") {
+        Some(Kind::Own)
+    } else {
+        None
+    }
+}
+
+/// Whether solids are written with that name's ending.
+pub(crate) fn is_solid(path: &Path) -> bool {
+    kind(path).is_some()
+}
+
+/// Whether it is a STEP file by its name, which states a unit in any case.
+pub(crate) fn is_step(path: &Path) -> bool {
+    kind(path) == Some(Kind::Step)
+}
+
+/// What files say of solids, beside what is measured.
+#[derive(Clone, Debug, Default)]
+pub struct Statement {
+    /// Unit of length, if it is known.
+    pub unit: Option<String>,
+    /// Name of the product.
+    pub name: String,
+    /// AP214 instead of AP242.
+    pub ap214: bool,
+}
+
+impl Statement {
+    /// Of a model out of a file, or of a template.
+    pub(crate) fn of(model: &str, unit: Option<String>) -> Self {
+        let name = Path::new(model).file_stem().unwrap_or_default();
+        Self {
+            unit,
+            name: name.to_string_lossy().into_owned(),
+            ap214: false,
+        }
+    }
+}
+
+/// Refuses names and formats of solids for a verb that makes none, with the one that does.
+pub(crate) fn refuse(
+    paths: &[PathBuf],
+    to: Option<&str>,
+    hint: impl Fn(&str) -> String,
+) -> Result<(), Failure> {
+    let named = to.map(|to| PathBuf::from(format!("part.{to}")));
+    let Some(path) = named.iter().chain(paths).find(|p| is_solid(p)) else {
+        return Ok(());
+    };
+    let path = path.display().to_string();
+    let failure = Failure::usage(format!("{path}: this verb does not write solids"));
+    Err(failure.hint(hint(&path)))
+}
+
+/// Finds out before the work whether every file can be written.
+pub(crate) fn check(paths: &[PathBuf]) -> Result<(), Failure> {
+    for path in paths.iter().filter(|p| *p != Path::new("-")) {
+        if !is_solid(path) {
+            let path = path.display();
+            let message = format!("{path}: solids are not written with this ending");
+            let hint = "a name that ends in .step, .stp or .brep.json";
+            return Err(Failure::usage(message).hint(hint));
+        }
+        output::check_folder(path)?;
+    }
+    Ok(())
+}
+
+/// Writes all files; gives back their names, and what is for stdout (STEP).
+pub(crate) fn write(
+    made: &ModelBrep,
+    paths: &[PathBuf],
+    said: &Statement,
+    model: &str,
+) -> Result<(Vec<String>, Vec<u8>), Failure> {
+    if !made.is_closed() {
+        let failure = Failure::new(NO_RESULT, "open", format!("{model}: a shell is not closed"));
+        return Err(failure.hint("a smaller --size"));
+    }
+    let properties = made.properties();
+    let options = SolidOptions {
+        step: StepOptions {
+            units: said.unit.clone(),
+            name: said.name.clone(),
+            time: None,
+        },
+        ap214: said.ap214,
+    };
+    let _writing = Writing::new();
+    let (mut files, mut stdout) = (Vec::new(), Vec::new());
+    let brep = &made.built.brep;
+    for path in paths {
+        if path == Path::new("-") {
+            let text = step_solids(brep, &properties, &options);
+            stdout = text.map_err(|e| scan::unwritable(&e))?.into_bytes();
+            continue;
+        }
+        if kind(path) == Some(Kind::Own) {
+            let file = SolidFile {
+                brep: brep.clone(),
+                name: said.name.clone(),
+                unit: said.unit.clone(),
+                properties,
+            };
+            output::write_file(path, &write_solids(&file))?;
+        } else {
+            write_step_solids(brep, &properties, path, &options)
+                .map_err(|e| scan::unwritable(&e))?;
+        }
+        files.push(path.display().to_string());
+    }
+    Ok((files, stdout))
+}
+
+/// What edges of a file may be away from their faces without a warning, in diagonals of the box of
+/// the vertices: ten times what splines of our own files are.
+const LOOSE: f64 = 1e-5;
+
+/// The solids of a file with their triangles, as fine as `options` say. Edges that leave their
+/// faces are warned of: figures are worth no more than these agree.
+pub(crate) fn divided(
+    path: &Path,
+    file: SolidFile,
+    options: Option<FacetOptions>,
+    context: &Context,
+) -> Result<ExactSolid, Failure> {
+    let name = path.display();
+    let gap = solid_gap(&file.brep);
+    let size = Aabb::of(&file.brep.vertices).diagonal();
+    if gap > LOOSE * size.max(10.0 * file.properties.gap) {
+        context.warn(format_args!(
+            "{name}: edges are up to {gap:.1e} away from their faces"
+        ));
+    }
+    ExactSolid::new(file.brep, options, &context.control()).map_err(|e| match e {
+        FacetsError::Stopped if interrupt::happened() => {
+            Failure::new(interrupt::INTERRUPTED, "interrupted", e.to_string())
+        }
+        FacetsError::Stopped => {
+            Failure::new(NO_RESULT, "time-limit", e.to_string()).hint("a longer --time-limit")
+        }
+        e => Failure::new(NO_RESULT, "not-closed", format!("{name}: {e}")),
+    })
+}
+
+/// The format of a file of solids, for people and reports.
+pub(crate) fn format(path: &Path) -> &'static str {
+    match kind(path) {
+        Some(Kind::Step) => "step",
+        _ => "brep.json",
+    }
+}
+
+/// The solids of a file; none where its name or its content is that of something else.
+pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
+    let unreadable = |code, e: isoform::io::SolidFileError| {
+        Failure::input(code, format!("{}: {e}", path.display()))
+    };
+    if kind(path) == Some(Kind::Step) {
+        let text = output::text(output::read_file(path)?);
+        let read = read_step_solids(&text).map_err(|e| {
+            unreadable("step", e).hint("isoform brep writes solids as .step and as .brep.json")
+        });
+        return read.map(Some);
+    }
+    if !crate::spline::is_json(path) {
+        return Ok(None);
+    }
+    let json = output::text(output::read_file(path)?);
+    let json: Option<Value> = serde_json::from_str(&json).ok();
+    let is_named = kind(path) == Some(Kind::Own);
+    match json {
+        Some(json) if is_solid_file(&json) || is_named => read_solids(&json)
+            .map(Some)
+            .map_err(|e| unreadable("solids", e).hint("isoform brep writes such files")),
+        None if is_named => Err(Failure::input(
+            "json",
+            format!("{}: not JSON", path.display()),
+        )),
+        _ => Ok(None),
+    }
+}
