@@ -1,7 +1,7 @@
 //! Everything that is known exactly about a map before it is triangulated.
 
 use crate::base::{BasePoint, Classes};
-use crate::claim::{Basis, Claim, Grade};
+use crate::claim::{Basis, Claim, Verdict};
 use crate::complex_seams::{SeamLine, seam_lines};
 use crate::finding::{Finding, Phase};
 use crate::map::Map;
@@ -103,35 +103,24 @@ impl Analysis {
     fn stopped(&mut self, phase: Phase) {
         self.findings.push(Finding::Stopped(phase));
     }
-    /// The claims of the analysis. Nothing is claimed of the whole plane where only a region was
-    /// analysed, nor of what there was no time for: findings say that.
-    pub(crate) fn grades(&self) -> Vec<Grade> {
-        let is_double_known = |s: &Singular| s.double.is_some();
-        let asked = [
-            (Claim::CriticalCurves, self.singular.is_some()),
-            (
-                Claim::DoubleCurves,
-                self.singular.as_ref().is_some_and(is_double_known),
-            ),
-            (Claim::BasePoints, self.base_points.is_some()),
-            (Claim::ComplexSeams, self.base_points.is_some()),
-            (Claim::Pole, !self.is_local),
-        ];
-        let asked = asked.into_iter().filter(|c| c.1);
-        let mut grades: Vec<Grade> = asked.map(|c| c.0.into()).collect();
-        if self.is_local {
-            return grades;
-        }
+    /// Returns the verdicts on the claims of [`OF_ANALYSIS`](crate::claim::OF_ANALYSIS).
+    pub(crate) fn verdicts(&self) -> [Verdict; 5] {
+        const REGION: &str = "W has no zero over the region, and the rest is not drawn";
+        let exact = Verdict::Holds(Basis::Exact);
+        let of_base_points = exact.or_open(self.base_points.is_some());
         // The base points prove the product of the degrees, and an implicit equation one of them;
         // without it they are counted at pseudo-random points modulo primes.
-        grades.push(Grade {
-            claim: Claim::MapDegree,
-            basis: match self.implicit {
-                Some(_) => Claim::MapDegree.basis(),
-                None => Basis::Floating,
-            },
-        });
-        grades
+        let degree = match self.implicit {
+            Some(_) => exact,
+            None => Verdict::Holds(Basis::Floating),
+        };
+        [
+            of_base_points.or_not(!self.is_local, REGION),
+            of_base_points.or_not(!self.is_local, REGION),
+            Claim::Pole.usual().or_not(!self.is_local, REGION),
+            degree.or_not(!self.is_local, REGION),
+            exact.or_open(self.singular.is_some()),
+        ]
     }
 }
 

@@ -93,8 +93,8 @@ pub enum Claim {
 /// The texts about a claim.
 struct Row {
     claim: Claim,
-    /// The weakest step by which it is decided.
-    basis: Basis,
+    /// The usual verdict: by the weakest step that decides it, or why it is assumed.
+    verdict: Verdict,
     name: &'static str,
     /// What holds where nothing is found against it.
     statement: &'static str,
@@ -110,187 +110,197 @@ struct Row {
 /// - *Floating* are sections and paths in doubles; Newton's method to a tolerance; samples; base
 ///   points rounded to doubles, with thresholds for what is zero; and that sheets upon each other
 ///   have triangles that cross, which is so as a rule only.
-const ROWS: [Row; 27] = [
+const ROWS: [Row; Claim::COUNT] = [
     Row {
         claim: Claim::BasePoints,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "base points",
         statement: "the real base points, their multiplicities and the points infinitely near to \
                     them are all known",
     },
     Row {
         claim: Claim::ComplexSeams,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "seams of complex base points",
         statement: "complex base points are blown up to no real curve but the lines that are \
                     drawn",
     },
     Row {
         claim: Claim::Pole,
-        basis: Basis::Bounded,
+        verdict: Verdict::Holds(Basis::Bounded),
         name: "pole",
         statement: "the factors of W and the topology of its real zeros are known",
     },
     Row {
         claim: Claim::MapDegree,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "degree of the map",
         statement: "so many parameters reach a general point of the surface",
     },
     Row {
         claim: Claim::CriticalCurves,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "cuspidal and contracted curves",
         statement: "the curves of the parameters with cuspidal edges or points as images are all \
                     known",
     },
     Row {
         claim: Claim::DoubleCurves,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "double curves",
         statement: "the curves of the parameters along which sheets meet are all known",
     },
     Row {
         claim: Claim::DeckTransformations,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "deck transformations",
         statement: "the transformations that exchange parameters of a point, and their folds, are \
                     those of the map",
     },
     Row {
         claim: Claim::FundamentalDomain,
-        basis: Basis::Floating,
+        verdict: Verdict::Assumed(
+            "signs in 12 directions at each base point show none, and nothing checks what is between",
+        ),
         name: "fundamental domain",
         statement: "no base point is blown up to a part of the fundamental domain's border, as 12 \
                     directions at each of them show",
     },
     Row {
         claim: Claim::PinchPoints,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "pinch points",
         statement: "the pinch points are all known",
     },
     Row {
         claim: Claim::SolitaryArcs,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "solitary arcs",
         statement: "the points that only conjugate parameters reach are on the solitary arcs; \
                     arcs that no section of the box meets may be missed",
     },
     Row {
         claim: Claim::Weights,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "weights",
         statement: "W has no zero over the region, which is sent into the open box",
     },
     Row {
         claim: Claim::Region,
-        basis: Basis::Bounded,
+        verdict: Verdict::Holds(Basis::Bounded),
         name: "region",
         statement: "the cells of the parameters that are sent into the box are known",
     },
     Row {
         claim: Claim::Images,
-        basis: Basis::Floating,
+        verdict: Verdict::Assumed(
+            "points that agree to rounding are taken for one, and nothing shows that they are",
+        ),
         name: "images of contracted curves",
         statement: "images of contracted curves are one vertex where they are one point to \
                     rounding",
     },
     Row {
         claim: Claim::Tangents,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "tangents at base points",
         statement: "base points are opened in the directions of all curves that are drawn there",
     },
     Row {
         claim: Claim::Trees,
-        basis: Basis::Floating,
+        verdict: Verdict::Assumed(
+            "the order on the rectangle is compared in doubles, and nothing checks what is left of it",
+        ),
         name: "trees of infinitely near base points",
         statement: "rays and arcs at infinitely near base points leave the rectangle around them \
                     in the order in which they begin",
     },
     Row {
         claim: Claim::SignAtBasePoints,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "sign of W at base points",
         statement: "W keeps its sign between base points and the rectangles around them",
     },
     Row {
         claim: Claim::Folds,
-        basis: Basis::Floating,
+        verdict: Verdict::Assumed(
+            "seams without another seam nearby are taken for folds, and nothing shows that they are",
+        ),
         name: "folds at base points",
         statement: "the surface ends in those seams of base points along which it is folded",
     },
     Row {
         claim: Claim::Drawing,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "drawing",
         statement: "the polylines in the parameters lie in the order of the arcs that they stand \
                     for, and do not cross",
     },
     Row {
         claim: Claim::Partners,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "partners",
         statement: "edges of double curves, and of borders that are joined, have all sheets that \
                     meet there",
     },
     Row {
         claim: Claim::SignOfW,
-        basis: Basis::Bounded,
+        verdict: Verdict::Holds(Basis::Bounded),
         name: "sign of W",
         statement: "W keeps its sign on every triangle of the parameters",
     },
     Row {
         claim: Claim::Distances,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "distances",
         statement: "the middles of triangles and edges are as near to the surface as asked for",
     },
     Row {
         claim: Claim::Shapes,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "shapes",
         statement: "triangles have areas; vertices are apart, and in the box",
     },
     Row {
         claim: Claim::Edges,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "edges",
         statement: "the mesh ends on the box and on sides of the region only; only edges of \
                     double curves have more than two triangles",
     },
     Row {
         claim: Claim::Winding,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "winding",
         statement: "neighbouring triangles run opposite ways along their common edge, but for a \
                     cut through surfaces that are not orientable",
     },
     Row {
         claim: Claim::Sides,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "sides of patches",
         statement: "sides that patches have in common are joined",
     },
     Row {
         claim: Claim::Crossings,
-        basis: Basis::Exact,
+        verdict: Verdict::Holds(Basis::Exact),
         name: "crossings",
         statement: "no triangles cross",
     },
     Row {
         claim: Claim::Sheets,
-        basis: Basis::Floating,
+        verdict: Verdict::Holds(Basis::Floating),
         name: "sheets",
         statement: "no sheets lie upon each other, and none are joined that are to stay apart",
     },
 ];
 
 impl Claim {
+    /// Number of claims.
+    pub const COUNT: usize = 27;
     /// All of them, in their order.
-    pub const ALL: [Self; 27] = {
-        let mut all = [Self::BasePoints; 27];
+    pub const ALL: [Self; Self::COUNT] = {
+        let mut all = [Self::BasePoints; Self::COUNT];
         let mut k = 0;
         while k < all.len() {
             all[k] = ROWS[k].claim;
@@ -301,19 +311,21 @@ impl Claim {
     fn row(self) -> &'static Row {
         &ROWS[self as usize]
     }
-    /// The weakest step by which it is decided, where nothing else is said: see [`Grade`].
+    /// Returns the verdict that it has where it has to be decided and nothing stands against it; of
+    /// some surfaces it is decided by other steps.
     ///
     /// ```
-    /// use isoform_tess::{Basis, Claim};
+    /// use isoform_tess::{Basis, Claim, Verdict};
     ///
     /// // A search for triangles that cross is a proof; a look at the middles of edges is none.
-    /// assert_eq!(Claim::Crossings.basis(), Basis::Exact);
-    /// assert_eq!(Claim::Distances.basis(), Basis::Floating);
+    /// assert_eq!(Claim::Crossings.usual(), Verdict::Holds(Basis::Exact));
+    /// assert_eq!(Claim::Distances.usual(), Verdict::Holds(Basis::Floating));
+    /// assert!(matches!(Claim::Folds.usual(), Verdict::Assumed(_)));
     /// assert_eq!(Claim::Crossings.to_string(), "crossings");
     /// assert_eq!(Claim::Crossings.statement(), "no triangles cross");
     /// ```
-    pub fn basis(self) -> Basis {
-        self.row().basis
+    pub fn usual(self) -> Verdict {
+        self.row().verdict
     }
     /// What holds where nothing is found against it.
     pub fn statement(self) -> &'static str {
@@ -327,30 +339,145 @@ impl fmt::Display for Claim {
     }
 }
 
-/// A claim, and how it was decided of this surface.
+/// The verdict on a claim, the best first.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Grade {
-    /// The claim.
-    pub claim: Claim,
-    /// By what.
-    pub basis: Basis,
+pub enum Verdict {
+    /// Nothing had to be decided, for this reason.
+    NotApplicable(&'static str),
+    /// Nothing was found against it, on this basis.
+    Holds(Basis),
+    /// Nothing could be found against it: no step checks it, for this reason.
+    Assumed(&'static str),
+    /// A finding stands against it, or it was not decided.
+    Open,
 }
 
-impl From<Claim> for Grade {
-    /// With the basis that the claim commonly has.
-    fn from(claim: Claim) -> Self {
-        let basis = claim.basis();
-        Self { claim, basis }
+impl Verdict {
+    /// Returns the verdict where the claim has to be decided, else that it does not apply.
+    pub(crate) fn or_not(self, is_asked: bool, why_not: &'static str) -> Self {
+        match is_asked {
+            true => self,
+            false => Self::NotApplicable(why_not),
+        }
+    }
+    /// Returns the verdict where what it rests on is known, else that the claim is open.
+    pub(crate) fn or_open(self, is_known: bool) -> Self {
+        match is_known {
+            true => self,
+            false => Self::Open,
+        }
     }
 }
 
-/// Each claim once, in their order, with the weakest basis that it has anywhere.
-pub(crate) fn graded(grades: impl IntoIterator<Item = Grade>) -> Vec<Grade> {
-    let mut all: Vec<Grade> = grades.into_iter().collect();
-    // The weakest basis of a claim comes first, and stays.
-    all.sort_by_key(|g| (g.claim, std::cmp::Reverse(g.basis)));
-    all.dedup_by_key(|g| g.claim);
-    all
+/// The claims that the analysis of a map decides.
+pub(crate) const OF_ANALYSIS: [Claim; 5] = [
+    Claim::BasePoints,
+    Claim::ComplexSeams,
+    Claim::Pole,
+    Claim::MapDegree,
+    Claim::CriticalCurves,
+];
+/// The claims that the search for double curves decides.
+pub(crate) const OF_DOUBLE_CURVE: [Claim; 3] =
+    [Claim::DoubleCurves, Claim::PinchPoints, Claim::SolitaryArcs];
+/// The claims that the deck transformations decide.
+pub(crate) const OF_DECK: [Claim; 2] = [Claim::DeckTransformations, Claim::FundamentalDomain];
+/// The claims that the decomposition of the parameters decides.
+pub(crate) const OF_REGION: [Claim; 2] = [Claim::Weights, Claim::Region];
+/// The claims that the mesh decides.
+pub(crate) const OF_MESH: [Claim; 12] = [
+    Claim::Images,
+    Claim::Tangents,
+    Claim::Trees,
+    Claim::SignAtBasePoints,
+    Claim::Folds,
+    Claim::Drawing,
+    Claim::Partners,
+    Claim::SignOfW,
+    Claim::Distances,
+    Claim::Shapes,
+    Claim::Edges,
+    Claim::Winding,
+];
+/// The claims that the finished surface decides.
+pub(crate) const OF_SURFACE: [Claim; 3] = [Claim::Sides, Claim::Crossings, Claim::Sheets];
+
+/// Each claim is decided by one stage: one without a stage does not compile.
+const _: () = {
+    const fn count<const N: usize>(claims: &[Claim; N], seen: &mut [bool; Claim::COUNT]) {
+        let mut k = 0;
+        while k < N {
+            assert!(!seen[claims[k] as usize], "two stages decide a claim");
+            seen[claims[k] as usize] = true;
+            k += 1;
+        }
+    }
+    let mut seen = [false; Claim::COUNT];
+    count(&OF_ANALYSIS, &mut seen);
+    count(&OF_DOUBLE_CURVE, &mut seen);
+    count(&OF_DECK, &mut seen);
+    count(&OF_REGION, &mut seen);
+    count(&OF_MESH, &mut seen);
+    count(&OF_SURFACE, &mut seen);
+    let mut k = 0;
+    while k < Claim::COUNT {
+        assert!(seen[k], "no stage decides a claim");
+        k += 1;
+    }
+};
+
+/// The verdicts of the stages so far; a claim that none has decided is open.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Decisions([Option<Verdict>; Claim::COUNT]);
+
+impl Decisions {
+    /// Takes the verdicts of a stage on its claims, in place of earlier ones.
+    pub(crate) fn decide<const N: usize>(&mut self, claims: [Claim; N], verdicts: [Verdict; N]) {
+        for (claim, verdict) in claims.into_iter().zip(verdicts) {
+            self.0[claim as usize] = Some(verdict);
+        }
+    }
+    /// Takes the verdicts that other stages have given.
+    pub(crate) fn decide_all(&mut self, others: &Self) {
+        for (mine, other) in self.0.iter_mut().zip(others.0) {
+            *mine = other.or(*mine);
+        }
+    }
+    /// Adds those on another part of the surface: the worse ones count.
+    pub(crate) fn join(&mut self, other: &Self) {
+        for (mine, other) in self.0.iter_mut().zip(other.0) {
+            *mine = match (*mine, other) {
+                (Some(a), Some(b)) => Some(a.max(b)),
+                _ => None,
+            };
+        }
+    }
+    pub(crate) fn verdict(&self, claim: Claim) -> Verdict {
+        self.0[claim as usize].unwrap_or(Verdict::Open)
+    }
+}
+
+/// The verdicts on all claims about a surface.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Certificate([Verdict; Claim::COUNT]);
+
+impl Certificate {
+    pub(crate) fn new(of: impl Fn(Claim) -> Verdict) -> Self {
+        Self(Claim::ALL.map(of))
+    }
+    /// Returns the verdict on a claim.
+    pub fn verdict(&self, claim: Claim) -> Verdict {
+        self.0[claim as usize]
+    }
+    /// Returns the claims that had to be decided, with their verdicts.
+    pub fn decided(&self) -> impl Iterator<Item = (Claim, Verdict)> + '_ {
+        let all = Claim::ALL.into_iter().zip(self.0);
+        all.filter(|(_, verdict)| !matches!(verdict, Verdict::NotApplicable(_)))
+    }
+    /// True if no claim is open.
+    pub fn is_closed(&self) -> bool {
+        !self.0.contains(&Verdict::Open)
+    }
 }
 
 #[cfg(test)]
@@ -365,23 +492,25 @@ mod tests {
     }
 
     #[test]
-    fn the_weakest_basis_of_a_claim_counts() {
-        let degree = |basis| Grade {
-            claim: Claim::MapDegree,
-            basis,
+    fn the_worst_verdict_of_a_claim_counts() {
+        let degree = [Claim::MapDegree, Claim::SignOfW];
+        let of = |verdicts| {
+            let mut all = Decisions::default();
+            all.decide(degree, verdicts);
+            all
         };
-        let given = [
-            Claim::SignOfW.into(),
-            degree(Basis::Exact),
-            degree(Basis::Floating),
-            Claim::BasePoints.into(),
-        ];
-        let expected = [
-            Claim::BasePoints.into(),
-            degree(Basis::Floating),
-            Claim::SignOfW.into(),
-        ];
-        assert_eq!(graded(given), expected);
+        let none = Verdict::NotApplicable("a reason");
+        let mut all = of([Verdict::Holds(Basis::Exact), none]);
+        all.join(&of([
+            Verdict::Holds(Basis::Floating),
+            Verdict::Assumed("a reason"),
+        ]));
+        assert_eq!(all.verdict(degree[0]), Verdict::Holds(Basis::Floating));
+        assert_eq!(all.verdict(degree[1]), Verdict::Assumed("a reason"));
+        // What was decided of one part only is open of the whole.
+        all.join(&Decisions::default());
+        assert_eq!(all.verdict(degree[0]), Verdict::Open);
+        assert!(!Certificate::new(|claim| all.verdict(claim)).is_closed());
     }
 
     /// The page of the certificate has a row for every claim, in their order, with its basis.
@@ -390,7 +519,11 @@ mod tests {
         let page = include_str!("../../../docs/rational.md");
         let mut rest = page;
         for claim in Claim::ALL {
-            let row = format!("\n| {claim} | {} |", claim.basis());
+            let basis = match claim.usual() {
+                Verdict::Holds(basis) => basis.to_string(),
+                _ => "assumed".to_owned(),
+            };
+            let row = format!("\n| {claim} | {basis} |");
             let at = rest
                 .find(&row)
                 .unwrap_or_else(|| panic!("no row{row} in its place"));

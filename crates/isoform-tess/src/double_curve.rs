@@ -3,7 +3,7 @@
 
 use crate::analysis::Analysis;
 use crate::base::Seam;
-use crate::claim::{Basis, Claim, Grade};
+use crate::claim::{Basis, Claim, Verdict};
 use crate::complex::{Form, rounded};
 use crate::double::{Fibres, curves_of, pinch_points, solitary_arcs};
 use crate::field::Algebraic;
@@ -21,8 +21,11 @@ const SHARE: f64 = 0.3;
 /// Curves in space.
 type Polylines = Vec<Vec<Point3>>;
 
+/// Reasons why claims do not apply.
+const NO_CURVE: &str = "there is no double curve";
+const NOT_JOINED: &str = "sheets that cross are not joined";
+
 /// The double curve beside its equation.
-#[derive(Default)]
 pub(crate) struct DoubleCurve {
     /// Real parameters at which pairs of them turn into conjugate ones.
     pub(crate) pinches: Vec<[f64; 3]>,
@@ -35,7 +38,8 @@ pub(crate) struct DoubleCurve {
     /// Whether arcs stand for an implicit equation that is not known.
     pub(crate) needs_no_equation: bool,
     pub(crate) findings: Vec<Finding>,
-    pub(crate) grades: Vec<Grade>,
+    /// Verdicts on the claims of [`OF_DOUBLE_CURVE`](crate::claim::OF_DOUBLE_CURVE).
+    pub(crate) verdicts: [Verdict; 3],
 }
 
 impl DoubleCurve {
@@ -45,7 +49,15 @@ impl DoubleCurve {
         options: &TriangulateOptions,
         control: &Control<'_>,
     ) -> Self {
-        let mut found = Self::default();
+        let mut found = Self {
+            pinches: Vec::new(),
+            fibres: None,
+            solitary: Vec::new(),
+            traced: None,
+            needs_no_equation: false,
+            findings: Vec::new(),
+            verdicts: [Verdict::Open; 3],
+        };
         let Some(singular) = &analysis.singular else {
             return found;
         };
@@ -69,19 +81,22 @@ impl DoubleCurve {
         found
     }
 
-    /// Adds the claims that stand on arcs followed in floating point. Where the double curve is
+    /// Gives the verdicts where arcs were followed in floating point. Where the double curve is
     /// known exactly and has no component, there are no pinch points and no solitary arcs, exactly.
-    fn claim_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
+    fn judge_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
         let may_have_points = !is_known || has_curve;
-        let claims = [
-            (Claim::DoubleCurves, !is_known),
-            (Claim::PinchPoints, may_have_points && is_glued),
-            (Claim::SolitaryArcs, may_have_points),
+        let floating = Verdict::Holds(Basis::Floating);
+        let curves = match is_known {
+            true => Claim::DoubleCurves.usual(),
+            false => floating,
+        };
+        self.verdicts = [
+            curves,
+            floating
+                .or_not(may_have_points, NO_CURVE)
+                .or_not(is_glued, NOT_JOINED),
+            floating.or_not(may_have_points, NO_CURVE),
         ];
-        let basis = Basis::Floating;
-        let claimed = claims.into_iter().filter(|c| c.1);
-        self.grades
-            .extend(claimed.map(|(claim, _)| Grade { claim, basis }));
     }
     /// All by arcs.
     fn take_arcs(
@@ -99,7 +114,7 @@ impl DoubleCurve {
         } = given;
         let glued = given.options.mode == Mode::Glued;
         let is_known = singular.double.is_some();
-        self.claim_arcs(is_known, glued, curves_of(map, singular).next().is_some());
+        self.judge_arcs(is_known, glued, curves_of(map, singular).next().is_some());
         self.pinches = traced.arcs.pinches();
         let scale = |x: Point3| x.map(|x| x * half_width);
         self.solitary = solitary
@@ -124,7 +139,6 @@ impl DoubleCurve {
             }
             Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
         }
-        self.grades.push(Claim::PinchPoints.into());
     }
     /// Pinch points exactly, solitary arcs by sections of the curves of parameters.
     fn search(&mut self, given: &Given, control: &Control<'_>) {
@@ -139,7 +153,19 @@ impl DoubleCurve {
         let degrees = analysis.degrees;
         let map_degree = degrees.map_or(0, |d| d.map_degree);
         let is_double = |c: &SingularCurve| matches!(c.kind, CurveKind::Double);
-        if glued && singular.curves.iter().any(is_double) {
+        let has_double = singular.curves.iter().any(is_double);
+        self.verdicts = [
+            Claim::DoubleCurves
+                .usual()
+                .or_open(singular.double.is_some())
+                .or_not(glued || singular.double.is_some(), NOT_JOINED),
+            Claim::PinchPoints
+                .usual()
+                .or_not(has_double, NO_CURVE)
+                .or_not(glued, NOT_JOINED),
+            Verdict::NotApplicable("no parameters that are drawn lead to solitary arcs"),
+        ];
+        if glued && has_double {
             self.search_pinches(map, control);
             self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
@@ -152,9 +178,8 @@ impl DoubleCurve {
             self.solitary = arcs;
             // Without a curve to follow there is no solitary one, exactly.
             let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
-            if curves_of(map, singular).next().is_some() || has_base {
-                self.grades.push(Claim::SolitaryArcs.into());
-            }
+            let may_have = curves_of(map, singular).next().is_some() || has_base;
+            self.verdicts[2] = Claim::SolitaryArcs.usual().or_not(may_have, NO_CURVE);
             self.findings.extend(problems);
             self.add_seam_lines(given);
         }

@@ -187,11 +187,15 @@ fn in_place(
         (surface, found) = prepared.without_crossings(surface, control);
         control.report(CROSSINGS, 1.0);
         is_embedded = found.as_ref().is_some_and(Crossings::are_none);
-        surface.grades.push(Claim::Crossings.into());
+        surface
+            .decisions
+            .decide([Claim::Crossings], [Claim::Crossings.usual()]);
         surface.findings.extend(crossing_finding(found.as_ref()));
     }
     if surface.sheets > 1 {
-        surface.grades.push(Claim::Sheets.into());
+        surface
+            .decisions
+            .decide([Claim::Sheets], [Claim::Sheets.usual()]);
         if !is_embedded {
             surface.findings.push(Finding::SheetsUponEachOther);
         }

@@ -55,7 +55,7 @@ mod zeros;
 
 pub use analysis::{Analysis, Budget, analyse};
 pub use base::{BasePoint, BinaryForm, Near, Seam, base_multiplicity, base_points};
-pub use claim::{Basis, Claim, Grade};
+pub use claim::{Basis, Certificate, Claim, Verdict};
 pub use complex_seams::SeamLine;
 pub use domain::{Domain, DomainError, MAX_CORNERS, Parameters, bounds_over};
 pub use double::{pinch_points, solitary_arcs};

@@ -69,6 +69,7 @@ pub(crate) mod traced;
 mod unit;
 
 use crate::analysis::Analysis;
+use crate::claim::OF_MESH;
 use crate::finding::Finding;
 use crate::map::Map;
 use crate::region::Region;
@@ -154,7 +155,7 @@ pub(crate) fn mesh(
                 .is_some_and(|s| s.double.is_some()));
     surface.double_curve = std::mem::take(&mut glued.gluing.arcs);
     surface.findings.append(&mut glued.gluing.findings);
-    surface.grades = glued.grades(curves);
+    surface.decisions.decide(OF_MESH, glued.verdicts(curves));
     let tolerance = |p: Point3| atlas.tolerance_at(p);
     let mut surface = finish(surface, atlas.half_width, curves.glued, &tolerance);
     // Contracted curves with one image are one vertex, and what is joined with them is known by

@@ -1,7 +1,7 @@
 //! The surface of a map in a box: the options, and the triangles.
 
 use crate::analysis::Budget;
-use crate::claim::{Claim, Grade, graded};
+use crate::claim::{Certificate, Claim, Decisions, Verdict};
 use crate::domain::Domain;
 use crate::finding::Finding;
 use crate::real_border::RealBorder;
@@ -223,8 +223,8 @@ pub struct Surface {
     pub solitary_arcs: Vec<Vec<Point3>>,
     /// The findings; empty if everything is proved. A claim with a finding does not hold.
     pub findings: Vec<Finding>,
-    /// The claims about the surface as far as it was made: [`Surface::claims`] has all of it.
-    pub grades: Vec<Grade>,
+    /// The verdicts of the stages, without the findings: [`Surface::certificate`] has both.
+    pub(crate) decisions: Decisions,
     /// Whether the double curve was looked for and drawn to the end, as sheets that are to be
     /// joined need it.
     pub is_double_curve_known: bool,
@@ -253,10 +253,10 @@ pub struct Surface {
 pub(crate) type Edges = BTreeMap<[u32; 2], (usize, bool)>;
 
 impl Surface {
-    /// Whether nothing was found against any claim. Without triangles there is nothing to certify,
-    /// unless it is certain that there are none to be had.
+    /// True if no claim is open. Without triangles there is nothing to certify, unless it is certain
+    /// that there are none to be had.
     pub fn is_certified(&self) -> bool {
-        self.findings.is_empty() && (!self.triangles.is_empty() || self.is_outside)
+        self.certificate().is_closed() && (!self.triangles.is_empty() || self.is_outside)
     }
     /// The finding against a surface that should have triangles, and has none.
     pub(crate) fn lack(&self) -> Option<Finding> {
@@ -266,10 +266,12 @@ impl Surface {
     pub fn holds(&self, claim: Claim) -> bool {
         self.findings.iter().all(|f| f.claim() != claim)
     }
-    /// The claims, each once, with the basis on which it was decided: also those that do not hold.
-    pub fn claims(&self) -> Vec<Grade> {
-        let open = self.findings.iter().map(|f| f.claim().into());
-        graded(self.grades.iter().copied().chain(open))
+    /// Returns the verdicts on all claims: a claim with a finding is open.
+    pub fn certificate(&self) -> Certificate {
+        Certificate::new(|claim| match self.holds(claim) {
+            true => self.decisions.verdict(claim),
+            false => Verdict::Open,
+        })
     }
     /// The edges of the triangles; `borders` has the sides of the domain that count for the corners
     /// of each triangle, as bits.

@@ -2,7 +2,9 @@
 //! transformations, double curve, region, triangles.
 
 use crate::analysis::{Analysis, Running, analyse, analyse_clear};
-use crate::claim::{Basis, Claim, Grade};
+use crate::claim::{
+    Basis, Claim, Decisions, OF_ANALYSIS, OF_DECK, OF_DOUBLE_CURVE, OF_REGION, OF_SURFACE, Verdict,
+};
 use crate::deck::Deck;
 use crate::double_curve::DoubleCurve;
 use crate::equation::Equation;
@@ -25,11 +27,11 @@ use isoform_geom::Aabb;
 /// middles of triangles are held to it.
 const FAR: f64 = 1.5;
 
-/// The findings against a surface, and the claims about it.
+/// The findings against a surface so far, and the verdicts on claims.
 #[derive(Default)]
-struct Verdict {
+struct Judgement {
     findings: Vec<Finding>,
-    grades: Vec<Grade>,
+    decisions: Decisions,
 }
 
 /// A map analysed, and the parameters that it sends into a box: all but the triangles.
@@ -42,7 +44,7 @@ pub struct Prepared<'a> {
     region: Region,
     solitary: Vec<Vec<Point3>>,
     sheets: usize,
-    verdict: Verdict,
+    judgement: Judgement,
     /// The border of the real image, without lines.
     border: RealBorder,
     changes: Changes,
@@ -66,20 +68,21 @@ impl<'a> Prepared<'a> {
         } else {
             analyse(map, &options.budget, control)
         };
-        let mut verdict = Verdict {
+        let mut judgement = Judgement {
             findings: analysis.findings.clone(),
-            grades: analysis.grades(),
+            decisions: Decisions::default(),
         };
+        judgement.decisions.decide(OF_ANALYSIS, analysis.verdicts());
         let map_degree = analysis.degrees.map_or(0, |d| d.map_degree);
-        let deck = verdict.deck(map, options, &analysis, &enough);
+        let deck = judgement.deck(map, options, &analysis, &enough);
         let running = Running::new("double curve", control);
         let double = DoubleCurve::new(map, &analysis, options, &enough);
         if double.needs_no_equation {
             let is_of_double = |f: &Finding| f.claim() == Claim::DoubleCurves;
-            verdict.findings.retain(|f| !is_of_double(f));
+            judgement.findings.retain(|f| !is_of_double(f));
         }
-        verdict.findings.extend(double.findings);
-        verdict.grades.extend(double.grades);
+        judgement.findings.extend(double.findings);
+        judgement.decisions.decide(OF_DOUBLE_CURVE, double.verdicts);
         analysis.took(running);
         let running = Running::new("region", control);
         let is_glued = options.mode == Mode::Glued;
@@ -98,17 +101,18 @@ impl<'a> Prepared<'a> {
             Ok(region) => region,
             // Better sheets that cross than nothing.
             Err(_) if is_glued => {
-                verdict.findings.push(Finding::SheetsNotJoined);
+                judgement.findings.push(Finding::SheetsNotJoined);
                 curves = Curves::new(&analysis, false, deck.clone(), Vec::new(), None, None);
                 within(&curves, control).map_err(|_| Stopped)?
             }
             Err(_) => return Err(TriangulateError::Stopped),
         };
         analysis.took(running);
-        verdict.grades.push(Claim::Region.into());
-        if region.is_clear {
-            verdict.grades.push(Claim::Weights.into());
-        }
+        let weights = Claim::Weights
+            .usual()
+            .or_not(region.is_clear, "W may have zeros, which are cut out");
+        let verdicts = [weights, Claim::Region.usual()];
+        judgement.decisions.decide(OF_REGION, verdicts);
         let border = region
             .deck
             .as_ref()
@@ -122,7 +126,7 @@ impl<'a> Prepared<'a> {
             border: border.unwrap_or_default(),
             solitary: double.solitary,
             sheets: map_degree / deck.as_ref().map_or(1, Deck::order),
-            verdict,
+            judgement,
             changes: Changes::default(),
         })
     }
@@ -187,9 +191,16 @@ impl<'a> Prepared<'a> {
         surface.is_outside = !self.region.triangles.iter().any(is_inside);
         surface
             .findings
-            .extend(self.verdict.findings.iter().cloned());
+            .extend(self.judgement.findings.iter().cloned());
         surface.findings.extend(surface.lack());
-        surface.grades.extend(&self.verdict.grades);
+        surface.decisions.decide_all(&self.judgement.decisions);
+        let one = Verdict::NotApplicable("it is the surface of one map");
+        let apart = Verdict::NotApplicable("triangles that cross were not looked for");
+        let sheets = Claim::Sheets.usual().or_not(
+            self.region.deck.is_some() && !self.curves.is_glued(),
+            "one of the parameters of each point is drawn, or sheets may cross",
+        );
+        surface.decisions.decide(OF_SURFACE, [one, apart, sheets]);
         surface
     }
 
@@ -247,7 +258,7 @@ fn region(
     Region::within(map, &options.half_width, domain, deck, &forms, control)
 }
 
-impl Verdict {
+impl Judgement {
     /// The deck transformations of an improper map over the whole plane, with what is claimed of
     /// them.
     fn deck(
@@ -258,6 +269,8 @@ impl Verdict {
         control: &Control<'_>,
     ) -> Option<Deck> {
         let is_improper = analysis.degrees.is_some_and(|d| d.map_degree > 1);
+        let none = Verdict::NotApplicable("no parameters are exchanged: all of them are drawn");
+        self.decisions.decide(OF_DECK, [none; 2]);
         if !is_improper || options.domain.is_some() {
             return None;
         }
@@ -268,23 +281,20 @@ impl Verdict {
             self.findings.push(stopped);
             None
         })?;
-        self.grades.extend(deck_grades(&deck, base_points.len()));
+        let verdicts = deck_verdicts(&deck, base_points.len());
+        self.decisions.decide(OF_DECK, verdicts);
         Some(deck)
     }
 }
 
-/// The claims about the deck transformations of a map with a number of real base points.
-fn deck_grades(deck: &Deck, base_points: usize) -> [Grade; 2] {
-    let domain = Grade {
-        claim: Claim::FundamentalDomain,
-        // Base points that are blown up to a fold are known exactly; at other base points
-        // directions are tried.
-        basis: match base_points == deck.folded.len() {
-            true => Basis::Exact,
-            false => Claim::FundamentalDomain.basis(),
-        },
+/// Returns the verdicts on the claims of [`OF_DECK`], of a map with a number of real base points.
+/// Those that are blown up to a fold are known exactly; at other ones directions are tried.
+fn deck_verdicts(deck: &Deck, base_points: usize) -> [Verdict; 2] {
+    let domain = match base_points == deck.folded.len() {
+        true => Verdict::Holds(Basis::Exact),
+        false => Claim::FundamentalDomain.usual(),
     };
-    [Claim::DeckTransformations.into(), domain]
+    [Claim::DeckTransformations.usual(), domain]
 }
 
 /// Analyses a map and triangulates its surface in a box, once: whether triangles cross is not

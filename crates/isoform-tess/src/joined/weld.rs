@@ -162,7 +162,10 @@ pub(super) fn weld(
         let joined = &mut welding.joined;
         joined.double_curve.extend(s.double_curve);
         joined.solitary_arcs.extend(s.solitary_arcs);
-        joined.grades.extend(s.grades);
+        match k {
+            0 => joined.decisions = s.decisions,
+            _ => joined.decisions.join(&s.decisions),
+        }
         let named = |f: Finding| f.of_patch(&patches[k].name);
         joined.findings.extend(s.findings.into_iter().map(named));
     }
@@ -172,7 +175,9 @@ pub(super) fn weld(
         ..
     } = welding;
     if patches.len() > 1 {
-        joined.grades.push(Claim::Sides.into());
+        joined
+            .decisions
+            .decide([Claim::Sides], [Claim::Sides.usual()]);
     }
     check(&mut joined, &unshared, seams.most);
     wind(&mut joined);

@@ -107,6 +107,10 @@ impl Curves {
     pub(super) fn is_joined(&self) -> bool {
         self.glued || self.deck.is_some()
     }
+    /// True if sheets are joined along double curves.
+    pub(crate) fn is_glued(&self) -> bool {
+        self.glued
+    }
     /// Whether arcs stand for the double curve.
     pub(crate) fn is_traced(&self) -> bool {
         self.traced.is_some()

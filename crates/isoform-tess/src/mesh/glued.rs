@@ -7,7 +7,7 @@ use super::names::{Name, Node, key};
 use super::opening::Openings;
 use super::sides::Sides;
 use super::special::SpecialCurves;
-use crate::claim::{Claim, Grade};
+use crate::claim::{Claim, Verdict};
 
 /// The openings, with the vertices that have several parameters, and the places on the sides of the
 /// unit triangles.
@@ -44,30 +44,34 @@ impl<'a> Glued<'a> {
     }
 }
 impl Glued<'_> {
-    /// The claims of the mesh: none about a question that had not to be decided.
-    pub(super) fn grades(&self, curves: &Curves) -> Vec<Grade> {
+    /// Returns the verdicts on the claims of [`OF_MESH`](crate::claim::OF_MESH).
+    pub(super) fn verdicts(&self, curves: &Curves) -> [Verdict; 12] {
+        const UNOPENED: &str = "no base point is opened in the box";
         let is_opened = !self.openings.sites.is_empty();
-        let is_tree = self.openings.has_trees();
+        let has_trees = self.openings.has_trees();
+        let has_images = self.curves.images().len() > 1;
+        let is_folded = is_opened && curves.deck.is_some();
         let is_joined = curves.is_joined() && self.gluing.is_anything_joined();
-        let asked = [
-            (Claim::Images, self.curves.images().len() > 1),
-            (Claim::Tangents, is_opened),
-            (Claim::Trees, is_tree),
-            (Claim::SignAtBasePoints, is_opened),
-            (Claim::Folds, is_opened && curves.deck.is_some()),
-            (Claim::Partners, is_joined || !curves.isolated.is_empty()),
-            (Claim::Sheets, curves.deck.is_some() && !curves.glued),
-        ];
-        let asked = asked.into_iter().filter(|c| c.1).map(|c| c.0);
-        let always = [
-            Claim::Drawing,
-            Claim::SignOfW,
-            Claim::Distances,
-            Claim::Shapes,
-            Claim::Edges,
-            Claim::Winding,
-        ];
-        asked.chain(always).map(Grade::from).collect()
+        let has_partners = is_joined || !curves.isolated.is_empty();
+        let asked = |claim: Claim, is_asked, why_not| claim.usual().or_not(is_asked, why_not);
+        [
+            asked(
+                Claim::Images,
+                has_images,
+                "two contracted curves do not meet",
+            ),
+            asked(Claim::Tangents, is_opened, UNOPENED),
+            asked(Claim::Trees, has_trees, "no base point has others near it"),
+            asked(Claim::SignAtBasePoints, is_opened, UNOPENED),
+            asked(Claim::Folds, is_folded, "no base point is on a fold"),
+            Claim::Drawing.usual(),
+            asked(Claim::Partners, has_partners, "no sheets are joined"),
+            Claim::SignOfW.usual(),
+            Claim::Distances.usual(),
+            Claim::Shapes.usual(),
+            Claim::Edges.usual(),
+            Claim::Winding.usual(),
+        ]
     }
 
     /// The names of a place and of its vertex: that of the image if it is on a contracted curve.

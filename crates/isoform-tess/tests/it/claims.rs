@@ -5,8 +5,8 @@ use crate::common::SPHERE;
 use isoform_algebra::RBig;
 use isoform_control::Control;
 use isoform_tess::{
-    Basis, Budget, Claim, Domain, Finding, Grade, JoinedCurve, Map, MeshOptions, Mode, Phase,
-    Surface, TriangulateOptions, Unopened, triangulate_once,
+    Basis, Budget, Claim, Domain, Finding, JoinedCurve, Map, MeshOptions, Mode, Phase, Surface,
+    TriangulateOptions, Unopened, Verdict, triangulate_once,
 };
 
 const UMBRELLA: [&str; 4] = ["s*t", "s", "t^2", "1"];
@@ -52,17 +52,29 @@ fn surface(texts: [&str; 4], options: &TriangulateOptions) -> Surface {
 }
 
 /// Those that are claimed besides what is claimed of every mesh and map.
-fn special(texts: [&str; 4], mode: Mode) -> Vec<Grade> {
-    let claims = surface(texts, &options(mode)).claims();
+fn special(texts: [&str; 4], mode: Mode) -> Vec<Decided> {
+    let claims = decided(&surface(texts, &options(mode)));
     for common in MAP.into_iter().chain(MESH) {
-        assert!(claims.iter().any(|g| g.claim == common), "{common}");
+        assert!(claims.iter().any(|g| g.0 == common), "{common}");
     }
-    let is_special = |g: &Grade| !MAP.contains(&g.claim) && !MESH.contains(&g.claim);
+    let is_special = |g: &Decided| !MAP.contains(&g.0) && !MESH.contains(&g.0);
     claims.into_iter().filter(is_special).collect()
 }
 
-fn grades<const N: usize>(claims: [Claim; N]) -> Vec<Grade> {
-    claims.map(Grade::from).to_vec()
+/// A claim with its verdict.
+type Decided = (Claim, Verdict);
+
+/// The claims that had to be decided of a surface.
+fn decided(surface: &Surface) -> Vec<Decided> {
+    surface.certificate().decided().collect()
+}
+
+fn usual<const N: usize>(claims: [Claim; N]) -> Vec<Decided> {
+    claims.map(|claim| (claim, claim.usual())).to_vec()
+}
+
+fn has(found: &[Decided], claim: Claim) -> bool {
+    found.contains(&(claim, claim.usual()))
 }
 
 /// The torus by half angles has two base points and contracts the line at infinity, the Whitney
@@ -81,19 +93,19 @@ fn claims_follow_what_had_to_be_decided() {
     let opened = [Claim::Tangents, Claim::SignAtBasePoints];
     assert_eq!(
         special(torus, Mode::Normalised),
-        grades([Claim::SolitaryArcs, opened[0], opened[1]])
+        usual([Claim::SolitaryArcs, opened[0], opened[1]])
     );
     assert_eq!(
         special(UMBRELLA, Mode::Normalised),
-        grades([Claim::SolitaryArcs])
+        usual([Claim::SolitaryArcs])
     );
     // Its double curve is traced, with the pinch point.
-    let mut traced = grades([Claim::PinchPoints, Claim::SolitaryArcs, Claim::Partners]);
-    traced[0].basis = Basis::Floating;
+    let mut traced = usual([Claim::PinchPoints, Claim::SolitaryArcs, Claim::Partners]);
+    traced[0].1 = Verdict::Holds(Basis::Floating);
     assert_eq!(special(UMBRELLA, Mode::Glued), traced);
     let tree = ["t*(s^2 + t)", "s^3", "t^2", "s^2 + t^2"];
     let found = special(tree, Mode::Normalised);
-    assert!(found.contains(&Claim::Trees.into()), "{found:?}");
+    assert!(has(&found, Claim::Trees), "{found:?}");
 }
 
 /// One parameter of two is drawn: the fundamental domain of (s, t) → (−s, t) has a fold as border,
@@ -101,14 +113,11 @@ fn claims_follow_what_had_to_be_decided() {
 #[test]
 fn improper_maps_claim_their_transformations() {
     let found = special(["s^2", "t", "s^2*t", "1"], Mode::Normalised);
-    assert!(
-        found.contains(&Claim::DeckTransformations.into()),
-        "{found:?}"
-    );
-    assert!(found.contains(&Claim::Sheets.into()), "{found:?}");
-    let domain = found.iter().find(|g| g.claim == Claim::FundamentalDomain);
+    assert!(has(&found, Claim::DeckTransformations), "{found:?}");
+    assert!(has(&found, Claim::Sheets), "{found:?}");
+    let domain = found.iter().find(|g| g.0 == Claim::FundamentalDomain);
     assert!(domain.is_some(), "{found:?}");
-    assert!(!found.contains(&Claim::Folds.into()), "{found:?}");
+    assert!(!has(&found, Claim::Folds), "{found:?}");
     // A sphere by longitude and latitude that both go all around: two base points.
     let longitudes = [
         "(1 - s^2)*(1 - t^2)",
@@ -117,7 +126,7 @@ fn improper_maps_claim_their_transformations() {
         "(1 + s^2)*(1 + t^2)",
     ];
     let found = special(longitudes, Mode::Normalised);
-    assert!(found.contains(&Claim::Folds.into()), "{found:?}");
+    assert!(has(&found, Claim::Folds), "{found:?}");
 }
 
 /// A region without poles needs no base points where the rest of the plane is left out; without an
@@ -135,24 +144,21 @@ fn what_was_not_looked_for_is_not_claimed() {
         budget,
         ..options(Mode::Normalised)
     };
-    let degree = |s: &Surface| s.claims().into_iter().find(|g| g.claim == Claim::MapDegree);
-    let counted = Grade {
-        claim: Claim::MapDegree,
-        basis: Basis::Floating,
-    };
-    let s = surface(SPHERE, &options);
-    assert_eq!(degree(&s), Some(counted));
-    assert!(s.claims().contains(&Claim::Weights.into()));
-    assert!(!s.claims().contains(&Claim::DoubleCurves.into()));
+    let certificate = surface(SPHERE, &options).certificate();
+    let counted = Verdict::Holds(Basis::Floating);
+    assert_eq!(certificate.verdict(Claim::MapDegree), counted);
+    assert_eq!(certificate.verdict(Claim::Weights), Claim::Weights.usual());
+    let curves = certificate.verdict(Claim::DoubleCurves);
+    assert!(matches!(curves, Verdict::NotApplicable(_)), "{curves:?}");
 
     options.budget.everywhere = false;
-    let claims = surface(SPHERE, &options).claims();
+    let claims = decided(&surface(SPHERE, &options));
     let local = [Claim::CriticalCurves, Claim::Weights, Claim::Region];
     assert_eq!(
         claims,
-        grades(local)
+        usual(local)
             .into_iter()
-            .chain(grades(MESH))
+            .chain(usual(MESH))
             .collect::<Vec<_>>()
     );
 }
@@ -165,18 +171,20 @@ fn what_was_stopped_does_not_hold() {
     let map = Map::parse(UMBRELLA, Default::default()).expect("a map");
     let (s, _) = triangulate_once(&map, &options, &Control::default()).expect("not stopped");
     assert!(!s.holds(Claim::DoubleCurves), "{:?}", s.findings);
-    assert!(!s.claims().contains(&Claim::CriticalCurves.into()));
-    assert!(s.holds(Claim::BasePoints) && s.claims().contains(&Claim::BasePoints.into()));
+    let certificate = s.certificate();
+    assert_eq!(certificate.verdict(Claim::CriticalCurves), Verdict::Open);
+    assert!(has(&decided(&s), Claim::BasePoints));
 }
 
 /// A claim with a finding does not hold, and is among the claims although it was not stated.
 #[test]
 fn findings_stand_against_claims() {
     let mut s = surface(SPHERE, &options(Mode::Normalised));
-    assert!(s.holds(Claim::Edges) && !s.claims().contains(&Claim::Crossings.into()));
+    let crossings = |s: &Surface| s.certificate().verdict(Claim::Crossings);
+    assert!(s.holds(Claim::Edges) && matches!(crossings(&s), Verdict::NotApplicable(_)));
     s.findings = vec![Finding::OpenEdges(3), Finding::Crossings(2)];
     assert!(!s.is_certified() && !s.holds(Claim::Edges) && s.holds(Claim::Region));
-    assert!(s.claims().contains(&Claim::Crossings.into()));
+    assert_eq!(crossings(&s), Verdict::Open);
 }
 
 /// What people have read so far, in the same words.

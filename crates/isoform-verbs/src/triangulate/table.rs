@@ -4,7 +4,7 @@ use super::Made;
 use crate::mesh::table::{line, wrote};
 use isoform::algebra::CurveTopology;
 use isoform::report::{brief, contracted, folds, mode_name};
-use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, RealBorder, Surface};
+use isoform::tess::{BasePoint, Basis, Claim, Domain, Mode, RealBorder, Surface, Verdict};
 use std::path::PathBuf;
 
 /// The surface, its mesh, what is proved, and where it went.
@@ -171,26 +171,28 @@ fn point(at: Option<[f64; 3]>) -> String {
 
 /// How many claims hold on which basis, and which of them are not proved.
 fn claims(surface: &Surface) -> String {
-    let (holding, open): (Vec<_>, Vec<_>) = surface
-        .claims()
-        .into_iter()
-        .partition(|g| surface.holds(g.claim));
-    let on = |basis: Basis| holding.iter().filter(move |g| g.basis == basis);
+    let certificate = surface.certificate();
+    let named = |is_it: &dyn Fn(Verdict) -> bool| -> Vec<String> {
+        let these = certificate.decided().filter(|(_, verdict)| is_it(*verdict));
+        these.map(|(claim, _)| claim.to_string()).collect()
+    };
     let mut parts = Vec::new();
-    for basis in Basis::ALL {
-        let n = on(basis).count();
-        if n > 0 {
-            parts.push(format!("{n} {}", in_words(basis)));
+    let mut tell = |claims: Vec<String>, how: &str, is_listed: bool| {
+        let list = match is_listed {
+            true => format!(" ({})", claims.join(", ")),
+            false => String::new(),
+        };
+        if !claims.is_empty() {
+            parts.push(format!("{} {how}{list}", claims.len()));
         }
+    };
+    for basis in Basis::ALL {
+        let is_on = |verdict| verdict == Verdict::Holds(basis);
+        tell(named(&is_on), in_words(basis), basis == Basis::Floating);
     }
-    let floating: Vec<String> = on(Basis::Floating).map(|g| g.claim.to_string()).collect();
-    if !floating.is_empty() {
-        let last = parts.len() - 1;
-        parts[last] += &format!(" ({})", floating.join(", "));
-    }
-    if !open.is_empty() {
-        parts.push(format!("{} open", open.len()));
-    }
+    let assumed = named(&|verdict| matches!(verdict, Verdict::Assumed(_)));
+    tell(assumed, "assumed", true);
+    tell(named(&|verdict| verdict == Verdict::Open), "open", false);
     parts.join(", ")
 }
 

@@ -5,8 +5,8 @@ use crate::Topology;
 use isoform_algebra::CurveTopology;
 use isoform_geom::Point3;
 use isoform_tess::{
-    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, Grade, KEYS, Kind, Map, Mode,
-    RealBorder, RealPart, Surface, TriangulateOptions, VARIABLES,
+    Analysis, BasePoint, Claim, CurveKind, CutCurve, DoubleArc, KEYS, Kind, Map, Mode, RealBorder,
+    RealPart, Surface, TriangulateOptions, VARIABLES, Verdict,
 };
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -127,11 +127,11 @@ pub struct SurfaceReport {
 pub struct ClaimReport {
     /// Its name.
     pub claim: String,
-    /// `exact`, `bounded` or `floating`.
+    /// `exact`, `bounded`, `floating` or `assumed`.
     pub basis: String,
-    /// Whether nothing stands against it.
+    /// True if nothing stands against it, and something could: what is assumed does not hold.
     pub holds: bool,
-    /// What holds, or what is open, in words.
+    /// What holds, why it is assumed, or what is open, in words.
     pub text: String,
 }
 
@@ -317,16 +317,16 @@ impl SurfaceReport {
         let all = || about.analyses.iter();
         let map_degree = map_degree(about.analyses);
         let is_improper = map_degree > 1;
-        let claims = surface.claims();
         let unproven = surface.findings.iter().map(ToString::to_string);
         let beyond = about.beyond.iter().flat_map(|s| &s.findings);
         let beyond = beyond.map(|f| format!("complex parameters: {f}"));
         Self {
             certified: surface.is_certified() && about.beyond.iter().all(Surface::is_certified),
             unproven: unproven.chain(beyond).collect(),
-            claims: claims
-                .iter()
-                .map(|g| ClaimReport::new(surface, *g))
+            claims: surface
+                .certificate()
+                .decided()
+                .map(|(claim, verdict)| ClaimReport::new(surface, claim, verdict))
                 .collect(),
             map_degree,
             improper: is_improper.then_some(true),
@@ -361,18 +361,27 @@ pub fn map_degree(analyses: &[Analysis]) -> usize {
 }
 
 impl ClaimReport {
-    fn new(surface: &Surface, grade: Grade) -> Self {
-        let Grade { claim, basis } = grade;
+    fn new(surface: &Surface, claim: Claim, verdict: Verdict) -> Self {
+        let basis = |verdict| match verdict {
+            Verdict::Holds(basis) => basis.to_string(),
+            _ => "assumed".to_owned(),
+        };
         let against = surface.findings.iter().filter(|f| f.claim() == claim);
         let open: Vec<String> = against.map(ToString::to_string).collect();
+        let statement = claim.statement();
+        let (basis, text) = match verdict {
+            Verdict::Assumed(why) => (basis(verdict), format!("{statement}: {why}")),
+            Verdict::Open if open.is_empty() => {
+                (basis(claim.usual()), "this was not decided".to_owned())
+            }
+            Verdict::Open => (basis(claim.usual()), open.join("; ")),
+            _ => (basis(verdict), statement.to_owned()),
+        };
         Self {
             claim: claim.to_string(),
-            basis: basis.to_string(),
-            holds: open.is_empty(),
-            text: match &open[..] {
-                [] => claim.statement().to_owned(),
-                open => open.join("; "),
-            },
+            basis,
+            holds: matches!(verdict, Verdict::Holds(_)),
+            text,
         }
     }
 }
