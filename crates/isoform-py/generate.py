@@ -77,7 +77,7 @@ SHOWN = {
 TEXTS = {
     "box": "The box in which to work: half its width around the origin, or its two corners",
     "template": "The template: a model, a HyperFun file, or the name of one of the gallery",
-    "model": "The model: a program, a fitted function, a polynomial {{\"F\": \"x^2 + y^2 + z^2 - 1\"}}, or a file of one",
+    "model": "The model: a program, a fit, a fitted function, or a file of one",
     "map": "Polynomials in s and t with rational coefficients, {{\"X\": ..., \"Y\": ..., \"Z\": ..., \"W\": ...}}; or a file of them, or of patches",
     "first": "Points (n, 3), a mesh, a model, a solid, or a file of one",
     "second": "The other one",
@@ -117,6 +117,8 @@ VERBS = {
     },
     "mesh": {
         "head": ["model", "size", "order", "surface_only", "threads"],
+        # distributed.mesh_blocks does that.
+        "left": {"blocks"},
         "result": "Mesh",
         "returns": "With ``.points`` (n, 3), ``.triangles`` (m, 3), ``.tetrahedra`` (k, 4); with layers also ``.wedges`` (w, 6) and ``.quads`` (q, 4).",
         "example": """
@@ -144,11 +146,15 @@ VERBS = {
     },
     "brep": {
         "head": ["model", "size", "tol"],
+        "types": {"model": "Model | Path"},
         "result": "Brep",
         "returns": "The solids, with ``.save(\"part.step\")``.",
     },
     "parameterize": {
         "head": ["model", "degree", "box", "tol", "cover"],
+        "texts": {
+            "model": "The surface: a model, a polynomial {{\"F\": \"x^2 + y^2 + z^2 - 1\"}}, or a file of one"
+        },
         "result": "Patches",
         "returns": "A sequence; each has ``.control`` (m+1, n+1, 4), ``.bound`` and ``.evaluate(u, v)`` to (..., 3), as (n, 3) for n parameters.",
         "half": True,
@@ -175,7 +181,7 @@ VERBS = {
     "implicitize": {
         "head": ["scan", "degree", "tol", "cells"],
         "renamed": {"scan": "points"},
-        "types": {"degree": "int | None"},
+        "types": {"degree": "int | None", "output": "Path | None"},
         "result": "Implicit",
         "returns": "A function of points (n, 3), positive inside.",
     },
@@ -188,7 +194,7 @@ VERBS = {
     "eval": {
         "name": "evaluate",
         "head": ["model", "points"],
-        "types": {"points": "Path"},
+        "types": {"points": "Path", "output": "Path | None"},
         "result": "Report",
         "returns": "The table of a file of points, (n, 3); a `Model` is called with arrays.",
     },
@@ -351,6 +357,8 @@ def value(verb, key, schema, name):
         return f"handed({name})"
     if key in FILES:
         return f"{FILES[key]}({name})"
+    if schema.get("type") == "boolean":
+        return f"bool({name})"
     if schema.get("type") == "integer" and key not in COMMON:
         return f'some_whole("{name}", {name})'
     return name
@@ -383,7 +391,8 @@ def function(schema, verb):
             continue
         annotation, shown = kinds(verb, key, argument)
         text = argument.get("description", "")
-        text = TEXTS[key].format() if key in TEXTS else text
+        texts = {**TEXTS, **verb.get("texts", {})}
+        text = texts[key].format() if key in texts else text
         names = argument.get("enum")
         if names:
             text += ": " + ", ".join(f"``\"{n}\"``" for n in names)
@@ -427,9 +436,11 @@ def function(schema, verb):
     lines.append("    }")
     call = f'"{title}", arguments, threads, time_limit, progress'
     if verb["result"] == "View":
-        lines.append(f'    return View(written("html", {call}), height)')
+        lines.append(f'    made: View = written(View, "html", {call})')
+        lines += ["    made.height = height", "    return made"]
     elif verb["result"] == "Picture":
-        lines.append(f'    return Picture(written("svg" if svg else "png", {call}))')
+        lines.append(f'    made: Picture = written(Picture, "svg" if svg else "png", {call})')
+        lines.append("    return made")
     else:
         lines.append(f"    return {verb['result']}(run({call}))")
     return "\n".join(lines) + "\n"

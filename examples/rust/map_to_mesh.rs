@@ -14,8 +14,8 @@ fn main() -> Result<(), Box<dyn Error>> {
     let map = Map::parse(["s*t", "s", "t^2", "1"], Options::default())?;
     let options = TriangulateOptions::around(1.into());
     let (surface, _) = triangulate_map(&map, &options, &Control::default())?;
-    for grade in surface.claims() {
-        println!("{:14} {}", grade.claim.to_string(), grade.basis);
+    for (claim, verdict) in surface.certificate().decided() {
+        println!("{:14} {verdict:?}", claim.to_string());
     }
     println!("certified: {}", surface.is_certified());
 

@@ -91,6 +91,8 @@ function rangeOf({ op, args: [a, b, c], n }: Step, out: number): Range {
       return (lo, hi) => wave(lo, hi, out, lo[a] - Math.PI / 2, hi[a] - Math.PI / 2);
     case "cos":
       return (lo, hi) => wave(lo, hi, out, lo[a], hi[a]);
+    case "tan":
+      return (lo, hi) => tangent(lo, hi, out, a);
     case "add":
       return (lo, hi) => set(lo, hi, out, lo[a] + lo[b], hi[a] + hi[b]);
     case "sub":
@@ -120,6 +122,13 @@ function rangeOf({ op, args: [a, b, c], n }: Step, out: number): Range {
     default:
       return (lo, hi) => set(lo, hi, out, -Infinity, Infinity);
   }
+}
+
+/** A tangent rises between two poles, and takes all values across one. */
+function tangent(lo: Row, hi: Row, out: number, a: number): void {
+  const branch = (u: number) => Math.floor(u / Math.PI + 0.5);
+  const one = branch(lo[a]) === branch(hi[a]);
+  set(lo, hi, out, one ? Math.tan(lo[a]) : -Infinity, one ? Math.tan(hi[a]) : Infinity);
 }
 
 function set(lo: Row, hi: Row, out: number, l: number, h: number): void {

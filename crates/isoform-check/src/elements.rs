@@ -93,23 +93,51 @@ pub struct CurvedQuality {
     pub worst: Vec<Place>,
 }
 
+/// Smallest value, sum and largest value.
+#[derive(Clone, Copy)]
+struct Range {
+    min: f64,
+    sum: f64,
+    max: f64,
+}
+
+impl Range {
+    /// Of no values.
+    const EMPTY: Self = Self {
+        min: f64::INFINITY,
+        sum: 0.0,
+        max: f64::NEG_INFINITY,
+    };
+    /// Adds a value.
+    fn add(&mut self, value: f64) {
+        self.min = self.min.min(value);
+        self.sum += value;
+        self.max = self.max.max(value);
+    }
+    /// Joins later values.
+    fn append(&mut self, later: Self) {
+        self.min = self.min.min(later.min);
+        self.sum += later.sum;
+        self.max = self.max.max(later.max);
+    }
+}
+
 /// Sums over elements, joined in the order of the mesh.
-#[derive(Default)]
 struct Sums {
     /// Number of elements.
     elements: usize,
-    /// Largest and smallest cosine.
-    cosine: (f64, f64),
+    /// Cosines of angles.
+    cosine: Range,
     /// Number of dihedral angles in each ten degrees.
     histogram: [u64; 18],
-    /// Smallest biased minimum sine, and the sum over the elements.
-    sine: (f64, f64),
-    /// Smallest radius ratio, and the sum over the elements.
-    ratio: (f64, f64),
-    /// Largest aspect.
-    aspect: f64,
-    /// Shortest edge, sum of the edges, longest edge.
-    edge: (f64, f64, f64),
+    /// Biased minimum sines.
+    sine: Range,
+    /// Radius ratios.
+    ratio: Range,
+    /// Aspects.
+    aspect: Range,
+    /// Lengths of edges.
+    edge: Range,
     /// The elements with the lowest values.
     worst: Lowest,
 }
@@ -118,42 +146,45 @@ impl Sums {
     /// The sums over no elements.
     fn new() -> Self {
         Self {
-            cosine: (f64::NEG_INFINITY, f64::INFINITY),
-            sine: (f64::INFINITY, 0.0),
-            ratio: (f64::INFINITY, 0.0),
-            edge: (f64::INFINITY, 0.0, 0.0),
-            ..Self::default()
+            elements: 0,
+            cosine: Range::EMPTY,
+            histogram: [0; 18],
+            sine: Range::EMPTY,
+            ratio: Range::EMPTY,
+            aspect: Range::EMPTY,
+            edge: Range::EMPTY,
+            worst: Lowest::default(),
         }
     }
     /// Joins the sums over later elements.
     fn append(&mut self, room: usize, later: Self) {
-        self.elements += later.elements;
-        self.cosine = (
-            self.cosine.0.max(later.cosine.0),
-            self.cosine.1.min(later.cosine.1),
-        );
-        for (a, b) in self.histogram.iter_mut().zip(later.histogram) {
+        let Self {
+            elements,
+            cosine,
+            histogram,
+            sine,
+            ratio,
+            aspect,
+            edge,
+            worst,
+        } = later;
+        self.elements += elements;
+        for (a, b) in self.histogram.iter_mut().zip(histogram) {
             *a += b;
         }
-        self.sine = (self.sine.0.min(later.sine.0), self.sine.1 + later.sine.1);
-        self.ratio = (
-            self.ratio.0.min(later.ratio.0),
-            self.ratio.1 + later.ratio.1,
-        );
-        self.aspect = self.aspect.max(later.aspect);
-        self.edge = (
-            self.edge.0.min(later.edge.0),
-            self.edge.1 + later.edge.1,
-            self.edge.2.max(later.edge.2),
-        );
-        self.worst.append(room, later.worst);
+        self.cosine.append(cosine);
+        self.sine.append(sine);
+        self.ratio.append(ratio);
+        self.aspect.append(aspect);
+        self.edge.append(edge);
+        self.worst.append(room, worst);
     }
     /// The edge lengths of elements with `edges` edges each.
     fn lengths(&self, edges: usize) -> Lengths {
         Lengths {
-            min: self.edge.0,
-            mean: self.edge.1 / (edges * self.elements).max(1) as f64,
-            max: self.edge.2,
+            min: self.edge.min,
+            mean: self.edge.sum / (edges * self.elements).max(1) as f64,
+            max: self.edge.max,
         }
     }
 }
@@ -215,18 +246,17 @@ impl Sums {
     fn add_triangle(&mut self, room: usize, k: u32, p: [Point3; 3]) {
         let c = triangle_cosines(p);
         let (high, low) = (c[0].max(c[1]).max(c[2]), c[0].min(c[1]).min(c[2]));
-        self.cosine = (self.cosine.0.max(high), self.cosine.1.min(low));
+        self.cosine.add(high);
+        self.cosine.add(low);
         let e = edge_lengths(p);
         let longest = e[0].max(e[1]).max(e[2]);
         let perimeter = e[0] + e[1] + e[2];
         let area2 = norm(cross(sub(p[1], p[0]), sub(p[2], p[0])));
-        self.edge = (
-            self.edge.0.min(e[0]).min(e[1]).min(e[2]),
-            self.edge.1 + perimeter,
-            self.edge.2.max(longest),
-        );
+        let sum = self.edge.sum + perimeter;
+        e.into_iter().for_each(|e| self.edge.add(e));
+        self.edge.sum = sum;
         let aspect = longest * perimeter / (2.0 * 3f64.sqrt() * area2.max(f64::MIN_POSITIVE));
-        self.aspect = self.aspect.max(aspect);
+        self.aspect.add(aspect);
         self.worst.add(room, -high, k);
     }
 
@@ -235,16 +265,16 @@ impl Sums {
         let (cosines, sines) = (cosines(shape), sines(shape));
         let mut worst = f64::INFINITY;
         for (c, sine) in cosines.into_iter().zip(sines) {
-            self.cosine = (self.cosine.0.max(c), self.cosine.1.min(c));
+            self.cosine.add(c);
             self.histogram[bounds.iter().map(|&b| usize::from(c <= b)).sum::<usize>()] += 1;
             worst = worst.min(sine * if c < 0.0 { OBTUSE_WEIGHT } else { 1.0 });
         }
-        self.sine = (self.sine.0.min(worst), self.sine.1 + worst);
+        self.sine.add(worst);
         let ratio = shape.radius_ratio();
-        self.ratio = (self.ratio.0.min(ratio), self.ratio.1 + ratio);
-        self.aspect = self.aspect.max(shape.aspect());
+        self.ratio.add(ratio);
+        self.aspect.add(shape.aspect());
         for e in shape.edges {
-            self.edge = (self.edge.0.min(e), self.edge.1 + e, self.edge.2.max(e));
+            self.edge.add(e);
         }
         self.worst.add(room, worst, k);
     }
@@ -261,9 +291,9 @@ pub(super) fn triangles(
         s.add_triangle(room, k as u32, triangles[k].map(|i| points[i as usize]));
     });
     (all.elements > 0).then(|| TriangleQuality {
-        angle_min: degrees(all.cosine.0),
-        angle_max: degrees(all.cosine.1),
-        aspect_max: all.aspect,
+        angle_min: degrees(all.cosine.max),
+        angle_max: degrees(all.cosine.min),
+        aspect_max: all.aspect.max,
         edges: all.lengths(3),
         worst: places(&all.worst, points, triangles, |v| degrees(-v)),
     })
@@ -283,14 +313,14 @@ pub(super) fn tets(
     });
     let mean = |sum: f64| sum / all.elements as f64;
     (all.elements > 0).then(|| TetQuality {
-        dihedral_min: degrees(all.cosine.0),
-        dihedral_max: degrees(all.cosine.1),
+        dihedral_min: degrees(all.cosine.max),
+        dihedral_max: degrees(all.cosine.min),
         histogram: all.histogram,
-        biased_sine_min: all.sine.0,
-        biased_sine_mean: mean(all.sine.1),
-        radius_ratio_min: all.ratio.0,
-        radius_ratio_mean: mean(all.ratio.1),
-        aspect_max: all.aspect,
+        biased_sine_min: all.sine.min,
+        biased_sine_mean: mean(all.sine.sum),
+        radius_ratio_min: all.ratio.min,
+        radius_ratio_mean: mean(all.ratio.sum),
+        aspect_max: all.aspect.max,
         edges: all.lengths(6),
         worst: places(&all.worst, points, tets, |v| v),
     })

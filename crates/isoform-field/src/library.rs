@@ -74,6 +74,25 @@ pub enum Library {
     DistanceEllipsoid,
 }
 
+/// A family of library functions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Family {
+    /// A function of a point.
+    Primitive,
+    /// A set operation of two functions with a displacement added.
+    Displaced,
+    /// A set operation of two distances with a circular blend.
+    Circular {
+        /// True of a union.
+        is_union: bool,
+    },
+    /// A signed-distance set operation of two functions.
+    Sardf {
+        /// True of a union.
+        is_union: bool,
+    },
+}
+
 /// Functions with an iteration inside, evaluated in any number type by Newton steps on the whole
 /// jet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -118,9 +137,58 @@ impl Library {
         }
     }
 
-    /// Whether the first three arguments are the point at which a primitive is evaluated.
+    /// Returns its family, which says how a tree that contains it is decomposed.
+    pub(crate) fn family(self) -> Family {
+        match self {
+            Self::Sphere
+            | Self::Ellipsoid
+            | Self::Torus(_)
+            | Self::Cylinder(_)
+            | Self::EllipticCylinder(_)
+            | Self::Block
+            | Self::Cone(_)
+            | Self::EllipticCone(_)
+            | Self::Superellipsoid
+            | Self::DistanceCone(_)
+            | Self::DistanceCylinder
+            | Self::DistanceTorus(_)
+            | Self::DistanceEllipsoid => Family::Primitive,
+            Self::BlendUnion | Self::BlendIntersection => Family::Displaced,
+            Self::DistanceBlendUnion => Family::Circular { is_union: true },
+            Self::DistanceBlendIntersection => Family::Circular { is_union: false },
+            Self::SardfUnion => Family::Sardf { is_union: true },
+            Self::SardfIntersection => Family::Sardf { is_union: false },
+        }
+    }
+
+    /// True if the first three arguments are the point at which a primitive is evaluated.
     pub fn is_primitive(self) -> bool {
-        self.arity() >= 7
+        self.family() == Family::Primitive
+    }
+
+    /// True if its formula has kinks in its arguments.
+    pub(crate) fn has_kink(self) -> bool {
+        match self {
+            Self::DistanceCone(_)
+            | Self::Superellipsoid
+            | Self::SardfUnion
+            | Self::SardfIntersection => true,
+            Self::Sphere
+            | Self::Ellipsoid
+            | Self::Torus(_)
+            | Self::Cylinder(_)
+            | Self::EllipticCylinder(_)
+            | Self::Block
+            | Self::Cone(_)
+            | Self::EllipticCone(_)
+            | Self::BlendUnion
+            | Self::BlendIntersection
+            | Self::DistanceBlendUnion
+            | Self::DistanceBlendIntersection
+            | Self::DistanceCylinder
+            | Self::DistanceTorus(_)
+            | Self::DistanceEllipsoid => false,
+        }
     }
 
     /// HyperFun's own value.
@@ -144,30 +212,28 @@ impl Library {
             Self::Cone(axis) => cone(o, axis, &u, &n[0]),
             Self::EllipticCone(axis) => elliptic_cone(o, axis, &u, n),
             Self::Superellipsoid => superellipsoid(o, &u, n),
-            _ => self.signed_distance(o, &u, n),
-        }
-    }
-
-    /// The primitives whose own value is a distance, of u and the arguments behind the centre.
-    fn signed_distance<O: Ops>(self, o: &mut O, u: &[O::V; 3], n: &[O::V]) -> O::V {
-        match self {
             Self::DistanceCone(axis) => {
-                let p = axis_distance(o, axis, u);
+                let p = axis_distance(o, axis, &u);
                 let (_, _, h) = axis.indices();
                 cone_distance(o, &u[h], &p, &n[0])
             }
             Self::DistanceCylinder => {
                 let (dir, r) = (&n[..3], &n[3]);
-                let d = distance_to_line(o, u, dir);
+                let d = distance_to_line(o, &u, dir);
                 o.sub(r, &d)
             }
             Self::DistanceTorus(axis) => {
                 let (_, _, h) = axis.indices();
-                let p = axis_distance(o, axis, u);
+                let p = axis_distance(o, axis, &u);
                 torus_distance(o, &p, &u[h], &n[0], &n[1])
             }
             Self::DistanceEllipsoid => o.native(Native::EllipsoidDistance, &[&u[..], n].concat()),
-            _ => unreachable!("the other primitives and combinations have formulas of their own"),
+            Self::BlendUnion
+            | Self::BlendIntersection
+            | Self::DistanceBlendUnion
+            | Self::DistanceBlendIntersection
+            | Self::SardfUnion
+            | Self::SardfIntersection => unreachable!("it has been taken above"),
         }
     }
 
@@ -197,7 +263,19 @@ impl Library {
                 let b = sardf_intersection(o, &mf, &mg, &args[2], &args[3]);
                 o.neg(&b)
             }
-            _ => unreachable!("primitives are handled by the caller"),
+            Self::Sphere
+            | Self::Ellipsoid
+            | Self::Torus(_)
+            | Self::Cylinder(_)
+            | Self::EllipticCylinder(_)
+            | Self::Block
+            | Self::Cone(_)
+            | Self::EllipticCone(_)
+            | Self::Superellipsoid
+            | Self::DistanceCone(_)
+            | Self::DistanceCylinder
+            | Self::DistanceTorus(_)
+            | Self::DistanceEllipsoid => unreachable!("it is a primitive"),
         }
     }
 
@@ -235,7 +313,17 @@ impl Library {
             }
             Self::Block => sides_of_block(o, args),
             Self::DistanceCylinder | Self::DistanceEllipsoid => one(self.algebraic(o, args)),
-            _ => Vec::new(),
+            // No closed form is known of the first ones; the others are not primitives.
+            Self::Ellipsoid
+            | Self::EllipticCylinder(_)
+            | Self::EllipticCone(_)
+            | Self::Superellipsoid
+            | Self::BlendUnion
+            | Self::BlendIntersection
+            | Self::DistanceBlendUnion
+            | Self::DistanceBlendIntersection
+            | Self::SardfUnion
+            | Self::SardfIntersection => Vec::new(),
         }
     }
 }

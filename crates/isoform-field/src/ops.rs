@@ -69,6 +69,49 @@ pub enum SetOp {
 }
 
 impl Unary {
+    /// True if it has a kink or a jump.
+    pub(crate) fn has_kink(self) -> bool {
+        match self {
+            Self::Abs | Self::Floor | Self::Ceil | Self::Trunc | Self::Sign => true,
+            Self::Neg
+            | Self::Square
+            | Self::Sqrt
+            | Self::Exp
+            | Self::Ln
+            | Self::Sin
+            | Self::Cos
+            | Self::Tan
+            | Self::Asin
+            | Self::Acos
+            | Self::Atan
+            | Self::Sinh
+            | Self::Cosh
+            | Self::Tanh => false,
+        }
+    }
+    /// Returns the least and the greatest argument for which it has a value.
+    pub(crate) fn domain(self) -> (f64, f64) {
+        match self {
+            Self::Sqrt => (0.0, f64::INFINITY),
+            Self::Ln => (f64::MIN_POSITIVE, f64::INFINITY),
+            Self::Asin | Self::Acos => (-1.0, 1.0),
+            Self::Neg
+            | Self::Abs
+            | Self::Square
+            | Self::Exp
+            | Self::Sin
+            | Self::Cos
+            | Self::Tan
+            | Self::Atan
+            | Self::Sinh
+            | Self::Cosh
+            | Self::Tanh
+            | Self::Floor
+            | Self::Ceil
+            | Self::Trunc
+            | Self::Sign => (f64::NEG_INFINITY, f64::INFINITY),
+        }
+    }
     /// The function in any number type.
     pub fn apply<R: Real>(self, a: &R) -> R {
         match self {
@@ -96,6 +139,13 @@ impl Unary {
 }
 
 impl Binary {
+    /// True if it has a kink or a jump.
+    pub(crate) fn has_kink(self) -> bool {
+        match self {
+            Self::Less | Self::LessEq => true,
+            Self::Add | Self::Sub | Self::Mul | Self::Div | Self::Pow | Self::Atan2 => false,
+        }
+    }
     /// The function in any number type.
     pub fn apply<R: Real>(self, a: &R, b: &R) -> R {
         match self {

@@ -13,7 +13,7 @@
 //! may be several parts: where two bodies share a plane, and the two faces of a slab.
 
 use crate::graph::{Graph, Node, NodeId};
-use crate::library::Library;
+use crate::library::{Family, Library};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use crate::smooth::Random;
 use crate::split::{Named, Naming};
@@ -285,17 +285,15 @@ impl Reader<'_> {
                     steps.push(Step::Face(self.leaf(id, negative)));
                 }
             }
-            // A signed-distance set operation has the sharp zero set of max or min; the circular
-            // blends are their own smooth piece.
-            Node::Library(Library::SardfUnion, args) => {
-                tasks.extend(pair(args[0], args[1], true));
-            }
-            Node::Library(Library::SardfIntersection, args) => {
-                tasks.extend(pair(args[0], args[1], false));
-            }
-            Node::Library(f, args) if f.is_primitive() => {
-                self.primitive(id, f, &args, negative, steps);
-            }
+            // A signed-distance set operation has the sharp zero set of max or min; the blends are
+            // their own smooth piece.
+            Node::Library(f, args) => match f.family() {
+                Family::Sardf { is_union } => tasks.extend(pair(args[0], args[1], is_union)),
+                Family::Primitive => self.primitive(id, f, &args, negative, steps),
+                Family::Circular { .. } | Family::Displaced => {
+                    steps.push(Step::Face(self.leaf(id, negative)));
+                }
+            },
             _ => steps.push(Step::Face(self.leaf(id, negative))),
         }
     }

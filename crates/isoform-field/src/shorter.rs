@@ -200,13 +200,24 @@ impl Tape {
         };
         match i.op {
             Op::Native => false,
+            // Ranges of sums of squares begin just below 0.
             Op::Unary(Unary::Sqrt) => known[i.a as usize].positive,
-            Op::Unary(Unary::Ln) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
-            Op::Unary(Unary::Asin | Unary::Acos) => within(i.a, -1.0, 1.0),
-            Op::Binary(Binary::Pow) => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
-            Op::Binary(Binary::Div) => !s[i.b as usize].contains(0.0),
+            Op::Unary(op) => match op.domain() {
+                (f64::NEG_INFINITY, f64::INFINITY) => true,
+                (lo, hi) => within(i.a, lo, hi),
+            },
+            Op::Binary(op) => match op {
+                Binary::Pow => within(i.a, f64::MIN_POSITIVE, f64::INFINITY),
+                Binary::Div => !s[i.b as usize].contains(0.0),
+                Binary::Add
+                | Binary::Sub
+                | Binary::Mul
+                | Binary::Atan2
+                | Binary::Less
+                | Binary::LessEq => true,
+            },
             Op::PowI => i.c as i32 >= 0 || !s[i.a as usize].contains(0.0),
-            _ => true,
+            Op::Set(_) | Op::Select => true,
         }
     }
 

@@ -44,7 +44,7 @@ use self::name::{Context, Numbering};
 pub(crate) use self::naming::{Named, Naming};
 use self::tree::{Tree, without_constants};
 use crate::graph::{Graph, Node, NodeId};
-use crate::library::Library;
+use crate::library::Family;
 use crate::ops::Ops;
 use isoform_geom::Csg;
 use isoform_num::Interval;
@@ -107,13 +107,12 @@ pub(crate) struct Monotone {
 impl Monotone {
     /// A blend, by itself.
     pub(crate) fn of_blend(graph: &Graph, id: NodeId) -> Option<Self> {
-        let Node::Library(
-            f @ (Library::DistanceBlendUnion | Library::DistanceBlendIntersection),
-            args,
-        ) = graph.node(id)
-        else {
+        let Node::Library(f, args) = graph.node(id) else {
             return None;
         };
+        if !matches!(f.family(), Family::Circular { .. }) {
+            return None;
+        }
         let radius = graph.constant_value(args[2])?;
         let mut alone = Graph::new();
         let arguments = [alone.x(3), alone.x(4), alone.constant(radius)];

@@ -167,7 +167,8 @@ const FLOOR_NAMES: [&str; 4] = [
 impl Weights {
     /// Refuses factors that are negative or not finite, by their names.
     fn check(&self, names: [&'static str; 4]) -> Result<(), Error> {
-        let all = names.into_iter().zip([self.j, self.l, self.r, self.e]);
+        let &Self { j, l, r, e } = self;
+        let all = names.into_iter().zip([j, l, r, e]);
         for (name, value) in all {
             if !(value.is_finite() && value >= 0.0) {
                 return Err(Error::Option { name, value });

@@ -163,10 +163,11 @@ fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
             lowered = true;
         }
     };
-    one(&mut w.j, t.j, most, floor.j);
-    one(&mut w.l, t.l, most, floor.l);
-    one(&mut w.r, t.r, most, floor.r);
-    one(&mut w.e, t.e, corners, floor.e);
+    let Weights { j, l, r, e } = w;
+    one(j, t.j, most, floor.j);
+    one(l, t.l, most, floor.l);
+    one(r, t.r, most, floor.r);
+    one(e, t.e, corners, floor.e);
     lowered
 }
 

@@ -67,13 +67,29 @@ pub struct Terms {
 impl Terms {
     /// S = I + ω_J J + ω_L L + ω_R R + ω_E E, and what sides add.
     pub fn sum(&self, w: &Weights) -> f64 {
-        self.i + w.j * self.j + w.l * self.l + w.r * self.r + w.e * self.e + self.sides
+        // Here and below each field is named, so that a further one does not compile unseen.
+        let &Self {
+            i,
+            j,
+            l,
+            r,
+            e,
+            sides,
+        } = self;
+        i + w.j * j + w.l * l + w.r * r + w.e * e + sides
     }
 
     /// Whether every term is a finite number.
     pub(crate) fn are_finite(&self) -> bool {
-        let all = [self.i, self.j, self.l, self.r, self.e, self.sides];
-        all.iter().all(|t| t.is_finite())
+        let &Self {
+            i,
+            j,
+            l,
+            r,
+            e,
+            sides,
+        } = self;
+        [i, j, l, r, e, sides].iter().all(|t| t.is_finite())
     }
 }
 

@@ -99,7 +99,7 @@ impl BlocksWork {
         let job = job.ok_or_else(|| Trouble::usage("the job is over"))?;
         let report = job.finish().map_err(Trouble::from)?;
         let report = serde_json::to_value(report).expect("reports have texts for keys");
-        Ok(isoform_verbs::document(report))
+        Ok(isoform_verbs::document(0, report))
     }
     /// Ends the job as it is.
     fn close(&self) {

@@ -13,7 +13,7 @@ use isoform::patch_records;
 use isoform_verbs::memory::{Mounted, Object};
 use isoform_verbs::{Answer, Failure, Product, call};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyInt, PyString};
+use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyMapping, PySet, PyString};
 use serde_json::{Map, Number, Value};
 use std::path::PathBuf;
 
@@ -61,6 +61,7 @@ impl Given<'_> {
             }
             Self::Map(drawn) => match &drawn.map {
                 Some(map) => Object::Map(map.clone()),
+                // The surface of patches.
                 None => Object::Mesh(drawn.mesh.clone(), None),
             },
             Self::Solids(solids) => Object::text(
@@ -106,10 +107,17 @@ impl Output {
     }
 }
 
+/// Lists within lists at most: corners in a polygon are two deep.
+const MOST_DEPTH: usize = 8;
+
 /// Returns a value of Python as one of JSON; objects by their paths.
-fn json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
+fn json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
+    let refused = |what: &str| PyErr::from(Trouble::usage(what));
     if value.is_none() {
         return Ok(Value::Null);
+    }
+    if depth > MOST_DEPTH {
+        return Err(refused("an argument has lists within lists within lists"));
     }
     if let Ok(input) = value.cast::<Input>() {
         return Ok(input.get().0.path().to_string_lossy().into());
@@ -120,39 +128,55 @@ fn json(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     if value.is_instance_of::<PyBool>() {
         return Ok(value.extract::<bool>()?.into());
     }
-    if value.is_instance_of::<PyString>() {
-        return Ok(value.extract::<String>()?.into());
+    if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
+        let path = value.extract::<PathBuf>()?;
+        let text = path.to_str();
+        let text = text.ok_or_else(|| refused("a name is no text: it is not UTF-8"))?;
+        return Ok(text.into());
     }
-    if value.is_instance_of::<PyInt>() {
-        return Ok(match value.extract::<i64>() {
-            Ok(number) => number.into(),
-            Err(_) => value.to_string().into(),
-        });
+    if value.is_instance_of::<PyBytes>() || value.is_instance_of::<PySet>() {
+        let kind = value.get_type().name()?;
+        return Err(refused(&format!(
+            "an argument is a {kind}, whose order says nothing"
+        )));
     }
-    if value.is_instance_of::<PyFloat>() {
-        let number = value.extract::<f64>()?;
-        let finite = Number::from_f64(number);
-        return Ok(finite.map_or_else(|| number.to_string().into(), Value::Number));
+    if let Ok(fields) = value.cast::<PyMapping>() {
+        let mut map = Map::new();
+        for pair in fields.items()?.iter() {
+            let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
+            map.insert(key.str()?.to_string(), json(&value, depth + 1)?);
+        }
+        return Ok(Value::Object(map));
     }
-    if let Ok(fields) = value.cast::<PyDict>() {
-        return Ok(Value::Object(object(fields)?));
+    if let Ok(whole) = value.extract::<i64>() {
+        return Ok(whole.into());
     }
-    if value.hasattr("__len__")? {
-        let items = value.try_iter()?.map(|item| json(&item?));
+    if value.len().is_ok() {
+        let items = value.try_iter()?.map(|item| json(&item?, depth + 1));
         return Ok(Value::Array(items.collect::<PyResult<_>>()?));
     }
-    // Numbers of numpy, paths, fractions.
-    if let Ok(path) = value.extract::<PathBuf>() {
-        return Ok(path.to_string_lossy().into());
+    // Fractions and decimal numbers are taken as they are written.
+    if value.hasattr("as_integer_ratio")? && !value.is_instance_of::<PyFloat>() {
+        let module: String = value.get_type().getattr("__module__")?.extract()?;
+        if module != "numpy" {
+            return Ok(value.str()?.to_string().into());
+        }
     }
-    Ok(value.str()?.to_string().into())
+    let Ok(number) = value.extract::<f64>() else {
+        let kind = value.get_type().name()?;
+        return Err(refused(&format!(
+            "an argument is a {kind}: numbers and texts are expected"
+        )));
+    };
+    let finite = Number::from_f64(number);
+    Ok(finite.map_or_else(|| number.to_string().into(), Value::Number))
 }
 
 /// Returns arguments as a request.
 pub(crate) fn object(fields: &Bound<'_, PyDict>) -> PyResult<Map<String, Value>> {
     let mut map = Map::new();
     for (key, value) in fields {
-        map.insert(key.extract()?, json(&value)?);
+        map.insert(key.extract()?, json(&value, 0)?);
     }
     Ok(map)
 }
@@ -180,7 +204,8 @@ pub(crate) fn run_verb(
         product,
         warnings,
     } = done.map_err(Trouble::from)?;
-    let document = isoform_verbs::document(outcome.json);
+    let document = isoform_verbs::document(outcome.exit, outcome.json);
+    let warnings = warnings.iter().map(|warning| in_python(warning)).collect();
     let native = product.map(|product| native(py, product)).transpose()?;
     Ok((document, warnings, native))
 }
@@ -227,7 +252,7 @@ impl From<Failure> for Trouble {
             text = format!("{}:{line}:{column}: {text}", file.display());
         }
         let because = if why.is_empty() { "" } else { ": " };
-        let trouble = Self::new(code, text + because + &why).hint(in_python(&hint));
+        let trouble = Self::new(code, text + because + &in_python(&why)).hint(in_python(&hint));
         match (place.line, place.column) {
             (Some(line), Some(column)) => trouble.at(line, column),
             _ => trouble,
@@ -235,24 +260,26 @@ impl From<Failure> for Trouble {
     }
 }
 
-/// Returns a text of the command line with the names of Python: `size` for `--size`, `isoform.fit`
-/// for `isoform fit`.
+/// Returns a text of the command line with the names of Python: `time_limit` for `--time-limit`.
+/// Dashes within words, as in names of files, are left.
 fn in_python(text: &str) -> String {
     if text == "isoform --help" {
         return "help(isoform)".to_owned();
     }
-    let mut words = Vec::new();
-    for word in text.split(' ') {
-        let Some(start) = word.find("--") else {
-            words.push(word.to_owned());
-            continue;
-        };
-        let (before, option) = word.split_at(start);
-        let option = &option[2..];
+    let mut plain = String::new();
+    let mut rest = text;
+    while let Some(at) = rest.find("--") {
+        let (before, option) = (&rest[..at], &rest[at + 2..]);
         let is_name = |c: char| c.is_ascii_lowercase() || c == '-';
         let end = option.find(|c| !is_name(c)).unwrap_or(option.len());
-        let name = option[..end].replace('-', "_");
-        words.push(format!("{before}{name}{}", &option[end..]));
+        let is_start = |c: char| c.is_whitespace() || "'`\"([<".contains(c);
+        let is_option = before.chars().next_back().is_none_or(is_start) && end > 1;
+        plain += before;
+        match is_option {
+            true => plain += &option[..end].replace('-', "_"),
+            false => plain += &rest[at..at + 2 + end],
+        }
+        rest = &option[end..];
     }
-    words.join(" ")
+    plain + rest
 }

@@ -112,7 +112,7 @@ pub(crate) fn fit_large(
     let found = found.map_err(failed)?;
     let read = ReadReport::of_memory("chunks", found.fit.n_points);
     let fitted = FittedScan::new(found, names, read, (method, seed));
-    let document = isoform_verbs::document(fitted.document());
+    let document = isoform_verbs::document(0, fitted.document());
     Ok((document, Fit::new(fitted)))
 }
 

@@ -425,6 +425,80 @@ class Verbs(unittest.TestCase):
         self.assertNotIn("--", f"{caught.exception} {caught.exception.hint}")
 
 
+class Handed(unittest.TestCase):
+    """Objects in the place of files, and values of all kinds."""
+
+    BALLS = """big(x[3], a[1]) { big = 4 - x[1]^2 - x[2]^2 - x[3]^2; }
+        my_model(x[3], a[1]) { my_model = 1 - x[1]^2 - x[2]^2 - x[3]^2; }"""
+
+    def setUp(self):
+        self.ball = isoform.Model(BALL)
+
+    def refused(self, call):
+        with self.assertRaises(IsoformError) as caught:
+            call()
+        return f"{caught.exception} {caught.exception.hint}"
+
+    def test_another_object_of_a_model(self):
+        both = isoform.Model(self.BALLS)
+        area = isoform.mesh(both, 0.4, surface_only=True, params=[0], object="big").area
+        self.assertAlmostEqual(area, 16 * np.pi, delta=1.5)
+        self.refused(lambda: isoform.mesh(both, 0.4, params=[0], object="small"))
+
+    def test_samples_of_points_in_memory(self):
+        self.assertEqual(isoform.inspect(on_ball(), max_points=100)["points"], 100)
+        self.refused(lambda: isoform.inspect(on_ball(), format="ply"))
+
+    def test_values_of_all_kinds(self):
+        self.assertIn("null", self.refused(lambda: isoform.mesh(self.ball, params=[1, None])))
+        loop = []
+        loop.append(loop)
+        self.assertIn("within", self.refused(lambda: isoform.mesh(self.ball, params=loop)))
+        for odd in (b"12", {1, 2}, (v for v in [1.0, 2.0])):
+            self.refused(lambda: isoform.mesh(self.ball, params=odd))
+        sizes = [np.float64(0.7), np.float32(0.7), np.array(0.7)]
+        sizes = [isoform.mesh(self.ball, size=s, params=VALUES).to_dict()["size"] for s in sizes]
+        self.assertEqual(sizes, [0.7, float(np.float32(0.7)), 0.7])
+        mesh = isoform.mesh(self.ball, 0.7, surface_only=np.bool_(True), params=VALUES)
+        self.assertEqual(len(mesh.tetrahedra), 0)
+        result = isoform.fit(on_ball(), self.ball, bounds={"radius": (0, np.inf)})
+        self.assertAlmostEqual(result.values["radius"], 2, places=2)
+
+    def test_results_are_inputs(self):
+        result, points = isoform.fit(on_ball(), self.ball), on_ball(1500)
+        function = isoform.implicitize(points)
+        mesh = isoform.mesh(function, size=0.6)
+        for other in (result, function, isoform.mesh(result, 0.4), points):
+            self.assertLess(isoform.compare(mesh, other).second_to_first["max"], 0.3)
+        self.assertTrue(isoform.fit(mesh, "sphere").values["radius"] > 1.9)
+        for wrong in (function, isoform.recognize(points)):
+            with self.assertRaises((IsoformError, TypeError)):
+                isoform.fit(wrong, self.ball)
+        self.assertIn("not points", self.refused(lambda: isoform.fit(function, self.ball)))
+        self.assertIn("not a Hyper", self.refused(lambda: isoform.brep(mesh)))
+        triangle = isoform.triangulate(
+            {"X": "s", "Y": "t", "Z": "0", "W": "1"}, box=2, polygon=[(0, 0), (1, 0), (0, 1)]
+        )
+        self.assertEqual(isoform.compare(triangle, triangle).first_to_second["max"], 0)
+
+    def test_names_with_dashes_stay(self):
+        self.assertIn("my--file", self.refused(lambda: isoform.mesh("my--file.hf")))
+
+    def test_what_failed_in_part_is_told(self):
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder) / "ball.msh"
+            result = isoform.recover(on_ball(), self.ball, output=path, memory=1e-6)
+        self.assertFalse(result.to_dict()["ok"])
+        self.assertTrue(any("memory" in w or "meshed" in w for w in result.warnings), result.warnings)
+
+    def test_names_on_disk_are_plain(self):
+        with tempfile.TemporaryDirectory() as folder:
+            isoform.recover(on_ball(), self.ball, output=folder + "/out/")
+            text = (Path(folder) / "out" / "scan.txt").read_text()
+        self.assertIn("array", text)
+        self.assertTrue(text.isascii(), text)
+
+
 class Shapes(unittest.TestCase):
     """One way through all verbs."""
 

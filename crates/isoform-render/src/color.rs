@@ -195,6 +195,24 @@ fn round_up(v: f64) -> f64 {
 mod tests {
     use super::*;
 
+    /// Pages have the colours of pictures.
+    #[test]
+    fn pages_have_these_colors() {
+        let page = include_str!("../../../web/src/colors.ts");
+        let list = |name: &str| -> Vec<u8> {
+            let start = page.find(&format!("const {name}")).expect("the list");
+            let text = &page[start..];
+            let text =
+                &text[text.find("= [").expect("its start")..text.find("];").expect("its end")];
+            let words = text.split(|c: char| !c.is_ascii_digit());
+            words.filter_map(|word| word.parse().ok()).collect()
+        };
+        assert_eq!(list("PARTS"), PARTS.as_flattened());
+        assert_eq!(list("DIVERGING"), DIVERGING.as_flattened());
+        assert_eq!(list("SEQUENTIAL"), SEQUENTIAL.as_flattened());
+        assert!(page.contains(&format!("NEUTRAL = {NEUTRAL};")));
+    }
+
     #[test]
     fn zero_is_neutral_and_signs_are_told_apart() {
         let scale = Scale::of_deviations(&[-1.0, 1.0], None);

@@ -58,10 +58,16 @@ pub(crate) struct Inputs {
 
 impl Inputs {
     /// The files that the arguments of a verb name. Fails where an output is one of them.
-    pub(crate) fn of(verb: &ArgMatches, force: bool) -> Result<Self, Failure> {
+    /// `request` is a file that named them.
+    pub(crate) fn of(
+        verb: &ArgMatches,
+        request: Option<&Path>,
+        force: bool,
+    ) -> Result<Self, Failure> {
         let (outputs, files): (Vec<_>, Vec<_>) =
             paths(verb).partition(|(argument, _)| WRITTEN.contains(argument));
-        let files = files.into_iter().filter_map(|(_, path)| {
+        let request = request.map(|path| ("request", path.to_owned()));
+        let files = files.into_iter().chain(request).filter_map(|(_, path)| {
             let identity = Identity::of(&path)?;
             Some((path, identity))
         });

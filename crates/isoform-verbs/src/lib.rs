@@ -92,6 +92,30 @@ enum Verb {
     },
 }
 
+impl Verb {
+    /// True if it has many short parallel loops, as fits have.
+    fn has_short_loops(&self) -> bool {
+        match self {
+            Self::Recover(_) | Self::Fit(_) => true,
+            Self::Mesh(_)
+            | Self::Brep(_)
+            | Self::Parameterize(_)
+            | Self::Triangulate(_)
+            | Self::Implicitize(_)
+            | Self::Recognize(_)
+            | Self::Eval(_)
+            | Self::Inspect(_)
+            | Self::Convert(_)
+            | Self::Compare(_)
+            | Self::View(_)
+            | Self::Render(_)
+            | Self::Run(_)
+            | Self::Schema(_)
+            | Self::Completions { .. } => false,
+        }
+    }
+}
+
 /// Calls the verb.
 fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     match verb {
@@ -122,37 +146,52 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
     }
 }
 
-/// Reads the arguments, and finds the files among them that are read.
-fn parse(
-    words: impl IntoIterator<Item = OsString>,
-) -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
+/// Arguments as read, and the files among them that are read.
+type Parsed = (Cli, Result<Inputs, Failure>);
+
+/// Reads the arguments. Those of `isoform run` are a file of others; global options may stand in it,
+/// or on the command line.
+fn parse(words: impl IntoIterator<Item = OsString>) -> Result<Parsed, clap::Error> {
     let matches = Cli::command().try_get_matches_from(words)?;
     let cli = Cli::from_arg_matches(&matches)?;
-    if let Verb::Run(args) = &cli.verb {
-        return match request::read(&args.file, &Cli::command()) {
-            Ok(words) => parse_request(words, cli.global),
-            Err(failure) => Ok((cli, Err(failure))),
-        };
-    }
-    let inputs = match matches.subcommand() {
-        Some((_, verb)) => Inputs::of(verb, cli.global.force),
-        None => Ok(Inputs::default()),
+    let Verb::Run(args) = &cli.verb else {
+        let inputs = inputs_of(&matches, None, cli.global.force);
+        return Ok((cli, inputs));
     };
-    Ok((cli, inputs))
+    let words = match request::read(&args.file, &Cli::command()) {
+        Ok(words) => words,
+        Err(failure) => return Ok((cli, Err(failure))),
+    };
+    let program = std::iter::once(OsString::from("isoform"));
+    let inner = Cli::command().try_get_matches_from(program.chain(words))?;
+    let mut asked = Cli::from_arg_matches(&inner)?;
+    let (global, of_request) = (&cli.global, &mut asked.global);
+    of_request.json |= global.json;
+    of_request.quiet |= global.quiet;
+    of_request.force |= global.force;
+    of_request.verbose = global.verbose.max(of_request.verbose);
+    of_request.threads = global.threads.or(of_request.threads);
+    of_request.time_limit = global.time_limit.or(of_request.time_limit);
+    let is_given = matches.subcommand().is_some_and(|(_, run)| {
+        run.value_source("seed") == Some(clap::parser::ValueSource::CommandLine)
+    });
+    if is_given {
+        of_request.seed = global.seed;
+    }
+    let inputs = inputs_of(&inner, Some(&args.file), asked.global.force);
+    Ok((asked, inputs))
 }
 
-/// Reads the arguments of a request. Global options may stand in it, or on the command line.
-fn parse_request(
-    words: Vec<OsString>,
-    global: Global,
-) -> Result<(Cli, Result<Inputs, Failure>), clap::Error> {
-    let (mut cli, inputs) = parse(std::iter::once(OsString::from("isoform")).chain(words))?;
-    cli.global.json |= global.json;
-    cli.global.quiet |= global.quiet;
-    cli.global.verbose = cli.global.verbose.max(global.verbose);
-    cli.global.threads = global.threads.or(cli.global.threads);
-    cli.global.time_limit = global.time_limit.or(cli.global.time_limit);
-    Ok((cli, inputs))
+/// Returns the files that a verb reads.
+fn inputs_of(
+    matches: &clap::ArgMatches,
+    request: Option<&Path>,
+    force: bool,
+) -> Result<Inputs, Failure> {
+    match matches.subcommand() {
+        Some((_, verb)) => Inputs::of(verb, request, force),
+        None => Ok(Inputs::default()),
+    }
 }
 
 /// What a call gives back.
@@ -192,9 +231,11 @@ pub fn call(
     })
 }
 
-/// Returns the document of `--json` as text: a report behind the version of the form.
-pub fn document(report: Value) -> String {
-    output::json_of(&Document::new(true, report)).to_string()
+/// Returns the document of `--json` as text: a report behind the version of the form. `exit` is the
+/// code that comes with it.
+pub fn document(exit: u8, report: Value) -> String {
+    let ok = ![output::NO_RESULT, output::INTERNAL].contains(&exit);
+    output::json_of(&Document::new(ok, report)).to_string()
 }
 
 /// Returns the JSON schema of requests, as text.
@@ -276,8 +317,8 @@ pub fn program() -> ExitCode {
     };
     let mut context = Context::new(cli.global, None);
     context.begin();
-    let is_fit = matches!(cli.verb, Verb::Fit(_) | Verb::Recover(_));
-    if is_fit {
+    let has_short_loops = cli.verb.has_short_loops();
+    if has_short_loops {
         keep_freed_memory();
         context.whole = Some(progress::Whole::new());
     }
@@ -290,9 +331,45 @@ pub fn program() -> ExitCode {
     // A fit has many short parallel loops: a thread of the pool does all of its work, as each loop
     // of another thread would wait for the pool to wake up, some 30 µs. Verbs with long loops leave
     // the pool to them: a thread that took part could not ask whether the time is over.
-    if is_fit {
+    if has_short_loops {
         rayon::scope(|_| work())
     } else {
         work()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use isoform::io::formats;
+
+    /// What lists formats of points names all of them.
+    #[test]
+    fn texts_name_every_format_of_points() {
+        let command = Cli::command();
+        let help = |verb: &str, argument: &str| {
+            let verb = command.find_subcommand(verb).expect("a verb");
+            let found = verb.get_arguments().find(|a| a.get_id() == argument);
+            let help = found.and_then(|a| a.get_help()).expect("its help");
+            help.to_string()
+        };
+        let line = |text: &'static str, with: &str| {
+            let found = text.lines().find(|l| l.contains(with)).expect("the line");
+            found.to_owned()
+        };
+        let texts = [
+            ("fit --help", help("fit", "scan")),
+            ("inspect --help", help("inspect", "file")),
+            (
+                "README.md",
+                line(include_str!("../../../README.md"), "- Reads PLY"),
+            ),
+        ];
+        for (place, text) in texts {
+            for format in formats() {
+                let name = format.name.to_uppercase();
+                assert!(text.contains(&name), "{name} is missing in {place}: {text}");
+            }
+        }
     }
 }

@@ -3,6 +3,7 @@
 //! A mounted object has a path of its own, which verbs take like any other. The name in it is what
 //! documents and messages say: [`plain`] takes the rest away.
 
+use crate::output::Failure;
 use isoform::SplineDistance;
 use isoform::field::hyperfun::Model;
 use isoform::geom::{Mesh, PointCloud};
@@ -48,6 +49,24 @@ pub struct MapObject {
 }
 
 impl Object {
+    /// Returns what it is, in a few words.
+    fn what(&self) -> &'static str {
+        match self {
+            Self::Bytes { .. } => "a file in memory",
+            Self::Program(_) => "a HyperFun program",
+            Self::Points(..) => "points",
+            Self::Mesh(..) => "a mesh",
+            Self::Function(_) => "a function of isoform implicitize",
+            Self::Map(_) => "a triangulated map",
+        }
+    }
+
+    /// Returns the failure of a verb that takes `wanted`, and was given this.
+    pub(crate) fn instead_of(&self, wanted: &str, path: &Path) -> Failure {
+        let message = format!("{}: {}, not {wanted}", name(path), self.what());
+        Failure::input("other-kind", message)
+    }
+
     /// Returns the object of a text with an ending.
     pub fn text(ending: &'static str, text: impl Into<Vec<u8>>) -> Self {
         Self::Bytes {
@@ -86,9 +105,9 @@ static OBJECTS: Mutex<BTreeMap<PathBuf, Object>> = Mutex::new(BTreeMap::new());
 static NEXT: AtomicU64 = AtomicU64::new(0);
 
 /// Brackets around the number in front of a name; empty ones stand before the ending behind it.
-/// Unicode holds these code points for private use, so that no name has them.
-const OPEN: char = '\u{f1f0}';
-const CLOSE: char = '\u{f1f1}';
+/// These code points are no characters (Unicode, section 23.7), so that no name has them.
+const OPEN: char = '\u{fdd0}';
+const CLOSE: char = '\u{fdd1}';
 
 /// An object that can be read as long as this lives.
 pub struct Mounted(PathBuf);

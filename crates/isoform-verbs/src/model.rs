@@ -23,10 +23,20 @@ pub(crate) struct Language {
     pub(crate) documented_precedence: bool,
 }
 
+impl Language {
+    /// True if a program is read as usual.
+    fn is_default(&self) -> bool {
+        self.object.is_none() && !self.strict && !self.documented_precedence
+    }
+}
+
 /// Reads a program, chooses its object and says what is doubtful in it.
 pub(crate) fn read(path: &Path, language: &Language, context: &Context) -> Result<Model, Failure> {
-    if let Some(Object::Program(model)) = memory::find(path) {
-        return Ok(Model::clone(&model));
+    match memory::find(path) {
+        Some(Object::Program(model)) if language.is_default() => return Ok(Model::clone(&model)),
+        Some(Object::Program(model)) => return parse(path, model.source(), language, context),
+        Some(Object::Bytes { .. }) | None => {}
+        Some(other) => return Err(other.instead_of("a HyperFun program", path)),
     }
     let bytes = output::read_file(path)?;
     let head = kind::head(&bytes).to_vec();

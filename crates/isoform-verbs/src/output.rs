@@ -24,7 +24,7 @@ use std::io::{self, ErrorKind, Write};
 use std::panic::AssertUnwindSafe;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -183,7 +183,10 @@ impl Context {
                 None => interrupt::watch(),
             }),
             deadline: self.deadline,
-            progress: None,
+            progress: match &self.listener {
+                Some(listener) => Some(&*listener.progress),
+                None => None,
+            },
         }
     }
     /// Whether the time limit is over.
@@ -213,8 +216,9 @@ impl Context {
     }
     /// Says why a part of the work has no result, where the rest has one.
     pub(crate) fn complain(&self, failure: &Failure) {
-        if self.listener.is_none() {
-            say(failure.text());
+        match self.listener {
+            Some(_) => self.warn(&failure.message),
+            None => say(failure.text()),
         }
     }
     /// Hands the result over to a caller, who may want more of it than its document.
@@ -578,6 +582,9 @@ fn to_stdout(bytes: &[u8]) -> io::Result<()> {
     }
 }
 
+/// Number of the next temporary file.
+static TURN: AtomicU64 = AtomicU64::new(0);
+
 /// Writes a file whole or not at all: to a temporary file beside it, which is then renamed. Devices
 /// and pipes are written to.
 pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
@@ -592,8 +599,10 @@ pub(crate) fn write_file(path: &Path, bytes: &[u8]) -> Result<(), Failure> {
     let name = path
         .file_name()
         .ok_or_else(|| failed(io::Error::from(ErrorKind::InvalidFilename)))?;
+    // Threads of one process may write one file at a time.
+    let turn = TURN.fetch_add(1, Ordering::Relaxed);
     let temporary = path.with_file_name(format!(
-        ".{}.{}.tmp",
+        ".{}.{}.{turn}.tmp",
         name.to_string_lossy(),
         std::process::id()
     ));
@@ -632,8 +641,10 @@ pub(crate) fn read_file(path: &Path) -> Result<Vec<u8>, Failure> {
             Err(e) => Err(Failure::file(Path::new("stdin"), "read", &e)),
         };
     }
-    if let Some(Object::Bytes { bytes, .. }) = memory::find(path) {
-        return Ok(Vec::clone(&bytes));
+    match memory::find(path) {
+        Some(Object::Bytes { bytes, .. }) => return Ok(Vec::clone(&bytes)),
+        Some(other) => return Err(other.instead_of("a file of another kind", path)),
+        None => {}
     }
     fs::read(path).map_err(|e| Failure::file(path, "read", &e))
 }

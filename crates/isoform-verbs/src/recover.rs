@@ -230,7 +230,7 @@ impl Outputs {
     fn make_folders(&mut self, args: &Args, context: &Context) -> Result<(), Failure> {
         let scan = args.scan.as_deref();
         let name = scan.unwrap_or(Path::new(TEMPLATE));
-        let folders = match args.output.is_empty() {
+        let folders = match args.output.is_empty() && context.listener.is_none() {
             true => vec![folder::of_scan(name, scan, context)?],
             false => std::mem::take(&mut self.folders),
         };

@@ -1,5 +1,6 @@
 //! The folder of the results of `recover`: one for each scan, without files of earlier runs.
 
+use crate::memory;
 use crate::output::{self, Context, Failure};
 use std::fs::{self, OpenOptions};
 use std::io::{ErrorKind, Write};
@@ -29,7 +30,7 @@ fn source(scan: Option<&Path>) -> String {
         Some(path) if path == Path::new("-") => "-".to_owned(),
         Some(path) => {
             let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_owned());
-            path.display().to_string()
+            memory::name(&path)
         }
     }
 }

@@ -43,7 +43,8 @@ pub(crate) struct SchemaArgs {
 /// Reads a request from a file; returns the words of its command line.
 pub(crate) fn read(path: &Path, command: &Command) -> Result<Vec<OsString>, Failure> {
     let text = output::text(output::read_file(path)?);
-    let json: Value = serde_json::from_str(&text).map_err(|e| {
+    let text = text.trim_start_matches('\u{feff}');
+    let json: Value = serde_json::from_str(text).map_err(|e| {
         let (line, column) = (e.line().max(1), e.column().max(1));
         Failure::input("json", format!("not JSON: {e}"))
             .at(path, line, column)
@@ -94,15 +95,30 @@ pub(crate) fn words(
                     .hint(format!("one of: {}", hint.join(", "))),
             );
         };
+        let wrong = |what: String| Failure::usage(format!("{}: {what}", name(argument)));
         match argument.get_long() {
-            Some(long) => options.extend(option_words(long, argument, value)),
+            Some(long) => options.extend(option_words(long, argument, value).map_err(wrong)?),
             None => {
                 let place = verb.get_positionals().position(|p| p == argument);
-                positional.push((place, listed(value)));
+                let words = listed(value).map_err(wrong)?;
+                if words.len() > 1 && !matches!(argument.get_action(), ArgAction::Append) {
+                    return Err(wrong("one value is expected".to_owned()));
+                }
+                positional.push((place, words));
             }
         }
     }
+    positional.retain(|p: &(_, Vec<String>)| !p.1.is_empty());
     positional.sort_by_key(|p| p.0);
+    // A command line gives the first ones first.
+    for (k, (place, _)) in positional.iter().enumerate() {
+        if *place != Some(k)
+            && let Some(missing) = verb.get_positionals().nth(k)
+        {
+            let message = format!("{}: `{}` is missing", verb.get_name(), name(missing));
+            return Err(Failure::usage(message));
+        }
+    }
     let mut words = vec![verb.get_name().to_owned()];
     words.extend(options);
     // Nothing behind it is taken for an option.
@@ -137,30 +153,54 @@ fn argument<'c>(verb: &'c Command, command: &'c Command, key: &str) -> Option<&'
 }
 
 /// Returns the words of one option.
-fn option_words(long: &str, argument: &Arg, value: &Value) -> Vec<String> {
+fn option_words(long: &str, argument: &Arg, value: &Value) -> Result<Vec<String>, String> {
     let with = |text: String| format!("--{long}={text}");
-    match (argument.get_action(), value) {
+    Ok(match (argument.get_action(), value) {
         (_, Value::Null) => Vec::new(),
         (ArgAction::SetTrue | ArgAction::Count, Value::Bool(false)) => Vec::new(),
         (ArgAction::SetTrue | ArgAction::Count, Value::Bool(true)) => vec![format!("--{long}")],
-        (ArgAction::Append, value) => listed(value).into_iter().map(with).collect(),
-        (_, value) => vec![with(listed(value).join(","))],
-    }
+        (ArgAction::SetTrue | ArgAction::Count, _) => {
+            return Err("true or false is expected".to_owned());
+        }
+        (ArgAction::Append, value) => listed(value)?.into_iter().map(with).collect(),
+        (_, value) => {
+            let items = listed(value)?;
+            if items.len() > 1 && is_text(argument) {
+                return Err("one value is expected".to_owned());
+            }
+            vec![with(items.join(","))]
+        }
+    })
+}
+
+/// True if the value of an argument is a text, or the path of a file.
+fn is_text(argument: &Arg) -> bool {
+    let id = argument.get_value_parser().type_id();
+    id == TypeId::of::<String>() || id == TypeId::of::<PathBuf>()
 }
 
 /// Returns the items of a value as texts: those of a list, NAME=VALUE of an object.
-fn listed(value: &Value) -> Vec<String> {
-    match value {
+fn listed(value: &Value) -> Result<Vec<String>, String> {
+    let item = |value: &Value| match value {
+        Value::Null => Err("a value is null".to_owned()),
+        value => listed(value),
+    };
+    Ok(match value {
         Value::Null => Vec::new(),
         Value::String(text) => vec![text.clone()],
-        Value::Array(items) => items.iter().flat_map(listed).collect(),
+        Value::Array(items) => {
+            let items: Result<Vec<Vec<String>>, String> = items.iter().map(item).collect();
+            items?.concat()
+        }
         Value::Object(fields) => {
-            let pair =
-                |(key, value): (&String, &Value)| format!("{key}={}", listed(value).join(","));
-            fields.iter().map(pair).collect()
+            let pair = |(key, value): (&String, &Value)| match item(value)?.as_slice() {
+                [value] => Ok(format!("{key}={value}")),
+                _ => Err(format!("{key}: one value is expected")),
+            };
+            fields.iter().map(pair).collect::<Result<_, String>>()?
         }
         other => vec![other.to_string()],
-    }
+    })
 }
 
 /// Returns the JSON schema of requests, of one verb or of all.
@@ -204,7 +244,10 @@ pub(crate) fn schema(only: Option<&str>, command: &Command) -> Result<Value, Fai
 fn of_argument(argument: &Arg) -> Value {
     let mut schema = of_type(argument);
     if matches!(argument.get_action(), ArgAction::Append) {
-        schema = json!({"type": "array", "items": schema});
+        schema = match is_text(argument) {
+            true => json!({"type": ["string", "array"], "items": schema}),
+            false => json!({"type": ["string", "array", "object"], "items": schema}),
+        };
     }
     if let Some(help) = argument.get_help() {
         schema["description"] = help.to_string().into();
@@ -227,17 +270,15 @@ fn of_type(argument: &Arg) -> Value {
         .collect();
     let id = argument.get_value_parser().type_id();
     let is_one_of = |types: &[TypeId]| types.iter().any(|t| id == *t);
-    if matches!(argument.get_action(), ArgAction::SetTrue) {
+    if matches!(argument.get_action(), ArgAction::SetTrue | ArgAction::Count) {
         json!({"type": "boolean"})
-    } else if matches!(argument.get_action(), ArgAction::Count)
-        || is_one_of(&[
-            TypeId::of::<u8>(),
-            TypeId::of::<u16>(),
-            TypeId::of::<u32>(),
-            TypeId::of::<u64>(),
-            TypeId::of::<usize>(),
-        ])
-    {
+    } else if is_one_of(&[
+        TypeId::of::<u8>(),
+        TypeId::of::<u16>(),
+        TypeId::of::<u32>(),
+        TypeId::of::<u64>(),
+        TypeId::of::<usize>(),
+    ]) {
         json!({"type": "integer"})
     } else if !names.is_empty() {
         json!({"enum": names})
@@ -292,6 +333,23 @@ mod tests {
         ] {
             assert_eq!(words_of(json).as_deref(), Ok(words));
         }
+        for (wrong, why) in [
+            (
+                r#"{"verb": "mesh", "params": [1, null]}"#,
+                "params: a value is null",
+            ),
+            (
+                r#"{"verb": "recover", "template": "cup"}"#,
+                "`scan` is missing",
+            ),
+            (
+                r#"{"verb": "render", "file": "a", "output": ["b", "c"]}"#,
+                "one value",
+            ),
+            (r#"{"verb": "mesh", "close": 1}"#, "true or false"),
+        ] {
+            assert!(words_of(wrong).is_err_and(|e| e.contains(why)), "{wrong}");
+        }
         let near = words_of(r#"{"verb": "mesh", "sise": 1}"#);
         assert_eq!(near, Err("mesh takes no `sise`: one of: size".to_owned()));
         assert!(words_of(r#"{"verb": "mash"}"#).is_err_and(|e| e.ends_with("mesh")));
@@ -314,7 +372,7 @@ mod tests {
         }
         let mesh = &all[2]["properties"];
         assert_eq!(mesh["size"]["type"], "number");
-        assert_eq!(mesh["output"]["type"], "array");
+        assert_eq!(mesh["output"]["type"], json!(["string", "array"]));
         assert_eq!(mesh["surface_only"]["type"], "boolean");
     }
 }

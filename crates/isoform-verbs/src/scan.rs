@@ -6,8 +6,9 @@ use crate::output::{self, Context, Failure};
 use isoform::geom::{Mesh, PointCloud};
 use isoform::io::{
     At, BAD_MESH, FileKind, MeshPoints, MeshReadOptions, ReadError, ReadOptions, ReadReport,
-    Source, WriteError, format_named, mesh_format_named, read, read_mesh,
+    Source, WriteError, WriteOptions, format_named, mesh_format_named, read, read_mesh, write,
 };
+use isoform::surface_of;
 use std::path::Path;
 
 /// Reads a file of points, or stdin for `-`.
@@ -18,8 +19,19 @@ pub(crate) fn read_points(
     mesh: MeshPoints,
     context: &Context,
 ) -> Result<(PointCloud, ReadReport), Failure> {
-    if let Some(Object::Points(cloud, report)) = memory::find(path) {
-        return Ok((PointCloud::clone(&cloud), ReadReport::clone(&report)));
+    let held = match memory::find(path) {
+        Some(Object::Points(cloud, report)) => Some((PointCloud::clone(&cloud), (*report).clone())),
+        Some(Object::Mesh(mesh, units)) => {
+            let cloud = surface_of(&mesh);
+            let mut report = ReadReport::of_memory("mesh", cloud.points.len());
+            report.units = units;
+            Some((cloud, report))
+        }
+        Some(Object::Bytes { .. }) | None => None,
+        Some(other) => return Err(other.instead_of(POINTS, path)),
+    };
+    if let Some((cloud, report)) = held {
+        return from_memory(path, (cloud, report), format, max_points, mesh, context);
     }
     let options = ReadOptions {
         max_points,
@@ -43,6 +55,39 @@ pub(crate) fn read_points(
         let other = other_file(path, format, POINTS);
         other.unwrap_or_else(|| unreadable(path, &e))
     })
+}
+
+/// Points in memory, of which a sample may be wanted: drawn as from a file.
+fn from_memory(
+    path: &Path,
+    held: (PointCloud, ReadReport),
+    format: Option<&str>,
+    max_points: Option<usize>,
+    mesh: MeshPoints,
+    context: &Context,
+) -> Result<(PointCloud, ReadReport), Failure> {
+    if format.is_some() {
+        return Err(Failure::usage("points in memory have no format"));
+    }
+    let is_small = max_points.is_none_or(|most| held.0.points.len() <= most);
+    if is_small && mesh == MeshPoints::Vertices {
+        return Ok(held);
+    }
+    let mut bytes = Vec::new();
+    write(&held.0, &mut bytes, "ply", &WriteOptions::default()).map_err(|e| unwritable(&e))?;
+    let options = ReadOptions {
+        max_points,
+        seed: context.global.seed,
+        mesh,
+        ..ReadOptions::default()
+    };
+    let source = Source::Bytes {
+        name: "memory",
+        bytes: &bytes,
+    };
+    let (cloud, report) = read(source, Some("ply"), &options).map_err(|e| unreadable(path, &e))?;
+    let format = held.1.format;
+    Ok((cloud, ReadReport { format, ..report }))
 }
 
 /// What verbs take that read points, and meshes.
@@ -105,6 +150,9 @@ pub(crate) fn read_mesh_file(
         let mut report = ReadReport::of_memory("mesh", mesh.points.len());
         report.units = units;
         return Ok((Mesh::clone(&mesh), report));
+    }
+    if let Some(other) = memory::find(path) {
+        return Err(other.instead_of(MESH, path));
     }
     let options = MeshReadOptions::default();
     if path == Path::new("-") {

@@ -1,5 +1,6 @@
 //! Files of solids: STEP, and our own form without loss (.brep.json).
 
+use crate::memory::{self, Object};
 use crate::output::{self, Context, Failure, NO_RESULT};
 use crate::watchdog::Writing;
 use crate::{interrupt, scan};
@@ -186,6 +187,9 @@ pub(crate) fn find(path: &Path) -> Result<Option<SolidFile>, Failure> {
     let unreadable = |code, e: isoform::io::SolidFileError| {
         Failure::input(code, format!("{}: {e}", path.display()))
     };
+    if memory::find(path).is_some_and(|object| !matches!(object, Object::Bytes { .. })) {
+        return Ok(None);
+    }
     if kind(path) == Some(Kind::Step) {
         let text = output::text(output::read_file(path)?);
         let read = read_step_solids(&text).map_err(|e| {

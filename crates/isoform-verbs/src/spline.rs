@@ -33,8 +33,10 @@ pub(crate) fn is_fitted(json: &Value) -> bool {
 
 /// The function of a file, as `isoform implicitize` writes it.
 pub(crate) fn read(path: &Path) -> Result<Implicit, Failure> {
-    if let Some(Object::Function(function)) = memory::find(path) {
-        return Ok(function.0.clone());
+    match memory::find(path) {
+        Some(Object::Function(function)) => return Ok(function.0.clone()),
+        Some(Object::Bytes { .. }) | None => {}
+        Some(other) => return Err(other.instead_of("a function of isoform implicitize", path)),
     }
     let text = output::text(output::read_file(path)?);
     let json: Value = serde_json::from_str(&text).map_err(|e| {

@@ -184,3 +184,37 @@ fn native(function: Native) -> &'static str {
         Native::PerlinNoise => "perlin",
     }
 }
+
+#[cfg(test)]
+mod tests {
+    /// The names that the functions above give to operations.
+    fn names() -> Vec<&'static str> {
+        let here = include_str!("model.rs");
+        let functions = &here[here.find("fn unary").expect("the first of them")..];
+        let functions = &functions[..functions.find("mod tests").expect("the tests")];
+        functions.split('"').skip(1).step_by(2).collect()
+    }
+
+    /// A page refuses an operation that it does not know; one without a range is never left out.
+    #[test]
+    fn the_page_knows_every_operation() {
+        let files = [
+            ("tape.ts", include_str!("../../../web/src/tape.ts")),
+            ("interval.ts", include_str!("../../../web/src/interval.ts")),
+            ("glsl.ts", include_str!("../../../web/src/glsl.ts")),
+        ];
+        let names = names();
+        assert_eq!((names[0], names[names.len() - 1]), ("neg", "perlin"));
+        for (file, text) in files {
+            let words = text.split(|c: char| !c.is_ascii_alphanumeric());
+            let words: std::collections::BTreeSet<&str> = words.collect();
+            for name in &names {
+                let is_known = words.contains(name) || file != "tape.ts" && NATIVE.contains(name);
+                assert!(is_known, "{name} is not in {file}");
+            }
+        }
+    }
+
+    /// Functions with an iteration inside: of no range, and drawn as triangles.
+    const NATIVE: [&str; 4] = ["ellipsoid", "sardfroot", "fmod", "perlin"];
+}

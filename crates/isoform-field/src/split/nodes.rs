@@ -3,7 +3,6 @@
 use super::name::Context;
 use super::{POSITIVE, Reader};
 use crate::graph::{Graph, Node, NodeId};
-use crate::library::Library;
 use crate::ops::{Binary, Ops, SetOp, Unary};
 use isoform_num::{Interval, Real};
 use std::collections::HashSet;
@@ -159,23 +158,20 @@ pub(super) fn along_axis(graph: &Graph, mut id: NodeId) -> Option<(usize, bool)>
     }
 }
 
-/// Whether the operation of a node has kinks in its arguments.
+/// True if the operation of a node has kinks in its arguments.
 fn has_kink(node: &Node) -> bool {
     match node {
-        Node::Set(op, ..) => matches!(op, SetOp::Min | SetOp::Max),
-        Node::Unary(op, _) => matches!(
-            op,
-            Unary::Abs | Unary::Floor | Unary::Ceil | Unary::Trunc | Unary::Sign
-        ),
-        Node::Binary(op, ..) => matches!(op, Binary::Less | Binary::LessEq),
+        Node::Set(op, ..) => match op {
+            SetOp::Min | SetOp::Max => true,
+            SetOp::RUnion | SetOp::RIntersection => false,
+        },
+        Node::Unary(op, _) => op.has_kink(),
+        Node::Binary(op, ..) => op.has_kink(),
         Node::Select(..) => true,
-        Node::Library(f, _) => matches!(
-            f,
-            Library::DistanceCone(_)
-                | Library::Superellipsoid
-                | Library::SardfUnion
-                | Library::SardfIntersection
-        ),
-        _ => false,
+        Node::Library(f, _) => f.has_kink(),
+        // The root of the SARDF operations is that of their own nodes, and fmod jumps.
+        Node::Constant(_) | Node::X(_) | Node::Param(_) | Node::PowI(..) | Node::Native(..) => {
+            false
+        }
     }
 }

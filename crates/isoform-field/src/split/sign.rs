@@ -8,7 +8,7 @@ use super::nodes::Join2;
 use super::tree::{Leaf, Tree};
 use super::{DEEPEST, MOST_PIECES, Reader};
 use crate::graph::{Graph, Node, NodeId};
-use crate::library::{Library, Native};
+use crate::library::{Family, Library, Native};
 use crate::ops::{Binary, Ops, SetOp, Unary};
 
 /// Whether f(−u) = −f(u), and f rises: such a function has the sign of its argument.
@@ -89,12 +89,15 @@ impl Reader<'_> {
                         .and_then(|&c| self.graph.constant_value(c))
                         .is_some_and(|c| c <= 0.0)
                 };
-                match f {
-                    Library::SardfUnion => Some(Join2::Max(u, v)),
-                    Library::SardfIntersection => Some(Join2::Min(u, v)),
-                    Library::DistanceBlendUnion if is_zero(2) => Some(Join2::Max(u, v)),
-                    Library::DistanceBlendIntersection if is_zero(2) => Some(Join2::Min(u, v)),
-                    _ => None,
+                match f.family() {
+                    Family::Circular { .. } if !is_zero(2) => None,
+                    Family::Circular { is_union: true } | Family::Sardf { is_union: true } => {
+                        Some(Join2::Max(u, v))
+                    }
+                    Family::Circular { is_union: false } | Family::Sardf { is_union: false } => {
+                        Some(Join2::Min(u, v))
+                    }
+                    Family::Displaced | Family::Primitive => None,
                 }
             }
             _ => self.value_join(id),

@@ -8,7 +8,7 @@ use super::nodes::{Join2, along_axis};
 use super::tree::{Leaf, Tree};
 use super::{DEEPEST, MOST_FAILURES, MOST_PIECES, Reader, stand_in};
 use crate::graph::{Node, NodeId};
-use crate::library::Library;
+use crate::library::{Family, Library};
 use crate::ops::{Binary, Ops, Unary};
 use crate::smooth::Random;
 use crate::tape::Tape;
@@ -72,18 +72,18 @@ impl Reader<'_> {
     }
 
     fn library(&mut self, id: NodeId, f: Library, args: &[NodeId], context: &Context) -> Tree {
-        match f {
+        match f.family() {
             // Both, kinks or not: a blend is named after both.
-            Library::DistanceBlendUnion | Library::DistanceBlendIntersection => {
+            Family::Circular { .. } => {
                 self.distributed(id, &[id], &[(args[0], true), (args[1], true)], context)
             }
-            Library::BlendUnion | Library::BlendIntersection => {
+            Family::Displaced => {
                 let of = args[..2].iter().copied();
                 let kinked: Vec<NodeId> = of.filter(|&u| self.is_kinked(u)).collect();
                 self.blended(id, &kinked, context)
                     .unwrap_or_else(|| self.leaf(id, context))
             }
-            _ if f.is_primitive() => {
+            Family::Primitive => {
                 let formula = self.graph.lowered(id);
                 if self.graph.node(formula) == self.graph.node(id) {
                     self.leaf(id, context)
@@ -91,7 +91,7 @@ impl Reader<'_> {
                     self.value(formula, context)
                 }
             }
-            _ => self
+            Family::Sardf { .. } => self
                 .blend(id, context)
                 .unwrap_or_else(|| self.leaf(id, context)),
         }

@@ -284,10 +284,19 @@ impl Growth<'_> {
             (a - b).abs() <= UNRESOLVED * a.max(b)
                 || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum
         };
-        near(a.i, b.i, 1.0)
-            && near(a.j, b.j, w.j)
-            && near(a.l, b.l, w.l)
-            && near(a.r, b.r, w.r)
+        // Corners and sides are drawn to other places each time: they count by the sum alone.
+        let &Terms {
+            i,
+            j,
+            l,
+            r,
+            e: _,
+            sides: _,
+        } = b;
+        near(a.i, i, 1.0)
+            && near(a.j, j, w.j)
+            && near(a.l, l, w.l)
+            && near(a.r, r, w.r)
             && (b.sum(&w) - sum).abs() <= 0.5 * UNRESOLVED * sum
     }
 }

@@ -47,18 +47,26 @@ def given(arguments: dict[str, Any]) -> dict[str, Any]:
     return {k: v for k, v in arguments.items() if v is not None and v is not False}
 
 
+def open_ended(bound: float) -> float | None:
+    """A bound, None where it is infinite."""
+    return bound if math.isfinite(bound) else None
+
+
 def written(
+    kind: Callable[..., Any],
     ending: str,
     verb: str,
     arguments: dict[str, Any],
     threads: int | None = None,
     time_limit: float | None = None,
     progress: Progress = None,
-) -> bytes:
-    """Run a verb that writes a file; its content."""
+) -> Any:
+    """Run a verb that writes a file; a result of its content and the warnings."""
     file = _isoform.Output(ending)
-    run(verb, {**arguments, "output": file}, threads, time_limit, progress)
-    return file.content()
+    answer = run(verb, {**arguments, "output": file}, threads, time_limit, progress)
+    made = kind(file.content())
+    made.warnings = answer.warnings
+    return made
 
 
 def handed(shape: Any) -> Any:
@@ -83,14 +91,22 @@ def layer_files(shapes: Sequence[Any]) -> list[Any]:
     found: list[Any] = []
     for shape in shapes:
         found += shape._layers() if hasattr(shape, "_layers") else [shape]
-    return [handed(shape) for shape in found]
+    return [_shown(shape) for shape in found]
+
+
+def _shown(shape: Any) -> Any:
+    """A layer as a file in memory: of a triangulation the map itself."""
+    if hasattr(shape, "_map"):
+        return _isoform.Input("surface", shape._map)
+    return handed(shape)
 
 
 def bounds_file(bounds: Any) -> Any:
     """Bounds as a file in memory."""
     if not isinstance(bounds, Mapping):
         return bounds
-    return _isoform.Input("bounds", json.dumps({k: _interval(k, v) for k, v in bounds.items()}))
+    ends = {str(k): [open_ended(end) for end in _interval(k, v)] for k, v in bounds.items()}
+    return _isoform.Input("bounds", json.dumps(ends))
 
 
 def region_files(regions: Any) -> Any:
@@ -102,7 +118,11 @@ def region_files(regions: Any) -> Any:
 
 def _region(name: str, region: Any) -> Any:
     """A region: a model, or one with values of its parameters."""
-    model, params = region if isinstance(region, tuple) else (region, None)
+    pair = region if isinstance(region, tuple) else (region, None)
+    if len(pair) != 2 or not name or "," in name or "/" in name:
+        hint = "a name without commas and slashes, and a Model, or a Model with its values"
+        raise IsoformError(f"region {name!r} cannot be", "usage", hint)
+    model, params = pair
     if not hasattr(model, "_given"):
         raise IsoformError(f"region {name} is no Model", "usage")
     return _isoform.Input(name, (model._native, model._given(params)))
@@ -148,9 +168,10 @@ def in_order(start: Any, model: Any) -> Any:
     names = model._native.fitted_names(None)
     others = [name for name in start if name not in names]
     # Those of a pose that is not the template's own come after the others.
-    return [float(start[name]) for name in names if name in start] + [
-        float(start[name]) for name in others
-    ]
+    try:
+        return [float(start[name]) for name in [*(n for n in names if n in start), *others]]
+    except (TypeError, ValueError) as e:
+        raise IsoformError(f"start: {e}", "usage") from None
 
 
 def whole(name: str, number: Any, least: int = 0) -> int:
@@ -191,6 +212,8 @@ def asked(
         time_limit = float(time_limit)
         if math.isnan(time_limit) or time_limit < 0:
             raise IsoformError(f"time_limit is {time_limit}: seconds are expected")
+        if time_limit > 1e9:
+            time_limit = None
     if progress is True:
         with _bar() as show:
             yield threads, time_limit, show

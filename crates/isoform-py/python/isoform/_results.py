@@ -185,6 +185,10 @@ class FitResult(Documented, Shown):
             return [model]
         return [PointCloud(self._native.cloud(), "points"), model]
 
+    def _handed(self) -> tuple[str, Any]:
+        """The fitted model, and what the compiled half holds of it."""
+        return self.model._handed()
+
     def __getstate__(self) -> dict[str, Any]:
         # What the compiled half holds stays here; what it tells goes along.
         told = {k: getattr(self, k) for k in ("deviation", "outliers", "points", "_program")}
@@ -341,9 +345,10 @@ class Triangulation(Triangles, Documented):
         self.parameters: npt.NDArray[np.float64] = native.parameters()
         self.report: dict[str, Any] = json.loads(native.report)
 
-    def _handed(self) -> tuple[str, Any]:
-        """Its name and what the compiled half holds."""
-        return "surface", self._native
+    @property
+    def _map(self) -> _isoform.Triangulation:
+        """What a page shows: the map beside its triangles."""
+        return self._native
 
     def __repr__(self) -> str:
         counts = f"{len(self.points)} points, {len(self.triangles)} triangles"
@@ -473,11 +478,21 @@ class Comparison(Documented):
 
 
 class View:
-    """A page that shows shapes; a notebook shows it as it is."""
+    """A page that shows shapes; a notebook shows it as it is.
 
-    def __init__(self, page: bytes, height: int = 560) -> None:
+    Attributes
+    ----------
+    warnings : list of str
+        What may be wrong.
+    height : int
+        Pixels of the frame in a notebook.
+    """
+
+    warnings: list[str] = []
+
+    def __init__(self, page: bytes) -> None:
         self._page = page.decode()
-        self._height = height
+        self.height = 560
 
     def save(self, path: Path) -> None:
         """Write the page: one file that fetches nothing and can be sent."""
@@ -485,7 +500,7 @@ class View:
 
     def _repr_html_(self) -> str:
         page = html.escape(self._page, quote=True)
-        style = f"width: 100%; height: {self._height}px; border: 0"
+        style = f"width: 100%; height: {self.height}px; border: 0"
         return f'<iframe srcdoc="{page}" style="{style}" sandbox="allow-scripts"></iframe>'
 
     def __repr__(self) -> str:
@@ -499,7 +514,11 @@ class Picture:
     ----------
     data : bytes
         The file: PNG, or SVG.
+    warnings : list of str
+        What may be wrong.
     """
+
+    warnings: list[str] = []
 
     def __init__(self, data: bytes) -> None:
         self.data = data

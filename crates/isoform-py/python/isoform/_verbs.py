@@ -181,8 +181,8 @@ def recover(
         "scan": handed(points),
         "template": handed(template),
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "start": in_order(start, template),
         "bounds": bounds_file(bounds),
         "method": method,
@@ -191,21 +191,21 @@ def recover(
         "pose": pose,
         "frame": frame,
         "dialect": dialect,
-        "no_outlier_filter": no_outlier_filter,
-        "keep_planes": keep_planes,
-        "keep_apart": keep_apart,
+        "no_outlier_filter": bool(no_outlier_filter),
+        "keep_planes": bool(keep_planes),
+        "keep_apart": bool(keep_apart),
         "units": units,
         "size": size,
         "grade": grade,
         "sizes": sizes,
         "order": some_whole("order", order),
-        "surface_only": surface_only,
+        "surface_only": bool(surface_only),
         "box": corners(box),
         "angles": angles,
         "memory": there(memory),
         "output": output,
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return FitResult(run("recover", arguments, threads, time_limit, progress))
 
@@ -335,22 +335,22 @@ def fit(
         "bounds": bounds_file(bounds),
         "seed": some_whole("seed", seed),
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "method": method,
         "loss": loss,
         "fix": fixed,
         "pose": pose,
         "frame": frame,
         "dialect": dialect,
-        "no_outlier_filter": no_outlier_filter,
-        "keep_planes": keep_planes,
-        "keep_apart": keep_apart,
+        "no_outlier_filter": bool(no_outlier_filter),
+        "keep_planes": bool(keep_planes),
+        "keep_apart": bool(keep_apart),
         "units": units,
         "from": format,
         "max_points": some_whole("max_points", max_points),
         "output": output,
-        "force": force,
+        "force": bool(force),
     }
     return FitResult(run("fit", arguments, threads, time_limit, progress))
 
@@ -370,7 +370,6 @@ def mesh(
     angles: tuple[float, float] | None = None,
     memory: float | None = None,
     adapt: Mesh | Path | None = None,
-    blocks: tuple[int, int, int] | None = None,
     regions: Mapping[str, Region] | Sequence[str] | None = None,
     periodic: str | None = None,
     layers: str | Sequence[str] | None = None,
@@ -393,8 +392,7 @@ def mesh(
     Parameters
     ----------
     model : Model, Implicit, dict or path
-        The model: a program, a fitted function, a polynomial {"F": "x^2 + y^2 + z^2 - 1"},
-        or a file of one.
+        The model: a program, a fit, a fitted function, or a file of one.
     size : float, optional
         Length of edges, the largest one where sizes vary; by default a fortieth of the
         diagonal.
@@ -426,10 +424,6 @@ def mesh(
         Improve this mesh on the model instead of making a new one: tetrahedra (msh, vtu,
         inp), or a surface (stl, obj, ply, off, 3mf, msh), whose triangles are made as long
         as ``size`` says, or as they were.
-    blocks : tuple of int, optional
-        Mesh in so many blocks along x, y and z, one after the other: the memory is that for
-        one of them. ``output`` names a .pvtu, beside which each block is a .vtu; they meet
-        node for node.
     regions : dict or sequence, optional
         Regions with common nodes: models by name, each with the values of its parameters in
         a tuple where it has any; or objects of the program. What is left is called
@@ -512,7 +506,7 @@ def mesh(
         "model": handed(model),
         "size": size,
         "order": some_whole("order", order),
-        "surface_only": surface_only,
+        "surface_only": bool(surface_only),
         "params": params,
         "set": set,
         "grade": grade,
@@ -521,27 +515,26 @@ def mesh(
         "angles": angles,
         "memory": there(memory),
         "adapt": handed(adapt),
-        "blocks": blocks,
         "regions": region_files(regions),
         "periodic": periodic,
         "layers": layers,
         "first": first,
         "growth": growth,
         "layer_count": some_whole("layer_count", layer_count),
-        "close": close,
+        "close": bool(close),
         "output": output,
         "to": to,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Mesh(run("mesh", arguments, threads, time_limit, progress))
 
 
 def brep(
-    model: Shape,
+    model: Model | Path,
     size: float | None = None,
     tol: float | None = None,
     *,
@@ -564,9 +557,8 @@ def brep(
 
     Parameters
     ----------
-    model : Model, Implicit, dict or path
-        The model: a program, a fitted function, a polynomial {"F": "x^2 + y^2 + z^2 - 1"},
-        or a file of one.
+    model : Model or path
+        The model: a program, a fit, a fitted function, or a file of one.
     size : float, optional
         Length of the edges of the mesh that the topology comes from; by default a fortieth
         of the diagonal.
@@ -626,13 +618,13 @@ def brep(
         "set": set,
         "box": corners(box),
         "units": units,
-        "ap214": ap214,
+        "ap214": bool(ap214),
         "output": output,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Brep(run("brep", arguments, threads, time_limit, progress))
 
@@ -675,8 +667,7 @@ def parameterize(
     Parameters
     ----------
     model : Model, Implicit, dict or path
-        The model: a program, a fitted function, a polynomial {"F": "x^2 + y^2 + z^2 - 1"},
-        or a file of one.
+        The surface: a model, a polynomial {"F": "x^2 + y^2 + z^2 - 1"}, or a file of one.
     degree : tuple of int, optional
         The degrees of the patch in u and in v.
     box : float or sequence, optional
@@ -776,10 +767,10 @@ def parameterize(
         "degree": degree,
         "box": box,
         "tol": tol,
-        "cover": cover,
+        "cover": bool(cover),
         "seed_point": seed_point,
-        "paper": paper,
-        "exact": exact,
+        "paper": bool(paper),
+        "exact": bool(exact),
         "margin": margin,
         "singular": singular,
         "patches": some_whole("patches", patches),
@@ -795,10 +786,10 @@ def parameterize(
         "trace": trace,
         "figure": figure,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Patches(run("parameterize", arguments, threads, time_limit, progress))
 
@@ -910,15 +901,15 @@ def triangulate(
         "longest": longest,
         "triangles": some_whole("triangles", triangles),
         "mode": mode,
-        "complex": complex,
-        "reduce": reduce,
+        "complex": bool(complex),
+        "reduce": bool(reduce),
         "output": output,
         "to": to,
         "report": report,
         "sidecar": sidecar,
         "domain": domain,
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Triangulation(run("triangulate", arguments, threads, time_limit, progress))
 
@@ -933,7 +924,7 @@ def implicitize(
     normals: str | None = None,
     smoothing: float | None = None,
     format: str | None = None,
-    output: Path | Sequence[Path] | None = None,
+    output: Path | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -960,7 +951,7 @@ def implicitize(
         The weight of smoothness; more of it rounds edges and averages noise.
     format : str, optional
         Format of the scan, where its name does not tell it.
-    output : path or sequence, optional
+    output : path, optional
         Write the function.
     seed : int, optional
         Seed of everything random.
@@ -998,7 +989,7 @@ def implicitize(
         "from": format,
         "output": output,
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Implicit(run("implicitize", arguments, threads, time_limit, progress))
 
@@ -1067,11 +1058,11 @@ def recognize(
         "scan": handed(points),
         "tol": tol,
         "min_points": some_whole("min_points", min_points),
-        "snap": snap,
+        "snap": bool(snap),
         "from": format,
         "output": output,
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Recognition(run("recognize", arguments, threads, time_limit, progress))
 
@@ -1086,7 +1077,7 @@ def evaluate(
     params: Values = None,
     set: Mapping[str, float] | None = None,
     reading: str | None = None,
-    output: Path | Sequence[Path] | None = None,
+    output: Path | None = None,
     seed: int | None = None,
     force: bool = False,
     threads: int | None = None,
@@ -1098,8 +1089,7 @@ def evaluate(
     Parameters
     ----------
     model : Model, Implicit, dict or path
-        The model: a program, a fitted function, a polynomial {"F": "x^2 + y^2 + z^2 - 1"},
-        or a file of one.
+        The model: a program, a fit, a fitted function, or a file of one.
     points : path
         The points, a table with commas.
     object : str, optional
@@ -1116,7 +1106,7 @@ def evaluate(
     reading : str, optional
         What to give: the model's own value, its distance-like reading, or the name of the
         nearest part: ``"algebraic"``, ``"metric"``, ``"part"``.
-    output : path or sequence, optional
+    output : path, optional
         The table, - or nothing for stdout.
     seed : int, optional
         Seed of everything random.
@@ -1147,14 +1137,14 @@ def evaluate(
         "model": handed(model),
         "points": handed(points),
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "params": params,
         "set": set,
         "reading": reading,
         "output": output,
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Report(run("eval", arguments, threads, time_limit, progress))
 
@@ -1210,7 +1200,7 @@ def inspect(
         "from": format,
         "max_points": some_whole("max_points", max_points),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Report(run("inspect", arguments, threads, time_limit, progress))
 
@@ -1297,14 +1287,14 @@ def convert(
         "to": to,
         "max_points": some_whole("max_points", max_points),
         "samples": some_whole("samples", samples),
-        "ascii": ascii,
+        "ascii": bool(ascii),
         "params": params,
         "set": set,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Report(run("convert", arguments, threads, time_limit, progress))
 
@@ -1397,13 +1387,13 @@ def compare(
         "params_second": params_second,
         "box": corners(box),
         "samples": some_whole("samples", samples),
-        "vertices": vertices,
+        "vertices": bool(vertices),
         "tolerance": tolerance,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
     return Comparison(run("compare", arguments, threads, time_limit, progress))
 
@@ -1494,12 +1484,14 @@ def view(
         "box": box,
         "as": kind,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
-    return View(written("html", "view", arguments, threads, time_limit, progress), height)
+    made: View = written(View, "html", "view", arguments, threads, time_limit, progress)
+    made.height = height
+    return made
 
 
 def render(
@@ -1627,24 +1619,25 @@ def render(
         "camera": camera,
         "view": view,
         "views": views,
-        "orthographic": orthographic,
+        "orthographic": bool(orthographic),
         "fov": fov,
         "section": section,
         "color_by": color_by,
         "background": background,
-        "no_caps": no_caps,
-        "hatch": hatch,
-        "hidden": hidden,
-        "no_lines": no_lines,
-        "no_legend": no_legend,
+        "no_caps": bool(no_caps),
+        "hatch": bool(hatch),
+        "hidden": bool(hidden),
+        "no_lines": bool(no_lines),
+        "no_legend": bool(no_legend),
         "params": params,
         "set": set,
         "box": box,
         "as": kind,
         "object": object,
-        "strict": strict,
-        "documented_precedence": documented_precedence,
+        "strict": bool(strict),
+        "documented_precedence": bool(documented_precedence),
         "seed": some_whole("seed", seed),
-        "force": force,
+        "force": bool(force),
     }
-    return Picture(written("svg" if svg else "png", "render", arguments, threads, time_limit, progress))
+    made: Picture = written(Picture, "svg" if svg else "png", "render", arguments, threads, time_limit, progress)
+    return made

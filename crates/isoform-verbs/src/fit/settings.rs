@@ -38,10 +38,16 @@ pub(crate) fn bounds(path: &Path) -> Result<NamedBounds, Failure> {
         return Err(bad_bounds(path, "an object is expected"));
     };
     let interval = |(key, value): (&String, &Value)| {
-        let pair = value
-            .as_array()
-            .map(|v| v.iter().map(Value::as_f64).collect::<Vec<_>>());
-        let Some([Some(lo), Some(hi)]) = pair.as_deref() else {
+        // JSON has no infinity: null is an open end.
+        let end = |value: &Value, open: f64| match value {
+            Value::Null => Some(open),
+            value => value.as_f64(),
+        };
+        let pair = match value.as_array().map(Vec::as_slice) {
+            Some([lo, hi]) => end(lo, f64::NEG_INFINITY).zip(end(hi, f64::INFINITY)),
+            _ => None,
+        };
+        let Some((lo, hi)) = pair else {
             return Err(format!("{key}: two numbers are expected, not {value}"));
         };
         // JSON has no NaN.
@@ -50,7 +56,7 @@ pub(crate) fn bounds(path: &Path) -> Result<NamedBounds, Failure> {
                 "{key}: the lower bound {lo} is not below the upper bound {hi}"
             ));
         }
-        Ok((key.clone(), (*lo, *hi)))
+        Ok((key.clone(), (lo, hi)))
     };
     let intervals: Result<Vec<_>, String> = entries.iter().map(interval).collect();
     intervals.map_err(|message| bad_bounds(path, &message))

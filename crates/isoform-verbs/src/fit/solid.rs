@@ -198,6 +198,9 @@ fn nothing(fit: u8, why: &str, option: &str, wanted: &Wanted, context: &Context)
         ([path, ..], true) => path.display().to_string(),
         _ => "part.step".to_owned(),
     };
+    if wanted.is_asked && context.listener.is_some() {
+        context.warn(format_args!("no solid was written: {why}"));
+    }
     let text = format!("no solid  {why}; {option}-o {name} makes it all the same\n");
     Told {
         exit: fit,

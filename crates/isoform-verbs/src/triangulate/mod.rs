@@ -158,10 +158,16 @@ fn polygon(text: &str) -> Result<Domain, String> {
         let list = c.split(',').map(rational).collect::<Result<Vec<_>, _>>()?;
         <[RBig; 2]>::try_from(list).map_err(|_| format!("{c}: s,t is expected"))
     };
-    let corners = text
-        .split_whitespace()
-        .map(corner)
-        .collect::<Result<Vec<_>, _>>()?;
+    // Lists of pairs come as one list of numbers.
+    let numbers: Vec<&str> = text.split(',').collect();
+    let is_flat = !text.trim().contains(char::is_whitespace) && numbers.len().is_multiple_of(2);
+    let corners = match is_flat && numbers.len() > 2 {
+        true => numbers.chunks(2).map(|c| corner(&c.join(","))).collect(),
+        false => text
+            .split_whitespace()
+            .map(corner)
+            .collect::<Result<Vec<_>, _>>(),
+    }?;
     Domain::polygon(corners).map_err(|e| e.to_string())
 }
 

@@ -143,3 +143,65 @@ fn the_reader_of_tables_reads() {
     assert_eq!(rows["isoform-b"], BTreeSet::from(["isoform-a".to_owned()]));
     assert_eq!(rows["isoform"].len(), 2);
 }
+
+/// Enums of what may be wrong, by crate and file: (crate, file, enum).
+const TOLD: [(&str, &str, &str); 6] = [
+    ("isoform-mesh", "error.rs", "WarningKind"),
+    ("isoform-fit", "judge/warning.rs", "Warning"),
+    ("isoform-fit", "judge/finding.rs", "Finding"),
+    ("isoform-brep", "check.rs", "Finding"),
+    ("isoform-tess", "finding.rs", "Finding"),
+    ("isoform", "mesh_model.rs", "MeshNote"),
+];
+
+/// The variants of an enum in a text.
+fn variants<'t>(text: &'t str, name: &str) -> Vec<&'t str> {
+    let start = text.find(&format!("pub enum {name} {{")).expect("the enum");
+    let body = &text[start..];
+    let body = &body[..body.find("\n}").expect("its end")];
+    let is_variant = |l: &&str| {
+        let inner = l.strip_prefix("    ").unwrap_or_default();
+        inner.starts_with(|c: char| c.is_ascii_uppercase())
+    };
+    let word = |l: &'t str| {
+        let l = l.trim();
+        &l[..l
+            .find(|c: char| !c.is_ascii_alphanumeric())
+            .unwrap_or(l.len())]
+    };
+    body.lines().filter(is_variant).map(word).collect()
+}
+
+/// All sources of a folder.
+fn sources(folder: &Path) -> String {
+    let mut all = String::new();
+    for entry in fs::read_dir(folder).expect("a folder") {
+        let path = entry.expect("an entry").path();
+        if path.is_dir() {
+            all += &sources(&path);
+        } else if path.extension().is_some_and(|e| e == "rs") {
+            all += &fs::read_to_string(&path).expect("a source");
+        }
+    }
+    all
+}
+
+/// A warning that is never raised is one that its stage forgets.
+#[test]
+fn every_warning_is_raised() {
+    let crates = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    for (name, file, of) in TOLD {
+        let folder = crates.join(name).join("src");
+        let text = fs::read_to_string(folder.join(file)).expect("the file");
+        let all = sources(&folder);
+        let found = variants(&text, of);
+        assert!(found.len() > 3, "{name}: {of} has variants");
+        for variant in found {
+            let named = format!("{of}::{variant}");
+            // In its own file it stands as Self, but where it is raised there.
+            let own = format!("Self::{variant}");
+            let is_raised = all.contains(&named) || text.matches(&own).count() > 1;
+            assert!(is_raised, "{name}: {named} is never raised");
+        }
+    }
+}
