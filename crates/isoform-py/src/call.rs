@@ -13,7 +13,7 @@ use isoform::patch_records;
 use isoform_verbs::memory::{Mounted, Object};
 use isoform_verbs::{Answer, Failure, Product, call};
 use pyo3::prelude::*;
-use pyo3::types::{PyBool, PyBytes, PyDict, PyFloat, PyMapping, PySet, PyString};
+use pyo3::types::{PyBool, PyBytes, PyDict, PyMapping, PySet, PyString};
 use serde_json::{Map, Number, Value};
 use std::path::PathBuf;
 
@@ -110,35 +110,58 @@ impl Output {
 /// Lists within lists at most: corners in a polygon are two deep.
 const MOST_DEPTH: usize = 8;
 
+/// The exception of an argument that cannot be.
+fn refused(what: impl std::fmt::Display) -> PyErr {
+    Trouble::usage(format!("an argument is {what}")).into()
+}
+
 /// Returns a value of Python as one of JSON; objects by their paths.
 fn json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
-    let refused = |what: &str| PyErr::from(Trouble::usage(what));
     if value.is_none() {
         return Ok(Value::Null);
     }
-    if depth > MOST_DEPTH {
-        return Err(refused("an argument has lists within lists within lists"));
-    }
-    if let Ok(input) = value.cast::<Input>() {
-        return Ok(input.get().0.path().to_string_lossy().into());
-    }
-    if let Ok(output) = value.cast::<Output>() {
-        return Ok(output.get().0.path().to_string_lossy().into());
+    if let Some(text) = text(value)? {
+        return Ok(text.into());
     }
     if value.is_instance_of::<PyBool>() {
         return Ok(value.extract::<bool>()?.into());
     }
-    if value.is_instance_of::<PyString>() || value.hasattr("__fspath__")? {
-        let path = value.extract::<PathBuf>()?;
-        let text = path.to_str();
-        let text = text.ok_or_else(|| refused("a name is no text: it is not UTF-8"))?;
-        return Ok(text.into());
+    if let Some(items) = items(value, depth)? {
+        return Ok(items);
     }
-    if value.is_instance_of::<PyBytes>() || value.is_instance_of::<PySet>() {
-        let kind = value.get_type().name()?;
-        return Err(refused(&format!(
-            "an argument is a {kind}, whose order says nothing"
-        )));
+    number(value)
+}
+
+/// Returns a text, a path, or that of a file in memory.
+fn text(value: &Bound<'_, PyAny>) -> PyResult<Option<String>> {
+    let path = |mounted: &Mounted| Some(mounted.path().to_string_lossy().into_owned());
+    if let Ok(input) = value.cast::<Input>() {
+        return Ok(path(&input.get().0));
+    }
+    if let Ok(output) = value.cast::<Output>() {
+        return Ok(path(&output.get().0));
+    }
+    if !value.is_instance_of::<PyString>() && !value.hasattr("__fspath__")? {
+        return Ok(None);
+    }
+    let path = value.extract::<PathBuf>()?;
+    let text = path.to_str().map(str::to_owned);
+    text.map(Some)
+        .ok_or_else(|| refused("no text: it is not UTF-8"))
+}
+
+/// Returns a list or a mapping.
+fn items(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Option<Value>> {
+    let is_odd = value.is_instance_of::<PyBytes>() || value.is_instance_of::<PySet>();
+    if is_odd {
+        return Err(refused(format!("a {}", value.get_type().name()?)));
+    }
+    let is_mapping = value.cast::<PyMapping>().is_ok();
+    if !is_mapping && value.len().is_err() {
+        return Ok(None);
+    }
+    if depth > MOST_DEPTH {
+        return Err(refused("a list within lists within lists"));
     }
     if let Ok(fields) = value.cast::<PyMapping>() {
         let mut map = Map::new();
@@ -146,28 +169,26 @@ fn json(value: &Bound<'_, PyAny>, depth: usize) -> PyResult<Value> {
             let (key, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
             map.insert(key.str()?.to_string(), json(&value, depth + 1)?);
         }
-        return Ok(Value::Object(map));
+        return Ok(Some(Value::Object(map)));
     }
+    let items = value.try_iter()?.map(|item| json(&item?, depth + 1));
+    Ok(Some(Value::Array(items.collect::<PyResult<_>>()?)))
+}
+
+/// Returns a number; fractions and decimal numbers as they are written.
+fn number(value: &Bound<'_, PyAny>) -> PyResult<Value> {
     if let Ok(whole) = value.extract::<i64>() {
         return Ok(whole.into());
     }
-    if value.len().is_ok() {
-        let items = value.try_iter()?.map(|item| json(&item?, depth + 1));
-        return Ok(Value::Array(items.collect::<PyResult<_>>()?));
+    let module: String = value.get_type().getattr("__module__")?.extract()?;
+    if ["fractions", "decimal"].contains(&module.as_str()) {
+        return Ok(value.str()?.to_string().into());
     }
-    // Fractions and decimal numbers are taken as they are written.
-    if value.hasattr("as_integer_ratio")? && !value.is_instance_of::<PyFloat>() {
-        let module: String = value.get_type().getattr("__module__")?.extract()?;
-        if module != "numpy" {
-            return Ok(value.str()?.to_string().into());
-        }
-    }
-    let Ok(number) = value.extract::<f64>() else {
-        let kind = value.get_type().name()?;
-        return Err(refused(&format!(
-            "an argument is a {kind}: numbers and texts are expected"
-        )));
-    };
+    let number = value.extract::<f64>();
+    let number = number.map_err(|_| match value.get_type().name() {
+        Ok(kind) => refused(format!("a {kind}: numbers and texts are expected")),
+        Err(error) => error,
+    })?;
     let finite = Number::from_f64(number);
     Ok(finite.map_or_else(|| number.to_string().into(), Value::Number))
 }
