@@ -1,5 +1,6 @@
 """Tests of fleets on local processes."""
 
+import concurrent.futures
 import json
 import os
 import signal
@@ -48,6 +49,22 @@ class Fleet(unittest.TestCase):
             row, fit = rows[path.name], isoform.fit(isoform.read_points(path), self.ball)
             self.assertEqual({k: row[k] for k in fit.values}, fit.values)
             self.assertEqual(json.loads(row["json"])["rms"], fit.rms)
+
+    def test_executors_do_the_work(self):
+        with concurrent.futures.ThreadPoolExecutor(2) as executor:
+            distributed.fit_many(self.scans, self.ball, engine=executor, out=self.out)
+            chunks = [np.loadtxt(path) for path in self.scans]
+            large = distributed.fit_large(chunks, self.ball, engine=executor)
+            made = distributed.mesh_blocks(
+                self.ball, (2, 1, 1), self.folder / "ball.pvtu", executor, size=0.5, params=[0, 1]
+            )
+        rows = self.rows()
+        for path in self.scans:
+            fit = isoform.fit(isoform.read_points(path), self.ball)
+            self.assertEqual(rows[path.name]["radius"], fit.values["radius"])
+        whole = isoform.fit(np.concatenate(chunks), self.ball)
+        self.assertAlmostEqual(large.values["radius"], whole.values["radius"], places=9)
+        self.assertTrue(made.certificate["ok"])
 
     def test_a_killed_worker_loses_nothing(self):
         killed = []

@@ -126,6 +126,17 @@ class Refused(unittest.TestCase):
         self.assertEqual((str(other), other.code, other.hint), (str(error), error.code, error.hint))
         self.assertIn("cup", other.hint)
 
+    def test_errors_are_those_of_python_too(self):
+        ball = isoform.Model(BALL)
+        with self.assertRaises(ValueError):
+            isoform.mesh(ball, size=-1)
+        with self.assertRaises(FileNotFoundError):
+            isoform.read_points("there is no such file.ply")
+        with self.assertRaises(TimeoutError):
+            isoform.mesh(ball, size=0.02, params=VALUES, time_limit=0.05)
+        error = self.refused("usage", lambda: isoform.mesh(ball, size=-1))
+        self.assertIsInstance(pickle.loads(pickle.dumps(error)), ValueError)
+
     def test_arrays_that_are_no_points(self):
         ball = isoform.Model(BALL)
         for points in (np.zeros((4, 2)), np.zeros(3), np.zeros((2, 3, 1)), [], 7.0, [[1, 2]]):

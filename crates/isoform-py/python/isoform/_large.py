@@ -6,7 +6,7 @@ import collections
 import inspect
 import os
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from typing import Any, Union
+from typing import Any, Protocol, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +24,18 @@ from ._verbs import fit
 Chunk = Union[npt.ArrayLike, str, "os.PathLike[str]", PointCloud, Callable[[], npt.ArrayLike]]
 #: Chunks with their numbers and what they are asked.
 Asked = Iterator[tuple[int, Any, bytes]]
+
+
+
+class Submits(Protocol):
+    """An executor: of `concurrent.futures`, or a client of Dask."""
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any) -> Any:
+        """Hand out a task; a future with `done` and `result`."""
+
+
+#: Who does the work: ``"ray"``, ``"dask"``, an executor, or this machine.
+Engine = Union[str, Submits, None]
 
 #: How often a chunk is asked whose worker dies.
 TRIES = 4
@@ -158,6 +170,29 @@ class _Dask:
             yield _checked(outcome)
 
 
+class _Pool:
+    """Tasks of an executor: what has `submit`."""
+
+    def __init__(self, executor: Any, template: Model) -> None:
+        self._executor = executor
+        self._template = template
+        self._room = AHEAD * (os.cpu_count() or 1)
+
+    def answers(self, asked: Asked) -> Iterator[bytes]:
+        """Answers in the order of the chunks."""
+
+        def hand_out(one: tuple[int, Any, bytes]) -> Any:
+            number, chunk, message = one
+            return self._executor.submit(_outcome, self._template, chunk, number, message)
+
+        for future in _window(asked, hand_out, self._room):
+            try:
+                outcome = future.result()
+            except Exception as e:
+                raise IsoformError(f"a worker died: {e}", "worker") from None
+            yield _checked(outcome)
+
+
 def _window(asked: Asked, hand_out: Callable[[Any], Any], room: int) -> Iterator[Any]:
     """What was handed out, in order; at most `room` at a time."""
     pending: collections.deque[Any] = collections.deque()
@@ -211,7 +246,7 @@ def known(options: dict[str, Any]) -> None:
 def fit_large(
     chunks: Iterable[Chunk],
     template: Model,
-    engine: str | None = None,
+    engine: Engine = None,
     *,
     threads: int | None = None,
     time_limit: float | None = None,
@@ -231,9 +266,10 @@ def fit_large(
         files by the same names.
     template : Model
         The template.
-    engine : str, optional
+    engine : str or executor, optional
         ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
-        ``distributed.Client``); by default this process, one chunk after the other, each by all
+        ``distributed.Client``); or an executor, such as a ``ProcessPoolExecutor``; by default this
+        process, one chunk after the other, each by all
         threads.
     threads : int, optional
         How many of this process, by default all cores.
@@ -284,13 +320,9 @@ def fit_large(
     >>> round(result.values["radius"], 6), result.acceptable
     (2.0, True)
     """
-    have = ENGINES.get(engine)
-    if have is None:
-        names = ", ".join(repr(name) for name in ENGINES)
-        raise IsoformError(f"engine is {engine!r}", "usage", f"one of: {names}")
     wanted = fit_arguments(template, options)
     listed = _listed(chunks)
-    ask = _Questions(have(template, listed), listed)
+    ask = _Questions(_engine(engine, template, listed), listed)
     told = (f"{len(listed)} chunks", template.name)
     try:
         with asked(threads, time_limit, progress) as limits:
@@ -300,6 +332,17 @@ def fit_large(
     finally:
         ask.is_over = True
     return FitResult(Answer(document, [], native))
+
+
+def _engine(engine: Engine, template: Model, chunks: Sequence[Any]) -> Any:
+    """Who is asked."""
+    if not isinstance(engine, str) and engine is not None:
+        return _Pool(engine, template)
+    have = ENGINES.get(engine)
+    if have is None:
+        names = ", ".join(repr(name) for name in ENGINES)
+        raise IsoformError(f"engine is {engine!r}", "usage", f"an executor, or one of: {names}")
+    return have(template, chunks)
 
 
 def fit_arguments(template: Model, options: dict[str, Any]) -> dict[str, Any]:

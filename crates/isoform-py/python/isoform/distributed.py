@@ -23,6 +23,7 @@ import queue
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path as FilePath
 from typing import Any, Protocol, Union
@@ -33,7 +34,8 @@ from . import _isoform
 from ._call import Asked, Progress, asked, corners, given, there, whole
 from ._document import Documented
 from ._errors import IsoformError
-from ._large import fit_large, known
+from ._large import Engine as Where
+from ._large import Submits, fit_large, known
 from ._model import Model, Values
 from ._optional import need
 from ._points import Path, read_points
@@ -187,7 +189,7 @@ class _Table:
 def fit_many(
     sources: Iterable[Path],
     template: Model | Sequence[Model],
-    engine: str | None = None,
+    engine: Where = None,
     out: Path = "results.parquet",
     resume: bool = True,
     processes: int | None = None,
@@ -202,9 +204,10 @@ def fit_many(
     template : Model or sequence of Model
         The template; of several the one with the best verdict, then the least value of Bayes'
         criterion (2 n ln rms + parameters ln n).
-    engine : str, optional
+    engine : str or executor, optional
         ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
-        ``distributed.Client``); by default processes of this machine.
+        ``distributed.Client``); or an executor, such as a ``ProcessPoolExecutor`` or a client of
+        Dask; by default processes of this machine.
     out : path
         A folder of parquet files, one row for each source, written as they come: ``source``,
         ``ok``, ``error``, ``template``, ``rms``, ``acceptable``, ``json`` (the document of the fit
@@ -250,8 +253,10 @@ def fit_many(
     return folder
 
 
-def _engine(name: str | None) -> Engine:
-    """Who does the work."""
+def _engine(name: Where) -> Engine:
+    """Who does the work: the engine of a name, or an executor."""
+    if not isinstance(name, str) and name is not None:
+        return _pool(name)
     run = ENGINES.get(name)
     if run is None:
         names = ", ".join(repr(name) for name in ENGINES)
@@ -313,7 +318,7 @@ def mesh_blocks(
     model: Model,
     blocks: tuple[int, int, int],
     out: Path,
-    engine: str | None = None,
+    engine: Where = None,
     size: float | None = None,
     *,
     params: Values = None,
@@ -336,7 +341,7 @@ def mesh_blocks(
     out : path
         A .pvtu; each block is a .vtu beside it. Files between the steps lie in a hidden folder
         there, which workers must see by the same name.
-    engine : str, optional
+    engine : str or executor, optional
         ``"ray"`` or ``"dask"``: the connection that is there (``ray.init``,
         ``distributed.Client``); by default blocks are done here, one after the other, in the
         memory for one of them.
@@ -605,6 +610,28 @@ def _dask(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
 def _row(job: Work, source: str) -> Row:
     """What a task of a cluster does."""
     return job.row(source)
+
+
+def _pool(executor: Submits) -> Engine:
+    """Rows by tasks of an executor: what has `submit`, and gives futures with `done`, `result`."""
+
+    def rows(job: Work, sources: Iterable[str]) -> Iterator[tuple[str, Row]]:
+        waiting, pending = iter(sources), dict[Any, str]()
+        room = AHEAD * (os.cpu_count() or 1)
+        while True:
+            for source in itertools.islice(waiting, room - len(pending)):
+                pending[executor.submit(_row, job, source)] = source
+            if not pending:
+                return
+            for future in [f for f in pending if f.done()]:
+                source = pending.pop(future)
+                try:
+                    yield source, future.result()
+                except Exception as e:
+                    yield source, failed(source, f"worker: {type(e).__name__}: {e}")
+            time.sleep(0.005)
+
+    return rows
 
 
 #: By name, who does the work.
