@@ -61,9 +61,16 @@ export interface Scale {
 
 /** A further choice of a layer: a switch (0 or 1), or a slider from 0 to 1. */
 export interface Extra {
+  /** Its key in the address of a page. */
+  key: "edges" | "inside" | "quality" | "open" | "nets" | "lines";
   name: string;
   isSlider: boolean;
   value: number;
+}
+
+/** The value of a further choice; 0 where a layer does not have it. */
+export function chosen(extras: Extra[], key: Extra["key"]): number {
+  return extras.find((extra) => extra.key === key)?.value ?? 0;
 }
 
 export interface Layer {

@@ -5,7 +5,17 @@ import { Bvh, type Meeting } from "./bvh";
 import * as bytes from "./bytes";
 import { type Cap, ofSurface, ofTetrahedra } from "./caps";
 import { partColor, scaleColor } from "./colors";
-import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import {
+  chosen,
+  type ColorMode,
+  type Extra,
+  type Hit,
+  type Layer,
+  type Look,
+  type Ray,
+  type Scale,
+  type Section,
+} from "./layer";
 import { meetSurface } from "./exact";
 import { scaleOf } from "./points";
 import type { MeshDoc } from "./scene";
@@ -43,7 +53,9 @@ export class MeshLayer implements Layer {
   opacity = 1;
   colorBy: ColorMode = "none";
   readonly modes: ColorMode[] = ["none", "quality"];
-  readonly extras: Extra[] = [{ name: "Edges of elements", isSlider: false, value: 1 }];
+  readonly extras: Extra[] = [
+    { key: "edges", name: "Edges of elements", isSlider: false, value: 1 },
+  ];
   readonly object = new Group();
   private readonly surface: Surface;
   private inside: { surface: Surface; threshold: number } | null = null;
@@ -73,12 +85,12 @@ export class MeshLayer implements Layer {
     if (doc.kind === "solid") {
       // Its faces are exact: triangles only draw them.
       this.colorBy = parts ? "part" : "none";
-      this.extras[0].value = 0;
+      for (const extra of this.extras) extra.value = 0;
     }
     if (tets)
       this.extras.push(
-        { name: "Tetrahedra, shrunk", isSlider: false, value: 0 },
-        { name: "of quality at most", isSlider: true, value: 1 },
+        { key: "inside", name: "Tetrahedra, shrunk", isSlider: false, value: 0 },
+        { key: "quality", name: "of quality at most", isSlider: true, value: 1 },
       );
   }
 
@@ -215,9 +227,9 @@ export class MeshLayer implements Layer {
     if (!this.modes.includes(this.colorBy)) this.colorBy = "none";
     this.paint();
     this.cut(section);
-    const hasEdges = this.extras[0].value === 1;
-    const isInside = this.extras[1]?.value === 1;
-    if (isInside) this.open(this.extras[2].value);
+    const hasEdges = chosen(this.extras, "edges") === 1;
+    const isInside = chosen(this.extras, "inside") === 1;
+    if (isInside) this.open(chosen(this.extras, "quality"));
     this.surface.update(this.visible && !isInside, this.opacity, hasEdges, section, look);
     this.inside?.surface.update(this.visible && isInside, this.opacity, hasEdges, section, look);
     this.cap.visible = this.visible && this.capTree !== null && !isInside;
@@ -264,7 +276,7 @@ export class MeshLayer implements Layer {
   }
 
   pick(ray: Ray): Hit | null {
-    if (this.extras[1]?.value === 1 && this.inside) {
+    if (chosen(this.extras, "inside") === 1 && this.inside) {
       const met = this.inside.surface.meet(ray);
       return met && { t: met.t, point: along(ray.o, ray.d, met.t) };
     }

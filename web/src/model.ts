@@ -17,7 +17,17 @@ import {
 } from "three";
 import { partColor, share } from "./colors";
 import { NATIVE, SolidShader } from "./glsl";
-import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import {
+  chosen,
+  type ColorMode,
+  type Extra,
+  type Hit,
+  type Layer,
+  type Look,
+  type Ray,
+  type Scale,
+  type Section,
+} from "./layer";
 import type { ModelDoc, ParameterDoc } from "./scene";
 import { HATCH, LIGHT, planeOf } from "./shaders";
 import { type Brick, Solid } from "./solid";
@@ -200,7 +210,7 @@ export class ModelLayer implements Layer {
     this.solid = new Solid(doc);
     this.shader = new SolidShader(this.solid.surface, doc.tree);
     if (this.open.length)
-      this.extras.push({ name: "Stripes: undetermined", isSlider: false, value: 1 });
+      this.extras.push({ key: "open", name: "Stripes: undetermined", isSlider: false, value: 1 });
     const material = new ShaderMaterial({
       glslVersion: GLSL3,
       side: BackSide,
@@ -365,7 +375,7 @@ export class ModelLayer implements Layer {
     u.plane.value = planeOf(section, this.inFile(this.middle));
     u.opacity.value = this.opacity;
     u.byPart.value = this.colorBy === "part";
-    u.showsOpen.value = this.extras[0]?.value === 1;
+    u.showsOpen.value = chosen(this.extras, "open") === 1;
     u.stripe.value = STRIPE * look.pixelRatio;
     material.transparent = this.opacity < 1;
     material.depthWrite = true;

@@ -3,7 +3,17 @@
 import { Group } from "three";
 import * as bytes from "./bytes";
 import { partColor, roundUp, scaleColor } from "./colors";
-import type { ColorMode, Extra, Hit, Layer, Look, Ray, Scale, Section } from "./layer";
+import {
+  chosen,
+  type ColorMode,
+  type Extra,
+  type Hit,
+  type Layer,
+  type Look,
+  type Ray,
+  type Scale,
+  type Section,
+} from "./layer";
 import { type Lines, segments, showLines } from "./lines";
 import type { PatchesDoc } from "./scene";
 import { planeOf } from "./shaders";
@@ -145,8 +155,8 @@ export class PatchesLayer implements Layer {
   colorBy: ColorMode = "part";
   readonly modes: ColorMode[] = ["none", "part", "u", "v"];
   readonly extras: Extra[] = [
-    { name: "Control nets", isSlider: false, value: 0 },
-    { name: "Lines of u and v", isSlider: false, value: 0 },
+    { key: "nets", name: "Control nets", isSlider: false, value: 0 },
+    { key: "lines", name: "Lines of u and v", isSlider: false, value: 0 },
   ];
   readonly object = new Group();
   private readonly surface: Surface;
@@ -301,8 +311,8 @@ export class PatchesLayer implements Layer {
     this.paint();
     this.surface.update(this.visible, this.opacity, false, section, look);
     const plane = planeOf(section, this.origin);
-    showLines(this.nets, this.visible && this.extras[0].value === 1, plane);
-    showLines(this.isolines, this.visible && this.extras[1].value === 1, plane);
+    showLines(this.nets, this.visible && chosen(this.extras, "nets") === 1, plane);
+    showLines(this.isolines, this.visible && chosen(this.extras, "lines") === 1, plane);
   }
 
   pick(ray: Ray): Hit | null {

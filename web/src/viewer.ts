@@ -33,6 +33,14 @@ export interface LayerState {
   opacity: number;
   count: number;
 }
+/** What the address of a page says, by names that stay. */
+interface State {
+  camera: Camera;
+  /** By layer: what is seen of it, and its further choices by their keys. */
+  layers: Record<string, unknown>[];
+  section: Section | null;
+  parameters: Record<string, number>;
+}
 export interface Parameter {
   name: string;
   value: number;
@@ -298,19 +306,18 @@ export class Viewer {
   /** What of the view a link keeps. Of parameters only those that were moved: where a file has
    *  changed, the others are as it says now. */
   state(): string {
-    const { position, target, up, orthographic, fov, height } = this.view.camera;
-    const layers = this.layers.map((l) => [
-      l.visible ? 1 : 0,
-      l.opacity,
-      l.colorBy,
-      ...(l.extras ?? []).map((e) => e.value),
-    ]);
+    const layers = this.layers.map((l) => ({
+      visible: l.visible,
+      opacity: l.opacity,
+      color: l.colorBy,
+      ...Object.fromEntries((l.extras ?? []).map((e) => [e.key, e.value])),
+    }));
     const { section } = this.view;
-    const whole = {
-      c: [...position, ...target, ...up, orthographic ? 1 : 0, fov, height],
-      l: layers,
-      s: section && [...section.normal, section.offset],
-      p: this.moved().map((p) => [p.name, p.value]),
+    const whole: State = {
+      camera: this.view.camera,
+      layers,
+      section: section && { normal: section.normal, offset: section.offset },
+      parameters: Object.fromEntries(this.moved().map((p) => [p.name, p.value])),
     };
     const utf8 = new TextEncoder().encode(JSON.stringify(whole));
     return btoa(String.fromCharCode(...utf8))
@@ -335,33 +342,31 @@ export class Viewer {
     }
   }
 
-  private take(whole: {
-    c: number[];
-    l: [number, number, string, ...number[]][];
-    s: number[] | null;
-    p: [string, number][];
-  }): void {
-    const { c, l, s, p } = whole;
-    if (!c.every(isNumber) || c.length !== 12 || l.length !== this.layers.length)
-      throw new RangeError("no state");
-    this.setCamera({
-      position: [c[0], c[1], c[2]],
-      target: [c[3], c[4], c[5]],
-      up: [c[6], c[7], c[8]],
-      orthographic: c[9] === 1,
-      fov: c[10],
-      height: c[11],
-    });
-    l.forEach(([visible, opacity, colorBy, ...extras], i) => {
-      this.set(this.layers[i].id, { visible: visible === 1, opacity, colorBy });
-      (this.layers[i].extras ?? []).forEach((extra, k) => {
-        if (isNumber(extras[k])) extra.value = Math.max(0, Math.min(1, extras[k]));
+  /** Takes a state: keys that are missing change nothing, others than these are passed over. */
+  private take({ camera, layers, section, parameters }: Partial<State>): void {
+    if (camera) {
+      const { position, target, up, fov, height } = camera;
+      if (![...position, ...target, ...up, fov, height].every(isNumber))
+        throw new RangeError("no state");
+      this.setCamera(camera);
+    }
+    if (layers) {
+      if (layers.length !== this.layers.length) throw new RangeError("no state");
+      layers.forEach((told, i) => {
+        const layer = this.layers[i];
+        this.set(layer.id, { visible: told.visible, opacity: told.opacity, colorBy: told.color });
+        for (const extra of layer.extras ?? []) {
+          const value = told[extra.key];
+          if (isNumber(value)) extra.value = Math.max(0, Math.min(1, value));
+        }
       });
-    });
-    this.setSection(s && { normal: [s[0], s[1], s[2]], offset: s[3] });
-    const came = this.asCame();
-    const given = p.filter(([name]) => Object.hasOwn(came, name));
-    this.setParameters({ ...came, ...Object.fromEntries(given) });
+    }
+    if (section !== undefined) this.setSection(section);
+    if (parameters) {
+      const came = this.asCame();
+      const given = Object.entries(parameters).filter(([name]) => Object.hasOwn(came, name));
+      this.setParameters({ ...came, ...Object.fromEntries(given) });
+    }
   }
 
   /** The diagonal of what is visible. */

@@ -50,6 +50,7 @@ const PAGES: [(&str, &[(&str, &str)]); 8] = [
     (
         "As a library",
         &[
+            ("docs/options.md", "All options"),
             ("docs/python.md", "The Python package"),
             ("docs/clusters.md", "On a cluster"),
         ],

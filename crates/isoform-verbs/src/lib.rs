@@ -136,7 +136,11 @@ fn run(verb: Verb, context: &Context) -> Result<Outcome, Failure> {
         // It has been read in the place of these arguments.
         Verb::Run(_) => Err(Failure::usage("a request cannot run another one")),
         Verb::Schema(args) => {
-            let schema = request::schema(args.verb.as_deref(), &Cli::command())?;
+            let command = Cli::command();
+            if args.page {
+                return Ok(Outcome::text(request::page(&command).into_bytes()));
+            }
+            let schema = request::schema(args.verb.as_deref(), &command)?;
             Ok(Outcome::json(schema))
         }
         Verb::Completions { shell } => {

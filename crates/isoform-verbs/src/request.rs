@@ -34,10 +34,14 @@ pub(crate) struct RunArgs {
 #[command(after_help = "\
 Examples:
   isoform schema
-  isoform schema mesh")]
+  isoform schema mesh
+  isoform schema --page")]
 pub(crate) struct SchemaArgs {
     /// The verb [default: all of them]
     pub(crate) verb: Option<String>,
+    /// Print the page docs/options.md instead: all options of all verbs
+    #[arg(long, conflicts_with = "verb")]
+    pub(crate) page: bool,
 }
 
 /// Reads a request from a file; returns the words of its command line.
@@ -240,6 +244,58 @@ pub(crate) fn schema(only: Option<&str>, command: &Command) -> Result<Value, Fai
     }))
 }
 
+/// Returns the page of all options of all verbs, docs/options.md.
+pub(crate) fn page(command: &Command) -> String {
+    let mut page = "# Options\n\nAll verbs and their options, written by `isoform schema --page`. \
+        In Python, and in\nrequests (`isoform run request.json`), `--time-limit` is `time_limit`.\n"
+        .to_owned();
+    for verb in verbs(command) {
+        let about = verb.get_about().map(ToString::to_string);
+        let own = arguments(verb, command).filter(|a| !a.is_global_set());
+        page += &section(verb.get_name(), about.as_deref().unwrap_or_default(), own);
+    }
+    let all = command.get_arguments().filter(|a| a.is_global_set());
+    page + &section("All verbs", "Options that every verb takes", all)
+}
+
+/// Returns a section of the page with a table of arguments.
+fn section<'a>(title: &str, about: &str, arguments: impl Iterator<Item = &'a Arg>) -> String {
+    let mut text = format!("\n## {title}\n\n{about}.\n\n| | |\n|---|---|\n");
+    for argument in arguments {
+        let values = argument.get_value_names().unwrap_or_default();
+        let values: Vec<&str> = values.iter().map(clap::builder::Str::as_str).collect();
+        let is_flag = !argument.get_action().takes_values();
+        let value = match (argument.get_long(), is_flag) {
+            (Some(long), true) => format!("--{long}"),
+            (Some(long), false) => format!("--{long} {}", values.join(" ")),
+            (None, _) => values.join(" "),
+        };
+        let short = argument
+            .get_short()
+            .map_or(String::new(), |c| format!("`-{c}`, "));
+        let help = argument
+            .get_help()
+            .map(ToString::to_string)
+            .unwrap_or_default();
+        let mut cell = help.replace('|', "\\|").replace('\n', " ");
+        let names: Vec<String> = (argument.get_possible_values().iter())
+            .filter(|_| !is_flag)
+            .map(|v| format!("`{}`", v.get_name()))
+            .collect();
+        if !names.is_empty() {
+            cell += &format!(": {}", names.join(", "));
+        }
+        if let [default] = argument.get_default_values()
+            && !is_flag
+            && let Some(default) = default.to_str()
+        {
+            cell += &format!(" [default: {default}]");
+        }
+        text += &format!("| {short}`{}` | {cell} |\n", value.replace('|', "\\|"));
+    }
+    text
+}
+
 /// Returns the schema of an argument.
 fn of_argument(argument: &Arg) -> Value {
     let mut schema = of_type(argument);
@@ -353,6 +409,16 @@ mod tests {
         let near = words_of(r#"{"verb": "mesh", "sise": 1}"#);
         assert_eq!(near, Err("mesh takes no `sise`: one of: size".to_owned()));
         assert!(words_of(r#"{"verb": "mash"}"#).is_err_and(|e| e.ends_with("mesh")));
+    }
+
+    /// `isoform schema --page > docs/options.md` writes it anew.
+    #[test]
+    fn the_page_of_options_is_not_stale() {
+        let page = page(&crate::Cli::command());
+        assert!(
+            page == include_str!("../../../docs/options.md"),
+            "docs/options.md is stale"
+        );
     }
 
     #[test]
