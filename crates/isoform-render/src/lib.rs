@@ -49,7 +49,7 @@ pub use layer::{ColorBy, Key, Layer, Patch, Scene, ShownModel};
 pub use legend::{draw as draw_legend, legend_width};
 pub use model::FINEST;
 pub use picture::{Picture, Style, render};
-pub use png::write_png;
+pub use png::{write_indexed_png, write_png};
 pub use section::Section;
 pub use sheet::{Look, Pane, panes};
 pub use svg::{Drawing, draw_svg};

@@ -9,7 +9,6 @@
 mod dimensions;
 mod outline;
 mod picture;
-mod png;
 mod sheet;
 mod subject;
 

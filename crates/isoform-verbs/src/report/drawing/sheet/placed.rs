@@ -1,9 +1,10 @@
 //! A view at its place on the paper: shades, lines and hatching.
 
+use super::super::Drawn;
 use super::super::outline::Kind;
 use super::super::picture::{CUT, Hit, Picture};
-use super::super::{Drawn, png};
 use isoform::geom::{Point3, dot};
+use isoform_render::write_indexed_png;
 use std::fmt::Write;
 
 /// Tones of the shading.
@@ -115,7 +116,8 @@ impl Placed<'_> {
     pub(super) fn shades(&self, paint: Paint) -> String {
         let picture = self.picture();
         let pixels: Vec<u8> = picture.hits.iter().map(|hit| tone(hit.as_ref())).collect();
-        let bytes = png::encode(picture.width, &pixels, &paint.palette());
+        let size = [picture.width as u32, picture.height as u32];
+        let bytes = write_indexed_png(size, &pixels, &paint.palette()).unwrap_or_default();
         let side = self.scale * picture.pixel;
         let corner = self.flat(picture.first);
         format!(
