@@ -16,7 +16,7 @@ use crate::topology::{Chain, Side, Topology, across_sides, components, ends_of, 
 use crate::vertices::{open_contacts, vertex};
 use crate::{BrepError, Control, collapse, reading, revolution};
 use isoform_geom::brep::{Brep, Coedge, Edge, Face, Graph, Surface};
-use isoform_geom::{Aabb, Frame, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Frame, Point3, UnionFind, cross, dot, norm, sub};
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -170,14 +170,15 @@ impl Sheets {
             }
             _ => false,
         };
-        let mut up: Vec<usize> = (0..list.len()).collect();
+        let mut sets = UnionFind::new(list.len());
         for (a, b) in meet {
-            let (a, b) = (a as usize, b as usize);
-            if is_one(a, b) {
-                let (from, to) = (up[a].max(up[b]), up[a].min(up[b]));
-                up.iter_mut().filter(|u| **u == from).for_each(|u| *u = to);
+            if is_one(a as usize, b as usize) {
+                sets.unite(a, b);
             }
         }
+        let up: Vec<usize> = (0..list.len() as u32)
+            .map(|k| sets.root(k) as usize)
+            .collect();
         let mut made = Self {
             of_piece: vec![0; list.len()],
             pieces: Vec::new(),

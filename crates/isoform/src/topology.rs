@@ -1,5 +1,6 @@
 //! What any set of triangles consists of, closed or open, with edges of any number of triangles.
 
+use isoform_geom::UnionFind;
 use std::collections::BTreeMap;
 
 /// Numbers of a surface that need no manifold.
@@ -52,25 +53,13 @@ fn groups(edges: &[[u32; 2]]) -> (usize, usize) {
     let mut vertices: Vec<u32> = edges.iter().flatten().copied().collect();
     vertices.sort_unstable();
     vertices.dedup();
-    let mut up: Vec<usize> = (0..vertices.len()).collect();
-    let root = |up: &mut Vec<usize>, mut i: usize| {
-        while up[i] != i {
-            up[i] = up[up[i]];
-            i = up[i];
-        }
-        i
-    };
-    let mut components = vertices.len();
+    let mut sets = UnionFind::new(vertices.len());
     for edge in edges {
         // All of them are there.
-        let [a, b] = edge.map(|v| vertices.partition_point(|w| *w < v));
-        let (a, b) = (root(&mut up, a), root(&mut up, b));
-        if a != b {
-            up[a] = b;
-            components -= 1;
-        }
+        let [a, b] = edge.map(|v| vertices.partition_point(|w| *w < v) as u32);
+        sets.unite(a, b);
     }
-    (vertices.len(), components)
+    (vertices.len(), sets.count())
 }
 
 #[cfg(test)]

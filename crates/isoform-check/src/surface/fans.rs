@@ -3,10 +3,11 @@
 //! A fan is a part of a node's triangles that hang together across edges of exactly two triangles.
 //! A surface is a manifold at a node if its triangles are one fan, closed or open.
 
-use super::shells::{Shells, root};
+use super::shells::Shells;
 use super::{Triangles, is_degenerate, middle};
 use crate::stars::Stars;
 use crate::{Defects, Place};
+use isoform_geom::UnionFind;
 
 /// The findings of one run of nodes; the defects are explained at [`Surface`](super::Surface).
 #[derive(Default)]
@@ -42,7 +43,7 @@ pub(super) struct Work {
     /// Sorted, so that all spokes of one edge stand together.
     spokes: Vec<Spoke>,
     /// Union-find over the triangles around the node.
-    fan: Vec<u32>,
+    fan: UnionFind,
     /// Triangles of which the node is the lowest corner.
     apexes: Vec<Apex>,
 }
@@ -71,16 +72,11 @@ impl Work {
 
     /// The number of fans: parts that hang together across edges of exactly two triangles.
     fn fans(&mut self, triangles: usize) -> usize {
-        self.fan.clear();
-        self.fan.extend(0..triangles as u32);
+        self.fan.reset(triangles);
         let mut fans = self.spokes.len() / 2;
         for group in self.spokes.chunk_by(|a, b| a.0 == b.0) {
             if let [a, b] = group {
-                let (a, b) = (root(&mut self.fan, a.1), root(&mut self.fan, b.1));
-                if a != b {
-                    self.fan[a.max(b) as usize] = a.min(b);
-                    fans -= 1;
-                }
+                fans -= usize::from(self.fan.unite(a.1, b.1));
             }
         }
         fans

@@ -5,7 +5,7 @@ use crate::boxes::BoxTree;
 use crate::exact::volume_sign;
 use crate::stars::blocks;
 use crate::{Defects, Place};
-use isoform_geom::{Aabb, Point3, cross, dot, norm, sub};
+use isoform_geom::{Aabb, Point3, UnionFind, cross, dot, norm, sub};
 use rayon::prelude::*;
 
 /// Number of directions that are tried for a ray that meets no edge. Each fails only by a
@@ -17,15 +17,6 @@ const TILT: f64 = 1e-3;
 /// Steps of two sequences of low discrepancy: 1/φ and √2 − 1. Both are badly approximated by
 /// fractions, so that rays do not come back to the slopes of a regular mesh.
 const TURNS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
-
-/// The representative of a number's set in a union-find; paths are halved on the way.
-pub(super) fn root(parent: &mut [u32], mut i: u32) -> u32 {
-    while parent[i as usize] != i {
-        parent[i as usize] = parent[parent[i as usize] as usize];
-        i = parent[i as usize];
-    }
-    i
-}
 
 /// Which nodes hang together.
 pub(super) struct Shells {
@@ -48,29 +39,25 @@ impl Shells {
     /// Joins the corners of every triangle that is not degenerate.
     pub(super) fn new(of: Triangles<'_>) -> Self {
         let nodes = of.points.len();
-        let mut parent: Vec<u32> = (0..nodes as u32).collect();
+        let mut sets = UnionFind::new(nodes);
         let mut used = vec![false; nodes];
         for t in of.triangles.iter().filter(|t| !is_degenerate(t)) {
-            let a = root(&mut parent, t[0]);
-            let b = root(&mut parent, t[1]);
-            let ab = a.min(b);
-            parent[a.max(b) as usize] = ab;
-            let c = root(&mut parent, t[2]);
-            parent[ab.max(c) as usize] = ab.min(c);
+            sets.unite(t[0], t[1]);
+            sets.unite(t[0], t[2]);
             for &i in t {
                 used[i as usize] = true;
             }
         }
-        Self::numbered(&mut parent, &used)
+        Self::numbered(&mut sets, &used)
     }
 
     /// Numbers the sets of a union-find whose roots are the lowest nodes; sets of unused nodes get
     /// no number of their own.
-    fn numbered(parent: &mut [u32], used: &[bool]) -> Self {
-        let (mut of, mut lowest) = (vec![0; parent.len()], Vec::new());
-        for i in 0..parent.len() {
+    fn numbered(sets: &mut UnionFind, used: &[bool]) -> Self {
+        let (mut of, mut lowest) = (vec![0; sets.len()], Vec::new());
+        for i in 0..sets.len() {
             // The root is the lowest node, so its number is known when the others are met.
-            let r = root(parent, i as u32) as usize;
+            let r = sets.root(i as u32) as usize;
             if r == i && used[i] {
                 of[i] = lowest.len() as u32;
                 lowest.push(i as u32);
@@ -263,11 +250,5 @@ mod tests {
         assert!(matches!(up(0.0, 1.0), Passage::Touches));
         let ends_on_it = passage([1.0, 1.0, -1.0], [1.0, 1.0, 0.0], t);
         assert!(matches!(ends_on_it, Passage::Touches));
-    }
-
-    #[test]
-    fn sets_hang_together() {
-        let mut parent = vec![0, 0, 1, 3];
-        assert_eq!([2, 3].map(|i| root(&mut parent, i)), [0, 3]);
     }
 }
