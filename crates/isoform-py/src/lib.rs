@@ -1,7 +1,7 @@
 //! The compiled half of the Python package.
 //!
 //! What Python users see (signatures, pages, results with names) lies in `python/isoform`. Verbs are
-//! those of the command line: [`call`] hands their arguments over, objects of Python in place of
+//! those of the command line: `call` hands their arguments over, objects of Python in place of
 //! files among them, and gives back the document of `--json` and the result. `run` releases Python's
 //! lock meanwhile, listens to Ctrl-C and tells of progress; `error` makes exceptions of failures.
 #![forbid(unsafe_code)]
