@@ -1,9 +1,10 @@
-//! Functions that are compiled for several instruction sets.
+//! Functions compiled for several instruction sets.
 
 /// Defines a function that runs a body compiled for the best instruction set of the machine:
-/// AVX-512, AVX2 or what every processor has. The body has to be `#[inline(always)]`, and so has
-/// all that it spends its time in. Its sums have the order in which they are written and no fused
-/// multiply-add is used, so that the result is the same, bit for bit, on every machine.
+/// AVX-512, AVX2 or the baseline of the target. The body, and every function it calls in its inner
+/// loops, must be `#[inline(always)]`: otherwise they are compiled for the baseline. Sums are
+/// evaluated in the order in which they are written, without fused multiply-add, so that results
+/// are identical, bit for bit, on every machine.
 ///
 /// ```
 /// isoform_num::dispatch! {

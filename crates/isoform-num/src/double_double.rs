@@ -1,8 +1,8 @@
-//! Sums of two doubles, for the few places where one has too few digits.
+//! Double-double arithmetic, for the few computations in which a double has too few digits.
 
 use std::ops::{Add, Mul};
 
-/// The unevaluated sum of two doubles, some 31 decimal digits (T. J. Dekker, Numer. Math. 18, 1971,
+/// Unevaluated sum of two doubles with some 31 decimal digits (T. J. Dekker, Numer. Math. 18, 1971,
 /// pages 224–242). The range of exponents is that of doubles: below about 1e-290 products lose the
 /// second double, above 1e290 they overflow.
 ///
@@ -17,14 +17,14 @@ pub struct DoubleDouble {
     lo: f64,
 }
 
-/// The rounded sum and its rounding error, exactly (D. E. Knuth).
+/// Returns the rounded sum and its exact rounding error (D. E. Knuth's two-sum).
 fn two_sum(a: f64, b: f64) -> (f64, f64) {
     let sum = a + b;
     let c = sum - a;
     (sum, (a - (sum - c)) + (b - c))
 }
 
-/// The sum of a number and a smaller one.
+/// Returns the exact sum of a number and one of smaller magnitude.
 fn quick_two_sum(a: f64, b: f64) -> DoubleDouble {
     let hi = a + b;
     DoubleDouble {
@@ -33,7 +33,8 @@ fn quick_two_sum(a: f64, b: f64) -> DoubleDouble {
     }
 }
 
-/// The rounded product and its rounding error (G. W. Veltkamp's splitting).
+/// Returns the rounded product and its exact rounding error (T. J. Dekker's product with G. W.
+/// Veltkamp's splitting).
 fn two_product(a: f64, b: f64) -> (f64, f64) {
     let split = |x: f64| {
         let c = 134_217_729.0 * x;
@@ -46,12 +47,12 @@ fn two_product(a: f64, b: f64) -> (f64, f64) {
 }
 
 impl DoubleDouble {
-    /// The sum of a number and a correction of it.
+    /// Returns the sum of a number and a correction of it, without rounding.
     pub fn new(a: f64, b: f64) -> Self {
         let (hi, lo) = two_sum(a, b);
         Self { hi, lo }
     }
-    /// Rounded to a double.
+    /// Returns the value rounded to a double.
     pub fn value(self) -> f64 {
         self.hi
     }

@@ -1,17 +1,16 @@
 //! Closed intervals with outward rounding.
 //!
-//! Every operation returns an interval that contains all results over its arguments: sums and
+//! Every operation returns an interval that contains all its values over the arguments: sums and
 //! products are widened by one unit in the last place on each side (round-to-nearest is off by half
-//! a unit at most), library functions by four, since the platform's `libm` is trusted to two. Where
-//! the true range is unbounded or the function undefined on part of the argument, the result is the
-//! hull of what is defined, or everything.
+//! a unit at most), library functions by four, since the platform's `libm` is trusted to two. If
+//! the function is undefined on part of the argument, the result is the hull of the values on the
+//! rest, or [`Interval::ALL`]; if the true range is unbounded, so is the result.
 
 use crate::Real;
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A closed interval \[lo, hi\] of real numbers. Bounds are never NaN; where nothing is known they
-/// are −∞ and ∞.
+/// Closed interval \[lo, hi\] of real numbers. Bounds are never NaN; an unknown bound is −∞ or ∞.
 ///
 /// ```
 /// use isoform_num::{Interval, Real};
@@ -27,18 +26,18 @@ pub struct Interval {
     hi: f64,
 }
 
-/// Units in the last place by which results of `libm` are widened; glibc, musl and Apple state
-/// errors below 2.
+/// Outward widening of results of `libm`, in units in the last place. The documented errors of
+/// glibc, musl and Apple's library are below 2 units; 4 leave a factor of two.
 const LIBM_ULPS: u32 = 4;
 
 impl Interval {
-    /// Everything: −∞ to ∞.
+    /// The interval from −∞ to ∞.
     pub const ALL: Self = Self {
         lo: f64::NEG_INFINITY,
         hi: f64::INFINITY,
     };
 
-    /// The interval from `lo` to `hi`; [`Interval::ALL`] if either is NaN.
+    /// Returns the interval from `lo` to `hi`; [`Interval::ALL`] if either is NaN.
     ///
     /// # Panics
     /// If lo > hi.
@@ -51,39 +50,40 @@ impl Interval {
         Self { lo, hi }
     }
 
-    /// Lower bound.
+    /// Returns the lower bound.
     #[inline]
     pub fn lo(&self) -> f64 {
         self.lo
     }
-    /// Upper bound.
+    /// Returns the upper bound.
     #[inline]
     pub fn hi(&self) -> f64 {
         self.hi
     }
-    /// hi − lo.
+    /// Returns hi − lo, rounded to nearest.
     pub fn width(&self) -> f64 {
         self.hi - self.lo
     }
-    /// (lo + hi)/2, rounded; it need not be the exact middle.
+    /// Returns (lo + hi)/2 in rounded arithmetic: a number near the exact midpoint.
     pub fn middle(&self) -> f64 {
         0.5 * self.lo + 0.5 * self.hi
     }
-    /// A bound on |x − [`middle`](Self::middle)| for all x of the interval, rounded up.
+    /// Returns an upper bound, rounded up, of |x − [`middle`](Self::middle)| over all x of the
+    /// interval.
     pub fn radius(&self) -> f64 {
         let m = self.middle();
         (self.hi - m).max(m - self.lo).next_up()
     }
-    /// The largest |x| of the interval.
+    /// Returns the largest |x| of the interval.
     pub fn magnitude(&self) -> f64 {
         self.lo.abs().max(self.hi.abs())
     }
-    /// Whether `v` lies in the interval.
+    /// Returns true if `v` lies in the interval.
     #[inline]
     pub fn contains(&self, v: f64) -> bool {
         self.lo <= v && v <= self.hi
     }
-    /// Smallest interval that holds both.
+    /// Returns the smallest interval that contains both.
     pub fn hull(&self, o: &Self) -> Self {
         Self {
             lo: self.lo.min(o.lo),
@@ -91,7 +91,8 @@ impl Interval {
         }
     }
 
-    /// \[lo, hi\] moved outwards by `ulps` on both sides; NaN on a side becomes infinite.
+    /// Returns \[lo, hi\] widened by `ulps` units in the last place on both sides; a bound that is
+    /// NaN becomes infinite.
     #[inline]
     fn out(lo: f64, hi: f64, ulps: u32) -> Self {
         let (mut l, mut h) = (lo, hi);
@@ -108,18 +109,19 @@ impl Interval {
         Self { lo: l, hi: h }
     }
 
-    /// f over the interval for an increasing f.
+    /// Returns the range of an increasing function f over the interval, widened by [`LIBM_ULPS`].
     fn increasing(&self, f: impl Fn(f64) -> f64) -> Self {
         Self::out(f(self.lo), f(self.hi), LIBM_ULPS)
     }
 
-    /// Cosine: extremes where a multiple of π may lie inside.
+    /// Returns the range of the cosine: that of the end points, with ±1 added if a multiple of π
+    /// may lie inside.
     fn cosine(&self) -> Self {
         let full = Self { lo: -1.0, hi: 1.0 };
         if !(self.lo.abs() < 1e9 && self.hi.abs() < 1e9) || self.width() >= 2.0 * PI {
             return full;
         }
-        // Bounds on the multiples of π inside, widened so that an extreme near an end counts as
+        // First and last multiple of π inside, widened so that an extremum near an end counts as
         // inside.
         let slack = 1e-6;
         let (k0, k1) = (
@@ -176,8 +178,8 @@ impl Neg for Interval {
     }
 }
 
-/// Product of bounds, with 0·∞ = 0: an infinite bound stands for "arbitrarily large", not for a
-/// value.
+/// Returns the product of two bounds, with 0·∞ = 0: an infinite bound means "arbitrarily large" and
+/// is not a value of the interval.
 fn times(a: f64, b: f64) -> f64 {
     if a == 0.0 || b == 0.0 { 0.0 } else { a * b }
 }
@@ -504,8 +506,8 @@ impl Real for Interval {
 }
 
 impl Interval {
-    /// Widens by the rounding of an R-function, whose intermediate sums can be larger than the
-    /// result.
+    /// Widens \[lo, hi\] by the rounding error of an R-function, whose intermediate sums can be
+    /// larger than the result.
     fn out_r(lo: f64, hi: f64, u: &Self, v: &Self) -> Self {
         let m = |a: f64, b: f64| 4.0 * f64::EPSILON * (a.abs() + b.abs()) + f64::MIN_POSITIVE;
         Self::out(lo - m(u.lo, v.lo), hi + m(u.hi, v.hi), 1)

@@ -1,16 +1,16 @@
-//! Taylor expansions with interval coefficients: enclosures of all derivatives to order 3 over a
+//! Taylor expansions with interval coefficients: enclosures of all derivatives up to order 3 over a
 //! box.
 //!
-//! Where a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the
-//! hull of both sides, which is Clarke's generalised gradient or more, and nothing is claimed of
-//! higher derivatives.
+//! If a kink (of a minimum, maximum or absolute value) may lie in the box, the gradient is the hull
+//! of those of both branches, which contains Clarke's generalised gradient, and higher derivatives
+//! are unbounded intervals.
 
 use crate::jet::{PAIRS, SECOND, TRIPLES};
 use crate::{Interval, Real};
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// Intervals that hold a function and its derivatives in x, y, z over a box, to order 3 or, at less
-/// cost, to `ORDER`; those of higher orders mean nothing then.
+/// Intervals that contain a function and its derivatives in x, y, z over a box, up to order 3, or
+/// up to `ORDER` at less cost; the fields of higher orders then have no meaning.
 ///
 /// ```
 /// use isoform_num::{Interval, IntervalJet};
@@ -41,8 +41,8 @@ fn c(v: f64) -> Interval {
 fn is_zero(v: Interval) -> bool {
     v.lo() == 0.0 && v.hi() == 0.0
 }
-/// a b. Most derivatives are 0, and products with 0 are exact; widened, they would be slow
-/// subnormal numbers.
+/// Returns a b, exactly 0 if a factor is 0, as most derivatives are: widening would make the
+/// product subnormal, and arithmetic with subnormal numbers is slow.
 fn times(a: Interval, b: Interval) -> Interval {
     if is_zero(a) || is_zero(b) {
         c(0.0)
@@ -50,7 +50,7 @@ fn times(a: Interval, b: Interval) -> Interval {
         a * b
     }
 }
-/// a + b, exact where one is 0.
+/// Returns a + b, without widening if a summand is 0.
 fn plus(a: Interval, b: Interval) -> Interval {
     if is_zero(a) {
         b
@@ -62,7 +62,7 @@ fn plus(a: Interval, b: Interval) -> Interval {
 }
 
 impl<const ORDER: usize> IntervalJet<ORDER> {
-    /// The coordinate `i` (0 = x, 1 = y, 2 = z) with the range `v`.
+    /// Returns the coordinate `i` (0 = x, 1 = y, 2 = z) with the range `v`.
     pub fn variable(v: Interval, i: usize) -> Self {
         let mut j = Self::flat(v);
         j.g[i] = c(1.0);
@@ -76,21 +76,22 @@ impl<const ORDER: usize> IntervalJet<ORDER> {
             t: [c(0.0); 10],
         }
     }
-    /// Second derivatives, where the order asks for them.
+    /// Returns the second derivatives, or zeros if `ORDER` is below 2.
     fn second(derivative: impl Fn(usize) -> Interval) -> [Interval; 6] {
         if ORDER < 2 {
             return [c(0.0); 6];
         }
         std::array::from_fn(derivative)
     }
-    /// Third derivatives, where the order asks for them.
+    /// Returns the third derivatives, or zeros if `ORDER` is below 3.
     fn third(derivative: impl Fn(usize) -> Interval) -> [Interval; 10] {
         if ORDER < 3 {
             return [c(0.0); 10];
         }
         std::array::from_fn(derivative)
     }
-    /// The function f(self), whose derivatives of order 0 to 3 have the ranges `f`.
+    /// Returns the composition f(self), where the derivatives of f of order 0 to 3 have the ranges
+    /// given.
     fn chain(&self, [f0, f1, f2, f3]: [Interval; 4]) -> Self {
         let (g, s) = (&self.g, |i: usize, j: usize| self.h[SECOND[i][j]]);
         Self {
@@ -158,7 +159,8 @@ impl<const ORDER: usize> IntervalJet<ORDER> {
             }),
         }
     }
-    /// One of two branches of a continuous function, it is not known which.
+    /// Returns a continuous function with the range `v` that equals either of two branches at each
+    /// point.
     fn either(&self, o: &Self, v: Interval) -> Self {
         Self {
             v,
@@ -167,7 +169,8 @@ impl<const ORDER: usize> IntervalJet<ORDER> {
             t: [Interval::ALL; 10],
         }
     }
-    /// A function that may jump.
+    /// Returns a function with the range `v` that may be discontinuous: all derivatives are
+    /// unbounded.
     fn unknown(v: Interval) -> Self {
         Self {
             v,
@@ -176,7 +179,8 @@ impl<const ORDER: usize> IntervalJet<ORDER> {
             t: [Interval::ALL; 10],
         }
     }
-    /// A step function: flat where it is constant.
+    /// Returns a step function with the range `v`: its derivatives are 0 if it takes one value
+    /// only, else unbounded.
     fn step(v: Interval) -> Self {
         if v.lo() == v.hi() {
             Self::flat(v)
@@ -347,7 +351,7 @@ impl<const ORDER: usize> Real for IntervalJet<ORDER> {
         } else {
             return Self::unknown(v);
         };
-        // Across the negative x axis the angle jumps.
+        // The angle is discontinuous across the negative x axis.
         if x.v.lo() < 0.0 && self.v.contains(0.0) {
             return Self::unknown(v);
         }

@@ -1,19 +1,19 @@
 //! Forward-mode derivatives: truncated Taylor expansions.
 //!
-//! A function h(u) composes by Faà di Bruno's formula; products by Leibniz' rule. [`Jet1`] carries
-//! N first derivatives, [`Jet2`] and [`Jet3`] all derivatives in x, y, z to order 2 and 3
-//! (symmetric ones stored once).
+//! Compositions h(u) follow Faà di Bruno's formula, products Leibniz' rule. [`Jet1`] carries N
+//! first derivatives, [`Jet2`] and [`Jet3`] all derivatives in x, y, z to order 2 and 3 (each mixed
+//! derivative is stored once).
 
 use crate::Real;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// The pairs i ≤ j in the order in which second derivatives ∂²f/∂xᵢ∂xⱼ are stored:
-/// xx, xy, xz, yy, yz, zz. [`SECOND`] is the way back.
+/// Pairs i ≤ j in the order in which the second derivatives ∂²f/∂xᵢ∂xⱼ are stored: xx, xy, xz, yy,
+/// yz, zz. [`SECOND`] is the inverse.
 pub const PAIRS: [(usize, usize); 6] = [(0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)];
-/// Where ∂²f/∂xᵢ∂xⱼ is among the six second derivatives.
+/// Index of ∂²f/∂xᵢ∂xⱼ among the six second derivatives.
 pub const SECOND: [[usize; 3]; 3] = [[0, 1, 2], [1, 3, 4], [2, 4, 5]];
-/// The triples i ≤ j ≤ k in the order in which third derivatives ∂³f/∂xᵢ∂xⱼ∂xₖ are stored:
-/// xxx, xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz. [`THIRD`] is the way back.
+/// Triples i ≤ j ≤ k in the order in which the third derivatives ∂³f/∂xᵢ∂xⱼ∂xₖ are stored: xxx,
+/// xxy, xxz, xyy, xyz, xzz, yyy, yyz, yzz, zzz. [`THIRD`] is the inverse.
 pub const TRIPLES: [(usize, usize, usize); 10] = [
     (0, 0, 0),
     (0, 0, 1),
@@ -26,15 +26,15 @@ pub const TRIPLES: [(usize, usize, usize); 10] = [
     (1, 2, 2),
     (2, 2, 2),
 ];
-/// Where ∂³f/∂xᵢ∂xⱼ∂xₖ is among the ten third derivatives.
+/// Index of ∂³f/∂xᵢ∂xⱼ∂xₖ among the ten third derivatives.
 pub const THIRD: [[[usize; 3]; 3]; 3] = [
     [[0, 1, 2], [1, 3, 4], [2, 4, 5]],
     [[1, 3, 4], [3, 6, 7], [4, 7, 8]],
     [[2, 4, 5], [4, 7, 8], [5, 8, 9]],
 ];
 
-/// The orders of the derivatives by x, y and z of all numbers of a 3-jet, in their order: the
-/// value, first, second and third derivatives. The first ten are those of a 2-jet.
+/// Orders of differentiation by x, y and z of the 20 numbers of a 3-jet, in the order in which they
+/// are stored: value, first, second and third derivatives. The first ten are those of a 2-jet.
 pub const ORDERS: [[usize; 3]; 20] = [
     [0, 0, 0],
     [1, 0, 0],
@@ -58,7 +58,7 @@ pub const ORDERS: [[usize; 3]; 20] = [
     [0, 0, 3],
 ];
 
-/// The symmetric 3 × 3 matrix of six second derivatives, by rows.
+/// Returns the symmetric 3 × 3 matrix of six second derivatives, row by row.
 ///
 /// ```
 /// let h = isoform_num::hessian(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0]);
@@ -68,7 +68,7 @@ pub fn hessian(h: &[f64; 6]) -> [f64; 9] {
     std::array::from_fn(|k| h[SECOND[k / 3][k % 3]])
 }
 
-/// Value and first derivatives by N variables.
+/// Value and first derivatives with respect to N variables.
 ///
 /// ```
 /// use isoform_num::{Jet1, Real};
@@ -124,7 +124,7 @@ pub struct Jet3 {
 }
 
 impl<const N: usize> Jet1<N> {
-    /// The `i`-th variable at `v`.
+    /// Returns the `i`-th variable, with the value `v`.
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; N];
         g[i] = 1.0;
@@ -154,8 +154,8 @@ impl<const N: usize> Jet1<N> {
 }
 
 impl Jet2 {
-    /// The function by coordinates q where p = `unit` q + a constant: each order of derivatives
-    /// brings a factor.
+    /// Returns the jet with respect to coordinates q, where p = `unit` q + a constant: derivatives
+    /// of order k are multiplied by `unit`ᵏ.
     #[must_use]
     pub fn in_units(&self, unit: f64) -> Self {
         Self {
@@ -164,18 +164,18 @@ impl Jet2 {
             h: self.h.map(|h| unit * unit * h),
         }
     }
-    /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
+    /// Returns the coordinate `i` (0 = x, 1 = y, 2 = z), with the value `v`.
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; 3];
         g[i] = 1.0;
         Self { v, g, h: [0.0; 6] }
     }
-    /// ∂²/∂xᵢ∂xⱼ.
+    /// Returns ∂²/∂xᵢ∂xⱼ.
     pub fn second(&self, i: usize, j: usize) -> f64 {
         self.h[SECOND[i][j]]
     }
-    /// The Hessian as a full matrix by rows, as [`symmetric_eigen`](crate::linalg::symmetric_eigen)
-    /// takes it.
+    /// Returns the Hessian as a full matrix, row by row, the form of
+    /// [`symmetric_eigen`](crate::linalg::symmetric_eigen).
     pub fn hessian(&self) -> [f64; 9] {
         hessian(&self.h)
     }
@@ -218,8 +218,8 @@ impl Jet2 {
 }
 
 impl Jet3 {
-    /// The function by coordinates q where p = `unit` q + a constant: each order of derivatives
-    /// brings a factor.
+    /// Returns the jet with respect to coordinates q, where p = `unit` q + a constant: derivatives
+    /// of order k are multiplied by `unit`ᵏ.
     #[must_use]
     pub fn in_units(&self, unit: f64) -> Self {
         Self {
@@ -229,7 +229,7 @@ impl Jet3 {
             t: self.t.map(|t| unit * unit * unit * t),
         }
     }
-    /// The coordinate `i` (0 = x, 1 = y, 2 = z) at `v`.
+    /// Returns the coordinate `i` (0 = x, 1 = y, 2 = z), with the value `v`.
     pub fn variable(v: f64, i: usize) -> Self {
         let mut g = [0.0; 3];
         g[i] = 1.0;
@@ -240,7 +240,7 @@ impl Jet3 {
             t: [0.0; 10],
         }
     }
-    /// ∂²/∂xᵢ∂xⱼ.
+    /// Returns ∂²/∂xᵢ∂xⱼ.
     pub fn second(&self, i: usize, j: usize) -> f64 {
         self.h[SECOND[i][j]]
     }
@@ -311,7 +311,7 @@ impl Jet3 {
     }
 }
 
-/// (uⁿ, n uⁿ⁻¹, n(n−1) uⁿ⁻², n(n−1)(n−2) uⁿ⁻³), each 0 where its factor is.
+/// Returns (uⁿ, n uⁿ⁻¹, n(n−1) uⁿ⁻², n(n−1)(n−2) uⁿ⁻³), each 0 if its factor in n is 0.
 fn power_derivatives(u: f64, n: i32) -> [f64; 4] {
     let mut r = [0.0; 4];
     let mut factor = 1.0;
@@ -359,8 +359,8 @@ macro_rules! jet_is_real {
             fn value(&self) -> f64 { self.v }
             fn sqrt(&self) -> Self {
                 let s = self.v.sqrt();
-                // At 0 the derivative is unbounded; 0 is the choice of a subgradient that keeps
-                // descent finite.
+                // At 0 the derivative is unbounded; it is set to 0, which keeps steps of descent
+                // methods finite.
                 if s == 0.0 { return Self::flat(0.0); }
                 let d = 0.5 / s;
                 self.chain([s, d, -0.5 * d / self.v, 0.75 * d / (self.v * self.v)])
@@ -435,7 +435,7 @@ jet_is_real!([] Jet3);
 mod tests {
     use super::*;
 
-    /// A formula that visits every smooth operation, at a point where all are defined.
+    /// Evaluates a formula that uses every smooth operation, at a point where all are defined.
     fn formula<R: Real>(x: &R, y: &R, z: &R) -> R {
         let c = R::constant;
         let a = (x.square() + y.square() + c(0.5)).sqrt() * z.sin() / (y.cosh() + c(1.0));
@@ -452,8 +452,7 @@ mod tests {
 
     const AT: [f64; 3] = [0.7, -0.4, 0.9];
 
-    /// Each order against central differences of the order below: the error must fall with the
-    /// square of the step.
+    /// Compares each order with central differences of the order below.
     #[test]
     fn derivatives_agree_with_differences() {
         let jet = |p: [f64; 3]| {

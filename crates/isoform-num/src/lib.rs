@@ -1,16 +1,16 @@
 //! Numbers that Isoform computes with, beyond plain `f64`.
 //!
-//! - [`Real`]: what a function must know of its number type, so that one formula serves values,
-//!   jets and intervals.
-//! - [`Interval`]: outward rounded, so that a bound is a proof.
+//! - [`Real`]: the operations of a number type, so that one formula serves values, jets and
+//!   intervals.
+//! - [`Interval`]: intervals rounded outward, so that their bounds are proofs.
 //! - [`Jet1`], [`Jet2`], [`Jet3`]: a value with its derivatives to order 1, 2 or 3 (forward mode).
 //! - [`IntervalJet`]: intervals for all derivatives to order 3 over a box.
-//! - [`DoubleDouble`]: twice the digits, where they cancel.
+//! - [`DoubleDouble`]: twice the digits of a double, against cancellation.
 //! - [`gauss_legendre`]: nodes and weights of Gauss quadrature.
 //! - [`dispatch!`]: functions compiled for several instruction sets.
-//! - [`linalg`]: the few dense solvers of small symmetric systems that fitting needs; [`Svd`]:
-//!   singular values of small matrices.
-//! - [`Random`]: pseudo-random streams that are the same in every run.
+//! - [`linalg`]: dense solvers of small symmetric systems, for fitting; [`Svd`]: singular values of
+//!   small matrices.
+//! - [`Random`]: reproducible streams of pseudo-random numbers.
 #![forbid(unsafe_code)]
 
 mod dispatch;

@@ -1,7 +1,7 @@
-//! Small dense symmetric systems, row-major, n up to a few dozen.
+//! Solvers of small dense symmetric systems: n up to a few dozen, matrices row-major.
 
-/// Cholesky factor L (lower, row-major n × n, A = L Lᵀ) in place of A; `false` where A is not
-/// positive definite to working precision (A is then half overwritten).
+/// Replaces A (row-major n × n) by its lower Cholesky factor L, A = L Lᵀ. Returns `false` if A is
+/// not positive definite to working precision; A is then partly overwritten.
 ///
 /// ```
 /// use isoform_num::linalg::{cholesky, cholesky_solve};
@@ -14,7 +14,7 @@
 /// assert!((x[0] - 1.0).abs() < 1e-15 && (x[1] - 2.0).abs() < 1e-15);
 /// ```
 pub fn cholesky(a: &mut [f64], n: usize) -> bool {
-    // While it is computed, Lᵀ stands in the upper triangle: its rows lie along memory.
+    // Meanwhile Lᵀ is kept in the upper triangle: its rows are contiguous in memory.
     transpose(a, n);
     for j in 0..n {
         let (done, row) = a.split_at_mut(j * n);
@@ -44,7 +44,7 @@ fn transpose(a: &mut [f64], n: usize) {
     }
 }
 
-/// Solves L Lᵀ x = b in place of b, for a factor from [`cholesky`].
+/// Solves L Lᵀ x = b for a factor L from [`cholesky`]; x replaces b.
 pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
     for i in 0..n {
         let mut s = b[i];
@@ -62,9 +62,9 @@ pub fn cholesky_solve(l: &[f64], n: usize, b: &mut [f64]) {
     }
 }
 
-/// Solves A x = b in place of b for a symmetric positive definite matrix with a band, by Cholesky's
-/// method: row i of `a` holds the entries of columns i to i + `band`, those beyond the last column
-/// being 0. `a` is overwritten; `false` where it is not positive definite to working precision.
+/// Solves A x = b for a symmetric positive definite band matrix by Cholesky's method; x replaces b.
+/// Row i of `a` holds the entries of columns i to i + `band`, with 0 beyond the last column, and is
+/// overwritten. Returns `false` if A is not positive definite to working precision.
 ///
 /// ```
 /// use isoform_num::linalg::banded_solve;
@@ -109,9 +109,9 @@ pub fn banded_solve(a: &mut [f64], band: usize, b: &mut [f64]) -> bool {
     true
 }
 
-/// Eigenvalues (rising) and eigenvectors (row k of the second result belongs to eigenvalue k) of a
-/// symmetric matrix, by cyclic Jacobi rotations: slow for large n, but accurate to the last digits
-/// also for tiny eigenvalues of graded matrices.
+/// Returns the eigenvalues, ascending, and the eigenvectors (row k of the second result belongs to
+/// eigenvalue k) of a symmetric matrix, by cyclic Jacobi rotations: slow for large n, but accurate
+/// to the last digits also for tiny eigenvalues of graded matrices.
 ///
 /// ```
 /// let (values, vectors) = isoform_num::linalg::symmetric_eigen(&[2.0, 1.0, 1.0, 2.0], 2);
@@ -132,7 +132,8 @@ pub fn symmetric_eigen(a: &[f64], n: usize) -> (Vec<f64>, Vec<f64>) {
     (values, vectors)
 }
 
-/// As [`symmetric_eigen`] of a matrix with three rows, in a third of the time.
+/// Returns the eigenvalues and eigenvectors of a 3 × 3 matrix: those of [`symmetric_eigen`], in a
+/// third of the time.
 ///
 /// ```
 /// use isoform_num::linalg::symmetric_eigen_3;
@@ -149,15 +150,15 @@ pub fn symmetric_eigen_3(a: &[[f64; 3]; 3]) -> ([f64; 3], [[f64; 3]; 3]) {
     (order.map(|i| a[i][i]), order.map(|i| v.map(|row| row[i])))
 }
 
-/// Turns a symmetric matrix into the diagonal one of its eigenvalues, and zeros into the matrix of
-/// its eigenvectors, which are columns.
+/// Replaces a symmetric matrix `a` by the diagonal matrix of its eigenvalues and `v`, zero before,
+/// by the matrix whose columns are its eigenvectors.
 #[inline(always)]
 fn diagonalize(a: &mut [f64], v: &mut [f64], n: usize) {
     for i in 0..n {
         v[i * n + i] = 1.0;
     }
-    // Convergence is quadratic once the off-diagonal is small; 60 sweeps are never reached for sane
-    // input.
+    // Convergence is quadratic once the off-diagonal entries are small; the bound of 60 sweeps is
+    // not reached in practice.
     for _ in 0..60 {
         let off: f64 = (0..n)
             .flat_map(|i| (0..i).map(move |j| (i, j)))
@@ -175,7 +176,7 @@ fn diagonalize(a: &mut [f64], v: &mut [f64], n: usize) {
     }
 }
 
-/// One Jacobi rotation that clears a\[p\]\[q\].
+/// Applies the Jacobi rotation that makes a\[p\]\[q\] zero.
 #[inline(always)]
 fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
     let apq = a[p * n + q];
@@ -193,7 +194,7 @@ fn rotate(a: &mut [f64], v: &mut [f64], n: usize, p: usize, q: usize) {
     }
 }
 
-/// A rotation of the plane by an angle of at most 45°.
+/// Rotation of the plane by an angle of at most 45°.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Rotation {
     cos: f64,
@@ -201,8 +202,8 @@ pub(crate) struct Rotation {
 }
 
 impl Rotation {
-    /// The Jacobi rotation that makes \[\[pp, pq\], \[pq, qq\]\] diagonal, pq ≠ 0: with
-    /// ζ = cot 2φ = (qq − pp)/(2 pq), t = tan φ is the smaller root of t² + 2 ζ t = 1.
+    /// Returns the Jacobi rotation that makes \[\[pp, pq\], \[pq, qq\]\] diagonal, pq ≠ 0: with ζ =
+    /// cot 2φ = (qq − pp)/(2 pq), t = tan φ is the smaller root of t² + 2 ζ t = 1.
     #[inline]
     pub(crate) fn diagonalizing(pp: f64, qq: f64, pq: f64) -> Self {
         let zeta = (qq - pp) / (2.0 * pq);
@@ -217,7 +218,7 @@ impl Rotation {
         (self.cos * x - self.sin * y, self.sin * x + self.cos * y)
     }
 
-    /// Rotates two vectors of one length within their plane.
+    /// Rotates the pairs (xₖ, yₖ) of the components of two vectors.
     #[inline]
     pub(crate) fn apply(self, x: &mut [f64], y: &mut [f64]) {
         for (x, y) in x.iter_mut().zip(y) {

@@ -1,10 +1,11 @@
 //! Gauss-Legendre quadrature.
 
-/// Steps of Newton's method per node; four suffice from the asymptotic start.
+/// Maximum number of Newton steps per node. Four suffice from the asymptotic start; the rest only
+/// bounds the loop.
 const STEPS: usize = 20;
 
-/// Nodes and weights of the rule with `n` nodes on \[0, 1\], in rising order: exact for polynomials
-/// up to degree 2n − 1.
+/// Returns the nodes, ascending, and the weights of the rule with `n` nodes on \[0, 1\], which is
+/// exact for polynomials up to degree 2n − 1.
 ///
 /// The nodes are the zeros of the Legendre polynomial Pₙ, found by Newton's method from cos(π(k −
 /// 1/4)/(n + 1/2)); the weight at x ∈ \[−1, 1\] is 2/((1 − x²) Pₙ′(x)²).
@@ -37,7 +38,7 @@ pub fn gauss_legendre(n: usize) -> (Vec<f64>, Vec<f64>) {
     (nodes, weights)
 }
 
-/// Pₙ(x) and its derivative, by the three-term recurrence.
+/// Returns Pₙ(x) and Pₙ′(x) by the three-term recurrence.
 fn legendre(n: usize, x: f64) -> (f64, f64) {
     let (mut before, mut p) = (0.0, 1.0);
     for k in 0..n {

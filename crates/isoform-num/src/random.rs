@@ -1,22 +1,22 @@
-//! Fixed pseudo-random streams: the same numbers in every run, on every machine.
+//! Reproducible pseudo-random streams: identical numbers in every run and on every machine.
 //!
-//! Three published generators of 64 bits each. [`Random::new`] is the one to take; the other two
-//! serve algorithms whose results are recorded for their streams.
+//! There are three published generators of 64 bits. Use [`Random::new`] in new code; the other two
+//! serve algorithms with recorded results that depend on their streams.
 //!
 //! - SplitMix: G. L. Steele, D. Lea, C. H. Flood, Fast splittable pseudorandom number generators,
 //!   OOPSLA 2014.
 //! - Xorshift: G. Marsaglia, Xorshift RNGs, J. Stat. Software 8 (14), 2003.
 //! - Linear congruential: multiplier and increment of D. E. Knuth's MMIX.
 
-/// The increment of SplitMix: 2⁶⁴ divided by the golden ratio, made odd.
+/// Increment of SplitMix: 2⁶⁴ divided by the golden ratio, rounded to an odd number.
 const GOLDEN: u64 = 0x9E37_79B9_7F4A_7C15;
-/// What a seed of SplitMix is multiplied by, so that neighbouring seeds are far apart: multiplier
+/// Factor of the seeds of SplitMix, which spreads the states of neighbouring seeds: the multiplier
 /// of a congruential generator with good spectral properties (G. L. Steele and S. Vigna 2021).
 const SPREAD: u64 = 0xD134_2543_DE82_EF95;
-/// The state of the xorshift stream for the seed 0: any number but 0 will do.
+/// State of the xorshift stream with the seed 0. Any number except 0 would serve.
 const XORSHIFT_START: u64 = 0x2545_F491_4F6C_DD1D;
 
-/// A stream of pseudo-random numbers that depends on its seed only.
+/// Stream of pseudo-random numbers that depends on its seed only.
 ///
 /// ```
 /// use isoform_num::Random;
@@ -43,7 +43,7 @@ enum Generator {
 }
 
 impl Random {
-    /// SplitMix from any seed: the generator to take where nothing else is asked for.
+    /// Returns a SplitMix stream for any seed: the generator to use by default.
     #[must_use]
     pub fn new(seed: u64) -> Self {
         Self {
@@ -52,7 +52,7 @@ impl Random {
         }
     }
 
-    /// Marsaglia's xorshift with the shifts 13, 7 and 17, for small seeds.
+    /// Returns a stream of Marsaglia's xorshift with the shifts 13, 7 and 17, for small seeds.
     ///
     /// # Panics
     /// For the one seed that leads to the state 0, which is 0x2545_F491_4F6C_DD1D.
@@ -65,8 +65,8 @@ impl Random {
         }
     }
 
-    /// The linear congruential generator of MMIX. Its low bits repeat soon; [`Random::unit`] leaves
-    /// them out.
+    /// Returns a stream of the linear congruential generator of MMIX. Its low bits have short
+    /// periods; [`Random::unit`] omits them.
     #[must_use]
     pub fn congruential(seed: u64) -> Self {
         Self {
@@ -75,7 +75,7 @@ impl Random {
         }
     }
 
-    /// The next 64 bits.
+    /// Returns the next 64 bits.
     #[inline]
     pub fn bits(&mut self) -> u64 {
         match self.generator {
@@ -102,13 +102,13 @@ impl Random {
         }
     }
 
-    /// The next number of \[0, 1), a multiple of 2⁻⁵³.
+    /// Returns the next number of \[0, 1), a multiple of 2⁻⁵³.
     #[inline]
     pub fn unit(&mut self) -> f64 {
         (self.bits() >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// The next number of \[−1, 1), a multiple of 2⁻⁵².
+    /// Returns the next number of \[−1, 1), a multiple of 2⁻⁵².
     #[inline]
     pub fn symmetric(&mut self) -> f64 {
         2.0 * self.unit() - 1.0

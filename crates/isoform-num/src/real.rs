@@ -1,12 +1,12 @@
-//! The operations a number type must offer.
+//! Operations of the number types in which formulas can be evaluated.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};
 
-/// A number type that formulas can be evaluated in: `f64`, [`crate::Interval`], jets.
+/// Number type in which formulas can be evaluated: `f64`, [`crate::Interval`], jets.
 ///
-/// Branches are taken through [`Real::select`] and the comparisons, which return 1 or 0 (an
-/// interval may return \[0, 1\]), so that one formula serves all types.
+/// Formulas branch by [`Real::select`] and the comparisons, which return 1 or 0 (an interval may
+/// return \[0, 1\]), so that one formula serves all types.
 pub trait Real:
     Clone
     + Debug
@@ -16,68 +16,68 @@ pub trait Real:
     + Div<Output = Self>
     + Neg<Output = Self>
 {
-    /// The constant `c`: derivatives zero, interval of width zero.
+    /// Returns the constant `c`: a jet with derivatives 0, an interval of width 0.
     fn constant(c: f64) -> Self;
-    /// A representative value: the value of a jet, the midpoint of an interval.
+    /// Returns a representative value: the value of a jet, the midpoint of an interval.
     fn value(&self) -> f64;
-    /// √self.
+    /// Returns √self.
     fn sqrt(&self) -> Self;
-    /// e^self.
+    /// Returns e^self.
     fn exp(&self) -> Self;
-    /// Natural logarithm.
+    /// Returns the natural logarithm.
     fn ln(&self) -> Self;
-    /// Sine, argument in radians.
+    /// Returns the sine; the argument is in radians.
     fn sin(&self) -> Self;
-    /// Cosine, argument in radians.
+    /// Returns the cosine; the argument is in radians.
     fn cos(&self) -> Self;
-    /// Tangent, argument in radians.
+    /// Returns the tangent; the argument is in radians.
     fn tan(&self) -> Self;
-    /// Arc sine.
+    /// Returns the arc sine, in radians.
     fn asin(&self) -> Self;
-    /// Arc cosine.
+    /// Returns the arc cosine, in radians.
     fn acos(&self) -> Self;
-    /// Arc tangent.
+    /// Returns the arc tangent, in radians.
     fn atan(&self) -> Self;
-    /// Hyperbolic sine.
+    /// Returns the hyperbolic sine.
     fn sinh(&self) -> Self;
-    /// Hyperbolic cosine.
+    /// Returns the hyperbolic cosine.
     fn cosh(&self) -> Self;
-    /// Hyperbolic tangent.
+    /// Returns the hyperbolic tangent.
     fn tanh(&self) -> Self;
-    /// |self|; the derivative at 0 is taken as 0.
+    /// Returns |self|; the derivative at 0 is taken as 0.
     fn abs(&self) -> Self;
-    /// self².
+    /// Returns self².
     fn square(&self) -> Self;
-    /// self^n for an integer n.
+    /// Returns self^n for an integer n.
     fn powi(&self, n: i32) -> Self;
-    /// self^v = exp(v ln self) for self > 0.
+    /// Returns self^v = exp(v ln self) for self > 0.
     fn powf(&self, v: &Self) -> Self;
-    /// Angle of the point (x = `x`, y = self), in (−π, π].
+    /// Returns the angle of the point (x = `x`, y = self), in (−π, π] radians.
     fn atan2(&self, x: &Self) -> Self;
-    /// Largest integer not above; derivative 0.
+    /// Returns the largest integer not above; its derivative is 0.
     fn floor(&self) -> Self;
-    /// Smallest integer not below; derivative 0.
+    /// Returns the smallest integer not below; its derivative is 0.
     fn ceil(&self) -> Self;
-    /// Truncation towards zero; derivative 0.
+    /// Rounds towards zero; the derivative is 0.
     fn trunc(&self) -> Self;
-    /// −1, 0 or 1; derivative 0.
+    /// Returns the sign −1, 0 or 1; its derivative is 0.
     fn sign(&self) -> Self;
-    /// The smaller; the first where both are equal.
+    /// Returns the smaller one; `self` if both are equal.
     fn min(&self, other: &Self) -> Self;
-    /// The larger; the first where both are equal.
+    /// Returns the larger one; `self` if both are equal.
     fn max(&self, other: &Self) -> Self;
-    /// 1 where self < other, else 0.
+    /// Returns 1 if self < other, else 0.
     fn less(&self, other: &Self) -> Self;
-    /// 1 where self ≤ other, else 0.
+    /// Returns 1 if self ≤ other, else 0.
     fn less_eq(&self, other: &Self) -> Self;
-    /// `a` where the condition self is not 0, `b` elsewhere.
+    /// Returns `a` if the condition `self` is not 0, else `b`.
     fn select(&self, a: &Self, b: &Self) -> Self;
 
-    /// R0-union u + v + √(u² + v²).
+    /// Returns the R0-union u + v + √(u² + v²).
     fn r_union(&self, v: &Self) -> Self {
         self.clone() + v.clone() + (self.square() + v.square()).sqrt()
     }
-    /// R0-intersection u + v − √(u² + v²).
+    /// Returns the R0-intersection u + v − √(u² + v²).
     fn r_intersection(&self, v: &Self) -> Self {
         self.clone() + v.clone() - (self.square() + v.square()).sqrt()
     }
@@ -138,8 +138,8 @@ impl Real for f64 {
         *self * *self
     }
     fn powi(&self, n: i32) -> Self {
-        // By repeated multiplication in a fixed order: the same bits on every platform and in every
-        // evaluator.
+        // Repeated multiplication in a fixed order gives identical bits on every platform and in
+        // every evaluator.
         let mut r = 1.0;
         let mut base = *self;
         let mut k = n.unsigned_abs();

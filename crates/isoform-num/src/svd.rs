@@ -1,19 +1,19 @@
-//! Singular values of small matrices, to their own relative precision.
+//! Singular value decomposition of small matrices, with high relative accuracy.
 //!
 //! One-sided Jacobi rotations (M. R. Hestenes, J. SIAM 6, 1958): the columns of A are rotated in
 //! pairs until all are orthogonal; A V = U Σ then has the columns uₖ σₖ, and V is the product of
-//! the rotations. The matrix AᵀA is never formed: it would square the small singular values, and
-//! half of their digits would be lost.
+//! the rotations. The matrix AᵀA is never formed: it would square the singular values, and half of
+//! the digits of small ones would be lost.
 
 use crate::linalg::Rotation;
 
-/// Columns whose cosine is below this count as orthogonal: some ulps. A smaller bound would never
-/// be met for rounding, a larger one costs digits of small singular values.
+/// Largest cosine of the angle of two columns that count as orthogonal: a few ulps. Rounding would
+/// keep a smaller bound from being met; a larger one costs digits of small singular values.
 const ORTHOGONAL: f64 = 1e-15;
-/// Sweeps over all pairs of columns; some ten are needed.
+/// Maximum number of sweeps over all pairs of columns. Some ten are needed.
 const MOST_SWEEPS: usize = 40;
 
-/// A = U Σ Vᵀ for a matrix of N columns.
+/// Singular value decomposition A = U Σ Vᵀ of a matrix with N columns.
 ///
 /// ```
 /// use isoform_num::Svd;
@@ -25,17 +25,17 @@ const MOST_SWEEPS: usize = 40;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Svd<C, const N: usize> {
-    /// σ₁ ≥ σ₂ ≥ … ≥ 0.
+    /// Singular values σ₁ ≥ σ₂ ≥ … ≥ 0.
     pub values: [f64; N],
-    /// The right singular vectors v₁, v₂, …, of length 1.
+    /// Right singular vectors v₁, v₂, …, of length 1.
     pub right: [[f64; N]; N],
-    /// The images A vₖ = σₖ uₖ, of the length of a column of A.
+    /// Images A vₖ = σₖ uₖ of the right singular vectors.
     pub images: [C; N],
 }
 
 impl<C: AsRef<[f64]> + AsMut<[f64]> + Default, const N: usize> Svd<C, N> {
-    /// The decomposition of the matrix with these columns, all of one length: arrays or vectors.
-    /// Entries that are not finite give values that are not.
+    /// Decomposes the matrix with these columns, arrays or vectors of equal length. Entries that
+    /// are not finite give singular values that are not finite.
     #[must_use]
     pub fn new(mut columns: [C; N]) -> Self {
         let mut right: [[f64; N]; N] =
@@ -58,8 +58,8 @@ impl<C: AsRef<[f64]> + AsMut<[f64]> + Default, const N: usize> Svd<C, N> {
         }
     }
 
-    /// The part of a right-hand side b along the k-th left singular vector, uₖ·b; 0 where σₖ = 0.
-    /// The least-squares solution of A x = b is the sum of (uₖ·b / σₖ) vₖ.
+    /// Returns the component uₖ·b of a right-hand side b along the k-th left singular vector; 0 if
+    /// σₖ = 0. The least-squares solution of A x = b is the sum of (uₖ·b / σₖ) vₖ.
     #[must_use]
     pub fn along(&self, k: usize, b: &[f64]) -> f64 {
         if self.values[k] > 0.0 {
@@ -71,8 +71,8 @@ impl<C: AsRef<[f64]> + AsMut<[f64]> + Default, const N: usize> Svd<C, N> {
     }
 }
 
-/// Rotates every pair of columns that is not orthogonal, and the rows of V with them. Returns
-/// whether there was such a pair.
+/// Rotates every pair of columns that is not orthogonal, and the rows of `right` with them. Returns
+/// true if there was such a pair.
 fn sweep<C: AsRef<[f64]> + AsMut<[f64]>, const N: usize>(
     columns: &mut [C; N],
     right: &mut [[f64; N]; N],
