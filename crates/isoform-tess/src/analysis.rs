@@ -1,4 +1,4 @@
-//! Everything that is known exactly about a map before it is triangulated.
+//! Exact facts about a map, found before it is triangulated.
 
 use crate::base::{BasePoint, Classes};
 use crate::claim::{Basis, Claim, Verdict};
@@ -13,18 +13,18 @@ use isoform_algebra::{
 use isoform_control::{Control, Stopped};
 use std::time::Instant;
 
-/// The limits of an analysis.
+/// Limits of an analysis.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Budget {
-    /// Largest degree of an implicit equation; beyond it self-intersections are not looked for.
-    /// With 0 nothing is said of them.
+    /// Maximum degree of an implicit equation; above it self-intersections are not searched for.
+    /// With 0 the search is skipped without a finding.
     pub implicit_degree: usize,
-    /// Whether the whole plane of parameters is analysed for a surface over a part of it that is
-    /// proved to hold no pole.
+    /// True if the whole parameter plane is analysed even for a surface over a part of it that
+    /// provably contains no pole.
     pub everywhere: bool,
-    /// Seconds from the start for the implicit equation, the singular curves, points and arcs on
-    /// them, and the decomposition of the parameters by double curves, together: a certificate
-    /// needs all of them. What is cut off depends on the machine.
+    /// Seconds from the start for the implicit equation, the singular curves, the points and arcs
+    /// on them, and the decomposition of the parameters by double curves, together. A certificate
+    /// needs all of them; the results of a cut-off phase depend on the machine.
     pub seconds: f64,
 }
 
@@ -38,7 +38,7 @@ impl Default for Budget {
     }
 }
 
-/// Exact facts about a map; a part that was not to be had is `None`, and `findings` says so.
+/// Exact facts about a map. A part that could not be computed is `None`, and `findings` says why.
 #[derive(Clone, Debug, Default)]
 pub struct Analysis {
     /// Degrees of the map and of the surface.
@@ -47,27 +47,27 @@ pub struct Analysis {
     pub implicit: Option<Implicit>,
     /// The real base points.
     pub base_points: Option<Vec<BasePoint>>,
-    /// The factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole
+    /// Factors of W as a form in (s, t, w), irreducible over Q, with multiplicities: the pole
     /// curve.
     pub pole: Option<Vec<(Poly, usize)>>,
-    /// The components of the real pole curve, the line at infinity included where W vanishes on it.
+    /// Components of the real pole curve, including the line at infinity if W vanishes on it.
     pub pole_topology: Option<CurveTopology>,
     /// Double, ramified and contracted curves.
     pub singular: Option<Singular>,
-    /// The parameters that a general plane of space has on the double curve, with multiplicities,
-    /// those on blown up base points too.
+    /// Number of parameters that a general plane of space has on the double curve, counted with
+    /// multiplicity and including those on blown-up base points.
     pub double_section: Option<usize>,
-    /// Real lines that conjugate base points are blown up to.
+    /// Real lines to which conjugate base points are blown up.
     pub seam_lines: Vec<SeamLine>,
-    /// The findings: questions that could not be decided; empty if all were.
+    /// Questions that could not be decided; empty if all were.
     pub findings: Vec<Finding>,
-    /// Whether only what a region without poles needs was looked for.
+    /// True if only the facts were computed that a region without poles needs.
     pub(crate) is_local: bool,
-    /// Seconds that the phases took, in their order.
+    /// Duration of each phase in seconds, in the order of the phases.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
-/// A phase whose time is taken, and whose beginning and end are told.
+/// A running phase: its start time, and the control to which its beginning and end are reported.
 pub(crate) struct Running<'a> {
     phase: &'static str,
     since: Instant,
@@ -87,7 +87,7 @@ impl<'a> Running<'a> {
 }
 
 impl Analysis {
-    /// Ends a phase: adds its seconds to those that it took before.
+    /// Ends a phase: adds its seconds to those recorded for it before.
     pub(crate) fn took(&mut self, running: Running<'_>) {
         let seconds = running.since.elapsed().as_secs_f64();
         running.control.report(running.phase, 1.0);
@@ -124,8 +124,8 @@ impl Analysis {
     }
 }
 
-/// Analyses a map. Everything but `seconds` is the same each time, unless `control` or
-/// [`Budget::seconds`] intervenes. The control hears of the phases of `seconds`.
+/// Analyses a map. The result is deterministic except for `seconds`, unless `control` or
+/// [`Budget::seconds`] intervenes. The phases are reported to the control.
 ///
 /// ```
 /// use isoform_tess::{Budget, Control, Map, analyse};
@@ -182,7 +182,7 @@ pub fn analyse(map: &Map, budget: &Budget, control: &Control<'_>) -> Analysis {
     found
 }
 
-/// What a domain in which the map is proved to have no pole needs to be known of: contracted curves
+/// Returns the facts needed over a domain in which the map provably has no pole: contracted curves
 /// and cuspidal edges.
 pub(crate) fn analyse_clear(map: &Map, control: &Control<'_>) -> Analysis {
     let mut found = Analysis {
@@ -195,7 +195,7 @@ pub(crate) fn analyse_clear(map: &Map, control: &Control<'_>) -> Analysis {
 
 /// The phases.
 impl Analysis {
-    /// The real base points, and the lines that complex ones are blown up to.
+    /// Finds the real base points, and the lines to which complex ones are blown up.
     fn find_base_points(&mut self, classes: Option<&Classes>, control: &Control<'_>) {
         let Some(classes) = classes else {
             self.stopped(Phase::BasePoints);
@@ -231,7 +231,7 @@ impl Analysis {
             Some(_) => {}
         }
     }
-    /// The implicit equation, if its degree is not too high.
+    /// Computes the implicit equation, if its degree is within the limit.
     fn find_implicit(&mut self, map: &Map, budget: &Budget, control: &Control<'_>) {
         let limit = budget.implicit_degree;
         if limit == 0 {
@@ -255,7 +255,7 @@ impl Analysis {
             self.findings.push(Finding::DegreeContradicted);
         }
     }
-    /// The singular curves; `phase` is what a lack of time leaves open.
+    /// Finds the singular curves; `phase` is the phase reported as unfinished if the time is over.
     fn find_singular(&mut self, map: &Map, control: &Control<'_>, phase: Phase) {
         let running = Running::new("singular curves", control);
         match singular(map, self.implicit.as_ref(), control) {
@@ -266,11 +266,13 @@ impl Analysis {
     }
 }
 
-/// The points of a general plane of space on the double curve of a proper map.
+/// Returns the number of points that a general plane of space has on the double curve of a proper
+/// map.
 ///
-/// Of a surface of degree d, the image of a map of degree n with base points of multiplicities mᵢ,
-/// infinitely near ones included, the double curve of parameters is (d − 4)·H − K by adjunction for
-/// the conductor, with planes H and the canonical class K of the blown up plane. It meets H in
+/// For a surface of degree d, the image of a map of degree n with base points of multiplicities mᵢ,
+/// infinitely near ones included, the double curve of parameters has the class (d − 4)·H − K by
+/// adjunction for the conductor, with H the class of plane sections and K the canonical class of
+/// the blown-up plane. Its intersection number with H is d (d − 4) + 3 n − Σ mᵢ.
 /// d (d − 4) + 3 n − Σ mᵢ points.
 fn double_section(map: &Map, degrees: MapDegrees, sum: usize) -> Option<usize> {
     let d = degrees.implicit_degree;

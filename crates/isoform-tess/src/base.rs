@@ -1,14 +1,14 @@
-//! Base points: where X, Y, Z and W vanish together, with the curves to which they are blown up.
+//! Base points, the common zeros of X, Y, Z and W, with the curves to which they are blown up.
 //!
 //! At a base point of multiplicity q, the least order of the four forms, let (X_q : Y_q : Z_q :
 //! W_q)(a : b) be their terms of degree q in local coordinates. Approached in the direction (a : b)
-//! the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa,
-//! *Triangulation and display of rational parametric surfaces*, 1994, Theorem 1, there with the
-//! slope m = b/a). In a direction where all four vanish there is no limit: the base point is blown
-//! up by (u, v) = (u′, u′v′), or (u′v′, v′) in the direction (0 : 1), the forms are divided by the
-//! exceptional line's q-th power, and there is a base point on that line, infinitely near to the
-//! first one, with a seam curve of its own. The squares of the multiplicities of all of them,
-//! complex ones included, add up to n² − (degree of the map)·(degree of the surface), so this ends.
+//! the map tends to this point: the seam curve (C. L. Bajaj, A. Royappa, *Triangulation and display
+//! of rational parametric surfaces*, 1994, Theorem 1, there with the slope m = b/a). In a direction
+//! in which all four vanish there is no limit. The base point is then blown up by (u, v) = (u′,
+//! u′v′), or by (u′v′, v′) in the direction (0 : 1), and the forms are divided by the q-th power of
+//! the exceptional line. On that line lies a base point infinitely near to the first one, with a
+//! seam curve of its own. The squares of the multiplicities of all of them, complex ones included,
+//! add up to n² − (degree of the map)·(degree of the surface), so the process terminates.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
@@ -19,10 +19,10 @@ use isoform_control::{Control, Stopped};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-/// A form in a direction (a : b), the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
+/// A form in a direction (a : b), given by the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ.
 #[derive(Clone, Debug)]
 pub struct BinaryForm {
-    /// d + 1 coefficients, all of them in one field at one root.
+    /// The d + 1 coefficients, all in one number field at one root.
     pub coefficients: Vec<Algebraic>,
 }
 
@@ -31,11 +31,11 @@ impl BinaryForm {
     pub fn degree(&self) -> usize {
         self.coefficients.len() - 1
     }
-    /// Whether all coefficients are zero, exact.
+    /// Returns true if all coefficients are zero; exact.
     pub fn is_zero(&self) -> bool {
         self.coefficients.iter().all(Algebraic::is_zero)
     }
-    /// The value at a rational direction, exact.
+    /// Returns the value at a rational direction; exact.
     pub fn eval(&self, a: &RBig, b: &RBig) -> Algebraic {
         let first = &self.coefficients[0];
         let (mut value, mut power) = (Element::zero(), RBig::ONE);
@@ -45,7 +45,7 @@ impl BinaryForm {
         }
         Algebraic::new(first.field(), first.root(), value)
     }
-    /// The sum with a multiple of a form of one degree, in one field.
+    /// Adds a multiple of a form of equal degree over the same field.
     pub(crate) fn plus(&self, other: &Self, factor: &RBig) -> Self {
         let sum = |(x, y): (&Algebraic, &Algebraic)| {
             let element = x.element().add(&y.element().scaled(factor));
@@ -63,24 +63,24 @@ impl BinaryForm {
     }
 }
 
-/// A base point's exceptional line: one blow-up.
+/// The exceptional line of a base point: one blow-up.
 #[derive(Clone, Debug)]
 pub struct Seam {
-    /// The multiplicity q: the least order of the four forms.
+    /// Multiplicity q: the least order of the four forms.
     pub multiplicity: usize,
-    /// The terms of degree q of X, Y, Z and W in local coordinates (u, v), at (a : b).
+    /// Terms of degree q of X, Y, Z and W in local coordinates (u, v), at (a : b).
     pub leading: [BinaryForm; 4],
-    /// The greatest common divisor of the leading forms; of degree 0 if they have no common zero,
-    /// real or complex.
+    /// Greatest common divisor of the leading forms; of degree 0 if they have no common zero, real
+    /// or complex.
     pub common: BinaryForm,
-    /// The seam curve: the leading forms divided by `common`. Of degree 0 if it is one point only.
-    /// (a : b) and (−a : −b) give the same point.
+    /// Seam curve: the leading forms divided by `common`, of degree 0 if it is a single point. (a :
+    /// b) and (−a : −b) give one point.
     pub curve: [BinaryForm; 4],
-    /// The real directions in which all leading forms vanish, each with the base point that is
-    /// infinitely near in it.
+    /// Real directions in which all leading forms vanish, each with the base point infinitely near
+    /// in it.
     pub near: Vec<Near>,
-    /// All of X, Y, Z and W in the local coordinates (u, v), divided by the exceptional lines as
-    /// often as they divide all four: terms (i, j) of u^i v^j. Empty where no other base points are
+    /// The forms X, Y, Z and W in the local coordinates (u, v), divided by the exceptional lines as
+    /// often as these divide all four: terms (i, j) of u^i v^j. Empty if no other base points are
     /// infinitely near.
     pub forms: [Vec<([usize; 2], Algebraic)>; 4],
 }
@@ -88,19 +88,20 @@ pub struct Seam {
 /// A base point that is infinitely near to another one.
 #[derive(Clone, Debug)]
 pub struct Near {
-    /// The direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 :
-    /// 1) with (u′v′, v′).
+    /// Direction (a : b): (1 : v) with the local coordinates (u, v) = (u′, u′(v + v′)), or (0 : 1)
+    /// with (u′v′, v′).
     pub direction: [Algebraic; 2],
-    /// The generator of the field of the point that this is infinitely near to, in that of the
-    /// direction.
+    /// Generator of the field of the point to which this one is infinitely near, expressed in the
+    /// field of the direction.
     pub(crate) theta: Element,
-    /// The forms there, divided by u′^q or v′^q, in the local coordinates (u′, v′).
+    /// Blow-up at this point: its forms are divided by u′^q or v′^q, in the local coordinates (u′,
+    /// v′).
     pub seam: Seam,
 }
 
 impl Seam {
-    /// The number of blow-ups that are needed one after the other beyond the first: 0 if no real
-    /// direction is common.
+    /// Returns the number of successive blow-ups needed after the first: 0 if no real direction is
+    /// common.
     pub fn blowups(&self) -> usize {
         self.near
             .iter()
@@ -113,10 +114,9 @@ impl Seam {
 /// A real base point of a map.
 #[derive(Clone, Debug)]
 pub struct BasePoint {
-    /// The chart whose coordinates, less the coordinates of the point, are the local coordinates
-    /// (u, v).
+    /// Affine chart; the local coordinates (u, v) are its coordinates less those of the point.
     pub chart: Chart,
-    /// Homogeneous coordinates (s : t : w); the chart's one is 1.
+    /// Homogeneous coordinates (s : t : w); the one that belongs to the chart is 1.
     pub point: [Algebraic; 3],
     /// The first blow-up.
     pub seam: Seam,
@@ -137,7 +137,7 @@ impl BasePoint {
 pub(crate) struct Classes(Vec<(Zero, Class)>);
 
 impl Classes {
-    /// All classes, or only those with real points.
+    /// Finds all classes, or only those with real points.
     pub(crate) fn new(map: &Map, real: bool, control: &Control<'_>) -> Result<Self, Stopped> {
         let zeros = common_zeros(map.forms(), real, control)?;
         let classes = zeros
@@ -145,7 +145,7 @@ impl Classes {
             .map(|zero| class_at(map, &zero, real, control).map(|class| (zero, class)));
         Ok(Self(classes.collect::<Result<_, _>>()?))
     }
-    /// The real points, by chart and then by field and root.
+    /// Returns the real points, ordered by chart, then by field and root.
     pub(crate) fn real(&self) -> Vec<BasePoint> {
         let mut points = Vec::new();
         for (zero, class) in &self.0 {
@@ -159,24 +159,24 @@ impl Classes {
         }
         points
     }
-    /// All of them.
+    /// Iterates over the classes.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Class> {
         self.0.iter().map(|(_, class)| class)
     }
-    /// The squares of the multiplicities of all points of the classes, infinitely near ones
-    /// included, added up.
+    /// Returns the sum of the squared multiplicities of all points of the classes, infinitely near
+    /// ones included.
     pub(crate) fn multiplicity(&self) -> usize {
         self.sum_of_powers(2)
     }
-    /// A power of each of these multiplicities, added up.
+    /// Returns the sum of a power of these multiplicities.
     pub(crate) fn sum_of_powers(&self, power: u32) -> usize {
         let classes = self.0.iter();
         classes.map(|(_, class)| class.sum_of_powers(power)).sum()
     }
 }
 
-/// The real base points, each once, by chart and then by field and root; in the chart w = 1, t = 1
-/// on w = 0, or s = 1 on t = w = 0.
+/// Returns the real base points, each once, ordered by chart and then by field and root. The charts
+/// are w = 1, t = 1 on w = 0, and s = 1 on t = w = 0.
 ///
 /// ```
 /// use isoform_tess::{Control, Map, base_points};
@@ -194,17 +194,16 @@ pub fn base_points(map: &Map, control: &Control<'_>) -> Result<Vec<BasePoint>, S
     Ok(Classes::new(map, true, control)?.real())
 }
 
-/// The sum of the squares of the multiplicities of all base points, complex and infinitely near
-/// ones included: the degree of the map times the degree of the surface is n² less this number.
-/// Proven, and independent of the counting modulo primes of `map_degrees`.
+/// Returns the sum of the squared multiplicities of all base points, complex and infinitely near
+/// ones included. The degree of the map times the degree of the surface is n² less this number. The
+/// sum is proved, and independent of the counting modulo primes of `map_degrees`.
 ///
-/// # Errors
-/// [`Stopped`].
+/// # Errors [`Stopped`].
 pub fn base_multiplicity(map: &Map, control: &Control<'_>) -> Result<usize, Stopped> {
     Ok(Classes::new(map, false, control)?.multiplicity())
 }
 
-/// Terms u^i v^j of a polynomial over a number field.
+/// Polynomial over a number field, as a map from (i, j) to the coefficient of u^i v^j.
 pub(crate) type Local = BTreeMap<[usize; 2], Element>;
 
 /// A blow-up for a whole class of conjugate points.
@@ -215,19 +214,20 @@ pub(crate) struct Class {
     common: Coefficients,
     curve: [Coefficients; 4],
     near: Vec<NearClass>,
-    /// All terms, if they are wanted.
+    /// All terms of the four forms; empty unless they were requested.
     forms: [Local; 4],
 }
 
 struct NearClass {
-    /// The generator of the field of the point that this is infinitely near to.
+    /// Generator of the field of the point to which this one is infinitely near.
     theta: Element,
     direction: [Element; 2],
     class: Class,
 }
 
 fn class_at(map: &Map, zero: &Zero, real: bool, control: &Control<'_>) -> Result<Class, Stopped> {
-    // Two general planes meet the surface in at least one point that is no base point.
+    // // By Bézout, as two general planes meet the surface in at least one point that is not a base
+    // point.
     let room = (map.degree().pow(2) - 1) / zero.field.degree();
     let mut local: Vec<Local> = Vec::new();
     for form in map.forms() {
@@ -252,8 +252,8 @@ fn class_at(map: &Map, zero: &Zero, real: bool, control: &Control<'_>) -> Result
     Ok(class)
 }
 
-/// The terms up to degree `room` of a form in the local coordinates of a point, by Horner's rule in
-/// each of them.
+/// Expands a form in the local coordinates of a point, up to degree `room`, by Horner's rule in
+/// each coordinate.
 pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
     let ([u, v], one) = zero.chart.variables();
     let k = &zero.field;
@@ -275,7 +275,7 @@ pub(crate) fn expand(form: &Poly, zero: &Zero, room: usize) -> Local {
         .collect()
 }
 
-/// Drops terms above a total degree, which are given by columns of one power of u.
+/// Drops terms above a total degree; each column holds one power of u.
 fn truncate(columns: &mut Vec<Vec<Element>>, degree: usize) {
     columns.truncate(degree + 1);
     for (i, column) in columns.iter_mut().enumerate() {
@@ -283,7 +283,7 @@ fn truncate(columns: &mut Vec<Vec<Element>>, degree: usize) {
     }
 }
 
-/// The terms u^i v^j, j = 0, 1, …, with coefficients that are not zero.
+/// Iterates over the non-zero terms u^i v^j, j = 0, 1, ….
 fn column_terms(
     i: usize,
     coefficients: Vec<Element>,
@@ -293,7 +293,7 @@ fn column_terms(
     terms.map(move |(j, c)| ([i, j], c))
 }
 
-/// p·(u + a) + q, for p by columns of powers of u, and q in v alone.
+/// Returns p·(u + a) + q, with p given by columns of powers of u, and q in v alone.
 fn horner_step(
     k: &NumberField,
     p: &[Vec<Element>],
@@ -313,7 +313,7 @@ fn horner_step(
     next
 }
 
-/// p·(x + a).
+/// Returns p·(x + a).
 fn times_linear(k: &NumberField, p: &[Element], a: &Element) -> Vec<Element> {
     let mut result = vec![Element::zero(); if p.is_empty() { 0 } else { p.len() + 1 }];
     for (j, c) in p.iter().enumerate() {
@@ -330,13 +330,13 @@ fn add_to(p: &mut Vec<Element>, at: usize, c: &Element) {
     p[at] = p[at].add(c);
 }
 
-/// The blow-up of a base point in whose local coordinates the four forms are given, and of those
-/// that are infinitely near to it.
+/// Blows up a base point, given by the four forms in its local coordinates, and all base points
+/// infinitely near to it.
 ///
-/// The squares of the multiplicities of all of these add up to `room` at most, all conjugates
-/// counted to `room` times the degree of the field. A term of degree d is one of degree d − q at
-/// least in the next blow-up, so terms of a degree above the sum of multiplicities never reach a
-/// leading form and are left out.
+/// The squares of the multiplicities of all of these add up to at most `room`; counted with all
+/// conjugates, to `room` times the degree of the field. A term of degree d has a degree of at least
+/// d − q after the next blow-up, so terms whose degree exceeds the sum of multiplicities never
+/// reach a leading form and are dropped.
 fn blow_up(
     k: &Arc<NumberField>,
     mut local: [Local; 4],
@@ -400,15 +400,15 @@ fn blow_up(
     })
 }
 
-/// The terms of least degree of four forms, by the coefficients of a^q, a^(q−1)b, …: of the powers
-/// of b/a, lowest first.
+/// Terms of least degree of four forms, by the coefficients of a^q, a^(q−1)b, …: of the powers of
+/// b/a, lowest first.
 struct Leading {
     forms: [Coefficients; 4],
-    /// Their greatest common divisor, but for powers of a.
+    /// Greatest common divisor of the forms, up to powers of a.
     common: Coefficients,
-    /// The power of a that divides all of them.
+    /// Exponent of the power of a that divides all of the forms.
     vertical: usize,
-    /// The quotients by both.
+    /// Quotients of the forms by both.
     curve: [Coefficients; 4],
 }
 
@@ -423,7 +423,7 @@ impl Leading {
         let forms = local
             .each_ref()
             .map(|f| (0..=q).map(|j| coefficient(f, j)).collect::<Coefficients>());
-        // It is seen at the upper end, where trimming loses it.
+        // // A power of a shows as zeros at the upper end, which trimming removes.
         let vertical = (0..=q)
             .take_while(|&i| forms.iter().all(|f| f[q - i].is_zero()))
             .count();
@@ -443,20 +443,20 @@ impl Leading {
     }
 }
 
-/// The blow-up that leads to a base point that is infinitely near to another one.
+/// Blow-up from a base point to one infinitely near to it.
 pub(crate) struct BlowUp<'a> {
-    /// The fields of both.
+    /// Field of the first point.
     pub(crate) from: &'a Arc<NumberField>,
     pub(crate) to: &'a Arc<NumberField>,
-    /// The generator of the first field, in the second one.
+    /// Generator of the field `from`, expressed in the field `to`.
     pub(crate) theta: &'a Element,
-    /// v₀ of the direction (1 : v₀); none for (0 : 1).
+    /// The number v₀ of the direction (1 : v₀); `None` for (0 : 1).
     pub(crate) direction: Option<&'a Element>,
 }
 
 impl BlowUp<'_> {
-    /// A polynomial in the local coordinates there, divided by the q-th power of the exceptional
-    /// line.
+    /// Substitutes the local coordinates of the near point into a polynomial, and divides by the
+    /// q-th power of the exceptional line.
     pub(crate) fn moved(&self, f: &Local, q: usize) -> Local {
         let inside = |c: &Element| match Arc::ptr_eq(self.to, self.from) {
             true => c.clone(),
@@ -469,12 +469,12 @@ impl BlowUp<'_> {
     }
 }
 
-/// The least degree of the terms; none of 0.
+/// Returns the least degree of the terms; `None` for the zero polynomial.
 pub(crate) fn order(f: &Local) -> Option<usize> {
     f.keys().map(|[i, j]| i + j).min()
 }
 
-/// The greatest common divisor of binary forms that are given by their coefficients.
+/// Returns the greatest common divisor of binary forms given by their coefficients.
 fn common_divisor(
     k: &NumberField,
     forms: &[Coefficients; 4],
@@ -489,7 +489,7 @@ fn common_divisor(
     Ok(common)
 }
 
-/// u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
+/// Substitutes (u, v) = (u′, u′(v₀ + v′)): u^i v^j becomes u′^(i+j−q)(v₀ + v′)^j.
 fn along_direction(
     k: &NumberField,
     f: &Local,
@@ -508,7 +508,7 @@ fn along_direction(
     result
 }
 
-/// The coefficients of Σ cⱼ (v₀ + v)^j in v, by Horner's rule.
+/// Returns the coefficients of Σ cⱼ (v₀ + v)^j in v, by Horner's rule.
 fn shifted(k: &NumberField, terms: &BTreeMap<usize, Element>, v0: &Element) -> Vec<Element> {
     let top = *terms.keys().next_back().expect("a row with terms");
     let mut sum: Vec<Element> = Vec::new();
@@ -521,7 +521,7 @@ fn shifted(k: &NumberField, terms: &BTreeMap<usize, Element>, v0: &Element) -> V
     sum
 }
 
-/// u^i v^j becomes u′^i v′^(i+j−q).
+/// Substitutes (u, v) = (u′v′, v′): u^i v^j becomes u′^i v′^(i+j−q).
 fn across(f: &Local, q: usize) -> Local {
     f.iter()
         .map(|([i, j], c)| ([*i, i + j - q], c.clone()))
@@ -529,20 +529,20 @@ fn across(f: &Local, q: usize) -> Local {
 }
 
 impl Class {
-    /// The field over which the points are.
+    /// Returns the number field over which the points are defined.
     pub(crate) fn field(&self) -> &NumberField {
         &self.field
     }
-    /// The seam curve, by the coefficients of aᵈ, aᵈ⁻¹b, ….
+    /// Returns the seam curve, by the coefficients of aᵈ, aᵈ⁻¹b, ….
     pub(crate) fn curve(&self) -> &[Coefficients; 4] {
         &self.curve
     }
-    /// The base points infinitely near to it.
+    /// Iterates over the classes of base points infinitely near to this one.
     pub(crate) fn near(&self) -> impl Iterator<Item = &Self> {
         self.near.iter().map(|near| &near.class)
     }
 
-    /// Takes all terms along.
+    /// Stores the full forms in this class and in all classes infinitely near to it.
     fn lift(&mut self, forms: [Local; 4], control: &Control<'_>) -> Result<(), Stopped> {
         control.check()?;
         for near in &mut self.near {
@@ -559,14 +559,14 @@ impl Class {
         Ok(())
     }
 
-    /// The powers of the multiplicities of all points of the class, and of those infinitely near
-    /// to them, added up.
+    /// Returns the sum of a power of the multiplicities of all points of the class and of those
+    /// infinitely near to them.
     fn sum_of_powers(&self, power: u32) -> usize {
         let near = self.near.iter().map(|n| n.class.sum_of_powers(power));
         self.field.degree() * self.multiplicity.pow(power) + near.sum::<usize>()
     }
 
-    /// The blow-up of the real point of that index.
+    /// Returns the blow-up of the real point at a root, given by its index.
     fn at(&self, root: usize) -> Seam {
         let number = |e: &Element| Algebraic::new(&self.field, root, e.clone());
         let form = |f: &Coefficients| BinaryForm {
@@ -591,8 +591,8 @@ impl Class {
 }
 
 impl NearClass {
-    /// The blow-ups of the points of this class that are infinitely near to a real point of the
-    /// class below, given by its root.
+    /// Returns the blow-ups of the points of this class that are infinitely near to a real point of
+    /// the class below, given by its root.
     fn over(&self, below: &Arc<NumberField>, root: usize) -> Vec<Near> {
         let field = &self.class.field;
         let above = (0..field.real_roots().len()).filter(|&k| self.lies_over(below, k) == root);
@@ -606,7 +606,7 @@ impl NearClass {
         });
         near.collect()
     }
-    /// The root of the field below at which a root of the field above lies.
+    /// Returns the root of the field below over which a root of the field above lies.
     fn lies_over(&self, below: &Arc<NumberField>, above: usize) -> usize {
         /// The bits by which θ gets closer from one attempt to the next.
         const WORD: usize = 32;
@@ -619,7 +619,7 @@ impl NearClass {
             |bits| bits + WORD,
             |bits| {
                 let (lo, hi) = theta.interval(bits);
-                // θ is one of the roots: the only one that is not apart from the interval.
+                // // θ is one of the roots: the only one that meets the interval.
                 let is_apart =
                     |r: &RealRoot| r.cmp_rational(&lo).is_lt() || r.cmp_rational(&hi).is_gt();
                 let roots = below.real_roots().iter().enumerate();

@@ -1,23 +1,23 @@
-//! The claims of a certificate about a surface, and their basis.
+//! The claims of a certificate about a surface, and the basis of each.
 //!
-//! A certificate is as good as its weakest step, so each claim says how it was decided: a reader
-//! who needs a proof knows which of them to check by other means.
+//! A certificate is as strong as its weakest step. Each claim therefore says how it was decided, so
+//! that a reader who needs a proof knows which claims to verify by other means.
 
 use std::fmt;
 
-/// The basis on which a claim is decided, the strongest first.
+/// Basis on which a claim is decided, from the strongest to the weakest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Basis {
-    /// By exact arithmetic, or by counting and comparing doubles that are given: a proof.
+    /// Proof by exact arithmetic, or by counting and comparing given doubles.
     Exact,
-    /// In floating point with bounds on all errors: a proof as long as these bounds are right.
+    /// Proof in floating point with bounds on all errors, valid if these bounds are right.
     Bounded,
-    /// Checked, not proved: in floating point up to a tolerance, or at samples.
+    /// Check without proof: in floating point up to a tolerance, or at samples.
     Floating,
 }
 
 impl Basis {
-    /// All of them, the strongest first.
+    /// All bases, from the strongest to the weakest.
     pub const ALL: [Self; 3] = [Self::Exact, Self::Bounded, Self::Floating];
 }
 
@@ -31,85 +31,86 @@ impl fmt::Display for Basis {
     }
 }
 
-/// A claim about a surface, in the order in which they are decided.
+/// A claim about a surface; the variants are in the order in which claims are decided.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Claim {
-    /// The real base points with their trees of infinitely near ones.
+    /// Real base points with their trees of infinitely near ones.
     BasePoints,
     /// Complex base points are blown up to no real curves but those that are drawn.
     ComplexSeams,
-    /// The factors and the topology of W = 0.
+    /// Factors and topology of W = 0.
     Pole,
-    /// The number of parameters that reach a general point.
+    /// Number of parameters that reach a general point.
     MapDegree,
-    /// The cuspidal and contracted curves of the parameters.
+    /// Cuspidal and contracted curves of the parameters.
     CriticalCurves,
-    /// The double curves of the parameters.
+    /// Double curves of the parameters.
     DoubleCurves,
-    /// The deck transformations of an improper map, and the folds that they make.
+    /// Deck transformations of an improper map, and their folds.
     DeckTransformations,
     /// No base point is blown up to a part of the border of the fundamental domain.
     FundamentalDomain,
-    /// The points where double curves end and sheets fold.
+    /// Pinch points, at which double curves end and sheets fold.
     PinchPoints,
-    /// The real points that only conjugate parameters reach.
+    /// Real points reached by conjugate parameters only.
     SolitaryArcs,
-    /// W has no zero over the region of the parameters, which is sent into the open box.
+    /// W has no zero over the region of the parameters, whose image lies in the open box.
     Weights,
-    /// The cells of the parameters that are sent into the box.
+    /// Cells of the parameters whose image lies in the box.
     Region,
-    /// The contracted curves with one image, and the curves that pass through it.
+    /// Contracted curves with a common image, and the curves that pass through it.
     Images,
-    /// The directions in which base points are opened, and what lies in the rectangles around them.
+    /// Directions in which base points are opened, and the contents of the rectangles around them.
     Tangents,
-    /// The order of rays and arcs around base points with others infinitely near to them.
+    /// Order of rays and arcs around base points with others infinitely near to them.
     Trees,
     /// W keeps its sign between base points and the rectangles around them.
     SignAtBasePoints,
-    /// The seams of base points that the surface of an improper map ends in.
+    /// Seams of base points in which the surface of an improper map ends.
     Folds,
-    /// The drawing in the parameters is the region up to isotopy.
+    /// The drawing in the parameters is isotopic to the region.
     Drawing,
-    /// The parameters that are sent to one point of a double curve, or of a border that is joined.
+    /// Parameters that share an image on a double curve, or on a border that is joined.
     Partners,
     /// W keeps its sign on the triangles of the parameters.
     SignOfW,
-    /// The distances of the triangles from the surface.
+    /// Distances of the triangles from the surface.
     Distances,
-    /// Triangles have areas, vertices are apart and in the box.
+    /// Triangles have positive area; vertices are distinct and in the box.
     Shapes,
-    /// Where the mesh ends, and how many triangles its edges have.
+    /// Location of the boundary of the mesh, and the number of triangles at each of its edges.
     Edges,
-    /// Neighbouring triangles run opposite ways along their common edge.
+    /// Adjacent triangles traverse their common edge in opposite directions.
     Winding,
-    /// Sides that patches have in common are joined.
+    /// Sides shared by patches are joined.
     Sides,
     /// No triangles cross.
     Crossings,
-    /// No sheets lie upon each other, and none are joined that are to stay apart.
+    /// No sheets overlap, and none are joined that have to stay separate.
     Sheets,
 }
 
-/// The texts about a claim.
+/// Texts and usual verdict of a claim.
 struct Row {
     claim: Claim,
-    /// The usual verdict: by the weakest step that decides it, or why it is assumed.
+    /// Usual verdict: the basis of the weakest step that decides it, or the reason why it is
+    /// assumed.
     verdict: Verdict,
     name: &'static str,
-    /// What holds where nothing is found against it.
+    /// Statement that holds if nothing is found against the claim.
     statement: &'static str,
 }
 
-/// All claims, in their order.
+/// All claims, in the order of [`Claim`].
 ///
-/// - *Exact* are number fields, exact division, factors and resultants over Q, signs of rational
+/// - *Exact*: number fields, exact division, factors and resultants over Q, signs of rational
 ///   numbers; counting of triangles; exact predicates on the vertices.
-/// - *Bounded* is the region: which curves meet over a wall is exact, but where they do not, their
-///   roots are isolated in floating point with bounds on its errors, if that decides. So is the
-///   sign of W: by Bernstein coefficients in doubles, with a bound on their rounding.
-/// - *Floating* are sections and paths in doubles; Newton's method to a tolerance; samples; base
-///   points rounded to doubles, with thresholds for what is zero; and that sheets upon each other
-///   have triangles that cross, which is so as a rule only.
+/// - *Bounded*: the region. Which curves meet over a wall is decided exactly; otherwise their roots
+///   are isolated in floating point with error bounds, if that decides. The sign of W is bounded,
+///   too: Bernstein coefficients in doubles, with a bound on their rounding.
+/// - *Floating*: sections and paths in doubles; Newton's method to a tolerance; samples; base
+///   points rounded to doubles, with thresholds for zero; and the rule, true only as a rule, that
+///   overlapping sheets have triangles that cross.
 const ROWS: [Row; Claim::COUNT] = [
     Row {
         claim: Claim::BasePoints,
@@ -298,7 +299,7 @@ const ROWS: [Row; Claim::COUNT] = [
 impl Claim {
     /// Number of claims.
     pub const COUNT: usize = 27;
-    /// All of them, in their order.
+    /// All claims, in order.
     pub const ALL: [Self; Self::COUNT] = {
         let mut all = [Self::BasePoints; Self::COUNT];
         let mut k = 0;
@@ -311,8 +312,8 @@ impl Claim {
     fn row(self) -> &'static Row {
         &ROWS[self as usize]
     }
-    /// Returns the verdict that it has where it has to be decided and nothing stands against it; of
-    /// some surfaces it is decided by other steps.
+    /// Returns the verdict of a claim that has to be decided and that nothing contradicts; for some
+    /// surfaces other steps decide it.
     ///
     /// ```
     /// use isoform_tess::{Basis, Claim, Verdict};
@@ -327,7 +328,7 @@ impl Claim {
     pub fn usual(self) -> Verdict {
         self.row().verdict
     }
-    /// What holds where nothing is found against it.
+    /// Returns the statement that holds if nothing is found against the claim.
     pub fn statement(self) -> &'static str {
         self.row().statement
     }
@@ -339,28 +340,28 @@ impl fmt::Display for Claim {
     }
 }
 
-/// The verdict on a claim, the best first.
+/// Verdict on a claim, from the best to the worst.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Verdict {
-    /// Nothing had to be decided, for this reason.
+    /// The claim does not apply, for this reason.
     NotApplicable(&'static str),
     /// Nothing was found against it, on this basis.
     Holds(Basis),
-    /// Nothing could be found against it: no step checks it, for this reason.
+    /// Nothing could be found against it, as no step checks it, for this reason.
     Assumed(&'static str),
-    /// A finding stands against it, or it was not decided.
+    /// A finding contradicts it, or it was not decided.
     Open,
 }
 
 impl Verdict {
-    /// Returns the verdict where the claim has to be decided, else that it does not apply.
+    /// Returns the verdict if the claim has to be decided, else [`Verdict::NotApplicable`].
     pub(crate) fn or_not(self, is_asked: bool, why_not: &'static str) -> Self {
         match is_asked {
             true => self,
             false => Self::NotApplicable(why_not),
         }
     }
-    /// Returns the verdict where what it rests on is known, else that the claim is open.
+    /// Returns the verdict if its premises are known, else [`Verdict::Open`].
     pub(crate) fn or_open(self, is_known: bool) -> Self {
         match is_known {
             true => self,
@@ -369,7 +370,7 @@ impl Verdict {
     }
 }
 
-/// The claims that the analysis of a map decides.
+/// Claims decided by the analysis of a map.
 pub(crate) const OF_ANALYSIS: [Claim; 5] = [
     Claim::BasePoints,
     Claim::ComplexSeams,
@@ -377,14 +378,14 @@ pub(crate) const OF_ANALYSIS: [Claim; 5] = [
     Claim::MapDegree,
     Claim::CriticalCurves,
 ];
-/// The claims that the search for double curves decides.
+/// Claims decided by the search for double curves.
 pub(crate) const OF_DOUBLE_CURVE: [Claim; 3] =
     [Claim::DoubleCurves, Claim::PinchPoints, Claim::SolitaryArcs];
-/// The claims that the deck transformations decide.
+/// Claims decided by the deck transformations.
 pub(crate) const OF_DECK: [Claim; 2] = [Claim::DeckTransformations, Claim::FundamentalDomain];
-/// The claims that the decomposition of the parameters decides.
+/// Claims decided by the decomposition of the parameters.
 pub(crate) const OF_REGION: [Claim; 2] = [Claim::Weights, Claim::Region];
-/// The claims that the mesh decides.
+/// Claims decided by the mesh.
 pub(crate) const OF_MESH: [Claim; 12] = [
     Claim::Images,
     Claim::Tangents,
@@ -399,10 +400,10 @@ pub(crate) const OF_MESH: [Claim; 12] = [
     Claim::Edges,
     Claim::Winding,
 ];
-/// The claims that the finished surface decides.
+/// Claims decided by the finished surface.
 pub(crate) const OF_SURFACE: [Claim; 3] = [Claim::Sides, Claim::Crossings, Claim::Sheets];
 
-/// Each claim is decided by one stage: one without a stage does not compile.
+/// Compile-time check that exactly one stage decides each claim.
 const _: () = {
     const fn count<const N: usize>(claims: &[Claim; N], seen: &mut [bool; Claim::COUNT]) {
         let mut k = 0;
@@ -426,24 +427,24 @@ const _: () = {
     }
 };
 
-/// The verdicts of the stages so far; a claim that none has decided is open.
+/// Verdicts of the stages so far; a claim that no stage has decided is open.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Decisions([Option<Verdict>; Claim::COUNT]);
 
 impl Decisions {
-    /// Takes the verdicts of a stage on its claims, in place of earlier ones.
+    /// Records the verdicts of a stage on its claims, replacing earlier ones.
     pub(crate) fn decide<const N: usize>(&mut self, claims: [Claim; N], verdicts: [Verdict; N]) {
         for (claim, verdict) in claims.into_iter().zip(verdicts) {
             self.0[claim as usize] = Some(verdict);
         }
     }
-    /// Takes the verdicts that other stages have given.
+    /// Records the verdicts of other stages, replacing earlier ones.
     pub(crate) fn decide_all(&mut self, others: &Self) {
         for (mine, other) in self.0.iter_mut().zip(others.0) {
             *mine = other.or(*mine);
         }
     }
-    /// Adds those on another part of the surface: the worse ones count.
+    /// Joins the verdicts on another part of the surface: the worse verdict counts.
     pub(crate) fn join(&mut self, other: &Self) {
         for (mine, other) in self.0.iter_mut().zip(other.0) {
             *mine = match (*mine, other) {
@@ -457,7 +458,7 @@ impl Decisions {
     }
 }
 
-/// The verdicts on all claims about a surface.
+/// Verdicts on all claims about a surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Certificate([Verdict; Claim::COUNT]);
 
@@ -469,7 +470,7 @@ impl Certificate {
     pub fn verdict(&self, claim: Claim) -> Verdict {
         self.0[claim as usize]
     }
-    /// Returns the claims that had to be decided, with their verdicts.
+    /// Iterates over the claims that had to be decided, with their verdicts.
     pub fn decided(&self) -> impl Iterator<Item = (Claim, Verdict)> + '_ {
         let all = Claim::ALL.into_iter().zip(self.0);
         all.filter(|(_, verdict)| !matches!(verdict, Verdict::NotApplicable(_)))
@@ -507,13 +508,13 @@ mod tests {
         ]));
         assert_eq!(all.verdict(degree[0]), Verdict::Holds(Basis::Floating));
         assert_eq!(all.verdict(degree[1]), Verdict::Assumed("a reason"));
-        // What was decided of one part only is open of the whole.
+        // // A claim decided for one part only is open for the whole.
         all.join(&Decisions::default());
         assert_eq!(all.verdict(degree[0]), Verdict::Open);
         assert!(!Certificate::new(|claim| all.verdict(claim)).is_closed());
     }
 
-    /// The page of the certificate has a row for every claim, in their order, with its basis.
+    /// The page of the certificate has a row for every claim, in order, with its basis.
     #[test]
     fn the_page_names_every_claim_and_its_basis() {
         let page = include_str!("../../../docs/rational.md");

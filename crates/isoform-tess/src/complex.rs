@@ -1,4 +1,4 @@
-//! Complex numbers, points of the complex projective plane, and forms at them, in doubles.
+//! Complex numbers, points of the complex projective plane, and forms evaluated there, in doubles.
 
 use isoform_algebra::{Poly, RBig};
 use isoform_num::Random;
@@ -66,25 +66,25 @@ impl Mul for C {
     }
 }
 
-/// A point of the complex projective plane, of norm 1, or a vector at one.
+/// A point of the complex projective plane, normalised to norm 1, or a tangent vector there.
 pub(crate) type V = [C; 3];
 
-/// The bilinear product.
+/// Returns the bilinear product.
 pub(crate) fn dot<const N: usize>(a: &[C; N], b: &[C; N]) -> C {
     (0..N).fold(C::ZERO, |sum, i| sum + a[i] * b[i])
 }
 
-/// The Hermitian product, conjugate linear in the first vector.
+/// Returns the Hermitian product, conjugate linear in the first vector.
 pub(crate) fn inner(a: &V, b: &V) -> C {
     dot(&conj(a), b)
 }
 
-/// The conjugate of each coordinate.
+/// Conjugates each coordinate.
 pub(crate) fn conj(a: &V) -> V {
     a.map(C::conj)
 }
 
-/// p + h d.
+/// Returns p + h d.
 pub(crate) fn along(p: &V, d: &V, h: f64) -> V {
     [0, 1, 2].map(|i| p[i] + d[i].times(h))
 }
@@ -94,20 +94,20 @@ pub(crate) fn norm<const N: usize>(a: &[C; N]) -> f64 {
     a.iter().map(|c| c.norm2()).sum::<f64>().sqrt()
 }
 
-/// The coordinate of the largest absolute value.
+/// Returns the coordinate of largest absolute value.
 pub(crate) fn largest<const N: usize>(a: &[C; N]) -> C {
     let all = a.iter().copied();
     let found = all.max_by(|a, b| a.norm2().total_cmp(&b.norm2()));
     found.expect("coordinates")
 }
 
-/// The vector divided by its norm.
+/// Divides a vector by its norm.
 pub(crate) fn normalised(a: &V) -> V {
     let length = norm(a);
     a.map(|c| c.times(1.0 / length))
 }
 
-/// The sine of the angle of two points.
+/// Returns the sine of the angle between two points.
 pub(crate) fn distance(a: &V, b: &V) -> f64 {
     // |b − ⟨a, b⟩a| rather than √(1 − |⟨a, b⟩|²), which loses half of the digits.
     let c = inner(a, b);
@@ -117,8 +117,9 @@ pub(crate) fn distance(a: &V, b: &V) -> f64 {
         .sqrt()
 }
 
-/// The real line through a point and its conjugate, a vector of length 1/2 at most, whatever the
-/// phase of the point; zero for real points, and of the other sign for the conjugate.
+/// Returns the real line through a point and its conjugate, as a vector of length at most 1/2. It
+/// does not depend on the phase of the point, is zero for real points, and changes its sign for the
+/// conjugate.
 pub(crate) fn real_line(p: &V) -> [f64; 3] {
     [[1, 2], [2, 0], [0, 1]].map(|[i, j]| p[i].re * p[j].im - p[j].re * p[i].im)
 }
@@ -134,7 +135,7 @@ pub(crate) fn length(v: &[f64; 3]) -> f64 {
     v.iter().map(|x| x * x).sum::<f64>().sqrt()
 }
 
-/// Two vectors that complete a unit vector to a unitary basis.
+/// Returns two vectors that complete a unit vector to a unitary basis.
 pub(crate) fn frame(p: &V) -> [V; 2] {
     let least = (0..3)
         .min_by(|&i, &j| p[i].norm2().total_cmp(&p[j].norm2()))
@@ -146,18 +147,18 @@ pub(crate) fn frame(p: &V) -> [V; 2] {
     [first, second]
 }
 
-/// The vector with some coordinates in a frame.
+/// Returns the vector with given coordinates in a frame.
 pub(crate) fn in_frame(frame: &[V; 2], d: [C; 2]) -> V {
     [0, 1, 2].map(|i| frame[0][i] * d[0] + frame[1][i] * d[1])
 }
 
-/// A form in three variables, by powers of the first one.
+/// A form in three variables, stored by powers of the first one.
 pub(crate) struct Form(Vec<Row>);
 
-/// A power of the first variable, with the terms in the others.
+/// A power of the first variable, with its terms in the other two.
 pub(crate) type Row = (usize, Vec<([usize; 2], f64)>);
 
-/// Monomials at a point: powers of the first variable and products of powers of the others.
+/// Monomials at a point: powers of the first variable, and products of powers of the others.
 pub(crate) struct Monomials {
     width: usize,
     first: Vec<C>,
@@ -200,7 +201,7 @@ impl Form {
         }
         Self(rows)
     }
-    /// The value and the gradient.
+    /// Returns the value and the gradient.
     pub(crate) fn eval(&self, m: &Monomials) -> (C, V) {
         let (mut value, mut gradient) = (C::ZERO, [C::ZERO; 3]);
         for (i, row) in &self.0 {
@@ -226,8 +227,8 @@ impl Form {
     }
 }
 
-/// Coefficients of forms, divided by the largest one: in this order the quotients are exact before
-/// they are rounded.
+/// Divides the coefficients of forms by the largest one and rounds the quotients, which are exact
+/// up to then.
 pub(crate) fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f64)>; N] {
     let size = |p: &Poly| {
         p.terms()
@@ -252,7 +253,7 @@ pub(crate) fn rounded<const N: usize>(forms: [&Poly; N]) -> [Vec<([usize; 3], f6
     })
 }
 
-/// The four forms of a map in units in which the box has the half-width 1.
+/// Scales the four forms of a map to units in which the box has the half-width 1.
 pub(crate) fn in_half_widths(mut terms: [Vec<([usize; 3], f64)>; 4], half_width: f64) -> [Form; 4] {
     for term in &mut terms[3] {
         term.1 *= half_width;
@@ -262,7 +263,7 @@ pub(crate) fn in_half_widths(mut terms: [Vec<([usize; 3], f64)>; 4], half_width:
     terms.map(|f| Form::new(f.into_iter().map(|(e, c)| (e, c / largest))))
 }
 
-/// The values of the forms of a map and their gradients.
+/// Evaluates the forms of a map and their gradients.
 pub(crate) fn eval_all(forms: &[Form; 4], at: &Monomials) -> ([C; 4], [V; 4]) {
     let (mut g, mut dg) = ([C::ZERO; 4], [[C::ZERO; 3]; 4]);
     for (i, form) in forms.iter().enumerate() {
@@ -271,26 +272,26 @@ pub(crate) fn eval_all(forms: &[Form; 4], at: &Monomials) -> ([C; 4], [V; 4]) {
     (g, dg)
 }
 
-/// A plane of space: the linear form that vanishes on it.
+/// A plane of space, as the linear form that vanishes on it.
 pub(crate) type Plane = [C; 4];
 
-/// The plane of the points x with normal · x = offset.
+/// Returns the plane of the points x with normal · x = offset.
 pub(crate) fn real_plane(normal: [f64; 3], offset: f64) -> Plane {
     [normal[0], normal[1], normal[2], -offset].map(|x| C::new(x, 0.0))
 }
 
-/// Fixed complex numbers without pattern.
+/// Deterministic stream of pseudo-random complex numbers.
 pub(crate) struct Stream(Random);
 
 impl Stream {
     pub(crate) fn new(seed: u64) -> Self {
         Self(Random::congruential(seed))
     }
-    /// Numbers with real and imaginary parts from −1 to 1.
+    /// Returns numbers with real and imaginary parts from −1 to 1.
     pub(crate) fn complex<const N: usize>(&mut self) -> [C; N] {
         [(); N].map(|()| C::new(self.0.symmetric(), self.0.symmetric()))
     }
-    /// Of absolute value 1.
+    /// Returns a number of absolute value 1.
     pub(crate) fn phase(&mut self) -> C {
         loop {
             let [c] = self.complex();

@@ -1,11 +1,11 @@
-//! Seams of complex base points that are curves of real space: double curves of the surface that
-//! no curve of parameters is sent to.
+//! Seams of complex base points that contain a curve of real points: double curves of the surface
+//! that are not the image of any curve of real parameters.
 //!
-//! A base point that is not real is blown up to a complex curve. As complex conjugation takes it
-//! to that of the conjugate base point, it has more than finitely many real points only if the two
-//! are one curve: two conjugate sheets cross there, as along the axis of Cartan's umbrella
-//! z(x² + y²) = x³. Whether they are one is decided by the Chow form of the curve, the resultant of
-//! two planes on it: of conjugate curves it has conjugate values.
+//! A base point that is not real is blown up to a complex curve. As complex conjugation maps it to
+//! the seam of the conjugate base point, it has infinitely many real points only if the two seams
+//! coincide. Two conjugate sheets cross there, as along the axis of Cartan's umbrella z(x² + y²) =
+//! x³. Whether they coincide is decided by the Chow form of the curve, the resultant of two planes
+//! on it, whose values at conjugate curves are conjugate.
 
 use crate::base::{Class, Classes};
 use crate::field::{Element, NumberField};
@@ -16,18 +16,18 @@ use crate::univariate::Coefficients;
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
 
-/// Planes with the coefficients 1, x, x², x³ for these x, in pairs: general ones, no two alike.
+/// Pairs of general planes: the values of x whose planes have the coefficients 1, x, x², x³.
 const PLANES: [[i64; 2]; 2] = [[2, -3], [5, -7]];
 
-/// A real line of space that a pair of conjugate base points is blown up to.
+/// A real line of space to which a pair of conjugate base points is blown up.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeamLine {
-    /// Two of its points (X : Y : Z : W).
+    /// Two points (X : Y : Z : W) on the line.
     pub points: [[RBig; 4]; 2],
 }
 
-/// The real lines that conjugate base points are blown up to, and whether there may be other real
-/// curves of that kind, which are not traced.
+/// Returns the real lines to which conjugate base points are blown up, and whether there may be
+/// further real curves of that kind, which are not traced.
 pub(crate) fn seam_lines(
     classes: &Classes,
     control: &Control<'_>,
@@ -38,7 +38,7 @@ pub(crate) fn seam_lines(
         control.check()?;
         pending.extend(class.near());
         let (field, curve) = (class.field(), class.curve());
-        // A point, or all at infinity.
+        // // The seam is a point, or lies at infinity.
         let is_nothing = curve[3].len() == 1 || curve[3].iter().all(Element::is_zero);
         if is_nothing || !may_be_real(field, curve) {
             continue;
@@ -55,7 +55,7 @@ pub(crate) fn seam_lines(
     Ok((lines, others))
 }
 
-/// Whether the curve at a complex root may be one with its conjugate.
+/// Returns true if the curve at some complex root may coincide with its conjugate.
 fn may_be_real(field: &NumberField, curve: &[Coefficients; 4]) -> bool {
     let (roots, real) = (field.degree(), field.real_roots().len());
     if roots == real {
@@ -70,13 +70,13 @@ fn may_be_real(field: &NumberField, curve: &[Coefficients; 4]) -> bool {
     }
     let ratio = field.div(&a, &b);
     let minimal = field.minimal_polynomial(&ratio);
-    // Each of its real roots is the ratio at as many roots of the modulus; real ones have real
-    // ratios.
+    // // Each of its real roots is the ratio at equally many roots of the modulus; real roots of
+    // the modulus have real ratios.
     let with_real_ratio = isoform_algebra::real_roots(&minimal).len() * (roots / minimal.degree());
     with_real_ratio > real
 }
 
-/// A plane's linear form on a curve.
+/// Evaluates the linear form of a plane on a curve.
 fn on_plane(curve: &[Coefficients; 4], plane: [i64; 4]) -> Coefficients {
     let term = |i: usize, k: usize| curve[i][k].scaled(&RBig::from(plane[i]));
     (0..curve[0].len())
@@ -84,7 +84,7 @@ fn on_plane(curve: &[Coefficients; 4], plane: [i64; 4]) -> Coefficients {
         .collect()
 }
 
-/// Sylvester's matrix of two binary forms of one degree d: d shifted rows of each.
+/// Returns Sylvester's matrix of two binary forms of equal degree d: d shifted rows of each.
 fn sylvester(p: &Coefficients, q: &Coefficients) -> Vec<Vec<Element>> {
     let d = p.len() - 1;
     let row = |f: &Coefficients, shift: usize| -> Vec<Element> {
@@ -95,8 +95,8 @@ fn sylvester(p: &Coefficients, q: &Coefficients) -> Vec<Vec<Element>> {
     both.flat_map(|f| (0..d).map(move |s| row(f, s))).collect()
 }
 
-/// The resultant of two binary forms of one degree: the determinant of Sylvester's matrix, by
-/// elimination.
+/// Returns the resultant of two binary forms of equal degree: the determinant of Sylvester's
+/// matrix, by elimination.
 fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element {
     let mut rows = sylvester(p, q);
     let n = rows.len();
@@ -122,9 +122,10 @@ fn resultant(field: &NumberField, p: &Coefficients, q: &Coefficients) -> Element
     determinant
 }
 
-/// The line, if the curve is one with rational Plücker coordinates, covered once or several times.
+/// Returns the image line of a curve, if it is a line with rational Plücker coordinates, covered
+/// once or several times.
 fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
-    // Two coefficients that span a line, on which all others have to lie.
+    // // Two coefficients that span a line; all others have to lie on it.
     let count = curve[0].len();
     let pairs = (0..count).flat_map(|k| (k + 1..count).map(move |l| [k, l]));
     let mut spans = pairs.map(|pair| Span { field, curve, pair });
@@ -136,7 +137,8 @@ fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
     if !(0..count).all(|other| span.holds(other)) {
         return None;
     }
-    // Row i of the matrix of Plücker coordinates is where the line meets the plane xᵢ = 0.
+    // // Row i of the matrix of Plücker coordinates is the intersection of the line with the plane
+    // xᵢ = 0.
     let mut points: Vec<[RBig; 4]> = Vec::new();
     for i in 0..4 {
         let mut point: [RBig; 4] = Default::default();
@@ -152,13 +154,13 @@ fn line(field: &NumberField, curve: &[Coefficients; 4]) -> Option<SeamLine> {
     })
 }
 
-/// Whether two vectors are multiples of each other, or zero.
+/// Returns true if two vectors are proportional, or one of them is zero.
 fn are_one(p: &[RBig; 4], q: &[RBig; 4]) -> bool {
     let is_minor_zero = |i: usize, j: usize| &p[i] * &q[j] == &p[j] * &q[i];
     (0..4).all(|i| (i + 1..4).all(|j| is_minor_zero(i, j)))
 }
 
-/// The span of two coefficients of a curve, as points of space.
+/// Span of two coefficients of a curve, taken as points of space.
 struct Span<'a> {
     field: &'a NumberField,
     curve: &'a [Coefficients; 4],
@@ -166,13 +168,13 @@ struct Span<'a> {
 }
 
 impl Span<'_> {
-    /// A Plücker coordinate.
+    /// Returns the Plücker coordinate with indices i and j.
     fn minor(&self, i: usize, j: usize) -> Element {
         let (curve, [k, l]) = (self.curve, self.pair);
         let product = self.field.mul(&curve[i][k], &curve[j][l]);
         product.sub(&self.field.mul(&curve[i][l], &curve[j][k]))
     }
-    /// Whether another coefficient is a point of it.
+    /// Returns true if another coefficient lies on the span.
     fn holds(&self, other: usize) -> bool {
         let term = |i: usize, j: usize, k: usize| {
             let minor = self.minor(j, k);
@@ -188,7 +190,8 @@ impl Span<'_> {
 }
 
 impl SeamLine {
-    /// Whether a curve of real parameters is sent to more than a point of it.
+    /// Returns true if the image of a curve of real parameters lies on the line and is not a single
+    /// point.
     pub(crate) fn is_met(&self, map: &Map, singular: &Singular) -> bool {
         let planes = self.planes();
         let pulled_back = planes.map(|plane| {
@@ -203,8 +206,8 @@ impl SeamLine {
         })
     }
 
-    /// Four planes through it, of which two are independent: the minors of its points with unit
-    /// vectors.
+    /// Returns four planes through the line, of which two are independent: the minors of its points
+    /// with the unit vectors.
     fn planes(&self) -> [[RBig; 4]; 4] {
         let [p, q] = &self.points;
         let minor = |i: usize, j: usize| &p[i] * &q[j] - &p[j] * &q[i];
@@ -219,7 +222,7 @@ impl SeamLine {
         })
     }
 
-    /// The segment of it in the box |x|, |y|, |z| ≤ `half_width`.
+    /// Returns the segment of the line in the box |x|, |y|, |z| ≤ `half_width`.
     pub(crate) fn within(&self, half_width: f64) -> Option<[Point3; 2]> {
         let [p, q] = &self.points;
         // A point with W = 1 and a direction with W = 0.
@@ -238,8 +241,8 @@ impl SeamLine {
     }
 }
 
-/// The parameters between which a line `at` + t·`along` is in the box |x|, |y|, |z| ≤ `half_width`;
-/// none if it misses the box, or touches it in a point.
+/// Returns the parameters between which a line `at` + t·`along` is in the box |x|, |y|, |z| ≤
+/// `half_width`; `None` if it misses the box or touches it in one point.
 fn clipped(at: Point3, along: Point3, half_width: f64) -> Option<[f64; 2]> {
     let (mut lo, mut hi) = (f64::NEG_INFINITY, f64::INFINITY);
     for k in 0..3 {
@@ -294,8 +297,8 @@ mod tests {
         );
     }
 
-    /// The lines that the conjugate base points of a stereographic projection are blown up to meet
-    /// in its centre only.
+    /// The lines to which the conjugate base points of a stereographic projection are blown up meet
+    /// only in its centre.
     #[test]
     fn a_sphere_has_none() {
         let sphere = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"];

@@ -1,11 +1,11 @@
-//! Seam curves that run through each of their points twice: the pairs of directions with one image.
+//! Seam curves covered twice: the involution that pairs the directions with a common image.
 //!
 //! A seam curve c(a : b) of degree q, its forms without a common factor, is a map of degree k, a
 //! divisor of q, onto its image. Over a general point (1 : m) the greatest common divisor of the
-//! minors of c(x) and c(1 : m) has the degree k; it is more only where the image is singular, for
-//! less than q² values of m. For k = 2 the two directions of a pair are exchanged by an involution
-//! α·y·y′ + β·(y + y′) + γ = 0 of y = b/a, that two pairs determine. Where it leaves a direction
-//! fixed the seam turns back: a pinch point.
+//! minors of c(x) and c(1 : m) has the degree k; it has a higher degree only where the image is
+//! singular, for fewer than q² values of m. For k = 2 the two directions of a pair are exchanged by
+//! an involution α·y·y′ + β·(y + y′) + γ = 0 of y = b/a, which two pairs determine. In a fixed
+//! direction of the involution the seam turns back: a pinch point.
 
 use crate::base::BinaryForm;
 use crate::field::{Algebraic, Element, NumberField};
@@ -14,23 +14,22 @@ use isoform_algebra::RBig;
 use isoform_control::{Control, Stopped};
 use std::cmp::Ordering;
 
-/// The involution that exchanges the two directions with one image.
+/// Involution that exchanges the two directions with a common image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Involution {
-    /// α, β, γ.
+    /// Coefficients α, β, γ.
     form: [f64; 3],
-    /// Whether it leaves two real directions fixed, or none.
+    /// True if the involution has two real fixed directions, false if it has none.
     folds: bool,
 }
 
-/// The condition on (α : β : γ) that a pair of directions makes.
+/// Linear condition on (α : β : γ) imposed by a pair of directions.
 type Condition = [Element; 3];
 
 impl Involution {
-    /// The involution of a seam curve, if the curve runs through its points exactly twice.
+    /// Returns the involution of a seam curve, if the curve covers its image exactly twice.
     ///
-    /// # Errors
-    /// [`Stopped`].
+    /// # Errors [`Stopped`].
     pub(crate) fn of(
         curve: &[BinaryForm; 4],
         control: &Control<'_>,
@@ -64,13 +63,13 @@ impl Involution {
         }))
     }
 
-    /// The other direction with the same image.
+    /// Returns the other direction with the same image.
     pub(crate) fn partner(&self, [a, b]: [f64; 2]) -> [f64; 2] {
         let [x, y, z] = self.form;
         [x * b + y * a, -(y * b + z * a)]
     }
 
-    /// The directions that are their own partners.
+    /// Returns the fixed directions.
     pub(crate) fn fixed(&self) -> Vec<[f64; 2]> {
         if !self.folds {
             return Vec::new();
@@ -83,11 +82,11 @@ impl Involution {
     }
 }
 
-/// The directions with the image of a direction (1 : m).
+/// Directions with the same image as a direction (1 : m).
 struct Fibre {
-    /// A polynomial in y = b/a that vanishes in them, in (1 : m) among them.
+    /// Polynomial in y = b/a whose roots are the directions, (1 : m) included.
     common: Coefficients,
-    /// The multiplicity of the direction (0 : 1) among them.
+    /// Multiplicity of the direction (0 : 1) among them.
     vertical: usize,
 }
 
@@ -110,11 +109,11 @@ impl Fibre {
         }
         Ok(Self { common, vertical })
     }
-    /// The number of directions, with multiplicities.
+    /// Returns the number of directions, with multiplicities.
     fn degree(&self) -> usize {
         self.common.len() - 1 + self.vertical
     }
-    /// The condition that (1 : m) and the other direction of a fibre of two make.
+    /// Returns the condition imposed by (1 : m) and the other direction of a fibre of two.
     fn condition(&self, field: &NumberField, m: &RBig) -> Condition {
         let one = || Element::rational(&RBig::ONE);
         let (a, b) = if self.vertical == 1 {
@@ -127,7 +126,8 @@ impl Fibre {
     }
 }
 
-/// The form that satisfies two linear conditions, unless they are one: their cross product.
+/// Returns the form that satisfies two linear conditions, their cross product; `None` if they
+/// coincide.
 fn meet(field: &NumberField, first: &Condition, second: &Condition) -> Option<[Element; 3]> {
     let minor = |i: usize, j: usize| {
         let product = field.mul(&first[i], &second[j]);
@@ -148,7 +148,7 @@ fn minor(coordinates: [&BinaryForm; 2], values: [&Element; 2]) -> Coefficients {
     terms.collect()
 }
 
-/// β² − αγ of the form α, β, γ.
+/// Returns β² − αγ of the form α, β, γ.
 fn discriminant(field: &NumberField, [alpha, beta, gamma]: &[Element; 3]) -> Element {
     field.mul(beta, beta).sub(&field.mul(alpha, gamma))
 }
@@ -184,8 +184,8 @@ mod tests {
         );
     }
 
-    /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) nowhere, as (a : b) and (b : −a) are
-    /// pairs.
+    /// z = a²/b² folds at 0 and infinity; z = (a² − b²)/(a·b) has no fold, as (a : b) and (b : −a)
+    /// are the pairs.
     #[test]
     fn special_directions() {
         let found = involution([&[0, 0, 0], &[0, 0, 0], &[1, 0, 0], &[0, 0, 1]]).expect("twice");

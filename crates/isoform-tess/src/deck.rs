@@ -1,16 +1,16 @@
-//! Improper maps: their deck transformations, and a part of the plane that has one of all
-//! parameters that these exchange.
+//! Improper maps: their deck transformations, and a fundamental domain of the parameter plane.
 //!
-//! A deck transformation of φ is a birational map σ of the parameter plane with φ∘σ = φ. Those with
-//! rational coefficients take a general rational point to a rational point of its fibre, one for
-//! each such point at most. From there σ is continued as a power series along lines, by Newton's
-//! method modulo primes; forms of the least degree that agree with all series come from a linear
-//! system, by Chinese remainders and rational reconstruction. φ∘σ = φ proves them.
+//! A deck transformation of φ is a birational map σ of the parameter plane with φ∘σ = φ. One with
+//! rational coefficients maps a general rational point to a rational point of its fibre, and each
+//! such point belongs to at most one transformation. From there σ is continued as a power series
+//! along lines, by Newton's method modulo primes. Forms of least degree that agree with all series
+//! come from a linear system, by Chinese remainders and rational reconstruction. The identity φ∘σ =
+//! φ proves them.
 //!
-//! With a rational function r = l/m of the parameters that no σ leaves as it is, the points with
-//! r > r∘σ for every σ are a fundamental domain. Its border consists of curves on which r = r∘σ,
-//! or r or r∘σ has a pole. σ takes it to itself: the surface goes on there, or it is a fold, a
-//! curve all of whose points stay where they are.
+//! For a rational function r = l/m of the parameters that is invariant under no σ, the points with
+//! r > r∘σ for every σ form a fundamental domain. Its border consists of curves on which r = r∘σ,
+//! or on which r or r∘σ has a pole. σ maps the border to itself: the surface continues there, or
+//! the curve is a fold, all of whose points are fixed.
 
 mod series;
 mod transformations;
@@ -25,42 +25,42 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::f64::consts::PI;
 use transformations::transformations;
 
-/// Linear forms of whose products quadratic ones are made: 78 of them, and 6000 quotients, take a
-/// fraction of a second.
+/// Number of linear forms whose products are the quadratic ones: 78 products, with 6000 quotients,
+/// take a fraction of a second.
 const SQUARED: usize = 12;
-/// Quotients of quadratic forms among which the best one is taken.
+/// Number of quotients of quadratic forms among which the best one is taken.
 const ENOUGH: usize = 5;
-/// Sines of angles between points (s : t : w) as vectors that are taken for one another: partners
-/// on a border are found to some ten digits, half of them next to folds; what has one image by
-/// chance is farther apart.
+/// Sine of the angle up to which points (s : t : w), as vectors, are taken for one another.
+/// Partners on a border are found to some ten digits, of which half are lost next to folds;
+/// parameters with one image by chance are farther apart.
 const NEAR: f64 = 1e-5;
 
-/// Three forms in (s, t, w), of one degree and without a common factor.
+/// Three forms in (s, t, w), of equal degree and without a common factor.
 type Transformation = [Poly; 3];
 type Point = [RBig; 3];
 
-/// The deck transformations of a map, and a fundamental domain.
+/// Deck transformations of a map, and a fundamental domain.
 #[derive(Clone, Debug)]
 pub(crate) struct Deck {
-    /// All but the identity.
+    /// All transformations but the identity.
     transformations: Vec<Transformation>,
-    /// l and m, whose quotient is compared.
+    /// Forms l and m of the ratio r = l/m that is compared.
     ratio: [Poly; 2],
-    /// The border of the fundamental domain, but folds.
+    /// Border of the fundamental domain, without folds.
     pub(crate) seams: Border,
-    /// Curves all of whose points a transformation leaves where they are.
+    /// Folds: curves all of whose points are fixed by a transformation.
     pub(crate) folds: Border,
-    /// The real base points that a transformation leaves where they are, and all lines through
-    /// them: the curves that they are blown up to are folds.
+    /// Indices of the real base points at which a transformation fixes the point and all lines
+    /// through it: the curves to which they are blown up are folds.
     pub(crate) folded: BTreeSet<usize>,
 }
 
-/// Irreducible curves.
+/// A set of irreducible curves.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Border {
-    /// All but s = 0, t = 0 and w = 0.
+    /// Curves other than s = 0, t = 0 and w = 0.
     pub(crate) curves: Vec<Poly>,
-    /// Whether each of these three belongs to it.
+    /// True for each of s = 0, t = 0, w = 0 that belongs to the set.
     pub(crate) sides: [bool; 3],
 }
 
@@ -83,11 +83,10 @@ impl Border {
 }
 
 impl Deck {
-    /// Nothing, if there is no transformation but the identity among those that are looked for, or
-    /// no fundamental domain of which no real base point is blown up to a part of the border.
+    /// Returns the deck; `None` if no transformation but the identity is found, or if every
+    /// fundamental domain tried has a real base point that is blown up to a part of its border.
     ///
-    /// # Errors
-    /// [`Stopped`].
+    /// # Errors [`Stopped`].
     pub(crate) fn new(
         map: &Map,
         base_points: &[BasePoint],
@@ -113,14 +112,14 @@ impl Deck {
         if found.is_some() {
             return Ok(found);
         }
-        // Quadratic forms where linear ones do not serve, as where all base points are on a fold.
+        // // Quadratic forms serve if linear ones do not, as when all base points are on a fold.
         let squared = &lines[..lines.len().min(SQUARED)];
         let products = |i: usize| squared[..=i].iter().map(move |l| &squared[i] * l);
         let squares: Vec<Poly> = (0..squared.len()).flat_map(products).collect();
         deck.least(&squares, &around, ENOUGH, control)
     }
-    /// The deck with the quotient of two forms that has the border of least degree, among the first
-    /// `most` of them that have no pair of points around base points on both hands.
+    /// Returns the deck whose quotient of two forms gives the border of least degree, among the
+    /// first `most` quotients that separate none of the pairs of points around base points.
     fn least(
         &self,
         forms: &[Poly],
@@ -153,7 +152,7 @@ impl Deck {
         }
         Ok(best.map(|b| b.1))
     }
-    /// The matrices of the transformations that are linear.
+    /// Returns the matrices of the linear transformations.
     pub(crate) fn linear(&self) -> impl Iterator<Item = [[RBig; 3]; 3]> {
         let is_linear = |t: &&Transformation| t.iter().all(|f| f.total_degree() <= 1);
         let row =
@@ -161,16 +160,17 @@ impl Deck {
         let linear = self.transformations.iter().filter(is_linear);
         linear.map(move |t| t.each_ref().map(row))
     }
-    /// The number of parameters that are exchanged.
+    /// Returns the order of the group: the number of parameters that are exchanged.
     pub(crate) fn order(&self) -> usize {
         self.transformations.len() + 1
     }
-    /// Where the transformations take a point (s : t : w); nothing for one that has no value there.
+    /// Returns the images of a point (s : t : w) under the transformations; `None` for one that is
+    /// undefined there.
     pub(crate) fn others(&self, p: [f64; 3]) -> impl Iterator<Item = Option<[f64; 3]>> {
         self.transformations.iter().map(move |t| image(t, p))
     }
-    /// Whether a transformation takes one of two points (s : t : w) near to the other one, or has
-    /// no value at both.
+    /// Returns true if a transformation maps one of two points (s : t : w) to within [`NEAR`] of
+    /// the other, or is undefined at both.
     pub(crate) fn may_exchange(&self, p: [f64; 3], q: [f64; 3]) -> bool {
         let is_near = |a, b| norm(cross(a, b)) <= NEAR * norm(a) * norm(b);
         self.transformations
@@ -181,7 +181,8 @@ impl Deck {
                 (None, None) => true,
             })
     }
-    /// Whether a point (s : t : w) that is on no curve of the border is in the fundamental domain.
+    /// Returns true if a point (s : t : w) that is on no curve of the border is in the fundamental
+    /// domain.
     pub(crate) fn holds(&self, p: &Point) -> bool {
         let value = |p: &Point| {
             let [l, m] = self.ratio.each_ref().map(|f| f.eval(p));
@@ -195,7 +196,7 @@ impl Deck {
     }
 }
 
-/// Coefficients of linear forms: simple ones, and some in no special place.
+/// Coefficients of linear forms: simple ones, and some in general position.
 const LINEAR: [[i64; 3]; 9] = [
     [1, 0, 0],
     [0, 1, 0],
@@ -207,7 +208,7 @@ const LINEAR: [[i64; 3]; 9] = [
     [1, 3, -2],
     [3, -2, 7],
 ];
-/// Points that lines through a rational base point lead to.
+/// Second points of the lines through a rational base point.
 const THROUGH: [[i64; 3]; 3] = [[1, 2, -1], [3, -1, 2], [-2, 1, 5]];
 
 /// The line through a point and another one: their cross product.
@@ -216,7 +217,7 @@ fn line_through([s, t, w]: &[&RBig; 3], other: [i64; 3]) -> [RBig; 3] {
     [&b * *w - &c * *t, &c * *s - &a * *w, &a * *t - &b * *s]
 }
 
-/// Linear forms, also of lines through rational base points.
+/// Returns linear forms, including those of lines through rational base points.
 fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
     let mut forms: Vec<[RBig; 3]> = LINEAR.map(|c| c.map(RBig::from)).to_vec();
     for p in base_points {
@@ -227,19 +228,18 @@ fn linear_forms(base_points: &[BasePoint]) -> Vec<Poly> {
     forms.iter().map(linear).collect()
 }
 
-/// The linear form with coefficients of s, t and w.
+/// Returns the linear form with given coefficients of s, t and w.
 pub(crate) fn linear(c: &[RBig; 3]) -> Poly {
     (0..3).fold(Poly::zero(), |sum, v| sum + Poly::var(v).scale(&c[v]))
 }
 
-/// l m∘σ − m l∘σ, m and m∘σ: where r − r∘σ may change its sign.
+/// Returns l m∘σ − m l∘σ, m and m∘σ: r − r∘σ can change its sign only at their zeros.
 fn comparison(t: &Transformation, [l, m]: [&Poly; 2]) -> [Poly; 3] {
     let [moved_l, moved_m] = [l, m].map(|f| f.compose(t));
     [l * &moved_m - m * &moved_l, m.clone(), moved_m]
 }
 
-/// A point beside another one, in the plane in which the largest coordinate is 1, at a distance in
-/// a direction.
+/// Moves a point by a distance in a direction, in the plane in which its largest coordinate is 1.
 fn beside(at: [f64; 3], largest: usize, angle: f64, distance: f64) -> [f64; 3] {
     let (sin, cos) = angle.sin_cos();
     let mut moved = at.map(|x| x / at[largest]);
@@ -251,13 +251,13 @@ fn beside(at: [f64; 3], largest: usize, angle: f64, distance: f64) -> [f64; 3] {
     moved
 }
 
-/// Pairs of points on both hands of the curve that a base point is blown up to, in several
-/// directions.
+/// Returns pairs of points on opposite sides of a base point, in several directions. If a pair is
+/// not on one side of a domain's border, the seam of the base point is a part of that border.
 fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
-    /// The distance from the base point: farther than it is rounded; where other curves are nearer,
-    /// a domain is passed over.
+    /// Distance from the base point: larger than the rounding of the point. If other curves are
+    /// nearer, the domain is rejected.
     const STEP: f64 = 1e-5;
-    /// Directions from 0 to π.
+    /// Number of directions from 0 to π.
     const DIRECTIONS: usize = 12;
     let at = p.each_ref().map(Algebraic::to_f64);
     // The plane in which the largest coordinate is 1.
@@ -269,8 +269,8 @@ fn across(p: &[Algebraic; 3]) -> Vec<[Point; 2]> {
     (0..DIRECTIONS).map(pair).collect()
 }
 
-/// Whether a transformation leaves a point where it is, and all lines through it: its derivative
-/// there is a multiple of the identity.
+/// Returns true if a transformation fixes a point and all lines through it: its derivative there is
+/// a multiple of the identity.
 fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
     let Some(one) = (0..3).find(|&k| !p[k].is_zero()) else {
         return false;
@@ -280,15 +280,15 @@ fn keeps_lines(t: &Transformation, p: &[Algebraic; 3]) -> bool {
     if vanishes(&t[one], p) || !is_kept(i) || !is_kept(j) {
         return false;
     }
-    // Of the quotients of two forms, but for a common factor.
+    // // Derivatives of the quotients of two forms, up to a common factor.
     let slope = |k: usize, by: usize| t[k].derivative(by) * &t[one] - &t[k] * t[one].derivative(by);
     [slope(i, j), slope(j, i), slope(i, i) - slope(j, j)]
         .iter()
         .all(|f| vanishes(f, p))
 }
 
-/// The irreducible curves across which r > r∘σ turns into r < r∘σ for one of the transformations,
-/// and which of these are folds; nothing if r = r∘σ everywhere.
+/// Returns the irreducible curves across which r > r∘σ changes to r < r∘σ for one of the
+/// transformations, split into seams and folds; `None` if r = r∘σ everywhere.
 fn border(
     transformations: &[Transformation],
     ratio: [&Poly; 2],
@@ -312,7 +312,7 @@ fn border(
     Ok(Some([seams, folds].map(border)))
 }
 
-/// The irreducible factors of a product that are there an odd number of times.
+/// Returns the irreducible factors of odd multiplicity of a product.
 fn odd_factors(product: [Poly; 3], control: &Control<'_>) -> Result<Vec<Poly>, Stopped> {
     let mut orders: Vec<(Poly, usize)> = Vec::new();
     for form in product {
@@ -327,21 +327,21 @@ fn odd_factors(product: [Poly; 3], control: &Control<'_>) -> Result<Vec<Poly>, S
     Ok(odd.map(|o| o.0).collect())
 }
 
-/// Whether a transformation leaves all points of a curve where they are.
+/// Returns true if a transformation fixes all points of a curve.
 fn is_fixed(t: &Transformation, curve: &Poly) -> bool {
     [[0, 1], [1, 2], [2, 0]]
         .into_iter()
         .all(|[i, j]| (&t[i] * Poly::var(j) - &t[j] * Poly::var(i)).is_multiple_of(curve))
 }
 
-/// Where a transformation takes a point, if it has a value there.
+/// Returns the image of a point; `None` if the transformation is undefined there.
 fn image(t: &Transformation, p: [f64; 3]) -> Option<[f64; 3]> {
     let at = t.each_ref().map(|form| value(form, p));
     let is_lost = at.iter().all(|(x, size)| x.abs() <= NEAR * size);
     (!is_lost).then(|| at.map(|x| x.0))
 }
 
-/// The value of a form, and the sum of the sizes of its terms.
+/// Returns the value of a form, and the sum of the absolute values of its terms.
 pub(crate) fn value(form: &Poly, p: [f64; 3]) -> (f64, f64) {
     let term = |e: &[u16; 4]| (0..3).map(|v| p[v].powi(i32::from(e[v]))).product::<f64>();
     let terms = form.to_f64();
@@ -359,14 +359,14 @@ mod tests {
         let points = base_points(&map, &Control::default()).expect("not stopped");
         Deck::new(&map, &points, &Control::default()).expect("not stopped")
     }
-    /// A sphere by longitude and latitude, both of them full turns.
+    /// A sphere by longitude and latitude, each running through a full turn.
     const LONGITUDES: [&str; 4] = [
         "s^2*t^2 - s^2 - t^2 + 1",
         "-2*s*t^2 + 2*s",
         "2*s^2*t + 2*t",
         "s^2*t^2 + s^2 + t^2 + 1",
     ];
-    /// The points that (s : t : w) -> (t : w : s) leaves as they are.
+    /// Invariants of (s : t : w) -> (t : w : s).
     const CYCLIC: [&str; 4] = ["s^3 + t^3 + 1", "s*t", "s^2*t + t^2 + s", "s*t^2 + t + s^2"];
     const FOUR: [&str; 4] = ["s^2", "t^2", "s^2*t^2 + s^4", "1"];
 
@@ -386,12 +386,12 @@ mod tests {
             let found = deck(texts).expect("transformations");
             assert_eq!(found.order(), order, "{texts:?}");
         }
-        // Proper; three to one, but with one real parameter.
+        // // A proper map, and one of degree 3 with a single real parameter.
         assert!(deck(["s", "t", "s*t", "1"]).is_none());
         assert!(deck(["s^3", "t", "s^6 + t^2", "1"]).is_none());
     }
 
-    /// Of the parameters that are exchanged one is in the fundamental domain.
+    /// Exactly one point of each orbit lies in the fundamental domain.
     #[test]
     fn domains_have_one_of_each() {
         let mut random = fastrand::Rng::with_seed(1);

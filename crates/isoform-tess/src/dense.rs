@@ -2,7 +2,7 @@
 
 use isoform_algebra::IBig;
 
-/// y and d with A·y = d·b and d = ± det A; nothing if A is singular.
+/// Solves A·y = d·b with d = ± det A, and returns y and d; `None` if A is singular.
 pub(crate) fn solve(mut a: Vec<Vec<IBig>>, b: Vec<IBig>) -> Option<(Vec<IBig>, IBig)> {
     let n = a.len();
     for (row, c) in a.iter_mut().zip(b) {
@@ -19,7 +19,7 @@ pub(crate) fn solve(mut a: Vec<Vec<IBig>>, b: Vec<IBig>) -> Option<(Vec<IBig>, I
                 for j in k..=n {
                     row[j] = (&row[j] * &top[k] - &factor * &top[j]) / &last;
                 }
-                // Rows above are kept on the common diagonal.
+                // // Rows above are kept on the common diagonal.
                 if i < k {
                     row[i] = top[k].clone();
                 }

@@ -5,17 +5,18 @@ use crate::map::Map;
 use isoform_algebra::Exponents;
 use isoform_algebra::modular::{Echelon, Fp, residues};
 
-/// Largest degree of the forms of a deck transformation that is looked for. Those of maps that
-/// people write have degree 1 or 2; the next degree costs twice the time of all before.
+/// Maximum degree of the forms of a deck transformation. Typical maps have transformations of
+/// degree 1 or 2; each further degree costs twice the time of all lower ones together.
 pub(super) const MOST: usize = 4;
-/// Lines through a point along which a transformation is continued. Three forms of degree n have
-/// 3(n + 1) coefficients on a line; n + 1 lines settle all. More lines refute forms that only
-/// happen to agree.
+/// Number of lines through a point along which a transformation is continued. Three forms of degree
+/// n have 3(n + 1) coefficients on a line, and n + 1 lines determine them; two more lines refute
+/// forms that agree by chance.
 const LINES: usize = MOST + 3;
-/// Terms of each power series: each settles two coefficients on a line; more refute, too.
+/// Number of terms of each power series. A term determines two coefficients on a line; the surplus
+/// refutes forms that agree by chance.
 const TERMS: usize = 2 * MOST + 4;
 
-/// The exponents of the monomials of a degree.
+/// Lists the exponents of the monomials of a degree.
 pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
     let n = degree as u16;
     let row = |i: u16| (0..=n - i).map(move |j| [i, j, n - i - j]);
@@ -25,7 +26,7 @@ pub(super) fn monomials(degree: usize) -> Vec<[u16; 3]> {
 /// A power series modulo a prime, [`TERMS`] terms.
 pub(super) type Series = [u64; TERMS];
 
-/// The product of two series, without the terms beyond the last one.
+/// Returns the product of two series, truncated to [`TERMS`] terms.
 fn product(f: &Fp, a: &Series, b: &Series) -> Series {
     let mut c = [0; TERMS];
     for (i, &x) in a.iter().enumerate().filter(|(_, x)| **x != 0) {
@@ -36,7 +37,7 @@ fn product(f: &Fp, a: &Series, b: &Series) -> Series {
     c
 }
 
-/// The powers of three series up to a degree.
+/// Returns the powers of three series up to a degree.
 fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
     at.each_ref().map(|x| {
         let mut one = [0; TERMS];
@@ -49,13 +50,13 @@ fn powers(f: &Fp, at: &[Series; 3], degree: usize) -> [Vec<Series>; 3] {
     })
 }
 
-/// The monomial with exponents, of powers of three series.
+/// Returns the monomial with given exponents, from the powers of three series.
 fn monomial(f: &Fp, powers: &[Vec<Series>; 3], e: [u16; 3]) -> Series {
     let [x, y, z] = [0, 1, 2].map(|v| &powers[v][usize::from(e[v])]);
     product(f, &product(f, x, y), z)
 }
 
-/// Forms modulo a prime.
+/// The four forms of a map modulo a prime.
 struct Forms {
     degree: usize,
     terms: [Vec<(Exponents, u64)>; 4],
@@ -83,18 +84,18 @@ impl Forms {
     }
 }
 
-/// The points on a line, and the points of their fibres.
+/// The points on a line, and the points of their fibres, as series.
 pub(super) type Continued = [[Series; 3]; 2];
 
-/// The series of a constant.
+/// Returns a constant as a series.
 fn constant(x: u64) -> Series {
     let mut series = [0; TERMS];
     series[0] = x;
     series
 }
 
-/// Points on lines through a point, and the points of their fibres that continue another one:
-/// nothing where the prime, or the point, is special.
+/// Returns points on lines through a point, and the points of their fibres that continue `to`;
+/// `None` if the prime, or the point, is special.
 pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<Vec<Continued>> {
     let forms = Forms::new(f, map);
     let residues = |p: &Point| {
@@ -111,8 +112,8 @@ pub(super) fn continued(f: &Fp, map: &Map, from: &Point, to: &Point) -> Option<V
     (0..LINES).map(along).collect()
 }
 
-/// The series of which the forms are proportional to given ones, from its first term: by Newton's
-/// method, one term after the other.
+/// Extends a point to a series at which the forms are proportional to given ones, by Newton's
+/// method, term by term.
 fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Option<[Series; 3]> {
     let fixed = (0..3).find(|&v| q[v][0] != 0)?;
     let free = [[1, 2], [0, 2], [0, 1]][fixed];
@@ -138,8 +139,8 @@ fn lifted(f: &Fp, forms: &Forms, source: &[Series; 4], mut q: [Series; 3]) -> Op
     Some(q)
 }
 
-/// The condition that the forms at a point are proportional to given series, of which one, the
-/// pivot, is not zero at first.
+/// Proportionality of the forms at a point to given series. The pivot series has a non-zero
+/// constant term.
 struct Proportion<'a> {
     f: &'a Fp,
     forms: &'a Forms,
@@ -148,7 +149,8 @@ struct Proportion<'a> {
 }
 
 impl Proportion<'_> {
-    /// The minors of forms and given series with the pivot, at an order.
+    /// Returns the coefficients of one order of the minors of forms and given series with the
+    /// pivot.
     fn residual(&self, q: &[Series; 3], order: usize) -> Vec<u64> {
         let Self {
             f, source, pivot, ..
@@ -162,7 +164,8 @@ impl Proportion<'_> {
         });
         rows.collect()
     }
-    /// The derivatives of the residual by two coordinates, read off the first order.
+    /// Returns the derivatives of the residual by two coordinates, from the first-order
+    /// coefficients.
     fn slopes(&self, q: &[Series; 3], free: [usize; 2]) -> [Vec<u64>; 2] {
         let at_rest = self.residual(q, 1);
         free.map(|v| {
@@ -175,14 +178,14 @@ impl Proportion<'_> {
     }
 }
 
-/// The series of monomials of one degree at a point.
+/// Evaluates the monomials of one degree at a point, as series.
 fn values(f: &Fp, p: &[Series; 3], list: &[[u16; 3]], degree: usize) -> Vec<Series> {
     let powers = powers(f, p, degree);
     list.iter().map(|&e| monomial(f, &powers, e)).collect()
 }
 
-/// The linear conditions on the coefficients of three forms that they take the points of a line to
-/// the points continued from these, one for each pair of forms and each order.
+/// Returns the linear conditions on the coefficients of three forms that map the points of a line
+/// to their continued images: one for each pair of forms and each order.
 fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> Vec<Vec<u64>> {
     let n = list.len();
     let values = values(f, p, list, degree);
@@ -207,8 +210,9 @@ fn conditions(f: &Fp, [p, q]: &Continued, list: &[[u16; 3]], degree: usize) -> V
     rows
 }
 
-/// The place of a coefficient that is 1, and all coefficients, of the three forms of a degree that
-/// take the points of all lines to the points continued from them; none if there are no such forms.
+/// Returns the three forms of a degree that map the points of all lines to their continued images,
+/// as the index of the coefficient normalised to 1 and all coefficients; `None` if there are no
+/// such forms.
 pub(super) fn agreeing(f: &Fp, lines: &[Continued], degree: usize) -> Option<(usize, Vec<u64>)> {
     let list = monomials(degree);
     let n = list.len();

@@ -1,6 +1,6 @@
-//! The deck transformations of a map that have rational coefficients.
+//! The deck transformations of a map with rational coefficients.
 //!
-//! They are continued from rational points of one fibre (`series`), and proved by φ∘σ = φ.
+//! They are continued from the rational points of one fibre (`series`), and proved by φ∘σ = φ.
 
 use super::series::{MOST, agreeing, continued, monomials};
 use super::{Point, Transformation};
@@ -10,16 +10,17 @@ use isoform_algebra::modular::{Crt, primes};
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
 
-/// Primes of 62 bits at most: a transformation has coefficients of some ten digits.
+/// Maximum number of primes of 62 bits: enough for coefficients of about a hundred digits; those of
+/// transformations have about ten.
 const PRIMES: usize = 12;
 
-/// The deck transformations with rational coefficients, but the identity.
+/// Returns the deck transformations with rational coefficients, without the identity.
 pub(super) fn transformations(
     map: &Map,
     control: &Control<'_>,
 ) -> Result<Vec<Transformation>, Stopped> {
-    /// Rational points, in no special place of maps that people write. The first that is no base
-    /// point and on no contracted curve is taken.
+    /// Rational points in general position for typical maps. The first one that is neither a base
+    /// point nor on a contracted curve is taken.
     const POINTS: [[i64; 2]; 6] = [[2, 3], [-3, 5], [5, -7], [7, 4], [-11, 6], [13, -9]];
     let mut found = Vec::new();
     for at in POINTS {
@@ -34,7 +35,7 @@ pub(super) fn transformations(
     Ok(found)
 }
 
-/// The forms that vanish where the image is a given point, of which the coordinate `pivot` is not
+/// Returns the forms that vanish where the image is a given point, whose coordinate `pivot` is not
 /// zero.
 fn planes_through(forms: &[Poly; 4], image: &[RBig; 4], pivot: usize) -> Vec<Poly> {
     let plane = |i: usize| forms[i].scale(&image[pivot]) - forms[pivot].scale(&image[i]);
@@ -42,13 +43,13 @@ fn planes_through(forms: &[Poly; 4], image: &[RBig; 4], pivot: usize) -> Vec<Pol
     planes.filter(|f| !f.is_zero()).collect()
 }
 
-/// Whether homogeneous coordinates are proportional.
+/// Returns true if homogeneous coordinates are proportional.
 fn are_one_point(p: &Point, q: &Point) -> bool {
     (0..3).all(|i| (0..i).all(|j| &p[i] * &q[j] == &p[j] * &q[i]))
 }
 
-/// The other rational points with the image of a rational point; nothing if it is a base point or
-/// on a contracted curve.
+/// Returns the other rational points with the image of a rational point; `None` if that is a base
+/// point or on a contracted curve.
 fn rational_fibre(
     map: &Map,
     at: &Point,
@@ -78,7 +79,7 @@ fn rational_fibre(
     Ok(Some(points))
 }
 
-/// The deck transformation of one point to another one of its fibre, if there is one.
+/// Returns the deck transformation that maps a point to another one of its fibre, if there is one.
 fn transformation(
     map: &Map,
     from: &Point,
@@ -86,7 +87,7 @@ fn transformation(
     control: &Control<'_>,
 ) -> Result<Option<Transformation>, Stopped> {
     let mut degree = 1;
-    // The coefficient that is 1, and all of them.
+    // // Index of the coefficient normalised to 1, and the residues of all.
     let mut known: Option<(usize, Crt)> = None;
     for field in primes().take(PRIMES) {
         control.check()?;
@@ -98,7 +99,7 @@ fn transformation(
             return Ok(None);
         };
         if n > degree {
-            // The primes before were special.
+            // // The primes before were special.
             (degree, known) = (n, None);
         }
         let crt = match &mut known {
@@ -115,7 +116,7 @@ fn transformation(
     Ok(None)
 }
 
-/// The forms of a degree with the coefficients that have some remainders.
+/// Reconstructs the forms of a degree from the residues of their coefficients.
 fn reconstructed(crt: &Crt, degree: usize) -> Option<Transformation> {
     let (numerators, denominator) = crt.rational()?;
     let number = |n| RBig::from_parts(n, denominator.clone());
@@ -129,7 +130,7 @@ fn reconstructed(crt: &Crt, degree: usize) -> Option<Transformation> {
     Some([0, 1, 2].map(form))
 }
 
-/// Whether φ∘σ = φ.
+/// Returns true if φ∘σ = φ.
 fn is_deck(map: &Map, t: &Transformation) -> bool {
     let [forms @ .., w] = map.forms();
     let moved = w.compose(t);
