@@ -1,37 +1,37 @@
-//! A tree of boxes: which boxes meet a given one, and which meet each other.
+//! A bounding volume hierarchy: finds the boxes that meet a given one, and the pairs that meet.
 //!
 //! The boxes are sorted along the Morton curve of their centres; a complete binary tree stands over
-//! runs of [`LEAF`] of them. Building is one sort, the shape of the tree depends on nothing but the
-//! number of boxes, and no pointers are kept.
+//! runs of [`LEAF`] of them. Building takes one sort, the shape of the tree depends only on the
+//! number of boxes, and no pointers are stored.
 
 use isoform_geom::{Aabb, Point3};
 use rayon::prelude::*;
 
 /// Number of boxes in a leaf. Values from 2 to 8 differ by less than a third in time.
 const LEAF: usize = 4;
-/// The largest coordinate in a Morton key: 21 bits, so that three of them fit 64 bits.
+/// Maximum coordinate in a Morton key: 21 bits, so that three of them fit 64 bits.
 const KEY_MAX: u64 = 0x1f_ffff;
 
-/// The tree over an array of boxes.
+/// Bounding volume hierarchy of an array of boxes.
 #[derive(Debug)]
 pub(super) struct BoxTree {
-    /// Indices of the boxes in the order of the curve.
+    /// Indices of the boxes in Morton order.
     order: Vec<u32>,
-    /// The boxes in the order of the curve.
+    /// Boxes in Morton order.
     boxes: Vec<Aabb>,
-    /// The box around each node's boxes: node k has the children 2k and 2k + 1, and the leaves are
-    /// the last `leaves` nodes.
+    /// Bounding box of each node; node k has the children 2k and 2k + 1, and the leaves are the
+    /// last `leaves` nodes.
     nodes: Vec<Aabb>,
     /// Number of leaves, a power of two; the last ones may be empty.
     leaves: usize,
 }
 
-/// Whether two closed boxes have a point in common.
+/// Returns true if two closed boxes have a point in common.
 fn meet(a: &Aabb, b: &Aabb) -> bool {
     (0..3).all(|i| a.lo[i] <= b.hi[i]) && (0..3).all(|i| b.lo[i] <= a.hi[i])
 }
 
-/// The smallest box around two boxes.
+/// Returns the smallest box around two boxes.
 fn join(a: &Aabb, b: &Aabb) -> Aabb {
     Aabb {
         lo: std::array::from_fn(|i| a.lo[i].min(b.lo[i])),
@@ -39,7 +39,7 @@ fn join(a: &Aabb, b: &Aabb) -> Aabb {
     }
 }
 
-/// The lowest 21 bits of `v`, two zeros after each.
+/// Spreads the lowest 21 bits of `v`, two zeros after each.
 fn spread(v: u64) -> u64 {
     let mut x = v & KEY_MAX;
     for (shift, mask) in [
@@ -54,14 +54,14 @@ fn spread(v: u64) -> u64 {
     x
 }
 
-/// Indices of the boxes, sorted along the Morton curve of their centres.
+/// Returns the indices of the boxes in the Morton order of their centres.
 fn morton_order(boxes: &[Aabb]) -> Vec<u32> {
     let centers: Vec<Point3> = boxes.par_iter().map(Aabb::center).collect();
     let all = Aabb::of(&centers);
     let scale = all
         .size()
         .map(|s| if s > 0.0 { KEY_MAX as f64 / s } else { 0.0 });
-    // Clamping to integers makes a valid key of any number, infinite ones too.
+    // The cast saturates, so that any number gives a valid key, infinite ones too.
     let key = |p: &Point3| {
         (0..3).fold(0, |k, i| {
             k | spread(((p[i] - all.lo[i]) * scale[i]) as u64) << i
@@ -77,8 +77,8 @@ fn morton_order(boxes: &[Aabb]) -> Vec<u32> {
 }
 
 impl BoxTree {
-    /// Builds the tree over fewer than 2³² boxes. None may have coordinates that are no numbers;
-    /// an empty box is met by nothing.
+    /// Builds the tree over fewer than 2³² boxes. No coordinate may be NaN; nothing meets an empty
+    /// box.
     pub(super) fn new(boxes: &[Aabb]) -> Self {
         let order = morton_order(boxes);
         let boxes: Vec<Aabb> = order.iter().map(|&i| boxes[i as usize]).collect();
@@ -98,7 +98,7 @@ impl BoxTree {
         }
     }
 
-    /// Visits the leaves whose boxes meet `b`, from the one numbered `from` on, in ascending order.
+    /// Visits the leaves whose boxes meet `b`, from index `from` on, in ascending order.
     fn leaves_meeting(&self, b: &Aabb, from: usize, mut visit: impl FnMut(usize)) {
         let mut stack = [0u32; 72];
         let mut depth = 1;
@@ -122,13 +122,13 @@ impl BoxTree {
         }
     }
 
-    /// Places of the boxes of a leaf in `boxes`.
+    /// Returns the range of a leaf's boxes in `boxes`.
     fn run(&self, leaf: usize) -> std::ops::Range<usize> {
         let from = (leaf * LEAF).min(self.boxes.len());
         from..(from + LEAF).min(self.boxes.len())
     }
 
-    /// Visits the boxes that meet `b`, in an order that depends on nothing but the boxes.
+    /// Visits the boxes that meet `b`, in an order that depends only on the boxes of the tree.
     pub(super) fn query(&self, b: &Aabb, mut visit: impl FnMut(u32)) {
         self.leaves_meeting(b, 0, |leaf| {
             for k in self.run(leaf) {
@@ -139,13 +139,13 @@ impl BoxTree {
         });
     }
 
-    /// Number of leaves, for [`Self::pairs_of_leaf`].
+    /// Returns the number of leaves, for [`Self::pairs_of_leaf`].
     pub(super) fn leaves(&self) -> usize {
         self.boxes.len().div_ceil(LEAF)
     }
 
-    /// Visits the pairs of boxes that meet, one of them in this leaf and the other there or in a
-    /// later one.
+    /// Visits the pairs of boxes that meet, one of them in this leaf and the other in this leaf or
+    /// a later one.
     pub(super) fn pairs_of_leaf(&self, leaf: usize, mut visit: impl FnMut(u32, u32)) {
         let own = self.run(leaf);
         self.leaves_meeting(&self.nodes[self.leaves + leaf], leaf, |other| {

@@ -1,12 +1,12 @@
-//! A solid cut off at a box: the intersection of the solid with six half spaces.
+//! A solid clipped by a box: its intersection with six half-spaces.
 //!
-//! In the representation by functions it is the minimum of the solid's function and of x − x_min,
-//! x_max − x, and so on. A side is linear, so its gradient and its bounds are exact.
+//! Its function is the minimum of the solid's function and of x − x_min, x_max − x, and so on. Each
+//! side is linear, so its gradient and its bounds are exact.
 
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::{Interval, Jet2, Real};
 
-/// The intersection of a solid with a box, whose sides are six more pieces named `cap.x_min` to
+/// Intersection of a solid with a box, whose sides are six additional pieces named `cap.x_min` to
 /// `cap.z_max`.
 ///
 /// ```
@@ -30,22 +30,22 @@ use isoform_num::{Interval, Jet2, Real};
 pub struct Capped<'s> {
     solid: &'s dyn Solid,
     region: Aabb,
-    /// The axes across which its sides cut the solid off.
+    /// True for each axis across which the sides of the box clip the solid.
     axes: [bool; 3],
-    /// The number of pieces of the solid itself.
+    /// Number of pieces of the solid itself.
     n: u32,
     names: Vec<String>,
     tree: Csg,
 }
 
 impl<'s> Capped<'s> {
-    /// The solid cut off at the sides of the region.
+    /// Clips the solid at all sides of the region.
     pub fn new(solid: &'s dyn Solid, region: Aabb) -> Self {
         Self::across(solid, region, [true; 3])
     }
 
-    /// The solid cut off at the sides of the region across some of the axes. Sides across the
-    /// others are pieces, too, that the solid does not depend on.
+    /// Clips the solid at the sides of the region across the axes that are true. Sides across the
+    /// other axes are pieces as well, but the tree does not contain them.
     pub fn across(solid: &'s dyn Solid, region: Aabb, axes: [bool; 3]) -> Self {
         let n = solid.names().len() as u32;
         let sides = ["x_min", "x_max", "y_min", "y_max", "z_min", "z_max"];
@@ -71,8 +71,8 @@ impl<'s> Capped<'s> {
         }
     }
 
-    /// The axis of a side, the sign +1 of its lower or −1 of its upper end, and its coordinate;
-    /// `None` for a piece of the solid.
+    /// Returns the axis of a side, the sign +1 of its lower or −1 of its upper end, and its
+    /// coordinate; `None` for a piece of the solid.
     fn side(&self, piece: u32) -> Option<(usize, f64, f64)> {
         let k = piece.checked_sub(self.n)? as usize;
         let axis = k / 2;
@@ -123,8 +123,8 @@ impl Solid for Capped<'_> {
     fn bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
         for (&piece, out) in which.iter().zip(out) {
             match self.side(piece) {
-                // A difference of two numbers is off by half a unit in the last place: a step
-                // outward on each side holds it.
+                // A difference of two doubles is rounded by at most half a unit in the last place,
+                // so one step outward on each side encloses it.
                 Some((axis, sign, at)) => {
                     let (a, b) = (sign * (region.lo[axis] - at), sign * (region.hi[axis] - at));
                     *out = Interval::new(a.min(b).next_down(), a.max(b).next_up());
@@ -136,7 +136,8 @@ impl Solid for Capped<'_> {
         }
     }
     fn value_bounds(&self, which: &[u32], region: Aabb, out: &mut [Interval]) {
-        // A difference of finite numbers is a number, and that of the ends' holds those between.
+        // A difference of finite numbers is a number, and the differences at the ends enclose those
+        // in between.
         self.bounds(which, region, out);
         for (&piece, out) in which.iter().zip(out) {
             if self.side(piece).is_none() {

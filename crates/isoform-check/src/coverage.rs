@@ -1,4 +1,4 @@
-//! Whether the mesh has edges along the feature curves and nodes at the corners of the solid.
+//! Coverage of the solid's feature curves by edges of the mesh, and of its corners by nodes.
 
 use super::boxes::BoxTree;
 use super::{Defects, Options, Place};
@@ -6,34 +6,34 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, KdTree, Mesh, Point3, distance_squared, dot, norm, sub};
 use rayon::prelude::*;
 
-/// The distance from a curve, as a share of the size of the elements, within which an edge counts
-/// as along it. It has to be larger than the chord error of edges on the curve and smaller than the
-/// distance of the next edges beside it.
+/// Distance from a curve, in element sizes, within which an edge counts as lying along it. It must
+/// exceed the chord error of edges on the curve, and be less than the distance of the neighbouring
+/// edges.
 const NEAR: f64 = 0.15;
 
-/// How much of the features a mesh has.
+/// Coverage of the feature curves and corners by a mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Coverage {
-    /// Length of the curves.
+    /// Total length of the curves, in model units.
     pub length: f64,
-    /// The share of it that has a feature edge of the mesh within [`Self::tolerance`]; 1 if there
-    /// is no curve.
+    /// Share of that length with a feature edge of the mesh within [`Self::tolerance`]; 1 without
+    /// curves.
     pub covered: f64,
-    /// How near edges must be.
+    /// Distance within which edges count as covering a curve, in model units.
     pub tolerance: f64,
-    /// Stretches of curves without an edge: their middles, the value is the length.
+    /// Stretches of curves without an edge: place is the middle, value the length.
     pub uncovered: Defects,
     /// Number of corners.
     pub corners: usize,
-    /// The largest distance of a corner to the next corner node of the mesh, or node of the surface
-    /// if the mesh lists no corners.
+    /// Largest distance of a corner from the nearest corner node of the mesh, or from the nearest
+    /// surface node if the mesh lists no corners.
     pub corner_max: f64,
-    /// Corners without a node as near as the limit; the value is the distance.
+    /// Corners without a node within the limit; the value is the distance.
     pub missed_corners: Defects,
 }
 
 /// Compares the feature edges and corner nodes of the mesh with the curves and corners of the
-/// options. On a stop by `control` some are left out.
+/// options. After a stop by `control` some are left out.
 pub(super) fn measure(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -68,8 +68,8 @@ pub(super) fn measure(
     out
 }
 
-/// The nodes at which corners are looked for: the corners of the mesh, or all nodes of the surface
-/// if it lists none.
+/// Returns the nodes that may cover corners: the corners of the mesh, or all surface nodes if it
+/// lists none.
 fn corner_nodes(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<u32> {
     if !mesh.corners.is_empty() {
         return mesh.corners.clone();
@@ -81,7 +81,7 @@ fn corner_nodes(mesh: &Mesh, triangles: &[[u32; 3]]) -> Vec<u32> {
 }
 
 impl Coverage {
-    /// Looks for a node at each corner.
+    /// Measures the distance of each corner from the nearest node.
     fn look_for_corners(&mut self, mesh: &Mesh, triangles: &[[u32; 3]], options: &Options<'_>) {
         if options.corners.is_empty() {
             return;
@@ -109,22 +109,22 @@ impl Coverage {
     }
 }
 
-/// The feature edges of a mesh, halved at their mid nodes.
+/// Feature edges of a mesh, halved at their mid nodes.
 struct Edges {
-    /// The ends of each half.
+    /// Ends of each half.
     segments: Vec<[Point3; 2]>,
-    /// The tree of the boxes around the segments.
+    /// Tree of the boxes around the segments.
     tree: BoxTree,
 }
 
-/// The part of one curve that has edges.
+/// Covered and uncovered parts of one curve.
 #[derive(Default)]
 struct Stretches {
     /// Length of the curve.
     length: f64,
     /// Length of the part with edges.
     found: f64,
-    /// The stretches without an edge.
+    /// Stretches without an edge.
     uncovered: Defects,
 }
 
@@ -146,7 +146,7 @@ impl Edges {
         }
     }
 
-    /// Whether a segment is no farther from the point than the tolerance.
+    /// Returns true if a segment lies within the tolerance of the point.
     fn is_near(&self, p: Point3, tolerance: f64) -> bool {
         let around = Aabb {
             lo: p.map(|v| v - tolerance),
@@ -159,8 +159,8 @@ impl Edges {
         near
     }
 
-    /// Walks along a curve in steps no longer than the tolerance; each step counts for half by each
-    /// of its ends.
+    /// Walks along a curve in steps no longer than the tolerance; each end of a step decides for
+    /// half of it.
     fn compare(&self, curve: &[Point3], tolerance: f64, room: usize) -> Stretches {
         let mut out = Stretches::default();
         let mut bare = Bare::default();
@@ -194,13 +194,13 @@ impl Edges {
     }
 }
 
-/// The share of a step that counts, half for each end that does.
+/// Returns the share of a step that counts: one half per end that counts.
 fn half_by_each(a: bool, b: bool) -> f64 {
     0.5 * (f64::from(u8::from(a)) + f64::from(u8::from(b)))
 }
 
-/// Number of parts of a step that are no longer than the tolerance, a million at most: a finer
-/// tolerance has no meaning for the curve.
+/// Returns the number of steps, none longer than the tolerance, into which a segment is split; at
+/// most 10⁶, since a finer tolerance is meaningless for the curve.
 fn parts(length: f64, tolerance: f64) -> usize {
     if tolerance > 0.0 {
         (length / tolerance).ceil().clamp(1.0, 1e6) as usize
@@ -209,16 +209,16 @@ fn parts(length: f64, tolerance: f64) -> usize {
     }
 }
 
-/// The present stretch without edges.
+/// Current stretch without edges.
 #[derive(Default)]
 struct Bare {
     points: Vec<Point3>,
-    /// The length of the steps with an end in it.
+    /// Total length of the half steps in it.
     length: f64,
 }
 
 impl Bare {
-    /// Adds the stretch, if it has a point, and begins anew.
+    /// Records the stretch if it has a point, and starts a new one.
     fn end(&mut self, uncovered: &mut Defects, room: usize) {
         if let Some(&at) = self.points.get(self.points.len() / 2) {
             let value = self.length;
@@ -233,7 +233,7 @@ impl Bare {
     }
 }
 
-/// The distance of a point from a segment.
+/// Returns the distance of a point from a segment.
 fn distance_to_segment(p: Point3, [a, b]: [Point3; 2]) -> f64 {
     let e = sub(b, a);
     let s = (dot(sub(p, a), e) / dot(e, e).max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);

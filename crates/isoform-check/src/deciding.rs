@@ -1,24 +1,24 @@
 //! The piece that decides a solid's value, at many points.
 //!
-//! Points are parted by halves of their box, and in each box intervals leave out what cannot decide
-//! there (Duff, Interval arithmetic and recursive subdivision, SIGGRAPH 1992): of a union of many
-//! thousand balls some ten are left for a handful of points. What is left has the value of the
-//! whole tree, bit for bit.
+//! Points are split recursively by halves of their box, and intervals prune the tree in each box
+//! (Duff, Interval arithmetic and recursive subdivision, SIGGRAPH 1992): of a union of thousands of
+//! balls about ten remain for a handful of points. The pruned tree gives the value of the whole
+//! tree, bit for bit.
 
 use isoform_control::Control;
 use isoform_geom::{Aabb, Csg, Point3, Solid};
 use isoform_num::Interval;
 use rayon::prelude::*;
 
-/// Number of points that are asked at once.
+/// Number of points evaluated in one call.
 const TASK: usize = 256;
-/// Points that are not parted any more: to bound a piece costs as much as some ten values.
+/// Number of points that are not split further: bounding a piece costs as much as about ten values.
 const POINTS: usize = 32;
-/// Pieces that are not looked through any more.
+/// Number of pieces that are not pruned further.
 const PIECES: usize = 8;
 
-/// The piece that decides at each point, of equal ones the first in the tree; of points that are
-/// not reached before a stop, any.
+/// Returns the piece that decides at each point, the first in the tree if several do; an arbitrary
+/// one for points not reached before a stop.
 pub(crate) fn deciding_pieces(
     solid: &dyn Solid,
     points: &[Point3],
@@ -37,10 +37,10 @@ pub(crate) fn deciding_pieces(
     out
 }
 
-/// The part of a tree that decides in a box.
+/// Part of a tree that decides in a box.
 struct Room {
     tree: Csg,
-    /// Its pieces, sorted, each once.
+    /// Pieces of the tree, sorted, without duplicates.
     pieces: Vec<u32>,
 }
 
@@ -52,7 +52,7 @@ impl Room {
         Self { tree, pieces }
     }
 
-    /// The place of a piece in the list.
+    /// Returns the position of a piece in the list.
     fn at(&self, piece: u32) -> usize {
         let at = self.pieces.binary_search(&piece);
         at.expect("the pieces are those of the tree")
@@ -66,7 +66,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// The deciding piece of each of some points, in any order.
+    /// Returns pairs of point index and deciding piece for the points in `order`, in any order.
     fn pieces(&self, order: &mut [u32], room: &Room) -> Vec<(u32, u32)> {
         if self.control.is_stopped() {
             return Vec::new();
@@ -85,7 +85,7 @@ impl Search<'_> {
         let half = order.partition_point(|i| place(i)[axis] <= middle[axis]);
         let (lower, upper) = order.split_at_mut(half);
         if lower.is_empty() || upper.is_empty() {
-            // All in one place.
+            // All points coincide.
             let tasks = order.par_chunks(TASK);
             return tasks
                 .flat_map_iter(|task| self.asked(task, &room))
@@ -97,14 +97,15 @@ impl Search<'_> {
         found
     }
 
-    /// What of a room decides in a cell.
+    /// Returns the part of a pruned tree that can decide in a cell.
     fn narrowed(&self, room: &Room, cell: Aabb) -> Room {
         let mut ranges = vec![Interval::ALL; room.pieces.len()];
         self.solid.value_bounds(&room.pieces, cell, &mut ranges);
         Room::of(room.tree.deciding(&|piece| ranges[room.at(piece)]))
     }
 
-    /// The deciding piece of each of some points, from the values of all pieces of a room.
+    /// Returns the deciding piece of each of some points, from the values of all pieces of a pruned
+    /// tree.
     fn asked(&self, task: &[u32], room: &Room) -> Vec<(u32, u32)> {
         let points: Vec<Point3> = task.iter().map(|&i| self.points[i as usize]).collect();
         let mut values = vec![0.0; room.pieces.len() * points.len()];

@@ -1,43 +1,43 @@
-//! Findings: how many there are of a kind, and the places of the first or the worst of them.
+//! Defects: their number by kind, and the places of the first or worst of them.
 
 use isoform_geom::Point3;
 
-/// The place of a finding.
+/// Location of a defect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Place {
-    /// A point at or near the finding.
+    /// Point at or near the defect.
     pub at: Point3,
-    /// The nodes of the vertex, edge, face or element that was found.
+    /// Nodes of the defective vertex, edge, face or element.
     pub nodes: Vec<u32>,
-    /// The elements that have a share in it: triangles or tetrahedra, as the kind says.
+    /// Elements involved: triangles or tetrahedra, depending on the kind of defect.
     pub elements: Vec<u32>,
-    /// The measured value where the kind has one, else 0.
+    /// Measured value; 0 for kinds without one.
     pub value: f64,
 }
 
-/// All findings of one kind: how many, and where the first (or worst) of them are.
+/// All defects of one kind: their number and the places of the first (or worst) of them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Defects {
-    /// Number of findings.
+    /// Number of defects.
     pub count: usize,
-    /// Places of the first findings in the order of the mesh, no more than
+    /// Places of the first defects in the order of the mesh, at most
     /// [`Options::places`](super::Options::places).
     pub places: Vec<Place>,
 }
 
 impl Defects {
-    /// Whether there is none.
+    /// Returns true if there are no defects.
     pub fn is_empty(&self) -> bool {
         self.count == 0
     }
-    /// Counts one, and keeps its place while there is room.
+    /// Counts a defect, and keeps its place if fewer than `room` are kept.
     pub(super) fn add(&mut self, room: usize, place: impl FnOnce() -> Place) {
         self.count += 1;
         if self.places.len() < room {
             self.places.push(place());
         }
     }
-    /// Joins the findings of a later part of the mesh.
+    /// Appends the defects of a later part of the mesh.
     pub(super) fn append(&mut self, room: usize, later: Self) {
         self.count += later.count;
         let free = room.saturating_sub(self.places.len());
@@ -45,7 +45,7 @@ impl Defects {
     }
 }
 
-/// The `room` items with the lowest values; of equal values the earlier item comes first.
+/// The `room` items with the lowest values; the earlier item precedes among equal values.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Lowest {
     /// Value and index of each item, in ascending order.
@@ -53,7 +53,7 @@ pub(super) struct Lowest {
 }
 
 impl Lowest {
-    /// Inserts an item at its place in the order. NaN counts as the lowest value.
+    /// Inserts an item at its position in the order. NaN counts as the lowest value.
     pub(super) fn add(&mut self, room: usize, value: f64, index: u32) {
         let value = if value.is_nan() {
             f64::NEG_INFINITY
@@ -67,7 +67,7 @@ impl Lowest {
         self.items.insert(at, (value, index));
         self.items.truncate(room);
     }
-    /// Joins the findings of a later part of the mesh.
+    /// Adds the items of a later part of the mesh.
     pub(super) fn append(&mut self, room: usize, later: Self) {
         for (value, index) in later.items {
             self.add(room, value, index);

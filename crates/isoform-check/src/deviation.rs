@@ -1,12 +1,11 @@
 //! Distances of a mesh from a solid.
 //!
-//! The distance of a point to the surface of a piece g is the length of two Newton steps p ← p − g
-//! ∇g/|∇g|² (the first order distance, iterated twice). Over the faces the steps go along the
-//! gradient at the centre of the face, the second one with the slope that the first has met, so
-//! that all samples of a face need one gradient and two rounds of values in blocks. The length is
-//! still the distance to a point of the surface, never less than the true distance by more than the
-//! error of the iteration (relatively of the order of the angle that a face subtends to the power
-//! of four).
+//! The distance of a point from the surface of a piece g is the length of two Newton steps p ← p −
+//! g ∇g/|∇g|² (the first-order distance, iterated twice). Over the faces the steps follow the
+//! gradient at the centre of the face, and the second uses the slope measured by the first, so that
+//! all samples of a face need one gradient and two batches of values. The length is still the
+//! distance to a point of the surface, hence never less than the true distance by more than the
+//! error of the iteration (of relative order θ⁴, with θ the angle that the face subtends).
 
 use super::deciding::deciding_pieces;
 use super::stars::blocks;
@@ -18,8 +17,8 @@ use std::collections::HashMap;
 
 /// Number of nodes or triangles in a task.
 const TASK: usize = 256;
-/// Samples of a face, as barycentric coordinates times 3: the centre, the middles of the edges, and
-/// three points between.
+/// Samples of a face, in barycentric coordinates times 3: the centre, the midpoints of the edges,
+/// and three points in between.
 const SAMPLES: [Point3; 7] = [
     [1.0, 1.0, 1.0],
     [1.5, 1.5, 0.0],
@@ -29,38 +28,38 @@ const SAMPLES: [Point3; 7] = [
     [0.5, 2.0, 0.5],
     [0.5, 0.5, 2.0],
 ];
-/// Share of the first value below which the second value must be; else the secant is not trusted,
-/// and the sample gets gradients of its own.
+/// Maximum ratio of the second value to the first; above it the secant is not trusted, and the
+/// sample gets gradients of its own.
 const NEARER: f64 = 0.5;
-/// No piece: a label whose name the solid does not know.
+/// Marker of a label whose name is not a piece of the solid.
 const UNKNOWN: u32 = u32::MAX;
 
-/// Distances of a mesh to a solid, in the units of the model.
+/// Distances of a mesh from a solid, in model units.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Deviation {
-    /// Diagonal of the mesh, which the limits of distances are shares of.
+    /// Diagonal of the mesh, the unit of relative distance limits.
     pub diagonal: f64,
-    /// Nodes of the surface from all the parts that their triangles are labelled with; next to a
-    /// smooth seam from the solid's surface.
+    /// Nodes of the surface, each from all the parts that its triangles are labelled with; next to
+    /// a smooth seam, from the solid's surface.
     pub nodes: Distances,
-    /// Mid nodes of the surface likewise; of a mesh of second order.
+    /// Mid nodes of the surface, likewise; empty unless the mesh is of second order.
     pub mids: Distances,
     /// Nodes and mid nodes of feature edges from both parts of their curves.
     pub curves: Distances,
-    /// Points of the faces (curved ones, of a mesh of second order): the chord error. The mean is
-    /// taken by area.
+    /// Samples of the faces (curved ones in a mesh of second order): the chord error. The mean is
+    /// weighted by area.
     pub faces: Distances,
-    /// Distances of nodes and faces by parts, in the order of the mesh's labels.
+    /// Distances of nodes and faces by part, in the order of the mesh's labels.
     pub parts: Vec<PartDeviation>,
-    /// Nodes on parts that are not the solid's surface there; the value is that of the tree, by
-    /// distances.
+    /// Nodes on parts that do not bound the solid there; the value is that of the tree, evaluated
+    /// on distances.
     pub misclassified: Defects,
-    /// Labels of triangles or curves that the solid does not know.
+    /// Labels of triangles or curves that are not pieces of the solid.
     pub unknown_parts: Vec<String>,
 }
 
 impl Deviation {
-    /// The deviation of a mesh with these labels, before anything is measured.
+    /// Returns an empty deviation for a mesh with these labels.
     fn new(diagonal: f64, labels: &Labels<'_>) -> Self {
         let named = |part: &String| PartDeviation {
             part: part.clone(),
@@ -78,28 +77,28 @@ impl Deviation {
 /// Distances of one part.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PartDeviation {
-    /// Its name.
+    /// Name of the part.
     pub part: String,
-    /// Nodes.
+    /// Distances of its nodes.
     pub nodes: Distances,
-    /// Points of the faces.
+    /// Distances of samples of its faces.
     pub faces: Distances,
 }
 
-/// The distances of some points from a surface.
+/// Statistics of the distances of points from a surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Distances {
     /// Number of points.
     pub count: usize,
-    /// The largest; infinite where there is no way to the surface.
+    /// Largest distance; infinite where the iteration fails.
     pub max: f64,
-    /// The root of their mean square.
+    /// Root mean square distance.
     pub rms: f64,
-    /// Where the largest is.
+    /// Place of the largest distance.
     pub worst: Option<Place>,
 }
 
-/// Sums towards [`Distances`], joined in a fixed order.
+/// Partial sums for [`Distances`], joined in a fixed order.
 #[derive(Default)]
 struct Sums {
     /// Number of points.
@@ -108,9 +107,9 @@ struct Sums {
     weight: f64,
     /// Sum of the weighted squares of the distances.
     squares: f64,
-    /// The largest distance.
+    /// Largest distance.
     max: f64,
-    /// The place of the largest distance.
+    /// Place of the largest distance.
     worst: Option<Place>,
 }
 
@@ -135,7 +134,7 @@ impl Sums {
             );
         }
     }
-    /// Joins the sums over later points.
+    /// Adds the sums over later points.
     fn append(&mut self, later: &Self) {
         self.count += later.count;
         self.weight += later.weight;
@@ -144,7 +143,7 @@ impl Sums {
             (self.max, self.worst) = (later.max, later.worst.clone());
         }
     }
-    /// The distances that were summed.
+    /// Returns the statistics of the distances added so far.
     fn distances(self) -> Distances {
         let rms = if self.weight > 0.0 {
             (self.squares / self.weight).sqrt()
@@ -160,7 +159,8 @@ impl Sums {
     }
 }
 
-/// Distances of the surface's triangles to the solid. On a stop by `control` some are left out.
+/// Measures the distances of the surface's triangles from the solid. After a stop by `control` some
+/// are left out.
 pub(super) fn measure(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -185,7 +185,7 @@ pub(super) fn measure(
         let mids = labelled_nodes(&mesh.triangle_mids, &labels.of_triangles);
         out.mids = joined(compared.nodes(&mids), |_, _| {});
     }
-    // Feature edges are on both of their parts, whatever the angle.
+    // Feature edges lie on both of their parts, whatever the angle between these.
     let on_curves = Compared {
         enough: f64::INFINITY,
         ..compared
@@ -196,21 +196,21 @@ pub(super) fn measure(
     out
 }
 
-/// The labels of the triangles, and the pieces of the solid that they mean.
+/// Labels of the triangles, and the pieces of the solid that they denote.
 struct Labels<'c> {
-    /// The name of each label.
+    /// Name of each label.
     names: Vec<String>,
-    /// The piece of each label, or [`UNKNOWN`].
+    /// Piece of each label, or [`UNKNOWN`].
     pieces: Vec<u32>,
-    /// The label of each triangle.
+    /// Label of each triangle.
     of_triangles: Vec<u32>,
-    /// The names of labels in use that are no pieces of the solid.
+    /// Names of labels in use that are not pieces of the solid.
     unknown: Vec<String>,
     control: &'c Control<'c>,
 }
 
 impl<'c> Labels<'c> {
-    /// The labels of the mesh, or labels by place if it has none.
+    /// Takes the labels of the mesh, or assigns labels by position if it has none.
     fn new(
         mesh: &Mesh,
         triangles: &[[u32; 3]],
@@ -224,8 +224,7 @@ impl<'c> Labels<'c> {
         }
     }
 
-    /// The pieces of the solid; each triangle is labelled with the piece that decides at its
-    /// centre.
+    /// Labels each triangle with the piece of the solid that decides at its centre.
     fn by_place(
         mesh: &Mesh,
         triangles: &[[u32; 3]],
@@ -242,7 +241,7 @@ impl<'c> Labels<'c> {
         }
     }
 
-    /// The labels of the mesh, found among the solid's pieces by name.
+    /// Matches the labels of the mesh to the solid's pieces by name.
     fn by_name(mesh: &Mesh, solid: &dyn Solid, control: &'c Control<'c>) -> Self {
         let names = solid.names().iter().zip(0..);
         let known: HashMap<&str, u32> = names.map(|(n, piece)| (n.as_str(), piece)).collect();
@@ -267,7 +266,7 @@ impl<'c> Labels<'c> {
     }
 }
 
-/// The piece that decides, by distances, at the centre of each triangle.
+/// Returns the piece that decides at the centre of each triangle, by distances.
 fn deciding(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -291,14 +290,14 @@ fn deciding(
         .collect()
 }
 
-/// The first order distance to a piece, with the sign of its value.
+/// Returns the first-order distance to a piece, with the sign of its value.
 fn signed_distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let (v, g) = solid.gradient(piece, p);
     if v == 0.0 { 0.0 } else { v / norm(g) }
 }
 
-/// All different pairs of label and node, sorted; `nodes` are the corners or the mid nodes of
-/// triangles.
+/// Returns all distinct pairs of label and node, sorted; `nodes` are the corners or the mid nodes
+/// of triangles.
 fn labelled_nodes(nodes: &[[u32; 3]], labels: &[u32]) -> Vec<(u32, u32)> {
     let mut pairs: Vec<(u32, u32)> = nodes
         .iter()
@@ -310,7 +309,7 @@ fn labelled_nodes(nodes: &[[u32; 3]], labels: &[u32]) -> Vec<(u32, u32)> {
     pairs
 }
 
-/// All different pairs of label and node on feature edges, sorted.
+/// Returns all distinct pairs of label and node on feature edges, sorted.
 fn curve_nodes(mesh: &Mesh) -> Vec<(u32, u32)> {
     let mut pairs = Vec::new();
     for (k, &curve) in mesh.edge_curves.iter().enumerate() {
@@ -328,7 +327,7 @@ fn curve_nodes(mesh: &Mesh) -> Vec<(u32, u32)> {
     pairs
 }
 
-/// The distances of all labels together; `each` takes the distances of one label.
+/// Returns the statistics over all labels, and passes those of each label to `each`.
 fn joined(by_label: Vec<(u32, Sums)>, mut each: impl FnMut(usize, Distances)) -> Distances {
     let mut all = Sums::default();
     for (label, sums) in by_label {
@@ -338,7 +337,7 @@ fn joined(by_label: Vec<(u32, Sums)>, mut each: impl FnMut(usize, Distances)) ->
     all.distances()
 }
 
-/// The distance to the surface of a piece: the length of two Newton steps.
+/// Returns the distance to the surface of a piece: the length of two Newton steps.
 fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
     let mut q = p;
     for _ in 0..2 {
@@ -354,12 +353,12 @@ fn distance(solid: &dyn Solid, piece: u32, p: Point3) -> f64 {
 }
 
 /// Cosine of the largest angle, 20 degrees, between two pieces that count as one smooth surface:
-/// next to the seam of pieces that touch tangentially a node of a face may lie on the neighbouring
-/// piece. At half an edge from the seam the angle is the turn of an edge.
+/// next to the seam of pieces that touch tangentially, a node of a face may lie on the neighbouring
+/// piece. Half an edge away from the seam, the angle is about that subtended by an edge.
 const SMOOTH: f64 = 0.94;
 
-/// Distance of a node to its piece; where the solid's surface is another piece and both make one
-/// smooth surface, the lesser of the two distances.
+/// Returns the distance of a node from its piece; where another piece bounds the solid and forms
+/// one smooth surface with it, the lesser of both distances.
 fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     let d = distance(solid, piece, p);
     if d <= enough {
@@ -376,7 +375,7 @@ fn node_distance(solid: &dyn Solid, piece: u32, p: Point3, enough: f64) -> f64 {
     }
 }
 
-/// Works on items sorted by label in chunks of one label, with the label's piece.
+/// Applies `work` to chunks of items with one label, given sorted by label, and that label's piece.
 fn by_label<T: Sync>(
     items: &[T],
     label: impl Fn(&T) -> u32,
@@ -398,7 +397,7 @@ fn by_label<T: Sync>(
     joined_by_label(done)
 }
 
-/// Joins the sums of chunks that stand together and have one label.
+/// Joins the sums of consecutive chunks with one label.
 fn joined_by_label(chunks: Vec<(u32, Sums)>) -> Vec<(u32, Sums)> {
     let mut out: Vec<(u32, Sums)> = Vec::new();
     for (label, sums) in chunks {
@@ -417,22 +416,22 @@ struct Compared<'m> {
     triangles: &'m [[u32; 3]],
     solid: &'m dyn Solid,
     labels: &'m Labels<'m>,
-    /// The distance of nodes that is acceptable.
+    /// Acceptable distance of nodes, in model units; alternatives are tried only above it.
     enough: f64,
 }
 
-/// Samples of faces of one piece, with the directions in which the piece is approached.
+/// Samples of faces of one piece, with their Newton steps.
 struct Approach {
     samples: Vec<Point3>,
     /// ∇g/|∇g|² at the centre of each face.
     normals: Vec<Point3>,
-    /// The values at the samples, and where the first step leads.
+    /// Values at the samples, and at the points reached by the first step.
     values: [Vec<f64>; 2],
 }
 
 impl Compared<'_> {
-    /// Distances of nodes to the parts they are labelled with, by labels. The pairs are sorted;
-    /// pairs with unknown labels are left out.
+    /// Measures the distances of nodes from the parts they are labelled with, by label. The pairs
+    /// must be sorted; pairs with unknown labels are left out.
     fn nodes(&self, pairs: &[(u32, u32)]) -> Vec<(u32, Sums)> {
         let distances = |piece: u32, chunk: &[(u32, u32)]| {
             let mut sums = Sums::default();
@@ -450,7 +449,7 @@ impl Compared<'_> {
         by_label(pairs, |pair| pair.0, self.labels, distances)
     }
 
-    /// Distances of samples of the faces to their parts, by labels.
+    /// Measures the distances of samples of the faces from their parts, by label.
     fn faces(&self) -> Vec<(u32, Sums)> {
         let labels = self.labels.of_triangles.iter().enumerate();
         let mut order: Vec<(u32, u32)> = labels.map(|(k, &label)| (label, k as u32)).collect();
@@ -459,7 +458,7 @@ impl Compared<'_> {
         by_label(&order, |item| item.0, self.labels, distances)
     }
 
-    /// Distances of samples of faces, given with their label, to a piece.
+    /// Measures the distances of samples of faces, given with their label, from a piece.
     fn distances_of_faces(&self, piece: u32, faces: &[(u32, u32)]) -> Sums {
         let approach = self.approach(piece, faces);
         let mut sums = Sums::default();
@@ -481,7 +480,7 @@ impl Compared<'_> {
         sums
     }
 
-    /// The two rounds of values at samples of faces.
+    /// Evaluates a piece at samples of faces and after one step of each.
     fn approach(&self, piece: u32, faces: &[(u32, u32)]) -> Approach {
         let samples: Vec<Point3> = faces
             .iter()
@@ -508,11 +507,12 @@ impl Compared<'_> {
         }
     }
 
-    /// Surface nodes where the tree, by distances, is farther from zero than the limit.
+    /// Finds the surface nodes where the value of the tree, evaluated on distances, exceeds the
+    /// limit.
     ///
-    /// The values of the pieces need not be distances, so the piece that decides by values is asked
-    /// for its distance first; only where that is too much are the distances of all pieces put into
-    /// the tree.
+    /// Values of pieces are not distances in general. The piece that decides by values is therefore
+    /// measured first; only if it is too far away is the tree evaluated on the distances of all
+    /// pieces.
     fn misclassified(&self, pairs: &[(u32, u32)], room: usize) -> Defects {
         let mut nodes: Vec<u32> = pairs.iter().map(|pair| pair.1).collect();
         nodes.par_sort_unstable();
@@ -532,8 +532,8 @@ impl Compared<'_> {
         all
     }
 
-    /// The misclassified nodes among some, in their order, each with the piece that decides by
-    /// values.
+    /// Finds the misclassified nodes among some, in their order, each given with the piece that
+    /// decides by values.
     fn misclassified_among(&self, nodes: &[u32], deciding: &[u32], room: usize) -> Defects {
         let solid = self.solid;
         let mut defects = Defects::default();
@@ -557,8 +557,8 @@ impl Compared<'_> {
 }
 
 impl Approach {
-    /// The distance of a sample by the secant through both values; `None` where the first step has
-    /// not got near, so that the sample needs gradients of its own.
+    /// Returns the distance of a sample by the secant through both values; `None` if the first step
+    /// did not come near enough, so that the sample needs gradients of its own.
     fn distance(&self, i: usize) -> Option<f64> {
         let [v, w] = [&self.values[0], &self.values[1]].map(|values| values[i]);
         if v == 0.0 {
@@ -571,7 +571,7 @@ impl Approach {
     }
 }
 
-/// The sample points of a triangle, flat or curved.
+/// Returns the sample points of a triangle, flat or curved.
 fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
     let p = triangles[k].map(|i| mesh.points[i as usize]);
     let mids = mesh
@@ -587,8 +587,8 @@ fn samples(mesh: &Mesh, triangles: &[[u32; 3]], k: usize) -> [Point3; 7] {
     })
 }
 
-/// The point of a triangle of second order at the barycentric coordinates λ: X = Σ λᵢ(2λᵢ − 1)Pᵢ +
-/// 4 Σ λₐλᵦMₐᵦ.
+/// Returns the point of a triangle of second order at the barycentric coordinates λ: X = Σ λᵢ(2λᵢ −
+/// 1)Pᵢ + 4 Σ λₐλᵦMₐᵦ.
 fn curved_point(p: [Point3; 3], m: [Point3; 3], l: Point3) -> Point3 {
     std::array::from_fn(|i| {
         let corners: f64 = (0..3).map(|c| l[c] * (2.0 * l[c] - 1.0) * p[c][i]).sum();

@@ -1,4 +1,4 @@
-//! The shape of the elements: angles, ratios, lengths, and the Jacobian of curved tetrahedra.
+//! Shape of the elements: angles, ratios, edge lengths, and the Jacobian of curved tetrahedra.
 
 use super::defects::Lowest;
 use super::stars::blocks;
@@ -9,11 +9,12 @@ use rayon::prelude::*;
 
 /// Number of elements in a task.
 const TASK: usize = 4096;
-/// The distance of a mid node from the middle of its edge, as a share of the edge, up to which the
-/// edge counts as straight. It only saves time: the Jacobian of a straight tetrahedron is constant,
-/// and that of a nearly straight one varies by a share of this order.
+/// Distance of a mid node from the midpoint of its edge, in lengths of the edge, up to which the
+/// edge counts as straight. This only saves time: the Jacobian of a straight tetrahedron is
+/// constant, and that of a nearly straight one varies by a share of this order.
 const STRAIGHT: f64 = 1e-12;
-/// Samples of the Jacobian: (λ₁, λ₂, λ₃) of the corners, the middles of the edges, and the centre.
+/// Samples of the Jacobian: (λ₁, λ₂, λ₃) of the corners, the midpoints of the edges, and the
+/// centre.
 #[rustfmt::skip]
 const SAMPLES: [Point3; 11] = [
     [0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0],
@@ -21,14 +22,14 @@ const SAMPLES: [Point3; 11] = [
     [0.25, 0.25, 0.25],
 ];
 
-/// Edge lengths; each edge counts once for every element that has it.
+/// Edge lengths; each edge counts once per element that has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lengths {
-    /// Shortest.
+    /// Shortest edge.
     pub min: f64,
-    /// Mean.
+    /// Mean length.
     pub mean: f64,
-    /// Longest.
+    /// Longest edge.
     pub max: f64,
 }
 
@@ -39,23 +40,23 @@ pub struct TriangleQuality {
     pub angle_min: f64,
     /// Largest angle, in degrees.
     pub angle_max: f64,
-    /// Longest edge times half the perimeter over 2√3 times the area, at worst: 1 for a regular
+    /// Largest aspect ratio: longest edge × half the perimeter / (2√3 × area); 1 for a regular
     /// triangle.
     pub aspect_max: f64,
     /// Edge lengths.
     pub edges: Lengths,
-    /// The triangles with the smallest angles; the value is the angle in degrees.
+    /// Triangles with the smallest angles; the value is the angle in degrees.
     pub worst: Vec<Place>,
 }
 
-/// Shape of the tetrahedra, of their corners.
+/// Shape of the tetrahedra, with straight edges between their corners.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TetQuality {
     /// Smallest dihedral angle, in degrees.
     pub dihedral_min: f64,
     /// Largest dihedral angle, in degrees.
     pub dihedral_max: f64,
-    /// How many dihedral angles lie in each ten degrees: [0, 10), [10, 20), … [170, 180].
+    /// Number of dihedral angles in each ten degrees: [0, 10), [10, 20), … [170, 180].
     pub histogram: [u64; 18],
     /// Smallest biased minimum sine of the dihedral angles, see [`Shape::biased_minimum_sine`].
     pub biased_sine_min: f64,
@@ -65,35 +66,35 @@ pub struct TetQuality {
     pub radius_ratio_min: f64,
     /// Mean radius ratio.
     pub radius_ratio_mean: f64,
-    /// Largest aspect, see [`Shape::aspect`].
+    /// Largest aspect ratio, see [`Shape::aspect`].
     pub aspect_max: f64,
     /// Edge lengths.
     pub edges: Lengths,
-    /// The tetrahedra with the smallest biased minimum sines; the value is that sine.
+    /// Tetrahedra with the smallest biased minimum sines; the value is that sine.
     pub worst: Vec<Place>,
 }
 
-/// The Jacobian of tetrahedra with mid nodes.
+/// Jacobians of tetrahedra with mid nodes.
 ///
-/// It is a cubic polynomial. Scaled values are divided by its largest absolute value at the eleven
-/// samples (corners, middles of edges, centre).
+/// The Jacobian is a cubic polynomial. Scaled values are divided by its largest absolute value at
+/// the eleven samples (corners, midpoints of edges, centre).
 #[derive(Clone, Debug, PartialEq)]
 pub struct CurvedQuality {
-    /// Number of tetrahedra that are not straight.
+    /// Number of tetrahedra with curved edges.
     pub curved: usize,
     /// Smallest scaled Jacobian at the samples.
     pub scaled_jacobian_min: f64,
     /// Tetrahedra with a Jacobian ≤ 0 at a sample; the value is the scaled Jacobian.
     pub negative: Defects,
-    /// Tetrahedra positive at all samples, but with a coefficient ≤ 0 in the Bernstein form of the
-    /// Jacobian: not proved to be positive everywhere (Johnen, Remacle and Geuzaine, 2013,
-    /// "Geometrical Validity of Curvilinear Finite Elements").
+    /// Tetrahedra that are positive at all samples, but with a coefficient ≤ 0 in the Bernstein
+    /// form of the Jacobian, so that they are not proved positive everywhere (Johnen, Remacle and
+    /// Geuzaine, 2013, "Geometrical Validity of Curvilinear Finite Elements").
     pub unproved: Defects,
-    /// The tetrahedra with the smallest scaled Jacobians; the value is that.
+    /// Tetrahedra with the smallest scaled Jacobians, which are their values.
     pub worst: Vec<Place>,
 }
 
-/// Smallest value, sum and largest value.
+/// Minimum, sum and maximum of values.
 #[derive(Clone, Copy)]
 struct Range {
     min: f64,
@@ -102,7 +103,7 @@ struct Range {
 }
 
 impl Range {
-    /// Of no values.
+    /// Range without values.
     const EMPTY: Self = Self {
         min: f64::INFINITY,
         sum: 0.0,
@@ -114,7 +115,7 @@ impl Range {
         self.sum += value;
         self.max = self.max.max(value);
     }
-    /// Joins later values.
+    /// Adds the range of later values.
     fn append(&mut self, later: Self) {
         self.min = self.min.min(later.min);
         self.sum += later.sum;
@@ -122,7 +123,7 @@ impl Range {
     }
 }
 
-/// Sums over elements, joined in the order of the mesh.
+/// Partial sums over elements, joined in the order of the mesh.
 struct Sums {
     /// Number of elements.
     elements: usize,
@@ -134,16 +135,16 @@ struct Sums {
     sine: Range,
     /// Radius ratios.
     ratio: Range,
-    /// Aspects.
+    /// Aspect ratios.
     aspect: Range,
-    /// Lengths of edges.
+    /// Edge lengths.
     edge: Range,
-    /// The elements with the lowest values.
+    /// Elements with the lowest values.
     worst: Lowest,
 }
 
 impl Sums {
-    /// The sums over no elements.
+    /// Returns the sums over zero elements.
     fn new() -> Self {
         Self {
             elements: 0,
@@ -156,7 +157,7 @@ impl Sums {
             worst: Lowest::default(),
         }
     }
-    /// Joins the sums over later elements.
+    /// Adds the sums over later elements.
     fn append(&mut self, room: usize, later: Self) {
         let Self {
             elements,
@@ -179,7 +180,7 @@ impl Sums {
         self.edge.append(edge);
         self.worst.append(room, worst);
     }
-    /// The edge lengths of elements with `edges` edges each.
+    /// Returns the edge lengths of elements with `edges` edges each.
     fn lengths(&self, edges: usize) -> Lengths {
         Lengths {
             min: self.edge.min,
@@ -189,7 +190,7 @@ impl Sums {
     }
 }
 
-/// Sums over `n` elements.
+/// Sums `one` over `n` elements, in parallel.
 fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
     let parts: Vec<Sums> = blocks(n, TASK)
         .into_par_iter()
@@ -207,12 +208,13 @@ fn sums(n: usize, room: usize, one: impl Fn(&mut Sums, usize) + Sync) -> Sums {
     all
 }
 
-/// The mean of some points.
+/// Returns the mean of points.
 fn middle<const N: usize>(p: [Point3; N]) -> Point3 {
     std::array::from_fn(|i| p.iter().map(|p| p[i]).sum::<f64>() / N as f64)
 }
 
-/// The places of the worst elements; `value` turns the sorted value into the reported one.
+/// Returns the places of the worst elements; `value` converts the sorting key into the reported
+/// value.
 fn places<const N: usize>(
     worst: &Lowest,
     points: &[Point3],
@@ -231,7 +233,7 @@ fn places<const N: usize>(
     worst.items.iter().map(place).collect()
 }
 
-/// Lengths of the edges of a triangle.
+/// Returns the lengths of the edges of a triangle.
 #[inline]
 fn edge_lengths(p: [Point3; 3]) -> [f64; 3] {
     [
@@ -260,7 +262,8 @@ impl Sums {
         self.worst.add(room, -high, k);
     }
 
-    /// Adds the shape of a tetrahedron; `bounds` are the limits of the bins, as cosines.
+    /// Adds the shape of a tetrahedron; `bounds` are the limits of the histogram's bins, as
+    /// cosines.
     fn add_tetrahedron(&mut self, room: usize, k: u32, shape: &Shape, bounds: &[f64; 17]) {
         let (cosines, sines) = (cosines(shape), sines(shape));
         let mut worst = f64::INFINITY;
@@ -280,7 +283,7 @@ impl Sums {
     }
 }
 
-/// Shape of the triangles; `None` if there are none.
+/// Measures the shape of the triangles; `None` without triangles.
 pub(super) fn triangles(
     points: &[Point3],
     triangles: &[[u32; 3]],
@@ -299,7 +302,7 @@ pub(super) fn triangles(
     })
 }
 
-/// Shape of the tetrahedra; `None` if there are none.
+/// Measures the shape of the tetrahedra; `None` without tetrahedra.
 pub(super) fn tets(
     points: &[Point3],
     tets: &[[u32; 4]],
@@ -326,10 +329,10 @@ pub(super) fn tets(
     })
 }
 
-/// The Jacobian's columns at the corners; between them they are linear.
+/// Returns the columns of the Jacobian matrix at the four corners, between which they are linear.
 ///
 /// With X = Σ λᵢ(2λᵢ − 1)Pᵢ + 4 Σ λₐλᵦMₐᵦ, the derivative by λᵢ at corner c is 3P꜀ for i = c and
-/// 4Mᵢ꜀ − Pᵢ else; the columns are the differences from that by λ₀.
+/// 4Mᵢ꜀ − Pᵢ otherwise; the columns are its differences from the derivative by λ₀.
 fn columns(p: [Point3; 4], m: [Point3; 6]) -> [[Point3; 3]; 4] {
     let o = p[0];
     let (p, m) = (p.map(|x| sub(x, o)), m.map(|x| sub(x, o)));
@@ -344,12 +347,12 @@ fn columns(p: [Point3; 4], m: [Point3; 6]) -> [[Point3; 3]; 4] {
     g.map(|g| [1, 2, 3].map(|k| sub(g[k], g[0])))
 }
 
-/// The determinant of three columns.
+/// Returns the determinant of three columns.
 fn determinant([a, b, c]: [Point3; 3]) -> f64 {
     dot(a, cross(b, c))
 }
 
-/// Smallest and largest absolute value of the Jacobian at the samples.
+/// Returns the minimum and the largest absolute value of the Jacobian at the samples.
 fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
     let (mut least, mut size) = (f64::INFINITY, 0.0f64);
     for [r, s, t] in SAMPLES {
@@ -363,9 +366,9 @@ fn sampled(columns: &[[Point3; 3]; 4]) -> (f64, f64) {
     (least, size)
 }
 
-/// Smallest Bernstein coefficient of the Jacobian: det Σ λ… is trilinear in the corners of its
-/// columns, so that each coefficient is the mean of the determinants over the orders of its three
-/// corners.
+/// Returns the smallest Bernstein coefficient of the Jacobian. Since det Σ λ… is trilinear in the
+/// corners of its columns, each coefficient is the mean of the determinants over the orders of its
+/// three corners.
 fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
     let det =
         |i: usize, j: usize, k: usize| determinant([columns[i][0], columns[j][1], columns[k][2]]);
@@ -386,7 +389,7 @@ fn bernstein_min(columns: &[[Point3; 3]; 4]) -> f64 {
     least
 }
 
-/// The Jacobian of tetrahedra with mid nodes; `None` if there are none.
+/// Measures the Jacobians of tetrahedra with mid nodes; `None` if the mesh has none.
 pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality> {
     let room = options.places;
     if mesh.tet_mids.is_empty() {
@@ -412,7 +415,7 @@ pub(super) fn curved(mesh: &Mesh, options: &Options<'_>) -> Option<CurvedQuality
     Some(all)
 }
 
-/// Whether all mid nodes are in the middles of their edges.
+/// Returns true if all mid nodes are the midpoints of their edges.
 fn is_straight(p: [Point3; 4], m: [Point3; 6]) -> bool {
     TET_EDGES.iter().zip(m).all(|(&[a, b], m)| {
         distance_squared(middle([p[a], p[b]]), m)
@@ -421,7 +424,7 @@ fn is_straight(p: [Point3; 4], m: [Point3; 6]) -> bool {
 }
 
 impl CurvedQuality {
-    /// Joins the counts and defects of later tetrahedra.
+    /// Adds the counts and defects of later tetrahedra.
     fn append(&mut self, room: usize, later: Self) {
         self.curved += later.curved;
         self.scaled_jacobian_min = self.scaled_jacobian_min.min(later.scaled_jacobian_min);
@@ -429,7 +432,7 @@ impl CurvedQuality {
         self.unproved.append(room, later.unproved);
     }
 
-    /// The quality of no tetrahedra.
+    /// Returns the quality of an empty set of tetrahedra.
     fn none() -> Self {
         Self {
             curved: 0,
@@ -440,7 +443,7 @@ impl CurvedQuality {
         }
     }
 
-    /// Adds a tetrahedron, if it is not straight.
+    /// Adds a tetrahedron, unless it is straight and positive.
     fn add(&mut self, mesh: &Mesh, k: usize, room: usize, worst: &mut Lowest) {
         let t = mesh.tets[k];
         let p = t.map(|i| mesh.points[i as usize]);

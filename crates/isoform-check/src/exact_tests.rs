@@ -1,5 +1,5 @@
-//! Against a reference in rational arithmetic: one triangle clipped by the other, in another way
-//! than the code under test.
+//! Tests of the exact predicates against a reference in rational arithmetic, which clips one
+//! triangle by the other.
 
 use super::*;
 use proptest::prelude::*;
@@ -28,7 +28,7 @@ fn minus(a: [i128; 3], b: [i128; 3]) -> [i128; 3] {
     [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
-/// The part of a convex polygon (also a segment or a point) where n · x ≥ n · o.
+/// Returns the part of a convex polygon (also a segment or a point) where n · x ≥ n · o.
 fn clip(polygon: &[Rational], n: [i128; 3], o: [i128; 3]) -> Vec<Rational> {
     let height = |p: &Rational| (0..3).map(|i| n[i] * (p[i] - o[i] * p[3])).sum::<i128>();
     let mut out = Vec::new();
@@ -39,7 +39,7 @@ fn clip(polygon: &[Rational], n: [i128; 3], o: [i128; 3]) -> Vec<Rational> {
             out.push(*p);
         }
         if s.signum() * t.signum() < 0 {
-            // p/w₀ and q/w₁ with the heights s/w₀ and t/w₁: the point of height 0 is (t p − s q)/(t
+            // p/w₀ and q/w₁ have the heights s/w₀ and t/w₁; the point of height 0 is (t p − s q)/(t
             // w₀ − s w₁).
             out.push(lowest(std::array::from_fn(|k| t * p[k] - s * q[k])));
         }
@@ -47,7 +47,7 @@ fn clip(polygon: &[Rational], n: [i128; 3], o: [i128; 3]) -> Vec<Rational> {
     out
 }
 
-/// All corners of the intersection of two triangles.
+/// Returns all corners of the intersection of two triangles.
 fn intersection(a: [[i128; 3]; 3], b: [[i128; 3]; 3]) -> Vec<Rational> {
     let mut polygon: Vec<Rational> = a.iter().map(|p| [p[0], p[1], p[2], 1]).collect();
     let n = cross_i(minus(b[1], b[0]), minus(b[2], b[0]));
@@ -59,7 +59,7 @@ fn intersection(a: [[i128; 3]; 3], b: [[i128; 3]; 3]) -> Vec<Rational> {
     polygon
 }
 
-/// Whether the triangles have a point in common that is not on what they share by index.
+/// Returns true if the triangles have a common point outside of what they share by index.
 fn reference(points: &[[i128; 3]], a: [u32; 3], b: [u32; 3]) -> bool {
     let at = |t: [u32; 3]| t.map(|i| points[i as usize]);
     let shared: Vec<[i128; 3]> = a
@@ -82,8 +82,8 @@ fn doubles(points: &[[i128; 3]]) -> Vec<Point3> {
     points.iter().map(|p| p.map(|v| v as f64)).collect()
 }
 
-/// Six nodes on a small grid, and two triangles over them with none, one or two corners in common,
-/// in any order.
+/// Generates six nodes on a small grid, and two triangles over them with zero, one or two corners
+/// in common, in any order.
 fn two_triangles(size: i128) -> impl Strategy<Value = (Vec<[i128; 3]>, [u32; 3], [u32; 3])> {
     let second = prop::sample::select(vec![[3u32, 4, 5], [0, 3, 4], [0, 1, 3]]);
     let order = || Just([0usize, 1, 2]).prop_shuffle();
@@ -115,7 +115,7 @@ fn agree(points: &[[i128; 3]], a: [u32; 3], b: [u32; 3]) -> Result<(), TestCaseE
 proptest! {
     #![proptest_config(ProptestConfig { cases: 20_000, ..ProptestConfig::default() })]
 
-    /// So small that nearly all cases are degenerate.
+    /// Uses a grid so small that nearly all cases are degenerate.
     #[test]
     fn on_the_smallest_grid((points, a, b) in two_triangles(2)) {
         agree(&points, a, b)?;
@@ -128,7 +128,8 @@ proptest! {
     fn on_a_larger_grid((points, a, b) in two_triangles(40)) {
         agree(&points, a, b)?;
     }
-    /// In one slanted plane: x + 2y + 3z = 0 by the lattice vectors (2, −1, 0) and (1, 1, −1).
+    /// Uses one slanted plane: x + 2y + 3z = 0, spanned by the lattice vectors (2, −1, 0) and (1,
+    /// 1, −1).
     #[test]
     fn in_one_plane((points, a, b) in two_triangles(5)) {
         let flat: Vec<_> = points.iter().map(|p| [2 * p[0] + p[1], p[1] - p[0], -p[1]]).collect();
@@ -136,7 +137,7 @@ proptest! {
     }
 }
 
-/// Wholly inside the other one in its plane: no edges cross.
+/// Tests a triangle inside another one in its plane, where no edges cross.
 #[test]
 fn one_within_the_other() {
     let points = [
@@ -152,8 +153,7 @@ fn one_within_the_other() {
     }
 }
 
-/// The same where rounding would decide: grids moved to coordinates whose differences are tiny
-/// beside them.
+/// Tests grids so far from the origin that rounding would decide.
 #[test]
 fn far_from_the_origin() {
     let mut random = 1u64;
@@ -194,10 +194,10 @@ fn far_from_the_origin() {
     assert!(hits > 500 && misses > 500, "{hits} {misses}");
 }
 
-/// The quick answers say "apart" only, and often enough to be worth their time.
+/// Checks that the quick tests separate most triangles around a node.
 #[test]
 fn quick_answers_for_neighbours() {
-    // Six triangles around a node, in a plane that no double lies in exactly.
+    // Six triangles around a node, in a plane that contains no double exactly.
     let ring: Vec<Point3> = (0..6)
         .map(|k| {
             let (s, c) = (f64::from(k) * 1.047).sin_cos();

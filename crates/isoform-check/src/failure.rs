@@ -1,29 +1,30 @@
-//! The failures of a certificate: findings that no mesh may have, and measures beyond their limits.
+//! Failures of a certificate: defects that no mesh may have, and measures beyond their limits.
 
 use super::{Certificate, Defects, Distances, Place};
 
-/// Something that is not acceptable.
+/// A defect, or a measure beyond its limit.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct Failure {
-    /// The kind, in words with hyphens; a kind keeps its name from version to version.
+    /// Kind of failure, as hyphenated words; codes are stable between versions.
     pub code: &'static str,
-    /// The failure in a sentence.
+    /// Description of the failure.
     pub message: String,
-    /// How many findings of the kind there are.
+    /// Number of defects of the kind.
     pub count: usize,
-    /// Where the first or worst is, if it has a place.
+    /// Place of the first or worst defect; `None` if the failure is not local.
     pub place: Option<Place>,
-    /// Where others are, as many as were kept.
+    /// Further places, as many as were kept.
     pub others: Vec<Place>,
 }
 
-/// Collects failures.
+/// Collector of failures.
 #[derive(Default)]
 struct List(Vec<Failure>);
 
 impl List {
-    /// Any finding of the kind is a failure; `one` and `many` say what, after the number.
+    /// Adds a failure if there is any defect of the kind; `one` and `many` name it after the
+    /// number.
     fn none(&mut self, code: &'static str, defects: &Defects, one: &str, many: &str) {
         if defects.count > 0 {
             let message = format!(
@@ -50,7 +51,7 @@ impl List {
             others: Vec::new(),
         });
     }
-    /// A measure that must be at least `limit`; NaN is a failure.
+    /// Adds a failure if a measure is below `limit` or NaN.
     fn at_least(
         &mut self,
         code: &'static str,
@@ -67,7 +68,7 @@ impl List {
             );
         }
     }
-    /// Distances that must be at most `limit`.
+    /// Adds a failure if a distance exceeds `limit`.
     fn at_most(&mut self, code: &'static str, what: &str, distances: &Distances, limit: f64) {
         if distances.max > limit {
             let message = format!("{what} is {:.3e}, above {limit:.3e}", distances.max);
@@ -76,7 +77,7 @@ impl List {
     }
 }
 
-/// Everything that is not acceptable.
+/// Returns all defects of a certificate and all measures beyond their limits.
 pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     let mut list = List::default();
     for malformed in &c.malformed {
@@ -104,7 +105,7 @@ pub(super) fn failures(c: &Certificate) -> Vec<Failure> {
     list.0
 }
 
-/// Findings of the surface's topology.
+/// Adds the defects of the surface's topology.
 fn surface(c: &Certificate, list: &mut List) {
     if let Some(s) = &c.surface {
         list.none(
@@ -160,7 +161,7 @@ fn surface(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Self-intersections of the surface.
+/// Adds the self-intersections of the surface.
 fn intersections(c: &Certificate, list: &mut List) {
     let Some(i) = &c.intersections else { return };
     list.none(
@@ -178,7 +179,7 @@ fn intersections(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Wedges that are turned over.
+/// Adds the inverted wedges.
 fn wedges(c: &Certificate, list: &mut List) {
     if let Some(w) = &c.wedges {
         let (one, many) = (
@@ -189,7 +190,7 @@ fn wedges(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Findings of the tetrahedra.
+/// Adds the defects of the tetrahedra.
 fn volume(c: &Certificate, list: &mut List) {
     if let Some(v) = &c.volume {
         list.none(
@@ -245,7 +246,8 @@ fn volume(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Distances from the solid beyond their limits, and labels or nodes that are not the solid's.
+/// Adds distances from the solid beyond their limits, and labels or nodes that do not match the
+/// solid.
 fn deviation(c: &Certificate, list: &mut List) {
     let Some(d) = &c.deviation else { return };
     if !d.unknown_parts.is_empty() {
@@ -287,7 +289,7 @@ fn deviation(c: &Certificate, list: &mut List) {
     list.none("misclassified-node", &d.misclassified, one, many);
 }
 
-/// Feature curves without edges, and corners without nodes.
+/// Adds feature curves without edges, and corners without nodes.
 fn coverage(c: &Certificate, list: &mut List) {
     let Some(f) = &c.coverage else { return };
     let what = "the share of the feature curves that has edges";
@@ -306,7 +308,7 @@ fn coverage(c: &Certificate, list: &mut List) {
     );
 }
 
-/// Opposite sides of a unit cell that are not one.
+/// Adds mismatches between opposite sides of a unit cell.
 fn opposite(c: &Certificate, list: &mut List) {
     for sides in &c.opposite {
         list.none(
@@ -318,7 +320,7 @@ fn opposite(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Dihedral angles beyond their limits.
+/// Adds dihedral angles beyond their limits.
 fn dihedral_angles(c: &Certificate, list: &mut List) {
     let Some(q) = &c.tets else { return };
     let place = q.worst.first();
@@ -338,7 +340,7 @@ fn dihedral_angles(c: &Certificate, list: &mut List) {
     }
 }
 
-/// Angles of triangles and Jacobians of curved tetrahedra below their limits.
+/// Adds angles of triangles and Jacobians of curved tetrahedra below their limits.
 fn shape(c: &Certificate, list: &mut List) {
     if let Some(q) = &c.triangles {
         list.at_least(

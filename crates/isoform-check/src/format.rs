@@ -1,9 +1,8 @@
-//! Whether a mesh is one at all: indices in range, arrays of the right length, coordinates that are
-//! numbers.
+//! Format of a mesh: index ranges, array lengths and finite coordinates.
 
 use isoform_geom::Mesh;
 
-/// Why a mesh cannot be looked at: something in one of its arrays.
+/// Format error in one of the arrays of a mesh, which prevents all other checks.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Malformed {
     /// Coordinates that are not finite.
@@ -11,42 +10,42 @@ pub enum Malformed {
         "{count} of the nodes have coordinates that are no finite numbers, the first is node {first}"
     )]
     Coordinates {
-        /// How many nodes.
+        /// Number of these nodes.
         count: usize,
-        /// The first of them.
+        /// Index of the first of them.
         first: usize,
     },
-    /// Indices beyond what they point to.
+    /// Indices out of range.
     #[error("{count} of `{array}` have an index out of range, the first is number {first}")]
     Index {
-        /// The array of the mesh.
+        /// Name of the array.
         array: &'static str,
-        /// How many of its items.
+        /// Number of items with such an index.
         count: usize,
-        /// The first of them.
+        /// Index of the first of them.
         first: usize,
     },
-    /// An array that is not empty and not as long as its elements.
+    /// An array that is neither empty nor as long as the array of its elements.
     #[error("`{array}` has {found} items for {wanted} elements")]
     Length {
-        /// The array of the mesh.
+        /// Name of the array.
         array: &'static str,
-        /// Its length.
+        /// Length of the array.
         found: usize,
-        /// The number of the elements that it goes with.
+        /// Number of elements that it describes.
         wanted: usize,
     },
-    /// More items than 32-bit numbers can count.
+    /// More items than 32-bit indices can count.
     #[error("`{array}` has {found} items, too many to count in 32 bits")]
     Size {
-        /// The array of the mesh.
+        /// Name of the array.
         array: &'static str,
-        /// Its length.
+        /// Length of the array.
         found: usize,
     },
 }
 
-/// Everything that is malformed.
+/// Returns all format errors of a mesh.
 pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
     let mut found = coordinates(mesh);
     let (nodes, parts) = (mesh.points.len(), mesh.parts.len());
@@ -72,7 +71,7 @@ pub(super) fn examine(mesh: &Mesh) -> Vec<Malformed> {
     found
 }
 
-/// Looks for feature curves between parts that the mesh does not have, each a finding of its own.
+/// Reports feature curves that name a part beyond the mesh's, one error per curve.
 fn curves(mesh: &Mesh, found: &mut Vec<Malformed>) {
     let parts = mesh.parts.len();
     for (k, curve) in mesh.curves.iter().enumerate() {
@@ -86,7 +85,7 @@ fn curves(mesh: &Mesh, found: &mut Vec<Malformed>) {
     }
 }
 
-/// Looks for coordinates that are no numbers, and for more nodes than fit 32 bits.
+/// Reports coordinates that are not finite, and more nodes than fit 32 bits.
 fn coordinates(mesh: &Mesh) -> Vec<Malformed> {
     let mut found = Vec::new();
     let bad = |p: &&[f64; 3]| p.iter().any(|v| !v.is_finite());
@@ -106,7 +105,7 @@ fn coordinates(mesh: &Mesh) -> Vec<Malformed> {
     found
 }
 
-/// Looks for arrays that are neither empty nor as long as their elements.
+/// Reports arrays that are neither empty nor as long as the array of their elements.
 fn lengths(mesh: &Mesh, found: &mut Vec<Malformed>) {
     let (triangles, tets, edges) = (mesh.triangles.len(), mesh.tets.len(), mesh.edges.len());
     for (array, length, wanted) in [
@@ -128,7 +127,7 @@ fn lengths(mesh: &Mesh, found: &mut Vec<Malformed>) {
     }
 }
 
-/// Looks for indices not below `limit`, in items of `width`, and for more than fit 32 bits.
+/// Reports indices not below `limit`, in items of `width`, and arrays with more than 2³² indices.
 fn indices(
     found: &mut Vec<Malformed>,
     array: &'static str,

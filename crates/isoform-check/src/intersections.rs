@@ -1,6 +1,6 @@
 //! Self-intersections of the surface, found exactly.
 //!
-//! Boxes around the triangles give the pairs to ask about ([`BoxTree`]); each pair is decided by
+//! Bounding boxes of the triangles give the candidate pairs ([`BoxTree`]); each pair is decided by
 //! exact signs ([`exact`](super::exact)).
 
 use super::boxes::BoxTree;
@@ -12,32 +12,33 @@ use isoform_geom::Aabb;
 use rayon::prelude::*;
 use std::ops::Range;
 
-/// Number of leaves between two looks at the clock and at the number of pairs found. A larger round
-/// stops later after a cancellation, a smaller one joins the threads more often.
+/// Number of leaves between two checks of `control` and of the number of pairs found. Larger rounds
+/// stop later after a cancellation, smaller ones synchronize the threads more often.
 const ROUND: usize = 1 << 12;
-/// Number of leaves in a task, some ten microseconds of work. Smaller tasks cost more to hand out
-/// than they take.
+/// Number of leaves in a task, about ten microseconds of work; smaller tasks cost more to schedule
+/// than to run.
 const TASK: usize = 64;
-/// Number of pairs that a task decides between two looks at the clock.
+/// Number of pairs that a task decides between two checks of `control`.
 const LOOKS: usize = 256;
 
-/// Where the surface meets itself.
+/// Self-intersections of the surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Intersections {
-    /// Pairs of triangles that meet elsewhere than in the nodes and edges they share, with a point
-    /// between them.
+    /// Pairs of triangles that meet outside of the nodes and edges they share, with a point between
+    /// them.
     pub pairs: Defects,
-    /// How many triangles are in such a pair.
+    /// Number of triangles in such pairs.
     pub triangles: usize,
-    /// Whether all pairs were looked at: not if more than [`Options::pairs`] were found, then the
-    /// counts are of those looked at.
+    /// True if all candidate pairs were tested. The search ends early when more than
+    /// [`Options::pairs`] were found; the counts are then lower bounds.
     pub complete: bool,
 }
 
-/// A pair of triangles, the lower number first.
+/// Indices of two triangles, the lower one first.
 type Pair = (u32, u32);
 
-/// All pairs of triangles of the surface that meet wrongly. Triangles with `skip` are left out.
+/// Finds all pairs of triangles of the surface that meet wrongly. Triangles with `skip` are left
+/// out.
 pub(super) fn find(
     of: Triangles<'_>,
     skip: &[bool],
@@ -69,7 +70,7 @@ pub(super) fn find(
     }
 }
 
-/// A point between two triangles: the centre of what their boxes have in common.
+/// Returns a point between two triangles: the centre of the intersection of their boxes.
 fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
     let [x, y] = [a, b].map(|t| Aabb::of(&of.corners(of.triangles[t as usize])));
     let common = Aabb {
@@ -83,19 +84,19 @@ fn place(of: Triangles<'_>, (a, b): Pair) -> Place {
     }
 }
 
-/// The search for pairs of triangles that meet.
+/// Search for pairs of triangles that meet.
 struct Search<'m> {
     of: Triangles<'m>,
-    /// The triangles that are left out, being without area.
+    /// True for triangles that are left out because they have no area.
     skip: &'m [bool],
     tree: &'m BoxTree,
-    /// The search ends when more pairs than this were found.
+    /// Maximum number of pairs; the search ends when more were found.
     most: usize,
     control: &'m Control<'m>,
 }
 
 impl Search<'_> {
-    /// The pairs that meet, and whether all were looked at.
+    /// Returns the pairs that meet, and true if all candidates were tested.
     fn pairs(&self) -> (Vec<Pair>, bool) {
         let leaves = self.tree.leaves();
         let mut pairs = Vec::new();
@@ -118,8 +119,9 @@ impl Search<'_> {
         (pairs, complete)
     }
 
-    /// The pairs of which one triangle is in these leaves, and whether all were looked at: where
-    /// everything meets everything, a task has a great many pairs.
+    /// Returns the pairs with a triangle in these leaves, and true if all candidates were tested.
+    /// Where everything meets everything, a task has very many pairs and checks `control` in
+    /// between.
     fn pairs_of_leaves(&self, leaves: Range<usize>) -> (Vec<Pair>, bool) {
         let (mut found, mut looked, mut over) = (Vec::new(), 0usize, self.control.is_stopped());
         for leaf in leaves {
@@ -139,7 +141,7 @@ impl Search<'_> {
         (found, !over)
     }
 
-    /// Whether a pair meets and neither of its triangles is left out.
+    /// Returns true if a pair meets and neither triangle is left out.
     fn meet(&self, (a, b): Pair) -> bool {
         let (i, j) = (a as usize, b as usize);
         let triangles = self.of.triangles;
@@ -147,7 +149,7 @@ impl Search<'_> {
     }
 }
 
-/// The tree of the triangles' boxes.
+/// Builds the tree of the triangles' boxes.
 pub(super) fn tree(of: Triangles<'_>) -> BoxTree {
     let boxes: Vec<Aabb> = of
         .triangles

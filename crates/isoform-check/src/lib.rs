@@ -1,11 +1,11 @@
-//! The certificate of a mesh: everything that could be wrong with it, looked for.
+//! The certificate of a mesh: all checks of its topology, shape and distance to a solid.
 //!
 //! [`certify`] decides topology by indices and geometry by exact signs, never by a tolerance: a
 //! mesh without [`failures`] has a surface that is closed, oriented, manifold and free of
-//! self-intersections, and tetrahedra that fill its inside exactly once (the argument is in the
-//! module of [`Volume`]). Shape and distances are measured in doubles. Each kind of finding keeps
-//! its first places, up to [`Options::places`]; counts are always full. A mesh gives one and the
-//! same certificate for any number of threads.
+//! self-intersections, and tetrahedra that fill its interior exactly once (proof in the module of
+//! [`Volume`]). Shape and distances are measured in doubles. Each kind of defect keeps its first
+//! places, up to [`Options::places`]; counts are always complete. The certificate of a mesh is
+//! identical for any number of threads.
 //!
 //! ```
 //! use isoform_geom::Mesh;
@@ -61,26 +61,28 @@ pub use wedges::WedgeQuality;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Mesh, Point3, Solid};
 
-/// What to compare a mesh with, and how much of what is found to keep.
+/// Reference data of [`certify`], its limits, and the number of places to keep.
 #[derive(Clone, Copy, Debug)]
 pub struct Options<'a> {
-    /// How many places are kept of each kind of finding.
+    /// Maximum number of places kept per kind of defect.
     pub places: usize,
-    /// The search for self-intersections ends when more pairs than this were found: a surface that
-    /// lies on itself has a number of them that grows with the square of its size.
+    /// Maximum number of self-intersecting pairs; the search ends once it has found more. A surface
+    /// that coincides with itself has quadratically many.
     pub pairs: usize,
-    /// Feature curves that the mesh must have edges along, as polylines.
+    /// Feature curves along which the mesh must have edges, as polylines.
     pub curves: &'a [Vec<Point3>],
-    /// Corners that the mesh must have nodes at.
+    /// Corners at which the mesh must have nodes.
     pub corners: &'a [Point3],
-    /// The size of elements that was asked for; it tells how near edges must be to feature curves.
-    /// Without it the mean edge length of the surface serves.
+    /// Requested element size, in model units; it sets the distance within which an edge covers a
+    /// feature curve. `None` to use the mean edge length of the surface.
     pub size: Option<f64>,
-    /// The box at which the solid was cut off, if it was: its sides are parts of the solid then.
+    /// Box at which the solid was clipped; its sides then belong to the solid. `None` if it was not
+    /// clipped.
     pub region: Option<Aabb>,
-    /// The axes along which that box is a unit cell: its sides across these must be one.
+    /// True for each axis along which that box is a unit cell: the opposite sides across it must
+    /// match.
     pub periodic: [bool; 3],
-    /// What is acceptable.
+    /// Limits of the measured quantities.
     pub limits: Limits,
 }
 
@@ -99,28 +101,26 @@ impl Default for Options<'_> {
     }
 }
 
-/// What is acceptable. Topology, orientation and self-intersections know no measure: there any
-/// finding is a failure.
+/// Limits of the measured quantities. Topology, orientation and self-intersections have none: any
+/// defect of these kinds is a failure.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Limits {
-    /// Smallest acceptable dihedral angle of tetrahedra, in degrees; 0 accepts all positive ones.
+    /// Minimum dihedral angle of tetrahedra, in degrees; 0 accepts all positive ones.
     pub dihedral_min: f64,
-    /// Largest acceptable dihedral angle of tetrahedra, in degrees.
+    /// Maximum dihedral angle of tetrahedra, in degrees.
     pub dihedral_max: f64,
-    /// Smallest acceptable angle of triangles, in degrees.
+    /// Minimum angle of triangles, in degrees.
     pub angle_min: f64,
-    /// Smallest acceptable scaled Jacobian of tetrahedra with mid nodes; only positive ones are
-    /// ever accepted.
+    /// Minimum scaled Jacobian of tetrahedra with mid nodes; values ≤ 0 always fail.
     pub scaled_jacobian_min: f64,
-    /// Largest acceptable distance of nodes to the surface, and of nodes on curves to both
-    /// surfaces, as a share of the diagonal.
+    /// Maximum distance of nodes from the surface, and of nodes on curves from both surfaces, in
+    /// diagonals of the mesh.
     pub node_distance: f64,
-    /// Largest acceptable distance of faces to the surface, in the units of the model.
+    /// Maximum distance of faces from the surface, in model units.
     pub chord: f64,
-    /// Smallest acceptable share of the feature curves that has edges.
+    /// Minimum share of the length of the feature curves that has edges.
     pub covered: f64,
-    /// Largest acceptable distance of corners of the solid to nodes at corners, as a share of the
-    /// diagonal.
+    /// Maximum distance of corners of the solid from corner nodes, in diagonals of the mesh.
     pub corner_distance: f64,
 }
 
@@ -131,8 +131,8 @@ impl Default for Limits {
             dihedral_max: 180.0,
             angle_min: 0.0,
             scaled_jacobian_min: 0.0,
-            // An iteration in doubles ends far nearer to the surface, and no part is made to such a
-            // tolerance.
+            // An iteration in doubles ends far nearer to the surface, and no part is manufactured to
+            // such a tolerance.
             node_distance: 1e-9,
             chord: f64::INFINITY,
             covered: 0.999,
@@ -141,59 +141,59 @@ impl Default for Limits {
     }
 }
 
-/// What is known about a mesh. Parts that do not apply to it, or were not reached, are `None`.
+/// Results of all checks of a mesh. Parts that do not apply, or were not reached, are `None`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Certificate {
-    /// Why the mesh cannot be looked at; then there is nothing else.
+    /// Format errors that prevent all other checks.
     pub malformed: Vec<Malformed>,
-    /// Topology and measure of the surface: of the mesh's triangles, or of the boundary of the
+    /// Topology, volume and area of the surface: of the mesh's triangles, or of the boundary of the
     /// tetrahedra if it has none.
     pub surface: Option<Surface>,
-    /// Topology and measure of the tetrahedra.
+    /// Topology and volume of the tetrahedra.
     pub volume: Option<Volume>,
-    /// Where the surface meets itself.
+    /// Self-intersections of the surface.
     pub intersections: Option<Intersections>,
     /// Shape of the triangles.
     pub triangles: Option<TriangleQuality>,
     /// Shape of the tetrahedra.
     pub tets: Option<TetQuality>,
-    /// Shape of the wedges. All else takes each for three tetrahedra, and quadrilaterals for two
-    /// triangles each ([`Mesh::simplices`]), but shapes of tetrahedra are those of the mesh's own.
+    /// Shape of the wedges. All other checks split each wedge into three tetrahedra and each
+    /// quadrilateral into two triangles ([`Mesh::simplices`]); only [`Self::tets`] leaves these
+    /// out.
     pub wedges: Option<WedgeQuality>,
-    /// The Jacobian of tetrahedra with mid nodes.
+    /// Jacobians of tetrahedra with mid nodes.
     pub curved: Option<CurvedQuality>,
-    /// Distances to the solid; if there is one to compare with.
+    /// Distances to the solid; `None` without a solid.
     pub deviation: Option<Deviation>,
-    /// How much of the feature curves and corners the mesh has; if there are some to compare with.
+    /// Share of the feature curves and corners that the mesh has; `None` without features.
     pub coverage: Option<Coverage>,
-    /// Opposite sides of a unit cell, by axes along which it repeats.
+    /// Comparison of opposite sides of a unit cell, one entry per periodic axis.
     pub opposite: Vec<OppositeSides>,
-    /// Nodes that no element has.
+    /// Number of nodes that no element uses.
     pub unused_nodes: usize,
-    /// Whether everything was looked at.
+    /// True if all checks ran to their end.
     pub complete: bool,
-    /// What is acceptable, as it was asked for.
+    /// Limits that the mesh was checked against.
     pub limits: Limits,
 }
 
 impl Certificate {
-    /// Everything that is not acceptable.
+    /// Returns all defects and all measures beyond their limits.
     pub fn failures(&self) -> Vec<Failure> {
         failure::failures(self)
     }
-    /// Whether all is acceptable, and everything was looked at.
+    /// Returns true if there are no failures and all checks ran to their end.
     pub fn is_ok(&self) -> bool {
         self.failures().is_empty()
     }
 }
 
-/// Looks for everything that could be wrong with a mesh; with a solid, also whether the mesh
-/// follows its surface.
+/// Checks a mesh for defects of all kinds; with a solid, also measures its distance from it.
 ///
-/// Of a mesh of several regions the walls between them, which have a tetrahedron on either side,
-/// are left out: [`Mesh::region`] makes a mesh of each region, which has them.
+/// Walls between the regions of a mesh, which have a tetrahedron on either side, are left out; to
+/// check them, certify each region as a mesh of its own ([`Mesh::region`]).
 ///
-/// On a stop by `control` the certificate lacks what was not yet looked at, and is not complete.
+/// After a stop by `control` the certificate lacks the remaining checks, and is not complete.
 pub fn certify(
     mesh: &Mesh,
     solid: Option<&dyn Solid>,
@@ -217,7 +217,8 @@ pub fn certify(
     certificate
 }
 
-/// All checks of a well-formed mesh, whose first `tets` tetrahedra are its own; `None` if stopped.
+/// Runs all checks of a well-formed mesh, whose first `tets` tetrahedra are not parts of wedges;
+/// `None` if stopped.
 fn examine(
     mesh: &Mesh,
     tets: usize,
@@ -248,7 +249,7 @@ fn examine(
     examine_features(mesh, triangles, options, control, certificate)
 }
 
-/// The search for feature curves and corners, if there are some to look for; `None` if stopped.
+/// Compares the mesh with the feature curves and corners of the options, if any; `None` if stopped.
 fn examine_features(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -268,7 +269,7 @@ fn examine_features(
     Some(())
 }
 
-/// The checks of tetrahedra, if there are any. Returns their boundary; `None` if stopped.
+/// Checks the tetrahedra, if any. Returns their boundary; `None` if stopped.
 fn examine_tetrahedra(
     mesh: &Mesh,
     tets: usize,
@@ -288,7 +289,7 @@ fn examine_tetrahedra(
     Some(boundary)
 }
 
-/// The checks of the surface, if there is one; `None` if stopped.
+/// Checks the surface, if there is one; `None` if stopped.
 fn examine_surface(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -313,7 +314,7 @@ fn examine_surface(
     Some(())
 }
 
-/// How many nodes are in no element, as corners or mid nodes.
+/// Counts the nodes that no element uses as a corner or mid node.
 fn unused_nodes(mesh: &Mesh) -> usize {
     let mut used = vec![false; mesh.points.len()];
     let arrays = [

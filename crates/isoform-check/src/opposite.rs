@@ -1,24 +1,24 @@
-//! Opposite sides of a unit cell: whether one is the other, shifted.
+//! Comparison of opposite sides of a unit cell: each must be the other, translated by the period.
 
 use crate::{Defects, Options, Place};
 use isoform_geom::{Aabb, Mesh};
 use std::collections::{HashMap, HashSet};
 
-/// What was found on two opposite sides of a unit cell.
+/// Comparison of two opposite sides of a unit cell.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OppositeSides {
-    /// The axis across which they lie.
+    /// Axis across which they lie.
     pub axis: usize,
-    /// Pairs of nodes.
+    /// Number of pairs of nodes.
     pub nodes: usize,
-    /// Pairs of triangles.
+    /// Number of pairs of triangles.
     pub triangles: usize,
-    /// Triangles of one side that are no triangles of the other, turned round, and nodes that are
-    /// not where their partners are, a period away: bit for bit in the other coordinates.
+    /// Triangles of one side without a reversed copy on the other, and nodes whose partners do not
+    /// lie exactly one period away, with all other coordinates equal bit for bit.
     pub apart: Defects,
 }
 
-/// Compares the sides across the axes along which a box repeats.
+/// Compares the opposite sides across the axes along which a box is periodic.
 pub(super) fn examine(
     mesh: &Mesh,
     triangles: &[[u32; 3]],
@@ -97,7 +97,7 @@ fn of_axis(
     found
 }
 
-/// A triangle that begins with its lowest corner.
+/// Rotates a triangle so that it begins with its lowest corner.
 fn turned(t: [u32; 3]) -> [u32; 3] {
     let first = (0..3).min_by_key(|&k| t[k]).unwrap_or(0);
     [t[first], t[(first + 1) % 3], t[(first + 2) % 3]]

@@ -1,27 +1,28 @@
 //! Measures of one tetrahedron or triangle: angles, volumes, shape.
 //!
 //! With the area vectors nᵢ (outward, twice the area) of the faces opposite to the corners, the
-//! dihedral angle θ between the faces i and j has cos θ = −nᵢ·nⱼ/(|nᵢ||nⱼ|) and sin θ =
-//! 6V|e|/(|nᵢ||nⱼ|), where e is the edge that they share. Flat and inverted tetrahedra need no
-//! special case: their sines are ≤ 0. Lengths must have squares within the range of doubles.
+//! dihedral angle θ between the faces i and j has cos θ = −nᵢ·nⱼ/(|nᵢ
+//! nⱼ|) and sin θ = 6V|e|/(|nᵢ
+//! nⱼ|), where e is their common edge. Flat and inverted tetrahedra need no special case: their
+//! sines are ≤ 0. Squares of lengths must be within the range of doubles.
 
 use isoform_geom::{Point3, cross, dot, norm, sub};
 
-/// The two faces, by the corners opposite to them, of each of the six dihedral angles; their edge
-/// joins the other two corners.
+/// Pairs of faces, numbered by their opposite corners, at the six dihedral angles; their common
+/// edge joins the other two corners.
 pub const DIHEDRALS: [[usize; 2]; 6] = [[0, 1], [0, 2], [0, 3], [1, 2], [1, 3], [2, 3]];
-/// The factor of an obtuse angle's sine in the biased minimum sine (Klingner and Shewchuk, 2008,
+/// Weight of an obtuse angle's sine in the biased minimum sine (Klingner and Shewchuk, 2008,
 /// "Aggressive Tetrahedral Mesh Improvement"): large angles harm the interpolation, small ones only
 /// the condition number.
 pub const OBTUSE_WEIGHT: f64 = 0.7;
 
-/// Six times the signed volume: (b − a) · ((c − a) × (d − a)), rounded.
+/// Returns six times the signed volume: (b − a) · ((c − a) × (d − a)), rounded.
 pub fn six_volume([a, b, c, d]: [Point3; 4]) -> f64 {
     dot(sub(b, a), cross(sub(c, a), sub(d, a)))
 }
 
-/// Area vectors of the faces opposite to the corners, outward for a positive tetrahedron, twice the
-/// area long.
+/// Returns the area vectors of the faces opposite to the corners, of twice the area and outward for
+/// a positive tetrahedron.
 pub fn face_normals([a, b, c, d]: [Point3; 4]) -> [Point3; 4] {
     [
         cross(sub(c, b), sub(d, b)),
@@ -31,7 +32,7 @@ pub fn face_normals([a, b, c, d]: [Point3; 4]) -> [Point3; 4] {
     ]
 }
 
-/// Lengths of the edges of the [`DIHEDRALS`].
+/// Returns the lengths of the edges of the [`DIHEDRALS`].
 pub fn dihedral_edges([a, b, c, d]: [Point3; 4]) -> [f64; 6] {
     [
         norm(sub(d, c)),
@@ -43,45 +44,34 @@ pub fn dihedral_edges([a, b, c, d]: [Point3; 4]) -> [f64; 6] {
     ]
 }
 
-/// Cosines of the six [`DIHEDRALS`]; within [−1, 1] but for rounding, 0 where a face has no area.
+/// Returns the cosines of the six [`DIHEDRALS`]: within [−1, 1] up to rounding, 0 where a face has
+/// no area.
 pub fn dihedral_cosines(p: [Point3; 4]) -> [f64; 6] {
     cosines(&Shape::of(p))
 }
 
-/// Sines of the six [`DIHEDRALS`], with the sign of the volume.
+/// Returns the sines of the six [`DIHEDRALS`], with the sign of the volume.
 pub fn dihedral_sines(p: [Point3; 4]) -> [f64; 6] {
     sines(&Shape::of(p))
 }
 
-/// The quantities that all measures of a tetrahedron are made of.
-///
-/// ```
-/// use isoform_check::quality::{Shape, degrees, dihedral_cosines};
-///
-/// // The regular tetrahedron in a cube of edge 2.
-/// let p = [[1.0, 1.0, 1.0], [-1.0, 1.0, -1.0], [1.0, -1.0, -1.0], [-1.0, -1.0, 1.0]];
-/// let shape = Shape::of(p);
-/// assert!((shape.six_volume - 16.0).abs() < 1e-12 && (shape.radius_ratio() - 1.0).abs() < 1e-12);
-/// let angle = degrees(dihedral_cosines(p)[0]);
-/// assert!((angle - (1.0f64 / 3.0).acos().to_degrees()).abs() < 1e-12);
-/// ```
+/// Quantities from which all measures of a tetrahedron are computed.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape {
     /// Area vectors of the faces, see [`face_normals`].
     pub normals: [Point3; 4],
-    /// Their lengths, at least the smallest positive double.
+    /// Lengths of the area vectors, at least the smallest positive double.
     pub areas: [f64; 4],
     /// Edge lengths, see [`dihedral_edges`].
     pub edges: [f64; 6],
-    /// Six times the volume.
+    /// Six times the signed volume.
     pub six_volume: f64,
-    /// Six times the volume times the distance from the first corner to the centre of the
-    /// circumscribed sphere, twice.
+    /// Twelve times the volume times the radius of the circumscribed sphere.
     circum: f64,
 }
 
 impl Shape {
-    /// The shape of the tetrahedron with these corners.
+    /// Computes the shape of the tetrahedron with these corners.
     pub fn of(p: [Point3; 4]) -> Self {
         let normals = face_normals(p);
         let (u, v, w) = (sub(p[1], p[0]), sub(p[2], p[0]), sub(p[3], p[0]));
@@ -99,24 +89,24 @@ impl Shape {
         }
     }
 
-    /// Three times the radius of the inscribed sphere over that of the circumscribed one: 1 for a
-    /// regular tetrahedron, ≤ 0 for a flat or an inverted one.
+    /// Returns three times the radius of the inscribed sphere over that of the circumscribed one: 1
+    /// for a regular tetrahedron, ≤ 0 for a flat or an inverted one.
     pub fn radius_ratio(&self) -> f64 {
         // r = V₆/Σ|n|, R = |circum|/(2 V₆)
         let sum: f64 = self.areas.iter().sum();
         6.0 * self.six_volume * self.six_volume.abs() / (sum * self.circum).max(f64::MIN_POSITIVE)
     }
 
-    /// Longest edge over 2√6 times the radius of the inscribed sphere: 1 for a regular tetrahedron,
-    /// large for a flat one.
+    /// Returns the aspect ratio, the longest edge over 2√6 times the radius of the inscribed
+    /// sphere: 1 for a regular tetrahedron, large for a flat one.
     pub fn aspect(&self) -> f64 {
         let longest = self.edges.iter().fold(0.0, |a: f64, &b| a.max(b));
         let sum: f64 = self.areas.iter().sum();
         longest * sum / (2.0 * 6f64.sqrt() * self.six_volume.abs().max(f64::MIN_POSITIVE))
     }
 
-    /// Smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3 = 0.943 for
-    /// a regular tetrahedron.
+    /// Returns the smallest sine of the dihedral angles, obtuse ones times [`OBTUSE_WEIGHT`]; √8/3
+    /// = 0.943 for a regular tetrahedron.
     pub fn biased_minimum_sine(&self) -> f64 {
         let (c, s) = (cosines(self), sines(self));
         (0..6).fold(f64::INFINITY, |worst, k| {
@@ -124,13 +114,13 @@ impl Shape {
         })
     }
 
-    /// Mean length of the edges.
+    /// Returns the mean length of the edges.
     pub fn mean_edge(&self) -> f64 {
         self.edges.iter().sum::<f64>() / 6.0
     }
 }
 
-/// Cosines of the dihedral angles.
+/// Returns the cosines of the dihedral angles.
 pub fn cosines(shape: &Shape) -> [f64; 6] {
     DIHEDRALS.map(|[i, j]| {
         -dot(shape.normals[i], shape.normals[j])
@@ -138,7 +128,7 @@ pub fn cosines(shape: &Shape) -> [f64; 6] {
     })
 }
 
-/// Sines of the dihedral angles, with the sign of the volume.
+/// Returns the sines of the dihedral angles, with the sign of the volume.
 pub fn sines(shape: &Shape) -> [f64; 6] {
     std::array::from_fn(|k| {
         let [i, j] = DIHEDRALS[k];
@@ -146,7 +136,7 @@ pub fn sines(shape: &Shape) -> [f64; 6] {
     })
 }
 
-/// Cosines of the angles of a triangle at its corners; 0 at an edge of no length.
+/// Returns the cosines of the angles of a triangle at its corners; 0 at an edge of no length.
 pub fn triangle_cosines([a, b, c]: [Point3; 3]) -> [f64; 3] {
     let e = [sub(c, b), sub(a, c), sub(b, a)];
     let length = e.map(|e| norm(e).max(f64::MIN_POSITIVE));
@@ -154,7 +144,7 @@ pub fn triangle_cosines([a, b, c]: [Point3; 3]) -> [f64; 3] {
         .map(|[j, k]| -dot(e[j], e[k]) / (length[j] * length[k]).max(f64::MIN_POSITIVE))
 }
 
-/// The angle of a cosine in degrees; a cosine beyond ±1 by rounding counts as ±1.
+/// Converts the cosine of an angle to degrees; a cosine beyond ±1 by rounding counts as ±1.
 pub fn degrees(cosine: f64) -> f64 {
     cosine.clamp(-1.0, 1.0).acos().to_degrees()
 }

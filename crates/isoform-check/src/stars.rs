@@ -1,17 +1,17 @@
-//! The elements around each node.
+//! Elements around each node.
 
-/// For each node, the elements that it is a corner of, in ascending order.
+/// Incidence lists: for each node, the elements that it is a corner of, in ascending order.
 #[derive(Debug)]
 pub(super) struct Stars {
-    /// The place in `elements` at which the elements of each node begin, and at last their number.
+    /// Start of each node's list in `elements`, followed by the total number.
     offsets: Vec<u32>,
-    /// The elements, node by node.
+    /// Elements, node by node.
     elements: Vec<u32>,
 }
 
 impl Stars {
-    /// The stars of elements with `N` corners. Indices must be below `nodes`, and there must be
-    /// fewer than 2³² corners.
+    /// Builds the lists for elements with `N` corners. Indices must be below `nodes`, and there
+    /// must be fewer than 2³² corners.
     pub(super) fn new<const N: usize>(nodes: usize, elements: &[[u32; N]]) -> Self {
         let mut offsets = vec![0u32; nodes + 1];
         for i in elements.iter().flatten() {
@@ -28,7 +28,7 @@ impl Stars {
                 *slot += 1;
             }
         }
-        // Each offset has moved to the next node's: a rotation brings them back.
+        // Each offset has advanced to the next node's start; a rotation restores them.
         offsets.rotate_right(1);
         offsets[0] = 0;
         Self {
@@ -37,14 +37,14 @@ impl Stars {
         }
     }
 
-    /// Elements around a node; an element that has the node twice comes twice.
+    /// Returns the elements around a node; an element that has the node twice occurs twice.
     pub(super) fn of(&self, node: usize) -> &[u32] {
         &self.elements[self.offsets[node] as usize..self.offsets[node + 1] as usize]
     }
 }
 
-/// Ranges of `0..n` for tasks of `size` each, the last one shorter. The ranges depend on `n` and
-/// `size` alone, and so does the order of sums.
+/// Splits `0..n` into ranges of `size` each, the last one shorter. The ranges, and hence the order
+/// of summation, depend only on `n` and `size`.
 pub(super) fn blocks(n: usize, size: usize) -> Vec<std::ops::Range<usize>> {
     (0..n)
         .step_by(size)

@@ -1,8 +1,8 @@
-//! Topology of the surface: exact, by indices only.
+//! Topology of the surface, determined exactly from indices.
 //!
-//! Everything is read off the triangles around each node (`fans`): an edge belongs to the node with
-//! its lower index, and a node's fans are the parts of its triangles that hang together across
-//! edges of exactly two triangles. Parts of the surface that hang together by nodes are shells
+//! Everything is derived from the triangles around each node (`fans`): an edge belongs to the node
+//! with its lower index, and a node's fans are the parts of its triangles that are connected across
+//! edges of exactly two triangles. Parts of the surface that are connected by nodes are shells
 //! (`shells`).
 
 mod fans;
@@ -20,7 +20,7 @@ use shells::{Shells, misplaced};
 /// Number of nodes or triangles in a task.
 const TASK: usize = 8192;
 
-/// Topology and measure of the surface.
+/// Topology, volume and area of the surface.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
     /// Number of triangles.
@@ -35,29 +35,28 @@ pub struct Surface {
     pub crowded_edges: Defects,
     /// Edges of two triangles that run along them in the same direction.
     pub misoriented_edges: Defects,
-    /// Nodes whose triangles are not one fan (or one open fan).
+    /// Nodes whose triangles do not form a single fan, closed or open.
     pub pinched_nodes: Defects,
-    /// Triangles whose corners another triangle before them has, too.
+    /// Triangles with the corners of an earlier triangle.
     pub repeated_triangles: Defects,
-    /// Triangles with a corner twice; they are left out of everything else.
+    /// Triangles with a repeated corner; all other counts leave them out.
     pub degenerate_triangles: Defects,
-    /// Triangles whose corners lie exactly on a line.
+    /// Triangles whose corners are exactly collinear.
     pub flat_triangles: Defects,
-    /// Feature edges of the mesh that are no edges of its triangles.
+    /// Feature edges of the mesh that are not edges of its triangles.
     pub loose_edges: Defects,
-    /// Nodes − edges + triangles.
+    /// Euler characteristic: nodes − edges + triangles.
     pub euler: i64,
-    /// Number of shells: parts that hang together by nodes.
+    /// Number of shells: parts connected by nodes.
     pub shells: usize,
     /// Number of shells that enclose a positive volume: the components of the solid. The others
     /// bound cavities.
     pub components: usize,
-    /// Shells whose orientation contradicts where they lie: a component that is not in the open, or
-    /// a cavity that is not in exactly one component more than it leaves. The value is the number
-    /// of times that the other shells wind around them. Only looked for on closed surfaces that are
-    /// manifold.
+    /// Shells whose orientation contradicts their position: a component that does not lie outside,
+    /// or a cavity that does not lie in exactly one component more than in cavities. The value is
+    /// the winding number of the other shells around them. Tested only on closed manifold surfaces.
     pub misplaced_shells: Defects,
-    /// The shells with the largest area, no more than [`Options::places`].
+    /// Shells with the largest area, at most [`Options::places`].
     pub largest: Vec<Shell>,
     /// Enclosed volume.
     pub volume: f64,
@@ -65,16 +64,16 @@ pub struct Surface {
     pub area: f64,
 }
 
-/// A part of the surface that hangs together by nodes.
+/// A part of the surface that is connected by nodes.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Shell {
-    /// Its lowest node.
+    /// Lowest node of the shell.
     pub node: u32,
     /// Number of triangles.
     pub triangles: usize,
-    /// Nodes − edges + triangles.
+    /// Euler characteristic: nodes − edges + triangles.
     pub euler: i64,
-    /// Number of handles, of a closed and consistently oriented manifold.
+    /// Number of handles; `None` unless the shell is a closed, consistently oriented manifold.
     pub genus: Option<u64>,
     /// Enclosed volume; negative around a cavity.
     pub volume: f64,
@@ -83,8 +82,8 @@ pub struct Shell {
 }
 
 impl Surface {
-    /// Whether it is a closed and consistently oriented manifold without repeated or degenerate
-    /// triangles.
+    /// Returns true if the surface is a closed and consistently oriented manifold without repeated
+    /// or degenerate triangles.
     pub fn is_closed_manifold(&self) -> bool {
         [
             &self.open_edges,
@@ -99,7 +98,7 @@ impl Surface {
     }
 }
 
-/// The triangles of a surface.
+/// Triangles of a surface.
 #[derive(Clone, Copy)]
 pub(super) struct Triangles<'m> {
     pub(super) points: &'m [Point3],
@@ -107,27 +106,27 @@ pub(super) struct Triangles<'m> {
 }
 
 impl Triangles<'_> {
-    /// The point of a node.
+    /// Returns the point of a node.
     fn point(&self, node: u32) -> Point3 {
         self.points[node as usize]
     }
-    /// The points of a triangle's corners.
+    /// Returns the points of a triangle's corners.
     pub(super) fn corners(&self, t: [u32; 3]) -> [Point3; 3] {
         t.map(|i| self.point(i))
     }
 }
 
-/// Whether a triangle has a corner twice.
+/// Returns true if a triangle has a repeated corner.
 fn is_degenerate(t: &[u32; 3]) -> bool {
     t[0] == t[1] || t[1] == t[2] || t[2] == t[0]
 }
 
-/// The middle of an edge.
+/// Returns the midpoint of an edge.
 fn middle(a: Point3, b: Point3) -> Point3 {
     std::array::from_fn(|i| 0.5 * a[i] + 0.5 * b[i])
 }
 
-/// Which triangles have no area, by index or exactly on a line.
+/// Marks the triangles without area, by index or exactly collinear.
 pub(super) fn without_area(of: Triangles<'_>) -> Vec<bool> {
     of.triangles
         .par_iter()
@@ -135,8 +134,8 @@ pub(super) fn without_area(of: Triangles<'_>) -> Vec<bool> {
         .collect()
 }
 
-/// Topology and measure of a surface with feature edges; `flat` is [`without_area`] of it, and the
-/// tree that of its triangles.
+/// Examines the topology of a surface with feature edges, and measures it; `flat` is
+/// [`without_area`] of it, and `tree` that of its triangles.
 pub(super) fn examine(
     of: Triangles<'_>,
     features: &[[u32; 2]],
@@ -180,7 +179,7 @@ pub(super) fn examine(
 }
 
 impl Surface {
-    /// Adds the triangles without area: degenerate by index, or flat by exact sign.
+    /// Adds the triangles without area: degenerate by index, or collinear by exact sign.
     fn add_without_area(&mut self, of: Triangles<'_>, flat: &[bool], room: usize) {
         for (k, t) in of.triangles.iter().enumerate().filter(|&(k, _)| flat[k]) {
             let defects = if is_degenerate(t) {
@@ -197,7 +196,7 @@ impl Surface {
         }
     }
 
-    /// Adds the feature edges that are no edges of triangles.
+    /// Adds the feature edges that are not edges of triangles.
     fn add_loose_edges(&mut self, around: &Surroundings<'_>, features: &[[u32; 2]]) {
         for &[a, b] in features {
             if a == b || !around.has_edge(a, b) {
@@ -210,7 +209,7 @@ impl Surface {
         }
     }
 
-    /// Joins the findings of the runs of nodes, and completes the shells by their edges.
+    /// Adds the defects of the runs of nodes, and completes the shells by their edges.
     fn add_runs(&mut self, runs: Vec<Run>, shells: &mut [Shell], room: usize) {
         let mut broken = vec![false; shells.len()];
         for run in runs {
@@ -235,7 +234,7 @@ impl Surface {
         }
     }
 
-    /// Adds the measure of a shell.
+    /// Adds the measures of a shell.
     fn add_shell(&mut self, shell: &Shell) {
         self.euler += shell.euler;
         self.volume += shell.volume;
@@ -244,7 +243,7 @@ impl Surface {
     }
 }
 
-/// Number of handles of a closed orientable surface: χ = 2 − 2g.
+/// Returns the number of handles of a closed orientable surface: χ = 2 − 2g; `None` if χ > 2.
 fn genus(euler: i64) -> Option<u64> {
     u64::try_from((2 - euler) / 2).ok()
 }

@@ -1,14 +1,14 @@
-//! Topology of the tetrahedra: exact, by indices and the signs of volumes.
+//! Topology of the tetrahedra, determined exactly from indices and the signs of volumes.
 //!
-//! If all tetrahedra are positive, inner faces belong to two tetrahedra on different sides, and the
-//! other faces form a surface that is closed, embedded and oriented outward with no component
-//! inside another one, then the tetrahedra fill the inside of the surface exactly once. For the
-//! number of tetrahedra over a point changes only across faces of one tetrahedron, there by the
-//! sense of the face. It equals the number of times that the surface winds around the point, 1
-//! inside and 0 outside, so that no geometric test of overlap is needed.
+//! Suppose that all tetrahedra are positive, inner faces belong to two tetrahedra on different
+//! sides, and the other faces form a surface that is closed, embedded and oriented outward, with no
+//! component inside another one. Then the tetrahedra fill the interior of the surface exactly once:
+//! the number of tetrahedra over a point changes only across faces of one tetrahedron, there by the
+//! orientation of the face. It equals the winding number of the surface around the point, 1 inside
+//! and 0 outside, so that no geometric test of overlap is needed.
 //!
-//! Everything is read off the elements around each node (`faces`): a face or an edge belongs to its
-//! lowest node.
+//! Everything is derived from the elements around each node (`faces`): a face or an edge belongs to
+//! its lowest node.
 
 mod faces;
 mod mids;
@@ -23,10 +23,11 @@ use rayon::prelude::*;
 
 /// Number of nodes or tetrahedra in a task.
 const TASK: usize = 4096;
-/// The share of inner faces that [`Volume::size_ratio`] is about.
+/// Quantile that [`Volume::size_ratio`] reports; the largest ratio would tell of a single pair
+/// only.
 const MOST: f64 = 0.999;
 
-/// Topology and measure of the tetrahedra.
+/// Topology and volume of the tetrahedra.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Volume {
     /// Number of tetrahedra.
@@ -39,37 +40,37 @@ pub struct Volume {
     pub edges: usize,
     /// Tetrahedra of negative volume, by exact sign.
     pub inverted: Defects,
-    /// Tetrahedra whose corners lie exactly in a plane, or that have a corner twice.
+    /// Tetrahedra whose corners are exactly coplanar, or that have a repeated corner.
     pub flat: Defects,
     /// Faces of more than two tetrahedra.
     pub crowded_faces: Defects,
     /// Faces whose two tetrahedra lie on the same side.
     pub folded_faces: Defects,
-    /// Whether the mesh has triangles of its own; if not, the surface is taken from the tetrahedra.
+    /// True if the mesh has triangles of its own; if not, the surface is taken from the tetrahedra.
     pub has_surface: bool,
-    /// Faces of one tetrahedron that are no triangle of the surface; looked for only with
+    /// Faces of one tetrahedron that are not a triangle of the surface; tested only with
     /// [`Self::has_surface`].
     pub uncovered_faces: Defects,
-    /// Triangles of the surface that are the face of one tetrahedron, but turned inward.
+    /// Triangles of the surface that are the face of one tetrahedron, but oriented inward.
     pub inward_triangles: Defects,
     /// Triangles of the surface between two tetrahedra.
     pub inner_triangles: Defects,
-    /// Triangles of the surface that are no face of a tetrahedron.
+    /// Triangles of the surface that are not a face of a tetrahedron.
     pub loose_triangles: Defects,
-    /// Edges whose elements do not agree on their mid node, and edges that share one; of a mesh of
-    /// second order.
+    /// Edges whose elements disagree on their mid node, and edges that share one; empty unless the
+    /// mesh is of second order.
     pub mid_nodes: Defects,
-    /// Volume: the sum over the tetrahedra.
+    /// Total volume of the tetrahedra.
     pub volume: f64,
-    /// The ratio (above 1) of the mean edge lengths of two tetrahedra that share a face which 999
-    /// of 1000 do not exceed; 1 without inner faces. Linear interpolation between the two nearest,
-    /// as numpy's `quantile`.
+    /// Grading: 0.999 quantile, over the inner faces, of the ratio (≥ 1) of the mean edge lengths
+    /// of the two tetrahedra at the face; 1 without inner faces. Interpolated linearly, as by
+    /// numpy's `quantile`.
     pub size_ratio: f64,
 }
 
 impl Volume {
-    /// Whether all tetrahedra are positive, all faces conform, and the triangles of the mesh are
-    /// exactly the boundary.
+    /// Returns true if all tetrahedra are positive, all faces conform, and the triangles of the
+    /// mesh are exactly the boundary.
     pub fn is_conforming(&self) -> bool {
         [
             &self.inverted,
@@ -87,7 +88,8 @@ impl Volume {
     }
 }
 
-/// Topology and measure of the tetrahedra, and their boundary in the order of its lowest corners.
+/// Examines the topology of the tetrahedra; also returns their boundary, ordered by its lowest
+/// corners.
 pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 3]>) {
     let (points, room) = (&mesh.points, options.places);
     let (mut volume, lengths) = measure(mesh, options);
@@ -121,7 +123,7 @@ pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<[u32; 
 }
 
 impl Volume {
-    /// Joins the counts and defects of a later run of nodes.
+    /// Adds the counts and defects of a later run of nodes.
     fn append(&mut self, room: usize, run: Self) {
         self.nodes += run.nodes;
         self.faces += run.faces;
@@ -136,7 +138,7 @@ impl Volume {
     }
 }
 
-/// Signs and sum of the volumes, and the mean edge length of each tetrahedron.
+/// Computes the signs and the sum of the volumes, and the mean edge length of each tetrahedron.
 fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
     let room = options.places;
     let mut lengths = vec![0.0; mesh.tets.len()];
@@ -157,13 +159,13 @@ fn measure(mesh: &Mesh, options: &Options<'_>) -> (Volume, Vec<f64>) {
         all.inverted.append(room, part.inverted);
         all.flat.append(room, part.flat);
     }
-    // Divided at last, so that whole numbers stay whole.
+    // Divided last, so that integers stay exact.
     all.volume = six_volumes / 6.0;
     (all, lengths)
 }
 
 impl Volume {
-    /// Adds six times the volume of a tetrahedron and its sign. Returns the mean length of its
+    /// Adds six times the volume of a tetrahedron, and its sign. Returns the mean length of its
     /// edges.
     fn add_tetrahedron(&mut self, mesh: &Mesh, k: usize, room: usize) -> f64 {
         let t = mesh.tets[k];
@@ -185,7 +187,7 @@ impl Volume {
     }
 }
 
-/// The value below which a share `q` of the values lies, with linear interpolation.
+/// Returns the quantile `q` of the values, by linear interpolation; `None` without values.
 fn quantile(values: &mut [f64], q: f64) -> Option<f64> {
     let at = (values.len().checked_sub(1)?) as f64 * q;
     let (_, low, above) = values.select_nth_unstable_by(at as usize, f64::total_cmp);

@@ -1,14 +1,14 @@
-//! The shape of wedges.
+//! Shape of wedges.
 //!
-//! A wedge is the image of a prism under Σ λᵢ ((1 − ζ) aᵢ + ζ bᵢ), with aᵢ the corners of its base,
-//! bᵢ those over them. The Jacobian of this map is Σ λᵢ qᵢ(ζ) with three quadratics qᵢ, so that
-//! their signs decide whether it is positive everywhere.
+//! A wedge is the image of a prism under Σ λᵢ ((1 − ζ) aᵢ + ζ bᵢ), with aᵢ the corners of its base
+//! and bᵢ those above them. The Jacobian of this map is Σ λᵢ qᵢ(ζ) with three quadratics qᵢ, whose
+//! signs decide whether it is positive everywhere.
 
 use super::{Defects, Options, Place};
 use isoform_geom::{Mesh, Point3, cross, dot, norm, sub};
 
-/// The Jacobian at a corner of the best wedge, whose edges at the corner are unit vectors: half of
-/// an equilateral triangle's square.
+/// Jacobian at a corner of the ideal wedge, whose edges at the corner are unit vectors: √3/2, twice
+/// the area of an equilateral triangle.
 const BEST: f64 = 0.866_025_403_784_438_6;
 
 /// Shape of wedges.
@@ -17,13 +17,13 @@ pub struct WedgeQuality {
     /// Number of wedges.
     pub wedges: usize,
     /// Smallest scaled Jacobian: over the corners of wedges, the determinant of the unit vectors
-    /// along their edges there, 1 for a right prism over an equilateral triangle.
+    /// along their edges there, divided by √3/2; 1 for a right prism over an equilateral triangle.
     pub scaled_jacobian_min: f64,
     /// Wedges whose Jacobian is not positive everywhere; the value is their scaled Jacobian.
     pub inverted: Defects,
 }
 
-/// The shape of a mesh's wedges, if it has some.
+/// Measures the wedges of a mesh; `None` if it has none.
 pub(super) fn examine(mesh: &Mesh, options: &Options<'_>) -> Option<WedgeQuality> {
     if mesh.wedges.is_empty() {
         return None;
@@ -53,10 +53,10 @@ fn middle(p: [Point3; 6]) -> Point3 {
     std::array::from_fn(|i| p.iter().map(|p| p[i]).sum::<f64>() / 6.0)
 }
 
-/// Whether the Jacobian is positive all over a wedge.
+/// Returns true if the Jacobian is positive throughout a wedge.
 fn is_positive([a0, a1, a2, b0, b1, b2]: [Point3; 6]) -> bool {
     let (u, v) = ([sub(a1, a0), sub(b1, b0)], [sub(a2, a0), sub(b2, b0)]);
-    // The coefficients of the normal of the section at ζ in the Bernstein basis.
+    // Bernstein coefficients of the normal of the section at ζ.
     let mixed = [cross(u[0], v[1]), cross(u[1], v[0])];
     let half = std::array::from_fn(|i| 0.5 * (mixed[0][i] + mixed[1][i]));
     let normals = [cross(u[0], v[0]), half, cross(u[1], v[1])];
@@ -67,7 +67,7 @@ fn is_positive([a0, a1, a2, b0, b1, b2]: [Point3; 6]) -> bool {
     })
 }
 
-/// The least determinant of the unit vectors along the three edges at a corner.
+/// Returns the smallest scaled Jacobian over the six corners; −∞ if one of them is NaN.
 fn scaled_jacobian(p: [Point3; 6]) -> f64 {
     let unit = |from: usize, to: usize| {
         let way = sub(p[to], p[from]);

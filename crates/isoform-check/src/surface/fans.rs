@@ -1,7 +1,7 @@
 //! Edges and fans of triangles around one node.
 //!
-//! A fan is a part of a node's triangles that hang together across edges of exactly two triangles.
-//! A surface is a manifold at a node if its triangles are one fan, closed or open.
+//! A fan is a set of a node's triangles that are connected across edges of exactly two triangles. A
+//! surface is a manifold at a node if its triangles form one fan, closed or open.
 
 use super::shells::Shells;
 use super::{Triangles, is_degenerate, middle};
@@ -9,7 +9,7 @@ use crate::stars::Stars;
 use crate::{Defects, Place};
 use isoform_geom::UnionFind;
 
-/// The findings of one run of nodes; the defects are explained at [`Surface`](super::Surface).
+/// Results for one run of nodes; the defects are explained at [`Surface`](super::Surface).
 #[derive(Default)]
 pub(super) struct Run {
     /// Number of nodes in triangles.
@@ -24,23 +24,23 @@ pub(super) struct Run {
     pub(super) pinched: Defects,
     /// Triangles with the corners of another one.
     pub(super) repeated: Defects,
-    /// Number of edges at each node of the run that belong to it, by shells.
+    /// Number of edges that belong to each node of the run, with the node's shell: (shell, edges).
     pub(super) edges: Vec<(u32, u32)>,
     /// Shells with an edge or node that is not as in a closed manifold.
     pub(super) broken: Vec<u32>,
 }
 
-/// An edge at a node as a triangle has it: other end, triangle, whether the triangle runs from the
-/// node to the other end.
+/// An edge at a node, as one triangle has it: (other end, triangle, true if the triangle runs from
+/// the node to the other end).
 type Spoke = (u32, u32, bool);
 
-/// A triangle at its lowest corner: its other corners in ascending order, and its number.
+/// A triangle at its lowest corner: its other corners in ascending order, and its index.
 type Apex = ([u32; 2], u32);
 
-/// Memory that is used again for each node.
+/// Buffers reused for each node.
 #[derive(Default)]
 pub(super) struct Work {
-    /// Sorted, so that all spokes of one edge stand together.
+    /// Spokes, sorted so that all of one edge are adjacent.
     spokes: Vec<Spoke>,
     /// Union-find over the triangles around the node.
     fan: UnionFind,
@@ -70,7 +70,7 @@ impl Work {
         self.apexes.sort_unstable();
     }
 
-    /// The number of fans: parts that hang together across edges of exactly two triangles.
+    /// Counts the fans: parts connected across edges of exactly two triangles.
     fn fans(&mut self, triangles: usize) -> usize {
         self.fan.reset(triangles);
         let mut fans = self.spokes.len() / 2;
@@ -88,18 +88,18 @@ pub(super) struct Surroundings<'m> {
     pub(super) of: Triangles<'m>,
     pub(super) stars: Stars,
     pub(super) shells: Shells,
-    /// How many places are kept of each kind of finding.
+    /// Maximum number of places kept per kind of defect.
     pub(super) room: usize,
 }
 
 impl Surroundings<'_> {
-    /// Whether a triangle has both nodes.
+    /// Returns true if a triangle has both nodes.
     pub(super) fn has_edge(&self, a: u32, b: u32) -> bool {
         let mut around = self.stars.of(a as usize).iter();
         around.any(|&k| self.of.triangles[k as usize].contains(&b))
     }
 
-    /// Looks at one node and the edges to nodes above it.
+    /// Examines one node and its edges to nodes of higher index.
     pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
         let around = self.stars.of(node);
         work.collect(self.of.triangles, around, node as u32);
@@ -126,8 +126,8 @@ impl Surroundings<'_> {
         }
     }
 
-    /// Adds the triangles with this lowest node whose other corners another one has, too. Returns
-    /// whether there are any.
+    /// Adds the triangles with this lowest node whose other corners belong to another one, too.
+    /// Returns true if there are any.
     fn add_repeated(&self, node: usize, apexes: &[Apex], repeated: &mut Defects) -> bool {
         let before = repeated.count;
         for pair in apexes.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
@@ -141,8 +141,8 @@ impl Surroundings<'_> {
         repeated.count > before
     }
 
-    /// The number of edges to nodes above, and whether each has two triangles that run along it in
-    /// different directions.
+    /// Counts the edges to nodes of higher index and adds their defects. Also returns true if each
+    /// has two triangles that run along it in opposite directions.
     fn edges(&self, node: usize, spokes: &[Spoke], run: &mut Run) -> (u32, bool) {
         let (u, around) = (node as u32, self.stars.of(node));
         let (mut edges, mut whole) = (0, true);

@@ -1,4 +1,4 @@
-//! Parts of the surface that hang together by nodes, and whether they lie in each other rightly.
+//! Connected parts of the surface, and their nesting.
 
 use super::{Shell, TASK, Triangles, is_degenerate};
 use crate::boxes::BoxTree;
@@ -8,19 +8,19 @@ use crate::{Defects, Place};
 use isoform_geom::{Aabb, Point3, UnionFind, cross, dot, norm, sub};
 use rayon::prelude::*;
 
-/// Number of directions that are tried for a ray that meets no edge. Each fails only by a
-/// coincidence; if all fail, the shell has no winding number.
+/// Maximum number of rays tried until one meets no edge. Each fails only by coincidence; if all
+/// fail, the shell gets no winding number.
 const RAYS: u32 = 32;
-/// Tilt of the first ray, as a share of the diagonal; the others are tilted farther. A larger tilt
-/// makes the box around the ray thicker, and more triangles are asked.
+/// Tilt of the first ray, in diagonals of the surface; later rays are tilted farther. A larger tilt
+/// makes the box around the ray thicker, and more triangles are tested.
 const TILT: f64 = 1e-3;
-/// Steps of two sequences of low discrepancy: 1/φ and √2 − 1. Both are badly approximated by
-/// fractions, so that rays do not come back to the slopes of a regular mesh.
+/// Increments of two low-discrepancy sequences: 1/φ and √2 − 1. Both are badly approximable, so
+/// that rays do not return to the slopes of a regular mesh.
 const TURNS: [f64; 2] = [0.618_033_988_749_894_9, 0.414_213_562_373_095_03];
 
-/// Which nodes hang together.
+/// Shells of a surface: the connected components of its nodes.
 pub(super) struct Shells {
-    /// Number of the shell of each node that is in a triangle with three corners; shells are
+    /// Shell of each node that is a corner of a triangle with three distinct corners; shells are
     /// numbered by their lowest nodes.
     pub(super) of: Vec<u32>,
     /// Lowest node of each shell.
@@ -56,7 +56,7 @@ impl Shells {
     fn numbered(sets: &mut UnionFind, used: &[bool]) -> Self {
         let (mut of, mut lowest) = (vec![0; sets.len()], Vec::new());
         for i in 0..sets.len() {
-            // The root is the lowest node, so its number is known when the others are met.
+            // The root is the lowest node, so it is numbered before the other nodes are reached.
             let r = sets.root(i as u32) as usize;
             if r == i && used[i] {
                 of[i] = lowest.len() as u32;
@@ -68,8 +68,8 @@ impl Shells {
         Self { of, lowest }
     }
 
-    /// Triangles, volume and area of each shell. Volumes are taken about the centre of all shells,
-    /// which keeps cancellation small.
+    /// Computes the number of triangles, volume and area of each shell. Volumes are taken about the
+    /// centre of all shells, which keeps cancellation small.
     pub(super) fn measure(&self, of: Triangles<'_>) -> Vec<Shell> {
         let o = bounds(of).center();
         let parts: Vec<Vec<Sum>> = blocks(of.triangles.len(), TASK)
@@ -93,8 +93,8 @@ impl Shells {
         shells
     }
 
-    /// Sums over triangles, one for each run of one shell: neighbours in the list mostly are
-    /// neighbours in space.
+    /// Sums over triangles, once per run of triangles of one shell: neighbours in the list are
+    /// mostly neighbours in space.
     fn sums(&self, of: Triangles<'_>, triangles: &[[u32; 3]], o: Point3) -> Vec<Sum> {
         let mut sums: Vec<Sum> = Vec::new();
         for t in triangles.iter().filter(|t| !is_degenerate(t)) {
@@ -119,7 +119,7 @@ impl Shells {
     }
 }
 
-/// The box around the corners of all triangles.
+/// Returns the box around the corners of all triangles.
 fn bounds(of: Triangles<'_>) -> Aabb {
     Aabb::of(
         of.triangles
@@ -129,11 +129,11 @@ fn bounds(of: Triangles<'_>) -> Aabb {
     )
 }
 
-/// Shells in the wrong place: the other shells should wind 0 times around a component and once
-/// around a cavity.
+/// Finds misplaced shells: the winding number of the other shells should be 0 around a component
+/// and 1 around a cavity.
 ///
-/// The number is counted along a ray, each passage with its sign, exactly; a ray that meets an edge
-/// is given up for another one. A shell that touches others has no such number; touching is an
+/// It is counted along a ray, each crossing with its sign, exactly; a ray that meets an edge is
+/// replaced by another one. A shell that touches others has no such number; touching is an
 /// intersection, and reported as one.
 pub(super) fn misplaced(
     of: Triangles<'_>,
@@ -166,8 +166,8 @@ pub(super) fn misplaced(
     defects
 }
 
-/// The end of the ray number `k`: a point beyond the bounds, nearly along +x so that the box around
-/// the ray is thin.
+/// Returns the end of ray number `k`: a point beyond the bounds, nearly in direction +x so that the
+/// box around the ray is thin.
 fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     let reach = bounds.diagonal();
     let [s, t] = TURNS.map(|turn| f64::from(k + 1) * turn);
@@ -179,18 +179,18 @@ fn ray_end(from: Point3, bounds: &Aabb, k: u32) -> Point3 {
     ]
 }
 
-/// How a segment passes a triangle.
+/// Relation of a segment to a triangle.
 enum Passage {
-    /// Beside it.
+    /// The segment misses the triangle.
     Misses,
-    /// Through its inside; +1 where it leaves the solid, −1 where it enters.
+    /// The segment crosses the interior: +1 where it leaves the solid, −1 where it enters.
     Through(i32),
-    /// Through its border, or with an end in its plane: the count says nothing.
+    /// The segment meets the border, or has an end in the plane: the winding number is undefined.
     Touches,
 }
 
-/// How many times the other shells wind around a node; `None` if the segment to the outside meets
-/// one of their edges.
+/// Returns the winding number of the other shells around a node; `None` if the segment to `end`
+/// meets one of their edges.
 fn winding(
     of: Triangles<'_>,
     shells: &Shells,
@@ -214,7 +214,7 @@ fn winding(
     certain.then_some(count)
 }
 
-/// How the segment passes the triangle, by exact signs of volumes.
+/// Classifies a segment and a triangle by exact signs of volumes.
 fn passage(from: Point3, end: Point3, [a, b, c]: [Point3; 3]) -> Passage {
     let (s, e) = (volume_sign(a, b, c, from), volume_sign(a, b, c, end));
     if s * e > 0 {

@@ -1,53 +1,53 @@
 //! Faces and edges of the tetrahedra around one node, of which it is the lowest node.
 //!
-//! Every face and every edge belongs to exactly one node that way, so that nodes can be looked at
-//! independently and nothing is counted twice.
+//! Every face and every edge thus belongs to exactly one node, so that nodes are independent tasks
+//! and nothing is counted twice.
 
 use super::Volume;
 use crate::Place;
 use crate::stars::Stars;
 use isoform_geom::{Mesh, TET_EDGES, TET_FACES, TRIANGLE_EDGES};
 
-/// The findings of one run of nodes.
+/// Results for one run of nodes.
 #[derive(Default)]
 pub(super) struct Run {
     /// Counts and defects.
     pub(super) volume: Volume,
     /// Faces of one tetrahedron, counterclockwise seen from outside.
     pub(super) boundary: Vec<[u32; 3]>,
-    /// Ratios of the mean edge lengths of neighbours.
+    /// Ratios of the mean edge lengths of neighbouring tetrahedra.
     pub(super) ratios: Vec<f64>,
     /// Mid nodes with the ends of their edges.
     pub(super) mids: Vec<(u32, [u32; 2])>,
 }
 
-/// Memory that is used again for each node.
+/// Buffers reused for each node.
 #[derive(Default)]
 pub(super) struct Work {
     faces: Vec<Face>,
-    /// Other ends of the edges, with the mid node.
+    /// Edges at the node: (other end, mid node).
     edges: Vec<(u32, u32)>,
 }
 
 /// A face at its lowest corner, as one tetrahedron or one triangle of the surface has it.
 struct Face {
-    /// The other two corners in ascending order.
+    /// Other two corners in ascending order.
     others: [u32; 2],
-    /// Number of the tetrahedron or triangle.
+    /// Index of the tetrahedron or triangle.
     element: u32,
-    /// Whether the element is a triangle of the surface.
+    /// True if the element is a triangle of the surface.
     is_triangle: bool,
-    /// Whether it runs from the lowest corner to the lower of the others, seen from outside of its
-    /// tetrahedron.
+    /// True if the face runs from the lowest corner to the lower of the others, seen from outside
+    /// of its tetrahedron.
     ascending: bool,
 }
 
 impl Face {
-    /// The order of faces: one face after the other, its tetrahedra before its triangles.
+    /// Returns the sorting key: faces are grouped by corners, tetrahedra before triangles.
     fn key(&self) -> ([u32; 2], bool, u32) {
         (self.others, self.is_triangle, self.element)
     }
-    /// The corners, counterclockwise seen from outside.
+    /// Returns the corners, counterclockwise seen from outside.
     fn corners(&self, lowest: u32) -> [u32; 3] {
         let [a, b] = self.others;
         if self.ascending {
@@ -58,7 +58,7 @@ impl Face {
     }
 }
 
-/// The face as its lowest corner has it, if that is `node`.
+/// Returns the face as seen from its lowest corner; `None` if that is not `node`.
 fn face_at(node: u32, f: [u32; 3], element: u32, is_triangle: bool) -> Option<Face> {
     let [a, b] = match f {
         [x, a, b] | [b, x, a] | [a, b, x] if x == node => [a, b],
@@ -72,19 +72,19 @@ fn face_at(node: u32, f: [u32; 3], element: u32, is_triangle: bool) -> Option<Fa
     })
 }
 
-/// The elements around each node.
+/// Elements around each node.
 pub(super) struct Elements<'m> {
     pub(super) mesh: &'m Mesh,
     pub(super) tets: Stars,
     pub(super) triangles: Stars,
-    /// The mean edge length of each tetrahedron.
+    /// Mean edge length of each tetrahedron.
     pub(super) lengths: Vec<f64>,
-    /// How many places are kept of each kind of finding.
+    /// Maximum number of places kept per kind of defect.
     pub(super) room: usize,
 }
 
 impl Elements<'_> {
-    /// Looks at the faces and edges that belong to a node, being its lowest.
+    /// Examines the faces and edges of which a node is the lowest.
     pub(super) fn look_at(&self, node: usize, work: &mut Work, run: &mut Run) {
         work.faces.clear();
         work.edges.clear();
@@ -97,15 +97,15 @@ impl Elements<'_> {
         if !self.mesh.tet_mids.is_empty() {
             self.mids(node, &mut work.edges, run);
         }
-        // Equal keys only occur if an element has a face twice; then it has a corner twice, and its
-        // face is none.
+        // Equal keys occur only if an element has a face twice; then a corner is repeated, and
+        // `face_at` gives no face.
         work.faces.sort_unstable_by_key(Face::key);
         for group in work.faces.chunk_by(|a, b| a.others == b.others) {
             self.face(node as u32, group, run);
         }
     }
 
-    /// Collects the faces and edges that the tetrahedra have at their lowest node `node`.
+    /// Collects the faces and edges of the tetrahedra that have `node` as their lowest node.
     fn collect_tetrahedra(&self, node: usize, work: &mut Work) {
         let u = node as u32;
         for &k in self.tets.of(node) {
@@ -123,8 +123,8 @@ impl Elements<'_> {
         }
     }
 
-    /// Collects the triangles of the surface at their lowest node `node`, and their edges if the
-    /// mesh is of second order.
+    /// Collects the triangles of the surface that have `node` as their lowest node, and their edges
+    /// if the mesh is of second order.
     fn collect_triangles(&self, node: usize, work: &mut Work) {
         let u = node as u32;
         for &k in self.triangles.of(node) {
@@ -143,7 +143,7 @@ impl Elements<'_> {
         }
     }
 
-    /// Collects the mid nodes of edges on which all elements agree; the other edges are findings.
+    /// Collects the mid nodes of edges on which all elements agree; the other edges are defects.
     fn mids(&self, node: usize, edges: &mut Vec<(u32, u32)>, run: &mut Run) {
         let u = node as u32;
         edges.sort_unstable();
@@ -163,7 +163,7 @@ impl Elements<'_> {
         }
     }
 
-    /// Looks at one face, by the tetrahedra and the triangles of the surface that have it.
+    /// Examines one face, given the tetrahedra and the triangles of the surface that have it.
     fn face(&self, lowest: u32, group: &[Face], run: &mut Run) {
         let (tets, triangles) = group.split_at(group.partition_point(|f| !f.is_triangle));
         let place = || self.place(lowest, tets);
@@ -191,8 +191,8 @@ impl Elements<'_> {
         }
     }
 
-    /// Looks at a triangle of the surface at the face of these tetrahedra: it should cover the face
-    /// of exactly one and be turned outward.
+    /// Examines a triangle of the surface at the face of these tetrahedra: it should cover the face
+    /// of exactly one and be oriented outward.
     fn triangle(&self, lowest: u32, tets: &[Face], triangle: &Face, volume: &mut Volume) {
         let defects = match tets {
             [] => &mut volume.loose_triangles,
@@ -204,7 +204,7 @@ impl Elements<'_> {
         defects.add(self.room, place);
     }
 
-    /// The middle of a face, with the elements that have it.
+    /// Returns the middle of a face, with the elements that have it.
     fn place(&self, lowest: u32, elements: &[Face]) -> Place {
         let nodes = elements[0].corners(lowest);
         let [a, b, c] = nodes.map(|i| self.mesh.points[i as usize]);

@@ -6,18 +6,18 @@ use super::faces::Run;
 use crate::{Defects, Place};
 use isoform_geom::Mesh;
 
-/// Number of nodes that are listed of one finding: a node that very many edges share would fill the
+/// Maximum number of nodes listed per defect: a node that very many edges share would fill the
 /// report.
 const LISTED: usize = 16;
 
-/// Looks for edges that share a mid node, and for edges whose mid node is a corner.
+/// Reports edges that share a mid node, and edges whose mid node is a corner.
 pub(super) fn examine(mesh: &Mesh, runs: &[Run], room: usize, defects: &mut Defects) {
     if !mesh.tet_mids.is_empty() && is_any_shared(mesh, runs) {
         list_shared(mesh, runs, room, defects);
     }
 }
 
-/// Whether there is something to be listed at all.
+/// Returns true if a mid node belongs to several edges or is a corner.
 fn is_any_shared(mesh: &Mesh, runs: &[Run]) -> bool {
     let mut used = vec![false; mesh.points.len()];
     for (mid, _) in runs.iter().flat_map(|run| &run.mids) {
