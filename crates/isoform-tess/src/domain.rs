@@ -1,56 +1,56 @@
-//! A region of the parameter plane to which a surface is restricted: a simple polygon with rational
+//! A domain of the parameter plane to which a surface is restricted: a simple polygon with rational
 //! corners.
 
 use crate::map::Map;
 use dashu_base::Sign;
 use isoform_algebra::{Poly, QUADRANTS, RBig};
 
-/// The most corners of a domain: each side is a bit of a vertex.
+/// Maximum number of corners of a domain: a vertex stores its sides as the bits of a `u64`.
 pub const MAX_CORNERS: usize = 64;
 
 /// A point (s, t) of the parameter plane.
 pub type Parameters = [RBig; 2];
 
-/// A simple polygon in (s, t), its inside and its sides.
+/// A closed simple polygon in (s, t).
 #[derive(Clone, Debug, PartialEq)]
 pub struct Domain {
-    /// Counterclockwise. Side k leads from corner k to the next.
+    /// Corners, counterclockwise; side k leads from corner k to the next one.
     corners: Vec<Parameters>,
 }
 
-/// Why corners do not make a simple polygon.
+/// Reason why corners do not form a simple polygon.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum DomainError {
     /// Fewer than three corners.
     #[error("{found} corners are too few: a polygon has three or more")]
     TooFew {
-        /// The number that was found.
+        /// Number of corners.
         found: usize,
     },
     /// More than [`MAX_CORNERS`].
     #[error("{found} corners are too many: there may be {MAX_CORNERS}")]
     TooMany {
-        /// The number that was found.
+        /// Number of corners.
         found: usize,
     },
-    /// All corners are on one line.
+    /// All corners are collinear.
     #[error("the region has no area")]
     NoArea,
-    /// Two sides have a point in common that is no corner between them. Sides are counted from 1.
+    /// Two sides, counted from 1, meet in a point that is not their common corner.
     #[error("sides {first} and {second} of the polygon meet")]
     Crossing {
-        /// The first of the sides.
+        /// First of the two sides.
         first: usize,
-        /// The other one.
+        /// Second of the two sides.
         second: usize,
     },
 }
 
-/// Twice the area of a triangle, counterclockwise positive.
+/// Returns twice the signed area of a triangle, positive if it is counterclockwise.
 fn area(a: &Parameters, b: &Parameters, c: &Parameters) -> RBig {
     (&b[0] - &a[0]) * (&c[1] - &a[1]) - (&b[1] - &a[1]) * (&c[0] - &a[0])
 }
-/// −1, 0 or 1.
+/// Returns the sign as −1, 0 or 1.
 fn signum(x: &RBig) -> i8 {
     match x.sign() {
         _ if x.is_zero() => 0,
@@ -58,11 +58,11 @@ fn signum(x: &RBig) -> i8 {
         Sign::Negative => -1,
     }
 }
-/// Whether a point of the line through a and b is between them, or one of them.
+/// Returns true if a point of the line through a and b lies between them, ends included.
 fn is_between(p: &Parameters, a: &Parameters, b: &Parameters) -> bool {
     (0..2).all(|k| (&p[k] - &a[k]) * (&p[k] - &b[k]) <= RBig::ZERO)
 }
-/// Whether two segments have a point in common.
+/// Returns true if two segments have a common point.
 fn meet([a, b]: [&Parameters; 2], [c, d]: [&Parameters; 2]) -> bool {
     let [p, q] = [c, d].map(|x| signum(&area(a, b, x)));
     let [r, s] = [a, b].map(|x| signum(&area(c, d, x)));
@@ -73,8 +73,8 @@ fn meet([a, b]: [&Parameters; 2], [c, d]: [&Parameters; 2]) -> bool {
 }
 
 impl Domain {
-    /// A polygon by its corners (s, t), in either direction around it. The first corner may be
-    /// repeated at the end.
+    /// Creates a polygon from its corners (s, t), in either direction of traversal. The first
+    /// corner may be repeated at the end.
     ///
     /// ```
     /// use isoform_algebra::RBig;
@@ -120,14 +120,14 @@ impl Domain {
         }
         Ok(Self { corners })
     }
-    /// Whether two sides have a point in common that is no corner between them, or one of them has
-    /// no length.
+    /// Returns true if two sides have a common point other than the corner between them, or if one
+    /// of them has zero length.
     fn do_sides_meet(&self, first: usize, second: usize) -> bool {
         let ([a, b], [c, d]) = (self.side(first), self.side(second));
         if a == b || c == d {
             true
         } else if second == first + 1 {
-            // Neighbours: the corner between them is all they may have in common.
+            // // Adjacent sides may share only the corner between them.
             area(a, b, d).is_zero() && !is_between(b, a, d)
         } else if first == 0 && second + 1 == self.corners.len() {
             area(c, d, b).is_zero() && !is_between(d, c, b)
@@ -135,7 +135,7 @@ impl Domain {
             meet([a, b], [c, d])
         }
     }
-    /// s₀ ≤ s ≤ s₁, t₀ ≤ t ≤ t₁; the ends may be given in either order.
+    /// Creates the rectangle s₀ ≤ s ≤ s₁, t₀ ≤ t ≤ t₁; the bounds may be given in either order.
     ///
     /// # Errors
     /// [`DomainError::NoArea`].
@@ -161,7 +161,7 @@ impl Domain {
             &self.corners[(k + 1) % self.corners.len()],
         ]
     }
-    /// The least and greatest s, and t.
+    /// Returns the minimum and maximum of s, and of t.
     pub fn bounds(&self) -> [[RBig; 2]; 2] {
         [0, 1].map(|k| {
             let all = || self.corners.iter().map(|c| c[k].clone());
@@ -183,7 +183,8 @@ impl Domain {
         };
         (0..self.corners.len()).map(line).collect()
     }
-    /// Whether a point that is on no line of a side is inside.
+    /// Returns true if a point that lies on no line of a side is inside, by the parity of
+    /// crossings.
     pub(crate) fn contains(&self, p: &Parameters) -> bool {
         let crosses = |k: usize| {
             let [a, b] = self.side(k);
@@ -192,14 +193,14 @@ impl Domain {
         };
         (0..self.corners.len()).filter(|&k| crosses(k)).count() % 2 == 1
     }
-    /// Whether a point (s : t : w) that is not next to a side is outside.
+    /// Returns true if a point (s : t : w) that is not next to a side is outside.
     pub(crate) fn is_outside(&self, [s, t, w]: [f64; 3]) -> bool {
         match [s / w, t / w].map(RBig::try_from) {
             [Ok(s), Ok(t)] => !self.contains(&[s, t]),
             _ => true,
         }
     }
-    /// The side that a point is on, no corner.
+    /// Returns the side that holds a point in its interior.
     pub(crate) fn side_at(&self, p: &Parameters) -> Option<usize> {
         (0..self.corners.len()).find(|&k| {
             let [a, b] = self.side(k);
@@ -208,14 +209,14 @@ impl Domain {
     }
 }
 
-/// s and t of a point of a unit triangle, if they are finite.
+/// Returns s and t of a point of a unit triangle, if they are finite.
 pub(crate) fn parameters(quadrant: usize, [u, v]: [&RBig; 2]) -> Option<Parameters> {
     let w = RBig::ONE - u - v;
     let [s, t] = QUADRANTS[quadrant].map(RBig::from);
     (!w.is_zero()).then(|| [s * u / &w, t * v / w])
 }
 
-/// Bernstein coefficients of a polynomial in s and t over a rectangle: rows by s.
+/// Bernstein coefficients of a polynomial in s and t over a rectangle, in rows by s.
 #[derive(Clone)]
 struct Net {
     columns: usize,
@@ -237,12 +238,13 @@ impl Net {
             columns: n + 1,
             coefficients: c,
         };
-        // From powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n over i).
+        // // Conversion from powers: the k-th Bernstein coefficient is the sum of aᵢ·(k over i)/(n
+        // over i).
         net.each(true, from_powers);
         net.each(false, from_powers);
         net
     }
-    /// Applies something to every row, or to every column.
+    /// Applies a function to every row, or to every column.
     fn each(&mut self, rows: bool, mut f: impl FnMut(&mut [RBig])) {
         let (columns, lines) = (self.columns, self.coefficients.len() / self.columns);
         let (outer, inner) = if rows {
@@ -267,7 +269,7 @@ impl Net {
             }
         }
     }
-    /// Of the two halves by s, or by t.
+    /// Returns the coefficients over the two halves of the range of s, or of t.
     fn halves(&self, by_t: bool) -> [Self; 2] {
         [false, true].map(|second| {
             let mut half = self.clone();
@@ -277,7 +279,7 @@ impl Net {
     }
 }
 
-/// From coefficients of powers to Bernstein coefficients.
+/// Converts coefficients of powers to Bernstein coefficients.
 fn from_powers(line: &mut [RBig]) {
     let n = line.len() - 1;
     let binomial = |n: usize, k: usize| {
@@ -292,7 +294,7 @@ fn from_powers(line: &mut [RBig]) {
         *x = (0..=k).fold(RBig::ZERO, |sum, i| sum + &scaled[i] * binomial(k, i));
     }
 }
-/// The Bernstein coefficients over the first or second half, by de Casteljau's algorithm.
+/// Computes the Bernstein coefficients over the first or second half, by de Casteljau's algorithm.
 fn halve(line: &mut [RBig], second: bool) {
     let n = line.len();
     let half = RBig::from(2);
@@ -312,21 +314,22 @@ fn halve(line: &mut [RBig], second: bool) {
 /// Halvings of each of the two parameters before a sign is given up: cells of a sixteenth.
 const HALVINGS: usize = 4;
 
-/// Bounds of the image of a map over a domain, if W is proved to have no zero in the rectangle
-/// around it: the least and greatest coordinates.
+/// Returns bounds of the image of a map over a domain, the minimum and maximum of each coordinate;
+/// `None` unless W is proved to have no zero in the rectangle around the domain.
 pub fn bounds_over(map: &Map, domain: &Domain) -> Option<[[RBig; 2]; 3]> {
     image_bounds(map.affine(), &domain.bounds())
 }
 
-/// Twice the signed area of a polygon: positive if its corners go around it counterclockwise.
+/// Returns twice the signed area of a polygon, positive if it is counterclockwise.
 fn signed_area(corners: &[Parameters]) -> RBig {
     (1..corners.len() - 1)
         .map(|k| area(&corners[0], &corners[k], &corners[k + 1]))
         .fold(RBig::ZERO, |a, b| a + b)
 }
 
-/// The least and greatest x/w, y/w and z/w of control points over a rectangle of the parameters, if
-/// W is proved to have no zero there: bounds of the image. Polynomials in s and t.
+/// Returns the minimum and maximum of x/w, y/w and z/w of the control points over a rectangle of
+/// the parameters: bounds of the image. `None` unless W is proved to have no zero there. The
+/// polynomials are in s and t.
 pub(crate) fn image_bounds(
     polynomials: &[Poly; 4],
     rectangle: &[[RBig; 2]; 2],
@@ -355,13 +358,13 @@ pub(crate) fn image_bounds(
     bounds
 }
 
-/// Whether numbers have the same sign, and none is 0.
+/// Returns true if all numbers have one sign and none is 0.
 fn has_one_sign(numbers: &[RBig]) -> bool {
     let first = signum(&numbers[0]);
     first != 0 && numbers.iter().all(|x| signum(x) == first)
 }
 
-/// Widens bounds so that they hold a point.
+/// Extends bounds to contain a point.
 fn include(bounds: &mut Option<[[RBig; 2]; 3]>, point: [RBig; 3]) {
     let Some(bounds) = bounds else {
         *bounds = Some(point.map(|x| [x.clone(), x]));
@@ -433,7 +436,7 @@ mod tests {
     }
 
     impl Domain {
-        /// With the first corner of another one first.
+        /// Rotates the corners so that the first corner of another domain comes first.
         fn turned(mut self, other: &Self) -> Self {
             let k = self
                 .corners
@@ -447,7 +450,7 @@ mod tests {
 
     #[test]
     fn insides_and_sides() {
-        // An L.
+        // // An L-shaped polygon.
         let l = Domain::polygon(points(&[[0, 0], [4, 0], [4, 1], [1, 1], [1, 4], [0, 4]]))
             .expect("a polygon");
         let half = |s: i64, t: i64| [s, t].map(|x| RBig::from(x) / RBig::from(2));

@@ -1,31 +1,31 @@
-//! Pinch points, and solitary curves: real points of a surface that only pairs of complex conjugate
-//! parameters reach.
+//! Pinch points, and solitary curves: real points of a surface that are reached only by pairs of
+//! complex conjugate parameters.
 //!
-//! A map of degree 1 takes a non-real parameter p to a real point only where it takes the conjugate
-//! of p to the same point: p lies on the double locus D. Along an irreducible factor f of D that is
-//! not contracted, real points are the solutions of f(p) = 0, Im φ(p) = 0, of which one real
-//! equation is left where f = 0 is smooth; where it is not, the second condition alone still has
-//! the rank 3 of a curve as long as the sheets at p and at its conjugate cross. Both together are
-//! solved by Gauss–Newton (`solution`), in the affine chart of the complex projective plane around
-//! the point itself, so that no parameter is at infinity.
+//! A map of degree 1 sends a non-real parameter p to a real point only if it sends the conjugate of
+//! p to the same point: p lies on the double locus D. Along an irreducible factor f of D that is
+//! not contracted, real points are the solutions of f(p) = 0, Im φ(p) = 0. Of the second condition
+//! one real equation remains where f = 0 is smooth. At a singular point of f = 0, the second
+//! condition alone still has the rank 3 of a curve, as long as the sheets at p and at its conjugate
+//! cross. Gauss–Newton (`solution`) solves both together, in the affine chart of the complex
+//! projective plane around the point itself, so that no parameter is at infinity.
 //!
-//! An improper map may take whole regions of non-real parameters to real points, where a deck
-//! transformation gives the conjugate. Of these only what lies on D is found.
+//! An improper map may send whole regions of non-real parameters to real points, where a deck
+//! transformation maps a parameter to its conjugate. Of these, only the points on D are found.
 //!
 //! A real base point is blown up to a line, of which a pair of conjugate directions may reach real
 //! points, too (the conoid of Plücker): its seam curves are traced in the same way, as maps of the
 //! line c = 0 in a plane (a : b : c).
 //!
 //! Curves are found by sections (`section`): the points of f = 0 in a general complex plane of
-//! space, from those on lines of the parameter plane by homotopy, are carried to planes that cut
-//! the box into slices, and to its faces. From there they are followed (`trace`).
+//! space, computed by homotopy from those on lines of the parameter plane, are tracked to planes
+//! that cut the box into slices, and to its faces. From there the curves are traced (`trace`).
 //!
 //! - *source*: a curve of parameters with a map into space: a factor f with φ, or a seam.
 //! - *section*: the points of a source whose images lie in a plane.
-//! - *hit*: a point of a section with a real image, but no real parameter.
-//! - *covered*: a point that a real parameter reaches, too; it is on no solitary curve.
+//! - *hit*: a point of a section with a real image, but a non-real parameter.
+//! - *covered*: a point that a real parameter reaches, too; it lies on no solitary curve.
 //!
-//! All of this is in half widths of the box.
+//! All lengths are in half widths of the box.
 
 mod pinch;
 mod search;
@@ -44,23 +44,24 @@ use crate::singular::{CurveKind, Singular, SingularCurve};
 use isoform_control::{Control, Stopped};
 use search::{Partner, Search};
 
-/// Parameters are one if the sine of their angle is at most this: half of the digits are lost next
-/// to folds and pinch points. Larger, and partners near a pinch point are taken for one; smaller,
-/// and a parameter is taken for a partner of itself.
+/// Sine of the angle up to which two parameters are taken for one: half of the digits are lost next
+/// to folds and pinch points. If it is larger, partners near a pinch point coincide; if it is
+/// smaller, a parameter is taken for a partner of itself.
 const SAME_PARAMETER: f64 = 1e-5;
 /// The tolerance of a search that follows no curves.
 const UNUSED_TOLERANCE: f64 = 1e-3;
 
-/// Solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices lie on them
-/// up to rounding and whose chords leave them by at most about `tolerance`, and what could not be
-/// completed; nothing if all is well.
+/// Finds the solitary curves in the box |x|, |y|, |z| ≤ `half_width`, as polylines whose vertices
+/// lie on them up to rounding and whose chords deviate by at most about `tolerance`. The findings,
+/// empty if the search succeeds, say what could not be completed.
 ///
-/// The points of these curves have no real parameter, apart from isolated ones, but a pair of
-/// conjugate ones; conjugate directions of real base points are included. The curves end at pinch
-/// points, where the pair becomes real, at faces of the box, and where a real parameter joins them.
-/// The first point of a closed curve is repeated as its last. Curves that lie between two of the
-/// planes by which they are looked for (a seventh to a seventeenth of the box's diagonal apart in
-/// each of three directions, the fewer points are followed the nearer), and reach neither a face
+/// Apart from isolated points, these curves are reached by pairs of conjugate parameters only;
+/// conjugate directions of real base points are included. The curves end at pinch points, where the
+/// pair becomes real, at faces of the box, and where a real parameter joins them. The first point
+/// of a closed curve is repeated as its last. The search uses parallel planes in three directions,
+/// a seventh to a seventeenth of the box's diagonal apart: the fewer points have to be tracked, the
+/// denser they are. A curve that lies between two such planes and reaches neither a face nor a
+/// pinch point may be missed.
 /// nor a pinch point, may be missed.
 pub fn solitary_arcs(
     map: &Map,
@@ -82,11 +83,11 @@ pub fn solitary_arcs(
     (search.arcs, search.problems)
 }
 
-/// The parameters of points of the double curve.
+/// Parameters of points of the double curve, found on demand.
 pub(crate) struct Fibres {
     search: Search,
     half_width: f64,
-    /// The number of sources that are curves of parameters: the rest are seams.
+    /// Number of sources that are curves of parameters; the others are seams.
     curves: usize,
 }
 
@@ -106,13 +107,13 @@ impl Fibres {
             curves,
         })
     }
-    /// All parameters of a point, in units of space, on double curves.
+    /// Returns all parameters on double curves of a point in units of space.
     fn over(&self, [x, y, z]: [f64; 3]) -> Vec<Partner> {
         let b = self.half_width;
         self.search.fibre(&[x / b, y / b, z / b, 1.0])
     }
-    /// Whether one real parameter and conjugate ones lead to a point, and nothing else. Those that
-    /// deck transformations exchange count as one.
+    /// Returns true if one real parameter and conjugate ones reach a point, and no other ones do.
+    /// Parameters exchanged by deck transformations count as one.
     pub(crate) fn is_met_by_conjugates(&self, p: [f64; 3], deck: Option<&Deck>) -> bool {
         let found = self.over(p);
         let real: Vec<&V> = found.iter().filter(|f| f.is_real).map(|f| &f.p).collect();
@@ -122,8 +123,8 @@ impl Fibres {
         };
         found.len() > real.len() && real.windows(2).all(|w| is_one(w[0], w[1]))
     }
-    /// Whether all the partners of a real parameter (s : t : w) with a given image were found to be
-    /// conjugate or in a part of the plane.
+    /// Returns true if all partners of a real parameter `own` (s : t : w) with the image `p` are
+    /// conjugate, or in the part of the plane given by `is_elsewhere`.
     pub(crate) fn is_alone(
         &self,
         p: [f64; 3],
@@ -139,7 +140,7 @@ impl Fibres {
     }
 }
 
-/// The curves with images that are curves in space.
+/// Iterates over the singular curves whose images are curves in space.
 pub(crate) fn curves_of<'a>(
     map: &'a Map,
     singular: &'a Singular,

@@ -1,5 +1,4 @@
-//! The double curve beside its equation: by arcs of pairs, or by the search along the curves of
-//! parameters.
+//! The double curve in space: traced as arcs of pairs, or found along the curves of parameters.
 
 use crate::analysis::Analysis;
 use crate::base::Seam;
@@ -25,17 +24,17 @@ type Polylines = Vec<Vec<Point3>>;
 const NO_CURVE: &str = "there is no double curve";
 const NOT_JOINED: &str = "sheets that cross are not joined";
 
-/// The double curve beside its equation.
+/// Everything known of the double curve besides its equation.
 pub(crate) struct DoubleCurve {
-    /// Real parameters at which pairs of them turn into conjugate ones.
+    /// Real parameters at which pairs of real parameters turn into conjugate pairs.
     pub(crate) pinches: Vec<[f64; 3]>,
-    /// The fibres that tell a real parameter alone from one that meets conjugate ones.
+    /// Fibres, which distinguish a real parameter alone from one that meets conjugate ones.
     pub(crate) fibres: Option<Fibres>,
     /// Arcs of real points that only conjugate parameters reach.
     pub(crate) solitary: Polylines,
-    /// Arcs with both parameters, where these stand for the curve of parameters.
+    /// Arcs with both parameters; `None` if the curve of parameters is used instead.
     pub(crate) traced: Option<Traced>,
-    /// Whether arcs stand for an implicit equation that is not known.
+    /// True if the arcs replace an implicit equation that is not known.
     pub(crate) needs_no_equation: bool,
     pub(crate) findings: Vec<Finding>,
     /// Verdicts on the claims of [`OF_DOUBLE_CURVE`](crate::claim::OF_DOUBLE_CURVE).
@@ -81,8 +80,8 @@ impl DoubleCurve {
         found
     }
 
-    /// Gives the verdicts where arcs were followed in floating point. Where the double curve is
-    /// known exactly and has no component, there are no pinch points and no solitary arcs, exactly.
+    /// Sets the verdicts for arcs traced in floating point. If the double curve is known exactly to
+    /// have no component, there are no pinch points and no solitary arcs either.
     fn judge_arcs(&mut self, is_known: bool, is_glued: bool, has_curve: bool) {
         let may_have_points = !is_known || has_curve;
         let floating = Verdict::Holds(Basis::Floating);
@@ -98,7 +97,7 @@ impl DoubleCurve {
             floating.or_not(may_have_points, NO_CURVE),
         ];
     }
-    /// All by arcs.
+    /// Takes everything from traced arcs.
     fn take_arcs(
         &mut self,
         traced: Traced,
@@ -130,7 +129,7 @@ impl DoubleCurve {
         self.add_seam_lines(given);
     }
 
-    /// The pinch points, exactly.
+    /// Finds the pinch points, exactly.
     fn search_pinches(&mut self, map: &Map, control: &Control<'_>) {
         match pinch_points(map, control) {
             Ok(points) => {
@@ -140,7 +139,7 @@ impl DoubleCurve {
             Err(Stopped) => self.findings.push(Finding::Stopped(Phase::PinchPoints)),
         }
     }
-    /// Pinch points exactly, solitary arcs by sections of the curves of parameters.
+    /// Finds pinch points exactly, and solitary arcs by sections of the curves of parameters.
     fn search(&mut self, given: &Given, control: &Control<'_>) {
         let &Given {
             map,
@@ -169,14 +168,14 @@ impl DoubleCurve {
             self.search_pinches(map, control);
             self.fibres = Fibres::new(map, singular, half_width, control).ok();
         }
-        // No parameters of a domain lead to solitary arcs, and planes and quadrics have none. Of an
-        // improper map complex parameters reach whole regions, which are not drawn.
+        // // No parameters of a domain lead to solitary arcs, and planes and quadrics have none.
+        // For an improper map complex parameters reach whole regions, which are not drawn.
         let is_smooth = degrees.is_some_and(|d| d.implicit_degree <= 2);
         if options.domain.is_none() && !(map_degree > 1 && (is_smooth || !glued)) {
             let tolerance = options.mesh.tolerance;
             let (arcs, problems) = solitary_arcs(map, singular, half_width, tolerance, control);
             self.solitary = arcs;
-            // Without a curve to follow there is no solitary one, exactly.
+            // // Without a curve to follow there are no solitary arcs, exactly.
             let has_base = analysis.base_points.as_ref().is_some_and(|b| !b.is_empty());
             let may_have = curves_of(map, singular).next().is_some() || has_base;
             self.verdicts[2] = Claim::SolitaryArcs.usual().or_not(may_have, NO_CURVE);
@@ -185,7 +184,7 @@ impl DoubleCurve {
         }
     }
 
-    /// Lines that conjugate base points are blown up to.
+    /// Adds the lines to which conjugate base points are blown up.
     fn add_seam_lines(&mut self, given: &Given) {
         for line in &given.analysis.seam_lines {
             if line.is_met(given.map, given.singular) {
@@ -198,7 +197,7 @@ impl DoubleCurve {
     }
 }
 
-/// The setting in which the double curve is looked for.
+/// Input of the search for the double curve.
 struct Given<'a> {
     map: &'a Map,
     analysis: &'a Analysis,
@@ -208,7 +207,8 @@ struct Given<'a> {
 }
 
 impl Given<'_> {
-    /// The arcs of the double curve, and the solitary parts of them, if all of them were found.
+    /// Returns the arcs of the double curve and their solitary parts; `None` unless all of them
+    /// were found.
     fn arcs(&self, control: &Control<'_>) -> Result<Option<(Traced, Polylines)>, Stopped> {
         let Some(expected) = self.expected() else {
             return Ok(None);
@@ -223,11 +223,11 @@ impl Given<'_> {
         Ok(solitary.map(|parts| (Traced { pairs, arcs }, parts)))
     }
 
-    /// The number of parameters that a general plane of space has on the double curve, if there are
-    /// no cuspidal edges.
+    /// Returns the number of parameters that a general plane of space has on the double curve;
+    /// `None` if there are cuspidal edges.
     ///
-    /// Without base points each curve of parameters has its degree times that of the map: then what
-    /// is at infinity, and not drawn, need not be counted.
+    /// Without base points each curve of parameters has a degree of its own degree times that of
+    /// the map; then the part at infinity, which is not drawn, need not be counted.
     fn expected(&self) -> Option<Expected> {
         let (analysis, singular) = (self.analysis, self.singular);
         let is_ramified = |c: &&SingularCurve| matches!(c.kind, CurveKind::Ramified);
@@ -255,9 +255,9 @@ impl Given<'_> {
         })
     }
 
-    /// The curves of parameters with finite images, if two sheets cross along each of them, and no
-    /// real base point is blown up to a curve that may be double on its own: only lines have one
-    /// parameter for each point.
+    /// Returns the curves of parameters with finite images, if exactly two sheets cross along each
+    /// of them, and no real base point is blown up to a curve that may be double by itself. Lines
+    /// are not: they have one parameter for each point.
     fn simple_curves(&self) -> Option<Vec<(Form, usize)>> {
         fn is_simple(seam: &Seam) -> bool {
             seam.curve[0].degree() <= 1 && seam.near.iter().all(|near| is_simple(&near.seam))
@@ -280,20 +280,22 @@ impl Given<'_> {
         Some(found)
     }
 
-    /// Whether arcs may stand for the double curve: if it is all that is special about a map, and
-    /// of a high degree.
+    /// Returns true if arcs may replace the curve of parameters: if it has no other special curves,
+    /// and its degree is high.
     fn may_stand(&self) -> bool {
         /// The degree of parameter curves from which their topology takes longer than to trace
         /// them: the curves of quadratic maps have 3, of general cubic ones 18.
         const HIGH: usize = 8;
-        // More than two sheets meet, or they touch, along what D vanishes on more than once.
+        // // More than two sheets meet, or they touch, along a curve with a higher multiplicity in
+        // D.
         let is_double =
             |c: &SingularCurve| matches!(c.kind, CurveKind::Double) && c.in_double == Some(1);
         let degree: usize = self.finite_curves().map(|c| c.curve.total_degree()).sum();
         self.finite_curves().all(is_double) && (degree > HIGH || self.singular.double.is_none())
     }
 
-    /// The singular curves but for those that the map sends to infinity, where nothing is drawn.
+    /// Iterates over the singular curves, without those that the map sends to infinity, where
+    /// nothing is drawn.
     fn finite_curves(&self) -> impl Iterator<Item = &SingularCurve> {
         let w = &self.map.forms()[3];
         let is_finite = |c: &&SingularCurve| !w.is_multiple_of(&c.curve);

@@ -1,8 +1,9 @@
-//! Surfaces whose triangles do not cross: where they do, the surface is made again.
+//! Surfaces without crossing triangles: a surface with crossings is triangulated again.
 //!
-//! Both sheets get each other's vertices there, then further vertices in between, then a finer
-//! tolerance ([`Change`]), until no triangles cross or nothing helps any more; what is left is
-//! said. Triangles that cross are found by the certificate of meshes ([`certify`]), by exact signs.
+//! First both sheets get each other's vertices at a crossing, then further vertices in between,
+//! then a finer tolerance ([`Change`]), until no triangles cross or no change helps; crossings that
+//! remain are reported. Crossing triangles are found by the certificate of meshes ([`certify`]), by
+//! exact signs.
 
 use crate::analysis::{Analysis, Running};
 use crate::claim::Claim;
@@ -21,27 +22,27 @@ use isoform_geom::{Aabb, Mesh};
 /// The number of times that the surface is made again, finer where its implicit equation finds
 /// triangles far away.
 const NEARER: usize = 2;
-/// The number of times that the surface is made again where triangles cross, by all changes
-/// together.
+/// Maximum number of repetitions because of crossing triangles, over all kinds of change.
 const ROUNDS: usize = 12;
-/// The number of times that a finer tolerance may be no better than the tolerance before.
+/// Number of finer tolerances without improvement after which the search ends.
 const IN_VAIN: usize = 2;
 
-/// More pairs of triangles that cross than this are no accident of sheets that are close together.
+/// Maximum number of crossing pairs that are repaired: more are not an accident of sheets that are
+/// close together.
 const MOST: usize = 2000;
 
-/// The triangles of a surface that cross.
+/// The crossing triangles of a surface.
 struct Crossings {
-    /// The number of pairs that were found.
+    /// Number of pairs found.
     count: usize,
-    /// Whether these are all.
+    /// True if no pairs were left out.
     is_complete: bool,
-    /// The first [`MOST`] of the pairs, each with a point in which they cross.
+    /// The first [`MOST`] pairs, each with a point at which they cross.
     pairs: Vec<Crossing>,
 }
 
 impl Crossings {
-    /// None if there was no time to look for all of them.
+    /// Finds the crossing triangles; `None` if the time is over before the search ends.
     fn of(surface: &Surface, control: &Control<'_>) -> Option<Self> {
         if control.is_stopped() {
             return None;
@@ -78,10 +79,10 @@ impl Crossings {
     }
 }
 
-/// The phase in which triangles that cross are looked for and mended, as its progress is told.
+/// Name under which the search for crossings and their repair are reported to the control.
 const CROSSINGS: &str = "crossings";
 
-/// The control of work that is a part of a phase, or that is done again: it tells nothing.
+/// Returns the control of work that is a part of a phase, or a repetition: it reports no progress.
 fn silent<'a>(control: &Control<'a>) -> Control<'a> {
     Control {
         progress: None,
@@ -89,19 +90,19 @@ fn silent<'a>(control: &Control<'a>) -> Control<'a> {
     }
 }
 
-/// A change where triangles cross.
+/// A change of the triangulation to remove crossings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Change {
-    /// Both sheets get the corners of the other's triangles.
+    /// Insertion of the corners of the crossing triangles into the respective other sheet.
     Corners,
-    /// And what lies between them.
+    /// Insertion of the crossing points, in addition.
     Places,
-    /// The tolerance is divided.
+    /// Division of the tolerance.
     Finer,
 }
 
 impl Change {
-    /// The next change, if fewer triangles crossed, or not.
+    /// Returns the next change; `is_fewer` tells if the last one reduced the number of crossings.
     fn next(self, is_fewer: bool) -> Self {
         match self {
             _ if is_fewer => Self::Corners,
@@ -112,16 +113,15 @@ impl Change {
     }
 }
 
-/// Analyses a map and triangulates its surface in a box. The analysis says in `seconds` how long
-/// the triangulation took, too; the surface repeats in `findings` what the analysis could not
-/// prove.
+/// Analyses a map and triangulates its surface in a box. The analysis includes the duration of the
+/// triangulation in `seconds`; the surface repeats in `findings` what the analysis could not prove.
 ///
-/// Where sheets are joined, triangles that cross all the same are found exactly. The surface is
-/// made again with the vertices of both sheets in both of them, or with a finer tolerance there;
-/// pairs that are left are findings.
+/// Where sheets are joined, the remaining crossings of triangles are found exactly. The surface is
+/// triangulated again with the vertices of both sheets in each of them, or with a finer tolerance
+/// there; pairs that remain are findings.
 ///
-/// Parameters far from their place are brought there first ([`Frame`]): what is said of them is
-/// said of the map's own, but for the corners of triangles, whose frame the surface names.
+/// Badly scaled parameters are normalised first ([`Frame`]). All results refer to the parameters of
+/// the given map, except the corners of triangles, whose frame is stored in the surface.
 ///
 /// ```
 /// use isoform_tess::{Claim, Control, Map, TriangulateOptions, triangulate};
@@ -133,7 +133,7 @@ impl Change {
 /// let (surface, analysis) = triangulate(&map, &options, &Control::default())?;
 /// assert!(surface.is_certified() && surface.holds(Claim::Crossings));
 /// assert_eq!(analysis.degrees.map(|d| (d.map_degree, d.implicit_degree)), Some((1, 2)));
-/// // Vertices are on it, the north pole at infinite parameters among them, and V − E + F = 2.
+/// // Its vertices lie on it, including the north pole at infinite parameters, and V − E + F = 2.
 /// let radius = |p: &[f64; 3]| p.iter().map(|x| x * x).sum::<f64>().sqrt();
 /// assert!(surface.points.iter().all(|p| (radius(p) - 1.0).abs() < 1e-12));
 /// assert!(surface.points.contains(&[0.0, 0.0, 1.0]));
@@ -141,11 +141,10 @@ impl Change {
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 ///
-/// The control hears of the phases in `seconds` of the analysis.
+/// The phases in `seconds` of the analysis are reported to the control.
 ///
-/// # Errors
-/// Options that are out of range, and [`TriangulateError::Stopped`], if not even the region of
-/// parameters was found in time.
+/// # Errors Options that are out of range, and [`TriangulateError::Stopped`] if not even the region
+/// of parameters was found in time.
 pub fn triangulate(
     map: &Map,
     options: &TriangulateOptions,
@@ -165,7 +164,7 @@ pub fn triangulate(
     Ok((surface, frame.analysis(analysis)))
 }
 
-/// The surface of a map whose parameters are in their place.
+/// Triangulates the surface of a map whose parameters are normalised.
 fn in_place(
     map: &Map,
     options: &TriangulateOptions,
@@ -203,13 +202,13 @@ fn in_place(
     Ok((surface, prepared.analysis))
 }
 
-/// Whether a finding is about what was drawn in the parameters: other arcs may do better.
+/// Returns true if a finding concerns the drawing in the parameters: other arcs may do better.
 fn is_ill_drawn(finding: &Finding) -> bool {
     let claims = [Claim::Drawing, Claim::Partners, Claim::Edges, Claim::Shapes];
     claims.contains(&finding.claim())
 }
 
-/// The finding about crossings, or about no time to look for them.
+/// Returns the finding about crossings, or about missing time to find them.
 fn crossing_finding(found: Option<&Crossings>) -> Option<Finding> {
     match found {
         Some(c) if !c.is_complete => Some(Finding::CrossingsAbove(c.pairs.len())),
@@ -219,27 +218,27 @@ fn crossing_finding(found: Option<&Crossings>) -> Option<Finding> {
     }
 }
 
-/// A surface and its triangles that cross.
+/// A surface and its crossing triangles.
 struct Tried {
     surface: Surface,
     crossings: Crossings,
 }
 
 impl Tried {
-    /// Whether nothing crosses, or what crosses, or is open for other reasons, is not mended by
-    /// other vertices.
+    /// Returns true if no triangles cross, or if the remaining findings cannot be repaired by other
+    /// vertices.
     fn is_final(&self, options: &TriangulateOptions) -> bool {
         self.crossings.pairs.is_empty()
             || !self.crossings.is_complete
             || !self.surface.is_certified()
             || self.surface.triangles.len() > options.mesh.triangles / 2
     }
-    /// The triangles that cross, without the points where they do.
+    /// Returns the crossing triangles without their points of crossing.
     fn triangles(&self) -> Vec<Crossing> {
         let without = |c: &Crossing| Crossing { point: None, ..*c };
         self.crossings.pairs.iter().map(without).collect()
     }
-    /// The boxes of the triangles that cross.
+    /// Returns the bounding boxes of the crossing triangles.
     fn boxes(&self) -> Vec<[Point3; 2]> {
         let s = &self.surface;
         let of_triangle = |t: u32| {
@@ -252,7 +251,8 @@ impl Tried {
 }
 
 impl Prepared<'_> {
-    /// A surface made again, finer where its implicit equation finds triangles far away.
+    /// Triangulates a surface again, with a finer tolerance where its implicit equation finds
+    /// triangles far away.
     fn nearer(&mut self, mut surface: Surface, control: &Control<'_>) -> Surface {
         for _ in 0..NEARER {
             let far = self.far(&surface);
@@ -268,7 +268,8 @@ impl Prepared<'_> {
         }
         surface
     }
-    /// The triangles of a surface that cross; none if there was no time to look for all of them.
+    /// Finds the crossing triangles of a surface; `None` if the time is over before the search
+    /// ends.
     fn crossings(&mut self, surface: &Surface, control: &Control<'_>) -> Option<Crossings> {
         let control = silent(control);
         let running = Running::new(CROSSINGS, &control);
@@ -276,7 +277,7 @@ impl Prepared<'_> {
         self.analysis.took(running);
         found
     }
-    /// Changes what the next surface is made with, where the triangles of one cross.
+    /// Applies a change to the preparation of the next surface, where the triangles of one cross.
     fn change(&mut self, change: Change, tried: &Tried) {
         match change {
             Change::Finer => self.refine(&tried.boxes()),
@@ -284,8 +285,8 @@ impl Prepared<'_> {
             Change::Places => self.match_sheets(&tried.surface, &tried.crossings.pairs),
         }
     }
-    /// The best surface that is found, with its triangles that cross; none if there was no time to
-    /// look for them.
+    /// Returns the best surface found, with its crossing triangles; `None` in their place if there
+    /// was no time to find them.
     fn without_crossings(
         &mut self,
         surface: Surface,
@@ -296,8 +297,8 @@ impl Prepared<'_> {
             return (surface, None);
         };
         let mut best = Tried { surface, crossings };
-        // Changes so far are made in the next round, too, whatever came of them: what is kept is
-        // the best. The last one is kept beside it where it is not the best.
+        // // Earlier changes stay in effect in the next round, whether they helped or not. The best
+        // surface is the result; the last one is kept in addition if it is not the best.
         let mut last: Option<Tried> = None;
         let mut change = Change::Corners;
         let mut in_vain = 0;
@@ -310,7 +311,7 @@ impl Prepared<'_> {
             self.change(change, tried);
             let surface = self.surface(&silent(control));
             if !surface.is_certified() && change != Change::Finer {
-                // Other vertices did harm.
+                // // Other vertices made it worse.
                 change = Change::Finer;
                 continue;
             }
@@ -333,23 +334,23 @@ impl Prepared<'_> {
     }
 }
 
-/// Why patches have no triangles.
+/// Reason why patches have no triangles.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PatchesError {
-    /// One of them is no surface.
+    /// One of the patches is not a surface.
     #[error("{name}: {error}")]
     Map {
-        /// The patch.
+        /// Name of the patch.
         name: String,
-        /// Why it is none.
+        /// Reason why it is not a surface.
         error: MapError,
     },
-    /// A number among the options is out of its range.
+    /// An option is out of range.
     #[error("{name} is {value}, which is out of range")]
     Option {
-        /// The option.
+        /// Name of the option.
         name: &'static str,
-        /// Its value, to the nearest double.
+        /// Value of the option, to the nearest double.
         value: f64,
     },
     /// The time was over.
@@ -366,8 +367,8 @@ impl From<TriangulateError> for PatchesError {
     }
 }
 
-/// The options for each of several patches: the unit square as domain, only contracted curves of
-/// what is proved clear, and no equation where sheets are not looked at.
+/// Returns the options for each of several patches: the unit square as domain, only contracted
+/// curves of patches that are proved clear, and no implicit equation if sheets are not compared.
 fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
     let mut options = options.clone();
     options.domain = Domain::rectangle([RBig::ZERO, RBig::ONE], [RBig::ZERO, RBig::ONE]).ok();
@@ -378,13 +379,15 @@ fn of_one_patch(options: &TriangulateOptions) -> TriangulateOptions {
     options
 }
 
-/// Triangulates patches, each over [0, 1]², as one mesh, as [`triangulate`] does: joined along the
-/// sides that they have in common. The domain of the options is not looked at. Of a patch that is
-/// proved to have no pole and to lie in the box only contracted curves are looked for, unless its
-/// sheets are to be joined. Patches whose image is a curve or a point are left out
-/// ([`Surface::collapsed`]), if there are others; maps and analyses are of the others. [`TriangulateOptions::of_patches`] are those of the program.
+/// Triangulates patches, each over [0, 1]², into one mesh, as [`triangulate`] does, and joins them
+/// along common sides. The domain of the options is ignored. For a patch that provably has no pole
+/// and lies in the box, only contracted curves are computed, unless its sheets are to be joined.
+/// Patches whose image is a curve or a point are left out ([`Surface::collapsed`]) if there are
+/// others, also from the list of maps and analyses. [`TriangulateOptions::of_patches`] returns the
+/// options of the program.
 ///
-/// The control hears of the phases in `seconds` of the analyses: each patch is as much of them.
+/// The phases in `seconds` of the analyses are reported to the control; each patch has an equal
+/// share of them.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -420,7 +423,7 @@ pub fn triangulate_patches(
     for (k, patch) in patches.iter().enumerate() {
         let map = match patch.map() {
             Ok(map) => map,
-            // A span of zero width in space: the surface is complete without it.
+            // // A span without area in space: the surface is complete without it.
             Err(MapError::NotASurface { .. }) if drawn.len() + patches.len() > k + 1 => {
                 collapsed.push(k as u32);
                 continue;
@@ -445,7 +448,7 @@ pub fn triangulate_patches(
         known.push((map, analysis));
     }
     let half_width = options.half_width.to_f64().value();
-    // Sides of what has no triangles are no sides that others have in common.
+    // // Sides of patches without triangles cannot be common sides.
     let kept: Vec<_> = drawn.iter().map(|&k| patches[k as usize].clone()).collect();
     let mut joined = join_patches(&kept, surfaces, half_width);
     let given = joined.patches.iter_mut();

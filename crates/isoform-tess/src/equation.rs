@@ -1,4 +1,4 @@
-//! The implicit equation in floating point: how far from the surface a point is to first order.
+//! The implicit equation in floating point: the first-order distance of a point from the surface.
 
 use crate::surface::Point3;
 use isoform_algebra::Implicit;
@@ -8,7 +8,7 @@ use isoform_geom::norm;
 /// sheets, or a singular point, are too near.
 const LEAST_GRADIENT: f64 = 1e-3;
 
-/// F(x, y, z, 1), the greatest coefficient ±1 in absolute value.
+/// The form F(x, y, z, 1), scaled so that its largest coefficient is ±1.
 pub(crate) struct Equation {
     terms: Vec<([i32; 3], f64)>,
 }
@@ -24,7 +24,7 @@ impl Equation {
                 .collect(),
         }
     }
-    /// |F| / |∇F|; none where the gradient vanishes nearly.
+    /// Returns |F| / |∇F|; `None` where the gradient nearly vanishes.
     pub(crate) fn distance(&self, p: Point3) -> Option<f64> {
         let (mut value, mut gradient, mut size) = (0.0, [0.0; 3], 0.0);
         for (e, c) in &self.terms {
@@ -48,8 +48,8 @@ mod tests {
     use isoform_algebra::{Poly, implicit};
     use isoform_control::Control;
 
-    /// The unit sphere by stereographic projection: F = x² + y² + z² − w² up to a factor, |F| /
-    /// |∇F| = |r² − 1| / 2 r.
+    /// For the unit sphere by stereographic projection F = x² + y² + z² − w² up to a factor, and
+    /// |F| / |∇F| = |r² − 1| / 2 r.
     #[test]
     fn sphere() {
         let map = ["2*s", "2*t", "s^2 + t^2 - 1", "s^2 + t^2 + 1"]

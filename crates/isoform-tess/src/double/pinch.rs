@@ -1,4 +1,4 @@
-//! Pinch points: where the rank of the Jacobian drops at isolated parameters.
+//! Pinch points: isolated parameters at which the rank of the Jacobian drops.
 
 use crate::field::{Algebraic, Element, NumberField};
 use crate::map::Map;
@@ -7,7 +7,8 @@ use crate::zeros::common_zeros;
 use isoform_algebra::{Poly, RBig};
 use isoform_control::{Control, Stopped};
 
-/// The real isolated points (s : t : w) where the rank of the Jacobian drops, without base points.
+/// Returns the real isolated points (s : t : w) at which the rank of the Jacobian drops, without
+/// base points.
 ///
 /// They are the common zeros of the four signed 3 × 3 minors of the forms' Jacobian, divided by
 /// their greatest common divisor. At a general one of them the surface has a pinch point, where a
@@ -43,7 +44,7 @@ pub(super) fn reduced_minors(map: &Map, control: &Control<'_>) -> Result<[Poly; 
         .map(|m| m.div_exact(&common).expect("a common divisor divides")))
 }
 
-/// The real zeros of the reduced minors that are no base points.
+/// Returns the real zeros of the reduced minors that are not base points.
 pub(super) fn pinches(
     map: &Map,
     minors: &[Poly; 4],

@@ -1,4 +1,4 @@
-//! The search for solitary curves: in slices of the box, in its faces, and at pinch points.
+//! Search for solitary curves: in slices of the box, in its faces, and at pinch points.
 
 use super::curves_of;
 use super::pinch::{pinches, reduced_minors};
@@ -16,35 +16,35 @@ use crate::singular::Singular;
 use isoform_algebra::Poly;
 use isoform_control::{Control, Stopped};
 
-/// The fewest and the most slices of the box in each of three directions.
+/// Minimum and maximum number of slices of the box in each of three directions.
 const SLICES: [usize; 2] = [7, 17];
-/// The number of points that are followed from one plane to the next: there are about as many
-/// slices as that allows.
+/// Number of points tracked from plane to plane in each direction: the number of slices is chosen
+/// so that this is about their total.
 const POINTS: usize = 500;
-/// Slices are shifted by this share of half their number's inverse, so that no plane goes through
-/// the centre of the box, in which surfaces are symmetric.
+/// Offset of the slices, as a share of the box's diagonal, so that no plane contains the centre of
+/// the box, about which surfaces are symmetric.
 const SHIFT: f64 = 0.013;
-/// The quaternion of the rotation to the slices' directions, without pattern.
+/// Quaternion of the rotation to the normals of the slices, in general position.
 const DIRECTIONS: [f64; 4] = [5.0, 1.0, -2.0, 3.0];
-/// A point of space is real if the imaginary part of its coordinates is at most this: paths end
-/// with nine digits, some of which are lost in images.
+/// Maximum imaginary part of the coordinates of a real point of space: paths end with nine digits,
+/// some of which are lost in images.
 const REAL_IMAGE: f64 = 1e-7;
-/// A parameter is real if its distance from its conjugate, as twice the length of a vector, is
-/// below this: half of the digits are lost where both come together.
+/// Maximum length of [`real_line`] of a real parameter: half of the digits are lost where a
+/// parameter meets its conjugate.
 const REAL_PARAMETER: f64 = 1e-6;
 /// A solution that is farther from its section's point is another one.
 const SAME_SOLUTION: f64 = 1e-6;
 /// The distance from the box, in half widths, up to which points of a section are kept.
 const OUTSIDE: f64 = 1e-9;
-/// Degree of the forms up to which pinch points are computed as ends of short arcs: 24 conjugates,
-/// a fraction of a second.
+/// Maximum degree of the forms for which arcs are started at pinch points: at 6 there are 24
+/// conjugates, which take a fraction of a second.
 const PINCH_DEGREE: usize = 6;
 /// A gradient below this is zero: the curve is singular at the pinch point.
 const NO_GRADIENT: f64 = 1e-12;
 /// A curve goes through a pinch point if its form is below this there, in shares of the gradient.
 const ON_CURVE: f64 = 1e-6;
-/// The distances from a pinch point at which an arc is looked for: far enough for the equations to
-/// be regular, near enough for other pinch points not to interfere.
+/// Distances from a pinch point at which an arc is searched for: large enough for the equations to
+/// be regular, small enough to exclude other pinch points.
 const FROM_PINCH: [f64; 3] = [1e-3, 1e-4, 1e-5];
 /// The distance of the arc from its prediction there, in these distances, up to which it is the
 /// arc.
@@ -52,33 +52,33 @@ const OFF_AT_PINCH: f64 = 0.2;
 /// Bisections between two nodes, where a real parameter joins: to the rounding of parameters.
 const BISECTIONS: usize = 30;
 
-/// A solution in one of the planes.
+/// A real point of a section with a non-real parameter.
 struct Hit {
     source: usize,
     state: State,
-    /// Whether a real parameter leads to the same point.
+    /// True if a real parameter reaches the point, too.
     is_covered: bool,
-    /// The non-real parameters of the same point, with their sources.
+    /// Non-real parameters of the point, with their sources.
     others: Vec<(usize, V)>,
 }
 
-/// A parameter of a point.
+/// A parameter of a point, with its source.
 pub(super) struct Partner {
     pub(super) source: usize,
     pub(super) p: V,
     pub(super) is_real: bool,
 }
 
-/// The points of the box in a plane that are real.
+/// Real points of the box in a plane.
 #[derive(Default)]
 struct RealPoints {
     /// Points with a real parameter.
     covered: Vec<Image>,
-    /// The other ones, with sources and parameters.
+    /// Other points, with their sources and parameters.
     candidates: Vec<(usize, V, Image)>,
 }
 
-/// The sources of a map, and what is found of solitary curves.
+/// Sources of a map, and the solitary curves found so far.
 pub(super) struct Search {
     sources: Vec<Source>,
     tolerance: f64,
@@ -86,13 +86,13 @@ pub(super) struct Search {
     pub(super) problems: Vec<Finding>,
 }
 
-/// Whether a parameter is real.
+/// Returns true if a parameter is real.
 fn is_real(p: &V) -> bool {
     length(&real_line(p)) < REAL_PARAMETER
 }
 
-/// An orthogonal matrix without pattern, so that lines of symmetric surfaces are not parallel to
-/// the planes.
+/// Returns an orthogonal matrix in general position, so that lines of symmetric surfaces are not
+/// parallel to the slices.
 fn directions() -> [[f64; 3]; 3] {
     let [w, x, y, z] = DIRECTIONS;
     let n = w * w + x * x + y * y + z * z;
@@ -116,8 +116,8 @@ fn directions() -> [[f64; 3]; 3] {
     .map(|row| row.map(|v| v / n))
 }
 
-/// Planes that cut the box into slices, one list for each direction, and each face of the box
-/// alone.
+/// Returns planes that cut the box into slices, one list for each direction, and each face of the
+/// box as a list of one.
 fn pencils(slices: usize) -> Vec<Vec<Plane>> {
     let diagonal = 3f64.sqrt();
     let offset = |i: usize| diagonal * ((2 * i + 1) as f64 / slices as f64 - 1.0 + SHIFT);
@@ -132,7 +132,7 @@ fn pencils(slices: usize) -> Vec<Vec<Plane>> {
 }
 
 impl Search {
-    /// With a tolerance in half widths of the box.
+    /// Creates a search with a tolerance in half widths of the box.
     pub(super) fn new(tolerance: f64) -> Self {
         Self {
             sources: Vec::new(),
@@ -141,7 +141,7 @@ impl Search {
             problems: Vec::new(),
         }
     }
-    /// The curves, and their sections by a general plane.
+    /// Collects the sources, and computes their sections by a general plane.
     pub(super) fn prepare(
         &mut self,
         map: &Map,
@@ -190,7 +190,7 @@ impl Search {
         let mut traced: Vec<Traced> = Vec::new();
         for hit in &hits {
             control.check()?;
-            // Several pairs may lead to the same curve.
+            // // Several pairs may lead to one curve.
             let mut others = hit.others.iter();
             if !others.any(|(source, p)| is_known(&traced, *source, p)) {
                 traced.push(self.both_ways(hit.source, &hit.state));
@@ -203,8 +203,8 @@ impl Search {
         Ok(())
     }
 
-    /// Adds the arcs that begin at real parameters where the rank of the Jacobian drops, if the
-    /// equations of these are of a degree that can be solved.
+    /// Adds the arcs that begin at real parameters at which the rank of the Jacobian drops, unless
+    /// the degree of their equations is too high.
     fn trace_from_pinches(
         &mut self,
         map: &Map,
@@ -226,7 +226,7 @@ impl Search {
         Ok(())
     }
 
-    /// Non-real parameters of real points in the box, in all planes.
+    /// Finds the non-real parameters of real points in the box, in all planes.
     fn hits(&self, control: &Control<'_>) -> Result<Vec<Hit>, Stopped> {
         let points: usize = self.sources.iter().map(|source| source.section.len()).sum();
         let slices = (POINTS / points.max(1)).clamp(SLICES[0], SLICES[1]);
@@ -240,7 +240,7 @@ impl Search {
                     let from = before[k].as_deref().map(|points| (&pencil[i - 1], points));
                     let points = source.section_by(plane, from);
                     found.add(k, source, &points);
-                    // A chain goes on only from complete sections.
+                    // // A chain continues only from complete sections.
                     before[k] = source.is_complete(&points).then_some(points);
                 }
                 let candidates = found.candidates.iter();
@@ -249,7 +249,7 @@ impl Search {
         }
         Ok(hits)
     }
-    /// The solution at a candidate.
+    /// Returns the hit at a candidate.
     fn hit(&self, source: usize, p: &V, found: &RealPoints) -> Option<Hit> {
         let state = self.sources[source].settle(p)?;
         if distance(&state.p, p) > SAME_SOLUTION {
@@ -265,7 +265,7 @@ impl Search {
         })
     }
 
-    /// Traces a curve, and reports it if it is lost.
+    /// Traces a curve, and records a finding if it is lost.
     fn trace(&mut self, source: usize, start: &State) -> (Vec<State>, End) {
         let (nodes, end) = trace(&self.sources[source], start, self.tolerance);
         if end == End::Lost {
@@ -288,8 +288,7 @@ impl Search {
         Traced { source, nodes }
     }
 
-    /// A solution of the arc at a pinch point, and how far from there it was predicted on the
-    /// tangent.
+    /// Returns a solution on the arc at a pinch point, and its distance along the tangent.
     fn start_from_pinch(&self, source: usize, p: &V, first: &State) -> Option<(State, f64)> {
         FROM_PINCH.into_iter().find_map(|far| {
             let predicted = normalised(&along(p, &first.tangent, far));
@@ -298,8 +297,8 @@ impl Search {
             (is_near && state.is_inside()).then_some((state, far))
         })
     }
-    /// The solitary arc at a real parameter where the rank of the Jacobian drops, unless it is
-    /// known.
+    /// Traces the solitary arc at a real parameter at which the rank of the Jacobian drops; `None`
+    /// if it is known already.
     fn arc_at_pinch(&mut self, source: usize, p: &V, traced: &[Traced]) -> Option<Traced> {
         let first = at_pinch(&self.sources[source], p)?;
         let (mut start, far) = self.start_from_pinch(source, p, &first)?;
@@ -321,7 +320,7 @@ impl Search {
         })
     }
 
-    /// All parameters of a point on double curves.
+    /// Returns all parameters of a point on double curves.
     pub(super) fn fibre(&self, image: &Image) -> Vec<Partner> {
         let normal = directions()[0];
         let offset = (0..3).map(|i| normal[i] * image[i]).sum::<f64>() / image[3];
@@ -343,7 +342,7 @@ impl Search {
         }
         found
     }
-    /// Whether a real parameter leads to the point, too.
+    /// Returns true if a real parameter reaches the point, too.
     fn is_covered(&self, image: &Image) -> bool {
         self.fibre(image).iter().any(|found| found.is_real)
     }
@@ -376,7 +375,7 @@ impl Search {
         }
         Ok(())
     }
-    /// Nodes of a curve, ascending, of which it is known whether they are covered: one at least.
+    /// Returns nodes of a curve, ascending and at least one, with true if the node is covered.
     fn known_on(&self, arc: &Traced, hits: &[Hit]) -> Vec<(usize, bool)> {
         let of_source = hits.iter().filter(|hit| hit.source == arc.source);
         let mut known: Vec<(usize, bool)> = of_source
@@ -389,8 +388,8 @@ impl Search {
         known.sort_unstable();
         known
     }
-    /// Where a curve begins or ceases to be covered: real parameters come and go in pairs, at
-    /// points that are found by bisection, between nodes and between two of them.
+    /// Finds the point at which a curve starts or ceases to be covered, by bisection between nodes
+    /// and then between two solutions. Real parameters appear and vanish there in pairs.
     fn change(
         &self,
         arc: &Traced,
@@ -428,23 +427,23 @@ impl Search {
     }
 }
 
-/// Where a curve begins or ceases to be covered.
+/// Point at which a curve starts or ceases to be covered.
 struct Change {
-    /// The node before it.
+    /// Index of the node before it.
     before: usize,
-    /// A solution on this side of it, and one beyond.
+    /// Last solution before it.
     first: State,
     last: State,
 }
 
-/// Whether a parameter of a source is on a curve that was traced.
+/// Returns true if a parameter of a source lies on a traced curve.
 fn is_known(traced: &[Traced], source: usize, p: &V) -> bool {
     let mut of_source = traced.iter().filter(|t| t.source == source);
     of_source.any(|t| t.place(p).is_some())
 }
 
-/// A pinch point as a solution, if a source's curve is smooth there: along f = 0 the map is even at
-/// p, so that imaginary steps lead to real points.
+/// Returns a pinch point as a solution, if the curve of a source is smooth there. Along f = 0 the
+/// map is even at p, so imaginary steps lead to real points.
 fn at_pinch(source: &Source, p: &V) -> Option<State> {
     let v = source.eval(p);
     let gradient = norm(&v.df);
@@ -461,7 +460,7 @@ fn at_pinch(source: &Source, p: &V) -> Option<State> {
 }
 
 impl RealPoints {
-    /// Adds points of a section that are real and in the box.
+    /// Adds the points of a section that are real and in the box.
     fn add(&mut self, number: usize, source: &Source, section: &[V]) {
         for p in section {
             let Some((image, imaginary)) = real_image(&source.eval(p).g) else {

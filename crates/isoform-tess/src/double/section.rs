@@ -1,9 +1,9 @@
 //! Sections: the points of a curve of parameters whose images lie in a plane of space.
 //!
-//! The first section is by a general complex plane. The degree of the forms is n: the curve meets n
-//! general lines of the parameter plane in points that Aberth's method finds, and a homotopy leads
-//! from the product of the lines to the plane pulled back, a form of the same degree. Other
-//! sections are led from one that is known, by planes in between that are complex, too.
+//! The first section is by a general complex plane. With forms of degree n, the curve is first
+//! intersected with n general lines of the parameter plane, by Aberth's method; a homotopy leads
+//! from the product of the lines to the pull-back of the plane, a form of the same degree n. Other
+//! sections are tracked from a known one, through intermediate planes that are complex, too.
 
 use super::source::{Source, Values};
 use crate::complex::{
@@ -16,8 +16,8 @@ use isoform_control::{Control, Stopped};
 const FARTHEST: f64 = 0.3;
 /// Newton's method ends with steps below this: the next one would be lost in rounding.
 const DONE: f64 = 1e-9;
-/// Where Aberth's method starts: the first number, and what leads from one to the next. The numbers
-/// have no symmetry that a real polynomial could share, and different absolute values.
+/// First starting value of Aberth's method, and the factor from one to the next. The values have no
+/// symmetry that a real polynomial could share, and different absolute values.
 const ABERTH_START: [C; 2] = [C::new(0.8, 0.3), C::new(0.4, 0.9)];
 /// Most rounds of Aberth's method. Multiple roots converge slowly, and are found to some digits
 /// only.
@@ -25,8 +25,9 @@ const ABERTH_ROUNDS: usize = 300;
 /// Changes of the roots, in shares of their size, that end Aberth's method: rounding is not much
 /// less.
 const ABERTH_DONE: f64 = 1e-14;
-/// Two vectors on a line as combinations of a frame of it, without zeros: with zeros the only point
-/// of a coordinate line may be infinite on this one.
+/// Coefficients of two vectors on a line in a frame of it, all non-zero: with zeros, the single
+/// point of the curve on a coordinate line could be at infinity in the parametrization of that
+/// line.
 const ON_LINE: [[C; 2]; 2] = [
     [C::new(0.6, 0.3), C::new(0.2, -0.7)],
     [C::new(-0.2, -0.7), C::new(0.6, -0.3)],
@@ -50,11 +51,10 @@ const PLANE_SEED: u64 = 11;
 /// See [`LINES_SEED`].
 const BETWEEN_SEED: u64 = 13;
 
-/// The second equation q = 0 besides f = 0 at a time: q, its gradient, and its derivative by the
-/// time.
+/// Second equation q = 0 besides f = 0 at a time: returns q, its gradient, and its time derivative.
 type Path<'a> = dyn Fn(f64, &V, &Values) -> (C, V, C) + 'a;
 
-/// The solution of two linear equations, by Cramer's rule.
+/// Solves two linear equations by Cramer's rule.
 #[inline]
 fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     let determinant = rows[0][0] * rows[1][1] - rows[0][1] * rows[1][0];
@@ -67,7 +67,7 @@ fn solve2(rows: [[C; 2]; 2], right: [C; 2]) -> Option<[C; 2]> {
     (x.norm() + y.norm()).is_finite().then_some([x, y])
 }
 
-/// The derivatives of f and of the second equation along the vectors of a basis.
+/// Returns the derivatives of f and of the second equation along the vectors of a basis.
 #[inline]
 fn rows(basis: &[V; 2], v: &Values, dq: &V) -> [[C; 2]; 2] {
     [
@@ -76,11 +76,10 @@ fn rows(basis: &[V; 2], v: &Values, dq: &V) -> [[C; 2]; 2] {
     ]
 }
 
-/// A solution at the time 1 from one at the time 0.
+/// Tracks a solution from the time 0 to the time 1.
 ///
-/// # Errors
-/// The time and the point up to which the path was followed, if not to its end: next to a singular
-/// point, as a rule.
+/// # Errors The time and the point at which tracking stopped, if not at the end: usually next to a
+/// singular point.
 fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
     follow(start, |p, span| {
         let basis = frame(p);
@@ -105,7 +104,7 @@ fn track(source: &Source, path: &Path<'_>, start: &V) -> Result<V, (f64, V)> {
     })
 }
 
-/// The points of a curve on the line through two points, by the method of Aberth.
+/// Returns the points of a curve on the line through two points, by Aberth's method.
 fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
     let start = std::iter::successors(Some(ABERTH_START[0]), |&x| Some(x * ABERTH_START[1]));
     let mut roots: Vec<C> = start.take(degree).collect();
@@ -127,8 +126,8 @@ fn on_line(curve: &Form, degree: usize, a: &V, b: &V) -> Vec<V> {
     roots.into_iter().map(|x| normalised(&at(x))).collect()
 }
 
-/// The step that Aberth's method takes from a root, by the value and the derivative there: Newton's
-/// step, repelled by the other roots.
+/// Returns the step of Aberth's method at a root, from the value and the derivative there: Newton's
+/// step, corrected for repulsion by the other roots.
 fn aberth_step(roots: &[C], k: usize, value: C, slope: C) -> Option<C> {
     if value.norm2() == 0.0 || slope.norm2() == 0.0 {
         return None;
@@ -141,8 +140,8 @@ fn aberth_step(roots: &[C], k: usize, value: C, slope: C) -> Option<C> {
     Some(newton * (C::ONE - newton * others).inverse())
 }
 
-/// From the section by one plane to that by another, the first times a phase, so that the planes in
-/// between are complex.
+/// Returns the path from the section by one plane to that by another. A phase multiplies the first
+/// plane, so that the intermediate planes are complex.
 fn between<'a>(
     from: &'a Plane,
     to: &'a Plane,
@@ -157,7 +156,8 @@ fn between<'a>(
     }
 }
 
-/// A product of lines of the parameter plane times a phase: where the first section is led from.
+/// Product of lines of the parameter plane times a phase: the start of the homotopy to the first
+/// section.
 struct Lines {
     all: Vec<V>,
     phase: C,
@@ -171,7 +171,7 @@ impl Lines {
             phase: stream.phase(),
         }
     }
-    /// The product and its gradient.
+    /// Returns the product and its gradient.
     fn eval(&self, p: &V) -> (C, V) {
         let factors: Vec<C> = self.all.iter().map(|l| dot(l, p)).collect();
         let mut product = self.phase;
@@ -187,7 +187,7 @@ impl Lines {
         }
         (product, gradient)
     }
-    /// From the product to a plane pulled back.
+    /// Returns the path from the product to the pull-back of a plane.
     fn to<'a>(&'a self, plane: &'a Plane) -> impl Fn(f64, &V, &Values) -> (C, V, C) + 'a {
         move |time, p, v| {
             let (product, gradient) = self.eval(p);
@@ -202,7 +202,7 @@ impl Lines {
     }
 }
 
-/// Each point once, without the base points.
+/// Removes duplicates and base points.
 fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
     let mut found: Vec<V> = Vec::new();
     for p in points {
@@ -213,22 +213,21 @@ fn distinct(source: &Source, points: impl IntoIterator<Item = V>) -> Vec<V> {
     found
 }
 
-/// The plane whose section is computed first.
+/// Returns the plane of the first section.
 pub(super) fn general_plane() -> Plane {
     Stream::new(PLANE_SEED).complex()
 }
 
 impl Source {
-    /// The points of the curve on a line of the parameter plane.
+    /// Returns the points of the curve on a line of the parameter plane.
     fn on_line(&self, line: &V) -> Vec<V> {
         let basis = frame(&conj(line));
         let [a, b] = ON_LINE.map(|c| in_frame(&basis, c));
         on_line(&self.curve, self.curve_degree, &a, &b)
     }
-    /// Finds the section by a general plane; whether no path was lost.
+    /// Computes the section by a general plane. Returns true if no path was lost.
     ///
-    /// # Errors
-    /// [`Stopped`].
+    /// # Errors [`Stopped`].
     pub(super) fn find_section(
         &mut self,
         plane: &Plane,
@@ -250,7 +249,7 @@ impl Source {
                 }
             }
             let found = distinct(self, ends);
-            // All general planes have the same number of points.
+            // // All general planes have equally many points.
             let is_again = !found.is_empty() && found.len() == self.section.len();
             if found.len() > self.section.len() {
                 self.section = found;
@@ -261,8 +260,8 @@ impl Source {
         }
         Ok(false)
     }
-    /// The points of the section by `plane`, tracked from the section `before`; if some are lost on
-    /// the way, tracked from the general section.
+    /// Returns the section by `plane`, tracked from the section `before`; if points are lost on the
+    /// way, tracked from the general section.
     pub(super) fn section_by(&self, plane: &Plane, before: Option<(&Plane, &[V])>) -> Vec<V> {
         let mut stream = Stream::new(BETWEEN_SEED);
         let general = general_plane();
@@ -282,7 +281,7 @@ impl Source {
         }
         found
     }
-    /// Whether a section has as many points as the general one.
+    /// Returns true if a section has as many points as the general one.
     pub(super) fn is_complete(&self, section: &[V]) -> bool {
         section.len() == self.section.len()
     }

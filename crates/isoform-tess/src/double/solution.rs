@@ -32,40 +32,40 @@ const STALLED: f64 = 0.3;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct State {
     pub(super) p: V,
-    /// In the direction of the solutions nearby, of norm 1; either of the two.
+    /// Unit tangent of the curve of solutions; the sign is arbitrary.
     pub(super) tangent: V,
     pub(super) image: Image,
 }
 
 impl State {
-    /// Whether the point is in the box.
+    /// Returns true if the point is in the box.
     pub(super) fn is_inside(&self) -> bool {
         (0..3).all(|i| self.image[i].abs() <= self.image[3].abs())
     }
-    /// The point, in half widths of the box.
+    /// Returns the point, in half widths of the box.
     pub(super) fn point(&self) -> [f64; 3] {
         [0, 1, 2].map(|i| self.image[i] / self.image[3])
     }
-    /// A point at a distance along the tangent.
+    /// Returns the point at a distance along the tangent.
     pub(super) fn ahead(&self, by: f64) -> V {
         normalised(&along(&self.p, &self.tangent, by))
     }
-    /// The solution with the opposite tangent.
+    /// Reverses the tangent.
     pub(super) fn reversed(mut self) -> Self {
         self.tangent = self.tangent.map(|c| -c);
         self
     }
 }
 
-/// The place of the coordinate of the largest absolute value, the last of several.
+/// Returns the index of the coordinate of largest absolute value, the last of several.
 fn largest_of(x: &[f64]) -> usize {
     let places = 0..x.len();
     let found = places.max_by(|&i, &j| x[i].abs().total_cmp(&x[j].abs()));
     found.expect("coordinates")
 }
 
-/// Three vectors orthogonal to a unit vector: all columns but one of the reflection that takes it
-/// to ∓ a coordinate vector.
+/// Returns three vectors orthogonal to a unit vector: all columns but one of the reflection that
+/// maps it to ∓ a coordinate vector.
 fn across(image: &Image) -> [Image; 3] {
     let m = largest_of(image);
     let mut n = *image;
@@ -77,26 +77,27 @@ fn across(image: &Image) -> [Image; 3] {
     [(); 3].map(|()| column(others.next().expect("three other coordinates")))
 }
 
-/// A linear form with real coefficients of the values of the forms, and its gradient.
+/// Returns a real linear combination of the values of the forms, and its gradient.
 fn combined(v: &Values, weights: &Image) -> (C, V) {
     let sum = |x: [C; 4]| (0..4).fold(C::ZERO, |sum, i| sum + x[i].times(weights[i]));
     let gradient = [0, 1, 2].map(|k| sum(v.dg.map(|dg| dg[k])));
     (sum(v.g), gradient)
 }
 
-/// f = 0, Im φ = 0 linearised at a point: five real equations for the four real coordinates of a
-/// step, in a frame at the point.
+/// Linearisation of f = 0, Im φ = 0 at a point: five real equations for the four real coordinates
+/// of a step, in a frame at the point.
 struct Linearised {
     frame: [V; 2],
     columns: [[f64; 5]; 4],
     right: [f64; 5],
     image: Image,
-    /// The rounding errors of the equations: the forms are small near base points, theirs are not.
+    /// Rounding error of the equations. Near base points the forms are small, but their rounding
+    /// error is not.
     rounding: f64,
 }
 
 impl Linearised {
-    /// None at base points.
+    /// Linearises the equations at a point; `None` at base points.
     fn at(source: &Source, p: &V) -> Option<Self> {
         let v = source.eval(p);
         let (image, _) = real_image(&v.g)?;
@@ -119,7 +120,7 @@ impl Linearised {
         }
         Some(system)
     }
-    /// The equation that the real part of a value is 0.
+    /// Sets the equation that the real part of a value vanishes.
     fn set_real(&mut self, row: usize, value: C, gradient: &V) {
         self.right[row] = value.re;
         for i in 0..2 {
@@ -127,7 +128,7 @@ impl Linearised {
             (self.columns[2 * i][row], self.columns[2 * i + 1][row]) = (k.re, -k.im);
         }
     }
-    /// The equation that the imaginary part of a value is 0.
+    /// Sets the equation that the imaginary part of a value vanishes.
     fn set_imaginary(&mut self, row: usize, value: C, gradient: &V) {
         self.right[row] = value.im;
         for i in 0..2 {
@@ -138,16 +139,17 @@ impl Linearised {
     fn residual(&self) -> f64 {
         self.right.iter().map(|x| x * x).sum::<f64>().sqrt()
     }
-    /// Real coordinates as a vector.
+    /// Returns real coordinates as a vector.
     fn vector(&self, x: &[f64; 4]) -> V {
         in_frame(&self.frame, [C::new(x[0], x[1]), C::new(x[2], x[3])])
     }
 }
 
-/// The singular values of the linearised equations.
+/// Singular value decomposition of the linearised equations.
 type Singular = Svd<[f64; 5], 4>;
 
-/// The shortest step to a solution, along three singular vectors: the fourth is the tangent.
+/// Returns the shortest step to a solution, along three singular vectors; the fourth is the
+/// tangent.
 fn shortest_step(svd: &Singular, right: &[f64; 5]) -> [f64; 4] {
     let mut d = [0.0; 4];
     for k in 0..3 {
@@ -163,7 +165,7 @@ fn shortest_step(svd: &Singular, right: &[f64; 5]) -> [f64; 4] {
 }
 
 impl Source {
-    /// The nearest solution of f = 0, Im φ = 0, by the method of Gauss and Newton.
+    /// Returns the solution of f = 0, Im φ = 0 next to a point, by the Gauss–Newton method.
     pub(super) fn settle(&self, start: &V) -> Option<State> {
         let mut p = *start;
         let mut is_done = false;
@@ -191,7 +193,7 @@ impl Source {
         }
         None
     }
-    /// The solution between two, half way in the parameters.
+    /// Returns the solution between two others, starting half way in the parameters.
     pub(super) fn settle_between(&self, a: &State, b: &State) -> Option<State> {
         self.settle(&normalised(&along(&a.p, &b.p, 1.0)))
     }

@@ -1,4 +1,4 @@
-//! Curves of parameters with a map into space: where solitary curves come from.
+//! Curves of parameters with a map into space: the sources of solitary curves.
 
 use crate::complex::{
     C, Form, Monomials, Plane, V, dot, eval_all, in_half_widths, largest, norm, rounded,
@@ -15,18 +15,18 @@ const SAME_POINT: f64 = 1e-6;
 /// Exponents and coefficient of a term.
 type Term = ([usize; 3], f64);
 
-/// A curve in a plane and a map of it into space.
+/// A curve in a plane, with a map of it into space.
 pub(super) struct Source {
     pub(super) curve: Form,
     pub(super) curve_degree: usize,
-    /// In units in which the box has the half width 1.
+    /// Forms of the map, in units in which the box has the half width 1.
     forms: [Form; 4],
     pub(super) degree: usize,
-    /// Points of the curve in a general complex plane of space, base points left out.
+    /// Points of the curve in a general complex plane of space, without base points.
     pub(super) section: Vec<V>,
 }
 
-/// The curve's form f and the map's forms g at a point, with their gradients.
+/// Values and gradients of the curve's form f and of the map's forms g at a point.
 pub(super) struct Values {
     pub(super) f: C,
     pub(super) df: V,
@@ -35,12 +35,12 @@ pub(super) struct Values {
 }
 
 impl Values {
-    /// The value and the gradient of a linear form of space pulled back to the parameters.
+    /// Returns the value and the gradient of the pull-back of a linear form of space.
     #[inline]
     pub(super) fn pulled_back(&self, plane: &Plane) -> (C, V) {
         (dot(plane, &self.g), self.slope(plane))
     }
-    /// The gradient alone.
+    /// Returns the gradient of the pull-back alone.
     #[inline]
     pub(super) fn slope(&self, plane: &Plane) -> V {
         [0, 1, 2].map(|k| (0..4).fold(C::ZERO, |sum, i| sum + plane[i] * self.dg[i][k]))
@@ -48,7 +48,8 @@ impl Values {
 }
 
 impl Source {
-    /// A curve of parameters of a map, given by its forms rounded and their degree.
+    /// Creates the source for a curve of parameters of a map, given by its rounded forms and their
+    /// degree.
     pub(super) fn of_curve(
         curve: &Poly,
         forms: [Vec<Term>; 4],
@@ -64,8 +65,9 @@ impl Source {
             section: Vec::new(),
         }
     }
-    /// The seam of a base point as a map of the line c = 0 of a plane (a : b : c): its forms are
-    /// given by the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ. None if the seam is at infinity.
+    /// Creates the source for the seam of a base point, as a map of the line c = 0 of a plane (a :
+    /// b : c), with forms given by the coefficients of aᵈ, aᵈ⁻¹b, …, bᵈ; `None` if the seam is at
+    /// infinity.
     pub(super) fn of_seam(seam: [Vec<f64>; 4], half_width: f64) -> Option<Self> {
         let degree = seam[0].len() - 1;
         let forms = seam.map(|coefficients| {
@@ -91,7 +93,7 @@ impl Source {
         let (g, dg) = eval_all(&self.forms, &m);
         Values { f, df, g, dg }
     }
-    /// The norm of the forms' values: small near base points only.
+    /// Returns the norm of the forms' values: small near base points only.
     pub(super) fn size(&self, p: &V) -> f64 {
         norm(&self.eval(p).g)
     }
@@ -100,8 +102,8 @@ impl Source {
 /// A point (X : Y : Z : W) of space as a vector of norm 1.
 pub(super) type Image = [f64; 4];
 
-/// The real vector of norm 1 nearest to complex homogeneous coordinates, whatever their phase, and
-/// the imaginary part that is left out; none at base points.
+/// Returns the real vector of norm 1 nearest to complex homogeneous coordinates, for any phase of
+/// these, and the norm of the imaginary part that is dropped; `None` at base points.
 pub(super) fn real_image(g: &[C; 4]) -> Option<(Image, f64)> {
     let size = norm(g);
     if size < NO_IMAGE {
@@ -114,7 +116,7 @@ pub(super) fn real_image(g: &[C; 4]) -> Option<(Image, f64)> {
     Some((turned.map(|c| c.re / real), imaginary))
 }
 
-/// Whether two points of the box are one.
+/// Returns true if two points of the box coincide.
 pub(super) fn is_same_point(a: &Image, b: &Image) -> bool {
     (0..3).all(|i| (a[i] * b[3] - b[i] * a[3]).abs() < SAME_POINT * (a[3] * b[3]).abs())
 }

@@ -1,4 +1,4 @@
-//! Solitary curves followed step by step, along the tangents of their solutions.
+//! Tracing of solitary curves, by predictor steps along the tangents and correction.
 
 use super::solution::State;
 use super::source::Source;
@@ -30,17 +30,18 @@ const BULGE: f64 = 0.5;
 /// The least cosine of the tangent with the way to the conjugate point for which the curve goes
 /// there: else f = 0 has conjugate branches at the real parameter.
 const STRAIGHT_BACK: f64 = 0.9;
-/// Bisection on a face of the box ends at this length, absolute and in shares of the step.
+/// Length at which bisection on a face of the box ends: absolute, and relative to the step.
 const FACE_PRECISION: [f64; 2] = [1e-15, 1e-14];
-/// A point is on a step if the way through it is longer by this factor at most, and by
-/// [`ON_STEP_PRECISION`]: tangents turn by 18 degrees, an arc of which is 1.004 times its chord.
+/// Maximum ratio of the way through a point to the step on which it lies, up to
+/// [`ON_STEP_PRECISION`]. Tangents turn by at most 18 degrees, and an arc of that angle is 1.004
+/// times its chord.
 const ON_STEP: f64 = 1.03;
-/// See [`ON_STEP`]: rounding of parameters on very short steps.
+/// Absolute term of [`ON_STEP`], for the rounding of parameters on very short steps.
 const ON_STEP_PRECISION: f64 = 1e-9;
 
 /// The most halvings of the distance from a real parameter.
 const HALVINGS: usize = 12;
-/// The bounds of a halved distance, in distances before.
+/// Accepted ratios of a halved distance to the distance before.
 const HALVED: std::ops::Range<f64> = 0.4..0.6;
 /// The farthest that a point may move while its distance from the real parameter, 1, is halved.
 const FARTHEST_HALVED: f64 = 2.0;
@@ -51,28 +52,28 @@ const FEW_VALUES: usize = 2;
 /// The largest error of an extrapolation from few values, in half widths of the box.
 const SMALL_ERROR: f64 = 1e-8;
 
-/// Where a branch of a solitary curve ends.
+/// End of a branch of a solitary curve.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum End {
-    /// On a face of the box.
+    /// The curve meets a face of the box.
     Face,
-    /// At a real parameter.
+    /// The curve meets a real parameter.
     Real,
-    /// Where it began.
+    /// The curve closes.
     Closed,
-    /// It could not be followed.
+    /// The curve could not be followed.
     Lost,
 }
 
-/// A step that was made.
+/// An accepted step.
 struct Advance {
     next: State,
     end: Option<End>,
-    /// The error of the prediction.
+    /// Error of the prediction, in the affine chart.
     error: f64,
 }
 
-/// Follows a curve from a solution in the direction of its tangent: the solutions from there on.
+/// Traces a curve from a solution in the direction of its tangent, and returns its solutions.
 pub(super) fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<State>, End) {
     let tracer = Tracer { source, tolerance };
     let mut nodes = vec![*start];
@@ -102,14 +103,14 @@ pub(super) fn trace(source: &Source, start: &State, tolerance: f64) -> (Vec<Stat
     (nodes, End::Lost)
 }
 
-/// The curve that is followed, and how finely: the tolerance is in half widths of the box.
+/// The source whose curve is traced, and the tolerance in half widths of the box.
 struct Tracer<'a> {
     source: &'a Source,
     tolerance: f64,
 }
 
 impl Tracer<'_> {
-    /// A step, unless it is too long.
+    /// Makes a step; `None` if it is too long.
     fn advance(&self, here: &State, step: f64) -> Option<Advance> {
         let predicted = here.ahead(step);
         let mut next = self.source.settle(&predicted)?;
@@ -137,12 +138,12 @@ impl Tracer<'_> {
                 }
             }
             None if end == Some(End::Real) => {}
-            // Newton's method fails so close to a base point.
+            // // Newton's method fails in the immediate neighbourhood of a base point.
             None => return None,
         }
         Some(Advance { next, end, error })
     }
-    /// The last solution in the box on a step that leaves it, put on the face.
+    /// Returns the last solution in the box on a step that leaves the box, moved onto the face.
     fn at_face(&self, here: &State, step: f64) -> Option<State> {
         let (mut lo, mut hi, mut last) = (0.0, step, *here);
         while hi - lo > FACE_PRECISION[0] + FACE_PRECISION[1] * hi {
@@ -168,8 +169,8 @@ fn product(a: &[f64; 3], b: &[f64; 3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>()
 }
 
-/// Whether the curve passes a real parameter on a step: beyond it, the curve comes back along the
-/// conjugate parameters.
+/// Returns true if the curve passes a real parameter on a step: beyond it, the curve returns along
+/// the conjugate parameters.
 fn passes_real_parameter(here: &State, next: &State) -> bool {
     if product(&real_line(&here.p), &real_line(&next.p)) > 0.0 {
         return false;
@@ -179,12 +180,12 @@ fn passes_real_parameter(here: &State, next: &State) -> bool {
     inner(&here.tangent, &chord).re > STRAIGHT_BACK * inner(&chord, &chord).re.sqrt()
 }
 
-/// Neville's scheme, which extrapolates points to the parameter 0: a row of it for each point.
+/// Neville's scheme, which extrapolates points to the parameter 0; one row for each point.
 #[derive(Default)]
 struct Neville {
     parameters: Vec<f64>,
     row: Vec<[f64; 3]>,
-    /// The extrapolation that differs least from those before it, and by how much.
+    /// Error estimate and value of the extrapolation that differs least from those before it.
     best: Option<(f64, [f64; 3])>,
 }
 
@@ -206,7 +207,7 @@ impl Neville {
         }
         self.row = next;
     }
-    /// The extrapolation, if there are enough points.
+    /// Returns the extrapolation, if there are enough points.
     fn value(&self) -> Option<[f64; 3]> {
         let (error, value) = self.best?;
         let count = self.parameters.len();
@@ -215,10 +216,11 @@ impl Neville {
     }
 }
 
-/// The end of a curve at a real parameter nearby, if there is one: extrapolated, since close to it
-/// the equations are all but singular.
+/// Returns the end of a curve at a real parameter nearby, if there is one. It is extrapolated, as
+/// the equations are nearly singular close to it.
 ///
-/// The curve goes on along the conjugate parameters; with a coordinate u on it that changes its
+/// The curve continues along the conjugate parameters. For a coordinate u on the curve that changes
+/// its sign under conjugation, the image is an even function of u.
 /// sign with conjugation, the image is even in u.
 fn real_end(source: &Source, here: &State) -> Option<State> {
     let side = real_line(&here.p);
@@ -228,8 +230,8 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
     for _ in 0..HALVINGS {
         let u = coordinate(&last.p);
         scheme.add(u * u, last.point());
-        // Half as far from the real parameter, from here and the conjugate, which is at the same
-        // distance beyond it.
+        // // Halves the distance from the real parameter, using this point and its conjugate at an
+        // equal distance beyond.
         let Some(nearer) = source.settle(&normalised(&blend(&last.p, 0.5))) else {
             break;
         };
@@ -248,7 +250,7 @@ fn real_end(source: &Source, here: &State) -> Option<State> {
     })
 }
 
-/// Between a point, at 1, and its conjugate, at −1.
+/// Interpolates between a point, at 1, and its conjugate, at −1.
 fn blend(p: &V, at: f64) -> V {
     let other = conj(p);
     let product = inner(&other, p);
@@ -256,20 +258,21 @@ fn blend(p: &V, at: f64) -> V {
     [0, 1, 2].map(|i| p[i].times(0.5 * (1.0 + at)) + (other[i] * phase).times(0.5 * (1.0 - at)))
 }
 
-/// Whether a point lies on the way from one to the next, whose tangents differ by little.
+/// Returns true if a point lies on the step between two others, whose tangents differ by little.
 fn is_on_step(p: &V, a: &V, b: &V) -> bool {
     distance(p, a) + distance(p, b) <= ON_STEP * distance(a, b) + ON_STEP_PRECISION
 }
 
-/// A solitary curve.
+/// A traced solitary curve.
 pub(super) struct Traced {
-    /// The number of the source that it is of.
+    /// Index of its source.
     pub(super) source: usize,
     pub(super) nodes: Vec<State>,
 }
 
 impl Traced {
-    /// The index of the node before a parameter, or before its conjugate, if it is on the curve.
+    /// Returns the index of the node before a parameter, or before its conjugate, if that lies on
+    /// the curve.
     pub(super) fn place(&self, p: &V) -> Option<usize> {
         let other = conj(p);
         let steps = self.nodes.windows(2);
@@ -277,7 +280,7 @@ impl Traced {
             |w: &[State]| is_on_step(p, &w[0].p, &w[1].p) || is_on_step(&other, &w[0].p, &w[1].p);
         steps.into_iter().position(is_here)
     }
-    /// Whether it ends nearer to a parameter than at a distance.
+    /// Returns true if an end of the curve is nearer to a parameter than a distance.
     pub(super) fn ends_at(&self, p: &V, distance_below: f64) -> bool {
         let ends = [&self.nodes[0], &self.nodes[self.nodes.len() - 1]];
         ends.iter().any(|s| distance(&s.p, p) < distance_below)
@@ -288,7 +291,7 @@ impl Traced {
 mod tests {
     use super::*;
 
-    /// 1 + 2u² + 3u⁴ in u² is found from three values, and confirmed by a fourth.
+    /// 1 + 2u² + 3u⁴ in u² is found from three values, and confirmed by a fourth one.
     #[test]
     fn polynomials_are_extrapolated_exactly() {
         let mut scheme = Neville::default();
