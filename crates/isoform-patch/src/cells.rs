@@ -1,23 +1,24 @@
-//! Cells: parts of a patch by halving, on which proofs go.
+//! Cells: sub-rectangles of a patch, made by repeated halving, to which proofs are applied.
 //!
-//! A *net* is the control points of a patch, row by row: (i, j) at i (n + 1) + j.
+//! A *net* is the list of control points of a patch, row by row: point (i, j) has index i (n + 1) +
+//! j.
 
 use isoform_geom::{Point3, RationalPatch, norm, sub};
 
 /// A cell that is longer by this factor in one direction is divided there only.
 const LONGER: f64 = 1.6;
 
-/// Ranges of u and of v.
+/// Ranges of the parameters u and v.
 pub(crate) type Place = [(f64, f64); 2];
 
-/// The parameters in the middle.
+/// Returns the parameters at the centre of a rectangle.
 pub(crate) fn middle_of(place: Place) -> (f64, f64) {
     let [u, v] = place.map(|(a, b)| 0.5 * (a + b));
     (u, v)
 }
 
-/// The halves of a patch that is longer in one direction, the quarters of another one; each with
-/// its place.
+/// Splits a patch into halves across its longer direction, or into quarters if neither direction is
+/// much longer; returns each part with its parameter rectangle.
 pub(crate) fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch, Place)> {
     let (along_u, along_v) = lengths(patch);
     parts(
@@ -28,18 +29,19 @@ pub(crate) fn divided(patch: &RationalPatch, place: Place) -> Vec<(RationalPatch
     )
 }
 
-/// Lengths along u and v, by the corners.
+/// Returns the lengths of a patch along u and v, measured between its corners.
 pub(crate) fn lengths(patch: &RationalPatch) -> (f64, f64) {
     let corners = corners_of(patch.control(), patch.degree());
     lengths_between(corners.map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]]))
 }
 
-/// The corners (0, 0), (0, 1), (1, 0), (1, 1) of a net of degree (m, n).
+/// Returns the corners (0, 0), (0, 1), (1, 0), (1, 1) of a net of degree (m, n).
 pub(crate) fn corners_of<T: Copy>(net: &[T], (m, n): (usize, usize)) -> [T; 4] {
     [0, n, m * (n + 1), m * (n + 1) + n].map(|i| net[i])
 }
 
-/// The longer ones of opposite sides between these corners, along u and along v.
+/// Returns the longer of the two sides along u, and of the two along v, of a quadrilateral with
+/// these corners.
 pub(crate) fn lengths_between(corners: [Point3; 4]) -> (f64, f64) {
     let length = |a: usize, b: usize| norm(sub(corners[a], corners[b]));
     (
@@ -48,7 +50,7 @@ pub(crate) fn lengths_between(corners: [Point3; 4]) -> (f64, f64) {
     )
 }
 
-/// The parts of a patch, by de Casteljau's algorithm at 1/2, in u, in v or both.
+/// Splits a patch at 1/2 in u, in v or in both by de Casteljau's algorithm.
 pub(crate) fn parts(
     patch: &RationalPatch,
     place: Place,
@@ -80,13 +82,14 @@ fn halve(patch: &mut RationalPatch, place: &mut Place, in_u: bool, upper: bool) 
     *range = half_of(*range, upper);
 }
 
-/// The lower or upper half of a range.
+/// Returns the lower or upper half of a range.
 pub(crate) fn half_of((a, b): (f64, f64), upper: bool) -> (f64, f64) {
     let middle = 0.5 * (a + b);
     if upper { (middle, b) } else { (a, middle) }
 }
 
-/// Replaces a net of degree (m, n) by that of its lower or upper half in u or v, by means of two.
+/// Replaces a net of degree (m, n) by the net of its lower or upper half in u or v; `mean` averages
+/// two control points.
 pub(crate) fn halve_net<T: Copy>(
     net: &mut [T],
     (m, n): (usize, usize),
@@ -106,7 +109,7 @@ pub(crate) fn halve_net<T: Copy>(
 }
 
 /// Replaces the Bézier points at `first`, `first + step`, … of degree n by those of the lower or
-/// the upper half, by means of two.
+/// upper half; `mean` averages two points.
 fn halve_row<T: Copy>(
     net: &mut [T],
     first: usize,
@@ -115,8 +118,8 @@ fn halve_row<T: Copy>(
     mean: impl Fn(T, T) -> T,
 ) {
     for level in 1..=n {
-        // In place: from the far end for the lower half, so that point k keeps its value of level
-        // k.
+        // Done in place, from the far end for the lower half, so that point k keeps its value of
+        // level k.
         for i in level..=n {
             let k = if upper { i - level } else { n - (i - level) };
             let next = if upper { k + 1 } else { k - 1 };

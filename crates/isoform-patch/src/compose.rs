@@ -1,11 +1,15 @@
 //! F∘p for a polynomial F of degree d and a patch p of degree (m, n): w^d F(X/w, Y/w, Z/w) is a
-//! polynomial of degree (d m, d n). The quotients of its Bernstein coefficients by the coefficients
-//! of w^d bound |F∘p| where w is positive.
+//! polynomial of degree (d m, d n). The quotients of its Bernstein coefficients by those of w^d
+//! bound
 //!
-//! On patches that lie on the surface to rounding this bound is of the order of rounding, which no
-//! expansion about points comes to unless F is a quadric. Rounding is bounded as it goes along:
-//! every coefficient carries the sum of the absolute values that went into it, and the number of
-//! roundings behind it.
+//! F∘p
+//!
+//! where w is positive.
+//!
+//! On patches that lie on the surface to rounding, this bound is of the order of rounding;
+//! expansions about points achieve that only for quadrics. The rounding error is bounded along with
+//! the values: every coefficient carries the sum of the absolute values of its terms and the number
+//! of roundings that led to it.
 
 use isoform_geom::{RationalPatch, Terms};
 
@@ -18,9 +22,10 @@ const MOST_DEGREE: usize = 32;
 #[derive(Clone)]
 struct Scaled {
     degree: (usize, usize),
-    /// Coefficients, and sums of the absolute values of all that was added up to them.
+    /// Coefficients, each with the sum of the absolute values of its terms.
     values: Vec<[f64; 2]>,
-    /// Roundings behind each coefficient, in units of ε times its sum of absolute values.
+    /// Number of roundings behind each coefficient; each is at most ε times its sum of absolute
+    /// values.
     roundings: usize,
 }
 
@@ -33,7 +38,7 @@ impl Scaled {
             roundings: 0,
         }
     }
-    /// X, Y, Z or w of a patch, in the coordinates of the polynomial.
+    /// Returns X, Y, Z (k = 0, 1, 2) or w (k = 3) of a patch, in the coordinates of the polynomial.
     fn coordinate(patch: &RationalPatch, k: usize, terms: &Terms<'_>) -> Self {
         let (m, n) = patch.degree();
         let at = |i: usize| {
@@ -53,7 +58,7 @@ impl Scaled {
             roundings: 4,
         }
     }
-    /// The powers from 0 to d.
+    /// Returns the powers from 0 to d.
     fn powers(&self, d: usize) -> Vec<Self> {
         let mut list = vec![Self::one()];
         for i in 0..d {
@@ -61,7 +66,7 @@ impl Scaled {
         }
         list
     }
-    /// The product, a convolution; absolute values go along.
+    /// Multiplies two polynomials by convolution, and their sums of absolute values likewise.
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
         let mut values = vec![[0.0; 2]; (m + k + 1) * (n + l + 1)];
@@ -82,13 +87,17 @@ impl Scaled {
     }
 }
 
-/// n over k.
+/// Returns the binomial coefficient n over k.
 pub(crate) fn binomial(n: usize, k: usize) -> f64 {
     (0..k).fold(1.0, |b, i| b * (n - i) as f64 / (i + 1) as f64)
 }
 
-/// A bound on |F| over a patch for F = Σ c xⁱyʲzᵏ, rounding included; none for too high a degree or
-/// a control weight that is not positive.
+/// Returns an upper bound on
+///
+/// F
+///
+/// over a patch for F = Σ c xⁱyʲzᵏ, rounding included; `None` if the degree is too high or a
+/// control weight is not positive.
 pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
     let degree = |e: &[u16; 3]| e.iter().map(|v| usize::from(*v)).sum::<usize>();
     let d = terms.list.iter().map(|(e, _)| degree(e)).max()?;
@@ -110,7 +119,7 @@ pub(crate) fn largest(terms: &Terms<'_>, patch: &RationalPatch) -> Option<f64> {
     most.is_finite().then_some(most)
 }
 
-/// w^d F(x/w, y/w, z/w), of powers of X, Y, Z and w.
+/// Composes w^d F(X/w, Y/w, Z/w) from the powers of X, Y, Z and w.
 fn composed(terms: &Terms<'_>, powers: &[Vec<Scaled>; 4], d: usize) -> Scaled {
     let whole = &powers[3][d];
     let mut sum = Scaled {
@@ -143,7 +152,7 @@ mod tests {
     fn bounds_of_compositions() {
         let mut patch =
             RationalPatch::planar((2, 3), [0.0, 0.0, 0.25], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-        // Other weights change no point.
+        // A common factor of the weights changes no point.
         patch
             .control_mut()
             .iter_mut()

@@ -1,16 +1,15 @@
-//! Covering: patches until all of the surface in the region lies on one (the future work of Wurm,
-//! Jüttler and Kim 2003, section 5).
+//! Covering a surface: patches are added until all of it in the region lies on one (the future work
+//! of Wurm, Jüttler and Kim 2003, section 5).
 //!
-//! The surface is known by samples: random places of the region, projected. Each round starts a few
-//! patches at uncovered samples far from what is covered and from one another, grown side by side
-//! on the threads of the rayon pool in which the caller runs; in the end, patches that others make
-//! superfluous are left out. The result depends neither on the number of threads nor on the time
-//! that they take.
+//! The surface is represented by samples: random points of the region, projected. Each round starts
+//! a few patches at uncovered samples that are far from the covered ones and from one another, and
+//! grows them in parallel on the caller's rayon pool. At the end, redundant patches are removed.
+//! The result depends neither on the number of threads nor on their timing.
 //!
-//! With a margin, samples have to lie as deep inside of patches, and a little deeper; then that is
-//! proved of the whole surface. Where the proof fails, other patches are started.
+//! With a margin, samples must lie a little deeper inside patches than the margin; then the margin
+//! is proved for the whole surface. Further patches are started where the proof fails.
 //!
-//! Words: an *open* sample lies on no patch yet; a *seed* is the sample at which a patch starts; a
+//! Terms: an *open* sample lies on no patch yet; a *seed* is the sample at which a patch starts; a
 //! sample is *left out* if it lies near a singular point and no patch was found for it.
 
 mod margin;
@@ -29,39 +28,41 @@ use rounds::Work;
 /// Sets of samples that are covered in turn.
 const MOST_ROUNDS: usize = 4;
 
-/// What is known of the depth at which the surface lies inside of patches.
+/// Result of the proof that the surface lies inside patches by a margin.
 #[derive(Clone, Debug)]
 pub struct Depth {
-    /// The depth asked for.
+    /// Required depth, in model units.
     pub margin: f64,
-    /// If all of the surface in the region is proved to be as deep: no point of it is farther than
-    /// this from the place of its patch that is as deep.
+    /// Upper bound on the distance from any point of the surface in the region to a point of a
+    /// patch at that depth; `None` if some boxes are open.
     pub distance: Option<f64>,
-    /// Boxes for which that could not be proved.
+    /// Boxes in which the depth could not be proved.
     pub open: Vec<Aabb>,
 }
 
-/// Patches with what they cover.
+/// Patches and the part of the surface that they cover.
 #[derive(Clone, Debug)]
 pub struct Cover {
     /// The patches, in the order in which they were chosen.
     pub patches: Vec<Parameterized>,
-    /// Points of the surface by which coverage was measured.
+    /// Number of surface points by which coverage was measured.
     pub samples: usize,
-    /// How many of them lie on a patch, within the tolerance, and, with a margin, as deep.
+    /// Number of samples that lie on a patch within the tolerance and, with a margin, deep enough.
     pub covered: usize,
-    /// Samples besides that were left out near singular points.
+    /// Number of further samples, not counted in `samples`, that were left out near singular
+    /// points.
     pub left_out: usize,
-    /// Singular points, if something was left out about them: of curves of such points, some.
+    /// Singular points around which samples were left out; of singular curves, sample points. Empty
+    /// if nothing was left out.
     pub singular: Vec<Point3>,
-    /// What was left out is nearer than this to one of them.
+    /// Radius around singular points within which samples may be left out, in model units.
     pub apart: f64,
-    /// With a margin, what was proved of it.
+    /// Result of the proof of the margin; `None` if no margin was required.
     pub depth: Option<Depth>,
 }
 
 impl Cover {
-    /// A cover made in the unit box, in space; `field` gives the functions of parts.
+    /// Maps a cover from the unit box to model space; `field` returns the function of a part.
     fn out<'f>(
         self,
         unit: &UnitBox,
@@ -89,10 +90,10 @@ impl Cover {
 
 /// Covers the surface in the region with patches that keep the tolerance.
 ///
-/// Patches grow side by side on the threads of the current rayon pool; the result does not depend
-/// on their number. Once the control ends the work, no patch is started any more: those that there
-/// are cover a part of the surface. The control hears of the phases `samples`, `cover` and, with a
-/// margin, `margin`.
+/// Patches grow in parallel on the threads of the current rayon pool; the result does not depend on
+/// their number. Once the control stops the work, no further patch is started, and the existing
+/// patches cover a part of the surface. Progress is reported in the phases `samples`, `cover` and,
+/// with a margin, `margin`.
 ///
 /// ```
 /// use isoform_control::Control;
@@ -113,7 +114,7 @@ impl Cover {
 ///
 /// # Errors
 /// Options that are out of range or without a tolerance, surfaces on which no patch is found, and
-/// [`Error::Stopped`] where the control ended the work before there was one.
+/// [`Error::Stopped`] if the control stopped the work before there was a patch.
 pub fn cover(
     field: &dyn Field,
     options: &Options,
@@ -133,10 +134,12 @@ pub fn cover(
     .map_err(|error| unit.error_out(error))
 }
 
-/// Covers a surface of parts: each patch stays on one, and ends at its edges. Nothing is proved of
-/// a margin then, and points nearer to an edge than that may lie less deep. See [`cover`].
+/// Covers a surface of several parts: each patch stays on one part and ends at its edges. A margin
+/// is measured but not proved, and points nearer to an edge than the margin may lie less deep. See
+/// [`cover`].
 ///
 /// # Errors
+///
 /// Those of [`cover`].
 pub fn cover_parts(
     parts: &Parts,

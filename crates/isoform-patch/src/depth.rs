@@ -1,17 +1,23 @@
-//! Depth: how far inside of a patch a point of the surface lies, measured and proved.
+//! Depth: distance by which a point of the surface lies inside a patch, measured and proved.
 //!
-//! The depth of a point is its straight distance from the border of the patch on which it lies, the
-//! four curves u = 0, u = 1, v = 0 and v = 1; along the surface the border is at least as far.
-//! Solids need it: where patches are to be cut along common curves, these must not leave them.
+//! The depth of a point is its straight distance from the border of its patch, the four curves u =
+//! 0, u = 1, v = 0 and v = 1; measured along the surface, the border is at least as far. Solids
+//! need it: curves along which patches are cut must not leave the patches.
 //!
-//! The proof goes cell by cell through the region. On a cell where n·∇F ≥ G > 0 for a unit vector
-//! n, Krawczyk's operator (R. Krawczyk: Newton-Algorithmen zur Bestimmung von Nullstellen mit
-//! Fehlerschranken, Computing 4 (1969)) for p(u, v) − q across n shows that the line along n
-//! through every point q of the cell meets the patch at a place (u, v) near one that is known. If
-//! F(q) = 0, the patch is there no farther from q than |F(p(u, v))|/G, which is at most the proved
-//! distance of the patch from the surface times max |∇F|/G. And as the depth of two points differs
-//! by no more than they are apart, that of the cell's middle less its radius is a bound. What fails
-//! is divided.
+//! The proof subdivides the region into cells. On a cell where n·∇F ≥ G > 0 for a unit vector n,
+//! Krawczyk's operator (R. Krawczyk: Newton-Algorithmen zur Bestimmung von Nullstellen mit
+//! Fehlerschranken, Computing 4 (1969)), applied to p(u, v) − q across n, shows that the line along
+//! n through every point q of the cell meets the patch at a point (u, v) near a known one. If F(q)
+//! = 0, the patch is there no farther from q than
+//!
+//! F(p(u, v))
+//!
+//! /G, which is at most the proved distance of the patch from the surface times max
+//!
+//! ∇F
+//!
+//! /G. As the depth is 1-Lipschitz, the depth at the centre of the cell minus the cell's radius is
+//! a lower bound. Cells on which this fails are divided.
 
 mod border;
 mod krawczyk;
@@ -36,45 +42,46 @@ const SMALL: f64 = 0.25;
 /// A patch may be this many times its proved distance away from a point along n; on cells where
 /// that is more the normal turns too much.
 const FARTHER: f64 = 1.5;
-/// Blocks in each direction into which the region is divided, for threads; fixed, so that the
-/// result does not depend on their number.
+/// Blocks along each edge of the region, proved in parallel. Fixed, so that the result does not
+/// depend on the number of threads.
 const BLOCKS: usize = 4;
 /// Places that are told where a proof fails, in each block.
 const MOST_OPEN: usize = 2000;
 
-/// What has been proved of the depth of a surface in patches.
+/// Result of the proof of a depth.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Proof {
-    /// No point of the surface is farther from the place of a patch as deep as asked for.
+    /// Upper bound on the distance from a point of the surface, outside the open boxes, to a point
+    /// of a patch at the required depth.
     pub(crate) distance: f64,
-    /// Boxes of which nothing could be proved.
+    /// Boxes in which the depth could not be proved.
     pub(crate) open: Vec<Aabb>,
 }
 
-/// What is asked of the surface in a region.
+/// Statement to be proved: the surface in a region lies `depth` inside patches.
 pub(crate) struct Question<'a> {
     pub(crate) field: &'a dyn Field,
     pub(crate) region: Aabb,
     pub(crate) depth: f64,
-    /// What lies wholly within `apart` of one of these points is not asked for.
+    /// Singular points; cells wholly within `apart` of one are exempt.
     pub(crate) singular: &'a [Point3],
     pub(crate) apart: f64,
 }
 
-/// What comes of a cell.
+/// Result for one cell.
 enum Outcome {
-    /// It holds none of the surface, or none that is asked for.
+    /// The cell contains no part of the surface, or only exempt parts.
     Empty,
-    /// All of the surface in it is as deep in a patch, which is no farther from it.
+    /// All of the surface in the cell is deep enough in a patch, which is at most this far away.
     Deep(f64),
-    /// Parts of it may be told.
+    /// The result may be known for parts of the cell.
     Unknown,
-    /// It lies in no patch deep enough.
+    /// The cell lies deep enough in no patch.
     Open,
 }
 
-/// Tries to prove that every point of the surface in a region is as deep inside of some patch as
-/// asked for. Where the control ends the proof, what is left counts as open.
+/// Tries to prove that every point of the surface in a region lies at the required depth inside
+/// some patch. Cells that remain when the control stops the proof count as open.
 pub(crate) fn prove(question: &Question<'_>, sheets: &[Sheet<'_>], control: &Control<'_>) -> Proof {
     let blocks: Vec<Proof> = (0..BLOCKS.pow(3))
         .into_par_iter()
@@ -88,7 +95,7 @@ pub(crate) fn prove(question: &Question<'_>, sheets: &[Sheet<'_>], control: &Con
     all
 }
 
-/// A block of a region.
+/// Returns a block of a region by its number.
 fn block(region: &Aabb, number: usize) -> Aabb {
     let Aabb { lo, hi } = region;
     let part = [
@@ -133,7 +140,7 @@ fn prove_block(
     proof
 }
 
-/// The halves of a box across its longest edge.
+/// Splits a box in the middle of its longest edge.
 fn halves(cell: &Aabb) -> [Aabb; 2] {
     let size = cell.size();
     let along = (0..3)
@@ -145,32 +152,33 @@ fn halves(cell: &Aabb) -> [Aabb; 2] {
     [lower, upper]
 }
 
-/// Intervals that hold the places of a box less a point.
+/// Returns intervals that contain the points of a box minus c.
 fn offsets(region: &Aabb, c: Point3) -> [Interval; 3] {
     std::array::from_fn(|k| Interval::new(region.lo[k], region.hi[k]) - Interval::constant(c[k]))
 }
 
-/// Half the diagonal of a cell, rounded up: no point of it is farther from its middle.
+/// Returns half the diagonal of a cell, rounded up: an upper bound on the distance of its points
+/// from its centre.
 fn radius(cell: &Aabb) -> f64 {
     0.5 * cell.diagonal() * (1.0 + 1e-12)
 }
 
-/// F on a cell.
+/// Behaviour of F on a cell.
 enum Course {
-    /// It vanishes nowhere.
+    /// F does not vanish.
     Away,
-    /// It cannot be said how it goes.
+    /// Nothing is proved.
     Unknown,
-    /// It grows along the unit vector n; whether it vanishes near the middle.
+    /// F increases along the unit vector n; `is_inside` if it vanishes near the centre.
     Along { n: Point3, is_inside: bool },
 }
 
-/// What the patches are to a cell.
+/// Patches near a cell.
 struct Nearness {
-    /// Those in which its middle is deep enough, the deepest first, with the parameters of its
-    /// foot.
+    /// Indices of patches in which the centre is deep enough, the deepest first, with the
+    /// parameters of its foot.
     deep: Vec<(usize, (f64, f64))>,
-    /// Whether no point of the cell lies deep enough in one.
+    /// True if no point of the cell lies deep enough in any patch.
     is_hopeless: bool,
 }
 
@@ -196,7 +204,8 @@ impl Question<'_> {
         }
     }
 
-    /// Whether a cell holds certainly none of the surface that is asked for.
+    /// Returns true if a cell provably contains no part of the surface, or lies within `apart` of a
+    /// singular point.
     fn is_left_out(&self, cell: &Aabb) -> bool {
         let (c, radius) = (cell.center(), radius(cell));
         let is_within = |s: &Point3| norm(sub(*s, c)) + radius <= self.apart;
@@ -227,7 +236,7 @@ impl Question<'_> {
 
     fn near(&self, sheets: &[Sheet<'_>], cell: &Aabb) -> Nearness {
         let (c, radius) = (cell.center(), radius(cell));
-        // The borders' pieces are straight to a share of the depth only.
+        // The pieces of borders deviate from straight lines by up to this fraction of the depth.
         let mut is_hopeless = true;
         let mut deep: Vec<(f64, usize, (f64, f64))> = (sheets.iter().zip(0..))
             .filter_map(|(sheet, at)| {
@@ -244,13 +253,13 @@ impl Question<'_> {
         }
     }
 
-    /// How far the points of the surface in a cell are from a patch at most, along n and at
-    /// parameters about those of a place near the cell's middle; none where that cannot be said.
+    /// Returns an upper bound on the distance of the surface in a cell from a patch, measured along
+    /// n and at parameters near those of a given foot of the centre; `None` if no bound is proved.
     fn lies_in(&self, sheet: &Sheet<'_>, cell: &Aabb, n: Point3, foot: (f64, f64)) -> Option<f64> {
         let c = cell.center();
         let part = across(sheet.patch, cell, n, foot)?;
-        // The points of the patch there, those of the cell and all between them, and as far around
-        // as the surface is from the patch.
+        // The box contains the points of the patch there, those of the cell and all between them,
+        // widened by the distance of the surface from the patch.
         let mut region = part.control_box()?;
         region.add(cell.lo);
         region.add(cell.hi);
@@ -264,7 +273,7 @@ impl Question<'_> {
             sum + gradient[k] * Interval::constant(n[k])
         });
         let most = norm(gradient.map(|g| g.lo().abs().max(g.hi().abs())));
-        // n is a unit vector up to rounding.
+        // The factor 1 + 1e-9 allows for the rounding of the unit vector n.
         let farther = most / along.lo() * (1.0 + 1e-9);
         (along.lo() > 0.0 && farther <= FARTHER).then_some(farther * sheet.bound)
     }
@@ -281,7 +290,7 @@ mod tests {
         RationalPatch::planar((3, 2), [x.0, y.0, 1e-6], [a, 0.0, 0.0], [0.0, b, 0.0])
     }
 
-    /// What is proved of z = 0 (or another function) in the cube of edge 1 for patches 1e-6 away.
+    /// Proves a depth for z = 0 (or another function) in the cube of edge 1 with patches 1e-6 away.
     fn of(field: &Polynomial, patches: &[RationalPatch], depth: f64) -> Proof {
         let sheets: Vec<Sheet<'_>> = (patches.iter())
             .map(|p| Sheet::new(p, 1e-6, depth).expect("positive weights"))
@@ -299,7 +308,8 @@ mod tests {
         prove(&question, &sheets, &Control::default())
     }
 
-    /// Two squares of a plane that overlap by 0.2: where they do, points are 0.1 deep.
+    /// Two squares of a plane that overlap by 0.2: points in the overlap are at least 0.1 deep in
+    /// one of them.
     #[test]
     fn a_margin_is_proved_as_far_as_patches_overlap() {
         let plane = Polynomial::new([([0, 0, 1], 1.0)]);
@@ -312,13 +322,13 @@ mod tests {
         }
         let proof = of(&plane, &both, 0.102);
         assert!(!proof.open.is_empty());
-        // Only where they overlap.
+        // Only cells in the overlap are open.
         for cell in &proof.open {
             assert!(cell.lo[0] < 0.01 && cell.hi[0] > -0.01, "{cell:?}");
         }
     }
 
-    /// What no patch covers is open, wherever it is: a strip, and another sheet of the surface.
+    /// Uncovered parts of the surface are open: a strip, and a second sheet.
     #[test]
     fn what_is_not_covered_is_open() {
         let plane = Polynomial::new([([0, 0, 1], 1.0)]);

@@ -1,12 +1,16 @@
 //! Distances of a patch from the surface, sampled and proved.
 //!
-//! The proof goes cell by cell. About a point c near a cell, F = F(c) + ∇F·δ + δᵀHδ/2 + Tδδδ/6 up
-//! to a remainder by which third derivatives differ from T there; with the homogeneous patch put in
-//! for δ, times w³, the first part is a Bézier polynomial, and the quotients of its coefficients by
-//! those of w³ bound it. Where n·∇F ≥ G > 0 for a unit vector n in a neighbourhood of the cell that
-//! is wider by M/G than the cell itself, and |F| ≤ M on the cell, the surface is at most M/G away
-//! along ±n. Where no such n exists (at self-intersections) cells are divided until they are small
-//! against the bound; then it suffices that F changes its sign between c and a point nearby.
+//! The proof subdivides the patch into cells. Around a point c near a cell, F = F(c) + ∇F·δ +
+//! δᵀHδ/2 + Tδδδ/6 up to a remainder bounded by the deviation of the third derivatives from T; with
+//! the homogeneous patch substituted for δ and multiplied by w³, the polynomial part is in Bézier
+//! form, and the quotients of its coefficients by those of w³ bound it. Where n·∇F ≥ G > 0 for a
+//! unit vector n in a neighbourhood that extends M/G beyond the cell, and
+//!
+//! F
+//!
+//! ≤ M on the cell, the surface is at most M/G away along ±n. Where no such n exists (at
+//! self-intersections), cells are divided until they are small compared with the bound; then a
+//! change of sign of F between c and a nearby point suffices.
 //!
 //! ```text
 //!      n ↑    ·  ·  ·  ·  ·    F > 0: at most M/G above the cell
@@ -15,22 +19,22 @@
 //!        |   ~~~~~~~~~~~~~~~   F = 0
 //! ```
 //!
-//! On patches that lie on the surface to rounding, M is that of F∘p where F is a polynomial. At a
-//! self-intersection there are unit vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ about the cell:
-//! along ±e, whichever way F does not fall, it has grown by λt²/2 after t, along f fallen by as
-//! much, so that the surface is at most √(2M/λ) away.
+//! On patches that lie on the surface to rounding, M is the bound on F∘p if F is a polynomial. At a
+//! self-intersection there are unit vectors e and f with eᵀHe ≥ λ and fᵀHf ≤ −λ around the cell:
+//! along ±e, in the direction in which F does not decrease to first order, F grows by at least
+//! λt²/2 within t, and along ±f it falls by as much, so the surface is at most √(2M/λ) away.
 //!
-//! Minima and maxima of parts keep both arguments: n·∇F is at least the least of the parts' that
-//! matter, and the tree carries bounds of the parts over to one of F. As only signs count, each
-//! piece is first divided by its gradient's length at c. Where a piece changes from one part to
-//! another, as where a blend begins, each is bounded where none of its limits is negative: there
-//! λ + ρ ≥ 0 for the linear part λ of a limit that is off by up to ρ, and with b ≥ 0 the function
-//! F ± b (max λ − λ)(λ + ρ) bounds F.
+//! Minima and maxima of parts keep all arguments that matter: n·∇F is at least the least value over
+//! those parts, and the tree combines bounds of the parts into one of F. As only signs matter, each
+//! piece is first divided by the length of its gradient at c. Where a piece changes from one part
+//! to another, as at the beginning of a blend, each part is bounded only where none of its limits
+//! is negative: there λ + ρ ≥ 0 for the linear part λ of a limit with error at most ρ, and for b ≥
+//! 0 the function F ± b (max λ − λ)(λ + ρ) bounds F.
 //!
-//! Words: a *cell* is a part of the patch, by halving; a *part* of the surface is a smooth function
-//! that counts where its *limits* are not negative; a *piece* is a leaf of the tree of minima and
-//! maxima, and consists of parts; the *bound* of a cell is a proved distance, the *target* one that
-//! is to be proved.
+//! Terms: a *cell* is a part of the patch, made by halving; a *part* of the surface is a smooth
+//! function that is valid where its *limits* are not negative; a *piece* is a leaf of the tree of
+//! minima and maxima and consists of parts; the *bound* of a cell is a proved distance, the
+//! *target* a distance to be proved.
 
 mod bounded;
 mod cell;
@@ -55,20 +59,21 @@ use sampling::largest_coordinate;
 
 /// Samples in each direction.
 const SAMPLES: usize = 41;
-/// Bounds that are aimed at, in sampled distances: the second where the first cannot be proved.
+/// Target bounds, as multiples of the sampled distance: the second is tried if the first cannot be
+/// proved.
 const SLACK: [f64; 2] = [1.8, 2.7];
 /// At edges, a bound below this multiple of the sampled distance is not made better.
 const ENOUGH: f64 = 2.5;
 /// Bounds below this share of the largest coordinate are lost in rounding.
 const ROUNDING: f64 = 1e-13;
-/// At edges, a bound of this share of the largest coordinate is good enough: flat faces come to
-/// less, with few cells.
+/// Smallest bound that is refined at edges, as a fraction of the largest coordinate: flat faces
+/// reach less with few cells.
 const LEAST_REFINED: f64 = 3e-14;
 /// A patch this near to the surface, in units of the largest coordinate, lies on it to rounding.
 const EXACT: f64 = 1e-12;
-/// Bounds, in units of the largest coordinate, that are tried in turn for a patch that lies on the
-/// surface to rounding, with the most cells for each: what is left of rounding; its root, at
-/// self-intersections; and what expansions come to.
+/// Target bounds for a patch that lies on the surface to rounding, as fractions of the largest
+/// coordinate, each with its maximum number of cells; they are tried in turn. The first is near
+/// rounding, the second suits self-intersections, the third is what expansions alone can prove.
 const EXACT_TARGETS: [(f64, usize); 3] = [(1e-13, 2000), (1e-12, 2000), (1e-6, 60_000)];
 /// The most cells of a proof.
 const MOST_CELLS: usize = 60_000;
@@ -77,7 +82,7 @@ const MOST_CELLS_AT_EDGES: usize = 6000;
 /// The most cells where a bound at edges is made better cell by cell.
 const MOST_REFINED: usize = 16_000;
 
-/// Distances from the surface, in model units.
+/// Distances of a patch from the surface, in model units.
 ///
 /// ```
 /// use isoform_geom::{Aabb, Field, Point3, RationalPatch};
@@ -102,27 +107,28 @@ const MOST_REFINED: usize = 16_000;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distances {
-    /// No point of the patch is farther from the surface; none where that could not be proved.
+    /// Proved upper bound on the distance of any point of the patch from the surface; `None` if
+    /// none could be proved.
     pub bound: Option<f64>,
-    /// The largest distance among samples.
+    /// Largest distance among the samples.
     pub sampled: f64,
-    /// The root mean square over the area, by samples.
+    /// Root mean square of the distance over the area, from samples.
     pub rms: f64,
 }
 
-/// Distances with the parameters of a place from which a loose bound comes, if it is loose.
+/// Distances, and, if the bound is loose, the parameters of a point from which it comes.
 pub(crate) type Found = (Distances, Option<(f64, f64)>);
 
-/// Measures and proves: the bound is at least what is sampled, and aims at no more than 1.8 times
-/// that (2.7 times where that cannot be proved) and, if that is not less than what is sampled, at
-/// no more than the tolerance.
+/// Measures and proves the distances of a patch. The bound is at least the sampled distance. It
+/// aims at 1.8 times that (at 2.7 times if the first cannot be proved), and at no more than the
+/// tolerance if the sampled distance keeps it.
 pub fn distances(field: &dyn Field, patch: &RationalPatch, tolerance: Option<f64>) -> Distances {
     let whole = Whole::of_field(field);
     distances_on(&whole, patch, tolerance, None, Control::default()).0
 }
 
-/// [`distances`] from a whole surface. A bound that is `proved` already is made better only where
-/// it is loose. Once the control ends the work nothing more is proved.
+/// Does what [`distances`] does, for a surface of parts. A bound that is already `proved` is
+/// refined only if it is loose. Once the control stops the work, nothing more is proved.
 pub(crate) fn distances_on(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -148,17 +154,17 @@ pub(crate) fn distances_on(
     (distances, place.flatten())
 }
 
-/// A bound with the parameters of a place from which it comes, if it is loose.
+/// Proved bound, and, if it is loose, the parameters of a point from which it comes.
 type Bound = (f64, Option<(f64, f64)>);
 
-/// The search for a bound that is not much larger than the sampled distance.
+/// Search for a bound that is not much larger than the sampled distance.
 struct Search<'a> {
     whole: &'a Whole<'a>,
     patch: &'a RationalPatch,
     sampled: f64,
-    /// The largest coordinate.
+    /// Largest coordinate of the patch.
     size: f64,
-    /// The tolerance, if the sampled distance keeps it.
+    /// Tolerance; `None` if the sampled distance exceeds it.
     tolerance: Option<f64>,
     control: Control<'a>,
 }
@@ -168,7 +174,7 @@ impl Search<'_> {
         if self.whole.is_single() && self.sampled <= EXACT * self.size {
             return self.exact_bound().map(|b| (b, None));
         }
-        // What would be aimed at may be proved already.
+        // The target may be proved already.
         if let Some(bound) = proved.filter(|b| self.is_enough(*b)) {
             return Some((bound, None));
         }
@@ -185,7 +191,7 @@ impl Search<'_> {
         self.refined_bound(proved)
     }
 
-    /// The bound of a patch that lies on the surface to rounding.
+    /// Returns the bound of a patch that lies on the surface to rounding.
     fn exact_bound(&self) -> Option<f64> {
         let proved = |(target, cells): &(f64, usize)| {
             self.prove((target * self.size).max(2.0 * self.sampled), *cells)
@@ -193,7 +199,7 @@ impl Search<'_> {
         EXACT_TARGETS.iter().find_map(proved)
     }
 
-    /// A bound made better from the worst cell on: at edges few cells take most of the work.
+    /// Returns a bound refined from the worst cell on: at edges a few cells take most of the work.
     fn refined_bound(&self, proved: Option<f64>) -> Option<Bound> {
         let to_tolerance = || self.prove(self.tolerance?, MOST_CELLS_AT_EDGES);
         let start = proved.or_else(to_tolerance)?;

@@ -1,10 +1,11 @@
-//! From near the surface onto it, for `exact`.
+//! Iterations that bring a nearby patch onto the surface to rounding, for the option `exact`.
 //!
-//! On a quadric (and other rational surfaces of low degree) there are patches with I = 0, and more
-//! of them than unknowns less equations: the system F∘p = 0 is singular at its solutions, which
-//! form a manifold. Gauss-Newton steps with damping that falls with the squared residual (Yamashita
-//! and Fukushima 2001) still converge quadratically there, to a nearby solution: directions along
-//! the manifold, whose singular values are of the order of the error, are left alone.
+//! On a quadric (and other rational surfaces of low degree) there are patches with I = 0, and they
+//! form a manifold of larger dimension than the number of unknowns less equations suggests: the
+//! system F∘p = 0 is singular at its solutions. Gauss-Newton steps whose damping decreases with the
+//! squared residual (Yamashita and Fukushima 2001) still converge quadratically there, to a nearby
+//! solution: directions along the manifold, whose singular values are of the order of the error,
+//! are damped out.
 
 use crate::grow::{Growth, LEAST_WEIGHT, MOST_GROWTH};
 use crate::grown::area;
@@ -28,8 +29,8 @@ const PATIENCE: usize = 5;
 /// A root of I below this, relative to the largest coordinate, is only rounding.
 const ENOUGH: f64 = 3e-16;
 
-/// The shares by which a patch is made shorter at each side, in turn, until there is an exact one
-/// nearby: I of the middle is far smaller.
+/// Fractions by which a patch is shortened at each side, in turn, until an exact patch is found
+/// nearby: I is far smaller for the middle of a patch.
 const SHORTER: [f64; 3] = [0.0, 0.2, 0.35];
 /// Bisections of the extrapolation of an exact patch.
 const BISECTIONS: usize = 10;
@@ -38,10 +39,11 @@ const EXTRAPOLATIONS: usize = 12;
 /// The first extrapolation may take back this share of the patch: an exact one nearby may be too
 /// large.
 const TAKEN_BACK: f64 = 0.25;
-/// Samples in each direction at which normals are looked at.
+/// Samples in each direction at which normals are compared.
 const NORMALS: usize = 13;
-/// The most degree of other patches from which exact ones are sought, in turn, and their share of
-/// the bound on S; below 1 with the shape terms of the paper also where a tolerance is asked for.
+/// Maximum degrees of the other patches from which exact ones are sought, in turn, and their
+/// fractions of the bound on S. With a fraction below 1, the shape terms of the paper apply even if
+/// a tolerance is given.
 const OTHERS: [(usize, f64); 5] = [(3, 1.0), (2, 1.0), (2, 0.5), (2, 1e-3), (2, 1e-6)];
 /// The cosine of the largest angle between a normal and that in the middle: the faces of STEP's own
 /// entities have to keep away from poles and seams.
@@ -50,8 +52,8 @@ const LEAST_TURN: f64 = 0.175;
 const ENOUGH_AREA: f64 = 0.3;
 /// One with less than this share is none: patches that are small enough are near any surface.
 const LEAST_AREA: f64 = 0.05;
-/// The root of I, in units of the region, that is left by rounding; steps that converge slowly end
-/// above it.
+/// Root of I, in units of the region, below which a patch counts as exact: rounding stays below it,
+/// and steps that converge slowly end above it.
 const RESOLVED: f64 = 5e-15;
 /// The share of the bound on S up to which an exact patch is extrapolated: polishing changes S a
 /// little.
@@ -59,21 +61,21 @@ const AIM: f64 = 0.998;
 /// The least area element, as a share of the largest.
 const LEAST_ELEMENT: f64 = 1e-3;
 
-/// A patch with its targets and its value.
+/// Patch with its targets and its value.
 struct Fitting {
     patch: RationalPatch,
     targets: Targets,
     at: Evaluated,
 }
 
-/// Brings a grown patch onto the surface to rounding, if that succeeds, and extrapolates it, which
-/// then costs nothing of I, as far as the bound on S and positive control weights admit. Whether it
+/// Brings a grown patch onto the surface to rounding, if possible, and extrapolates it, which
+/// leaves I at 0, as far as the bound on S and positive control weights admit. Returns true if it
 /// succeeded.
 ///
-/// Where there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees
-/// in turn, for a degree and a share of the bound on S, in the end small ones. They are brought
-/// onto the surface, raised to the degree asked for and extrapolated: a large patch is not near an
-/// exact one where its angles are not right.
+/// If there is no exact patch nearby, or only a small one, `grow` makes patches of lower degrees in
+/// turn, each for a degree and a fraction of the bound on S, with small patches last. They are
+/// brought onto the surface, raised to the required degree and extrapolated: a large patch with
+/// wrong angles is not near an exact one.
 pub(crate) fn make_exact<'f>(
     growth: &mut Growth<'f>,
     grow: impl Fn((usize, usize), f64) -> Option<Growth<'f>>,
@@ -86,7 +88,7 @@ pub(crate) fn make_exact<'f>(
         .into_iter()
         .filter(|(d, share)| *share < 1.0 || *d != (m, n))
         .filter_map(|(d, share)| grow(d, share));
-    // The patch itself, then the others, which grow only when it is their turn.
+    // The patch itself comes first; the others are grown only when their turn comes.
     for source in std::iter::once(None).chain(others.map(Some)) {
         let source = source.as_ref().unwrap_or(growth);
         let least = LEAST_AREA * before;
@@ -104,7 +106,7 @@ pub(crate) fn make_exact<'f>(
 }
 
 impl Growth<'_> {
-    /// An exact patch of at least an area near a source, with its area.
+    /// Returns an exact patch near a source, and its area; `None` if its area is below `least`.
     fn exact_from(&self, source: &Growth<'_>, least: f64) -> Option<(f64, Fitting)> {
         let degree = self.patch.degree();
         SHORTER.into_iter().find_map(|share| {
@@ -115,15 +117,16 @@ impl Growth<'_> {
         })
     }
 
-    /// The exact patch that steps from the present one lead to, made shorter by a share at each
-    /// side.
+    /// Returns the exact patch to which iterations lead from the current one, shortened by a
+    /// fraction at each side.
     fn exact_nearby(&self, share: f64) -> Option<RationalPatch> {
         let (patch, root) = onto(&self.objective, &self.longer([-share; 4]));
         (root <= RESOLVED * self.unit && patch.control_weights().0 > 0.0 && is_regular(&patch))
             .then_some(patch)
     }
 
-    /// An exact patch as long as the bound on S, positive control weights and the region admit.
+    /// Extrapolates an exact patch as far as the bound on S, positive control weights and the
+    /// region admit.
     fn extended(&self, mut patch: RationalPatch) -> Option<Fitting> {
         let (mut least, mut longest) = (-TAKEN_BACK, None);
         for _ in 0..EXTRAPOLATIONS {
@@ -142,8 +145,8 @@ impl Growth<'_> {
         longest
     }
 
-    /// The largest share from `least` on by which an exact patch may be longer at its sides inside
-    /// of the region, with that patch.
+    /// Returns the largest fraction, from `least` on, by which an exact patch can be extended at
+    /// its sides inside the region, and the extended patch.
     fn farthest(
         &self,
         patch: &RationalPatch,
@@ -166,14 +169,15 @@ impl Growth<'_> {
         (lo, best)
     }
 
-    /// The patch without what extrapolation has made of rounding.
+    /// Removes from a patch the rounding errors that extrapolation has amplified.
     fn polished(&self, rough: &Fitting) -> Option<Fitting> {
         let polished = onto(&self.objective, &rough.patch).0;
         self.fitting(polished, 1.0)
             .filter(|f| f.at.terms.i.sqrt() <= RESOLVED * self.unit)
     }
 
-    /// A patch that is nearly exact, if it is fit to be taken, and keeps a share of the bound on S.
+    /// Returns a nearly exact patch with its value; `None` if it is not acceptable or exceeds a
+    /// fraction of the bound on S.
     fn fitting(&self, patch: RationalPatch, share: f64) -> Option<Fitting> {
         let (targets, at) = self.retargeted(&patch)?;
         let fits = match self.options.tolerance {
@@ -186,13 +190,14 @@ impl Growth<'_> {
     }
 }
 
-/// The normals of a patch, row by row.
+/// Returns the normals of a patch on a grid, row by row.
 fn normals(patch: &RationalPatch) -> Vec<Point3> {
     let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
     grid(NORMALS).map(normal).collect()
 }
 
-/// Whether no normal of a patch is at nearly a right angle to that in the middle.
+/// Returns true if every normal of a patch is at less than about a right angle to the normal at the
+/// centre.
 fn turns_little(patch: &RationalPatch) -> bool {
     let normals = normals(patch);
     let middle = normals[normals.len() / 2];
@@ -202,7 +207,7 @@ fn turns_little(patch: &RationalPatch) -> bool {
         .all(|n| dot(*n, middle) >= LEAST_TURN * length * dot(*n, *n).sqrt())
 }
 
-/// Whether a patch neither folds nor comes down to a curve: I = 0 holds on those, too.
+/// Returns true if a patch neither folds nor degenerates to a curve: such patches have I = 0, too.
 fn is_regular(patch: &RationalPatch) -> bool {
     let normals = normals(patch);
     let squares = normals.iter().map(|n| dot(*n, *n));
@@ -217,7 +222,7 @@ fn is_regular(patch: &RationalPatch) -> bool {
     lo > LEAST_ELEMENT * LEAST_ELEMENT * hi && !folds
 }
 
-/// The patch nearest by with the least I that such steps lead to, and the root of that I.
+/// Iterates from a patch; returns the patch with the least I found, and the root of that I.
 fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64) {
     let mut patch = patch.clone();
     let Some(mut at) = objective.evaluate(&patch) else {
@@ -247,13 +252,13 @@ fn onto(objective: &Objective<'_>, patch: &RationalPatch) -> (RationalPatch, f64
     best
 }
 
-/// The largest number among the control points.
+/// Returns the largest absolute value among the homogeneous coordinates of control points.
 fn largest(patch: &RationalPatch) -> f64 {
     let all = patch.control().iter().flatten();
     all.fold(0.0f64, |m, v| m.max(v.abs()))
 }
 
-/// The patch after a damped Gauss-Newton step for I.
+/// Returns the patch after a damped Gauss-Newton step for I.
 fn step(
     objective: &Objective<'_>,
     patch: &RationalPatch,

@@ -1,4 +1,4 @@
-//! Feet: the nearest places of a patch from points.
+//! Feet: the points of a patch nearest to given points.
 
 use crate::cells::{Place, middle_of};
 use crate::places::{contains, normalized, wider};
@@ -14,8 +14,9 @@ const ALIKE: f64 = 0.87;
 /// Newton steps towards the foot of a sample on a patch.
 const STEPS: usize = 12;
 
-/// Which points lie within `tolerance` of a patch: the foot is sought by Newton's method from the
-/// nearest of some places, which are closer together where the patch is more curved.
+/// Returns, for each point, whether it lies within `tolerance` of a patch. The foot is sought by
+/// Newton's method from the nearest of a set of start points, which are denser where the patch is
+/// more curved.
 ///
 /// ```
 /// use isoform_geom::RationalPatch;
@@ -41,8 +42,8 @@ pub fn reached(patch: &RationalPatch, points: &[Point3], tolerance: f64) -> Vec<
         .collect()
 }
 
-/// A box beyond which nothing is within a distance of a patch, whose control points span it where
-/// their weights are positive.
+/// Returns a box that contains all points within a distance of a patch: its control points span it
+/// if their weights are positive.
 fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
     let Some(all) = patch.control_box() else {
         return Aabb {
@@ -50,21 +51,21 @@ fn beyond(patch: &RationalPatch, distance: f64) -> Aabb {
             hi: [f64::INFINITY; 3],
         };
     };
-    // Twice as much, as quotients are rounded.
+    // Twice the distance allows for the rounding of quotients.
     wider(&all, 2.0 * distance)
 }
 
-/// Places of a patch from which feet are sought.
+/// Start points of a patch for the search of feet.
 #[derive(Default)]
 struct Starts {
     parameters: Vec<(f64, f64)>,
     points: Vec<Point3>,
-    /// No point of the patch should be farther from one of them.
+    /// Estimated upper bound on the distance of a point of the patch from the nearest start point.
     reach: f64,
 }
 
 impl Starts {
-    /// The middles of cells.
+    /// Returns the centres of cells.
     fn of(patch: &RationalPatch) -> Self {
         let at = |i: usize| i as f64 / GRID as f64;
         let mut starts = Self::default();
@@ -75,7 +76,7 @@ impl Starts {
         starts
     }
 
-    /// The middle of a cell, or of its quarters where its normals differ much.
+    /// Adds the centre of a cell, or of its quarters if its normals differ much.
     fn add(&mut self, patch: &RationalPatch, cell: Place, depth: u32) {
         let [(u0, u1), (v0, v1)] = cell;
         let corners = [(u0, v0), (u0, v1), (u1, v0), (u1, v1)].map(|(u, v)| patch.tangents(u, v));
@@ -97,13 +98,13 @@ impl Starts {
     }
 }
 
-/// Whether the normals at corners differ much.
+/// Returns true if the normals at the corners differ by more than 30°.
 fn turns(corners: &[Tangents; 4]) -> bool {
     let normals = corners.each_ref().map(|t| normalized(t.normal()));
     (1..4).any(|k| dot(normals[0], normals[k]) < ALIKE)
 }
 
-/// Whether Newton's method for the foot of a point comes within `tolerance` of it.
+/// Returns true if Newton's method for the foot of a point comes within `tolerance` of it.
 fn comes_to(patch: &RationalPatch, p: Point3, from: (f64, f64), tolerance: f64) -> bool {
     let (mut u, mut v) = from;
     for _ in 0..STEPS {
@@ -119,8 +120,8 @@ fn comes_to(patch: &RationalPatch, p: Point3, from: (f64, f64), tolerance: f64) 
     false
 }
 
-/// A step of the method of Gauss and Newton towards the foot of a point, r away from where the
-/// patch has these tangents.
+/// Returns a step of the Gauss-Newton method towards the foot of a point, for the tangents at the
+/// current parameters and the offset r of the point from there.
 pub(crate) fn step_to_foot(t: &Tangents, r: Point3) -> (f64, f64) {
     let (a, b, c) = (dot(t.u, t.u), dot(t.u, t.v), dot(t.v, t.v));
     let (e, f) = (dot(t.u, r), dot(t.v, r));

@@ -1,15 +1,14 @@
-//! Folds: places where a patch turns back along the surface, so that it shows its other side.
+//! Folds: places where a patch turns back along the surface, so that its normal is reversed there.
 //!
-//! A patch that is nowhere farther from the surface than a tolerance may still fold over: its
-//! normal n = pᵤ × pᵥ then turns against ∇F while its points stay near. The proof goes cell by
-//! cell. With the homogeneous patch (X, w), n w³ is the polynomial
-//! w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ of degree (3m − 1, 3n − 1). Its Bernstein coefficients are
-//! computed once, as intervals, and halved with the cells. On a cell, every normal is a positive
-//! combination of them; so n·∇F has one sign where their products with a box around the gradient
-//! have.
+//! A patch whose points are all within a tolerance of the surface may still fold over: its normal n
+//! = pᵤ × pᵥ then turns against ∇F while its points stay near. The proof subdivides the patch into
+//! cells. For the homogeneous patch (X, w), n w³ is the polynomial w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X ×
+//! Xᵥ of degree (3m − 1, 3n − 1). Its Bernstein coefficients are computed once, as intervals, and
+//! halved with the cells. On a cell, every normal is a positive combination of them; so n·∇F has
+//! one sign if their products with a box around the gradient have one sign.
 //!
 //! Where ∇F may vanish, as along a self-intersection, n·∇F may change its sign without a fold.
-//! There all normals of the cell have to lie within 45° of one direction.
+//! There all normals of the cell must lie within 45° of one direction.
 
 use crate::cells::{Place, corners_of, half_of, halve_net, lengths_between, middle_of};
 use crate::compose::binomial;
@@ -18,7 +17,7 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, RationalPatch, dot, norm};
 use isoform_num::{Interval, Real};
 
-/// Normals on a grid of this many places in each direction are compared: enough for folds wider
+/// Points in each direction of the grid on which normals are compared. Sufficient for folds wider
 /// than a sixteenth of the patch; narrower ones are left to the proof.
 const SAMPLES: usize = 17;
 /// Halvings of a cell before its place counts as a fold: cells of a thousandth of the patch in
@@ -32,20 +31,20 @@ const CELLS_AT_LEAST: usize = 500;
 /// are then less than a right angle apart, so that the cell cannot turn back.
 const COSINE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// A part of a patch with its normals.
+/// Part of a patch with its normals.
 struct Cell {
-    /// Control points (X, Y, Z, w), X about the middle of the patch.
+    /// Control points (X, Y, Z, w) relative to the centre of the patch.
     control: Vec<[Interval; 4]>,
     /// Bernstein coefficients of n w³.
     normals: Vec<[Interval; 3]>,
     place: Place,
-    /// How often the patch was halved to get here.
+    /// Number of halvings that led to the cell.
     depth: u32,
 }
 
-/// The side, of u = 0, u = 1, v = 0 and v = 1, towards which a patch folds over, as samples tell:
-/// two neighbours whose normals are opposed. Of several such places the first that is nearest to
-/// its side counts.
+/// Returns the side, of u = 0, u = 1, v = 0 and v = 1, nearest to a fold, detected from two
+/// neighbouring samples with opposed normals; `None` if no fold is detected. Of several folds, the
+/// one nearest to its side counts, and of equal distances the first.
 pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     let normal = |(u, v): (f64, f64)| patch.tangents(u, v).normal();
     let normals: Vec<Point3> = grid(SAMPLES).map(normal).collect();
@@ -56,7 +55,7 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
             if i + 1 == SAMPLES || dot(normals[k], normals[k + step]) >= 0.0 {
                 continue;
             }
-            // Steps from the nearer side.
+            // Number of steps from the nearer side.
             let (far, upper) = (i.min(SAMPLES - 2 - i), i >= SAMPLES / 2);
             if first.is_none_or(|f| far < f.0) {
                 first = Some((far, 2 * direction + usize::from(upper)));
@@ -66,7 +65,7 @@ pub(crate) fn seen(patch: &RationalPatch) -> Option<usize> {
     first.map(|f| f.1)
 }
 
-/// Proves that a patch goes along the surface `field` = 0 without folding over; if that fails, the
+/// Proves that a patch does not fold over on the surface `field` = 0; if that fails, returns the
 /// parameters of a place where it may.
 pub(crate) fn prove_none(
     field: &dyn Field,
@@ -97,7 +96,8 @@ pub(crate) fn prove_none(
     Ok(())
 }
 
-/// Control points with X less `origin` times w: what is far from 0 would lose digits in products.
+/// Returns control points (X − w `origin`, w): products of coordinates far from 0 would lose
+/// digits.
 fn about(patch: &RationalPatch, origin: Point3) -> Vec<[Interval; 4]> {
     let exact = Interval::constant;
     let moved = |c: &[f64; 4]| {
@@ -109,7 +109,8 @@ fn about(patch: &RationalPatch, origin: Point3) -> Vec<[Interval; 4]> {
     patch.control().iter().map(moved).collect()
 }
 
-/// Whether a cell shows one side to where F grows, or its normals are alike where ∇F may vanish.
+/// Returns true if all normals of a cell point to one side of the surface, or are nearly parallel
+/// where ∇F may vanish.
 fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
     let Some(gradient) = gradient(field, cell, origin) else {
         return false;
@@ -118,8 +119,8 @@ fn is_unfolded(field: &dyn Field, cell: &Cell, origin: Point3) -> bool {
         || (gradient.iter().all(|g| g.contains(0.0)) && are_alike(&cell.normals))
 }
 
-/// Whether the products of all normals with a box around the gradient are positive, or all
-/// negative.
+/// Returns true if the products of all normals with a box around the gradient are positive, or all
+/// are negative.
 fn has_one_sign(normals: &[[Interval; 3]], gradient: &[Interval; 3]) -> bool {
     let mut signs = (true, true);
     for n in normals {
@@ -132,7 +133,7 @@ fn has_one_sign(normals: &[[Interval; 3]], gradient: &[Interval; 3]) -> bool {
     true
 }
 
-/// Whether all normals lie within 45° of one direction.
+/// Returns true if all normals lie within 45° of one direction.
 fn are_alike(normals: &[[Interval; 3]]) -> bool {
     let mean = normals.iter().fold([0.0; 3], |sum, n| {
         std::array::from_fn(|k| sum[k] + 0.5 * (n[k].lo() + n[k].hi()))
@@ -146,12 +147,12 @@ fn are_alike(normals: &[[Interval; 3]]) -> bool {
         let along = n[0] * axis[0] + n[1] * axis[1] + n[2] * axis[2];
         let size = |v: &Interval| v.lo().abs().max(v.hi().abs());
         let long = norm([size(&n[0]), size(&n[1]), size(&n[2])]);
-        // The axis and the length are rounded: a few units in the last place.
+        // The factor 1 + 1e-12 allows for the rounding of the axis and of the length.
         along.lo() > COSINE * long * (1.0 + 1e-12)
     })
 }
 
-/// A box around ∇F on a cell; none where nothing is proved of F, or w may vanish.
+/// Returns a box around ∇F on a cell; `None` if F cannot be expanded or w may vanish.
 fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval; 3]> {
     let region = cell.region(origin)?;
     let at: Point3 = std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]);
@@ -161,7 +162,7 @@ fn gradient(field: &dyn Field, cell: &Cell, origin: Point3) -> Option<[Interval;
 }
 
 impl Cell {
-    /// A box around the cell.
+    /// Returns a box around the cell; `None` if w may vanish.
     fn region(&self, origin: Point3) -> Option<Aabb> {
         let mut region = Aabb::EMPTY;
         for c in &self.control {
@@ -176,7 +177,7 @@ impl Cell {
         Some(region)
     }
 
-    /// The halves in the direction in which it is longer.
+    /// Returns the halves across the longer direction.
     fn halves(&self, (m, n): (usize, usize)) -> [Self; 2] {
         let corners = corners_of(&self.control, (m, n))
             .map(|c| [c[0], c[1], c[2]].map(|v| v.lo() / c[3].lo()));
@@ -199,12 +200,12 @@ impl Cell {
     }
 }
 
-/// The middle of two points.
+/// Returns the midpoint of two points.
 fn mean<const K: usize>(a: [Interval; K], b: [Interval; K]) -> [Interval; K] {
     std::array::from_fn(|k| Interval::constant(0.5) * (a[k] + b[k]))
 }
 
-/// Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
+/// Returns the Bernstein coefficients of w Xᵤ × Xᵥ − wᵥ Xᵤ × X − wᵤ X × Xᵥ.
 fn normals(control: &[[Interval; 4]], degree: (usize, usize)) -> Vec<[Interval; 3]> {
     let coordinate = |k: usize| Bernstein {
         degree,
@@ -224,19 +225,19 @@ fn normals(control: &[[Interval; 4]], degree: (usize, usize)) -> Vec<[Interval; 
         .collect()
 }
 
-/// One coordinate aᵢ bⱼ − aⱼ bᵢ of a cross product.
+/// Returns the coordinate aᵢ bⱼ − aⱼ bᵢ of a cross product.
 fn minor(a: &[Bernstein; 4], b: &[Bernstein; 4], i: usize, j: usize) -> Bernstein {
     a[i].times(&b[j]).minus(&a[j].times(&b[i]))
 }
 
-/// A polynomial of degree (m, n) by its Bernstein coefficients.
+/// Polynomial of degree (m, n), as its Bernstein coefficients.
 struct Bernstein {
     degree: (usize, usize),
     values: Vec<Interval>,
 }
 
 impl Bernstein {
-    /// The derivative by u: m times the differences of neighbours in u.
+    /// Differentiates by u: m times the differences of neighbours in u.
     fn derivative_u(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(m as f64);
@@ -246,7 +247,7 @@ impl Bernstein {
             values: (0..m * (n + 1)).map(step).collect(),
         }
     }
-    /// The derivative by v: n times the differences of neighbours in v.
+    /// Differentiates by v: n times the differences of neighbours in v.
     fn derivative_v(&self) -> Self {
         let (m, n) = self.degree;
         let factor = Interval::constant(n as f64);
@@ -257,7 +258,7 @@ impl Bernstein {
             values: (0..=m).flat_map(at).map(step).collect(),
         }
     }
-    /// The difference of two polynomials of one degree.
+    /// Subtracts a polynomial of equal degree.
     fn minus(&self, other: &Self) -> Self {
         let values = self.values.iter().zip(&other.values).map(|(a, b)| *a - *b);
         Self {
@@ -265,7 +266,7 @@ impl Bernstein {
             values: values.collect(),
         }
     }
-    /// The product, whose coefficients are weighted sums of products, see [`shares`].
+    /// Multiplies two polynomials: the coefficients are sums of products weighted by [`shares`].
     fn times(&self, other: &Self) -> Self {
         let ((m, n), (k, l)) = (self.degree, other.degree);
         let (in_u, in_v) = (shares(m, k), shares(n, l));
@@ -284,8 +285,9 @@ impl Bernstein {
     }
 }
 
-/// By (i, j): what coefficients i of degree m and j of degree k add to coefficient i + j of their
-/// product. Binomials of degrees up to 24 are exact, their quotient is rounded.
+/// Returns the weights, by (i, j), with which coefficients i of degree m and j of degree k enter
+/// coefficient i + j of their product. Binomials of degrees up to 24 are exact, their quotient is
+/// rounded.
 fn shares(m: usize, k: usize) -> Vec<Vec<Interval>> {
     let share = |i: usize, j: usize| {
         let product = binomial(m, i) * binomial(k, j);
@@ -306,14 +308,14 @@ mod tests {
         Polynomial::new([([0, 0, 1], 1.0)])
     }
 
-    /// A patch of the plane z = 0 in which x is the function of u with these Bézier points.
+    /// Returns a patch of the plane z = 0 in which x is the function of u with these Bézier points.
     fn flat(x: [f64; 4]) -> RationalPatch {
         let row = |x: f64| [0.0, 0.5, 1.0].map(|y| [x, y, 0.0, 1.0]);
         RationalPatch::new((3, 2), x.map(row).concat()).expect("a patch")
     }
 
-    /// x′ ∝ (1 − u)² b₀ + 2u(1 − u) b₁ + u² b₂ with b = (1, 2t − 1, 1) vanishes for t ≤ 0 only: at
-    /// t = 0 in the middle, below on both sides of it.
+    /// x′ ∝ (1 − u)² b₀ + 2u(1 − u) b₁ + u² b₂ with b = (1, 2t − 1, 1) vanishes for t ≤ 0 only: for
+    /// t = 0 at u = 1/2, for t < 0 at both sides of that.
     #[test]
     fn a_patch_folds_where_its_derivative_changes_sign() {
         let of = |t: f64| flat([0.0, 1.0, 2.0 * t, 1.0 + 2.0 * t]);
@@ -337,7 +339,7 @@ mod tests {
     }
 
     /// A thin S in the plane x z: its points are within 1e-6 of z = 0 and its tangent vanishes
-    /// nowhere, so that only the plane's side shows the fold.
+    /// nowhere, so that only the reversed normal shows the fold.
     #[test]
     fn a_fold_within_the_tolerance_is_one() {
         let mut patch = flat([0.0, 1.0, -0.2, 0.8]);
@@ -347,7 +349,7 @@ mod tests {
         assert!(prove_none(&plane(), &patch, &Control::default()).is_err());
     }
 
-    /// On x y = 0 the plane x = 0 crosses another one along the z axis, where ∇F vanishes.
+    /// On x y = 0 the plane x = 0 crosses the plane y = 0 along the z axis, where ∇F vanishes.
     #[test]
     fn a_self_intersection_is_no_fold() {
         let planes = Polynomial::new([([1, 1, 0], 1.0)]);
@@ -366,7 +368,8 @@ mod tests {
         assert!(prove_none(&planes, &across(1.5), &Control::default()).is_err());
     }
 
-    /// The coefficients hold n w³ of rational patches near and far from the origin, in all parts.
+    /// The coefficients contain n w³ for rational patches near and far from the origin, on all
+    /// parts.
     #[test]
     fn coefficients_are_those_of_normals() {
         for seed in 0..200u32 {

@@ -1,20 +1,19 @@
 //! Patch growing (Wurm, Jüttler and Kim 2003, section 3.2): from a small patch on the tangent
-//! plane, Newton steps and extrapolations in turn, until the bound on S is reached.
-//!
-//! Departures from the paper, which leaves these things open:
-//! - Corners are put back along the normal of the patch, not along ∇F: at a self-intersection ∇F
-//!   turns and leads to the wrong branch.
-//! - The bound is approached from what S was at the sizes before: S is nearly a power of the size,
-//!   so that few extrapolations fail.
-//! - Where a direction is shortened more by Newton steps, the next extrapolation leaves it so:
-//!   patches take the proportions that suit them.
+//! plane, Newton steps and extrapolations alternate until the bound on S is reached.
+//! Choices that the paper leaves open:
+//! - Corners are returned to the surface along the normal of the patch, not along ∇F: at a
+//!   self-intersection ∇F turns and leads to the wrong branch.
+//! - The size at which the bound is reached is predicted from S at earlier sizes, as S is nearly a
+//!   power of the size; so few extrapolations fail.
+//! - If Newton steps shorten one direction more than the other, the next extrapolation keeps the
+//!   new proportions: patches take the proportions that suit them.
 //! - After an extrapolation that proves too large the patch is shortened, which counts as an
-//!   extrapolation and is seen in the trace.
+//!   extrapolation in the trace.
 //!
-//! Words: the *load* of a patch is the share that it uses of what is allowed, of S or of the
-//! distance; a *side* is one of u = 0, u = 1, v = 0 and v = 1; an *edge* is where the part of the
-//! surface ends on which the patch grows; *targets* are the lengths and corners that S draws the
-//! patch to.
+//! Terms: the *load* of a patch is its S, or its distance from the surface, as a fraction of the
+//! allowed value; a *side* is one of u = 0, u = 1, v = 0 and v = 1; an *edge* is where the part of
+//! the surface on which the patch grows ends; *targets* are the lengths and corners towards which S
+//! pulls the patch.
 
 mod course;
 mod edges;
@@ -42,9 +41,9 @@ use edges::OVERLAP;
 use isoform_control::Control;
 use isoform_geom::{Aabb, Point3, RationalPatch, distance_squared, norm};
 
-/// The phase in which patches grow, as its progress is told.
+/// Phase of growing in reports of progress.
 pub(crate) const GROWING: &str = "grow";
-/// A side no longer grows when a place of it is farther beyond the region than this share of that.
+/// Fraction of the region's size by which a side may leave the region before it stops.
 const SPILL: f64 = 0.2;
 /// Places of a side that are looked at for that.
 const SIDE_SAMPLES: usize = 9;
@@ -56,42 +55,42 @@ const WITHIN: f64 = 0.93;
 const WITHIN_PART: f64 = 0.6;
 /// Samples of the distance in each direction while a patch grows.
 const GROWING_SAMPLES: usize = 17;
-/// The least control weight of a patch: CAD systems drop faces with negative ones without a word,
-/// and quotients of small ones are large.
+/// Minimum control weight of a patch: CAD systems silently drop faces with negative ones, and
+/// quotients by small ones are large.
 pub(crate) const LEAST_WEIGHT: f64 = 0.02;
 /// The largest distance of a corner from its foot, in edges of the patch. Without a foot nearby the
 /// patch has left the surface.
 const CORNER_REACH: f64 = 0.25;
 
-/// A growing patch.
+/// Growing patch and its settings.
 pub(crate) struct Growth<'f> {
     pub(crate) objective: Objective<'f>,
     pub(crate) patch: RationalPatch,
     pub(crate) at: Evaluated,
     pub(crate) trace: Vec<Row>,
-    /// Whether the time was over before the patch was as large as it gets.
+    /// True if time ran out while the patch could still grow.
     pub(crate) is_late: bool,
-    /// How often it was made shorter for the proof of its tolerance.
+    /// Number of times it was shortened for the proof of its tolerance.
     pub(crate) shortenings: usize,
-    /// The last patch that kept the bound.
+    /// Last patch that kept the bound.
     good: Option<State<'f>>,
     pub(crate) options: Options,
-    /// The control that may end growing.
+    /// Control that may stop growing.
     pub(crate) control: Control<'f>,
-    /// The shares of the phase from and to which growing counts as its progress.
+    /// Range of the phase's progress that growing covers.
     shares: [f64; 2],
     pace: Pace,
     minimiser: Minimiser,
     seed: Seed,
-    /// Edge of the region: the unit of length in which bounds hold.
+    /// Edge of the region: the unit of length of bounds.
     pub(crate) unit: f64,
-    /// The part that the patch grows on.
+    /// Part of the surface on which the patch grows.
     on: On<'f>,
-    /// What the sides u = 0, u = 1, v = 0, v = 1 do.
+    /// States of the sides u = 0, u = 1, v = 0, v = 1.
     sides: [Side<'f>; 4],
 }
 
-/// A patch with the targets and factors it was found with.
+/// Patch with the targets and factors with which it was found.
 #[derive(Clone)]
 pub(crate) struct State<'f> {
     patch: RationalPatch,
@@ -102,36 +101,35 @@ pub(crate) struct State<'f> {
 }
 
 impl<'f> Growth<'f> {
-    /// The part that the patch grows on.
+    /// Returns the part on which the patch grows.
     pub(crate) fn on(&self) -> On<'f> {
         self.on
     }
-    /// The point it was started at.
+    /// Returns the surface point at which the patch was started.
     pub(crate) fn seed_point(&self) -> Point3 {
         self.seed.point
     }
-    /// The area of its part in a region, to some per cent.
+    /// Returns the area of the patch within a region, to a few per cent.
     pub(crate) fn area(&self, region: &Aabb) -> f64 {
         area_within(&self.patch, region)
     }
 
-    /// The bound on S.
+    /// Returns the bound on S.
     pub(crate) fn limit(&self) -> f64 {
         self.options.limit * self.unit * self.unit
     }
 
-    /// Whether S keeps its bound.
+    /// Returns true if S keeps its bound.
     pub(crate) fn is_within_limit(&self) -> bool {
         self.sum() <= self.limit()
     }
 
-    /// S.
+    /// Returns S.
     pub(crate) fn sum(&self) -> f64 {
         self.objective.sum(&self.at.terms)
     }
 
-    /// The share of what is allowed that the patch makes use of: of S, or of the distance from the
-    /// surface.
+    /// Returns the load: S, or the distance from the surface, as a fraction of the allowed value.
     fn load(&self) -> f64 {
         if fold::seen(&self.patch).is_some() {
             return FOLDED;
@@ -148,7 +146,7 @@ impl<'f> Growth<'f> {
             .max(self.off_edges(self.on) / self.overlap())
     }
 
-    /// How far the patch may reach beyond edges.
+    /// Returns the distance by which the patch may extend beyond edges.
     fn overlap(&self) -> f64 {
         OVERLAP * self.options.tolerance.unwrap_or(self.limit().sqrt())
     }
@@ -169,8 +167,8 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Lengths and corners for a patch (section 3.3), and its value with them; none where a corner
-    /// has no foot nearby.
+    /// Computes target lengths and corners for a patch (section 3.3), and its value with them;
+    /// `None` if a corner has no foot nearby.
     pub(crate) fn retargeted(&self, patch: &RationalPatch) -> Option<(Targets, Evaluated)> {
         let at = self.objective.evaluate(patch)?;
         let (l1, l2) = self.objective.mean_lengths(&at);
@@ -184,7 +182,8 @@ impl<'f> Growth<'f> {
         Some((targets, at))
     }
 
-    /// The point of the surface near a corner, along the normal if there is one.
+    /// Projects a corner to the surface, along the normal of the patch if possible; `None` if no
+    /// foot is near.
     fn corner_foot(&self, patch: &RationalPatch, (u, v): (f64, f64), edge: f64) -> Option<Point3> {
         let field = self.objective.field();
         let t = patch.tangents(u, v);
@@ -197,7 +196,7 @@ impl<'f> Growth<'f> {
         along.or_else(|| project(field, t.point, edge).filter(near))
     }
 
-    /// Newton steps until `stop`.
+    /// Takes Newton steps until `stop`.
     fn descend(&mut self, stop: Stop) {
         let at = std::mem::take(&mut self.at);
         let trace = &mut self.trace;
@@ -213,14 +212,14 @@ impl<'f> Growth<'f> {
             (self.minimiser).minimise(&mut self.objective, &mut self.patch, at, stop, &mut each);
     }
 
-    /// Hands a patch to Newton's method.
+    /// Replaces the patch, as a start for Newton's method.
     pub(crate) fn take(&mut self, patch: RationalPatch, targets: Targets, at: Evaluated) {
         (self.patch, self.at, self.objective.targets) = (patch, at, targets);
         self.trace
             .push(Self::row(&self.objective, Phase::Grow, &self.at.terms));
     }
 
-    /// Hands another patch to Newton's method, with targets of its own; false where it has none.
+    /// Replaces the patch and computes its targets; returns false if it has no targets.
     fn retake(&mut self, patch: RationalPatch) -> bool {
         let Some((targets, at)) = self.retargeted(&patch) else {
             return false;
@@ -239,12 +238,12 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Whether the patch is that of a state.
+    /// Returns true if the patch equals that of a state.
     pub(crate) fn is_as(&self, state: &State<'f>) -> bool {
         state.patch == self.patch
     }
 
-    /// Goes back to a patch, unless it is the present one.
+    /// Returns to an earlier patch unless it equals the current one.
     pub(crate) fn settle(&mut self, to: State<'f>) {
         if !self.is_as(&to) {
             self.set_sides(to.sides);
@@ -253,13 +252,13 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// The region with a share of it more at each side.
+    /// Returns the region widened by a fraction of its size at each side.
     pub(crate) fn wider(&self, share: f64) -> Aabb {
         wider_by_share(&self.options.region, share)
     }
 
-    /// Which sides (u = 0, u = 1, v = 0, v = 1) of a patch still lie in the region for the most
-    /// part, and nowhere far from it.
+    /// Returns, for the sides u = 0, u = 1, v = 0, v = 1 of a patch, true if most of the side lies
+    /// in the region and none of it far outside.
     pub(crate) fn sides_inside(&self, patch: &RationalPatch) -> [bool; 4] {
         let (region, wider) = (self.options.region, self.wider(SPILL));
         std::array::from_fn(|side| {
@@ -273,23 +272,23 @@ impl<'f> Growth<'f> {
         })
     }
 
-    /// The patch longer by shares of its edges at its four sides.
+    /// Extends the patch by fractions of its edges at its four sides.
     pub(crate) fn longer(&self, by: [f64; 4]) -> RationalPatch {
         longer(&self.patch, by)
     }
 
-    /// Whether the time is over, which is kept in mind.
+    /// Returns true if time is over, and records that.
     pub(crate) fn late(&mut self) -> bool {
         self.is_late |= self.is_over();
         self.is_late
     }
 
-    /// Whether the time is over.
+    /// Returns true if time is over.
     pub(crate) fn is_over(&self) -> bool {
         self.control.is_stopped()
     }
 
-    /// The roots of the means of g₁₁ and g₂₂.
+    /// Returns the roots of the means of g₁₁ and g₂₂.
     fn edges(&self) -> [f64; 2] {
         let (l1, l2) = self.objective.mean_lengths(&self.at);
         [
@@ -298,7 +297,7 @@ impl<'f> Growth<'f> {
         ]
     }
 
-    /// What was grown.
+    /// Ends growing and returns the result.
     pub(crate) fn finish(self) -> Grown {
         Grown {
             patch: self.patch,

@@ -1,4 +1,4 @@
-//! A grown patch with the way to it.
+//! Grown patch with its history.
 
 use crate::places::{contains, middles};
 use crate::terms::{Targets, Terms, Weights};
@@ -7,7 +7,7 @@ use isoform_geom::{Aabb, Point3, RationalPatch, dot};
 /// Area elements in each direction by which areas are summed.
 const ELEMENTS: usize = 24;
 
-/// The event after which a row of the trace is written.
+/// Event after which a row of the trace is written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// A Newton step.
@@ -16,64 +16,64 @@ pub enum Phase {
     Grow,
 }
 
-/// A row of the trace.
+/// Row of the trace of a growing patch.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// The event.
+    /// Event after which the row was written.
     pub phase: Phase,
-    /// S.
+    /// Objective S.
     pub sum: f64,
-    /// The terms of S.
+    /// Terms of S.
     pub terms: Terms,
-    /// l₁ and l₂.
+    /// Target lengths l₁ and l₂.
     pub lengths: (f64, f64),
-    /// The factors ω.
+    /// Factors ω of the terms.
     pub weights: Weights,
 }
 
-/// A patch as large as the bound admits, with the way to it.
+/// Patch grown as large as the bound admits, with its history.
 #[derive(Clone, Debug)]
 pub struct Grown {
-    /// The patch.
+    /// Grown patch.
     pub patch: RationalPatch,
-    /// The point of the surface at which it was started.
+    /// Surface point at which it was started.
     pub seed_point: Point3,
-    /// The terms of S at the patch.
+    /// Terms of S for the patch.
     pub terms: Terms,
-    /// The last l₁, l₂ and corners.
+    /// Last l₁, l₂ and corners.
     pub targets: Targets,
-    /// The last factors ω.
+    /// Last factors ω.
     pub weights: Weights,
-    /// All steps.
+    /// All Newton steps and extrapolations, in order.
     pub trace: Vec<Row>,
 }
 
 impl Grown {
-    /// S.
+    /// Returns S.
     pub fn sum(&self) -> f64 {
         self.terms.sum(&self.weights)
     }
-    /// The area of its part in a region, to some per cent.
+    /// Returns the area of the patch within a region, to a few per cent.
     pub fn area(&self, region: &Aabb) -> f64 {
         area_within(&self.patch, region)
     }
-    /// How many rows of the trace belong to a phase.
+    /// Returns the number of rows of the trace that belong to a phase.
     pub fn count(&self, phase: Phase) -> usize {
         self.trace.iter().filter(|r| r.phase == phase).count()
     }
 }
 
-/// The area of a patch, to some per cent.
+/// Returns the area of a patch, to a few per cent.
 pub(crate) fn area(patch: &RationalPatch) -> f64 {
     area_where(patch, |_| true)
 }
 
-/// The area of a patch's part in a region, to some per cent.
+/// Returns the area of a patch within a region, to a few per cent.
 pub(crate) fn area_within(patch: &RationalPatch, region: &Aabb) -> f64 {
     area_where(patch, |p| contains(region, p))
 }
 
-/// The area of a patch by a grid of area elements, only where `inside` holds.
+/// Sums area elements on a grid, counting those for which `inside` holds.
 fn area_where(patch: &RationalPatch, inside: impl Fn(Point3) -> bool) -> f64 {
     let mut sum = 0.0;
     for (u, v) in middles(ELEMENTS) {

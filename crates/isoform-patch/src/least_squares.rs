@@ -1,8 +1,16 @@
 //! Damped least squares by Householder's QR factorisation: normal equations would square the small
 //! singular values that matter.
 
-/// The x with the least |A x − b|² + d² |x|², for A given by its rows of `n` numbers: Householder's
-/// QR of A above d times the identity. None where a column vanishes or a number is not finite.
+/// Returns the x that minimises
+///
+/// A x − b
+///
+/// ² + d²
+///
+/// x
+///
+/// ², for A given by its rows of `n` numbers, by Householder's QR factorisation of A above d times
+/// the identity; `None` if a column vanishes or a number is not finite.
 pub(crate) fn damped_least_squares(
     rows: Vec<f64>,
     b: &[f64],
@@ -19,8 +27,8 @@ pub(crate) fn damped_least_squares(
     x.iter().all(|v| v.is_finite()).then_some(x)
 }
 
-/// A above d times the identity, and b above zeros, column by column, so that reflections run along
-/// memory.
+/// Returns A above d times the identity, and b above zeros, in column-major order, so that
+/// reflections access memory in sequence.
 fn columns(rows: &[f64], b: &[f64], n: usize, d: f64) -> Vec<f64> {
     let m = b.len() + n;
     let mut a = vec![0.0; m * (n + 1)];
@@ -36,9 +44,9 @@ fn columns(rows: &[f64], b: &[f64], n: usize, d: f64) -> Vec<f64> {
     a
 }
 
-/// Applies the reflection that takes column k, from its diagonal on, to a multiple of the first
-/// unit vector to the columns after it. The diagonal entry of R takes the place of the reflection's
-/// first.
+/// Applies to the columns after column k the reflection that maps column k, from its diagonal on,
+/// to a multiple of the first unit vector. The diagonal entry of R overwrites the first entry of
+/// the reflection vector.
 fn reflect(v: &mut [f64], rest: &mut [f64], k: usize, m: usize) -> Option<()> {
     let length = v.iter().map(|x| x * x).sum::<f64>().sqrt();
     if !(length > 0.0 && length.is_finite()) {
@@ -58,7 +66,7 @@ fn reflect(v: &mut [f64], rest: &mut [f64], k: usize, m: usize) -> Option<()> {
     Some(())
 }
 
-/// The solution of R x = c for R and c in columns of m numbers.
+/// Solves R x = c for R and c in columns of m numbers.
 fn back_substituted(a: &[f64], n: usize, m: usize) -> Vec<f64> {
     let mut x: Vec<f64> = a[n * m..n * m + n].to_vec();
     for k in (0..n).rev() {

@@ -30,8 +30,8 @@
 //! # Ok::<(), isoform_patch::Error>(())
 //! ```
 //!
-//! Everything is computed in the unit box: about the region's middle, in units of its largest edge.
-//! Results depend on the options only, not on the number of threads.
+//! Everything is computed in the unit box, whose origin is the region's centre and whose unit is
+//! the region's largest edge. Results depend on the options only, not on the number of threads.
 
 mod cells;
 mod compose;

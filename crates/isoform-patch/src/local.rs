@@ -1,7 +1,7 @@
-//! The integrands of the objective as functions of z at one node, with their derivatives.
+//! Integrands of the objective as functions of z at one node, with their derivatives.
 //!
-//! A residual r with the factor s adds s r²: the gradient 2 s r ∇r and the second derivatives
-//! 2 s (∇r ∇rᵀ + r ∇²r), the last term by Newton's method only.
+//! A residual r with the factor s adds s r², the gradient 2 s r ∇r and the second derivatives 2 s
+//! (∇r ∇rᵀ + r ∇²r); the term with ∇²r is used by Newton's method only.
 
 mod bend;
 mod form;
@@ -22,7 +22,7 @@ pub(crate) struct Local {
 }
 
 isoform_num::dispatch! {
-    /// Adds the integrands of the shape terms at some nodes, each with its weight.
+    /// Adds the integrands of the shape terms at several nodes, each with its weight.
     pub(crate) fn add_shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) =
         shapes_at
 }
@@ -35,7 +35,8 @@ fn shapes_at(nodes: &[Node], shape: &Shape, weights: &[f64], to: &mut [Local]) {
 }
 
 isoform_num::dispatch! {
-    /// Adds I's integrand at some nodes, each with its weight, by Gauss-Newton.
+    /// Adds the integrand of I at several nodes, each with its weight, in the Gauss-Newton
+    /// approximation.
     pub(crate) fn add_distances_at(
         nodes: &[Node],
         jets: &[Jet2],
@@ -62,7 +63,11 @@ impl Default for Local {
 }
 
 impl Local {
-    /// Adds I's integrand F²/|∇F|²; `third` is used by Newton's method only.
+    /// Adds the integrand F²/
+    ///
+    /// ∇F
+    ///
+    /// ² of I; `third` is used by Newton's method only.
     #[inline(always)]
     pub(crate) fn add_distance(
         &mut self,
@@ -76,7 +81,7 @@ impl Local {
             return;
         }
         let r = node.distance(jet);
-        // Frozen gradients leave a remainder of 0, whose subtraction changes no bits.
+        // With frozen gradients the remainder is 0, whose subtraction changes no bits.
         let slope = slope_of_distance(jet, if method == Method::Frozen { 0.0 } else { r });
         let first = node.by_homogeneous(slope);
         let second = third.map(|third| {
@@ -86,7 +91,7 @@ impl Local {
         self.square(r, &first, second.as_ref(), weight);
     }
 
-    /// Adds the integrands of L and R, and that of J where J is an integral.
+    /// Adds the integrands of L and R, and that of J if J is an integral.
     #[inline(always)]
     fn add_shape(&mut self, node: &Node, shape: &Shape, weight: f64) {
         let (targets, factors) = (&shape.targets, &shape.weights);
@@ -143,7 +148,11 @@ impl Local {
     }
 }
 
-/// The second derivatives of F/|∇F| by p.
+/// Returns the second derivatives of F/
+///
+/// ∇F
+///
+/// by p.
 fn second_of_distance(jet: &Jet2, third: &Jet3) -> [[f64; 3]; 3] {
     let g = jet.g;
     let length = dot(g, g).sqrt();
@@ -159,7 +168,7 @@ fn second_of_distance(jet: &Jet2, third: &Jet3) -> [[f64; 3]; 3] {
     std::array::from_fn(|i| std::array::from_fn(|j| entry(i, j)))
 }
 
-/// Second derivatives by p* of what has these first and second derivatives by p.
+/// Transforms first and second derivatives by p to second derivatives by p*.
 fn second_by_homogeneous(node: &Node, first: Point3, by_point: &[[f64; 3]; 3]) -> [[f64; 4]; 4] {
     let (w, p) = (node.weight(), node.point);
     // ∂p/∂z: the identity over w for N, −p/w for w; ∂²p_k/∂N_k∂w = −1/w², ∂²p_k/∂w² = 2 p_k/w².

@@ -1,14 +1,14 @@
-//! A quadrature node: the homogeneous point p* of a patch with its derivatives p*ᵤ and p*ᵥ, as
-//! z = (p*, p*ᵤ, p*ᵥ) ∈ ℝ¹².
+//! Quadrature node: the homogeneous point p* of a patch with its derivatives p*ᵤ and p*ᵥ, as z =
+//! (p*, p*ᵤ, p*ᵥ) ∈ ℝ¹².
 //!
-//! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, and
-//! pᵥ likewise.
+//! With N the first three coordinates of p* and w its last: p = N/w and pᵤ = (Nᵤ − p wᵤ)/w, and pᵥ
+//! likewise.
 
 use crate::terms::{Method, Targets};
 use isoform_geom::{Point3, dot};
 use isoform_num::Jet2;
 
-/// z with the point and the tangents it stands for.
+/// Vector z with the point and the tangents that it represents.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Node {
     pub(crate) z: [f64; 12],
@@ -16,27 +16,27 @@ pub(crate) struct Node {
     pub(crate) tangents: [Point3; 2],
 }
 
-/// The residuals whose squares make L and R.
+/// Residuals of L and R.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Residuals {
-    /// g₁₁ − l₁.
+    /// Difference g₁₁ − l₁.
     pub(crate) u: f64,
-    /// g₂₂ − l₂.
+    /// Difference g₂₂ − l₂.
     pub(crate) v: f64,
-    /// g₁₂.
+    /// Coefficient g₁₂.
     pub(crate) angle: f64,
 }
 
-/// How a coordinate of a tangent depends on z.
+/// Dependence of a coordinate of a tangent on z.
 pub(crate) struct Dependence {
-    /// The four places in z that it depends on: Nₖ, w, N_{k,u} and wᵤ, or those for v.
+    /// Indices in z of the four numbers on which it depends: Nₖ, w, N_{k,u} and wᵤ, or those for v.
     pub(crate) places: [usize; 4],
-    /// First derivatives by what is there.
+    /// First derivatives by the numbers at these indices.
     pub(crate) first: [f64; 4],
 }
 
 impl Node {
-    /// None where w ≤ 0.
+    /// Computes point and tangents from z; `None` if w ≤ 0.
     pub(crate) fn new(z: [f64; 12]) -> Option<Self> {
         let w = z[3];
         if w.is_nan() || w <= 0.0 {
@@ -48,13 +48,17 @@ impl Node {
         Some(Self { z, point, tangents })
     }
 
-    /// w.
+    /// Returns w.
     #[inline(always)]
     pub(crate) fn weight(&self) -> f64 {
         self.z[3]
     }
 
-    /// F/|∇F|, and 0 where both vanish.
+    /// Returns F/
+    ///
+    /// ∇F
+    ///
+    /// , and 0 if both vanish.
     #[inline(always)]
     pub(crate) fn distance(&self, jet: &Jet2) -> f64 {
         if jet.v == 0.0 {
@@ -74,14 +78,22 @@ impl Node {
         }
     }
 
-    /// Derivatives by p* of what has the derivatives d by p = N/w.
+    /// Transforms derivatives d by p = N/w to derivatives by p*.
     #[inline(always)]
     pub(crate) fn by_homogeneous(&self, d: Point3) -> [f64; 4] {
         let w = self.weight();
         [d[0] / w, d[1] / w, d[2] / w, -dot(d, self.point) / w]
     }
 
-    /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant; 0 where that is 0.
+    /// Returns the derivatives of F/
+    ///
+    /// ∇F
+    ///
+    /// by p* with
+    ///
+    /// ∇F
+    ///
+    /// taken as constant; 0 if ∇F = 0.
     #[inline(always)]
     pub(crate) fn distance_gradient(&self, jet: &Jet2) -> [f64; 4] {
         let length = dot(jet.g, jet.g).sqrt();
@@ -91,8 +103,15 @@ impl Node {
         self.by_homogeneous(jet.g.map(|g| g / length))
     }
 
-    /// The derivatives of F/|∇F| by p*, with |∇F| taken as constant only if the method does so; 0
-    /// where |∇F| is 0.
+    /// Returns the derivatives of F/
+    ///
+    /// ∇F
+    ///
+    /// by p*, with
+    ///
+    /// ∇F
+    ///
+    /// taken as constant only if the method does so; 0 if ∇F = 0.
     #[inline(always)]
     pub(crate) fn distance_slope(&self, jet: &Jet2, method: Method) -> [f64; 4] {
         if method == Method::Frozen || dot(jet.g, jet.g).sqrt() == 0.0 {
@@ -101,7 +120,7 @@ impl Node {
         self.by_homogeneous(slope_of_distance(jet, self.distance(jet)))
     }
 
-    /// How coordinate k of pᵤ (`which` = 0) or pᵥ (1) depends on z.
+    /// Returns the dependence of coordinate k of pᵤ (`which` = 0) or pᵥ (1) on z.
     pub(crate) fn tangent(&self, which: usize, k: usize) -> Dependence {
         let (w, offset) = (self.weight(), 4 + 4 * which);
         let (wu, p, pu) = (self.z[offset + 3], self.point[k], self.tangents[which][k]);
@@ -111,7 +130,7 @@ impl Node {
         }
     }
 
-    /// Its second derivatives by what is at these four places.
+    /// Returns the second derivatives of that coordinate by the same four numbers.
     pub(crate) fn tangent_second(&self, which: usize, k: usize) -> [[f64; 4]; 4] {
         let (w, offset) = (self.weight(), 4 + 4 * which);
         let (n, nu, wu) = (self.z[k], self.z[offset + k], self.z[offset + 3]);
@@ -131,13 +150,29 @@ impl Node {
     }
 }
 
-/// H v for the Hessian H of F.
+/// Returns H v for the Hessian H of F.
 #[inline(always)]
 pub(crate) fn hessian_times(jet: &Jet2, v: Point3) -> Point3 {
     std::array::from_fn(|i| (0..3).map(|j| jet.second(i, j) * v[j]).sum())
 }
 
-/// ∇(F/|∇F|) = ∇F/|∇F| − F H∇F/|∇F|³ with F/|∇F| = r.
+/// Returns ∇(F/
+///
+/// ∇F
+///
+/// ) = ∇F/
+///
+/// ∇F
+///
+/// − F H∇F/
+///
+/// ∇F
+///
+/// ³, for F/
+///
+/// ∇F
+///
+/// = r.
 #[inline(always)]
 pub(crate) fn slope_of_distance(jet: &Jet2, r: f64) -> Point3 {
     let g = jet.g;

@@ -1,17 +1,17 @@
-//! The kind, the axes and the measures of a quadric, from its equation.
+//! Kind, axes and measures of a quadric from its equation.
 //!
-//! The equation comes diagonal, Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 ([`Diagonal`]). A direction with λₖ ≠
-//! 0 is called round, one with λₖ = 0 flat. Completing squares moves the centre to where the round
-//! directions have no terms of degree 1; then the number of flat directions and the signs of λₖ
-//! tell the kind:
+//! The equation is given in diagonal form, Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 ([`Diagonal`]). A direction
+//! is called round if λₖ ≠ 0, and flat if λₖ = 0. Completing squares removes the terms of degree 1
+//! in the round directions; then the number of flat directions and the signs of λₖ determine the
+//! kind:
 //!
 //! - no flat direction: ellipsoid, hyperboloid or cone;
-//! - one: elliptic or hyperbolic cylinder, or, where bₖ ≠ 0 along it, a paraboloid;
+//! - one: elliptic or hyperbolic cylinder, or, if bₖ ≠ 0 along it, a paraboloid;
 //! - two: parabolic cylinder.
 
 use isoform_geom::{NormalForm, Point3, QuadricKind, cross};
 
-/// Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 in coordinates yₖ = eₖ·x along orthonormal vectors eₖ.
+/// Equation Σ λₖ yₖ² + 2 Σ bₖ yₖ + c = 0 in coordinates yₖ = eₖ·x along orthonormal vectors eₖ.
 #[derive(Clone, Copy)]
 pub(crate) struct Diagonal {
     pub(crate) values: [f64; 3],
@@ -21,8 +21,12 @@ pub(crate) struct Diagonal {
 }
 
 impl Diagonal {
-    /// The normal form; none of planes, and of equations without a real surface. What is below
-    /// `zero` of the largest |λₖ| is 0.
+    /// Returns the normal form; `None` for planes and equations without a real surface. Values of
+    /// at most `zero` times the largest
+    ///
+    /// λₖ
+    ///
+    /// count as 0.
     pub(crate) fn normal_form(&self, zero: f64) -> Option<NormalForm> {
         let size = self.values.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let is_zero = |x: f64| x.abs() <= zero * size;
@@ -40,8 +44,8 @@ impl Diagonal {
         }
     }
 
-    /// The place where the terms of degree 1 of the round directions are gone, and the constant
-    /// that is left there.
+    /// Returns the point about which the round directions have no terms of degree 1, and the
+    /// constant term there.
     fn about_center(&self, round: &[usize]) -> (Point3, f64) {
         let place = |k: usize| -self.along[k] / self.values[k];
         let mut center = [0.0; 3];
@@ -54,7 +58,7 @@ impl Diagonal {
         (center, rest)
     }
 
-    /// The normal form of a kind, with the axes in an order.
+    /// Assembles the normal form of a kind, with the axes in a given order.
     fn form(
         &self,
         kind: QuadricKind,
@@ -70,12 +74,12 @@ impl Diagonal {
         }
     }
 
-    /// Σ λₖ yₖ² + rest = 0 about the centre.
+    /// Returns the normal form of Σ λₖ yₖ² + rest = 0 about the centre.
     fn with_center(&self, center: Point3, rest: f64, is_cone: bool) -> Option<NormalForm> {
         if is_cone {
             return self.cone(center);
         }
-        // Of Σ yₖ² / qₖ = 1.
+        // The denominators qₖ of Σ yₖ² / qₖ = 1.
         let squares = self.values.map(|v| -rest / v);
         let positive = squares.iter().filter(|q| **q > 0.0).count();
         let kind = match positive {
@@ -84,14 +88,14 @@ impl Diagonal {
             1 => QuadricKind::HyperboloidOfTwoSheets,
             _ => return None,
         };
-        // The one that stands alone comes last.
+        // The axis whose sign differs from the other two comes last.
         let mut order = [0, 1, 2];
         order.sort_by_key(|&k| (squares[k] > 0.0) == (positive == 1));
         let measures = order.map(|k| squares[k].abs().sqrt());
         Some(self.form(kind, center, order, measures))
     }
 
-    /// Σ λₖ yₖ² = 0 about the apex; none where that is a point.
+    /// Returns the normal form of Σ λₖ yₖ² = 0 about the apex; `None` if only the apex is real.
     fn cone(&self, apex: Point3) -> Option<NormalForm> {
         let positive = (0..3).filter(|&k| self.values[k] > 0.0).count();
         let alone = (0..3).find(|&k| (self.values[k] > 0.0) == (positive == 1))?;
@@ -104,8 +108,8 @@ impl Diagonal {
         Some(self.form(QuadricKind::EllipticCone, apex, [i, j, alone], measures))
     }
 
-    /// λᵢ yᵢ² + λⱼ yⱼ² + rest = 0 along the axis k; none for a line, a pair of planes, or nothing
-    /// real.
+    /// Returns the normal form of λᵢ yᵢ² + λⱼ yⱼ² + rest = 0 along the axis k; `None` for a line, a
+    /// pair of planes, or no real surface.
     fn cylinder(
         &self,
         [i, j, k]: [usize; 3],
@@ -126,7 +130,7 @@ impl Diagonal {
         Some(self.form(kind, center, order, measures))
     }
 
-    /// λᵢ yᵢ² + λⱼ yⱼ² + 2 b yₖ + rest = 0 about the point with yₖ = 0.
+    /// Returns the normal form of λᵢ yᵢ² + λⱼ yⱼ² + 2 b yₖ + rest = 0 about the point with yₖ = 0.
     fn paraboloid(&self, [i, j, k]: [usize; 3], foot: Point3, rest: f64) -> NormalForm {
         let b = self.along[k];
         let height = -rest / (2.0 * b);
@@ -137,7 +141,8 @@ impl Diagonal {
             true => QuadricKind::EllipticParaboloid,
             false => QuadricKind::HyperbolicParaboloid,
         };
-        // z goes to the side on which the surface is, or x with the surface.
+        // The z axis points to the side on which an elliptic paraboloid lies; the x axis lies in
+        // the plane in which a hyperbolic one opens upward.
         let down = is_elliptic && radius(i) < 0.0;
         let order = if !is_elliptic && radius(i) < 0.0 {
             [j, i, k]
@@ -152,7 +157,8 @@ impl Diagonal {
         form
     }
 
-    /// λ yₖ² + 2 (bᵢ yᵢ + bⱼ yⱼ) + rest = 0 about the point with yᵢ = yⱼ = 0.
+    /// Returns the normal form of λ yₖ² + 2 (bᵢ yᵢ + bⱼ yⱼ) + rest = 0 about the point with yᵢ = yⱼ
+    /// = 0.
     fn parabolic_cylinder(
         &self,
         [k, i, j]: [usize; 3],
@@ -185,7 +191,7 @@ mod tests {
     use super::*;
     use isoform_geom::dot;
 
-    /// An orthonormal frame without zeros, and a place.
+    /// Orthonormal frame without zeros.
     const FRAME: [Point3; 3] = [
         [2.0 / 3.0, 2.0 / 3.0, 1.0 / 3.0],
         [-2.0 / 3.0, 1.0 / 3.0, 2.0 / 3.0],
@@ -193,7 +199,8 @@ mod tests {
     ];
     const PLACE: Point3 = [0.3, -0.2, 0.7];
 
-    /// The equation Σ λₖ xₖ² + 2 Σ bₖ xₖ + c = 0 in coordinates along the frame about the place.
+    /// Returns the equation Σ λₖ xₖ² + 2 Σ bₖ xₖ + c = 0 in coordinates along the frame about the
+    /// centre.
     fn diagonal(values: [f64; 3], b: [f64; 3], c: f64) -> Diagonal {
         let at = FRAME.map(|e| dot(e, PLACE));
         let along = [0, 1, 2].map(|k| b[k] - values[k] * at[k]);
@@ -209,7 +216,7 @@ mod tests {
         }
     }
 
-    /// The value of the equation of a normal form at a point.
+    /// Evaluates the equation of a normal form at a point.
     fn value(form: &NormalForm, p: Point3) -> f64 {
         let d = isoform_geom::sub(p, form.center);
         let [x, y, z] = form.axes.map(|e| dot(e, d));
@@ -229,8 +236,8 @@ mod tests {
     }
 
     /// Each kind, with both signs of the equation: the normal form vanishes where the equation
-    /// does, as one is a multiple of the other, and has the measures that the equation was made
-    /// with.
+    /// does, as one is a multiple of the other, and has the measures from which the equation was
+    /// made.
     #[test]
     fn kinds_and_measures() {
         use QuadricKind::*;
@@ -335,7 +342,7 @@ mod tests {
         }
     }
 
-    /// Planes, a line, a point, and nothing have no normal form.
+    /// Planes, a line, a point and the empty set have no normal form.
     #[test]
     fn what_is_no_quadric() {
         let cases = [

@@ -1,16 +1,14 @@
-//! Null vectors of matrices with many rows.
-//!
-//! By Hestenes' one-sided Jacobi method: rotations of the columns of the matrix until they are
-//! orthogonal. Moments would square the small singular values, and half of the digits would be
-//! lost.
+//! Null vectors of matrices with many rows, by Hestenes' one-sided Jacobi method: the columns of
+//! the matrix are rotated until they are orthogonal. The normal equations would square the small
+//! singular values and lose half of the digits.
 
 /// Columns with a smaller cosine are orthogonal.
 const ORTHOGONAL: f64 = 1e-15;
 /// Sweeps of rotations, at most; some ten are needed.
 const SWEEPS: usize = 40;
 
-/// The unit vector a with a·m = 0 for all rows m, if there is one and one only; singular values
-/// below the share `zero` of the largest are 0.
+/// Returns the unit vector a with a·m = 0 for all rows m if it is unique up to sign, else `None`;
+/// singular values of at most `zero` times the largest count as 0.
 pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> Option<[f64; N]> {
     let mut v: [[f64; N]; N] =
         std::array::from_fn(|i| std::array::from_fn(|j| f64::from(u8::from(i == j))));
@@ -29,7 +27,8 @@ pub(crate) fn null<const N: usize>(mut rows: Vec<[f64; N]>, zero: f64) -> Option
     }
 }
 
-/// Makes each two columns orthogonal in turn, with the rotations in v, too; whether any were not.
+/// Makes each pair of columns orthogonal in turn and applies the rotations to v as well; returns
+/// true if any pair was not orthogonal.
 fn sweep<const N: usize>(rows: &mut [[f64; N]], v: &mut [[f64; N]; N]) -> bool {
     let mut rotated = false;
     for p in 0..N {
@@ -46,7 +45,8 @@ fn sweep<const N: usize>(rows: &mut [[f64; N]], v: &mut [[f64; N]; N]) -> bool {
     rotated
 }
 
-/// Cosine and sine of the rotation that makes two columns orthogonal; none where they are.
+/// Returns the cosine and sine of the rotation that makes two columns orthogonal; `None` if they
+/// are.
 fn rotation<const N: usize>(rows: &[[f64; N]], p: usize, q: usize) -> Option<(f64, f64)> {
     let (mut pp, mut qq, mut pq) = (0.0, 0.0, 0.0);
     for r in rows {
@@ -65,8 +65,8 @@ fn rotation<const N: usize>(rows: &[[f64; N]], p: usize, q: usize) -> Option<(f6
 mod tests {
     use super::*;
 
-    /// Rows that are orthogonal to (2, −1, 2)/3 only; all of a plane; and all of a line, to which
-    /// more than one vector is orthogonal.
+    /// Rows orthogonal to (2, −1, 2)/3 only; rows that span space; and parallel rows, to which more
+    /// than one vector is orthogonal.
     #[test]
     fn null_vectors_are_found() {
         let rows = vec![[1.0, 2.0, 0.0], [0.0, 2.0, 1.0], [1.0, 4.0, 1.0]];

@@ -6,15 +6,19 @@
 //! - L = ∬ (g₁₁ − l₁)² + (g₂₂ − l₂)² du dv and R = ∬ g₁₂² du dv, section 2.4
 //! - E = Σ |p(uᵢ, vᵢ) − Pᵢ|² over the four corners, section 2.5
 //!
-//! Remark 1's functional (5), a choice, is ∫ (|D(φ)|² − 1)² dφ for the tangent vectors D(φ) = cos φ
-//! pᵤ/√l₁ + sin φ pᵥ/√l₂, unit vectors where p is an isometric rectangle; the paper prints l₂ and
-//! l₁ in place of 1/l₁ and 1/l₂, with which they are not, and loses a plus sign. With a = g₁₁/l₁ −
-//! 1 and b = g₂₂/l₂ − 1 it is π (a²/2 + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Times l₁l₂/π the last
-//! term is R's integrand: the others take the place of L's.
+//! Remark 1's functional (5), an option, is ∫ (
 //!
-//! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so that its
-//! derivatives by the control points are those by z, 12 and 12 × 12 of them, carried over by the
-//! Bernstein basis.
+//! D(φ)
+//!
+//! ² − 1)² dφ for the tangent vectors D(φ) = cos φ pᵤ/√l₁ + sin φ pᵥ/√l₂, which are unit vectors
+//! where p is an isometric rectangle; the paper prints l₂ and l₁ in place of 1/l₁ and 1/l₂, with
+//! which they are not, and omits a plus sign. With a = g₁₁/l₁ − 1 and b = g₂₂/l₂ − 1 it is π (a²/2
+//! + b²/2 + (a + b)²/4 + g₁₂²/(l₁l₂)). Multiplied by l₁l₂/π, its last term is R's integrand; the
+//! others replace L's integrand.
+//!
+//! Every integrand is a function of the twelve numbers z = (p*, p*ᵤ, p*ᵥ) at a node, so its
+//! derivatives by the control points follow from the 12 first and 12 × 12 second derivatives by z
+//! through the Bernstein basis.
 
 mod bending;
 mod derivatives;
@@ -32,48 +36,49 @@ use quadrature::Rule;
 /// polynomials of that degree less one. With two less, patches get smaller.
 const SHAPE_NODES: usize = 3;
 
-/// The objective for patches of one degree on one surface.
+/// Objective for patches of one degree on one surface.
 pub struct Objective<'f> {
     field: &'f dyn Field,
     pub(crate) method: Method,
     degree: (usize, usize),
     rule: Rule,
-    /// A rule of fewer nodes for L and R, where their values do not matter in themselves.
+    /// Rule with fewer nodes for L and R, if their values need not be accurate.
     shape_rule: Option<Rule>,
     pub(crate) inner: Inner,
-    /// The factors ω.
+    /// Factors ω of the terms.
     pub weights: Weights,
-    /// Lengths and corners.
+    /// Target lengths and corners.
     pub targets: Targets,
-    /// Functions that shall vanish along the sides u = 0, u = 1, v = 0, v = 1.
+    /// Functions that must vanish along the sides u = 0, u = 1, v = 0, v = 1; `None` for free
+    /// sides.
     pub(crate) sides: [Option<&'f dyn Field>; 4],
-    /// A value of I below which factors are not lowered any more.
+    /// Value of I below which factors are not lowered further.
     pub(crate) little: f64,
-    /// Whether J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights
+    /// True if J is the mean of (w − 1)ᴷ over the control points, which keeps all their weights
     /// positive.
     is_by_control: bool,
-    /// Whether steps follow the bends of valleys. With a bound on S, where shape terms keep these
-    /// wide, little is gained, and rounding at the start, where S does not know its scale, has more
-    /// say.
+    /// True if steps follow the bends of valleys. Not used with a bound on S: shape terms keep
+    /// valleys wide there, so little is gained, and rounding has more influence at the start, where
+    /// the scale of S is unknown.
     pub(crate) bends: bool,
-    /// The factors of squared distances at the nodes; if there are none, all are 1.
+    /// Factors of squared distances at the nodes; empty if all are 1.
     importance: Vec<f64>,
 }
 
-/// What a patch is at the nodes.
+/// Samples of a patch at the nodes.
 #[derive(Clone, Debug, Default)]
 struct Samples {
     nodes: Vec<Node>,
-    /// The nodes of the rule for L and R, if they have one of their own.
+    /// Nodes of the rule for L and R, if that differs.
     shape: Vec<Node>,
     points: Vec<Point3>,
     jets: Vec<Jet2>,
 }
 
-/// The objective's value at a patch, with what its derivatives need.
+/// Value of the objective for a patch, with the data from which its derivatives are computed.
 #[derive(Clone, Debug, Default)]
 pub struct Evaluated {
-    /// The terms.
+    /// Terms of S.
     pub terms: Terms,
     samples: Samples,
 }
@@ -82,9 +87,9 @@ pub struct Evaluated {
 /// all control points, then y, z, w.
 #[derive(Clone, Debug, Default)]
 pub struct Derivatives {
-    /// ∂S/∂α.
+    /// First derivatives ∂S/∂α.
     pub gradient: Vec<f64>,
-    /// ∂²S/∂α∂β, or Gauss and Newton's approximation to it.
+    /// Second derivatives ∂²S/∂α∂β, or their Gauss-Newton approximation.
     pub hessian: Vec<f64>,
 }
 
@@ -98,10 +103,12 @@ impl std::fmt::Debug for Objective<'_> {
 }
 
 impl<'f> Objective<'f> {
-    /// For patches of degree (m, n) from 1 to [`crate::MOST_DEGREE`], with `nodes` quadrature nodes
-    /// in each direction; with none, as many as make J exact, K max(m, n)/2 + 1.
+    /// Creates the objective for patches of degree (m, n) from 1 to [`crate::MAX_DEGREE`], with
+    /// `nodes` quadrature nodes in each direction; `None` chooses the number with which J is exact,
+    /// K max(m, n)/2 + 1.
     ///
     /// # Panics
+    ///
     /// If a degree is out of its range.
     pub fn new(
         field: &'f dyn Field,
@@ -136,31 +143,31 @@ impl<'f> Objective<'f> {
         }
     }
 
-    /// An objective that differs in L.
+    /// Returns the objective with another integrand of L.
     pub fn with_inner(self, inner: Inner) -> Self {
         Self { inner, ..self }
     }
-    /// Quadrature nodes in each direction.
+    /// Returns the number of quadrature nodes in each direction.
     pub fn nodes_per_direction(&self) -> usize {
         self.rule.nodes_per_direction()
     }
-    /// Chooses another rule.
+    /// Replaces the quadrature rule.
     pub(crate) fn set_nodes(&mut self, nodes: usize) {
         self.rule = Rule::new(self.degree, nodes);
     }
-    /// For a tolerance: J by control points, and L and R, which only keep a patch in shape, with
-    /// fewer nodes than the distance needs.
+    /// Adapts the objective to a tolerance: J by control points, and L and R, which only keep a
+    /// patch in shape, with fewer nodes than the distance needs.
     pub(crate) fn keep_shape_loosely(&mut self) {
         self.is_by_control = true;
         let nodes = self.degree.0.max(self.degree.1) + SHAPE_NODES;
         self.shape_rule =
             (nodes < self.nodes_per_direction()).then(|| Rule::new(self.degree, nodes));
     }
-    /// Whether J is a mean over the control points.
+    /// Returns true if J is a mean over the control points.
     pub(crate) fn is_by_control(&self) -> bool {
         self.is_by_control
     }
-    /// What the integrands of J, L and R depend on besides the patch.
+    /// Collects the data, other than the patch, on which the integrands of J, L and R depend.
     fn shape(&self) -> Shape {
         Shape {
             method: self.method,
@@ -170,25 +177,25 @@ impl<'f> Objective<'f> {
             is_by_control: self.is_by_control,
         }
     }
-    /// The number of unknowns, 4 (m + 1)(n + 1).
+    /// Returns the number of unknowns, 4 (m + 1)(n + 1).
     pub fn unknowns(&self) -> usize {
         4 * (self.degree.0 + 1) * (self.degree.1 + 1)
     }
-    /// The surface.
+    /// Returns the function that vanishes on the surface.
     pub fn field(&self) -> &'f dyn Field {
         self.field
     }
-    /// S at the terms' values.
+    /// Returns S for the given values of its terms.
     pub fn sum(&self, terms: &Terms) -> f64 {
         terms.sum(&self.weights)
     }
 
-    /// The terms at a patch; none where w ≤ 0 at a node or F is not finite.
+    /// Evaluates the terms for a patch; `None` if w ≤ 0 at a node or F is not finite.
     pub fn evaluate(&self, patch: &RationalPatch) -> Option<Evaluated> {
         self.evaluate_with(patch, &self.targets)
     }
 
-    /// The terms at a patch with other targets.
+    /// Evaluates the terms for a patch with other targets.
     pub(crate) fn evaluate_with(
         &self,
         patch: &RationalPatch,
@@ -199,7 +206,7 @@ impl<'f> Objective<'f> {
         Some(Evaluated { terms, samples })
     }
 
-    /// The value of an evaluated patch with other targets.
+    /// Re-evaluates an evaluated patch with other targets.
     pub(crate) fn with_targets(
         &self,
         patch: &RationalPatch,
@@ -232,11 +239,12 @@ impl<'f> Objective<'f> {
         })
     }
 
-    /// The means of g₁₁ and g₂₂: with these l₁ and l₂ a patch has the least L.
+    /// Returns the means of g₁₁ and g₂₂: as l₁ and l₂ they minimise L.
     pub(crate) fn mean_lengths(&self, at: &Evaluated) -> (f64, f64) {
         self.mean(&at.samples.nodes)
     }
-    /// The means of g₁₁ and g₂₂ of a patch that is not evaluated; none where w ≤ 0.
+    /// Returns the means of g₁₁ and g₂₂ of a patch that has not been evaluated; `None` if w ≤ 0 at
+    /// a node.
     pub(crate) fn lengths(&self, patch: &RationalPatch) -> Option<(f64, f64)> {
         Some(self.mean(&self.rule.nodes(patch.control())?))
     }
@@ -249,7 +257,7 @@ impl<'f> Objective<'f> {
         }
         (l1, l2)
     }
-    /// The area of the patch.
+    /// Returns the area of the patch.
     pub(crate) fn area(&self, at: &Evaluated) -> f64 {
         let mut sum = 0.0;
         for (weight, node) in self.rule.weights().zip(&at.samples.nodes) {
@@ -259,7 +267,7 @@ impl<'f> Objective<'f> {
         sum
     }
 
-    /// The terms at the nodes; none where one is not finite, or w ≤ 0 at a corner.
+    /// Computes the terms from samples; `None` if one is not finite or w ≤ 0 at a corner.
     fn terms(&self, patch: &RationalPatch, t: &Targets, samples: &Samples) -> Option<Terms> {
         let (l, r) = self.shape_terms(t, samples);
         let terms = Terms {
@@ -273,7 +281,7 @@ impl<'f> Objective<'f> {
         terms.are_finite().then_some(terms)
     }
 
-    /// I.
+    /// Computes I.
     fn squared_distance(&self, samples: &Samples) -> f64 {
         let all = samples.nodes.iter().zip(&samples.jets).enumerate();
         let mut sum = 0.0;
@@ -284,7 +292,7 @@ impl<'f> Objective<'f> {
         sum
     }
 
-    /// J.
+    /// Computes J.
     fn weight_term(&self, patch: &RationalPatch, nodes: &[Node]) -> f64 {
         let mut sum = 0.0;
         if self.is_by_control {
@@ -297,7 +305,7 @@ impl<'f> Objective<'f> {
         sum
     }
 
-    /// L and R.
+    /// Computes L and R.
     fn shape_terms(&self, t: &Targets, samples: &Samples) -> (f64, f64) {
         let (rule, nodes) = match &self.shape_rule {
             Some(rule) => (rule, &samples.shape),
@@ -315,7 +323,7 @@ impl<'f> Objective<'f> {
         (lengths, angles)
     }
 
-    /// E; none where w ≤ 0 at a corner.
+    /// Computes E; `None` if w ≤ 0 at a corner.
     fn corner_term(&self, patch: &RationalPatch, t: &Targets) -> Option<f64> {
         let mut sum = 0.0;
         for (&corner, target) in CORNERS.iter().zip(t.corners) {
@@ -328,19 +336,19 @@ impl<'f> Objective<'f> {
         Some(sum)
     }
 
-    /// The index of the control point at a corner.
+    /// Returns the index of the control point at a corner.
     fn corner(&self, (u, v): (f64, f64)) -> usize {
         let (m, n) = self.degree;
         (if u > 0.5 { m * (n + 1) } else { 0 }) + if v > 0.5 { n } else { 0 }
     }
 
-    /// The factor of the squared distance at a node.
+    /// Returns the factor of the squared distance at a node.
     fn importance(&self, node: usize) -> f64 {
         self.importance.get(node).copied().unwrap_or(1.0)
     }
 
-    /// Lets distances count more towards the border: by (4u(1 − u))^−power in each direction, 1 in
-    /// the mean.
+    /// Weights squared distances by (4u(1 − u))^−power in each direction, normalised to the mean 1,
+    /// so that they count more near the border.
     pub(crate) fn weigh_border(&mut self, power: f64) {
         let of = |x: &f64| (4.0 * x * (1.0 - x)).powf(-power);
         let (x, _) = gauss_legendre(self.nodes_per_direction());

@@ -1,14 +1,14 @@
-//! What a caller asks for, and the errors that say why it cannot be had.
+//! Options of parameterization and covering, and the errors of both.
 
 use crate::terms::{Inner, Method, Weights};
 use isoform_control::Stopped;
 use isoform_geom::{Aabb, Point3};
 use std::ops::RangeInclusive;
 
-/// The bound on S of all of the paper's examples.
+/// Bound on S of all examples of the paper.
 pub const PAPER_LIMIT: f64 = 1e-6;
-/// The numbers of quadrature nodes that may be asked for: one node sees no curvature, and more than
-/// these only take time.
+/// Range of the number of quadrature nodes in each direction: one node is blind to curvature, and
+/// more than 64 only take time.
 pub const NODES: RangeInclusive<usize> = 2..=64;
 /// Thresholds of the factors ω for a tolerance D, relative to the paper's thresholds for S ≤ D².
 /// With larger ones the shape terms cost as much as errors of size D.
@@ -20,7 +20,7 @@ const BARRIER: f64 = 1e-4;
 /// more Newton steps.
 const MORE_STEPS: usize = 4;
 
-/// How a patch is made. Lengths are in model units.
+/// Options of a patch. Lengths are in model units.
 ///
 /// ```
 /// use isoform_geom::Aabb;
@@ -33,42 +33,42 @@ const MORE_STEPS: usize = 4;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
-    /// The degrees (m, n) in u and v, each from 1 to [`crate::MOST_DEGREE`].
+    /// Degrees (m, n) in u and v, each from 1 to [`crate::MAX_DEGREE`].
     pub degree: (usize, usize),
-    /// The box in which surface is wanted: seeds lie in it, and sides of the patch that have left
-    /// it do not grow.
+    /// Box in which the surface is parameterized: seeds lie in it, and sides of the patch that have
+    /// left it do not grow.
     pub region: Aabb,
-    /// A point near the surface to start at; with none, `seed` chooses one.
+    /// Point near the surface at which to start; `None` lets `seed` choose one.
     pub seed_point: Option<Point3>,
-    /// The number that chooses start points and angles; equal numbers give equal patches.
+    /// Random seed of start points and angles; equal seeds give equal patches.
     pub seed: u64,
-    /// The solver.
+    /// Method of the solver.
     pub method: Method,
-    /// What L measures.
+    /// Integrand of L.
     pub inner: Inner,
-    /// Quadrature nodes in each direction, in the range [`NODES`]; with none, as many as make J
-    /// exact.
+    /// Number of quadrature nodes in each direction, in the range [`NODES`]; `None` chooses the
+    /// number with which J is exact.
     pub nodes: Option<usize>,
-    /// The factors ω at the start, none of them negative.
+    /// Factors ω at the start, none of them negative.
     pub start: Weights,
-    /// The thresholds to which the factors ω are lowered, none of them negative.
+    /// Thresholds to which the factors ω are lowered, none of them negative.
     pub floor: Weights,
-    /// The largest S, for lengths in units of the largest edge of the region.
+    /// Upper bound on S, for lengths in units of the largest edge of the region.
     pub limit: f64,
-    /// The largest distance of the patch from the surface, which is proved; it takes the place of
-    /// the limit on S.
+    /// Maximum distance of the patch from the surface, which is proved; it replaces the limit on S.
     pub tolerance: Option<f64>,
-    /// Whether the grown patch is brought onto the surface to rounding, where its degree admits
+    /// True if the grown patch is to be brought onto the surface to rounding, if its degree admits
     /// that.
     pub exact: bool,
-    /// The most extrapolations.
+    /// Maximum number of extrapolations.
     pub most_extrapolations: usize,
-    /// The most Newton steps altogether.
+    /// Maximum total number of Newton steps.
     pub most_steps: usize,
 }
 
 impl Options {
-    /// Patches of a degree that stay within a tolerance of the surface in a region.
+    /// Returns options for patches of a degree that stay within a tolerance of the surface in a
+    /// region.
     pub fn new(degree: (usize, usize), tolerance: f64, region: Aabb) -> Self {
         Self {
             tolerance: Some(tolerance),
@@ -76,7 +76,7 @@ impl Options {
         }
     }
 
-    /// The paper's settings (Table 2, S ≤ 10⁻⁶) for patches of a degree in a region.
+    /// Returns the paper's settings (Table 2, S ≤ 10⁻⁶) for patches of a degree in a region.
     pub fn paper(degree: (usize, usize), region: Aabb) -> Self {
         Self {
             degree,
@@ -96,8 +96,8 @@ impl Options {
         }
     }
 
-    /// The options with thresholds that fall with D² for a tolerance D: the shape terms may not
-    /// weigh more than errors of size D do.
+    /// Returns the options with thresholds proportional to D² for a tolerance D, so that the shape
+    /// terms do not weigh more than errors of size D.
     pub(crate) fn relaxed(&self) -> Self {
         let Some(tolerance) = self.tolerance else {
             return *self;
@@ -114,17 +114,17 @@ impl Options {
         }
     }
 
-    /// The largest edge of the region.
+    /// Returns the largest edge of the region.
     pub(crate) fn edge(&self) -> f64 {
         self.region.size().into_iter().fold(0.0, f64::max)
     }
 
-    /// Whether a proved distance keeps the tolerance; true for every one if none is asked for.
+    /// Returns true if a proved distance keeps the tolerance, or if there is no tolerance.
     pub(crate) fn is_kept_by(&self, bound: f64) -> bool {
         self.tolerance.is_none_or(|t| bound <= t)
     }
 
-    /// Refuses what is out of range.
+    /// Checks that all options are in range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         let (m, n) = self.degree;
         let range = 1..=crate::MOST_DEGREE;
@@ -149,14 +149,14 @@ impl Options {
     }
 }
 
-/// The factors of [`Options::start`] in errors, in the order of [`Weights`].
+/// Names in errors of the factors of [`Options::start`], in the order of [`Weights`].
 const START_NAMES: [&str; 4] = [
     "the factor of J at the start",
     "the factor of L at the start",
     "the factor of R at the start",
     "the factor of E at the start",
 ];
-/// Those of [`Options::floor`].
+/// Names in errors of the factors of [`Options::floor`], in the order of [`Weights`].
 const FLOOR_NAMES: [&str; 4] = [
     "the threshold for the factor of J",
     "the threshold for the factor of L",
@@ -165,7 +165,7 @@ const FLOOR_NAMES: [&str; 4] = [
 ];
 
 impl Weights {
-    /// Refuses factors that are negative or not finite, by their names.
+    /// Rejects factors that are negative or not finite.
     fn check(&self, names: [&'static str; 4]) -> Result<(), Error> {
         let &Self { j, l, r, e } = self;
         let all = names.into_iter().zip([j, l, r, e]);
@@ -178,16 +178,17 @@ impl Weights {
     }
 }
 
-/// How a surface is covered.
+/// Options of a cover.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Covering {
-    /// The most patches, at least 1.
+    /// Maximum number of patches, at least 1.
     pub most: usize,
-    /// The depth at which every point of the surface in the region shall lie inside of some patch,
-    /// which is proved: its straight distance from the patch's border, in model units.
+    /// Depth at which every point of the surface in the region must lie inside some patch, which is
+    /// proved: its straight distance from the patch's border, in model units. `None` requires no
+    /// depth.
     pub margin: Option<f64>,
-    /// The distance from singular points of the surface, where ∇F = 0, within which surface without
-    /// a patch is left out; with none, a hundredth of the region's largest edge.
+    /// Radius around singular points of the surface, where ∇F = 0, within which surface without a
+    /// patch is left out; `None` means a hundredth of the region's largest edge.
     pub apart: Option<f64>,
 }
 
@@ -202,7 +203,7 @@ impl Default for Covering {
 }
 
 impl Covering {
-    /// Refuses what is out of range.
+    /// Checks that all options are in range.
     pub(crate) fn check(&self) -> Result<(), Error> {
         positive("the number of patches", Some(self.most as f64))?;
         positive("the margin", self.margin)?;
@@ -210,7 +211,7 @@ impl Covering {
     }
 }
 
-/// Refuses a number that is given and is not finite and positive.
+/// Rejects a given number that is not finite and positive.
 fn positive(name: &'static str, value: Option<f64>) -> Result<(), Error> {
     match value {
         Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::Option { name, value }),
@@ -218,25 +219,25 @@ fn positive(name: &'static str, value: Option<f64>) -> Result<(), Error> {
     }
 }
 
-/// Why there is no patch.
+/// Reason for which there is no patch.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum Error {
-    /// A degree that no patch has.
+    /// A degree is out of range.
     #[error("degree {0},{1}: both must be between 1 and {max}", max = crate::MOST_DEGREE)]
     Degree(usize, usize),
-    /// A number among the options is out of its range.
+    /// An option is out of range.
     #[error("{name} is {value}, which is out of range")]
     Option {
-        /// The option.
+        /// Name of the option.
         name: &'static str,
-        /// Its value.
+        /// Value of the option.
         value: f64,
     },
-    /// A number of quadrature nodes that is not in the range [`NODES`].
+    /// The number of quadrature nodes is not in the range [`NODES`].
     #[error("{0} nodes: there must be from {least} to {most} in each direction",
         least = NODES.start(), most = NODES.end())]
     Nodes(usize),
-    /// The control ended the work before there was a patch.
+    /// The control stopped the work before there was a patch.
     #[error("stopped")]
     Stopped,
     /// The region is empty or not finite.
@@ -245,37 +246,37 @@ pub enum Error {
     /// No point of the surface was found in the region.
     #[error("no point of the surface was found in the region")]
     NoSurface,
-    /// From the point given no point of the surface in the region is reached.
+    /// No point of the surface in the region is reached from the given point.
     #[error("no point of the surface in the region is reached from ({}, {}, {})", at[0], at[1], at[2])]
     FarSeed {
-        /// The point given.
+        /// Given point.
         at: Point3,
     },
     /// The gradient vanishes at the seed.
     #[error("the surface has no tangent plane at ({}, {}, {}), or is too small for the box", at[0], at[1], at[2])]
     Singular {
-        /// The seed.
+        /// Seed point.
         at: Point3,
     },
     /// The function or its derivatives are not finite near the seed.
     #[error("the function or a derivative of it is not finite at ({}, {}, {})", at[0], at[1], at[2])]
     NotFinite {
-        /// The place.
+        /// Point of evaluation.
         at: Point3,
     },
-    /// The exact Hessian needs third derivatives of the function.
+    /// The exact Hessian needs third derivatives, which the function lacks.
     #[error("the function has no third derivatives, which Newton's method needs")]
     NoThirdDerivatives,
     /// Every patch that was tried folds over.
     #[error("every patch about ({}, {}, {}) folds over", at[0], at[1], at[2])]
     Folded {
-        /// The seed.
+        /// Seed point.
         at: Point3,
     },
-    /// Not even the smallest start patch keeps the limit.
+    /// Even the smallest start patch exceeds the limit.
     #[error("even the smallest patch about ({}, {}, {}) exceeds the limit", at[0], at[1], at[2])]
     NoPatch {
-        /// The seed.
+        /// Seed point.
         at: Point3,
     },
 }

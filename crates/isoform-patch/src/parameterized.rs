@@ -1,4 +1,4 @@
-//! A patch with what is known of it.
+//! Patch with the results of its construction and checks.
 
 use crate::distance::Distances;
 use crate::grown::Grown;
@@ -6,41 +6,41 @@ use crate::options::Options;
 use isoform_geom::Quadric;
 use std::time::Instant;
 
-/// A patch with what is known of it.
+/// Patch with the results of its construction and checks.
 #[derive(Clone, Debug)]
 pub struct Parameterized {
-    /// The patch and the way to it.
+    /// Patch and the history of its growth.
     pub grown: Grown,
-    /// The part of the surface it lies on; 0 where the surface is one function.
+    /// Index of the part of the surface on which it lies; 0 if the surface is one function.
     pub part: usize,
-    /// How far it is from the surface.
+    /// Distances from the surface.
     pub distances: Distances,
-    /// Whether it is proved not to fold over: that it shows one side to where F grows, except
-    /// across self-intersections, where its normals turn little.
+    /// True if the patch is proved not to fold over: its normal points to one side of the surface,
+    /// except across self-intersections, where normals turn little.
     pub is_unfolded: bool,
-    /// How often it was made shorter until its distance could be proved.
+    /// Number of times that it was shortened until its distance could be proved.
     pub shortenings: usize,
-    /// Whether S keeps its bound.
+    /// True if S keeps its bound.
     pub is_within_limit: bool,
-    /// Whether the time was over before the patch was as large as it gets.
+    /// True if time ran out while the patch could still grow.
     pub is_late: bool,
-    /// Whether the patch lies on the surface, to rounding.
+    /// True if the patch lies on the surface, to rounding.
     pub is_exact: bool,
-    /// The quadric or torus on which an exact patch lies, if it lies on one.
+    /// Quadric or torus on which an exact patch lies; `None` if it lies on neither or is not exact.
     pub quadric: Option<Quadric>,
-    /// Seconds by phase.
+    /// Computing time by phase, in seconds.
     pub seconds: Vec<(&'static str, f64)>,
 }
 
 impl Parameterized {
-    /// Whether it is proved to keep the tolerance and not to fold over.
+    /// Returns true if it is proved to keep the tolerance and not to fold over.
     pub(crate) fn keeps(&self, options: &Options) -> bool {
         let bound = self.distances.bound;
         self.is_unfolded && bound.is_some_and(|b| options.is_kept_by(b))
     }
 }
 
-/// A clock that takes the time of phases.
+/// Clock that records the durations of phases.
 pub(crate) struct Clock {
     since: Instant,
     pub(crate) seconds: Vec<(&'static str, f64)>,
@@ -56,7 +56,7 @@ impl Default for Clock {
 }
 
 impl Clock {
-    /// Ends a phase.
+    /// Ends a phase and records its duration.
     pub(crate) fn phase(&mut self, name: &'static str) {
         self.seconds
             .push((name, self.since.elapsed().as_secs_f64()));
@@ -64,7 +64,7 @@ impl Clock {
     }
 }
 
-/// The times of two runs together, by the phases of the first.
+/// Adds the times of two runs, for the phases of the first.
 pub(crate) fn both_times(
     a: &[(&'static str, f64)],
     b: &[(&'static str, f64)],

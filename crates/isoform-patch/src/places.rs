@@ -1,13 +1,14 @@
-//! Small geometry that several rooms share: boxes made wider, grids of places, points on lines.
+//! Small geometric functions shared by several modules: widened boxes, grids of parameters, points
+//! on lines.
 
 use isoform_geom::{Aabb, Point3, norm};
 
-/// Whether a point lies in a box, boundary included.
+/// Returns true if a point lies in a box, boundary included.
 pub(crate) fn contains(region: &Aabb, p: Point3) -> bool {
     (0..3).all(|k| region.lo[k] <= p[k] && p[k] <= region.hi[k])
 }
 
-/// A box that reaches farther by a length on each side.
+/// Returns a box widened by a length on each side.
 pub(crate) fn wider(region: &Aabb, by: f64) -> Aabb {
     Aabb {
         lo: region.lo.map(|v| v - by),
@@ -15,7 +16,7 @@ pub(crate) fn wider(region: &Aabb, by: f64) -> Aabb {
     }
 }
 
-/// A box that reaches farther by a share of its edges on each side.
+/// Returns a box widened by a fraction of its edges on each side.
 pub(crate) fn wider_by_share(region: &Aabb, share: f64) -> Aabb {
     let more = region.size().map(|s| share * s);
     Aabb {
@@ -24,27 +25,28 @@ pub(crate) fn wider_by_share(region: &Aabb, share: f64) -> Aabb {
     }
 }
 
-/// The parameters of `count` times `count` places of the unit square, borders included, those with
-/// one u together.
+/// Returns the parameters of a grid of `count` × `count` points of the unit square, borders
+/// included; points with equal u are consecutive.
 pub(crate) fn grid(count: usize) -> impl Iterator<Item = (f64, f64)> {
     let at = move |i: usize| i as f64 / (count - 1) as f64;
     (0..count * count).map(move |k| (at(k / count), at(k % count)))
 }
 
-/// The middles of `count` times `count` cells of the unit square, those with one u together.
+/// Returns the centres of `count` × `count` cells of the unit square; those with equal u are
+/// consecutive.
 pub(crate) fn middles(count: usize) -> impl Iterator<Item = (f64, f64)> {
     let at = move |i: usize| (i as f64 + 0.5) / count as f64;
     (0..count * count).map(move |k| (at(k / count), at(k % count)))
 }
 
-/// The unit vector in a direction.
+/// Returns the unit vector in a direction.
 #[inline]
 pub(crate) fn normalized(v: Point3) -> Point3 {
     let length = norm(v);
     v.map(|v| v / length)
 }
 
-/// p + t d.
+/// Returns p + t d.
 #[inline]
 pub(crate) fn moved(p: Point3, t: f64, d: Point3) -> Point3 {
     std::array::from_fn(|k| p[k] + t * d[k])

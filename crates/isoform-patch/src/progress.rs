@@ -1,18 +1,18 @@
-//! Progress of phases that may begin again: shares that never fall.
+//! Progress of phases that may be repeated: reported fractions never decrease.
 
 use isoform_control::Control;
 use std::sync::Mutex;
 
-/// Passes progress on, and tells the largest share of each phase so far: seeds that lead nowhere
+/// Relay of progress that reports the largest fraction of each phase so far: seeds without a patch
 /// are followed by others, which begin with the first phase again.
 pub(crate) struct Rising<'a> {
     control: &'a Control<'a>,
-    /// The phases so far, with their largest shares.
+    /// Phases reported so far, with their largest fractions.
     told: Mutex<Vec<(String, f64)>>,
 }
 
 impl<'a> Rising<'a> {
-    /// Does some work under a control whose shares never fall.
+    /// Runs `work` under a control whose fractions never decrease.
     pub(crate) fn during<T>(control: &'a Control<'a>, work: impl FnOnce(&Control<'_>) -> T) -> T {
         let rising = Self {
             control,

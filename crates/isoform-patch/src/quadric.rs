@@ -1,9 +1,9 @@
-//! The quadric, or torus, that an exact patch lies on, by its name.
+//! Quadric or torus on which an exact patch lies.
 //!
-//! An equation of second degree through samples is the null vector of their monomials. Spheres,
+//! The equation of second degree through samples is the null vector of their monomials. Spheres,
 //! cylinders and cones have two eigenvalues that are equal up to rounding; their centres and radii
-//! are computed with one of these for both, so that the axes, which rounding decides then, do not
-//! matter. All others are told by their normal form.
+//! are computed with one of these for both, so that the eigenvectors, which rounding then
+//! determines, do not matter. All other quadrics are classified by their normal form.
 
 use crate::normal_form::Diagonal;
 use crate::null::null;
@@ -16,14 +16,15 @@ use isoform_num::linalg::symmetric_eigen;
 
 /// Samples in each direction.
 const SAMPLES: usize = 15;
-/// Singular values below this share of the largest are 0: rounding leaves 10⁻¹⁵ or so.
+/// Fraction of the largest singular value below which singular values count as 0: rounding leaves
+/// about 10⁻¹⁵.
 const ZERO: f64 = 1e-13;
-/// Two eigenvalues of a quadric's matrix that differ by less than this share of the largest are
-/// equal.
+/// Fraction of the largest eigenvalue below which differences of eigenvalues of a quadric's matrix
+/// count as 0.
 const SAME: f64 = 1e-8;
 
-/// The quadric on which a patch lies to rounding, if it lies on one and on one only, else the
-/// torus.
+/// Returns the quadric on which a patch lies to rounding if that is unique, else the torus; `None`
+/// if it lies on neither.
 ///
 /// ```
 /// use isoform_geom::{Quadric, RationalPatch};
@@ -47,8 +48,8 @@ pub fn quadric(patch: &RationalPatch) -> Option<Quadric> {
     quadric_through(&points, &normals)
 }
 
-/// The quadric through points to rounding, if there is one and one only, else the torus that has
-/// the normals there too. Normals have the length 1; their sides do not matter.
+/// Returns the quadric through points, to rounding, if that is unique, else the torus that also has
+/// the given normals; `None` if there is neither. Normals have length 1; their signs do not matter.
 ///
 /// ```
 /// use isoform_patch::quadric_through;
@@ -81,14 +82,14 @@ pub fn quadric_through(points: &[Point3], normals: &[Point3]) -> Option<Quadric>
     Some(frame.torus_out(torus(&local, normals)?))
 }
 
-/// Coordinates in which samples lie about the origin and within the unit sphere.
+/// Coordinates in which samples lie around the origin and within the unit sphere.
 struct Frame {
     center: Point3,
     scale: f64,
 }
 
 impl Frame {
-    /// None where samples are one point, or not finite.
+    /// Computes the frame of samples; `None` if they are one point or not finite.
     fn of(points: &[Point3]) -> Option<Self> {
         let count = points.len() as f64;
         let center: Point3 =
@@ -135,7 +136,7 @@ impl Frame {
     }
 }
 
-/// An equation of second degree in its principal axes, with a sign that makes two of three
+/// Equation of second degree in its principal axes, with the sign that makes two of three
 /// eigenvalues positive.
 struct Equation {
     coefficients: [f64; 10],
@@ -143,7 +144,7 @@ struct Equation {
 }
 
 impl Equation {
-    /// From the coefficients of x², y², z², xy, yz, zx, x, y, z and 1.
+    /// Diagonalises an equation given by its coefficients of x², y², z², xy, yz, zx, x, y, z and 1.
     fn new(a: [f64; 10]) -> Self {
         let [xy, yz, zx] = [a[3], a[4], a[5]].map(|v| 0.5 * v);
         let matrix = [a[0], xy, zx, xy, a[1], yz, zx, yz, a[2]];
@@ -165,7 +166,11 @@ impl Equation {
         }
     }
 
-    /// The largest |λₖ|.
+    /// Returns the largest
+    ///
+    /// λₖ
+    ///
+    /// .
     fn size(&self) -> f64 {
         let values = self.diagonal.values.iter();
         values.fold(0.0f64, |m, v| m.max(v.abs()))
@@ -180,13 +185,13 @@ impl Equation {
         }
     }
 
-    /// The sphere, cylinder or cone, if it is one.
+    /// Returns the sphere, cylinder or cone; `None` if the quadric is none of these.
     fn of_revolution(&self, frame: &Frame) -> Option<Quadric> {
         let size = self.size();
         let is_zero = |v: f64| v.abs() <= SAME * size;
         let values = self.diagonal.values;
         let same = |i: usize, j: usize| is_zero(values[i] - values[j]);
-        // Which eigenvalue stands alone; the other two are equal.
+        // Index of the eigenvalue that differs from the other two, which are equal.
         let alone = (0..3).find(|&k| same((k + 1) % 3, (k + 2) % 3))?;
         let reduced = Reduced::new(&self.diagonal, alone);
         if reduced.twice <= SAME * size {
@@ -205,23 +210,24 @@ impl Equation {
     }
 }
 
-/// An equation with two equal eigenvalues, about a point.
+/// Equation with two equal eigenvalues, about a point.
 struct Reduced {
     point: Point3,
-    /// The axis of the one that stands alone.
+    /// Eigenvector of the single eigenvalue.
     axis: Point3,
-    /// The equal eigenvalues,
+    /// Double eigenvalue.
     twice: f64,
-    /// and the other one.
+    /// Single eigenvalue.
     single: f64,
     /// Half the coefficient of degree 1 along the axis.
     along: f64,
-    /// The constant.
+    /// Constant term.
     rest: f64,
 }
 
 impl Reduced {
-    /// About the point without terms of degree 1 in the plane of the two equal ones.
+    /// Moves the origin to the point that has no terms of degree 1 in the plane of the double
+    /// eigenvalue.
     fn new(equation: &Diagonal, alone: usize) -> Self {
         let (i, j) = ((alone + 1) % 3, (alone + 2) % 3);
         let Diagonal {
@@ -243,7 +249,7 @@ impl Reduced {
         }
     }
 
-    /// About the point without any terms of degree 1.
+    /// Moves the origin to the point that has no terms of degree 1.
     fn with_center(self) -> Self {
         Self {
             point: std::array::from_fn(|k| self.point[k] - self.along / self.single * self.axis[k]),
@@ -333,12 +339,13 @@ mod tests {
         );
     }
 
-    /// Arcs about a slanted axis of circles of radius 0.2 about a circle of radius 0.7.
+    /// Arcs around a slanted axis of circles of radius 0.2 around a circle of radius 0.7.
     #[test]
     fn tori_are_named() {
         let s = 0.5f64.sqrt();
         let arc = [[1.0, 0.0, 1.0], [s, s, s], [0.0, 1.0, 1.0]];
-        // About the z axis, then turned: x towards z by 3/5, 4/5, then y towards z the same.
+        // Around the z axis, then rotated by the angle with sine 3/5 and cosine 4/5: x towards z,
+        // then y towards z.
         let mut control = Vec::new();
         for [c, d, w] in arc {
             for [e, f, v] in arc {

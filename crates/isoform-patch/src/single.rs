@@ -1,4 +1,4 @@
-//! One patch: seed, growth, exactness, tolerance, proof.
+//! Construction of one patch: seed, growth, exactness, tolerance, proof.
 
 mod attempt;
 mod certify;
@@ -19,11 +19,11 @@ use isoform_geom::{Field, Parts};
 /// Seeds of its own that the tool tries until one admits a patch.
 const OTHER_SEEDS: u64 = 8;
 
-/// Grows one patch on the surface `field` = 0, and proves how far from it the patch is.
+/// Grows one patch on the surface `field` = 0 and proves a bound on its distance from the surface.
 ///
-/// For a surface of parts see [`parameterize_part`], for many patches [`crate::cover`].
+/// For a surface of parts see [`parameterize_part`], for several patches [`crate::cover`].
 ///
-/// The control hears of the phases `seed`, `grow` and `certify`.
+/// Progress is reported in the phases `seed`, `grow` and `certify`.
 ///
 /// ```
 /// use isoform_control::Control;
@@ -51,8 +51,8 @@ const OTHER_SEEDS: u64 = 8;
 /// ```
 ///
 /// # Errors
-/// Options that are out of range, places where no patch can start or none keeps what is asked for,
-/// and [`Error::Stopped`] where the control ended the search for a point to start at.
+/// Options that are out of range, seeds from which no patch meets the requirements, and
+/// [`Error::Stopped`] if the control stopped the search for a seed.
 pub fn parameterize(
     field: &dyn Field,
     options: &Options,
@@ -95,7 +95,7 @@ fn parameterize_in_unit_box(
         let number = options.seed.wrapping_add(other << 32);
         let seed = surface::chosen(field, number, &options.region, control)?;
         made = attempt(seed, std::mem::take(&mut clock));
-        // Where the function has an edge projections end on it.
+        // Where the function has an edge, projections end on it and no patch starts.
         if !matches!(made, Err(Error::NoPatch { .. })) {
             break;
         }
@@ -103,15 +103,16 @@ fn parameterize_in_unit_box(
     made
 }
 
-/// Grows one patch on one of the parts of a surface, as far as its edges, and proves how far from
-/// the surface it is.
+/// Grows one patch on one part of a surface, up to the part's edges, and proves a bound on its
+/// distance from the surface.
 ///
-/// The patch stays on the part on which its seed lies; it reaches beyond the edges of the part by
+/// The patch stays on the part on which its seed lies; it extends beyond the edges of the part by
 /// less than the tolerance.
 ///
 /// # Errors
-/// Options that are out of range, places where no patch can start or none keeps what is asked for,
-/// and [`Error::Stopped`] where the control ended the search for a point to start at.
+///
+/// Options that are out of range, seeds from which no patch meets the requirements, and
+/// [`Error::Stopped`] if the control stopped the search for a seed.
 pub fn parameterize_part(
     parts: &Parts,
     options: &Options,

@@ -1,5 +1,4 @@
-//! Singular points of a surface: where F and ∇F vanish, as at nodes, along self-intersections and
-//! at pinch points.
+//! Singular points of a surface, where F and ∇F vanish: nodes, self-intersections and pinch points.
 
 use crate::stretch::beside;
 use isoform_geom::{Field, KdTree, Point3, RationalPatch, distance_squared, norm};
@@ -7,17 +6,18 @@ use isoform_num::linalg::symmetric_eigen;
 
 /// Newton steps towards a singular point.
 const STEPS: usize = 20;
-/// Second derivatives along a direction below this share of the largest count as 0: along a curve
-/// of singular points ∇F vanishes.
+/// Fraction of the largest second derivative below which second derivatives along a direction count
+/// as 0: ∇F vanishes along a curve of singular points.
 const FLAT: f64 = 1e-3;
-/// ∇F counts as 0 below this share of second derivatives times the scale, F below its square.
+/// Fraction of second derivatives times the scale below which ∇F counts as 0, and whose square is
+/// the limit for F.
 const NONE: f64 = 1e-6;
 /// How far apart the points of the list are at least, in the distance asked for.
 const SPACING: f64 = 0.25;
-/// Patches stay away from singular points by this share of the distance within which the surface
-/// may be left out: what is between is covered.
+/// Fraction of the radius in which the surface may be left out, within which patches avoid singular
+/// points: the ring between is covered.
 const SHARE: f64 = 0.6;
-/// Samples along a side, and the most across what is added to a patch there.
+/// Samples along a side, and maximum number of samples across an addition to a patch.
 const MOST_SAMPLES: usize = 24;
 /// Halvings of what is added until a side stops.
 const HALVINGS: usize = 5;
@@ -25,7 +25,7 @@ const HALVINGS: usize = 5;
 /// looked at. Where curvatures differ that may be off by as much.
 const REACH: f64 = 4.0;
 
-/// Points with the distance at which patches stay away from them.
+/// Singular points with the distance within which patches avoid them.
 #[derive(Clone, Debug)]
 pub(crate) struct Avoided {
     tree: KdTree,
@@ -40,7 +40,7 @@ impl Avoided {
         }
     }
 
-    /// Whether samples of a patch come near one of the points.
+    /// Returns true if samples of a patch come near one of the points.
     pub(crate) fn is_near(&self, patch: &RationalPatch) -> bool {
         let at = |i: usize| i as f64 / MOST_SAMPLES as f64;
         let near = (SHARE * self.apart).powi(2);
@@ -52,9 +52,9 @@ impl Avoided {
         })
     }
 
-    /// The share by which a patch may grow at a side (of u = 0, u = 1, v = 0, v = 1), at most the
-    /// one given, without coming near one of the points, by samples of what is added; none of it
-    /// where it is halved in vain.
+    /// Returns the fraction, at most the given one, by which a patch may grow at a side (of u = 0,
+    /// u = 1, v = 0, v = 1) without coming near one of the points, judged by samples of the
+    /// addition; 0 if halving does not suffice.
     pub(crate) fn within(&self, patch: &RationalPatch, side: usize, share: f64) -> f64 {
         let mut share = share;
         for _ in 0..HALVINGS {
@@ -66,8 +66,8 @@ impl Avoided {
         0.0
     }
 
-    /// Whether samples of what is added to a patch at a side come near one of the points. Across
-    /// what is added no two samples are farther apart than the points are avoided.
+    /// Returns true if samples of the addition to a patch at a side come near one of the points.
+    /// Across the addition, the spacing of samples is at most the avoided distance.
     fn is_near_addition(&self, patch: &RationalPatch, side: usize, share: f64) -> bool {
         let near = SHARE * self.apart;
         let t = patch.tangents(0.5, 0.5);
@@ -85,8 +85,9 @@ impl Avoided {
     }
 }
 
-/// Singular points that Newton's method finds from samples of the surface, none within a quarter of
-/// `apart` of another. Some may be missed: what is left out is told by those that are found.
+/// Finds singular points by Newton's method from samples of the surface, none within a quarter of
+/// `apart` of another. Some may be missed; the region that is left out is described by those that
+/// are found.
 pub(crate) fn points(field: &dyn Field, samples: &[Point3], apart: f64, scale: f64) -> Vec<Point3> {
     let mut found: Vec<Point3> = Vec::new();
     let least = (SPACING * apart).powi(2);
@@ -101,8 +102,8 @@ pub(crate) fn points(field: &dyn Field, samples: &[Point3], apart: f64, scale: f
     found
 }
 
-/// The singular point that Newton's method for ∇F = 0 leads to with the least steps, if that is
-/// near.
+/// Finds the singular point to which Newton's method for ∇F = 0, with steps of least length, leads;
+/// `None` if that is not near.
 fn near(field: &dyn Field, from: Point3, apart: f64, scale: f64) -> Option<Point3> {
     let mut p = from;
     for _ in 0..STEPS {
@@ -126,8 +127,8 @@ fn near(field: &dyn Field, from: Point3, apart: f64, scale: f64) -> Option<Point
     None
 }
 
-/// A place after the least Newton step for ∇F = 0, with none along directions in which second
-/// derivatives nearly vanish.
+/// Returns the point after the Newton step of least length for ∇F = 0, without components along
+/// directions in which second derivatives nearly vanish.
 fn least_step(mut p: Point3, g: Point3, h: &[f64; 9]) -> Point3 {
     let (values, vectors) = symmetric_eigen(h, 3);
     let most = values[0].abs().max(values[2].abs());

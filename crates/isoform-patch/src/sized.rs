@@ -1,13 +1,13 @@
 //! Loops over the control points of a row, with their number as a constant.
 
-/// The first N of some values, of which there are at least as many.
+/// Returns the first N of at least N values.
 #[inline(always)]
 pub(crate) fn chunk<const N: usize>(values: &[f64]) -> &[f64; N] {
     values.first_chunk().expect("N values")
 }
 
-/// Calls a function with the number of control points in a row as a constant, which lets its loops
-/// be unrolled. The number is from 1 to [`crate::MOST_DEGREE`] + 1.
+/// Calls a function with the number of control points in a row as a constant, so that its loops can
+/// be unrolled. The number is from 1 to [`crate::MAX_DEGREE`] + 1.
 macro_rules! sized {
     ($n:expr, $f:ident($($argument:expr),*)) => {
         match $n {

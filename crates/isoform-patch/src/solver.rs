@@ -1,21 +1,21 @@
-//! Descent on the objective: damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963), or
+//! Minimisation of the objective by damped Gauss-Newton steps (Levenberg 1944, Marquardt 1963), or
 //! Newton's with the same damping.
 //!
-//! J has neither gradient nor second derivatives at w = 1, and scaling all control points changes
-//! nothing but J: the system is singular from the start, so that some damping is always there. With
-//! the exact Hessian, which is indefinite in up to two thirds of the steps, the damping also rises
-//! until the system is positive definite; each step then descends.
+//! J has neither gradient nor second derivatives at w = 1, and scaling all control points changes J
+//! alone: the system is singular from the start, so there is always some damping. With the exact
+//! Hessian, which is indefinite in up to two thirds of the steps, the damping also rises until the
+//! system is positive definite; so each step descends.
 
 use crate::objective::{Derivatives, Evaluated, Objective};
 use crate::terms::{Terms, Weights};
 use isoform_geom::RationalPatch;
 use isoform_num::linalg::{cholesky, cholesky_solve};
 
-/// The damping a phase starts with, relative to the diagonal: small enough for steps of nearly full
+/// Initial damping of a phase, relative to the diagonal: small enough for steps of nearly full
 /// length from the start.
 const FIRST_DAMPING: f64 = 1e-4;
-/// Below this, damping no longer changes steps but lets rounding decide along the singular
-/// directions.
+/// Minimum damping: smaller values no longer change steps but let rounding decide along the
+/// singular directions.
 const LEAST_DAMPING: f64 = 1e-9;
 /// Beyond this, steps are too short to be of use: the phase ends.
 const MOST_DAMPING: f64 = 1e8;
@@ -38,25 +38,25 @@ const REJECTED: f64 = 4.0;
 /// A step that should lower S by less than this share has converged: rounding would not show more.
 const CONVERGED: f64 = 1e-13;
 
-/// When a phase of steps ends.
+/// Stopping rule of a phase of steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stop {
-    /// The most steps.
+    /// Maximum number of steps.
     pub(crate) steps: usize,
-    /// The phase ends after a step that lowers S by less than this share, once no factor ω falls
-    /// any more.
+    /// Relative decrease of S: the phase ends after a step with a smaller one, once all factors ω
+    /// have settled.
     pub(crate) decrease: f64,
 }
 
-/// The state of the descent that one phase hands on to the next.
+/// State of the minimisation that one phase hands on to the next.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Minimiser {
     damping: f64,
-    /// The thresholds to which factors ω are lowered.
+    /// Thresholds to which factors ω are lowered.
     pub(crate) floor: Weights,
 }
 
-/// Is told of every accepted step.
+/// Callback for every accepted step.
 pub(crate) type Each<'a> = dyn FnMut(&Objective<'_>, &Terms) + 'a;
 
 impl Minimiser {
@@ -67,9 +67,9 @@ impl Minimiser {
         }
     }
 
-    /// Minimises S from a patch that has been evaluated to `at`; gives back its value at the end. S
-    /// never rises. Factors ω whose term exceeds I are lowered tenfold after each step, down to
-    /// their thresholds (section 3.3).
+    /// Minimises S from a patch that has been evaluated to `at`; returns the value at the end. S
+    /// never increases. After each step, factors ω whose term exceeds its share of I are lowered
+    /// tenfold, down to their thresholds (section 3.3).
     pub(crate) fn minimise(
         &mut self,
         objective: &mut Objective<'_>,
@@ -102,7 +102,7 @@ impl Minimiser {
         at
     }
 
-    /// A step that lowers S, with more damping where it takes that; none where the phase ends.
+    /// Finds a step that lowers S, with more damping if needed; `None` if the phase ends.
     fn step(
         &mut self,
         objective: &Objective<'_>,
@@ -134,8 +134,8 @@ impl Minimiser {
         None
     }
 
-    /// Nielsen's rule: damping falls or rises by how well the quadratic model foretold the
-    /// decrease.
+    /// Updates the damping by Nielsen's rule, from the ratio of the decrease to the one predicted
+    /// by the quadratic model.
     fn relax(&mut self, decrease: f64, expected: f64) {
         let gain = decrease / expected.max(f64::MIN_POSITIVE);
         let factor = (1.0 - (2.0 * gain.clamp(0.0, 1.0) - 1.0).powi(3)).clamp(0.1, 2.0);
@@ -143,16 +143,16 @@ impl Minimiser {
     }
 }
 
-/// A step that was accepted.
+/// Accepted step.
 struct Step {
     patch: RationalPatch,
     value: Evaluated,
-    /// The decrease of S by the quadratic model.
+    /// Decrease of S predicted by the quadratic model.
     expected: f64,
 }
 
-/// Lowers factors whose term exceeds I (section 3.3), or `little` where that is more; whether any
-/// was.
+/// Lowers factors whose term exceeds its share of I (section 3.3), or of `little` if that is
+/// larger; returns true if any was lowered.
 fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
     let most = MOST_SHARE * t.i.max(little);
     let mut lowered = false;
@@ -173,16 +173,16 @@ fn lower(w: &mut Weights, t: &Terms, floor: &Weights, little: f64) -> bool {
 
 struct Trial {
     patch: RationalPatch,
-    /// The decrease of S by the quadratic model.
+    /// Decrease of S predicted by the quadratic model.
     expected: f64,
 }
 
-/// The patch after the step v = −(H + λD)⁻¹ g and half of a = −(H + λD)⁻¹ b, where b is how the
-/// residuals bend along v; none where that matrix is not positive definite, or where a is too long
-/// against v for such a step to be trusted.
+/// Returns the patch after the step v = −(H + λD)⁻¹ g plus half of a = −(H + λD)⁻¹ b, where b is
+/// the gradient made of the second derivatives of residuals along v; `None` if the matrix is not
+/// positive definite, or if a is too long compared with v for the step to be trusted.
 ///
-/// Patches of nearly the same shape make valleys of S, as wide as distances are small against the
-/// patch, that bend; v leads out of them, a back (Transtrum, Sethna: Improvements to the
+/// Patches of nearly equal shape form curved valleys of S, which are narrow if distances are small
+/// compared with the patch; v leads out of them, a back (Transtrum, Sethna: Improvements to the
 /// Levenberg-Marquardt algorithm for nonlinear least-squares minimization, arXiv 1201.5885 (2012),
 /// section 4).
 fn damped_step(
@@ -207,17 +207,17 @@ fn damped_step(
     (is_trusted && is_finite).then_some(Trial { patch, expected })
 }
 
-/// H + λD, as its Cholesky factor.
+/// Matrix H + λD, as its Cholesky factor.
 struct System {
     factor: Vec<f64>,
-    /// D.
+    /// Diagonal of D.
     scale: Vec<f64>,
-    /// λ.
+    /// Damping λ.
     damping: f64,
 }
 
 impl System {
-    /// None where H + λD is not positive definite.
+    /// Factors H + λD; `None` if it is not positive definite.
     fn new(d: &Derivatives, damping: f64) -> Option<Self> {
         let n = d.gradient.len();
         let scale = scales(d);
@@ -232,13 +232,13 @@ impl System {
         })
     }
 
-    /// The x with (H + λD) x = b.
+    /// Solves (H + λD) x = b.
     fn solve(&self, mut b: Vec<f64>) -> Vec<f64> {
         cholesky_solve(&self.factor, self.scale.len(), &mut b);
         b
     }
 
-    /// −gᵀx − xᵀHx/2 for (H + λD) x = −g.
+    /// Returns −gᵀx − xᵀHx/2 for (H + λD) x = −g.
     fn expected_decrease(&self, d: &Derivatives, x: &[f64]) -> f64 {
         (0..x.len())
             .map(|i| x[i] * (self.damping * self.scale[i] * x[i] - d.gradient[i]))
@@ -246,13 +246,17 @@ impl System {
             * 0.5
     }
 
-    /// |x|² in lengths that damping has.
+    /// Returns
+    ///
+    /// x
+    ///
+    /// ² in the metric of the damping, xᵀDx.
     fn squared_length(&self, x: &[f64]) -> f64 {
         x.iter().zip(&self.scale).map(|(x, s)| s * x * x).sum()
     }
 }
 
-/// The diagonal of H, lifted where it is small.
+/// Returns the diagonal of H, with a lower bound.
 fn scales(d: &Derivatives) -> Vec<f64> {
     let n = d.gradient.len();
     let diagonal = |i: usize| d.hessian[i * n + i].abs();
@@ -262,7 +266,7 @@ fn scales(d: &Derivatives) -> Vec<f64> {
         .collect()
 }
 
-/// A patch moved by a step and half of what leads back.
+/// Moves a patch by a step, less half of the acceleration `back`.
 fn moved(patch: &RationalPatch, step: &[f64], back: &[f64]) -> RationalPatch {
     let mut patch = patch.clone();
     let count = step.len() / 4;

@@ -1,5 +1,5 @@
-//! Patches made longer or shorter at their four sides u = 0, u = 1, v = 0 and v = 1, which are
-//! numbered 0 to 3.
+//! Extension and shortening of patches at their four sides u = 0, u = 1, v = 0 and v = 1, numbered
+//! 0 to 3.
 
 use crate::places::grid;
 use isoform_geom::RationalPatch;
@@ -7,7 +7,7 @@ use isoform_geom::RationalPatch;
 /// Places in each direction at which weights are looked at.
 const BALANCE_SAMPLES: usize = 7;
 
-/// The parameters of the place at `t` along a side and `e` beyond it.
+/// Returns the parameters of the point at `t` along a side and `e` beyond it.
 #[inline]
 pub(crate) fn beside(side: usize, t: f64, e: f64) -> (f64, f64) {
     match side {
@@ -18,7 +18,7 @@ pub(crate) fn beside(side: usize, t: f64, e: f64) -> (f64, f64) {
     }
 }
 
-/// A patch longer by a share at one side.
+/// Extends a patch by a fraction at one side.
 pub(crate) fn extended(patch: &RationalPatch, side: usize, share: f64) -> RationalPatch {
     let whole = (0.0, 1.0);
     match side {
@@ -29,13 +29,13 @@ pub(crate) fn extended(patch: &RationalPatch, side: usize, share: f64) -> Ration
     }
 }
 
-/// A patch longer by shares of its edges at its four sides, balanced.
+/// Extends a patch by fractions of its edges at its four sides and balances it.
 pub(crate) fn longer(patch: &RationalPatch, by: [f64; 4]) -> RationalPatch {
     balanced(patch.part((-by[0], 1.0 + by[1]), (-by[2], 1.0 + by[3])))
 }
 
-/// A patch with control points scaled so that the least and the largest weight are as far from 1,
-/// where J is least or nearly so. Its points stay where they are.
+/// Scales the control points so that the least and the largest weight have equal distances from 1,
+/// where J is nearly least. The points of the patch do not change.
 pub(crate) fn balanced(mut patch: RationalPatch) -> RationalPatch {
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
     for (u, v) in grid(BALANCE_SAMPLES) {
@@ -55,7 +55,7 @@ pub(crate) fn balanced(mut patch: RationalPatch) -> RationalPatch {
 mod tests {
     use super::*;
 
-    /// A plane's patch goes on as a plane, and its weights stay 1.
+    /// A planar patch is extended to a planar patch, and its weights stay 1.
     #[test]
     fn a_plane_goes_on() {
         let patch = RationalPatch::planar((2, 3), [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);

@@ -1,7 +1,7 @@
 //! Points of the surface: projections along gradients and lines, seeds, ridges.
 //!
-//! A *seed* is a point of the surface with a frame of its tangent plane; a *ridge* is where the
-//! largest curvature is largest along its own direction.
+//! A *seed* is a point of the surface with a frame of its tangent plane; a *ridge* is a curve on
+//! which the largest curvature is maximal along its own direction.
 
 use crate::options::Error;
 use crate::places::{contains, moved};
@@ -9,9 +9,9 @@ use isoform_control::Control;
 use isoform_geom::{Aabb, Field, Point3, across, cross, dot, norm};
 use isoform_num::Jet2;
 
-/// Newton steps towards the surface.
+/// Maximum number of Newton steps towards the surface.
 const STEPS: usize = 60;
-/// Distance to the surface that counts as none, in diagonals of the box.
+/// Distance from the surface that counts as 0, in diagonals of the box.
 pub(crate) const ON_SURFACE: f64 = 1e-12;
 /// Steps towards a ridge, in radii of curvature or in diagonals of the box, whichever is less:
 /// longer ones could pass over it.
@@ -51,17 +51,25 @@ const PLACES: usize = 4000;
 /// Points of the surface among which the one with the gentlest surroundings becomes the seed.
 const CANDIDATES: usize = 8;
 
-/// A point of the surface to start at, with a frame.
+/// Point of the surface at which a patch starts, with a frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Seed {
     pub(crate) point: Point3,
     /// Two orthogonal unit vectors of the tangent plane.
     pub(crate) tangents: [Point3; 2],
-    /// A bound on the curvatures, |H|/|∇F| with the Frobenius norm.
+    /// Upper bound on the curvatures,
+    ///
+    /// H
+    ///
+    /// /
+    ///
+    /// ∇F
+    ///
+    /// with the Frobenius norm.
     pub(crate) curvature: f64,
 }
 
-/// Numbers from 0 to 1 that a seed determines (SplitMix64).
+/// Generator of pseudo-random numbers from 0 to 1 (SplitMix64).
 pub(crate) struct Random(u64);
 
 impl Random {
@@ -83,8 +91,8 @@ impl Random {
     }
 }
 
-/// The point that Newton's method along the gradient leads to; none where it does not come to the
-/// surface.
+/// Returns the point to which Newton's method along the gradient leads; `None` if it does not reach
+/// the surface.
 pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
     let (mut p, mut last) = (from, f64::INFINITY);
     for _ in 0..STEPS {
@@ -110,13 +118,17 @@ pub(crate) fn project(field: &dyn Field, from: Point3, scale: f64) -> Option<Poi
     None
 }
 
-/// Whether a step is as short as rounding lets it be.
+/// Returns true if a step is as short as rounding allows.
 fn has_stalled(step: f64, last: f64, scale: f64) -> bool {
     step <= STALLED * scale && step >= SHORTER * last
 }
 
-/// Where the line p + t d meets the surface near t = 0; none where Newton's method leaves |t| ≤
-/// `reach`.
+/// Returns the point where the line p + t d meets the surface near t = 0; `None` if Newton's method
+/// leaves
+///
+/// t
+///
+/// ≤ `reach`.
 pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64) -> Option<Point3> {
     let at = |t: f64| moved(p, t, d);
     let (mut t, mut last) = (0.0, f64::INFINITY);
@@ -142,9 +154,9 @@ pub(crate) fn project_along(field: &dyn Field, p: Point3, d: Point3, reach: f64)
     None
 }
 
-/// The frame of the directions of principal curvature at a point of the surface, turned by an
-/// angle; an error where there is no tangent plane. Lines of curvature are orthogonal also farther
-/// away, so that a patch along them has little R.
+/// Returns the frame of the principal directions at a point of the surface, rotated by an angle; an
+/// error if there is no tangent plane. Lines of curvature stay orthogonal farther away, so that a
+/// patch along them has a small R.
 pub(crate) fn frame(
     field: &dyn Field,
     point: Point3,
@@ -162,7 +174,7 @@ pub(crate) fn frame(
     let n = j.g.map(|v| v / g);
     let [a, b] = across(n);
     let (twist, difference) = (2.0 * form(&j, a, b), form(&j, a, a) - form(&j, b, b));
-    // Where all curvatures are alike there are no such directions.
+    // At an umbilic point there are no principal directions.
     let principal = if twist.hypot(difference) > UMBILIC * h {
         0.5 * twist.atan2(difference)
     } else {
@@ -177,19 +189,19 @@ pub(crate) fn frame(
     })
 }
 
-/// |H| with the Frobenius norm.
+/// Returns the Frobenius norm of the Hessian H.
 fn frobenius(j: &Jet2) -> f64 {
     let all = (0..3).flat_map(|a| (0..3).map(move |b| (a, b)));
     all.map(|(a, b)| j.second(a, b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// uᵀHv.
+/// Returns uᵀHv.
 fn form(j: &Jet2, u: Point3, v: Point3) -> f64 {
     let all = (0..3).flat_map(|i| (0..3).map(move |k| (i, k)));
     all.map(|(i, k)| u[i] * j.second(i, k) * v[k]).sum::<f64>()
 }
 
-/// The largest normal curvature along the tangents of a seed, and its direction.
+/// Returns the larger normal curvature along the tangents of a seed, and its direction.
 fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
     let j = field.jet(seed.point);
     let along = |t: Point3| {
@@ -200,10 +212,12 @@ fn most_curved(field: &dyn Field, seed: &Seed) -> (f64, Point3) {
     if a.0 >= b.0 { a } else { b }
 }
 
-/// The place of a ridge near a point of the surface: where the largest curvature is largest along
-/// its own direction, if that is much more than at the point and not far from it.
+/// Returns the point of a ridge near a point of the surface, where the largest curvature is maximal
+/// along its own direction; `None` if that curvature is not much larger than at the point, or is
+/// far from it.
 ///
-/// A patch of a ridge is to lie on both sides of it alike: from beside it, it could not go round.
+/// A patch on a ridge must extend to both sides of it equally: started at one side, it could not
+/// bend around it.
 pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Point3> {
     let start = Curved::at(field, point, scale)?;
     let (mut at, mut share) = (start, RIDGE_STEP);
@@ -221,7 +235,7 @@ pub(crate) fn ridge(field: &dyn Field, point: Point3, scale: f64) -> Option<Poin
     (is_sharp && far > 0.0 && far * at.curvature < RIDGE_FAR).then_some(at.point)
 }
 
-/// A point of the surface with the largest normal curvature along its tangents, and its direction.
+/// Point of the surface with the largest normal curvature along its tangents, and its direction.
 #[derive(Clone, Copy)]
 struct Curved {
     point: Point3,
@@ -240,7 +254,7 @@ impl Curved {
         })
     }
 
-    /// The point a step away to either side, if the surface is more curved there.
+    /// Returns the point a step away on either side if the curvature is larger there.
     fn more_curved(&self, field: &dyn Field, step: f64, scale: f64) -> Option<Self> {
         [-step, step].into_iter().find_map(|s| {
             let p = moved(self.point, s, self.along);
@@ -250,7 +264,7 @@ impl Curved {
     }
 }
 
-/// The seed at the point of the surface that a given point leads to.
+/// Returns the seed at the projection of a given point to the surface.
 pub(crate) fn given(field: &dyn Field, near: Point3, region: &Aabb) -> Result<Seed, Error> {
     let scale = region.diagonal();
     if !field.value(near).is_finite() {
@@ -263,8 +277,9 @@ pub(crate) fn given(field: &dyn Field, near: Point3, region: &Aabb) -> Result<Se
     frame(field, point, 0.0, scale)
 }
 
-/// The k-th seed: of some random points of the surface the one whose surroundings are least curved,
-/// at a random angle. Where the time ends the search, the best so far; none is an error.
+/// Returns the k-th seed: of several random points of the surface the one with the smallest
+/// curvature, at a random angle. If the control stops the search, returns the best so far, or an
+/// error if there is none.
 pub(crate) fn chosen(
     field: &dyn Field,
     k: u64,

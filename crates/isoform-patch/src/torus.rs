@@ -1,27 +1,27 @@
-//! The torus that an exact patch lies on.
+//! Torus on which an exact patch lies.
 //!
 //! Normals of a surface of revolution all meet its axis: n·(b + a × p) = 0 for the velocity b + a ×
-//! p of the rotation about it (Pottmann and Wallner 2001, section 3.1), which is linear in a and b.
-//! In the half-plane about the axis the meridian must then be a circle. Normals cost some digits,
-//! which Gauss-Newton steps on the points' distances from the torus bring back.
+//! p of the rotation about the axis (Pottmann and Wallner 2001, section 3.1), which is linear in a
+//! and b. In the half-plane bounded by the axis the meridian must then be a circle. Normals cost
+//! some digits, which Gauss-Newton steps on the points' distances from the torus restore.
 
 use crate::least_squares::damped_least_squares;
 use crate::null::null;
 use crate::places::{moved, normalized};
 use isoform_geom::{Point3, Quadric, across, cross, dot, norm, sub};
 
-/// The error of normals: some digits more than that of points.
+/// Relative error of normals, some digits larger than that of points.
 const NORMALS: f64 = 1e-10;
 /// The patch is this near to the torus, in units of its own size: what is left of rounding where
 /// control weights differ much.
 const ON_TORUS: f64 = 5e-13;
 /// Gauss-Newton steps; they start a few digits away from rounding.
 const STEPS: usize = 4;
-/// Parameters of a torus: its centre, two of its axis, two radii.
+/// Number of parameters of a torus: three of its centre, two of its axis, two radii.
 const PARAMETERS: usize = 7;
 
-/// The torus through points with normals, in whose coordinates it is of size 1; none if there is
-/// none or more than one.
+/// Returns the torus through points with normals, in coordinates in which their extent is about 1;
+/// `None` if there is no torus or more than one.
 pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
     let axis = Axis::through(points, normals)?;
     let circle = Circle::of_meridian(points, &axis)?;
@@ -35,15 +35,16 @@ pub(crate) fn torus(points: &[Point3], normals: &[Point3]) -> Option<Quadric> {
     start.refined(points)
 }
 
-/// The axis of a surface of revolution.
+/// Axis of a surface of revolution.
 struct Axis {
-    /// The point of it nearest to the origin.
+    /// Point of the axis nearest to the origin.
     foot: Point3,
     direction: Point3,
 }
 
 impl Axis {
-    /// None where no rotation, or more than one motion, takes the surface into itself.
+    /// Computes the axis; `None` if no rotation, or more than one motion, maps the surface to
+    /// itself.
     fn through(points: &[Point3], normals: &[Point3]) -> Option<Self> {
         let rows = points.iter().zip(normals).map(|(p, n)| {
             let m = cross(*p, *n);
@@ -52,7 +53,7 @@ impl Axis {
         let v = null(rows.collect(), NORMALS)?;
         let (b, a) = ([v[0], v[1], v[2]], [v[3], v[4], v[5]]);
         let a2 = dot(a, a);
-        // A screw, or a translation.
+        // Screws and translations are excluded.
         if a2 <= NORMALS || dot(a, b).abs() > NORMALS.sqrt() * a2 {
             return None;
         }
@@ -63,17 +64,17 @@ impl Axis {
     }
 }
 
-/// A circle in the half-plane about an axis.
+/// Circle in the half-plane bounded by an axis.
 struct Circle {
-    /// The distance of its middle from the axis.
+    /// Distance of its centre from the axis.
     out: f64,
-    /// How far along the axis its middle is.
+    /// Coordinate of its centre along the axis.
     height: f64,
     radius: f64,
 }
 
 impl Circle {
-    /// The meridian, if it is a circle away from the axis.
+    /// Returns the meridian if it is a circle away from the axis.
     fn of_meridian(points: &[Point3], axis: &Axis) -> Option<Self> {
         let rows = points.iter().map(|p| {
             let d = sub(*p, axis.foot);
@@ -92,7 +93,7 @@ impl Circle {
     }
 }
 
-/// A torus near the points.
+/// Torus near the points.
 struct Torus {
     center: Point3,
     axis: Point3,
@@ -101,7 +102,8 @@ struct Torus {
 }
 
 impl Torus {
-    /// The torus nearby with the least squared distances, if all points are on it to rounding.
+    /// Minimises the squared distances of the points; `None` if not all of them lie on the
+    /// resulting torus to rounding.
     fn refined(mut self, points: &[Point3]) -> Option<Quadric> {
         for _ in 0..STEPS {
             let tilts = across(self.axis);
@@ -120,8 +122,9 @@ impl Torus {
         })
     }
 
-    /// The distances of points, and their derivatives by the centre, by a tilt of the axis towards
-    /// two vectors across it, and by both radii; none where a point is in a middle.
+    /// Returns the derivatives of the distances of points by the centre, by tilts of the axis
+    /// towards two vectors across it and by both radii, and the distances; `None` if a point lies
+    /// on the axis or on the central circle.
     fn residuals(&self, points: &[Point3], tilts: [Point3; 2]) -> Option<(Vec<f64>, Vec<f64>)> {
         let mut rows = Vec::with_capacity(PARAMETERS * points.len());
         let mut residuals = Vec::with_capacity(points.len());

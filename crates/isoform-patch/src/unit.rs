@@ -1,13 +1,15 @@
-//! The unit box: every patch is grown about the origin in units of the region's largest edge, so
-//! that neither the unit of length nor the place of a model matters.
+//! Unit box: every patch is grown around the origin in units of the region's largest edge, so that
+//! neither the unit of length nor the position of a model matters.
 //!
 //! The weights of S are given for a unit cube (Wurm, Jüttler and Kim 2003, Table 2), and control
-//! points (x w, y w, z w, w) of patches far from the origin are no variables for Newton's method.
+//! points (x w, y w, z w, w) of patches far from the origin make an ill-conditioned problem for
+//! Newton's method.
 //!
-//! A place p of the box is at c + e p in space, with the centre c and the largest edge e of the
-//! region. Options and functions go in ([`UnitBox::options`], [`UnitBox::field`]); patches,
-//! distances and errors come out. Rounding on the way out moves points: a tolerance is made smaller
-//! by that before, and a bound larger by it afterwards.
+//! A point p of the box is at c + e p in space, with the centre c and the largest edge e of the
+//! region. Options and functions are transformed into the box ([`UnitBox::options`],
+//! [`UnitBox::field`]); patches, distances and errors are transformed back. Rounding in the
+//! transformation back moves points: the tolerance is reduced by that amount beforehand, and the
+//! bound is increased by it afterwards.
 
 use crate::distance::Distances;
 use crate::fold;
@@ -21,11 +23,11 @@ use isoform_num::{Interval, Jet2, Jet3, Real};
 use std::ops::Deref;
 use std::sync::Arc;
 
-/// The share of the largest coordinate in space that a tolerance leaves for the rounding of
-/// coordinates on their way out of the unit box: twice what is rounded.
+/// Fraction of the largest coordinate in space by which tolerances are reduced for the rounding of
+/// coordinates in the transformation out of the unit box: twice the error.
 const ROUNDINGS: f64 = 8.0 * f64::EPSILON;
 
-/// A place p of the unit box is at `center` + `edge` p in space.
+/// Unit box: a point p of it is at `center` + `edge` p in space.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct UnitBox {
     center: Point3,
@@ -33,7 +35,7 @@ pub(crate) struct UnitBox {
 }
 
 impl UnitBox {
-    /// The unit box of a region.
+    /// Returns the unit box of a region.
     pub(crate) fn of(region: &Aabb) -> Self {
         Self {
             center: std::array::from_fn(|k| 0.5 * region.lo[k] + 0.5 * region.hi[k]),
@@ -41,15 +43,15 @@ impl UnitBox {
         }
     }
 
-    /// A place in space.
+    /// Transforms a point to space.
     pub(crate) fn out(&self, p: Point3) -> Point3 {
         std::array::from_fn(|k| self.center[k] + self.edge * p[k])
     }
-    /// A place in the unit box.
+    /// Transforms a point into the unit box.
     fn within(&self, p: Point3) -> Point3 {
         std::array::from_fn(|k| (p[k] - self.center[k]) / self.edge)
     }
-    /// Intervals that hold a box in space.
+    /// Returns intervals that contain a box, transformed to space.
     fn all_out(&self, region: &Aabb) -> [Interval; 3] {
         std::array::from_fn(|k| {
             let at = Interval::new(region.lo[k], region.hi[k]);
@@ -57,20 +59,20 @@ impl UnitBox {
         })
     }
 
-    /// A length in space, with what rounding on the way out may add to a distance.
+    /// Transforms a length to space and adds the amount by which rounding may increase a distance.
     pub(crate) fn length_out(&self, length: f64) -> f64 {
         let far = norm(self.center) + self.edge;
         self.edge * length * (1.0 + 1e-12) + ROUNDINGS * far
     }
-    /// A box in space.
+    /// Transforms a box to space.
     pub(crate) fn region_out(&self, region: &Aabb) -> Aabb {
         Aabb {
             lo: self.out(region.lo),
             hi: self.out(region.hi),
         }
     }
-    /// How a surface is covered in the unit box. A part of the margin, as of a tolerance, is used
-    /// up by rounding on the way out, so that more is asked for.
+    /// Transforms the options of a cover into the unit box. The margin is increased by the rounding
+    /// of the transformation to space.
     pub(crate) fn covering(&self, covering: &Covering) -> Covering {
         let far = norm(self.center) + self.edge;
         let margin = |m: f64| (m * (1.0 + 1e-12) + 2.0 * ROUNDINGS * far) / self.edge;
@@ -81,12 +83,12 @@ impl UnitBox {
         }
     }
 
-    /// A function of space as one of the unit box.
+    /// Wraps a function of space as a function of the unit box.
     pub(crate) fn field<F>(&self, field: F) -> InUnitBox<F> {
         InUnitBox { field, unit: *self }
     }
 
-    /// The parts of a surface as those in the unit box.
+    /// Wraps the parts of a surface as parts in the unit box.
     pub(crate) fn parts(&self, parts: &Parts) -> Parts {
         // Parts are compared by the addresses of their functions.
         let mut known: Vec<(Arc<dyn Field>, Arc<dyn Field>)> = Vec::new();
@@ -110,7 +112,7 @@ impl UnitBox {
         }
     }
 
-    /// What is asked for in the unit box.
+    /// Transforms the options into the unit box.
     pub(crate) fn options(&self, options: &Options) -> Options {
         let far = norm(self.center) + self.edge;
         let tolerance = |t: f64| ((1.0 - 1e-12) * t - ROUNDINGS * far).max(0.5 * t) / self.edge;
@@ -125,8 +127,8 @@ impl UnitBox {
         }
     }
 
-    /// A patch in space, and how far rounding may have moved its points; infinitely far where a
-    /// control weight is not positive.
+    /// Transforms a patch to space; returns also an upper bound on the distance by which rounding
+    /// moves its points, which is infinite if a control weight is not positive.
     fn patch_out(&self, patch: &RationalPatch) -> (RationalPatch, f64) {
         let (mut out, mut moved) = (patch.clone(), 0.0f64);
         for c in out.control_mut() {
@@ -147,8 +149,8 @@ impl UnitBox {
         (out, moved)
     }
 
-    /// A patch made in the unit box, in space. There it is proved again, by the function of its
-    /// part, that it does not fold over.
+    /// Transforms a patch made in the unit box to space. There it is proved again, with the
+    /// function of its part, that it does not fold over.
     pub(crate) fn made_out(&self, made: Parameterized, part: &dyn Field) -> Parameterized {
         let (patch, moved) = self.patch_out(&made.grown.patch);
         let length = |v: f64| self.edge * v;
@@ -172,7 +174,7 @@ impl UnitBox {
         }
     }
 
-    /// An error with its place in space.
+    /// Transforms the point of an error to space.
     pub(crate) fn error_out(&self, mut error: Error) -> Error {
         if let Error::FarSeed { at }
         | Error::Singular { at }
@@ -186,20 +188,20 @@ impl UnitBox {
     }
 }
 
-/// Whether a patch is proved not to fold over.
+/// Returns true if a patch is proved not to fold over.
 fn is_unfolded(field: &dyn Field, patch: &RationalPatch) -> bool {
     fold::prove_none(field, patch, &Control::default()).is_ok()
 }
 
-/// A function of space as one of the unit box.
+/// Function of space as a function of the unit box.
 pub(crate) struct InUnitBox<F> {
-    /// The function in space.
+    /// Function in space.
     field: F,
     unit: UnitBox,
 }
 
 impl<F> InUnitBox<F> {
-    /// A jet in space with its derivatives by coordinates of the unit box.
+    /// Transforms the derivatives of a jet in space to coordinates of the unit box.
     fn jet_of(&self, j: Jet2) -> Jet2 {
         j.in_units(self.unit.edge)
     }
@@ -229,7 +231,8 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
         Some(jet.in_units(self.unit.edge))
     }
     fn expansion(&self, at: Point3, region: Aabb) -> Option<Expansion> {
-        // The place in space is no number; the expansion about one nearby is carried over to it.
+        // The image of `at` in space is not a floating-point number; the expansion around a number
+        // nearby is widened to contain it.
         let place = self.unit.all_out(&Aabb { lo: at, hi: at });
         let near = self.unit.out(at);
         let space = Aabb::spanned(self.unit.all_out(&region));
@@ -242,7 +245,7 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
     }
     fn terms(&self) -> Option<Terms<'_>> {
         let terms = self.field.terms()?;
-        // Once about an origin is enough: boxes lie in no boxes.
+        // One such transformation suffices, as unit boxes are not nested.
         (terms.origin == [0.0; 3] && terms.unit == 1.0).then_some(Terms {
             origin: self.unit.center,
             unit: self.unit.edge,
@@ -251,9 +254,9 @@ impl<F: Deref<Target: Field> + Send + Sync> Field for InUnitBox<F> {
     }
 }
 
-/// An expansion that holds also about places whose coordinates differ by up to `off`: by the mean
-/// value theorem, from third derivatives upward. The places differ by roundings only, so that the
-/// signs of their differences, which [`Expansion::moved`] takes into account in ten times the time,
+/// Widens an expansion to hold also around points whose coordinates differ by up to `off`: by the
+/// mean value theorem, from third derivatives upward. As the points differ by roundings only, the
+/// signs of their differences, which [`Expansion::moved`] takes into account at ten times the cost,
 /// need not be known.
 fn widened(e: &Expansion, off: Point3) -> Expansion {
     let size = |i: &Interval| i.lo().abs().max(i.hi().abs());
@@ -277,14 +280,14 @@ fn widened(e: &Expansion, off: Point3) -> Expansion {
     }
 }
 
-/// Σ sizeₖ offₖ, which is at least the change along `off`: three products of two rounded factors,
-/// rounded upward at the end.
+/// Returns an upper bound of Σ sizeₖ offₖ: three products of two rounded factors, rounded upward at
+/// the end.
 fn along(size: impl Fn(usize) -> f64, off: Point3) -> f64 {
     let sum: f64 = (0..3).map(|k| size(k) * off[k]).sum();
     sum * (1.0 + 8.0 * f64::EPSILON) + f64::MIN_POSITIVE
 }
 
-/// An interval that reaches farther on both sides by `by`.
+/// Returns an interval extended by `by` on both sides.
 fn wider(i: Interval, by: f64) -> Interval {
     i + Interval::new(-by, by)
 }
@@ -293,8 +296,8 @@ fn wider(i: Interval, by: f64) -> Interval {
 mod tests {
     use super::*;
 
-    /// What holds about a place holds, widened, about every place as far off, and is no wider than
-    /// it has to be.
+    /// A widened expansion contains those around all points within the offset, and is not much
+    /// wider than necessary.
     #[test]
     fn widened_expansions_hold_those_nearby() {
         let f = isoform_field::Polynomial::new([

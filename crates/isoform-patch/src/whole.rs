@@ -1,10 +1,10 @@
-//! The whole surface that a patch belongs to: one smooth function, or smooth parts joined by minima
-//! and maxima.
+//! Surface to which a patch belongs: one smooth function, or smooth parts joined by minima and
+//! maxima.
 //!
-//! Words: a *piece* is a leaf of the tree of minima and maxima; a *part* is a smooth function of a
-//! piece with *limits*, other functions none of which is negative where the part counts; parts with
-//! one *function* go on smoothly into one another; an *edge* of a part is where another function
-//! begins to decide, or where a limit vanishes.
+//! Terms: a *piece* is a leaf of the tree of minima and maxima; a *part* is a smooth function of a
+//! piece with *limits*, further functions that are all nonnegative where the part is valid; parts
+//! with one *function* continue each other smoothly; an *edge* of a part is where another function
+//! begins to determine the surface, or where a limit vanishes.
 
 mod edge;
 mod octree;
@@ -17,90 +17,89 @@ use isoform_num::Interval;
 use octree::{Cell, Local, Octree};
 use std::collections::BTreeSet;
 
-/// A value below this, in lengths and in the scale given, is none: the place is on the surface.
-/// Places come from Newton's method on another function than the one that decides, so that this is
-/// larger than what that method leaves.
+/// Distance, in units of the given scale, below which a point counts as on the surface. Points come
+/// from Newton's method on another function than the deciding one, so this is larger than the
+/// residual of that method.
 const NO_DISTANCE: f64 = 1e-9;
 
-/// A smooth function with where it counts.
+/// Smooth function with the region in which it is valid.
 struct Part<'f> {
     piece: u32,
     field: &'f dyn Field,
-    /// The first part with the same function, as far as is known: the surface goes on smoothly from
-    /// one to the other.
+    /// First part known to have an equal function, into which the surface continues smoothly.
     function: usize,
     limits: Vec<&'f dyn Field>,
 }
 
 impl Part<'_> {
-    /// The smallest value of the part's limits at `p`; infinite if it has none. Where it is
-    /// negative the part does not count.
+    /// Returns the smallest value of the part's limits at `p`; infinite if it has none. The part is
+    /// not valid where it is negative.
     fn least_limit(&self, p: Point3) -> f64 {
         let limits = self.limits.iter().map(|l| l.value(p));
         limits.fold(f64::INFINITY, f64::min)
     }
 
-    /// Whether it may count somewhere in a region.
+    /// Returns true unless the part is provably invalid throughout a region.
     fn may_count_in(&self, region: Aabb) -> bool {
         (self.limits.iter()).all(|l| l.bounds(region).hi() >= 0.0)
     }
 }
 
-/// A surface as parts; a single field is one of them.
+/// Surface made of parts; a single field is one part.
 pub(crate) struct Whole<'f> {
     parts: Vec<Part<'f>>,
-    /// What matters anywhere.
+    /// Parts that matter anywhere.
     all: Local,
     octree: Octree,
 }
 
-/// What decides the sign in a region.
+/// Parts that can determine the sign in a region.
 pub(crate) struct Within {
-    /// The tree without what cannot.
+    /// Tree without the pieces that cannot.
     pub(crate) tree: Csg,
-    /// Its parts, each function once.
+    /// Parts of the tree, each function once.
     pub(crate) parts: Vec<usize>,
-    /// Whether no other part there has the same function.
+    /// True, by part, if no other part there has an equal function.
     pub(crate) alone: Vec<bool>,
 }
 
-/// What decides at a place.
+/// Part that determines the sign at a point.
 #[derive(Clone, Copy)]
 struct Deciding {
-    /// The signed distance to first order.
+    /// Signed distance to first order.
     distance: f64,
     part: usize,
 }
 
-/// A part of a whole on which a patch grows.
+/// Part of a surface on which a patch grows.
 #[derive(Clone, Copy)]
 pub(crate) struct On<'f> {
     pub(crate) whole: &'f Whole<'f>,
     pub(crate) part: usize,
-    /// What it stays away from.
+    /// Policy near singular points.
     pub(crate) near_singular: NearSingular<'f>,
 }
 
 impl<'f> On<'f> {
-    /// The function of the part.
+    /// Returns the function of the part.
     pub(crate) fn field(&self) -> &'f dyn Field {
         self.whole.field(self.part)
     }
 }
 
-/// What a patch does near singular points.
+/// Policy of a patch near singular points.
 #[derive(Clone, Copy)]
 pub(crate) enum NearSingular<'f> {
-    /// It goes on, and what cannot be proved is cut off.
+    /// Grows across them; what cannot be proved is cut off.
     Cross,
-    /// It goes on, but it is soon given up: there is another way.
+    /// Grows across them with a small effort of proof, as there is an alternative.
     Try,
-    /// It stays away from them.
+    /// Avoids them.
     Avoid(&'f Avoided),
 }
 
 impl<'f> NearSingular<'f> {
-    /// What is avoided.
+    /// Returns the points to be avoided; `None` if there are none.
     pub(crate) fn avoided(self) -> Option<&'f Avoided> {
         match self {
             Self::Avoid(avoided) => Some(avoided),
@@ -110,7 +109,7 @@ impl<'f> NearSingular<'f> {
 }
 
 impl<'f> Whole<'f> {
-    /// The zero set of one function.
+    /// Returns the zero set of one function.
     pub(crate) fn of_field(field: &'f dyn Field) -> Self {
         let all = Local {
             tree: Csg::Piece(0),
@@ -128,7 +127,7 @@ impl<'f> Whole<'f> {
         }
     }
 
-    /// A surface of parts; in the region it is known well what matters where.
+    /// Returns a surface of parts, with an octree over the region.
     pub(crate) fn of_parts(parts: &'f Parts, region: &Aabb) -> Self {
         let list = parts.parts.iter().map(|p| Part {
             piece: p.piece,
@@ -157,7 +156,7 @@ impl<'f> Whole<'f> {
         whole
     }
 
-    /// The parts that matter somewhere; of those with the same function the first.
+    /// Returns the parts that matter in the octree; of parts with one function the first.
     pub(crate) fn relevant(&self) -> Vec<usize> {
         let all: BTreeSet<usize> = (self.octree.leaves())
             .filter_map(|c| self.narrow(&c.local, c.region))
@@ -167,28 +166,28 @@ impl<'f> Whole<'f> {
         all.into_iter().collect()
     }
 
-    /// Number of parts.
+    /// Returns the number of parts.
     pub(crate) fn len(&self) -> usize {
         self.parts.len()
     }
-    /// Whether there is one function without limits only.
+    /// Returns true if the surface is one function without limits.
     pub(crate) fn is_single(&self) -> bool {
         self.parts.len() == 1 && self.parts[0].limits.is_empty()
     }
-    /// The function of a part.
+    /// Returns the function of a part.
     pub(crate) fn field(&self, part: usize) -> &'f dyn Field {
         self.parts[part].field
     }
-    /// Where none of these is negative a part counts.
+    /// Returns the limits of a part, which is valid where none of them is negative.
     pub(crate) fn limits(&self, part: usize) -> &[&'f dyn Field] {
         &self.parts[part].limits
     }
-    /// The piece of a part.
+    /// Returns the piece of a part.
     pub(crate) fn piece(&self, part: usize) -> u32 {
         self.parts[part].piece
     }
 
-    /// The one of the parts of a piece that counts at a place.
+    /// Returns the valid part of a piece at a point; `None` if the piece has no parts there.
     fn counting(&self, parts: &[usize], p: Point3) -> Option<usize> {
         if let [one] = parts {
             return Some(*one);
@@ -199,7 +198,7 @@ impl<'f> Whole<'f> {
             .map(|k| k.0)
     }
 
-    /// The signed distance to first order, and the part that decides it.
+    /// Returns the signed distance to first order, and the part that determines it.
     pub(crate) fn first_order(&self, p: Point3) -> (f64, usize) {
         let found = self.deciding(p);
         (found.distance, found.part)
@@ -234,7 +233,8 @@ impl<'f> Whole<'f> {
         }
     }
 
-    /// Whether a place on the zero set of a part is on the surface, and on that part of it.
+    /// Returns true if a point of the zero set of a part lies on the surface and on that part of
+    /// it.
     pub(crate) fn is_on(&self, part: usize, p: Point3, scale: f64) -> bool {
         if self.is_single() {
             return true;
@@ -245,7 +245,7 @@ impl<'f> Whole<'f> {
             && (self.parts[found.part].function == self.parts[part].function || is_within())
     }
 
-    /// What decides the sign in a region.
+    /// Returns the parts that can determine the sign in a region; `None` if there is no surface.
     pub(crate) fn within(&self, region: Aabb) -> Option<Within> {
         if self.is_single() {
             return Some(Within {
@@ -272,13 +272,13 @@ impl<'f> Whole<'f> {
         })
     }
 
-    /// Whether two parts of one piece have the same function.
+    /// Returns true if two parts of one piece have equal functions.
     fn are_one_function(&self, a: usize, b: usize) -> bool {
         let (a, b) = (&self.parts[a], &self.parts[b]);
         a.piece == b.piece && std::ptr::addr_eq(a.field, b.field)
     }
 
-    /// The parts of a list that may count somewhere in a region.
+    /// Returns the parts of a list that may be valid in a region.
     fn possible(&self, parts: &[usize], region: Aabb) -> Vec<usize> {
         let may_count = |k: &usize| self.parts[*k].may_count_in(region);
         parts.iter().copied().filter(may_count).collect()
@@ -288,7 +288,7 @@ impl<'f> Whole<'f> {
         all.reduce(|a, b| a.hull(&b)).unwrap_or(Interval::ALL)
     }
 
-    /// A range of the function at a place.
+    /// Returns a range of the function at a point.
     pub(crate) fn range_at(&self, p: Point3) -> Interval {
         let region = Aabb { lo: p, hi: p };
         let local = self.local(region);

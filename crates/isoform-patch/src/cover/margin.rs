@@ -1,4 +1,4 @@
-//! The proof that the surface lies as deep inside of patches as a margin asks for.
+//! Proof that the surface lies inside patches by a margin.
 
 use super::Depth;
 use super::rounds::Work;
@@ -14,7 +14,7 @@ const MOST_PROOFS: usize = 4;
 const CORNER: f64 = 1e-9;
 
 impl Work<'_> {
-    /// Proves that all of the surface lies as deep; adds patches where that fails.
+    /// Tries to prove the margin for the whole surface, and adds patches where the proof fails.
     pub(super) fn prove_margin(&mut self, margin: f64) -> Depth {
         self.control.report("margin", 0.0);
         let mut proof = self.proof(margin);
@@ -41,7 +41,8 @@ impl Work<'_> {
         }
     }
 
-    /// Points of the surface in the region near the middles of boxes, with the only part.
+    /// Projects the centres of boxes to the surface; returns those in the region, with the index of
+    /// the only part.
     fn points_of(&self, boxes: &[Aabb]) -> Vec<(Point3, usize)> {
         let (scale, field) = (self.region.diagonal(), self.whole.field(0));
         (boxes.iter())
@@ -57,7 +58,9 @@ impl Work<'_> {
             .filter_map(|made| Sheet::new(&made.grown.patch, made.distances.bound?, margin))
             .collect();
         let is_left_out = self.samples.iter().any(|s| s.is_left_out);
-        // Its corners are rounded on the way into the unit box.
+        // The corners of the region are rounded on the way into the unit box. The added 1e-9
+        // diagonals exceed that error for regions up to about a million times as far away as they
+        // are large.
         let more = CORNER * self.region.diagonal();
         let question = Question {
             field: self.whole.field(0),

@@ -1,4 +1,4 @@
-//! Rounds: patches grown side by side at open samples.
+//! Rounds of covering: patches grown in parallel at open samples.
 
 use super::samples::{Sample, next_seeds, update_far};
 use crate::depth::Border;
@@ -29,23 +29,23 @@ const MOST_FAILURES: usize = 200;
 /// A patch that was made shorter this often before its distance could be proved has met something
 /// hard: if there are singular points, those after it stay away from them.
 const HARD: usize = 3;
-/// Samples must lie this much deeper than the margin: what is left is for what lies between them,
-/// and for cells of the proof. With less there are more and smaller cells.
+/// Factor on the margin for the depth of samples. The excess covers points between samples and the
+/// radius of the proof's cells; a smaller factor costs more and smaller cells.
 const DEEPER: f64 = 1.25;
 /// The largest distance from singular points within which the surface may be left out, unless
 /// given, in the region's largest edge.
 const APART: f64 = 0.01;
 
-/// A patch with which samples it covers.
+/// A patch and, by sample, whether it covers that.
 pub(super) struct Covered {
     pub(super) made: Parameterized,
     covers: Vec<bool>,
 }
 
-/// A cover in the making.
+/// State of a cover while patches are added.
 pub(super) struct Work<'w> {
     pub(super) whole: &'w Whole<'w>,
-    /// For patches: with a margin they reach beyond the region that is to be covered.
+    /// Options of the patches, whose region is wider than the covered one if there is a margin.
     options: Options,
     pub(super) region: Aabb,
     tolerance: f64,
@@ -53,10 +53,10 @@ pub(super) struct Work<'w> {
     pub(super) control: Control<'w>,
     random: Random,
     pub(super) samples: Vec<Sample>,
-    /// Singular points near samples, and how far the surface about them may be left out.
+    /// Singular points near samples.
     pub(super) singular: Vec<Point3>,
     pub(super) apart: f64,
-    /// What patches stay away from: nothing before one had trouble.
+    /// Regions that patches avoid; `None` until a patch had trouble near a singular point.
     avoided: Option<Avoided>,
     pub(super) patches: Vec<Covered>,
     failures: usize,
@@ -110,8 +110,8 @@ impl<'w> Work<'w> {
         Ok(work)
     }
 
-    /// Starts patches until all samples are covered, and, for up to a number of rounds, all of
-    /// another set.
+    /// Adds patches until all samples are covered; then, up to `rounds` sets in all, draws another
+    /// set of samples and covers that.
     pub(super) fn cover_samples(&mut self, rounds: usize) {
         let mut round = 1;
         while !self.is_over() {
@@ -123,7 +123,7 @@ impl<'w> Work<'w> {
             if round == rounds {
                 break;
             }
-            // Other samples see what lies between the first ones.
+            // Another set detects gaps between the samples of the first.
             round += 1;
             let first = self.samples.len();
             self.more_samples();
@@ -135,21 +135,21 @@ impl<'w> Work<'w> {
         }
     }
 
-    /// Tells which share of the samples is done with.
+    /// Reports the fraction of samples that are settled as progress.
     fn tell(&self) {
         let open = self.samples.iter().filter(|s| s.is_open).count();
         let done = 1.0 - open as f64 / self.samples.len().max(1) as f64;
         self.control.report("cover", done);
     }
 
-    /// Whether no more patches may be tried.
+    /// Returns true if no further patch may be tried.
     fn is_over(&self) -> bool {
         self.patches.len() >= self.covering.most
             || self.failures >= MOST_FAILURES
             || self.control.is_stopped()
     }
 
-    /// Adds points of the surface in the region.
+    /// Adds random points of the surface in the region.
     fn more_samples(&mut self) {
         let scale = self.region.diagonal();
         let whole = self.whole;
@@ -175,7 +175,7 @@ impl<'w> Work<'w> {
         self.add(&fresh);
     }
 
-    /// Adds samples with the parts they lie on.
+    /// Adds points, each with the index of its part, as samples.
     pub(super) fn add(&mut self, fresh: &[(Point3, usize)]) {
         let first = self.samples.len();
         let samples: Vec<Sample> = fresh
@@ -199,7 +199,7 @@ impl<'w> Work<'w> {
         update_far(&mut self.samples, 0..count);
     }
 
-    /// How deep a point has to lie inside of a patch: not at all near edges, where patches end.
+    /// Returns the depth at which a point must lie inside a patch: 0 near edges, where patches end.
     fn needed_depth(&self, p: Point3, part: usize) -> f64 {
         let depth = DEEPER * self.covering.margin.unwrap_or(0.0);
         let has_edges = depth > 0.0 && !self.whole.is_single();
@@ -210,7 +210,7 @@ impl<'w> Work<'w> {
         if is_near { 0.0 } else { depth }
     }
 
-    /// Which samples, from one on, lie on a patch, and as deep as they have to.
+    /// Returns, for each sample from `first` on, whether it lies on a patch and deep enough in it.
     fn covers(&self, made: &Parameterized, first: usize) -> Vec<bool> {
         let patch = &made.grown.patch;
         let samples = &self.samples[first..];
@@ -227,7 +227,7 @@ impl<'w> Work<'w> {
         covers
     }
 
-    /// Grows some patches side by side.
+    /// Grows some patches in parallel.
     fn grow_some(&mut self) {
         let count = ROUND.min(self.covering.most - self.patches.len());
         let seeds = next_seeds(&self.samples, count);
@@ -240,7 +240,7 @@ impl<'w> Work<'w> {
             if self.is_hard(&made) && !self.singular.is_empty() {
                 self.avoided = Some(Avoided::new(&self.singular, self.apart));
             }
-            // Its own sample is done with, even if rounding says that it is not quite reached.
+            // The seed counts as settled even if rounding puts it slightly off the patch.
             self.samples[seed].is_open = false;
             self.samples[seed].far = 0.0;
             match made {
@@ -259,7 +259,7 @@ impl<'w> Work<'w> {
         update_far(&mut self.samples, done.into_iter());
     }
 
-    /// Grows a patch at a sample.
+    /// Grows a patch at a sample and determines which samples it covers.
     fn grow_at(&self, seed: usize) -> Result<Covered, Error> {
         let sample = &self.samples[seed];
         let on = On {
@@ -276,14 +276,14 @@ impl<'w> Work<'w> {
         Ok(Covered { made, covers })
     }
 
-    /// Whether a patch has met something hard.
+    /// Returns true if a patch failed or was hard to prove, which suggests a singular point nearby.
     fn is_hard(&self, made: &Result<Covered, Error>) -> bool {
         made.as_ref().map_or(true, |p| {
             p.made.shortenings >= HARD || !p.made.keeps(&self.options)
         })
     }
 
-    /// Closes the open samples that are covered; gives them back.
+    /// Closes the open samples that are newly covered; returns their indices.
     fn close(&mut self, covers: &[bool]) -> Vec<usize> {
         let is_newly_covered = |i: &usize| self.samples[*i].is_open && covers[*i];
         let closed: Vec<usize> = (0..covers.len()).filter(is_newly_covered).collect();
@@ -293,8 +293,9 @@ impl<'w> Work<'w> {
         closed
     }
 
-    /// No patch was found at a sample: near a singular point all that is as near to one is left
-    /// out; elsewhere it is tried again if singular points are to be avoided from now on.
+    /// Handles a seed without a patch: near a singular point, uncovered samples around such points
+    /// are left out; elsewhere the seed is tried again if the avoidance of singular points began
+    /// only now.
     fn fail(&mut self, seed: usize, was_avoided: bool) {
         if self.is_near_singular(self.samples[seed].point) {
             self.leave_out();
@@ -305,7 +306,7 @@ impl<'w> Work<'w> {
         }
     }
 
-    /// What the next patches do near singular points.
+    /// Returns the policy for the next patches near singular points.
     fn near_singular(&self) -> NearSingular<'_> {
         match &self.avoided {
             Some(avoided) => NearSingular::Avoid(avoided),
@@ -318,7 +319,7 @@ impl<'w> Work<'w> {
         (self.singular.iter()).any(|s| distance_squared(*s, p) <= self.apart * self.apart)
     }
 
-    /// Leaves out samples near singular points that lie on no patch.
+    /// Leaves out the samples near singular points that lie on no patch.
     fn leave_out(&mut self) {
         for i in 0..self.samples.len() {
             let is_covered = !self.samples[i].is_open && self.is_covered(i);
@@ -329,25 +330,25 @@ impl<'w> Work<'w> {
         }
     }
 
-    /// Whether a sample lies on a patch.
+    /// Returns true if a sample lies on a patch.
     fn is_covered(&self, i: usize) -> bool {
         (self.patches.iter()).any(|p| p.covers.get(i) == Some(&true))
     }
 
-    /// How many samples are left out.
+    /// Returns the number of samples that are left out.
     pub(super) fn left_out(&self) -> usize {
         self.samples.iter().filter(|s| s.is_left_out).count()
     }
 
-    /// How many samples lie on a patch and are not left out.
+    /// Returns the number of samples that lie on a patch and are not left out.
     pub(super) fn covered(&self) -> usize {
         (0..self.samples.len())
             .filter(|&i| !self.samples[i].is_left_out && self.is_covered(i))
             .count()
     }
 
-    /// Keeps a part of the patches that covers as much: greedily the one that covers most of what
-    /// is open.
+    /// Keeps a subset of the patches that covers as many samples: a greedy set cover that takes the
+    /// patch with the most uncovered samples next.
     pub(super) fn keep_needed(&mut self) {
         let mut patches = std::mem::take(&mut self.patches);
         let mut open = vec![true; self.samples.len()];

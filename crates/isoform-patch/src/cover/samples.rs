@@ -1,4 +1,4 @@
-//! Samples of a surface, and which of them are covered.
+//! Samples of a surface and their coverage.
 
 use isoform_geom::{KdTree, Point3, distance_squared};
 
@@ -6,13 +6,13 @@ use isoform_geom::{KdTree, Point3, distance_squared};
 #[derive(Clone, Copy)]
 pub(super) struct Sample {
     pub(super) point: Point3,
-    /// The part on which it lies.
+    /// Index of the part on which it lies.
     pub(super) part: usize,
-    /// How deep it has to lie inside of a patch.
+    /// Depth at which it must lie inside a patch.
     pub(super) needs: f64,
-    /// Whether it does not yet.
+    /// True if no patch covers it yet.
     pub(super) is_open: bool,
-    /// If so, its squared distance from samples that do and from tried seeds.
+    /// Squared distance from covered samples and tried seeds, while it is open.
     pub(super) far: f64,
     pub(super) is_left_out: bool,
 }
@@ -30,7 +30,7 @@ impl Sample {
     }
 }
 
-/// Takes note of the distances of open samples from some that no longer are.
+/// Updates the distances of open samples from samples that were settled just now.
 pub(super) fn update_far(samples: &mut [Sample], done: impl Iterator<Item = usize>) {
     let done: Vec<Point3> = done
         .map(|i| &samples[i])
@@ -47,12 +47,12 @@ pub(super) fn update_far(samples: &mut [Sample], done: impl Iterator<Item = usiz
     }
 }
 
-/// Open samples, each the farthest from what is covered and from those before it.
+/// Returns open samples, each the farthest from what is covered and from those chosen before it.
 pub(super) fn next_seeds(samples: &[Sample], count: usize) -> Vec<usize> {
     let mut far: Vec<f64> = samples.iter().map(|s| s.far).collect();
     let mut seeds: Vec<usize> = Vec::new();
     for _ in 0..count {
-        // The first among equals.
+        // Of equal distances the first sample wins.
         let best = (0..samples.len())
             .filter(|&i| samples[i].is_open)
             .max_by(|&a, &b| far[a].total_cmp(&far[b]).then(b.cmp(&a)));
@@ -71,7 +71,8 @@ pub(super) fn next_seeds(samples: &[Sample], count: usize) -> Vec<usize> {
 mod tests {
     use super::*;
 
-    /// Of places on a line with the first one covered, the last is the farthest, then the middle.
+    /// With points on a line and the first one covered, the last is the farthest, then the middle
+    /// one.
     #[test]
     fn seeds_are_far_from_what_is_covered_and_from_one_another() {
         let mut samples: Vec<Sample> = (0..9)

@@ -1,15 +1,15 @@
-//! The border of a patch as pieces that are nearly straight.
+//! Border of a patch as pieces that are nearly straight.
 
 use crate::cells::halve_net;
 use isoform_geom::{Point3, RationalPatch, distance_to_segment};
 
-/// Pieces of a border are halved until they are this straight, in the depth asked for: less is
-/// lost.
+/// Deviation of border pieces from a straight line, as a fraction of the depth: depths are
+/// underestimated by as much.
 pub(super) const STRAIGHT: f64 = 0.01;
 /// Halvings of a border, at most.
 const MOST_HALVINGS: usize = 8;
 
-/// A piece of a border: no point of it is farther than `off` from the line between two points.
+/// Piece of a border: no point of it is farther than `off` from the segment between its ends.
 #[derive(Clone, Copy, Debug)]
 struct Piece {
     ends: [Point3; 2],
@@ -17,18 +17,18 @@ struct Piece {
 }
 
 impl Piece {
-    /// A lower bound of its distance from a point.
+    /// Returns a lower bound of its distance from a point.
     fn distance(&self, p: Point3) -> f64 {
         distance_to_segment(p, self.ends) - self.off
     }
 }
 
-/// The four borders of a patch with positive control weights.
+/// Border curves of a patch with positive control weights.
 #[derive(Clone, Debug)]
 pub(crate) struct Border(Vec<Piece>);
 
 impl Border {
-    /// As pieces that are straight to a share of the depth.
+    /// Divides the border into pieces that are straight to a fraction of the depth.
     pub(crate) fn new(patch: &RationalPatch, depth: f64) -> Self {
         let (m, n) = patch.degree();
         let control = patch.control();
@@ -41,13 +41,13 @@ impl Border {
         Self(pieces)
     }
 
-    /// A lower bound of the distance of a point from the border.
+    /// Returns a lower bound of the distance of a point from the border.
     pub(crate) fn distance(&self, p: Point3) -> f64 {
         (self.0.iter()).fold(f64::INFINITY, |least, piece| least.min(piece.distance(p)))
     }
 }
 
-/// Adds a curve as pieces; its points lie in the hull of its control points.
+/// Divides a curve into pieces; the curve lies in the convex hull of its control points.
 fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec<Piece>) {
     let points: Vec<Point3> = (curve.iter())
         .map(|c| [c[0] / c[3], c[1] / c[3], c[2] / c[3]])
@@ -57,7 +57,7 @@ fn divide(curve: Vec<[f64; 4]>, straight: f64, halvings: usize, pieces: &mut Vec
         .map(|p| distance_to_segment(*p, ends))
         .fold(0.0, f64::max);
     if off <= straight || halvings == MOST_HALVINGS {
-        // Coordinates are rounded in each halving, and distances.
+        // The margin covers the rounding of coordinates in the halvings and of distances.
         let all = points.as_flattened().iter();
         let size = all.fold(0.0f64, |m, v| m.max(v.abs()));
         let off = off * (1.0 + 1e-9) + 1e-13 * size;
@@ -77,7 +77,8 @@ mod tests {
     use super::*;
     use isoform_geom::{norm, sub};
 
-    /// A rational curve's pieces are never farther than its points, and nearly as far.
+    /// The bound for a rational curve never exceeds the distance of its points, and nearly attains
+    /// it.
     #[test]
     fn pieces_of_a_border_are_as_far_as_its_points() {
         let control = (0..16).map(|i| {

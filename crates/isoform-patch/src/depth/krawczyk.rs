@@ -1,4 +1,4 @@
-//! Lines that meet a patch, by Krawczyk's operator.
+//! Proof that lines meet a patch, by Krawczyk's operator.
 
 use isoform_geom::{Aabb, Point3, RationalPatch, cross, dot, sub};
 use isoform_num::{Interval, Real};
@@ -9,8 +9,8 @@ const WIDER: f64 = 1.5;
 /// what is rounded on the way on the smallest cells of any use.
 const TO_SPARE: f64 = 1e-6;
 
-/// A part of a patch, about given parameters, that every line along n through a point of a cell
-/// meets, by Krawczyk's operator; none where that does not show it.
+/// Returns a part of a patch, around given parameters, that every line along n through a point of a
+/// cell provably meets; `None` if Krawczyk's operator does not prove it.
 pub(super) fn across(
     patch: &RationalPatch,
     cell: &Aabb,
@@ -19,7 +19,7 @@ pub(super) fn across(
 ) -> Option<RationalPatch> {
     let c = cell.center();
     let t = patch.tangents(u, v);
-    // Rows that take a vector to its share of the tangents, across n.
+    // Rows that map a vector, projected along n, to its coefficients in the basis of the tangents.
     let volume = dot(n, cross(t.u, t.v));
     if volume == 0.0 {
         return None;
@@ -27,7 +27,11 @@ pub(super) fn across(
     let rows = [cross(t.v, n), cross(n, t.u)].map(|row| row.map(|x| x / volume));
     let half = cell.size().map(|s| 0.5 * s * (1.0 + 1e-12));
     let off = sub(t.point, c);
-    // |A⁻¹(p − q)| at the known place for all q of the cell.
+    // Bound on
+    //
+    // A⁻¹(p − q)
+    //
+    // at the known point for all q of the cell.
     let first = rows.map(|row| {
         let wide: f64 = (0..3).map(|k| row[k].abs() * half[k]).sum();
         dot(row, off).abs() + wide
@@ -42,12 +46,21 @@ pub(super) fn across(
     is_contraction(first, [du, dv], slopes).then_some(part)
 }
 
-/// Whether |A⁻¹(p − q)| + |1 − A⁻¹p′| ≤ 1 with parameters from −1 to 1 about the known place.
+/// Returns true if
+///
+/// A⁻¹(p − q)
+///
+/// +
+///
+/// 1 − A⁻¹p′
+///
+/// ≤ 1 for parameters scaled to −1 to 1 around the known point.
 fn is_contraction(first: [f64; 2], reach: [f64; 2], slopes: [[Interval; 2]; 2]) -> bool {
     (0..2).all(|k| {
         let mut sum = first[k] / reach[k];
         for l in 0..2 {
-            // The part's parameters go from 0 to 1: its derivatives are twice those wanted.
+            // The part has parameters from 0 to 1: its derivatives are twice those of parameters
+            // from −1 to 1.
             let share = Interval::constant(0.5 / reach[k]) * slopes[k][l];
             let unit = if k == l { 1.0 } else { 0.0 };
             sum += (share.hi() - unit).max(unit - share.lo());
@@ -56,8 +69,8 @@ fn is_contraction(first: [f64; 2], reach: [f64; 2], slopes: [[Interval; 2]; 2]) 
     })
 }
 
-/// Ranges of the derivatives in both parameters, in the inner order, of a patch's products with
-/// vectors; `c` is near it. None where a control weight is not positive.
+/// Returns ranges of the derivatives by u and v (inner index) of the products of a patch with two
+/// vectors; `c` is a point near the patch. `None` if a control weight is not positive.
 fn slopes_of(patch: &RationalPatch, c: Point3, rows: [Point3; 2]) -> Option<[[Interval; 2]; 2]> {
     let (least, most) = patch.control_weights();
     if least <= 0.0 {
@@ -81,8 +94,8 @@ fn slopes_of(patch: &RationalPatch, c: Point3, rows: [Point3; 2]) -> Option<[[In
     }))
 }
 
-/// The range of the derivative in u or v of a polynomial of degree (m, n), by the differences of
-/// its coefficients.
+/// Returns the range of the derivative by u or v of a polynomial of degree (m, n), from the
+/// differences of its Bernstein coefficients.
 fn derivative(values: &[f64], (m, n): (usize, usize), in_u: bool) -> Interval {
     let (by, factor) = if in_u {
         ((1, 0), m as f64)
@@ -94,7 +107,7 @@ fn derivative(values: &[f64], (m, n): (usize, usize), in_u: bool) -> Interval {
     hull(pairs.map(|(i, j)| factor * (at(i + by.0, j + by.1) - at(i, j))))
 }
 
-/// The smallest interval that holds some numbers.
+/// Returns the smallest interval that contains the given numbers.
 fn hull(all: impl Iterator<Item = f64>) -> Interval {
     let (lo, hi) = all.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
         (lo.min(v), hi.max(v))
@@ -106,8 +119,8 @@ fn hull(all: impl Iterator<Item = f64>) -> Interval {
 mod tests {
     use super::*;
 
-    /// x′ falls from 3 to 0 at u = 0.34, where the patch turns back: a small cell is met, one that
-    /// comes near is not known to be.
+    /// x′ falls from 3 to 0 at u = 0.34, where the patch turns back: a small cell is proved to be
+    /// met, a larger one that comes near the fold is not.
     #[test]
     fn cells_near_a_fold_are_not_known_to_be_met() {
         let row = |x: f64| [0.0, 0.5, 1.0].map(|y| [x, y, 0.0, 1.0]);
@@ -130,7 +143,7 @@ mod tests {
         RationalPatch::planar((3, 2), [x.0, y.0, 1e-6], [a, 0.0, 0.0], [0.0, b, 0.0])
     }
 
-    /// Every line through a cell inside of the patch meets it; not so beyond its border.
+    /// Every line through a cell inside the patch meets it; beyond its border no proof is found.
     #[test]
     fn lines_are_met_where_the_operator_says_so() {
         let patch = square((-0.5, 0.5), (-0.5, 0.5));
@@ -142,7 +155,7 @@ mod tests {
         let part = across(&patch, &cell([0.1, 0.1, 0.0], 0.01), n, (0.6, 0.6)).expect("met");
         let region = part.control_box().expect("a box");
         assert!(region.lo[0] < 0.09 && region.hi[0] > 0.11);
-        // Too near the border, and about a place that is too far.
+        // Too near the border, and around a point that is too far away.
         assert!(across(&patch, &cell([0.49, 0.1, 0.0], 0.01), n, (0.99, 0.6)).is_none());
         assert!(across(&patch, &cell([0.1, 0.1, 0.0], 0.01), n, (0.2, 0.6)).is_none());
     }

@@ -1,4 +1,4 @@
-//! A patch that points may lie in, with places from which feet are sought.
+//! Patch with start points for the search of feet.
 
 use super::border::Border;
 use crate::feet::step_to_foot;
@@ -15,22 +15,22 @@ const FOUND: f64 = 1e-6;
 /// sought.
 const FAR: f64 = 4.0;
 
-/// A patch that points may lie in.
+/// Patch in which points may lie.
 pub(crate) struct Sheet<'p> {
     pub(super) patch: &'p RationalPatch,
-    /// Its proved distance from the surface.
+    /// Proved upper bound on its distance from the surface.
     pub(super) bound: f64,
     pub(super) border: Border,
-    /// It lies in this box.
+    /// Box that contains the patch.
     region: Aabb,
-    /// Places from which feet are sought, with their parameters,
+    /// Start points for the search of feet, with their parameters.
     starts: Vec<((f64, f64), Point3)>,
-    /// and how far apart they are.
+    /// Largest distance between neighbouring start points.
     apart: f64,
 }
 
 impl<'p> Sheet<'p> {
-    /// None where control weights are not positive.
+    /// Prepares a patch; `None` if a control weight is not positive.
     pub(crate) fn new(patch: &'p RationalPatch, bound: f64, depth: f64) -> Option<Self> {
         let region = patch.control_box()?;
         let starts: Vec<((f64, f64), Point3)> = middles(GRID)
@@ -48,7 +48,8 @@ impl<'p> Sheet<'p> {
         })
     }
 
-    /// The parameters of a place of the patch near a point; none where that is not within `reach`.
+    /// Returns the parameters of a point of the patch near p; `None` if no point within `reach` of
+    /// p, plus the patch's distance from the surface, is found.
     pub(super) fn foot(&self, p: Point3, reach: f64) -> Option<(f64, f64)> {
         let far = reach + self.bound;
         let (mut u, mut v) = self.start(p, far)?;
@@ -63,8 +64,8 @@ impl<'p> Sheet<'p> {
         (norm(sub(self.patch.point(u, v), p)) <= far).then_some((u, v))
     }
 
-    /// The parameters of the place from which the foot of a point is sought; none where it is
-    /// farther from the patch than `far`.
+    /// Returns the parameters of the start point nearest to p; `None` if p is farther from the
+    /// patch than `far`.
     fn start(&self, p: Point3, far: f64) -> Option<(f64, f64)> {
         let region = self.region;
         let is_near = |k: usize| region.lo[k] - far <= p[k] && p[k] <= region.hi[k] + far;

@@ -1,4 +1,4 @@
-//! A proved bound made better: the cells with the largest bounds are divided first.
+//! Refinement of a proved bound: the cells with the largest bounds are divided first.
 
 use super::cell::{Prover, Rounding};
 use super::proof::Effort;
@@ -16,8 +16,8 @@ const ALIKE: f64 = 1.2;
 /// Cells longer than this, in widths, are always halved across.
 const NARROW: f64 = 200.0;
 
-/// A cell with what is proved of it; the greatest has the largest bound, and came first among
-/// equals.
+/// Cell with its proved bound. The greatest in the order has the largest bound; of equal bounds,
+/// the one that was made first.
 struct Bounded {
     bound: f64,
     number: usize,
@@ -45,8 +45,8 @@ impl PartialEq for Bounded {
 }
 impl Eq for Bounded {}
 
-/// Divides the cells with the largest bounds until all are at most `goal`, or the effort is spent:
-/// the bound, and, if it is above the goal, the middle of the cell with the largest.
+/// Divides the cells with the largest bounds until all are at most `goal` or the effort is spent.
+/// Returns the bound and, if it exceeds the goal, the parameters of the centre of the worst cell.
 pub(super) fn refined(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -81,7 +81,7 @@ struct Refinement<'a> {
 }
 
 impl Refinement<'_> {
-    /// A cell with the best bound that can be proved of it, where `known` is one.
+    /// Returns a cell with the best bound that can be proved for it; `known` is a valid one.
     fn bounded(&mut self, cell: RationalPatch, place: Place, depth: u32, known: f64) -> Bounded {
         self.looked_at += 1;
         let rounding = Rounding::of_part(self.patch, place);
@@ -96,14 +96,14 @@ impl Refinement<'_> {
         }
     }
 
-    /// The halves of a cell in the direction in which more is gained: along an edge cells may stay
-    /// long.
+    /// Returns the halves of a cell in the direction that lowers the bounds more: along an edge
+    /// cells may stay long.
     fn halves(&mut self, cell: &Bounded) -> Vec<Bounded> {
         let (in_u, in_v) = (self.halved(cell, true), self.halved(cell, false));
         let (sum_u, sum_v) = (self.sum(&in_u), self.sum(&in_v));
         let (along_u, along_v) = lengths(&cell.cell);
-        // Edges that run askew gain a little from ever narrower cells, and much from shorter ones
-        // later.
+        // Edges oblique to the parameter lines gain a little from ever narrower cells, and much
+        // from shorter ones later.
         let alike = sum_u.max(sum_v) <= ALIKE * sum_u.min(sum_v)
             || along_u.max(along_v) > NARROW * along_u.min(along_v);
         let is_in_u = if alike {
@@ -121,7 +121,7 @@ impl Refinement<'_> {
             .collect()
     }
 
-    /// The sum of bounds, none of which counts as less than the goal.
+    /// Returns the sum of bounds, each counted as at least the goal.
     fn sum(&self, cells: &[Bounded]) -> f64 {
         cells
             .iter()

@@ -1,5 +1,5 @@
-//! The bound of one cell: by a direction along which F grows, at a self-intersection, or by a
-//! change of sign.
+//! Proved bound of one cell: along a direction in which F increases, at a self-intersection, or by
+//! a change of sign.
 
 use super::crossing::{changes_sign, crossing_bound};
 use super::products::Products;
@@ -21,18 +21,30 @@ const CROSSING: f64 = 4.0;
 /// which it is found.
 const SMALL: f64 = 0.85;
 
-/// How far a cell's points may be off by the rounding of subdivision.
+/// Bound on the rounding error of a cell's points, which comes from subdivision.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rounding {
     /// Levels of de Casteljau's algorithm that led to the cell.
     levels: f64,
-    /// The largest of |X|, |Y| and |Z| of the control points of the whole patch (x, y and z
-    /// multiplied by the weight), and the largest of their weights.
+    /// Largest of
+    ///
+    /// X
+    ///
+    /// ,
+    ///
+    /// Y
+    ///
+    /// and
+    ///
+    /// Z
+    ///
+    /// of the control points of the whole patch (x, y and z multiplied by the weight), and largest
+    /// of their weights.
     size: (f64, f64),
 }
 
 impl Rounding {
-    /// That of a part of a patch.
+    /// Returns the error data of a part of a patch.
     pub(super) fn of_part(patch: &RationalPatch, place: Place) -> Self {
         let (m, n) = patch.degree();
         let halvings = |(a, b): (f64, f64)| -(b - a).log2();
@@ -48,34 +60,38 @@ impl Rounding {
         }
     }
 
-    /// A bound on it for points whose coordinates are at most `largest` and whose weights are at
-    /// least `least`: x = X/w is off by (ΔX + |x| Δw)/w.
+    /// Returns a bound on the error of points whose coordinates are at most `largest` and whose
+    /// weights are at least `least`: x = X/w is off by (ΔX +
+    ///
+    /// x
+    ///
+    /// Δw)/w.
     fn of_points(&self, largest: f64, least: f64) -> f64 {
         SUBDIVISION * self.levels * (self.size.0 + largest * self.size.1) / least * (1.0 + 1e-9)
     }
 }
 
-/// A cell of a patch.
+/// Cell of a patch, in homogeneous coordinates relative to a point c.
 pub(super) struct Cell {
-    /// A point about its middle.
+    /// Point near the centre of the cell.
     pub(super) c: Point3,
-    /// Its control points less c times their weights: δ and the weight, homogeneous.
+    /// Control points less c times their weights: δ and the weight, homogeneous.
     pub(super) d: Vec<[f64; 4]>,
-    /// No coordinate differs from that of c by more.
+    /// Bounds on the differences of its coordinates from those of c.
     pub(super) r: Point3,
-    /// How far its points may be off.
+    /// Bound on the rounding error of its points.
     pub(super) rounding: f64,
 }
 
 impl Cell {
-    /// None where a control weight is not positive.
+    /// Prepares a cell; `None` if a control weight is not positive.
     fn new(patch: &RationalPatch, rounding: Rounding) -> Option<Self> {
         let (least, _) = patch.control_weights();
         if least <= 0.0 {
             return None;
         }
         let c = patch.point(0.5, 0.5);
-        // δ over the cell lies within these; c need not be exact.
+        // δ over the cell lies in the hull of these; c need not be exact.
         let about = |p: &[f64; 4]| {
             let x = |k: usize| p[k] - c[k] * p[3];
             [x(0), x(1), x(2), p[3]]
@@ -93,7 +109,7 @@ impl Cell {
         Some(Self { c, d, r, rounding })
     }
 
-    /// The box that reaches `by` beyond the cell.
+    /// Returns a box that extends by `by` beyond the cell.
     pub(super) fn around(&self, by: f64) -> Aabb {
         let (c, r) = (self.c, self.r);
         Aabb {
@@ -102,17 +118,21 @@ impl Cell {
         }
     }
 
-    /// No point of it is farther from c.
+    /// Returns an upper bound on the distance of its points from c.
     fn reach(&self) -> f64 {
         norm(self.r)
     }
 }
 
-/// Proves bounds of cells.
+/// Prover of bounds for cells.
 pub(super) struct Prover<'w> {
     pub(super) whole: &'w Whole<'w>,
     pub(super) products: Products,
-    /// A bound on |F| over the whole patch, of a single function F; infinite if none is known.
+    /// Upper bound on
+    ///
+    /// F
+    ///
+    /// over the whole patch, for a single function F; infinite if unknown.
     pub(super) known: f64,
 }
 
@@ -125,7 +145,8 @@ impl<'w> Prover<'w> {
         }
     }
 
-    /// A bound on the distance of a cell from the surface, if one of at most `target` is found.
+    /// Returns a bound on the distance of a cell from the surface; `None` if none of at most
+    /// `target` is found.
     pub(super) fn bound(
         &self,
         patch: &RationalPatch,
@@ -148,15 +169,18 @@ impl<'w> Prover<'w> {
         self.has_sign_change(&cell, target).then_some(target)
     }
 
-    /// How far beyond a cell the surface is sought: as far as it seems to be, not as far as it may
-    /// be.
+    /// Returns the distance beyond a cell in which the surface is sought: an estimate from F/
+    ///
+    /// ∇F
+    ///
+    /// , at most the target.
     fn sought_beyond(&self, cell: &Cell, target: f64) -> f64 {
         let seems = 2.0 * self.whole.first_order(cell.c).0.abs();
         let beyond = (seems + 0.125 * cell.reach()).min(target);
         if beyond.is_nan() { target } else { beyond }
     }
 
-    /// √(2M/λ), if there is such a bound; none at all where F cannot be expanded.
+    /// Returns √(2M/λ) if there is such a bound; the outer `None` means that F cannot be expanded.
     fn bound_at_crossing(&self, cell: &Cell, target: f64) -> Option<Option<f64>> {
         let e = self.whole.field(0).expansion(cell.c, cell.around(target))?;
         let (lo, hi) = range(&Taylor::new(&e, cell.r), cell, &self.products);
@@ -168,8 +192,8 @@ impl<'w> Prover<'w> {
         Some(crossing_bound(&e, cell.r.map(|v| v + target), most))
     }
 
-    /// Whether F changes its sign near a cell that is small against the target, if the functions
-    /// are such of which something can be proved.
+    /// Returns true if F provably changes its sign near a cell that is small compared with the
+    /// target.
     fn has_sign_change(&self, cell: &Cell, target: f64) -> bool {
         let reach = cell.reach();
         if reach > SMALL * target {

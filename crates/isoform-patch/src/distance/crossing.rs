@@ -1,4 +1,4 @@
-//! Self-intersections: a bound by second derivatives of both signs, and changes of sign.
+//! Self-intersections: a bound from second derivatives of both signs, and changes of sign.
 
 use super::taylor::{magnitude, middle, radius};
 use crate::whole::Whole;
@@ -12,14 +12,18 @@ const FOOT_STEPS: usize = 8;
 /// last place.
 const EIGEN_ROUNDING: f64 = 1e-14;
 
-/// √(2M/λ), where second derivatives have both signs by λ or more within `wide` of the point of
-/// expansion.
+/// Returns √(2M/λ) with M = `most`, if second derivatives have both signs with absolute values of
+/// at least λ within `wide` of the point of expansion.
 pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f64> {
     let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
     let (values, vectors) =
         symmetric_eigen(&[h[0], h[1], h[2], h[1], h[3], h[4], h[2], h[4], h[5]], 3);
     let size: f64 = h.iter().map(|v| v.abs()).sum();
-    // A lower bound of |eᵀHe| for an eigenvector e.
+    // Lower bound of
+    //
+    // eᵀHe
+    //
+    // for the k-th eigenvector e.
     let least = |k: usize| {
         let n = std::array::from_fn(|i| vectors[3 * k + i].abs());
         values[k].abs() * (1.0 - 1e-12) - lost_along(e, n, wide, EIGEN_ROUNDING * size)
@@ -31,7 +35,11 @@ pub(super) fn crossing_bound(e: &Expansion, wide: Point3, most: f64) -> Option<f
     Some((2.0 * most / lambda).sqrt() * (1.0 + 1e-12))
 }
 
-/// What third derivatives, radii and rounding may take away from nᵀHn.
+/// Returns the amount by which third derivatives, radii of intervals and rounding may reduce
+///
+/// nᵀHn
+///
+/// .
 fn lost_along(e: &Expansion, n: Point3, wide: Point3, rounding: f64) -> f64 {
     let t: [f64; 10] = std::array::from_fn(|k| magnitude(&e.third[k]));
     let mut lost = rounding;
@@ -46,7 +54,7 @@ fn lost_along(e: &Expansion, n: Point3, wide: Point3, rounding: f64) -> f64 {
     lost
 }
 
-/// Directions in which a change of sign is sought, of length 1 at most.
+/// Directions in which a change of sign is sought, of length at most 1.
 const DIRECTIONS: [[f64; 3]; 13] = [
     [1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
@@ -63,7 +71,7 @@ const DIRECTIONS: [[f64; 3]; 13] = [
     [-0.57, 0.57, 0.57],
 ];
 
-/// The certain signs of F that were seen.
+/// Proved signs of F found so far.
 struct Signs<'w> {
     whole: &'w Whole<'w>,
     positive: bool,
@@ -71,7 +79,7 @@ struct Signs<'w> {
 }
 
 impl Signs<'_> {
-    /// Looks at a place; whether both signs have been seen.
+    /// Determines the sign at a point; returns true if both signs have been found.
     fn see(&mut self, p: Point3) -> bool {
         let range: Interval = self.whole.range_at(p);
         let sign = i32::from(range.lo() > 0.0) - i32::from(range.hi() < 0.0);
@@ -80,7 +88,8 @@ impl Signs<'_> {
         self.positive && self.negative
     }
 
-    /// Looks about a place, at the distance t or a little less.
+    /// Determines signs around a point, at the distance t or slightly less; returns true if both
+    /// signs have been found.
     fn see_around(&mut self, q: Point3, t: f64) -> bool {
         let places = DIRECTIONS.iter().flat_map(|d| {
             let at = move |s: f64| std::array::from_fn(|k| q[k] + s * d[k]);
@@ -90,9 +99,9 @@ impl Signs<'_> {
     }
 }
 
-/// Whether F certainly vanishes within t of c: it has both signs in that ball, which is connected.
-/// Points are tried about c, and about where Newton's method leads to from there, as the sectors
-/// between two sheets that cross may be narrow.
+/// Returns true if F provably vanishes within t of c: it has both signs in that ball, which is
+/// connected. Points around c are tried, and points around the end of a Newton iteration from c, as
+/// the sectors between two crossing sheets may be narrow.
 pub(super) fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
     let mut signs = Signs {
         whole,
@@ -111,7 +120,7 @@ pub(super) fn changes_sign(whole: &Whole<'_>, c: Point3, t: f64) -> bool {
     left > 0.1 * t && signs.see_around(q, 0.99 * left)
 }
 
-/// Where Newton's method with the function that decides the sign leads to.
+/// Returns the end of a Newton iteration with the function that decides the sign.
 fn foot(whole: &Whole<'_>, from: Point3) -> Point3 {
     let mut q = from;
     for _ in 0..FOOT_STEPS {

@@ -1,4 +1,4 @@
-//! Products of three polynomials of degree (m, n), by Bernstein coefficients.
+//! Products of three polynomials of degree (m, n) in the Bernstein basis.
 
 use crate::MOST_DEGREE;
 use crate::compose::binomial;
@@ -7,26 +7,26 @@ use crate::sized::{chunk, sized};
 /// Tables for products of polynomials of degree (m, n).
 pub(super) struct Products {
     degree: (usize, usize),
-    /// For products of two, in u and in v.
+    /// Coefficients for products of two, in u and in v.
     two: [Shares; 2],
-    /// For products of such a product with one more.
+    /// Coefficients for products of a product of two with a third, in u and in v.
     three: [Shares; 2],
 }
 
-/// By (i, k): what bᵢ cₖ adds to coefficient i + k of a product.
+/// Factors by (i, k) with which bᵢ cₖ enters coefficient i + k of a product.
 type Shares = Vec<Vec<f64>>;
 
-/// Four numbers by control point: those of a polynomial's four coordinates, or a product of two
-/// with each of four.
+/// Four numbers per control point: a polynomial's four coordinates, or a product of two with each
+/// of four.
 type Four = [f64; 4];
 
-/// Products of two: a·b for four b, and the square of the last of a.
+/// Products of two: a·b for four b, and the square of the last coordinate of a.
 struct Pairs {
     products: Vec<Four>,
     squares: Vec<f64>,
 }
 
-/// The shares for degrees l and n.
+/// Returns the factors for degrees l and n.
 fn shares(l: usize, n: usize) -> Shares {
     let share = |i: usize, k: usize| binomial(l, i) * binomial(n, k) / binomial(l + n, i + k);
     (0..=l)
@@ -34,7 +34,7 @@ fn shares(l: usize, n: usize) -> Shares {
         .collect()
 }
 
-/// Σ pₖ qₖ at one place of four rows, in the order in which it is rounded.
+/// Returns Σ pₖ qₖ at one index of four rows, in a fixed order of summation.
 #[inline(always)]
 fn product<const N: usize>(p: &Four, q: [&[f64; N]; 4], at: usize) -> f64 {
     p[0] * q[0][at] + p[1] * q[1][at] + (p[2] * q[2][at] + p[3] * q[3][at])
@@ -50,15 +50,17 @@ impl Products {
         }
     }
 
-    /// Roundings of a coefficient, in units of ε times the sum of its terms: half a unit for each
-    /// operation of the terms and of their sum, in both products, and as many for w³.
+    /// Returns the number of roundings of a coefficient, in units of ε times the sum of its terms:
+    /// half a unit for each operation of the terms and of their sum, in both products, and as many
+    /// for w³.
     pub(super) fn roundings(&self) -> f64 {
         let (m, n) = self.degree;
         (48 + 2 * (m + 1) * (n + 1)) as f64
     }
 
-    /// The coefficients of Σₖ aₖ Σᵢ aᵢ bᵢₖ, of degree (3m, 3n), each with that of the cube of the
-    /// last of a: `a[c][k]` is coefficient c of aₖ, `b[c][i][k]` that of bᵢₖ.
+    /// Returns the coefficients of Σₖ aₖ Σᵢ aᵢ bᵢₖ, of degree (3m, 3n), each with the coefficient
+    /// of the cube of the last coordinate of a: `a[c][k]` is coefficient c of aₖ, `b[c][i][k]` that
+    /// of bᵢₖ.
     pub(super) fn of(&self, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
         sums(self, a, b)
     }
@@ -90,26 +92,26 @@ impl Products {
 }
 
 isoform_num::dispatch! {
-    /// See [`Products::of`].
+    /// See [`Products::triple`].
     fn sums(products: &Products, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> = sums_body
 }
 
 #[inline(always)]
 fn sums_body(products: &Products, a: &[Four], b: &[[Four; 4]]) -> Vec<[f64; 2]> {
     let two = products.pairs(a, b);
-    // Patches that others made may have any degree.
+    // Patches from files may have any degree.
     let count = products.degree.1 + 1;
     let count = if count <= MOST_DEGREE + 1 { count } else { 1 };
     sized!(count, times_one_more(products, &two, a))
 }
 
-/// Products of pairs with one more, for N coefficients in v at a time.
+/// Multiplies pairs by one more polynomial, for N coefficients in v at a time.
 #[inline(always)]
 fn times_one_more<const N: usize>(products: &Products, two: &Pairs, a: &[Four]) -> Vec<[f64; 2]> {
     let (m, n) = products.degree;
     let size = (3 * m + 1) * (3 * n + 1);
     let (mut sums, mut cubes) = (vec![0.0; size], vec![0.0; size]);
-    // By coordinate, in place of by control point.
+    // Rows by coordinate instead of by control point.
     let row = |k: usize| -> Vec<f64> { a.iter().map(|p| p[k]).collect() };
     let [q0, q1, q2, q3] = [row(0), row(1), row(2), row(3)];
     for (at, (p, square)) in two.products.iter().zip(&two.squares).enumerate() {
@@ -124,7 +126,8 @@ fn times_one_more<const N: usize>(products: &Products, two: &Pairs, a: &[Four]) 
                     chunk(&q2[from..]),
                     chunk(&q3[from..]),
                 ];
-                // Copies: the compiler knows then that to write sums changes nothing that is read.
+                // Copies tell the compiler that writing sums does not change the values that are
+                // read.
                 let mut sum: [f64; N] = *chunk(&sums[to..]);
                 let mut cube: [f64; N] = *chunk(&cubes[to..]);
                 for l in 0..N {
@@ -146,7 +149,7 @@ fn times_one_more<const N: usize>(products: &Products, two: &Pairs, a: &[Four]) 
 mod tests {
     use super::*;
 
-    /// Degrees of patches that are made here, and one that only others have.
+    /// Degrees that patches here have, and one that only patches from files have.
     #[test]
     fn products_are_products() {
         for degree in [(2, 1), (1, 3), (3, 8), (1, 10)] {
@@ -175,7 +178,7 @@ mod tests {
                 })
                 .sum::<f64>()
         };
-        // The list four times, with other seeds.
+        // Four lists from other seeds.
         let all: Vec<[[f64; 4]; 4]> = (0..a.len())
             .map(|i| [0.9, 0.4, 2.1, 3.3].map(|seed| list(seed)[i]))
             .collect();

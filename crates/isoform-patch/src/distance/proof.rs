@@ -1,4 +1,4 @@
-//! The proof that no point of a patch is farther from the surface than a target.
+//! Proof that no point of a patch is farther from the surface than a target.
 
 use super::cell::{Prover, Rounding};
 use super::sampling::largest_coordinate;
@@ -13,8 +13,8 @@ const COMPOSED: f64 = 1e-5;
 /// Divisions of the patch into halves or quarters.
 const MOST_DEPTH: u32 = 24;
 
-/// A bound on the distance of all points of a patch from the surface that is at most `target`, if
-/// one can be proved with at most `cells` cells.
+/// Returns a proved upper bound on the distance of all points of a patch from the surface; `None`
+/// if no bound of at most `target` can be proved with at most `cells` cells.
 pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize) -> Option<f64> {
     let effort = Effort {
         cells,
@@ -23,23 +23,23 @@ pub fn prove(field: &dyn Field, patch: &RationalPatch, target: f64, cells: usize
     prove_on(&Whole::of_field(field), patch, target, effort)
 }
 
-/// What a proof may cost.
+/// Limits of the effort of a proof.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Effort<'a> {
-    /// Cells that may be looked at.
+    /// Maximum number of cells to be examined.
     pub(crate) cells: usize,
-    /// The control that may end it.
+    /// Control that may stop the proof.
     pub(crate) control: Control<'a>,
 }
 
 impl Effort<'_> {
-    /// Whether it is spent once a number of cells has been looked at.
+    /// Returns true if the effort is spent once `count` cells have been examined.
     pub(super) fn is_spent(&self, looked_at: usize) -> bool {
         looked_at > self.cells || self.control.is_stopped()
     }
 }
 
-/// [`prove`] of a whole surface.
+/// Does what [`prove`] does, for a surface of parts.
 pub(super) fn prove_on(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -49,7 +49,8 @@ pub(super) fn prove_on(
     proof(whole, patch, target, effort).ok()
 }
 
-/// [`prove`] of a whole surface; where it fails, the parameters of a place that took too much.
+/// Does what [`prove`] does, for a surface of parts; if the proof fails, returns the parameters of
+/// a point in a cell that exceeded the limits.
 pub(crate) fn proof(
     whole: &Whole<'_>,
     patch: &RationalPatch,
@@ -76,7 +77,11 @@ pub(crate) fn proof(
     Ok(worst)
 }
 
-/// A bound on |F| over the patch, by composition; infinite where that is not known.
+/// Returns an upper bound on
+///
+/// F
+///
+/// over the patch from the composition F∘p; infinite if unknown.
 fn known(whole: &Whole<'_>, patch: &RationalPatch, target: f64) -> f64 {
     let is_worth_it = whole.is_single() && target < COMPOSED * largest_coordinate(patch);
     let terms = is_worth_it.then(|| whole.field(0).terms()).flatten();
@@ -89,7 +94,7 @@ mod tests {
     use super::*;
     use std::time::Instant;
 
-    /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline ends it.
+    /// Along a double curve a proof to 10⁻⁷ takes millions of cells: a deadline stops it.
     #[test]
     fn a_deadline_ends_a_proof() {
         let planes = isoform_field::Polynomial::new([([1, 1, 0], 1.0)]);

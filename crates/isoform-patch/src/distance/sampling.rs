@@ -13,13 +13,14 @@ const COORDINATES: usize = 9;
 /// Corrections of foot points.
 const CORRECTIONS: usize = 2;
 
-/// Samples the distance of a patch from the surface in a square grid with `samples` places (at
-/// least 2) in each direction: the largest, and the root mean square over the area.
+/// Samples the distance of a patch from the surface on a square grid with `samples` (at least 2)
+/// points in each direction; returns the largest distance and the root mean square over the area.
 pub fn sampled(field: &dyn Field, patch: &RationalPatch, samples: usize) -> (f64, f64) {
     sampled_by(patch, samples, |points| foot_distances(field, points))
 }
 
-/// [`sampled`] of a whole surface, to first order where it has parts.
+/// Does what [`sampled`] does, for a surface of parts; there the distances are correct to first
+/// order.
 pub(crate) fn sampled_on(whole: &Whole<'_>, patch: &RationalPatch, samples: usize) -> (f64, f64) {
     if whole.is_single() {
         return sampled(whole.field(0), patch, samples);
@@ -36,7 +37,7 @@ fn sampled_by(
     distances: impl Fn(&[Point3]) -> Vec<f64>,
 ) -> (f64, f64) {
     let at = |i: usize| i as f64 / (samples - 1) as f64;
-    // The trapezoidal rule: half at the border.
+    // Weights of the trapezoidal rule: half at the border.
     let half = |i: usize| if i == 0 || i == samples - 1 { 0.5 } else { 1.0 };
     let mut points = Vec::with_capacity(samples * samples);
     let mut areas = Vec::with_capacity(samples * samples);
@@ -57,8 +58,8 @@ fn sampled_by(
     (most, (sum / area).sqrt())
 }
 
-/// Distances of points from the surface, by foot points: exact where these converge to the nearest
-/// one, too large elsewhere.
+/// Returns the distances of points from the surface, measured to foot points: exact where the
+/// iteration converges to the nearest foot, too large elsewhere.
 pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     let mut feet = points.to_vec();
     let mut jets = project_all(field, &mut feet);
@@ -78,7 +79,7 @@ pub fn foot_distances(field: &dyn Field, points: &[Point3]) -> Vec<f64> {
     best
 }
 
-/// The foot q moved by the part of p − q in the tangent plane, which leads to a better start.
+/// Moves the foot q by the tangential component of p − q, which gives a better start point.
 fn moved_in_plane(p: Point3, q: Point3, g: Point3) -> Point3 {
     let (d, g2) = (sub(p, q), g.iter().map(|g| g * g).sum::<f64>());
     let along = if g2 > 0.0 {
@@ -89,7 +90,7 @@ fn moved_in_plane(p: Point3, q: Point3, g: Point3) -> Point3 {
     std::array::from_fn(|k| q[k] + d[k] - along * g[k])
 }
 
-/// Moves points onto the surface along gradients; gives back the jets there.
+/// Moves points onto the surface along gradients; returns the jets there.
 fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
     let zero = Jet2 {
         v: 0.0,
@@ -118,7 +119,8 @@ fn project_all(field: &dyn Field, points: &mut [Point3]) -> Vec<Jet2> {
     jets
 }
 
-/// The largest coordinate of a patch, by samples: control points may be far away.
+/// Returns the largest absolute coordinate of a patch, from samples: control points may be far
+/// away.
 pub(super) fn largest_coordinate(patch: &RationalPatch) -> f64 {
     let all = grid(COORDINATES).flat_map(|(u, v)| patch.point(u, v));
     all.fold(0.0, |m, v| m.max(v.abs()))

@@ -1,4 +1,4 @@
-//! The bound M/G of a cell near which the surface is smooth, or smooth parts meet in edges.
+//! Bound M/G of a cell near which the surface is smooth or smooth parts meet in edges.
 
 use super::cell::{Cell, Prover};
 use super::taylor::{Limit, Taylor, cubic, magnitude, middle, radius, range, slopes};
@@ -6,7 +6,7 @@ use crate::whole::{Whole, Within};
 use isoform_geom::{Aabb, Csg, Expansion, Field, Point3, norm};
 use isoform_num::Interval;
 
-/// M/G, if that is no more than `beyond`.
+/// Returns M/G; `None` if it exceeds `beyond` or cannot be proved.
 pub(super) fn smooth_bound(prover: &Prover<'_>, cell: &Cell, beyond: f64) -> Option<f64> {
     let near = Near::new(prover, cell, beyond)?;
     let (up, down) = near.slopes();
@@ -30,25 +30,34 @@ pub(super) fn smooth_bound(prover: &Prover<'_>, cell: &Cell, beyond: f64) -> Opt
     (bound.is_finite() && bound <= beyond).then_some(bound)
 }
 
-/// The parts of the surface near a cell.
+/// Parts of the surface near a cell.
 struct Near<'a> {
     prover: &'a Prover<'a>,
     whole: &'a Whole<'a>,
     cell: &'a Cell,
-    /// How far beyond the cell the surface is sought.
+    /// Distance beyond the cell in which the surface is sought.
     beyond: f64,
-    /// The box that reaches as far.
+    /// Box that extends as far beyond the cell.
     region: Aabb,
     within: Within,
     expansions: Vec<Expansion>,
-    /// |∇F| of each part at c,
+    /// Length
+    ///
+    /// ∇F
+    ///
+    /// of each part's gradient at c.
     lengths: Vec<f64>,
-    /// and ∇F/|∇F|.
+    /// Unit normal ∇F/
+    ///
+    /// ∇F
+    ///
+    /// of each part at c.
     normals: Vec<Point3>,
 }
 
 impl<'a> Near<'a> {
-    /// None where a part cannot be expanded, or has no gradient.
+    /// Prepares the parts near a cell; `None` if a part cannot be expanded or its gradient
+    /// vanishes.
     fn new(prover: &'a Prover<'a>, cell: &'a Cell, beyond: f64) -> Option<Self> {
         let (whole, region) = (prover.whole, cell.around(beyond));
         let within = whole.within(region)?;
@@ -78,28 +87,35 @@ impl<'a> Near<'a> {
         })
     }
 
-    /// The piece of the k-th part.
+    /// Returns the piece to which the k-th part belongs.
     fn piece(&self, k: usize) -> u32 {
         self.whole.piece(self.within.parts[k])
     }
 
-    /// All parts that are pieces or parts of one piece.
+    /// Returns the parts of one piece.
     fn of_piece(&self, piece: u32) -> impl Iterator<Item = usize> + '_ {
         (0..self.within.parts.len()).filter(move |&k| self.piece(k) == piece)
     }
 
-    /// The unit of length of the k-th part: the parts of a piece have one.
+    /// Returns the unit of F for the k-th part: the largest
+    ///
+    /// ∇F
+    ///
+    /// among the parts of its piece.
     fn unit(&self, k: usize) -> f64 {
         let same = self.of_piece(self.piece(k));
         same.fold(0.0f64, |m, k| m.max(self.lengths[k]))
     }
 
-    /// The least slopes with which F/|∇F| grows where it is positive, and falls where it is
-    /// negative.
+    /// Returns lower bounds of the rates at which F/
+    ///
+    /// ∇F
+    ///
+    /// increases where it is positive, and decreases where it is negative.
     fn slopes(&self) -> (f64, f64) {
         let slope = self.slope_of(0..self.within.parts.len());
-        // Where a minimum is positive it comes to 0 as soon as one of its pieces does, which may be
-        // the one that it is; so with a negative maximum.
+        // A positive minimum vanishes as soon as one of its pieces does, possibly the one that
+        // attains it; likewise a negative maximum.
         let own = || {
             let pieces = self.within.tree.pieces().into_iter();
             let slopes = pieces.map(|piece| self.slope_of(self.of_piece(piece)));
@@ -112,7 +128,7 @@ impl<'a> Near<'a> {
         }
     }
 
-    /// The least slope of some parts along the sum of their normals.
+    /// Returns the least slope of some parts along the sum of their normals.
     fn slope_of(&self, parts: impl Iterator<Item = usize>) -> f64 {
         let list: Vec<usize> = parts.collect();
         let n: Point3 = std::array::from_fn(|i| list.iter().map(|&k| self.normals[k][i]).sum());
@@ -124,11 +140,11 @@ impl<'a> Near<'a> {
             cell: self.cell,
         };
         let each = (list.iter()).map(|&k| along.slope(&self.expansions[k]) / self.unit(k));
-        // A minimum would ignore NaN.
+        // `f64::min` would ignore NaN.
         each.fold(f64::INFINITY, |m, s| if s > 0.0 { m.min(s) } else { 0.0 }) * (1.0 - 1e-12)
     }
 
-    /// The range of F on the cell, each piece divided by its unit.
+    /// Returns the range of F on the cell, each piece divided by its unit.
     fn range(&self) -> Interval {
         let all = 0..self.within.parts.len();
         let ranges: Vec<Option<Interval>> = all.map(|k| self.range_of(k)).collect();
@@ -139,7 +155,8 @@ impl<'a> Near<'a> {
         self.within.tree.range(&of_piece)
     }
 
-    /// The range of the k-th part; none where it does not count on the cell.
+    /// Returns the range of the k-th part in its unit; `None` if the part is not valid anywhere on
+    /// the cell.
     fn range_of(&self, k: usize) -> Option<Interval> {
         let unit = self.unit(k);
         let taylor = Taylor::new(&self.expansions[k], self.cell.r);
@@ -148,8 +165,8 @@ impl<'a> Near<'a> {
         if self.within.alone[k] && lo <= hi && has_edges {
             (lo, hi) = self.cut_by_limits(k, &taylor, (lo, hi))?;
         }
-        // On flat faces along the axes intervals know more: that a square is nowhere negative, as
-        // where a blend begins.
+        // On flat faces along the axes, intervals are sharper: they show that a square is nowhere
+        // negative, as at the beginning of a blend.
         let known = if has_edges {
             let field = self.whole.field(self.within.parts[k]);
             field.bounds(self.cell.around(0.0))
@@ -159,14 +176,14 @@ impl<'a> Near<'a> {
         if !(lo <= hi && known.lo() <= known.hi()) {
             return Some(Interval::ALL);
         }
-        // Rounding of the cell's points may set the two apart, by less than is added for it: then
-        // what lies between.
+        // Rounding of the cell's points may make the two ranges disjoint, by less than the error
+        // that is added for it; then the gap between them is returned.
         let (lo, hi) = (lo.max(known.lo()), hi.min(known.hi()));
         Some(Interval::new(lo.min(hi) / unit, lo.max(hi) / unit))
     }
 
-    /// A range of the k-th part only where none of its limits is negative; none where one is on the
-    /// whole cell.
+    /// Returns a range of the k-th part where none of its limits is negative; `None` if one limit
+    /// is negative on the whole cell.
     fn cut_by_limits(
         &self,
         k: usize,
@@ -202,7 +219,7 @@ impl<'a> Near<'a> {
         Some((lo, hi))
     }
 
-    /// A limit on the cell, if it may be negative near there and can be expanded.
+    /// Expands a limit on the cell; `None` if it is not negative near there or cannot be expanded.
     fn limit(&self, limit: &dyn Field) -> Option<Limit> {
         let may_be_negative = limit.bounds(self.region).lo() < 0.0;
         let expansion = may_be_negative.then(|| limit.expansion(self.cell.c, self.region));
@@ -210,23 +227,23 @@ impl<'a> Near<'a> {
     }
 }
 
-/// Whether all children of a minimum or maximum are pieces.
+/// Returns true if all children of a minimum or maximum are pieces.
 fn are_pieces(children: &[Csg]) -> bool {
     children.iter().all(|child| matches!(child, Csg::Piece(_)))
 }
 
-/// Where the surface is sought: from the points of a cell along ±n.
+/// Set in which the surface is sought: the points of a cell, moved along ±n.
 struct Along<'c> {
     n: Point3,
-    /// How far.
+    /// Maximum distance of the move.
     beyond: f64,
-    /// No coordinate there differs from that of c by more.
+    /// Bounds on the differences of its coordinates from those of c.
     wide: Point3,
     cell: &'c Cell,
 }
 
 impl Along<'_> {
-    /// A lower bound of n·∇F there.
+    /// Returns a lower bound of n·∇F on the set.
     fn slope(&self, e: &Expansion) -> f64 {
         let (n, g, c) = (self.n, slopes(e), self.cell.c);
         let h: [f64; 6] = std::array::from_fn(|k| middle(&e.hessian[k]));
@@ -244,7 +261,7 @@ impl Along<'_> {
         (0..3).map(|k| n[k] * g[k]).sum::<f64>() + self.least(nh) - lost
     }
 
-    /// What radii of first and second derivatives may take away.
+    /// Returns the amount by which the radii of first and second derivatives may reduce n·∇F.
     fn radii(&self, e: &Expansion) -> f64 {
         let mut lost = 0.0;
         for i in 0..3 {
@@ -257,7 +274,7 @@ impl Along<'_> {
         lost
     }
 
-    /// The least nᵀHδ on the cell, which is at a control point.
+    /// Returns the minimum of nᵀHδ on the cell, which is attained at a control point.
     fn least(&self, nh: Point3) -> f64 {
         let at = |p: &[f64; 4]| (nh[0] * p[0] + nh[1] * p[1] + nh[2] * p[2]) / p[3];
         self.cell.d.iter().map(at).fold(f64::INFINITY, f64::min)

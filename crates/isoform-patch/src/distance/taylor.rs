@@ -1,4 +1,4 @@
-//! F about a point as a Taylor polynomial with a remainder, its range on a cell, and limits of
+//! F around a point as a Taylor polynomial with a remainder, its range on a cell, and limits of
 //! parts as linear functions.
 
 use super::cell::Cell;
@@ -6,33 +6,41 @@ use super::products::Products;
 use isoform_geom::{Expansion, Point3};
 use isoform_num::Interval;
 
-/// Where ∂²F/∂xᵢ∂xⱼ stands.
+/// Index of ∂²F/∂xᵢ∂xⱼ among the six second derivatives.
 const AT: [[usize; 3]; 3] = Expansion::SECOND;
 
-/// The middle of an interval.
+/// Returns the midpoint of an interval.
 #[inline]
 pub(super) fn middle(i: &Interval) -> f64 {
     0.5 * i.lo() + 0.5 * i.hi()
 }
-/// The largest |x − middle|, rounded up.
+/// Returns the largest
+///
+/// x − midpoint
+///
+/// of an interval, rounded up.
 #[inline]
 pub(super) fn radius(i: &Interval) -> f64 {
     let m = middle(i);
     (i.hi() - m).max(m - i.lo()).next_up()
 }
-/// The largest |x|.
+/// Returns the largest
+///
+/// x
+///
+/// of an interval.
 #[inline]
 pub(super) fn magnitude(i: &Interval) -> f64 {
     i.lo().abs().max(i.hi().abs())
 }
 
-/// ∇F at the point of expansion.
+/// Returns ∇F at the point of expansion.
 #[inline]
 pub(super) fn slopes(e: &Expansion) -> Point3 {
     std::array::from_fn(|k| middle(&e.gradient[k]))
 }
 
-/// Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
+/// Returns Σ t_ijk r_i r_j r_k over all i, j, k; with `n`, Σ t_ijk n_i r_j r_k.
 pub(super) fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
     let first = n.unwrap_or(r);
     let mut sum = 0.0;
@@ -40,7 +48,7 @@ pub(super) fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
         for j in 0..3 {
             for k in 0..3 {
                 let f = first[i] * r[j] * r[k];
-                // 0 · ∞ is nothing here.
+                // The product 0 · ∞ counts as 0.
                 if f > 0.0 {
                     sum += t[Expansion::THIRD[i][j][k]] * f;
                 }
@@ -50,20 +58,21 @@ pub(super) fn cubic(t: &[f64; 10], r: Point3, n: Option<Point3>) -> f64 {
     sum
 }
 
-/// F about c: its Taylor polynomial of order 2 or 3, and how far F may be off it on a cell.
+/// Taylor polynomial of order 2 or 3 of F around c, with a bound on its error on a cell.
 #[derive(Clone, Copy)]
 pub(super) struct Taylor {
     value: f64,
     g: Point3,
     h: [f64; 6],
-    /// 0 for order 2.
+    /// Third derivatives; 0 for order 2.
     third: [f64; 10],
     off: f64,
 }
 
 impl Taylor {
-    /// Of order 3 if third derivatives are known, with their values in the middle of the cell: what
-    /// they differ by from those falls with the fourth power of its size.
+    /// Expands F to order 3 if its third derivatives are bounded, with their midpoints on the cell:
+    /// the deviation from those decreases with the fourth power of the cell's size. Expands it to
+    /// order 2 otherwise.
     pub(super) fn new(e: &Expansion, r: Point3) -> Self {
         let third: [f64; 10] = std::array::from_fn(|k| middle(&e.third[k]));
         if third.iter().all(|t| t.is_finite()) {
@@ -74,13 +83,13 @@ impl Taylor {
         }
     }
 
-    /// Of order 2.
+    /// Expands F to order 2.
     fn square(e: &Expansion, r: Point3) -> Self {
         let t = std::array::from_fn(|k| magnitude(&e.third[k]));
         Self::up_to(e, r, [0.0; 10], &t)
     }
 
-    /// With `third`, from which third derivatives differ by no more than t.
+    /// Expands F with the third derivatives `third`, from which the true ones deviate by at most t.
     fn up_to(e: &Expansion, r: Point3, third: [f64; 10], t: &[f64; 10]) -> Self {
         let mut off = radius(&e.value) + cubic(t, r, None) / 6.0;
         for i in 0..3 {
@@ -98,8 +107,8 @@ impl Taylor {
         }
     }
 
-    /// F plus b (m − λ)(λ + ρ), which is nowhere negative where the limit is not, for b ≥ 0, and
-    /// nowhere positive for b ≤ 0.
+    /// Returns F + b (m − λ)(λ + ρ). Where the limit is not negative, the added term is at least 0
+    /// for b ≥ 0 and at most 0 for b ≤ 0.
     pub(super) fn bent(&self, l: &Limit, b: f64, r: Point3) -> Self {
         let (above, below) = (l.most - l.value, l.value + l.off);
         let slope = b * (above - below);
@@ -124,9 +133,9 @@ impl Taylor {
         }
     }
 
-    /// The factors of (w δ, w) in w³ times the polynomial, for a control point p = (w δ, w): in the
-    /// first three columns T wδ/6, by which wδ is multiplied twice, in the last (H w δ/2, F(c) w +
-    /// ∇F·w δ).
+    /// Returns the factors of (w δ, w) in w³ times the polynomial, for a control point p = (w δ,
+    /// w): in the first three columns T wδ/6, which is multiplied by wδ twice, in the last (H w
+    /// δ/2, F(c) w + ∇F·w δ).
     #[inline]
     fn factors(&self, p: &[f64; 4]) -> [[f64; 4]; 4] {
         let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
@@ -144,7 +153,11 @@ impl Taylor {
         ]
     }
 
-    /// A bound on the sum of the absolute values of all terms for |δ| ≤ r.
+    /// Returns an upper bound on the sum of the absolute values of all terms for
+    ///
+    /// δ
+    ///
+    /// ≤ r.
     fn size(&self, r: Point3) -> f64 {
         let (g, h) = (self.g, |i: usize, j: usize| self.h[AT[i][j]]);
         let second = |k: usize| (0..3).map(|j| h(k, j).abs() * r[k] * r[j]).sum::<f64>();
@@ -156,8 +169,8 @@ impl Taylor {
     }
 }
 
-/// Bounds of F on a cell: the least and the largest quotient of Bernstein coefficients of w³ F by
-/// those of w³, with what these leave out.
+/// Returns bounds of F on a cell: the least and the largest quotient of the Bernstein coefficients
+/// of w³ F by those of w³, widened by the remainder and by rounding.
 pub(super) fn range(taylor: &Taylor, cell: &Cell, products: &Products) -> (f64, f64) {
     let rights: Vec<[[f64; 4]; 4]> = cell.d.iter().map(|p| taylor.factors(p)).collect();
     let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
@@ -168,18 +181,18 @@ pub(super) fn range(taylor: &Taylor, cell: &Cell, products: &Products) -> (f64, 
     (lo - most, hi + most)
 }
 
-/// A limit of a part on a cell: where the part counts, the linear function λ = value + g·δ is at
+/// Limit of a part on a cell: where the part is valid, the linear function λ = value + g·δ is at
 /// least −off.
 pub(super) struct Limit {
     value: f64,
     g: Point3,
     off: f64,
-    /// λ on the cell is at most this; negative if the part does not count there.
+    /// Upper bound of λ on the cell; negative if the part is nowhere valid there.
     pub(super) most: f64,
 }
 
 impl Limit {
-    /// None where it is not finite.
+    /// Expands a limit; `None` if it is not finite.
     pub(super) fn new(e: &Expansion, cell: &Cell) -> Option<Self> {
         let taylor = Taylor::square(e, cell.r);
         let (g, r) = (taylor.g, cell.r);
@@ -206,8 +219,9 @@ impl Limit {
         })
     }
 
-    /// What part and neighbour differ by across the limit, as a multiple of the limit's square:
-    /// with that bent, what the part's function is where it does not count is not seen.
+    /// Returns the difference of the second derivatives of a part and its neighbour across the
+    /// limit, as a multiple of the limit's square. With F bent by it, the values of the part's
+    /// function where it is not valid do not widen the range.
     pub(super) fn bend(&self, own: &Expansion, other: &Expansion) -> f64 {
         let n = slopes(own);
         let nn = n.iter().map(|v| v * v).sum::<f64>();

@@ -1,4 +1,4 @@
-//! Growing until the bound is reached: what each extrapolation is followed by.
+//! Control of growing: the actions that follow each extrapolation until the bound is reached.
 
 use super::{GROWING, Growth, LEAST_WEIGHT, Side};
 use crate::fold;
@@ -16,7 +16,7 @@ const SHORTENINGS: usize = 4;
 /// Patches in a row that keep the bound and are no larger than another one before them. Twice as
 /// many take a quarter more steps for patches of the same area.
 const STALE: usize = 3;
-/// S after an extrapolation, before Newton steps, may be this many times its bound.
+/// Factor by which S may exceed its bound after an extrapolation, before Newton steps.
 pub(super) const MOST_EXCESS: f64 = 30.0;
 /// How often L and R get more weight before a side stops for a fold.
 const EVENINGS: usize = 3;
@@ -41,17 +41,17 @@ const ALIKE: f64 = 1e-4;
 /// An extrapolation shortens the patch to this share at most.
 const SHORTEST: f64 = 0.8;
 
-/// What has happened so far while a patch grew.
+/// State of the growth controller.
 struct Course {
     /// Logarithms of size and load.
     history: Vec<(f64, f64)>,
-    /// Shortenings in a row.
+    /// Number of consecutive shortenings.
     shortened: usize,
-    /// How often L and R got more weight.
+    /// Number of times that L and R got more weight.
     evened: usize,
-    /// Patches in a row that were no larger than a good one before.
+    /// Number of consecutive patches no larger than an earlier good one.
     stale: usize,
-    /// The share of the fastest growth that is tried.
+    /// Fraction of the fastest growth that is tried.
     caution: f64,
 }
 
@@ -66,7 +66,7 @@ impl Course {
         }
     }
 
-    /// Adds a patch with these edges.
+    /// Records a patch with these edges.
     fn note(&mut self, edges: [f64; 2], load: f64) {
         self.history.push((
             0.5 * (edges[0] * edges[1]).ln(),
@@ -74,7 +74,7 @@ impl Course {
         ));
     }
 
-    /// The load as a power of the size, by the last two patches.
+    /// Returns the exponent p in load ∝ sizeᵖ, estimated from the last two patches.
     fn power(&self) -> f64 {
         match self.history.as_slice() {
             [.., (x0, y0), (x1, y1)] if (x1 - x0).abs() > ALIKE => {
@@ -117,15 +117,15 @@ impl Growth<'_> {
         }
     }
 
-    /// Tells how far it is: the load is what grows with the patch.
+    /// Reports the load as progress, as it grows with the patch.
     fn tell(&self, load: f64) {
         let [from, to] = self.shares;
         let done = from + (to - from) * load.clamp(0.0, 1.0);
         self.control.report(GROWING, done);
     }
 
-    /// What follows an extrapolation: near the bound more Newton steps, more nodes where quadrature
-    /// needs them, and more weight for J. The load in the end.
+    /// Acts after an extrapolation: near the bound more Newton steps, more quadrature nodes where
+    /// needed, and more weight for J. Returns the resulting load.
     fn descend_near_bound(&mut self) -> f64 {
         self.trim();
         let mut load = self.load();
@@ -147,14 +147,14 @@ impl Growth<'_> {
         load
     }
 
-    /// Whether the patch keeps what is asked for.
+    /// Returns true if the patch meets all requirements.
     fn is_good(&self, load: f64) -> bool {
         load <= 1.0
             && self.patch.control_weights().0 > LEAST_WEIGHT
             && (self.options.tolerance.is_none() || self.is_near_region())
     }
 
-    /// Keeps a good patch if it is the largest so far; its load, none where growing ends.
+    /// Stores a good patch if it is the largest so far; returns its load, `None` if growing ends.
     fn keep_good(&mut self, load: f64, course: &mut Course) -> Option<f64> {
         let area = |growth: &Self, at| growth.objective.area(at);
         let is_larger =
@@ -169,13 +169,13 @@ impl Growth<'_> {
             }
         }
         course.shortened = 0;
-        // With a tolerance the proportions may still change, and with them the area.
+        // With a tolerance, the proportions may still change, and with them the area.
         let is_full = load >= FULL && (self.options.tolerance.is_none() || course.stale > 0);
         (!is_full).then_some(load)
     }
 
-    /// Goes back to the last good patch where shortenings would not mend what has gone wrong; the
-    /// load then, none where growing ends.
+    /// Returns to the last good patch if shortening would not repair the current one; returns the
+    /// resulting load, `None` if growing ends.
     fn turn_back(&mut self, load: f64, course: &mut Course) -> Option<f64> {
         course.shortened += 1;
         if course.shortened > SHORTENINGS {
@@ -200,10 +200,10 @@ impl Growth<'_> {
         Some(load)
     }
 
-    /// The edges at which the next extrapolation aims. Newton steps shorten what was extrapolated,
-    /// so that it aims at a size, not at a share of the present patch; but the proportions are
-    /// those of the present one, as the steps shorten that direction more in which length costs
-    /// more.
+    /// Computes the edges at which the next extrapolation aims. It aims at a size, not at a
+    /// fraction of the current patch, because Newton steps shorten what was extrapolated; but the
+    /// proportions are those of the current patch, as the steps shorten more the direction in which
+    /// length costs more.
     fn next_edges(&self, edges: [f64; 2], load: f64, course: &Course) -> [f64; 2] {
         let longest = 1.0 + 2.0 * self.pace.most_in_direction * course.caution;
         let factor = (AIM / load)
@@ -227,7 +227,7 @@ impl Growth<'_> {
         }
     }
 
-    /// Stops a side, that of the last good patch, too.
+    /// Stops a side, also in the last accepted patch.
     fn stop(&mut self, side: usize) {
         self.sides[side] = Side::Stopped;
         if let Some(good) = &mut self.good {
@@ -235,7 +235,7 @@ impl Growth<'_> {
         }
     }
 
-    /// Where a control weight is too small, gives J more weight; whether it did.
+    /// Gives J more weight if a control weight is too small; returns true if it did.
     fn raise(&mut self) -> bool {
         if !self.objective.is_by_control() || self.patch.control_weights().0 > LEAST_WEIGHT {
             return false;
@@ -251,8 +251,9 @@ impl Growth<'_> {
         true
     }
 
-    /// Chooses more quadrature nodes where integrals are off by too much, as they are where
-    /// integrands have kinks: across self-intersections and at tight blends. Whether it did.
+    /// Increases the number of quadrature nodes if integrals are too inaccurate, as they are where
+    /// integrands have kinks: across self-intersections and at tight blends. Returns true if it
+    /// did.
     fn refine(&mut self) -> bool {
         let nodes = self.objective.nodes_per_direction();
         let is_fixed = self.options.nodes.is_some() || self.options.tolerance.is_some();
@@ -267,7 +268,7 @@ impl Growth<'_> {
         true
     }
 
-    /// Whether the terms with more nodes are what they are now.
+    /// Returns true if the terms hardly change with more nodes.
     fn is_resolved(&self, nodes: usize) -> bool {
         let own = &self.objective;
         let degree = self.patch.degree();
@@ -277,14 +278,15 @@ impl Growth<'_> {
         at.is_some_and(|at| self.are_near(&at.terms))
     }
 
-    /// Whether these terms are nearly the present ones, or differ by little of S.
+    /// Returns true if these terms are near the current ones or their differences are small
+    /// compared with S.
     fn are_near(&self, b: &Terms) -> bool {
         let (a, w, sum) = (&self.at.terms, self.objective.weights, self.sum());
         let near = |a: f64, b: f64, factor: f64| {
             (a - b).abs() <= UNRESOLVED * a.max(b)
                 || factor * (a - b).abs() <= 1e-3 * UNRESOLVED * sum
         };
-        // Corners and sides are drawn to other places each time: they count by the sum alone.
+        // Targets of corners and sides change in each evaluation: they enter through the sum alone.
         let &Terms {
             i,
             j,

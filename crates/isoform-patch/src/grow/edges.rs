@@ -1,8 +1,8 @@
-//! Growing up to the edges of a part.
+//! Growth up to the edges of a part.
 //!
-//! A patch grows on the smooth function of its part, which goes on beyond the part's edges; where a
-//! side comes to an edge it is put onto it, if the whole side comes to the same edge nearby, and is
-//! then held there by a term of the objective. Else it stops.
+//! A patch grows on the smooth function of its part, which extends beyond the part's edges. When a
+//! side reaches an edge, it is moved onto the edge if all of it meets that edge nearby, and a term
+//! of the objective then keeps it there. Otherwise it stops.
 
 mod put;
 mod trim;
@@ -13,14 +13,14 @@ use crate::whole::{Beyond, On};
 use isoform_geom::{Field, RationalPatch, norm};
 use put::put_on;
 
-/// What a side of a patch does.
+/// State of a side of a patch.
 #[derive(Clone, Copy)]
 pub(crate) enum Side<'f> {
-    /// It moves outward.
+    /// The side moves outward.
     Free,
-    /// It lies on an edge, where this vanishes.
+    /// The side lies on an edge, where this function vanishes.
     At(&'f dyn Field),
-    /// It has come to an edge that it cannot follow.
+    /// The side has met an edge that it cannot follow.
     Stopped,
 }
 
@@ -29,7 +29,8 @@ impl<'f> Side<'f> {
         self.edge().is_some()
     }
 
-    /// What vanishes where it is held.
+    /// Returns the function that vanishes on the edge on which the side is held; `None` if it is
+    /// not held.
     pub(crate) fn edge(self) -> Option<&'f dyn Field> {
         match self {
             Self::At(edge) => Some(edge),
@@ -37,13 +38,13 @@ impl<'f> Side<'f> {
         }
     }
 
-    /// Whether it is held where this vanishes.
+    /// Returns true if the side is held on the given edge.
     fn is_held_at(self, edge: &dyn Field) -> bool {
         self.edge().is_some_and(|own| std::ptr::addr_eq(own, edge))
     }
 }
 
-/// The share of the tolerance by which a patch may reach beyond edges.
+/// Fraction of the tolerance by which a patch may extend beyond edges.
 pub(crate) const OVERLAP: f64 = 0.3;
 /// Samples along a side.
 const SAMPLES: usize = 25;
@@ -56,12 +57,12 @@ const NEAR_END: f64 = 0.25;
 /// A side that gets no farther than this share of the patch has come to its edge.
 const STUCK: f64 = 0.02;
 
-/// Numbers from 0 to 1.
+/// Returns evenly spaced numbers from 0 to 1.
 fn evenly(count: usize) -> Vec<f64> {
     (0..count).map(|i| i as f64 / (count - 1) as f64).collect()
 }
 
-/// The sides of the two neighbours of a side.
+/// Returns the states of the two neighbours of a side.
 fn neighbours<'f>(sides: &[Side<'f>; 4], side: usize) -> [Side<'f>; 2] {
     if side < 2 {
         [sides[2], sides[3]]
@@ -70,7 +71,7 @@ fn neighbours<'f>(sides: &[Side<'f>; 4], side: usize) -> [Side<'f>; 2] {
     }
 }
 
-/// A range about the place where `is_below` ends to hold, from 0 to `hi`.
+/// Bisects from 0 to `hi`; returns an interval in which `is_below` changes from true to false.
 fn bisected(hi: f64, is_below: impl Fn(f64) -> bool) -> (f64, f64) {
     let (mut lo, mut hi) = (0.0, hi);
     for _ in 0..BISECTIONS {
@@ -84,22 +85,22 @@ fn bisected(hi: f64, is_below: impl Fn(f64) -> bool) -> (f64, f64) {
     (lo, hi)
 }
 
-/// How a side is looked at.
+/// Criterion for the position of a side.
 #[derive(Clone, Copy)]
 struct Look<'a, 'f> {
     on: On<'f>,
     side: usize,
-    /// How far it may lie beyond edges.
+    /// Distance by which it may lie beyond edges.
     allowed: f64,
-    /// Parameters along it.
+    /// Parameters of samples along it.
     samples: &'a [f64],
-    /// What its neighbours do: near its ends it may lie beyond those edges that they are held on,
-    /// as Newton steps see to them.
+    /// States of its neighbours: near its ends it may lie beyond the edges on which they are held,
+    /// as Newton steps will correct that.
     neighbours: [Side<'f>; 2],
 }
 
 impl<'f> Look<'_, 'f> {
-    /// Where the side of a patch lies farthest beyond an edge.
+    /// Returns the worst violation of an edge by the side of a patch.
     fn farthest(&self, patch: &RationalPatch) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
         for &t in self.samples {
@@ -115,21 +116,22 @@ impl<'f> Look<'_, 'f> {
         worst
     }
 
-    /// Whether a neighbour sees to a place.
+    /// Returns true if a neighbour is held on the violated edge near this sample.
     fn is_excused(&self, t: f64, beyond: &Beyond<'_>) -> bool {
         let [first, last] = self.neighbours;
         t < NEAR_END && first.is_held_at(beyond.edge)
             || t > 1.0 - NEAR_END && last.is_held_at(beyond.edge)
     }
 
-    /// Whether the side of a patch lies beyond an edge.
+    /// Returns true if the side of a patch lies beyond an edge.
     fn is_beyond(&self, patch: &RationalPatch) -> bool {
         self.farthest(patch).is_some()
     }
 }
 
 impl<'f> Growth<'f> {
-    /// How far the border lies beyond the edges of the part, or off the edges that it is held on.
+    /// Returns the largest distance of the border beyond the edges of the part, or from the edges
+    /// on which it is held.
     pub(crate) fn off_edges(&self, on: On<'f>) -> f64 {
         let mut most = 0.0f64;
         for side in 0..4 {
@@ -146,7 +148,8 @@ impl<'f> Growth<'f> {
         most
     }
 
-    /// Whether a start patch lies on its part; one at an edge need not fit that yet.
+    /// Returns true if a start patch lies on its part; the side on an edge is exempt, as it need
+    /// not fit yet.
     pub(crate) fn starts_within(
         on: On<'f>,
         patch: &RationalPatch,
@@ -162,8 +165,8 @@ impl<'f> Growth<'f> {
         (0..=START_SAMPLES).all(|i| (first..=START_SAMPLES).all(|j| is_within(i, j)))
     }
 
-    /// The patch longer by shares of its edges at its four sides, but no longer than the part; and
-    /// what its sides do then.
+    /// Extends the patch by fractions of its edges at its four sides, but not beyond the part;
+    /// returns the resulting states of its sides as well.
     pub(crate) fn within_edges(
         &self,
         on: On<'f>,
@@ -190,8 +193,8 @@ impl<'f> Growth<'f> {
     }
 }
 
-/// A patch longer by a share at one side, but no longer than the part; and what the side does then,
-/// if that changes.
+/// Extends a patch by a fraction at one side, but not beyond the part; returns the state of the
+/// side if that changes.
 fn moved_out<'f>(
     patch: &RationalPatch,
     look: &Look<'_, 'f>,

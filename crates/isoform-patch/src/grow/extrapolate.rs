@@ -1,4 +1,4 @@
-//! Extrapolation: a patch made longer or shorter at its sides by its own polynomials.
+//! Extrapolation: a patch extended or shortened at its sides by evaluating its own polynomials.
 
 use super::course::MOST_EXCESS;
 use super::{Growth, Side};
@@ -17,19 +17,19 @@ const MOST_CORRECTED: f64 = 10.0;
 /// Bisections of an extrapolation until it is a start for Newton's method.
 const BISECTIONS: usize = 6;
 
-/// An extrapolation in the making.
+/// Goal of an extrapolation.
 struct Aim {
-    /// The roots of l₁ and l₂ before,
+    /// Roots of the present l₁ and l₂.
     present: [f64; 2],
-    /// and those aimed at.
+    /// Roots of l₁ and l₂ that are aimed at.
     edges: [f64; 2],
-    /// Which sides move.
+    /// True for the sides that move.
     moves: [bool; 4],
 }
 
 impl Growth<'_> {
     /// Extrapolates (or shortens) at the sides that lie in the region until √l₁ and √l₂ are the
-    /// given edges; by less where the result is no start for Newton's method. False where nothing
+    /// given edges, by less if the result is no start for Newton's method. Returns false if nothing
     /// is gained.
     pub(super) fn extrapolate(&mut self, edges: [f64; 2]) -> bool {
         let present = self.edges();
@@ -54,8 +54,8 @@ impl Growth<'_> {
         self.try_shares(&aim, shares)
     }
 
-    /// Which sides move: those that are free and in the region, and those of a direction in which
-    /// the patch shall be shorter.
+    /// Returns the sides that move: those that are free and in the region, and those of a direction
+    /// in which the patch becomes shorter.
     fn moves(&self, edges: [f64; 2], present: [f64; 2]) -> [bool; 4] {
         let inside = self.sides_inside(&self.patch);
         std::array::from_fn(|side| {
@@ -65,12 +65,13 @@ impl Growth<'_> {
         })
     }
 
-    /// A share of an edge that a side may move by.
+    /// Clamps the fraction of an edge by which a side may move.
     fn in_range(&self, share: f64) -> f64 {
         share.clamp(-MOST_SHORTER, self.pace.most_at_side)
     }
 
-    /// How far each side moves for shares of the edges, without coming near singular points.
+    /// Returns the fraction by which each side moves, limited so that the patch avoids singular
+    /// points.
     fn by(&self, aim: &Aim, shares: [f64; 2]) -> [f64; 4] {
         let avoided = self.on.near_singular.avoided();
         std::array::from_fn(|side| {
@@ -83,7 +84,7 @@ impl Growth<'_> {
         })
     }
 
-    /// Shares with which the extrapolated patch has the edges aimed at, by secant steps.
+    /// Computes fractions with which the extrapolated patch has the target edges, by secant steps.
     fn corrected(&self, aim: &Aim, mut shares: [f64; 2]) -> [f64; 2] {
         for _ in 0..SECANTS {
             let longer = self.longer(self.by(aim, shares));
@@ -101,8 +102,8 @@ impl Growth<'_> {
         shares
     }
 
-    /// Takes the patch extrapolated by shares of its edges, halved until it is a start for Newton's
-    /// method; whether there is one.
+    /// Takes the patch extrapolated by fractions of its edges, halved until it is a start for
+    /// Newton's method; returns true if there is one.
     fn try_shares(&mut self, aim: &Aim, mut shares: [f64; 2]) -> bool {
         for _ in 0..BISECTIONS {
             let before = self.sides;
@@ -121,7 +122,7 @@ impl Growth<'_> {
         false
     }
 
-    /// The patch longer at its sides, which may come to edges then.
+    /// Extends the patch at its sides, which may meet edges then.
     fn extrapolated(&mut self, by: [f64; 4]) -> RationalPatch {
         if self.on.whole.is_single() {
             return self.longer(by);
@@ -131,7 +132,7 @@ impl Growth<'_> {
         patch
     }
 
-    /// Whether an extrapolated patch is a start for Newton's method.
+    /// Returns true if an extrapolated patch is a start for Newton's method.
     fn is_fair(&self, at: &Evaluated) -> bool {
         match self.options.tolerance {
             Some(t) => at.terms.i.sqrt() <= MOST_EXCESS * t,

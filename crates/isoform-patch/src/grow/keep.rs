@@ -1,28 +1,28 @@
-//! Shortening a grown patch until its tolerance can be proved.
+//! Shortening of a grown patch until its tolerance can be proved.
 
 use super::Growth;
 use crate::distance::{Effort, proof, sampled_on};
 use crate::fold;
 use crate::whole::NearSingular;
 
-/// How hard the proof of a tolerance is tried.
+/// Limits of the attempts to prove a tolerance.
 struct Trying {
-    /// Cells of a proof.
+    /// Maximum number of cells of a proof.
     cells: usize,
-    /// How often the patch is made shorter.
+    /// Maximum number of times that the patch is shortened.
     times: usize,
-    /// By how much, at each side.
+    /// Fraction by which it is shortened at each side.
     share: f64,
 }
 
-/// On one function: ten times the cells that patches on smooth surfaces take. Across
+/// Limits on a single function: ten times the cells that patches on smooth surfaces take. Across
 /// self-intersections there may be more; then the patch ends before them.
 const SMOOTH: Trying = Trying {
     cells: 60_000,
     times: 12,
     share: 0.01,
 };
-/// On a surface with parts: there more is in vain.
+/// Limits on a surface with parts, where further attempts rarely succeed.
 const AT_EDGES: Trying = Trying {
     cells: 8000,
     times: 3,
@@ -41,13 +41,14 @@ const PROVED_SAMPLES: usize = 33;
 const HOPELESS: f64 = 0.7;
 
 impl Growth<'_> {
-    /// Proves that the patch does not fold over; if that fails, a place where it may.
+    /// Proves that the patch does not fold over; if that fails, returns the parameters of a place
+    /// where it may.
     pub(crate) fn prove_unfolded(&self) -> Result<(), (f64, f64)> {
         fold::prove_none(self.on.field(), &self.patch, &self.control)
     }
 
-    /// Shortens the patch until it is proved not to fold over, and its distance from the surface to
-    /// keep the tolerance; the bound, none where that fails.
+    /// Shortens the patch until it is proved not to fold over and to keep the tolerance; returns
+    /// the proved bound on its distance, `None` if that fails.
     pub(crate) fn keep_tolerance(&mut self) -> Option<f64> {
         let tolerance = self.options.tolerance?;
         let is_single = self.on.whole.is_single();
@@ -83,8 +84,8 @@ impl Growth<'_> {
         trying
     }
 
-    /// The bound on the distance of a patch that does not fold over; where that cannot be proved, a
-    /// place that took too much, if it was tried.
+    /// Returns a proved bound on the distance of a patch that does not fold over; if the proof
+    /// fails, the parameters of a point in a difficult cell, `None` if no proof was tried.
     fn proved(&self, tolerance: f64, cells: usize) -> Result<f64, Option<(f64, f64)>> {
         let whole = self.on.whole;
         let is_hopeless = !whole.is_single()
@@ -101,10 +102,10 @@ impl Growth<'_> {
             .map_err(Some)
     }
 
-    /// Shortens the patch by a share at each side, without Newton steps; false where that is no
-    /// patch.
+    /// Shortens the patch by a fraction at each side, without Newton steps; returns false if the
+    /// result has no targets.
     pub(crate) fn retreat(&mut self, share: f64) -> bool {
-        // What lies on an edge is to stay near it.
+        // Sides on an edge stay near it.
         let little = 0.5 * self.overlap();
         let edges = self.edges();
         let shorter = self.longer(std::array::from_fn(|side| {
@@ -117,8 +118,9 @@ impl Growth<'_> {
         self.retake(shorter)
     }
 
-    /// Shortens the patch by a share at each side, and at one so that a place is no longer on it:
-    /// near a singular point nothing may be provable. False where that is no patch.
+    /// Shortens the patch by a fraction at each side, and one side further so that a point is
+    /// removed: near a singular point nothing may be provable. Returns false if the result has no
+    /// targets.
     pub(crate) fn leave(&mut self, (u, v): (f64, f64), share: f64) -> bool {
         let lost = [u, 1.0 - u, v, 1.0 - v];
         let side = (0..4)

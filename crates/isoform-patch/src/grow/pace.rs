@@ -1,30 +1,31 @@
-//! How fast a patch grows, and what Newton steps make of it in between.
+//! Step sizes of growing and the Newton steps in between.
 
 use crate::options::Options;
 use crate::solver::Stop;
 
-/// The largest extrapolation at one side, in edges of the patch.
+/// Largest extrapolation at one side, in edges of the patch.
 pub(crate) const MOST_GROWTH: f64 = 0.16;
 
-/// How fast a patch grows, and what Newton steps make of it in between.
+/// Step sizes of growing and the Newton steps in between.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pace {
-    /// Newton steps after an extrapolation, far from the bound.
+    /// Stopping rule of Newton steps after an extrapolation, far from the bound.
     pub(super) few_steps: Stop,
-    /// Newton steps near the bound.
+    /// Stopping rule of Newton steps near the bound.
     pub(super) many_steps: Stop,
-    /// The most that a patch grows by in each direction, in half edges.
+    /// Half of the maximum growth in each direction, in edges: the growth at each of two moving
+    /// sides.
     pub(super) most_in_direction: f64,
-    /// The most that a patch grows by at one side, in edges: where only one side moves, it moves by
-    /// what two would.
+    /// Maximum growth at one side, in edges. With a tolerance it is twice `most_in_direction`, so
+    /// that a single moving side moves as far as two sides together.
     pub(super) most_at_side: f64,
-    /// With a tolerance distances count more towards the border, by (4u(1 − u)) to this power,
-    /// negative, in each direction.
+    /// Negative exponent of 4u(1 − u) in each direction in the weight of distances: with a
+    /// tolerance they count more near the border.
     pub(super) border: f64,
 }
 
 impl Pace {
-    /// For a bound on S.
+    /// Policy for a bound on S.
     pub(crate) const QUICK: Self = Self {
         few_steps: Stop {
             steps: 3,
@@ -38,9 +39,9 @@ impl Pace {
         most_at_side: MOST_GROWTH,
         border: 0.0,
     };
-    /// For a tolerance: distances are small against the patch and rise faster with its size, and
-    /// the shape terms are so small that steps have far to go along the valleys that
-    /// parameterizations make.
+    /// Policy for a tolerance: distances are small compared with the patch and grow faster with its
+    /// size, and the shape terms are so small that steps go far along the valleys that
+    /// reparameterizations form.
     pub(crate) const STEADY: Self = Self {
         many_steps: Stop {
             steps: 80,
@@ -49,14 +50,14 @@ impl Pace {
         most_in_direction: 0.5 * MOST_GROWTH,
         ..Self::QUICK
     };
-    /// For a tolerance, with weights for which least squares come near the least maximum, as
-    /// Chebyshev's do.
+    /// Policy for a tolerance with weights for which the least-squares solution is near the minimax
+    /// solution, like the Chebyshev weight.
     pub(crate) const EVEN: Self = Self {
         border: 0.5,
         ..Self::STEADY
     };
 
-    /// The best one for most patches.
+    /// Returns the policy that suits most patches.
     pub(crate) fn of(options: &Options) -> Self {
         if options.tolerance.is_some() {
             Self::EVEN

@@ -1,4 +1,4 @@
-//! The start patch: a small piece of the tangent plane at the seed.
+//! Start patch: a small piece of the tangent plane at the seed.
 
 use super::{Growth, Pace, Side};
 use crate::objective::{Evaluated, Objective};
@@ -19,22 +19,22 @@ const HALVINGS: usize = 30;
 /// the patch's shape.
 const LITTLE: f64 = 0.05;
 
-/// Where a patch starts, and how it grows.
+/// Start of a patch and its settings.
 #[derive(Clone, Copy)]
 pub(crate) struct Start<'f> {
     pub(crate) on: On<'f>,
     pub(crate) seed: Seed,
-    /// A function that vanishes along the edge on which the seed lies, if it lies on one; the patch
-    /// starts to the left of it.
+    /// Function that vanishes on the edge on which the seed lies, `None` if it lies on none; the
+    /// patch starts to the left of the edge.
     pub(crate) edge: Option<&'f dyn Field>,
     pub(crate) pace: Pace,
     pub(crate) control: Control<'f>,
-    /// The shares of the phase from and to which growing counts as its progress.
+    /// Range of the phase's progress that growing covers.
     pub(crate) shares: [f64; 2],
 }
 
 impl<'f> Growth<'f> {
-    /// The start patch about a seed.
+    /// Returns the start patch around a seed.
     pub(crate) fn start(
         objective: Objective<'f>,
         start: Start<'f>,
@@ -66,7 +66,7 @@ impl<'f> Growth<'f> {
         })
     }
 
-    /// Without a patch yet.
+    /// Sets up growing before there is a start patch.
     fn new(objective: Objective<'f>, start: Start<'f>, options: &Options) -> Self {
         let Start {
             on,
@@ -106,7 +106,7 @@ impl<'f> Growth<'f> {
         growth
     }
 
-    /// Whether a planar patch is small enough to start with.
+    /// Returns true if a planar patch is small enough to start with.
     fn is_start(&self, at: &Evaluated) -> bool {
         match self.options.tolerance {
             Some(t) => at.terms.i.sqrt() <= START_EXCESS * t,
@@ -114,7 +114,7 @@ impl<'f> Growth<'f> {
         }
     }
 
-    /// Whether a start patch is away from singular points, and on its part.
+    /// Returns true if a start patch avoids singular points and lies on its part.
     fn lies_well(&self, start: &Start<'f>, patch: &RationalPatch) -> bool {
         let avoided = start.on.near_singular.avoided();
         let is_single = start.on.whole.is_single();
@@ -125,8 +125,8 @@ impl<'f> Growth<'f> {
 }
 
 impl Start<'_> {
-    /// The square of an edge length in the tangent plane, about the seed or to the left of its
-    /// edge.
+    /// Returns the square of a given edge length in the tangent plane, around the seed or to the
+    /// left of its edge.
     fn square(&self, degree: (usize, usize), size: f64) -> RationalPatch {
         let [a, b] = self.seed.tangents.map(|t| t.map(|v| v * size));
         let below = if self.edge.is_some() { 0.0 } else { 0.5 };

@@ -1,8 +1,11 @@
-//! How residuals bend along a step of the control points.
+//! Second derivatives of residuals along a step of the control points.
 //!
-//! p* is a linear function of the control points; p, its tangents, the distance F/|∇F| and the
-//! first fundamental form are not. Their second derivatives by the time t of a motion are what the
-//! solver's acceleration is computed from.
+//! p* is a linear function of the control points; p, its tangents, the distance F/
+//!
+//! ∇F
+//!
+//! and the first fundamental form are not. The solver's acceleration is computed from their second
+//! derivatives by the time t of the motion.
 
 use super::form::{Form, Pair};
 use crate::node::{Node, hessian_times};
@@ -10,20 +13,20 @@ use crate::terms::{Method, Shape};
 use isoform_geom::{Point3, dot};
 use isoform_num::Jet2;
 
-/// The motion of a node: first and second derivatives of p, pᵤ and pᵥ by the time.
+/// Motion of a node: first and second derivatives of p, pᵤ and pᵥ by time.
 struct Motion {
     point: [Point3; 2],
     tangents: [[Point3; 2]; 2],
 }
 
 impl Motion {
-    /// The motion in which z has the derivative `by`.
+    /// Returns the motion in which z has the derivative `by`.
     fn new(node: &Node, by: &[f64; 12]) -> Self {
         let (w, dw) = (node.weight(), by[3]);
         let p = node.point;
         let dp: Point3 = std::array::from_fn(|k| (by[k] - p[k] * dw) / w);
         let ddp = dp.map(|v| -2.0 * v * dw / w);
-        // N_u = p w_u + p_u w, once and twice by t.
+        // The first and second derivatives of N_u = p w_u + p_u w by t.
         let tangents = [0, 1].map(|a| {
             let (wa, dwa, t) = (node.z[7 + 4 * a], by[7 + 4 * a], node.tangents[a]);
             let first: Point3 = std::array::from_fn(|k| {
@@ -40,7 +43,11 @@ impl Motion {
         }
     }
 
-    /// The second derivative of F/|∇F| where F is small.
+    /// Returns the second derivative of F/
+    ///
+    /// ∇F
+    ///
+    /// where F is small.
     fn distance(&self, jet: &Jet2, method: Method) -> f64 {
         let ([d, dd], g) = (self.point, jet.g);
         let length = dot(g, g).sqrt();
@@ -56,15 +63,15 @@ impl Motion {
         (dot(d, hd) + dot(g, dd) - turned) / length
     }
 
-    /// The second derivative of ⟨pₐ, p_b⟩.
+    /// Returns the second derivative of ⟨pₐ, p_b⟩.
     fn form(&self, node: &Node, (a, b): Pair) -> f64 {
         let ([da, dda], [db, ddb]) = (self.tangents[a], self.tangents[b]);
         dot(dda, node.tangents[b]) + 2.0 * dot(da, db) + dot(node.tangents[a], ddb)
     }
 }
 
-/// Twice the weight times the gradient of the distance by z times its second derivative along a
-/// step, where z moves by `by`.
+/// Returns twice the weight times the gradient of the distance by z times the second derivative of
+/// the distance along a step in which z moves by `by`.
 pub(crate) fn bend_of_distance(
     node: &Node,
     by: &[f64; 12],
@@ -80,7 +87,7 @@ pub(crate) fn bend_of_distance(
     sum
 }
 
-/// The corresponding sum over the residuals that make L and R, with their factors.
+/// Returns the corresponding sum over the residuals of L and R, with their factors.
 pub(crate) fn bend_of_shape(node: &Node, by: &[f64; 12], shape: &Shape, weight: f64) -> [f64; 12] {
     let (targets, factors) = (&shape.targets, &shape.weights);
     let motion = Motion::new(node, by);
@@ -110,11 +117,11 @@ mod tests {
     use isoform_field::Polynomial;
     use isoform_geom::Field;
 
-    /// Second derivatives along a step are those of differences: of points, tangents, their
+    /// Second derivatives along a step equal those from differences: of points, tangents, their
     /// products, and of the distance on the surface.
     #[test]
     fn motions_bend_as_differences_say() {
-        // Vanishes at (0.2, 0.3, −0.1), where the node is.
+        // Vanishes at (0.2, 0.3, −0.1), the position of the node.
         let field = Polynomial::new([
             ([2, 0, 0], 1.0),
             ([0, 1, 1], 2.0),

@@ -1,19 +1,19 @@
-//! The coefficients ⟨pₐ, p_b⟩ of the first fundamental form with their derivatives by z.
+//! Coefficients ⟨pₐ, p_b⟩ of the first fundamental form with their derivatives by z.
 
 use crate::node::Node;
 use isoform_geom::{Point3, dot};
 
-/// Which coefficient: a, b ∈ {0, 1} for u and v.
+/// Indices a, b ∈ {0, 1} of a coefficient, 0 for u and 1 for v.
 pub(super) type Pair = (usize, usize);
 
-/// The derivatives of ⟨pₐ, p_b⟩ by z; second ones only where they are asked for.
+/// Derivatives of ⟨pₐ, p_b⟩ by z; the second ones only for Newton's method.
 pub(super) struct Form {
     pub(super) first: [f64; 12],
     pub(super) second: Option<Box<[[f64; 12]; 12]>>,
 }
 
 impl Form {
-    /// The first derivatives, and the second ones if `exact`.
+    /// Computes the first derivatives, and the second ones if `exact`.
     #[inline(always)]
     pub(super) fn new(node: &Node, pair: Pair, exact: bool) -> Self {
         Self {
@@ -22,7 +22,7 @@ impl Form {
         }
     }
 
-    /// s self + t other.
+    /// Returns s self + t other.
     #[inline(always)]
     pub(super) fn blend(&self, s: f64, other: &Self, t: f64) -> Self {
         let sum = |a: &[f64; 12], b: &[f64; 12]| std::array::from_fn(|k| s * a[k] + t * b[k]);
@@ -35,12 +35,12 @@ impl Form {
     }
 }
 
-/// A tangent with the derivative of the weight in its direction, and its places in z.
+/// Tangent with the derivative of the weight in its direction, and its offset in z.
 struct Direction {
     tangent: Point3,
-    /// wᵤ/w.
+    /// Quotient wᵤ/w.
     share: f64,
-    /// ⟨p, pᵤ⟩.
+    /// Product ⟨p, pᵤ⟩.
     along: f64,
     place: usize,
 }

@@ -1,4 +1,5 @@
-//! How residuals bend along a step, summed over the nodes: what the solver's acceleration needs.
+//! Second derivatives of residuals along a step, summed over the nodes, for the solver's
+//! acceleration.
 
 use super::quadrature::Rule;
 use super::{Evaluated, Objective};
@@ -7,12 +8,12 @@ use crate::local::{bend_of_distance, bend_of_shape};
 use crate::terms::CORNERS;
 use isoform_geom::RationalPatch;
 
-/// The sums over v at one u, by control point in v: the factors of B and of B′ in u.
+/// Sums over v at one u, by control point in v: the factors of B and of B′ in u.
 type Row = [[[f64; 4]; 2]; MOST_DEGREE + 1];
 
 impl Objective<'_> {
-    /// The gradient of S, were every residual its second derivative along a step of the unknowns.
-    /// J, which has no residuals to speak of, and sides are left out.
+    /// Returns the gradient of S with every residual replaced by its second derivative along a step
+    /// of the unknowns. J, which is no sum of squared residuals, and the sides are left out.
     pub(crate) fn bending(&self, patch: &RationalPatch, at: &Evaluated, step: &[f64]) -> Vec<f64> {
         let count = patch.control().len();
         let moved: Vec<[f64; 4]> = (0..count)
@@ -25,7 +26,7 @@ impl Objective<'_> {
         self.add_bending(&self.rule, &moved, &mut sums, |weight, by| {
             let (k, (node, jet)) = all.next().expect("a node for each of the rule");
             let own = bend_of_distance(node, by, jet, self.method, weight * self.importance(k));
-            // Where there is one rule for all.
+            // Shape terms are added here if there is one rule for all.
             match self.shape_rule {
                 Some(_) => own,
                 None => {
@@ -45,7 +46,7 @@ impl Objective<'_> {
         sums
     }
 
-    /// Adds the sums over the nodes of a rule of the gradients by z that `bend` gives for each
+    /// Adds the sums over the nodes of a rule of the gradients by z that `bend` returns for each
     /// node's weight and the derivative of its z.
     fn add_bending(
         &self,
@@ -66,7 +67,7 @@ impl Objective<'_> {
         }
     }
 
-    /// Adds the corners' part, ω_E E.
+    /// Adds the contribution of the corners, ω_E E.
     fn add_corner_bending(&self, patch: &RationalPatch, moved: &[[f64; 4]], sums: &mut [f64]) {
         let count = moved.len();
         for &corner in &CORNERS {

@@ -7,8 +7,8 @@ use crate::terms::{CORNERS, K, Method};
 use isoform_geom::{RationalPatch, sub};
 
 impl Objective<'_> {
-    /// Gradient and second derivatives of S. None if Newton's method is asked of a field without
-    /// third derivatives.
+    /// Computes gradient and second derivatives of S; `None` if Newton's method is selected and the
+    /// field has no third derivatives.
     pub fn derivatives(&self, patch: &RationalPatch, at: &Evaluated) -> Option<Derivatives> {
         let size = self.unknowns();
         let mut d = Derivatives {
@@ -36,7 +36,7 @@ impl Objective<'_> {
         Some(d)
     }
 
-    /// Adds I by Gauss-Newton.
+    /// Adds I in the Gauss-Newton approximation.
     fn add_distances(&self, at: &Evaluated, d: &mut Derivatives) {
         let samples = &at.samples;
         add_squares(&self.rule, d, |k, weight| {
@@ -49,7 +49,7 @@ impl Objective<'_> {
         });
     }
 
-    /// Adds I, and the integrals of the shape terms where they have no rule of their own.
+    /// Adds I, and the integrals of the shape terms if they share its rule.
     fn add_nodes(&self, at: &Evaluated, d: &mut Derivatives) -> Option<()> {
         let (samples, shape) = (&at.samples, self.shape());
         add_locals(&self.rule, d, |row, weights, locals| {
@@ -99,8 +99,8 @@ impl Objective<'_> {
         }
     }
 
-    /// Adds ω_E r² for a coordinate p of a corner with the weight w, by that coordinate of the
-    /// control point and by its weight, which stand at two places.
+    /// Adds ω_E r² for a coordinate p of a corner with the weight w. The unknowns at the two
+    /// indices are that coordinate of the control point and its weight.
     fn add_corner_coordinate(
         &self,
         d: &mut Derivatives,
@@ -126,8 +126,15 @@ impl Objective<'_> {
         }
     }
 
-    /// The residuals √weight F/|∇F| at all nodes and their derivatives by the unknowns with |∇F|
-    /// taken as constant, row by row.
+    /// Returns the derivatives of the residuals √weight F/
+    ///
+    /// ∇F
+    ///
+    /// at all nodes by the unknowns, row by row, with
+    ///
+    /// ∇F
+    ///
+    /// taken as constant, and the residuals.
     pub(crate) fn distance_rows(&self, at: &Evaluated) -> (Vec<f64>, Vec<f64>) {
         let samples = &at.samples;
         let mut rows = Vec::with_capacity(samples.nodes.len() * self.unknowns());
@@ -150,7 +157,7 @@ impl Objective<'_> {
 }
 
 impl Derivatives {
-    /// Copies blocks of coordinates k < l to where k > l, as their transposes.
+    /// Copies the transposed blocks of coordinates k < l to the blocks with k > l.
     fn complete(&mut self) {
         let size = self.gradient.len();
         let count = size / 4;

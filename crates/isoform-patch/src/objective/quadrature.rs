@@ -5,11 +5,11 @@ use crate::node::Node;
 use isoform_geom::bernstein;
 use isoform_num::gauss_legendre;
 
-/// A rule in one direction with the Bernstein basis of one degree at its nodes.
+/// Rule in one direction with the Bernstein basis of one degree at its nodes.
 #[derive(Clone, Debug)]
 pub(super) struct Basis {
     pub(super) weights: Vec<f64>,
-    /// B and B′ by node and index.
+    /// Values B and derivatives B′ by node and index.
     pub(super) b: Vec<[Vec<f64>; 2]>,
 }
 
@@ -25,10 +25,10 @@ impl Basis {
     }
 }
 
-/// A curve in v at one u with its derivative by u, as control points: p* and p*ᵤ.
+/// Curve in v at one u with its derivative by u, as control points: p* and p*ᵤ.
 type Curve = [[[f64; 4]; 2]; MOST_DEGREE + 1];
 
-/// The product of a rule in u and one in v; nodes with one u stand together.
+/// Product of a rule in u and one in v; nodes with equal u are consecutive.
 #[derive(Clone, Debug)]
 pub(super) struct Rule {
     pub(super) u: Basis,
@@ -36,7 +36,7 @@ pub(super) struct Rule {
 }
 
 impl Rule {
-    /// A rule with as many nodes in each direction, for patches of degree (m, n).
+    /// Creates the rule with `nodes` nodes in each direction, for patches of degree (m, n).
     pub(super) fn new((m, n): (usize, usize), nodes: usize) -> Self {
         Self {
             u: Basis::new(m, nodes),
@@ -44,12 +44,12 @@ impl Rule {
         }
     }
 
-    /// Nodes in each direction.
+    /// Returns the number of nodes in each direction.
     pub(super) fn nodes_per_direction(&self) -> usize {
         self.u.weights.len()
     }
 
-    /// The weights of all nodes.
+    /// Returns the weights of all nodes.
     pub(super) fn weights(&self) -> impl Iterator<Item = f64> + '_ {
         let in_v = &self.v.weights;
         let row = move |wu: &f64| {
@@ -59,13 +59,13 @@ impl Rule {
         self.u.weights.iter().flat_map(row)
     }
 
-    /// The nodes of a patch with these control points; none where w ≤ 0.
+    /// Evaluates a patch with these control points at the nodes; `None` if w ≤ 0 at a node.
     pub(super) fn nodes(&self, control: &[[f64; 4]]) -> Option<Vec<Node>> {
         let all = self.homogeneous(control);
         all.into_iter().map(Node::new).collect()
     }
 
-    /// p*, p*ᵤ, p*ᵥ at all nodes for these control points.
+    /// Returns (p*, p*ᵤ, p*ᵥ) at all nodes for these control points.
     pub(super) fn homogeneous(&self, control: &[[f64; 4]]) -> Vec<[f64; 12]> {
         let mut nodes = Vec::with_capacity(self.u.b.len() * self.v.b.len());
         let count = self.v.b[0][0].len();
@@ -82,7 +82,7 @@ impl Rule {
     }
 }
 
-/// The curve at one node in u of a net with `count` control points in v.
+/// Returns the curve at one node in u of a net with `count` control points in v.
 fn curve_at([a, da]: &[Vec<f64>; 2], control: &[[f64; 4]], count: usize) -> Curve {
     let mut curve: Curve = [[[0.0; 4]; 2]; MOST_DEGREE + 1];
     for (i, controls) in control.chunks(count).enumerate() {
@@ -96,7 +96,7 @@ fn curve_at([a, da]: &[Vec<f64>; 2], control: &[[f64; 4]], count: usize) -> Curv
     curve
 }
 
-/// z at one node in v of a curve.
+/// Returns z at one node in v of a curve.
 fn on_curve(curve: &[[[f64; 4]; 2]], [b, db]: &[Vec<f64>; 2]) -> [f64; 12] {
     let mut z = [0.0; 12];
     for (j, point) in curve.iter().enumerate() {

@@ -1,25 +1,37 @@
-//! Sides held on edges: ∫ B²/|∇B|² along each side of the patch on which a function B shall vanish.
+//! Term of the sides held on edges: ∫ B²/
+//!
+//! ∇B
+//!
+//! ² along each side of the patch on which a function B must vanish.
 
 use super::{Derivatives, Objective};
 use isoform_geom::{Field, Point3, RationalPatch, dot};
 
-/// A node along a side.
+/// Quadrature node on a side.
 struct SideNode<'b> {
-    /// The Bernstein basis of the side's control points.
+    /// Bernstein basis of the side's control points at the node.
     basis: &'b [f64],
     weight: f64,
-    /// The homogeneous point.
+    /// Homogeneous point of the patch.
     point: [f64; 4],
 }
 
-/// B/|∇B| with its derivatives by p*, |∇B| taken as constant.
+/// Residual B/
+///
+/// ∇B
+///
+/// with its derivatives by p*, with
+///
+/// ∇B
+///
+/// taken as constant.
 struct Residual {
     value: f64,
     first: [f64; 4],
 }
 
 impl Residual {
-    /// None where w ≤ 0 or the value is not finite.
+    /// Computes the residual; `None` if w ≤ 0 or the value is not finite.
     fn new(edge: &dyn Field, z: [f64; 4]) -> Option<Self> {
         let w = z[3];
         let p: Point3 = std::array::from_fn(|k| z[k] / w);
@@ -35,7 +47,7 @@ impl Residual {
 }
 
 impl<'f> Objective<'f> {
-    /// The integral over all sides that are held; none where a residual is not finite.
+    /// Integrates over all held sides; `None` if a residual is not finite.
     pub(super) fn side_term(&self, patch: &RationalPatch) -> Option<f64> {
         let mut sum = 0.0;
         for (side, edge) in self.held() {
@@ -68,13 +80,13 @@ impl<'f> Objective<'f> {
         }
     }
 
-    /// The sides that are held, with what vanishes there.
+    /// Returns the held sides with the functions that vanish there.
     fn held(&self) -> impl Iterator<Item = (usize, &'f dyn Field)> + use<'f> {
         let sides = self.sides.into_iter().enumerate();
         sides.filter_map(|(side, edge)| edge.map(|edge| (side, edge)))
     }
 
-    /// The control points of a side.
+    /// Returns the indices of the control points of a side.
     fn side(&self, side: usize) -> Vec<usize> {
         let (m, n) = self.degree;
         match side {
@@ -83,7 +95,7 @@ impl<'f> Objective<'f> {
         }
     }
 
-    /// The nodes along a side.
+    /// Returns the nodes along a side.
     fn along<'s>(
         &'s self,
         patch: &RationalPatch,
@@ -102,7 +114,7 @@ impl<'f> Objective<'f> {
 }
 
 impl Derivatives {
-    /// Adds weight r² by Gauss-Newton, for the derivatives of r by some unknowns.
+    /// Adds weight r² in the Gauss-Newton approximation, for the derivatives of r by some unknowns.
     fn add_square(&mut self, weight: f64, r: f64, by: &[(usize, f64)]) {
         let size = self.gradient.len();
         for &(row, a) in by {

@@ -1,5 +1,5 @@
-//! From derivatives by z at the nodes to derivatives by the control points: first over the nodes in
-//! v, then over those in u, which costs a quarter of summing node by node.
+//! Transformation of derivatives by z at the nodes to derivatives by the control points: summed
+//! first over the nodes in v, then over those in u, which costs a quarter of summing node by node.
 //!
 //! Control points are numbered i N + j for i in u and j in v. An entry of the Hessian belongs to
 //! two coordinates k ≤ l and two control points; blocks with k > l are left to the caller.
@@ -16,15 +16,16 @@ const KINDS: usize = 3;
 /// p*ᵤ and (0, 1) for p*ᵥ.
 const ORDERS: [(usize, usize); KINDS] = [(0, 0), (1, 0), (0, 1)];
 
-/// A residual that depends on p* alone, with its derivatives by p* and twice its weight.
+/// Residual that depends on p* alone, with its derivatives by p* and twice its weight.
 pub(super) struct PointResidual {
     pub(super) value: f64,
     pub(super) first: [f64; 4],
     pub(super) weight: f64,
 }
 
-/// Adds squares of residuals by Gauss-Newton. As these depend on p* alone, there is one product of
-/// basis functions instead of nine. `residual` is asked of each node with its number and weight.
+/// Adds squares of residuals in the Gauss-Newton approximation. As these depend on p* alone, there
+/// is one product of basis functions instead of nine. `residual` is called for each node with its
+/// index and twice its weight.
 pub(super) fn add_squares(
     rule: &Rule,
     d: &mut Derivatives,
@@ -42,8 +43,8 @@ pub(super) fn add_squares(
     }
 }
 
-/// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their numbers
-/// and weights and adds what they have; `None` where it gives `None`.
+/// Adds the integrands at the nodes of a rule. For the nodes at one u, `locals` gets their indices
+/// and weights and adds their integrands; returns `None` if `locals` does.
 pub(super) fn add_locals(
     rule: &Rule,
     d: &mut Derivatives,
@@ -78,7 +79,7 @@ isoform_num::dispatch! {
 }
 
 isoform_num::dispatch! {
-    /// Adds what is known at the nodes of one u; `a` is B and B′ there.
+    /// Adds the integrands at the nodes of one u; `a` is B and B′ there.
     fn add_row_of_locals(
         locals: &[Local],
         basis: &[[Vec<f64>; 2]],
@@ -115,7 +116,7 @@ fn row_of_locals(
     );
 }
 
-/// Of N control points in v.
+/// Adds the squares for N control points in v.
 #[inline(always)]
 fn sized_row_of_squares<const N: usize>(
     residuals: &[PointResidual],
@@ -130,7 +131,7 @@ fn sized_row_of_squares<const N: usize>(
     sums.add_to(a, d);
 }
 
-/// Of N control points in v.
+/// Adds the integrands for N control points in v.
 #[inline(always)]
 fn sized_row_of_locals<const N: usize>(
     locals: &[Local],
@@ -143,19 +144,19 @@ fn sized_row_of_locals<const N: usize>(
     sums.add_to::<N>(a, d);
 }
 
-/// The sums over v at one u.
+/// Sums over v at one u.
 struct Sums {
-    /// By the orders (a, a′) in u and the coordinates (k, l), an N × N matrix.
+    /// Hessians as N × N matrices, by the orders (a, a′) in u and the coordinates (k, l).
     inner: Vec<f64>,
-    /// By a and k, a vector.
+    /// Gradients as vectors, by a and k.
     side: Vec<f64>,
 }
 
-/// The sums over v at one u of Gauss-Newton's terms.
+/// Sums over v at one u of the Gauss-Newton terms.
 struct Squares<const N: usize> {
-    /// By coordinate and control point in v.
+    /// Gradients by coordinate and control point in v.
     side: [[f64; N]; 4],
-    /// By two coordinates k ≤ l and two control points in v.
+    /// Hessians by two coordinates k ≤ l and two control points in v.
     inner: [[[[f64; N]; N]; 4]; 4],
 }
 
@@ -222,7 +223,7 @@ impl<const N: usize> Squares<N> {
 }
 
 impl Derivatives {
-    /// Gradient and Hessian in rows of N control points.
+    /// Returns gradient and Hessian in rows of N control points.
     #[inline(always)]
     fn rows_of<const N: usize>(&mut self) -> (&mut [[f64; N]], &mut [[f64; N]]) {
         (
@@ -298,8 +299,9 @@ impl Sums {
     }
 }
 
-/// The sums over the nodes at one u of the second derivatives by coordinates k and l of z, by the
-/// orders (a, a′) in u: with B and B′ at a node, and the derivative c(s, t) by kinds s and t,
+/// Sums over the nodes at one u the second derivatives by coordinates k and l of z, separately for
+/// the orders (a, a′) in u: with B and B′ at a node, and the derivative c(s, t) by components s and
+/// t of z,
 ///
 /// ```text
 /// (0, 0)  (c(0,0) B + c(2,0) B′) Bᵀ + (c(0,2) B + c(2,2) B′) B′ᵀ

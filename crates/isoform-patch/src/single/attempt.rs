@@ -1,5 +1,5 @@
-//! Attempts at one place: along several directions and at several paces, of which the largest patch
-//! is taken.
+//! Attempts from one seed: patches along several directions and with several policies, of which the
+//! largest is taken.
 
 use super::certify::certified;
 use crate::exact::make_exact;
@@ -20,9 +20,9 @@ const GROWING_TIME: f64 = 0.6;
 /// are alike, rounding is not to decide.
 const CLEARLY: f64 = 1.01;
 
-/// Grows a patch; with a tolerance along the lines of curvature, between them, and along the seed's
-/// own directions, and at other paces, and takes the largest: which of them it is depends on the
-/// place.
+/// Grows patches from a seed and returns the largest. With a tolerance they grow along the lines of
+/// curvature, at 45° to them and along the seed's own directions, and with several policies, as the
+/// best choice depends on the surface.
 pub(super) fn turned(
     on: On<'_>,
     seed: Seed,
@@ -67,16 +67,16 @@ pub(super) fn turned(
     candidates.largest(none, options, clock)
 }
 
-/// Grown patches of which nothing is proved yet.
+/// Grown patches whose distances are not proved yet.
 struct Candidates<'f> {
-    /// With their areas in the region.
+    /// Patches with their areas in the region.
     list: Vec<(f64, Growth<'f>)>,
-    /// Why the last one that failed did so.
+    /// Error of the last attempt that failed.
     error: Option<Error>,
 }
 
 impl<'f> Candidates<'f> {
-    /// One patch for each start, until the time is over.
+    /// Grows one patch for each start, until time is over.
     fn grown(starts: impl Iterator<Item = Start<'f>>, options: &Options) -> Self {
         let mut all = Self {
             list: Vec::new(),
@@ -97,8 +97,8 @@ impl<'f> Candidates<'f> {
         all
     }
 
-    /// The largest of them after proof. Proofs only make patches smaller: the largest goes first,
-    /// and those that cannot become the largest any more are not proved.
+    /// Returns the largest patch after proof. As proofs only make patches smaller, the largest goes
+    /// first, and those that can no longer become the largest are not proved.
     fn largest(
         &mut self,
         none: Result<Parameterized, Error>,
@@ -126,7 +126,7 @@ impl<'f> Candidates<'f> {
     }
 }
 
-/// By what patches are compared: what is proved counts first.
+/// Criteria of comparison, the first one first.
 struct Worth {
     keeps: bool,
     area: f64,
@@ -141,7 +141,7 @@ impl Worth {
     }
 }
 
-/// The better of two patches, with the times of both.
+/// Returns the better of two patches, with the times of both.
 fn better(a: Parameterized, b: Parameterized, options: &Options) -> Parameterized {
     let (x, y) = (Worth::of(&a, options), Worth::of(&b, options));
     let seconds = both_times(&a.seconds, &b.seconds);
@@ -152,7 +152,7 @@ fn better(a: Parameterized, b: Parameterized, options: &Options) -> Parameterize
     }
 }
 
-/// Grows a patch and proves how far from the surface it is.
+/// Grows a patch and proves a bound on its distance from the surface.
 pub(super) fn grown(
     start: Start<'_>,
     options: &Options,
@@ -163,11 +163,11 @@ pub(super) fn grown(
     certified(growth, clock)
 }
 
-/// Grows a patch, exact if that is asked for; nothing is proved of it.
+/// Grows a patch, exact if the options require it, without a proof.
 fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> {
     let options = &asked.relaxed();
     let (is_single, field) = (start.on.whole.is_single(), start.on.field());
-    // A patch that ends at edges would leave them.
+    // An exact patch would leave the edges at which it ends.
     let to_be_exact = options.exact && is_single;
     if to_be_exact {
         // Tori and cylinders have exact patches of low degree only along their lines of curvature.
@@ -197,10 +197,9 @@ fn grow<'f>(mut start: Start<'f>, asked: &Options) -> Result<Growth<'f>, Error> 
     Ok(growth)
 }
 
-/// The objective for patches of a degree.
+/// Creates the objective for patches of a degree.
 fn objective<'f>(on: On<'f>, degree: (usize, usize), options: &Options) -> Objective<'f> {
-    // Patches along edges get long: L, which is about squared lengths, would not care for the
-    // shorter ones.
+    // Patches along edges get long: L in squared lengths would be dominated by the long direction.
     let inner = if on.whole.is_single() {
         options.inner
     } else {
@@ -209,8 +208,8 @@ fn objective<'f>(on: On<'f>, degree: (usize, usize), options: &Options) -> Objec
     Objective::new(on.field(), degree, options.method, options.nodes).with_inner(inner)
 }
 
-/// A control that leaves time for the proof: a patch without a bound is worth less than a smaller
-/// one.
+/// Returns a control that leaves time for the proof: a patch without a bound is worth less than a
+/// smaller one.
 fn growing_time<'f>(control: &Control<'f>) -> Control<'f> {
     let Some(deadline) = control.deadline else {
         return *control;
@@ -223,8 +222,8 @@ fn growing_time<'f>(control: &Control<'f>) -> Control<'f> {
     )
 }
 
-/// A patch of another degree from which an exact one is sought, grown to a share of the bound on S;
-/// below 1, to that alone.
+/// Grows a patch of another degree from which an exact one is sought. With a `share` below 1 it
+/// grows to that fraction of the bound on S, otherwise to the limits of the options.
 fn grow_another<'f>(
     start: Start<'f>,
     degree: (usize, usize),

@@ -1,4 +1,4 @@
-//! The proof of a grown patch: how far from the surface it is, and that it does not fold over.
+//! Proof of a grown patch: a bound on its distance from the surface, and the absence of folds.
 
 use crate::distance::{Distances, distances_on};
 use crate::fold;
@@ -7,33 +7,34 @@ use crate::options::Error;
 use crate::parameterized::{Clock, Parameterized};
 use crate::whole::NearSingular;
 
-/// A patch whose samples are this near to the surface, in diagonals of the region, may be exact to
-/// rounding.
+/// Distance of samples from the surface, in diagonals of the region, below which a patch may be
+/// exact to rounding.
 const EXACT: f64 = 1e-12;
 /// It is so if it is proved to be this near everywhere: where it passes a self-intersection, or the
 /// function is no polynomial, proofs end here.
 const PROVED: f64 = 1e-6;
-/// The shares by which patches become shorter, in turn, at each side where nothing can be proved.
+/// Fractions by which patches are shortened, in turn, at each side as long as nothing can be
+/// proved.
 const RETREATS: [f64; 4] = [0.02, 0.03, 0.05, 0.1];
 /// A bound above this multiple of the sampled distance is loose.
 const LOOSE: f64 = 3.0;
 /// How often sides are taken back for a tighter bound.
 const TRIMMINGS: usize = 4;
-/// A distance below this share of the region's diagonal is rounding's.
+/// Fraction of the region's diagonal below which distances are rounding errors.
 const ROUNDING: f64 = 1e-13;
 
-/// What is known of a growing patch.
+/// Proved and measured properties of a growing patch.
 struct Known {
     distances: Distances,
-    /// A place from which a loose bound comes.
+    /// Parameters of a point from which a loose bound comes.
     place: Option<(f64, f64)>,
-    /// A place where the patch may fold over.
+    /// Parameters of a point where the patch may fold over.
     fold: Option<(f64, f64)>,
 }
 
 impl Known {
-    /// Proves what can be proved of a patch; `bound` is proved already, and that the patch does not
-    /// fold over with it.
+    /// Proves what can be proved of a patch. If `bound` is given, that bound and the absence of
+    /// folds are already proved.
     fn of(growth: &Growth<'_>, bound: Option<f64>) -> Self {
         let (tolerance, whole) = (growth.options.tolerance, growth.on().whole);
         let (distances, place) =
@@ -49,21 +50,21 @@ impl Known {
         }
     }
 
-    /// Whether there is a bound, and no fold.
+    /// Returns true if there is a bound and no fold.
     fn is_proved(&self) -> bool {
         self.distances.bound.is_some() && self.fold.is_none()
     }
 
-    /// Whether the bound is larger than samples show: a side that comes over an edge between
-    /// samples makes one.
+    /// Returns true if the bound is much larger than the sampled distance, as when a side crosses
+    /// an edge between samples.
     fn is_loose(&self, diagonal: f64) -> bool {
         let most = LOOSE * self.distances.sampled + ROUNDING * diagonal;
         self.distances.bound.is_some_and(|b| b > most)
     }
 }
 
-/// Proves how far from the surface a patch is, and that it does not fold over; it is made smaller
-/// where that fails.
+/// Proves a bound on the distance of a patch from the surface and that it does not fold over;
+/// shortens it if that fails.
 pub(super) fn certified(mut growth: Growth<'_>, mut clock: Clock) -> Result<Parameterized, Error> {
     let (seed_point, control) = (growth.seed_point(), growth.control);
     control.report("certify", 0.0);
@@ -81,7 +82,8 @@ pub(super) fn certified(mut growth: Growth<'_>, mut clock: Clock) -> Result<Para
     Ok(finished(growth, &known, clock))
 }
 
-/// What is known of a patch made shorter until it is proved: of a smaller one it may be.
+/// Shortens a patch until it is proved, as a proof may succeed on a smaller one; returns its
+/// properties.
 fn retreated(growth: &mut Growth<'_>, proved: Option<f64>) -> Known {
     let mut known = Known::of(growth, proved);
     for share in RETREATS {
@@ -100,8 +102,8 @@ fn retreated(growth: &mut Growth<'_>, proved: Option<f64>) -> Known {
     known
 }
 
-/// What is known of a patch whose sides were taken back as long as that makes a loose bound
-/// tighter, on a surface with parts.
+/// Trims the sides of a patch on a surface with parts as long as that tightens a loose bound;
+/// returns its properties.
 fn trimmed(growth: &mut Growth<'_>, mut known: Known) -> Known {
     let diagonal = growth.options.region.diagonal();
     for _ in 0..TRIMMINGS {
@@ -132,11 +134,12 @@ fn trimmed(growth: &mut Growth<'_>, mut known: Known) -> Known {
     known
 }
 
-/// The patch with what is known of it.
+/// Assembles the result.
 fn finished(growth: Growth<'_>, known: &Known, clock: Clock) -> Parameterized {
     let on = growth.on();
     let diagonal = growth.options.region.diagonal();
-    // Proofs on parts need not come near rounding, which their samples show to first order only.
+    // On parts, samples show distances to first order only; so the proved bound must be near
+    // rounding, too.
     let proved = if on.whole.is_single() { PROVED } else { EXACT };
     let bound = known.distances.bound;
     Parameterized {

@@ -1,5 +1,4 @@
-//! Places to start at: on which part they lie, and how a patch about them begins at edges and at
-//! ridges.
+//! Start points: the part on which they lie, and the start of patches at edges and ridges.
 
 use super::attempt::grown;
 use crate::feet::reached;
@@ -22,14 +21,14 @@ const CHOICE: usize = 8;
 /// Random places tried for them.
 const PLACES: usize = 4000;
 
-/// A point of the surface with the part on which it lies.
+/// Point of the surface with the part on which it lies.
 #[derive(Clone, Copy)]
 pub(super) struct Place {
     pub(super) part: usize,
     pub(super) point: Point3,
 }
 
-/// The point of the surface that a place leads to.
+/// Returns the point of the surface nearest to a point, among its projections to all parts.
 pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option<Place> {
     let scale = options.region.diagonal();
     let mut best: Option<(f64, Place)> = None;
@@ -47,8 +46,8 @@ pub(super) fn nearest(whole: &Whole<'_>, p: Point3, options: &Options) -> Option
     best.map(|b| b.1)
 }
 
-/// A random point of the surface, far from edges. Where the time ends the search, the best so far;
-/// none is an error.
+/// Returns a random point of the surface, far from edges. If the control stops the search, returns
+/// the best so far, or an error if there is none.
 pub(super) fn chosen(
     whole: &Whole<'_>,
     options: &Options,
@@ -78,17 +77,17 @@ pub(super) fn chosen(
     best.map(|b| b.1).ok_or(Error::NoSurface)
 }
 
-/// How a patch starts about a point.
+/// Start of a patch around a point.
 struct Approach<'f> {
     seed: Seed,
-    /// What vanishes along the edge on which the seed lies, if it lies on one.
+    /// Function that vanishes on the edge on which the seed lies; `None` if it lies on none.
     edge: Option<&'f dyn Field>,
-    /// Whether the seed lies on a ridge.
+    /// True if the seed lies on a ridge.
     is_ridge: bool,
 }
 
 impl<'f> Approach<'f> {
-    /// At an edge or a ridge nearby, if there is one; else about the point's own seed.
+    /// Starts at an edge or a ridge nearby, if there is one, else around the point's own seed.
     fn new(on: On<'f>, point: Point3, own: Seed, options: &Options) -> Result<Self, Error> {
         if !on.whole.is_single() {
             return Ok(Self::at_edge(on, point, own, options));
@@ -106,7 +105,7 @@ impl<'f> Approach<'f> {
         })
     }
 
-    /// At an edge that is very near; along one that is near.
+    /// Starts at an edge that is very near, and along one that is near.
     fn at_edge(on: On<'f>, point: Point3, own: Seed, options: &Options) -> Self {
         let scale = options.region.diagonal();
         let (mut seed, mut from) = (own, None);
@@ -133,7 +132,7 @@ impl<'f> Approach<'f> {
     }
 }
 
-/// Grows a patch about a point of a part.
+/// Grows a patch around a point of a part.
 pub(crate) fn at(
     on: On<'_>,
     point: Point3,
@@ -159,7 +158,7 @@ pub(crate) fn at(
     if is_own || made.as_ref().is_ok_and(serves) {
         return made;
     }
-    // Where nothing fits at the edge or ridge, or does not come as far as the point: about the
+    // If no patch fits at the edge or ridge, or none reaches the point, the patch starts around the
     // point itself.
     let seed = if approach.is_ridge {
         own
@@ -181,13 +180,13 @@ pub(crate) fn at(
     }
 }
 
-/// Whether a patch comes as far as a point; true if there is no tolerance to judge that by.
+/// Returns true if a patch reaches a point, or if there is no tolerance by which to judge that.
 fn comes_to(made: &Parameterized, point: Point3, options: &Options) -> bool {
     let comes = |t: f64| reached(&made.grown.patch, &[point], t)[0];
     options.tolerance.is_none_or(comes)
 }
 
-/// Tangents turned into the plane with a normal.
+/// Rotates tangents into the plane with a given normal.
 fn in_plane(tangents: [Point3; 2], normal: Point3) -> [Point3; 2] {
     let n = normalized(normal);
     let d = dot(tangents[0], n);

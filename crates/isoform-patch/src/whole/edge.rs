@@ -1,4 +1,4 @@
-//! Edges of parts: how far a place is beyond one, and where the nearest one is.
+//! Edges of parts: the distance of points beyond them, and the nearest ones.
 
 use super::{NO_DISTANCE, On, Part, Whole};
 use crate::places::{moved, normalized};
@@ -13,20 +13,21 @@ const ON_EDGE: f64 = 1e-11;
 /// The longest step towards an edge, in the scale given: farther away linear models are not to be
 /// trusted.
 const LONGEST: f64 = 0.2;
-/// Functions whose normals differ by a sine below this do not meet in an edge that could be found.
+/// Sine of the angle between normals below which two functions are tangent: no edge could be
+/// located.
 const TANGENTIAL: f64 = 1e-3;
 
-/// Where a place lies outside of a part.
+/// Violation of an edge of a part by a point.
 #[derive(Clone, Copy)]
 pub(crate) struct Beyond<'f> {
-    /// How far the surface is, to first order, or how far the part's limit.
+    /// Distance of the surface to first order, or of the part's limit.
     pub(crate) by: f64,
-    /// What vanishes at the edge of the part there.
+    /// Function that vanishes on the violated edge.
     pub(crate) edge: &'f dyn Field,
 }
 
 impl<'f> Part<'f> {
-    /// The limit beyond which a place lies farthest; none where no limit is negative.
+    /// Returns the most violated limit; `None` if no limit is negative.
     fn worst_limit(&self, p: Point3) -> Option<Beyond<'f>> {
         let mut worst: Option<Beyond<'f>> = None;
         for limit in &self.limits {
@@ -41,8 +42,8 @@ impl<'f> Part<'f> {
 }
 
 impl<'f> Whole<'f> {
-    /// Where a place on a part is beyond the part's edge; none where it is not, and where it cannot
-    /// be said.
+    /// Returns the violation of the part's edge by a point on the part's zero set; `None` if there
+    /// is no violation or it cannot be determined.
     pub(crate) fn beyond(&self, part: usize, p: Point3) -> Option<Beyond<'f>> {
         if self.is_single() {
             return None;
@@ -59,14 +60,15 @@ impl<'f> Whole<'f> {
             edge: other.field,
         };
         match self.least_limit(own, p) {
-            // From a constant, which vanishes nowhere, the distance is infinite.
+            // The distance from a constant, which vanishes nowhere, is infinite.
             Some(limit) if limit.by >= sharp.by || !sharp.by.is_finite() => Some(limit),
             _ => (sharp.by > 0.0).then_some(sharp),
         }
     }
 
-    /// Of the parts near a place with a part's function the limit of the one that the place is
-    /// least beyond; at smooth joins the distance says nothing yet. None where one counts.
+    /// Returns the limit of the part nearby with the given function that the point violates least;
+    /// `None` if one of these parts is valid. At smooth joins the distance is 0 on both sides and
+    /// does not show the violation.
     fn least_limit(&self, own: &Part<'f>, p: Point3) -> Option<Beyond<'f>> {
         let local = self.local(Aabb { lo: p, hi: p });
         let near = local.pieces.iter().flat_map(|piece| &piece.1);
@@ -85,8 +87,8 @@ impl<'f> Whole<'f> {
         least.flatten()
     }
 
-    /// The nearest point of the part's edge that Newton's method finds from a place on it, with
-    /// what vanishes there.
+    /// Returns the nearest point of the part's edge that Newton's method finds from a point on the
+    /// part, and the function that vanishes there.
     pub(crate) fn nearest_edge(
         &self,
         part: usize,
@@ -110,7 +112,8 @@ impl<'f> Whole<'f> {
         best.map(|(_, q, edge)| (q, edge))
     }
 
-    /// What may vanish at edges of a part: other functions, and limits of parts with its own.
+    /// Returns the functions that may vanish at edges of a part: other functions, and limits of
+    /// parts with its own function.
     fn edges_of<'s>(&'s self, own: &'s Part<'f>) -> impl Iterator<Item = &'f dyn Field> + 's {
         let others = self.parts.iter().enumerate();
         let others = others.filter(|(k, o)| o.function == *k && o.function != own.function);
@@ -119,7 +122,7 @@ impl<'f> Whole<'f> {
         others.map(|(_, o)| o.field).chain(limits)
     }
 
-    /// Whether a part is there on one side of an edge, and not on the other.
+    /// Returns true if the part lies on exactly one side of an edge.
     fn ends_at(&self, own: &Part<'f>, edge: &dyn Field, q: Point3, scale: f64) -> bool {
         let (f, g) = (own.field.jet(q).g, edge.jet(q).g);
         let across = cross(f, cross(f, g));
@@ -132,7 +135,8 @@ impl<'f> Whole<'f> {
     }
 }
 
-/// The point where two functions vanish that Newton's method with least steps leads to.
+/// Returns the point at which two functions vanish to which Newton's method with steps of least
+/// length leads; `None` if it does not converge.
 fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<Point3> {
     let mut p = from;
     for _ in 0..STEPS {
@@ -161,12 +165,12 @@ fn onto_both(f: &dyn Field, g: &dyn Field, from: Point3, scale: f64) -> Option<P
 }
 
 impl<'f> On<'f> {
-    /// Where a place is beyond the part's edge.
+    /// Returns the violation of the part's edge by a point.
     pub(crate) fn beyond(&self, p: Point3) -> Option<Beyond<'f>> {
         self.whole.beyond(self.part, p)
     }
-    /// Unit vectors along an edge at a point of it, and from there into the side of the part on
-    /// which `towards` lies.
+    /// Returns unit vectors along an edge at a point of it, and from there to the side of the edge
+    /// on which `towards` lies; `None` if the functions are tangent.
     pub(crate) fn along(
         &self,
         edge: &dyn Field,
@@ -182,7 +186,7 @@ impl<'f> On<'f> {
         let t = t.map(|v| v / length);
         let n = normalized(f);
         let inward = cross(n, t);
-        // The side on which the part is: by the place, or by where the part counts.
+        // The side of the part is that of `towards`.
         let sign = if dot(inward, sub(towards, at)) < 0.0 {
             -1.0
         } else {

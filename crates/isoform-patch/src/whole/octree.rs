@@ -1,4 +1,4 @@
-//! An octree over the region, whose cells know which parts may decide in them.
+//! Octree over the region, whose cells store the parts that may determine the surface in them.
 
 use super::Whole;
 use crate::places::wider_by_share;
@@ -14,27 +14,27 @@ const DEEPEST: usize = 6;
 /// Cells with no more parts than this are not divided.
 const FEW: usize = 2;
 
-/// What matters in a cell.
+/// Parts that matter in a cell.
 #[derive(Clone)]
 pub(super) struct Local {
     pub(super) tree: Csg,
-    /// The pieces of the tree with those of their parts that may count.
+    /// Pieces of the tree, each with those of its parts that may be valid.
     pub(super) pieces: Vec<(u32, Vec<usize>)>,
 }
 
 impl Local {
-    /// The parts of a piece.
+    /// Returns the parts of a piece.
     pub(super) fn parts(&self, piece: u32) -> &[usize] {
         let found = self.pieces.iter().find(|p| p.0 == piece);
         found.map_or(&[], |p| &p.1)
     }
 }
 
-/// A cell of the octree.
+/// Cell of the octree.
 pub(super) struct Cell {
     pub(super) region: Aabb,
     pub(super) local: Arc<Local>,
-    /// The first of eight cells that this one is divided into.
+    /// Index of the first of eight consecutive children; `None` for a leaf.
     children: Option<usize>,
 }
 
@@ -47,13 +47,13 @@ impl Cell {
         }
     }
 
-    /// Whether it holds a region.
+    /// Returns true if the cell contains a region.
     fn holds(&self, region: &Aabb) -> bool {
         let own = &self.region;
         (0..3).all(|k| own.lo[k] <= region.lo[k] && region.hi[k] <= own.hi[k])
     }
 
-    /// One of its octants, with what matters in the cell.
+    /// Returns an octant of the cell, with the parts of the cell.
     fn octant(&self, octant: usize) -> Self {
         let region = self.region;
         let middle = |k: usize| 0.5 * (region.lo[k] + region.hi[k]);
@@ -70,12 +70,12 @@ impl Cell {
     }
 }
 
-/// The box of the octree for a region.
+/// Returns the box of the octree for a region.
 pub(super) fn around(region: &Aabb) -> Aabb {
     wider_by_share(region, MARGIN)
 }
 
-/// Cells; the root is the first one.
+/// Cells of the octree; the root is the first one.
 pub(super) struct Octree(Vec<Cell>);
 
 impl Octree {
@@ -87,7 +87,7 @@ impl Octree {
         self.0.iter().filter(|c| c.children.is_none())
     }
 
-    /// The smallest cell that holds a region; none where the root does not.
+    /// Returns the smallest cell that contains a region; `None` if the root does not.
     fn smallest(&self, region: &Aabb) -> Option<&Cell> {
         let mut at = self.0.first().filter(|root| root.holds(region))?;
         while let Some(first) = at.children {
@@ -105,7 +105,7 @@ impl Whole<'_> {
     /// Divides a cell until few parts are left.
     pub(super) fn divide(&mut self, cell: usize, depth: usize) {
         let region = self.octree.0[cell].region;
-        // Without surface in it, what matters is what did before.
+        // A cell without surface keeps the parts of its parent.
         let Some(local) = self.narrow(&self.octree.0[cell].local, region) else {
             return;
         };
@@ -126,8 +126,8 @@ impl Whole<'_> {
         }
     }
 
-    /// What matters in a region, of what matters in one that holds it; none where there is no
-    /// surface.
+    /// Restricts the parts that matter in a region to a subregion; `None` if there is no surface in
+    /// it.
     pub(super) fn narrow(&self, of: &Local, region: Aabb) -> Option<Local> {
         let known: Vec<(u32, Vec<usize>, Interval)> = of
             .pieces
@@ -149,15 +149,15 @@ impl Whole<'_> {
         })
     }
 
-    /// What matters in the smallest cell that holds a region.
+    /// Returns the parts that matter in the smallest cell that contains a region.
     pub(super) fn local(&self, region: Aabb) -> &Local {
         let cell = self.octree.smallest(&region);
         cell.map_or(&self.all, |cell| &cell.local)
     }
 }
 
-/// A tree without what does not change its sign where the pieces have these ranges; an error with
-/// its sign, true if it is positive, where the whole tree does not change it.
+/// Removes from a tree the pieces whose sign does not change on the given ranges. If the sign of
+/// the whole tree does not change, returns that sign as an error: true if positive.
 fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
     let (children, is_min) = match tree {
         Csg::Piece(i) => {
@@ -173,7 +173,7 @@ fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
     for child in children {
         match narrowed(child, range) {
             Ok(child) => kept.push(child),
-            // A minimum is positive where all are, negative where one is.
+            // A minimum is positive if all children are, and negative if one is.
             Err(positive) if positive != is_min => return Err(positive),
             Err(_) => {}
         }
@@ -193,7 +193,7 @@ fn narrowed(tree: &Csg, range: &impl Fn(u32) -> Interval) -> Result<Csg, bool> {
 mod tests {
     use super::*;
 
-    /// min(a, max(b, c)) where a is positive is what the maximum is; where b is negative, too, c.
+    /// If a is positive, min(a, max(b, c)) reduces to the maximum; if b is negative as well, to c.
     #[test]
     fn trees_are_narrowed() {
         let tree = Csg::Min(vec![

@@ -1,4 +1,4 @@
-//! A side put onto an edge: parameter lines are made longer or shorter up to where they meet it.
+//! Moving a side onto an edge: parameter lines are extended or shortened to where they meet it.
 
 use crate::stretch::beside;
 use isoform_geom::{Field, Point3, RationalPatch, Tangents, bernstein, dot, norm};
@@ -15,7 +15,7 @@ const REACH_IN: f64 = -0.6;
 /// and how far beyond an extrapolation.
 const REACH_OUT: f64 = 0.6;
 
-/// The patch with a side moved onto an edge; none where parameter lines do not meet it nearby.
+/// Moves a side of a patch onto an edge; `None` if parameter lines do not meet it nearby.
 pub(super) fn put_on(
     patch: &RationalPatch,
     side: usize,
@@ -45,7 +45,7 @@ pub(super) fn put_on(
     Some(put).filter(|p| p.control_weights().0 > 0.0)
 }
 
-/// The line across a side at the parameter t of that.
+/// Parameter line across a side, at the parameter t of the side.
 struct ParameterLine<'p> {
     patch: &'p RationalPatch,
     side: usize,
@@ -58,7 +58,8 @@ impl ParameterLine<'_> {
         self.patch.tangents(u, v)
     }
 
-    /// How far beyond the side it meets an edge; none where it does not nearby.
+    /// Returns the distance beyond the side, in parameters, at which the line meets an edge; `None`
+    /// if it does not nearby.
     fn meets(&self, edge: &dyn Field, share: f64) -> Option<f64> {
         let mut e = 0.0f64;
         for _ in 0..STEPS {
@@ -80,7 +81,7 @@ impl ParameterLine<'_> {
     }
 }
 
-/// The derivative of p outward across a side.
+/// Returns the derivative of p outward across a side.
 fn outward(at: &Tangents, side: usize) -> Point3 {
     match side {
         0 => at.u.map(|x| -x),
@@ -90,8 +91,8 @@ fn outward(at: &Tangents, side: usize) -> Point3 {
     }
 }
 
-/// The patch of degree (m, n) with these homogeneous points at (i/m, j/n): interpolated first along
-/// v for each u, then along u.
+/// Returns the patch of degree (m, n) through these homogeneous points at (i/m, j/n), interpolated
+/// first along v for each u, then along u.
 fn interpolated_at(
     (m, n): (usize, usize),
     value: impl Fn(usize, usize) -> [f64; 4],
@@ -104,7 +105,7 @@ fn interpolated_at(
     RationalPatch::new((m, n), control.collect()).ok()
 }
 
-/// The coefficients in the Bernstein basis of what has these values at 0, 1/n, …, 1.
+/// Returns the Bernstein coefficients of the polynomial with these values at 0, 1/n, …, 1.
 fn interpolated(values: &[[f64; 4]]) -> Option<Vec<[f64; 4]>> {
     let n = values.len();
     let rows: Vec<Vec<f64>> = (0..n)
@@ -133,7 +134,7 @@ fn interpolated(values: &[[f64; 4]]) -> Option<Vec<[f64; 4]>> {
 mod tests {
     use super::*;
 
-    /// What has the values of x³ at 0, 1/3, 2/3 and 1 is x³.
+    /// The cubic with the values of x³ at 0, 1/3, 2/3 and 1 is x³.
     #[test]
     fn cubics_are_interpolated() {
         let values: Vec<[f64; 4]> = (0..4)

@@ -1,4 +1,4 @@
-//! Sides taken back that Newton steps have moved beyond edges, or far beyond the region.
+//! Trimming of sides that Newton steps have moved beyond edges or far beyond the region.
 
 use super::super::{Growth, SPILL};
 use super::{Look, SAMPLES, Side, bisected, evenly, neighbours};
@@ -12,19 +12,19 @@ const FINE_SAMPLES: usize = 241;
 const CLOSE_SAMPLES: usize = 161;
 /// and the share of the side about the place in which they are.
 const CLOSE: f64 = 1.0 / 120.0;
-/// The most of a patch that is taken back at one side.
+/// Maximum fraction of a patch that is trimmed at one side.
 const MOST_TRIMMED: f64 = 0.4;
-/// What lies beyond the region by more than this share of that is taken back to where sides stop.
+/// Fraction of the region's size beyond which a side is trimmed back to the region.
 const MOST_SPILL: f64 = 0.3;
 
 impl<'f> Growth<'f> {
-    /// Whether no side lies far beyond the region.
+    /// Returns true if no side lies far beyond the region.
     pub(crate) fn is_near_region(&self) -> bool {
         let wide = self.wider(MOST_SPILL);
         (0..4).all(|side| is_side_within(&self.patch, side, &wide))
     }
 
-    /// Takes back sides that Newton steps have moved beyond edges, and far beyond the region.
+    /// Trims sides that Newton steps have moved beyond edges or far beyond the region.
     pub(crate) fn trim(&mut self) {
         if self.options.tolerance.is_some() {
             self.trim_to_region();
@@ -34,16 +34,16 @@ impl<'f> Growth<'f> {
         self.trim_to(self.overlap(), &samples, false);
     }
 
-    /// Takes back what lies beyond edges by more than is allowed between samples, too, above all
-    /// near a place where that seems to be.
+    /// Trims what lies beyond edges by more than allowed, also between the usual samples, with the
+    /// densest samples near a place of suspected violation.
     pub(crate) fn trim_finely(&mut self, allowed: f64, near: Option<(f64, f64)>) {
         let samples = std::array::from_fn(|side| fine_samples(side, near));
         self.trim_to(allowed, &samples, true);
     }
 
-    /// Takes back sides that Newton steps have moved far beyond the region: where a surface can be
-    /// shifted along itself, as a cylinder can, nothing else keeps them. Only to a tolerance, for
-    /// which steps go far.
+    /// Trims sides that Newton steps have moved far beyond the region: on a surface that can be
+    /// shifted along itself, such as a cylinder, nothing else bounds them. Applies only with a
+    /// tolerance, for which steps go far.
     fn trim_to_region(&mut self) {
         let (far, near) = (self.wider(MOST_SPILL), self.wider(SPILL));
         let mut patch = self.patch.clone();
@@ -60,8 +60,8 @@ impl<'f> Growth<'f> {
         self.put(patch);
     }
 
-    /// Takes back what lies beyond edges, by samples for each side; with `held`, where that fails,
-    /// what lies beyond edges that the neighbours are held on does not count.
+    /// Trims what lies beyond edges, by samples for each side; with `held`, if that fails,
+    /// violations of edges on which the neighbours are held are ignored.
     fn trim_to(&mut self, allowed: f64, samples: &[Vec<f64>; 4], held: bool) {
         if self.on.whole.is_single() {
             return;
@@ -94,7 +94,7 @@ impl<'f> Growth<'f> {
         self.put(patch);
     }
 
-    /// Takes a patch that differs from the present one.
+    /// Takes a patch if it differs from the current one.
     fn put(&mut self, patch: RationalPatch) {
         if patch != self.patch {
             self.retake(balanced(patch));
@@ -102,8 +102,8 @@ impl<'f> Growth<'f> {
     }
 }
 
-/// A patch that does not lie beyond edges at one side; none where too much would have to be taken
-/// back.
+/// Returns a patch that does not lie beyond edges at one side; `None` if too much would have to be
+/// trimmed.
 fn trimmed(patch: &RationalPatch, look: &Look<'_, '_>) -> Option<RationalPatch> {
     let shorter = |share: f64| extended(patch, look.side, -share);
     if !look.is_beyond(&shorter(0.0)) {
@@ -116,7 +116,7 @@ fn trimmed(patch: &RationalPatch, look: &Look<'_, '_>) -> Option<RationalPatch> 
     Some(shorter(share))
 }
 
-/// Whether samples of a side lie in a box.
+/// Returns true if samples of a side lie in a box.
 fn is_side_within(patch: &RationalPatch, side: usize, region: &Aabb) -> bool {
     evenly(SAMPLES).into_iter().all(|t| {
         let (u, v) = beside(side, t, 0.0);
@@ -124,7 +124,7 @@ fn is_side_within(patch: &RationalPatch, side: usize, region: &Aabb) -> bool {
     })
 }
 
-/// Samples along a side, more of them near a place.
+/// Returns samples along a side, with more of them near a point.
 fn fine_samples(side: usize, near: Option<(f64, f64)>) -> Vec<f64> {
     let mut samples = evenly(FINE_SAMPLES);
     if let Some((u, v)) = near {
